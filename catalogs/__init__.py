@@ -1,0 +1,1 @@
+"""Recorded and synthetic catalogues: QuakeML, statistics, comparison, report."""

@@ -1,0 +1,47 @@
+"""netCDF files that are either whole or absent, with the same bytes for the same content."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from pipeline.errors import InputError
+
+COMPRESS_ABOVE = 4096  # values; smaller arrays grow when compressed
+
+
+@contextmanager
+def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
+    """Give a temporary path beside `path`, unique to the process; rename it to `path` if the body succeeds."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:
+    """Write `dataset` to netCDF atomically; numbers are compressed without loss, no time stamp is stored."""
+    encoding = {}
+    for name, variable in dataset.variables.items():
+        if np.issubdtype(variable.dtype, np.number):
+            encoding[name] = {"_FillValue": None}
+            if variable.size > COMPRESS_ABOVE:
+                encoding[name] |= {"zlib": True, "complevel": 1, "shuffle": True}
+    with atomic_path(path) as temporary:
+        dataset.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
+
+
+def read_dataset(path: str | os.PathLike) -> xr.Dataset:
+    """Read a netCDF file into memory and close it. Raises InputError for a missing or unreadable file."""
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as dataset:
+            return dataset.load()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(f"{path}: not a readable dataset ({error}); delete it and run again") from error

@@ -1,0 +1,53 @@
+"""What a dataset was made from: configuration, sources and package versions, never the time of day."""
+
+import hashlib
+import json
+import os
+import shutil
+from importlib.metadata import version
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ("numpy", "numba", "scipy", "scikit-learn", "xarray", "netCDF4", "obspy")
+CACHES_KEPT = 3
+
+
+def source_hash(*packages: str) -> str:
+    """Hash of every Python source of the named packages (and of this base package), in path order."""
+    digest = hashlib.sha256()
+    for package in sorted({*packages, "pipeline"}):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def config_hash(slice_: dict) -> str:
+    """Hash of a configuration slice, independent of key order."""
+    return hashlib.sha256(json.dumps(slice_, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def provenance(slice_: dict, *packages: str) -> dict[str, str]:
+    """Attributes that every dataset carries: config_hash, source_hash, versions (JSON)."""
+    return {
+        "config_hash": config_hash(slice_),
+        "source_hash": source_hash(*packages),
+        "versions": json.dumps({name: version(name) for name in PACKAGES}),
+    }
+
+
+def use_numba_cache(package: str) -> None:
+    """Point numba at a cache folder named by the hash of the package's sources; call before numba is imported.
+
+    numba's own index looks at the time stamp of the file that holds a kernel, and so misses an edit of a function
+    which that kernel calls in another file. A new hash means a new folder; all but the latest few are removed.
+    """
+    if "NUMBA_CACHE_DIR" in os.environ:
+        return
+    base = ROOT / ".numba_cache"
+    folder = base / f"{package}-{source_hash(package)}"
+    folder.mkdir(parents=True, exist_ok=True)
+    os.environ["NUMBA_CACHE_DIR"] = str(folder)
+    os.utime(folder)
+    old = sorted(base.glob(f"{package}-*"), key=lambda path: path.stat().st_mtime, reverse=True)[CACHES_KEPT:]
+    for path in old:
+        shutil.rmtree(path, ignore_errors=True)

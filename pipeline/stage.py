@@ -1,0 +1,47 @@
+"""The body of every command line: a log of its own, one line to the user, and no orphan processes."""
+
+import ctypes
+import logging
+import os
+import resource
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from pipeline.errors import InputError
+
+PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
+
+
+def die_with_parent() -> None:
+    """Ask Linux to end this process when its parent does, so that a killed pipeline leaves no stage behind."""
+    if sys.platform == "linux":
+        parent = os.getppid()
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != parent:  # it ended before the call above took effect
+            os._exit(1)
+
+
+def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], None]) -> None:
+    """Run `function` as stage `name`: progress and tracebacks go to `log`, one line to stderr, exit status 1 on error."""
+    die_with_parent()
+    if log:
+        Path(log).parent.mkdir(parents=True, exist_ok=True)
+    handler = logging.FileHandler(log, mode="w") if log else logging.StreamHandler(sys.stderr)
+    logging.basicConfig(level=logging.INFO, handlers=[handler], format="%(asctime)s %(levelname)s %(message)s", force=True)
+    started = time.perf_counter()
+    try:
+        function()
+    except InputError as error:
+        logging.exception("stage failed")
+        sys.exit(f"{name}: {error}")
+    except MemoryError:
+        logging.exception("out of memory")
+        sys.exit(f"{name}: out of memory; fewer levels, a larger coarse_cell or fewer buffer_cells need less")
+    except Exception as error:
+        logging.exception("stage failed unexpectedly")
+        sys.exit(f"{name}: unexpected {type(error).__name__}: {error}; traceback in {log or 'the log above'}")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    logging.info("%s done in %.1f s, peak memory %.0f MiB", name, time.perf_counter() - started, peak)

@@ -1,0 +1,1 @@
+"""From plastic strain to seismic events: potency, families, clusters, events."""
