@@ -4,11 +4,13 @@ import hashlib
 import json
 import os
 import shutil
+import sys
 from importlib.metadata import version
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("numpy", "numba", "scipy", "scikit-learn", "xarray", "netCDF4", "obspy")
+KERNEL_PACKAGES = ("mpm_core", "seismic")
 CACHES_KEPT = 3
 
 
@@ -35,19 +37,28 @@ def provenance(slice_: dict, *packages: str) -> dict[str, str]:
     }
 
 
-def use_numba_cache(package: str) -> None:
-    """Point numba at a cache folder named by the hash of the package's sources; call before numba is imported.
+def use_numba_cache() -> None:
+    """Point numba at a cache folder named by the hash of all sources with kernels; call before kernels are defined.
 
     numba's own index looks at the time stamp of the file that holds a kernel, and so misses an edit of a function
     which that kernel calls in another file. A new hash means a new folder; all but the latest few are removed.
+    Only files that mention numba count: constants of kernels belong there too.
     """
     if "NUMBA_CACHE_DIR" in os.environ:
         return
+    digest = hashlib.sha256()
+    for package in KERNEL_PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            source = path.read_bytes()
+            if b"numba" in source:
+                digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + source)
     base = ROOT / ".numba_cache"
-    folder = base / f"{package}-{source_hash(package)}"
+    folder = base / digest.hexdigest()[:16]
     folder.mkdir(parents=True, exist_ok=True)
-    os.environ["NUMBA_CACHE_DIR"] = str(folder)
     os.utime(folder)
-    old = sorted(base.glob(f"{package}-*"), key=lambda path: path.stat().st_mtime, reverse=True)[CACHES_KEPT:]
+    os.environ["NUMBA_CACHE_DIR"] = str(folder)
+    if "numba" in sys.modules:  # it has read its environment already
+        sys.modules["numba"].config.CACHE_DIR = str(folder)
+    old = sorted(base.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)[CACHES_KEPT:]
     for path in old:
         shutil.rmtree(path, ignore_errors=True)

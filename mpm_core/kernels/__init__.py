@@ -1,0 +1,1 @@
+"""Numba kernels: plain arrays in and out, apart from the classes that own the arrays."""

@@ -1,0 +1,97 @@
+"""Which thread writes where: cells in blocks of fixed size, each with force slots of its own.
+
+A cell adds to the nodes of its corners, so two threads may meet at a node. Here every block of cells writes into slots
+that no other block touches, and each free node then adds up its slots in one fixed order. The blocks depend on the grid
+alone, so the result does not depend on the number of threads, to the last bit. The constraint of hanging nodes,
+F = C^T f, is part of that sum: a free node's list holds the slots of its hanging children too, with their weights.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+CELLS_PER_BLOCK = 2048  # forces of one block (about 2,500 nodes, 60 kB) stay in a core's second-level cache
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How forces at cell corners become forces at free nodes.
+
+    block_start (block + 1,) first cell of each block; slot_start (block + 1,) first slot of each block;
+    cell_slots (cell, corner) slot of each corner; free_nodes (free,) nodes without parents;
+    sum_start (free + 1,), sum_slots, sum_weights: the weighted slots that a free node adds up, in fixed order.
+    """
+
+    block_start: np.ndarray
+    slot_start: np.ndarray
+    cell_slots: np.ndarray
+    free_nodes: np.ndarray
+    sum_start: np.ndarray
+    sum_slots: np.ndarray
+    sum_weights: np.ndarray
+
+    @property
+    def slots(self) -> int:
+        """Number of force slots."""
+        return int(self.slot_start[-1])
+
+
+@njit(cache=True)
+def _assign_slots(block_start, cell_nodes, nodes):
+    """Slots numbered block by block in order of first touch: (cell_slots, slot_start, node of each slot)."""
+    cells, corners = cell_nodes.shape
+    cell_slots = np.empty((cells, corners), np.int32)
+    slot_start = np.zeros(len(block_start), np.int64)
+    slot_node = np.empty(cells * corners, np.int32)
+    seen_in = np.full(nodes, -1, np.int32)
+    slot_of = np.empty(nodes, np.int32)
+    count = 0
+    for block in range(len(block_start) - 1):
+        for cell in range(block_start[block], block_start[block + 1]):
+            for corner in range(corners):
+                node = cell_nodes[cell, corner]
+                if seen_in[node] != block:
+                    seen_in[node] = block
+                    slot_of[node] = count
+                    slot_node[count] = node
+                    count += 1
+                cell_slots[cell, corner] = slot_of[node]
+        slot_start[block + 1] = count
+    return cell_slots, slot_start, slot_node[:count].copy()
+
+
+def build_scatter(cell_nodes: np.ndarray, node_parents: np.ndarray) -> Scatter:
+    """Blocks and sums for a grid: cell_nodes (cell, corner), node_parents (node, parent) with -1 padding."""
+    cells, nodes = len(cell_nodes), len(node_parents)
+    block_start = np.append(np.arange(0, cells, CELLS_PER_BLOCK), cells).astype(np.int64)
+    cell_slots, slot_start, slot_node = _assign_slots(block_start, cell_nodes, nodes)
+
+    parents = node_parents[slot_node]
+    hanging = parents[:, 0] >= 0
+    own = np.flatnonzero(~hanging)
+    child, which = np.nonzero(parents >= 0)
+    weight = 1.0 / np.maximum((node_parents >= 0).sum(1), 1)
+    target = np.concatenate([slot_node[own], parents[child, which]])
+    slot = np.concatenate([own, child]).astype(np.int32)
+    weights = np.concatenate([np.ones(len(own)), weight[slot_node[child]]])
+
+    order = np.lexsort((slot, target))
+    free_nodes = np.flatnonzero(node_parents[:, 0] < 0).astype(np.int32)
+    sum_start = np.searchsorted(target[order], np.append(free_nodes, nodes)).astype(np.int64)
+    return Scatter(block_start, slot_start, cell_slots, free_nodes, sum_start, slot[order], weights[order])
+
+
+@njit(cache=True, parallel=False)
+def spread_to_hanging(hanging, node_parents, values):
+    """Hanging nodes take the mean of their parents: values (node, component), in place (u = C u_free)."""
+    for k in range(len(hanging)):
+        node = hanging[k]
+        for component in range(values.shape[1]):
+            total = 0.0
+            count = 0
+            for p in range(node_parents.shape[1]):
+                if node_parents[node, p] >= 0:
+                    total += values[node_parents[node, p], component]
+                    count += 1
+            values[node, component] = total / count

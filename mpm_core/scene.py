@@ -1,0 +1,184 @@
+"""A stage's slice of the configuration as frozen dataclasses, in SI units, physically checked."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpm_core.insitu import InsituStress
+from pipeline.errors import InputError
+
+FACES = ("x_lower", "x_upper", "y_lower", "y_upper", "z_lower", "z_upper")
+PLANES = {"xz": (0, 2), "xy": (0, 1), None: (0, 1, 2)}  # axes of the computation in the mine's frame
+
+
+@dataclass(frozen=True)
+class Strength:
+    """One strength set: angles in degrees, cohesion and tension cut-off in Pa (None: no cut-off)."""
+
+    friction_angle: float
+    dilation_angle: float
+    cohesion: float
+    tension_cutoff: float | None
+
+
+@dataclass(frozen=True)
+class Material:
+    """Elastic constants (Pa, kg/m3), and for Coulomb rock its intact and residual strength."""
+
+    name: str
+    youngs_modulus: float
+    poisson_ratio: float
+    density: float
+    intact: Strength | None = None
+    residual: Strength | None = None
+
+    @property
+    def lame_lambda(self) -> float:
+        """First Lame parameter, Pa."""
+        return self.youngs_modulus * self.poisson_ratio / ((1 + self.poisson_ratio) * (1 - 2 * self.poisson_ratio))
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus, Pa."""
+        return self.youngs_modulus / (2 * (1 + self.poisson_ratio))
+
+
+@dataclass(frozen=True)
+class Excavation:
+    """When a solid is mined and filled: indices into the stage's steps; fill None for a void."""
+
+    name: str
+    mined: int
+    fill: str | None
+    filled: int
+
+
+@dataclass(frozen=True)
+class Load:
+    """A total force (3,) N shared by volume among the rock particles inside a shape, from step `since` on."""
+
+    name: str
+    since: int
+    force: tuple[float, float, float]
+    shape: dict
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How equilibrium is sought; the meaning of each value stands beside its default in config/default.yaml."""
+
+    scheme: str
+    tolerance: float
+    cascade_tolerance: float
+    increments: int
+    max_iterations: int
+    max_generations: int
+    damping: float
+    density_scaling: bool
+    hourglass: float
+    move: bool
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that the mechanics of one stage depends on. `steps` are those up to this stage, in order."""
+
+    mine: str
+    plane: str | None
+    thickness: float
+    particles_per_cell: int
+    cut_cells: str
+    boundary: dict[str, str]
+    insitu: InsituStress
+    materials: dict[str, Material]
+    rock_bodies: tuple[str, ...]
+    excavations: tuple[Excavation, ...]
+    loads: tuple[Load, ...]
+    steps: tuple[dict, ...]
+    solver: Solver
+    threads: int = 1
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Axes of the mine's frame that the computation uses: two in plane strain."""
+        return PLANES[self.plane]
+
+    @property
+    def voigt(self) -> list[int]:
+        """Voigt components of the mine's frame in the computation's order (in plane strain the third axis is out of plane)."""
+        return [0, 2, 1, 3, 5, 4] if self.plane == "xz" else [0, 1, 2, 3, 4, 5]
+
+
+def _strength(values: dict, state: str) -> Strength:
+    def value(key: str) -> float:
+        return float(values[key][state])
+
+    cutoff = values["tension_cutoff"]
+    return Strength(
+        value("friction_angle"),
+        value("dilation_angle"),
+        value("cohesion"),
+        None if cutoff == "none" else float(cutoff[state]),
+    )
+
+
+def parse_material(name: str, values: dict) -> Material:
+    """One entry of `materials`, in SI units."""
+    elastic = (float(values[key]) for key in ("youngs_modulus", "poisson_ratio", "density"))
+    if values["model"] == "elastic":
+        return Material(name, *elastic)
+    return Material(name, *elastic, intact=_strength(values, "intact"), residual=_strength(values, "residual"))
+
+
+def check_material(material: Material, allow_psi_above_phi: bool) -> None:
+    """Raise InputError where a strength cannot be: residual outside intact, dilation above friction."""
+    if material.intact is None:
+        return
+    intact, residual = material.intact, material.residual
+    where = f"materials.{material.name}"
+    for key in ("friction_angle", "cohesion"):
+        if getattr(residual, key) > getattr(intact, key):
+            raise InputError(f"{where}.{key}: residual {getattr(residual, key):g} is above intact {getattr(intact, key):g}; rock does not gain strength by failing")
+    if (residual.tension_cutoff or 0.0) > (intact.tension_cutoff if intact.tension_cutoff is not None else np.inf):
+        raise InputError(f"{where}.tension_cutoff: residual {residual.tension_cutoff:g} is above intact {intact.tension_cutoff:g} Pa")
+    for state, strength in (("intact", intact), ("residual", residual)):
+        if strength.dilation_angle > strength.friction_angle and not allow_psi_above_phi:
+            raise InputError(
+                f"{where}.dilation_angle.{state}: {strength.dilation_angle:g} deg is above the friction angle "
+                f"{strength.friction_angle:g} deg, which creates energy; set allow_psi_above_phi: true if that is meant"
+            )
+
+
+def parse_scene(values: dict) -> Scene:
+    """Build a Scene from a stage's configuration slice (plain SI values, see workflow/configuration.py)."""
+    materials = {name: parse_material(name, entry) for name, entry in values["materials"].items()}
+    for name, entry in values["materials"].items():
+        check_material(materials[name], bool(entry.get("allow_psi_above_phi", False)))
+    stress = values["insitu_stress"]
+    scene = Scene(
+        mine=values["name"],
+        plane=values["plane"],
+        thickness=float(values["thickness"]),
+        particles_per_cell=int(values["particles_per_cell"]),
+        cut_cells=values["cut_cells"],
+        boundary=values["boundary"],
+        insitu=InsituStress(np.array(stress["constant"], float), np.array(stress["gradient"], float), float(values["surface"])),
+        materials=materials,
+        rock_bodies=tuple(body["material"] for body in values["rock_bodies"]),
+        excavations=tuple(Excavation(**entry) for entry in values["excavations"]),
+        loads=tuple(Load(entry["name"], entry["since"], tuple(entry["force"]), entry["shape"]) for entry in values["loads"]),
+        steps=tuple(values["steps"]),
+        solver=Solver(**values["solver"]),
+    )
+    check_boundary(scene)
+    return scene
+
+
+def check_boundary(scene: Scene) -> None:
+    """Raise InputError for boundaries that leave a rigid motion of a scene that has weight."""
+    holding = [face for face in FACES if scene.boundary.get(face) in ("fixed", "roller")]
+    if not holding and not scene.insitu.weightless:
+        raise InputError(
+            "domain.boundary: traction or free faces all round hold nothing up, and this stress field has weight "
+            "(insitu_stress.gradient); fix at least the lower face"
+        )
