@@ -2,4 +2,4 @@
 
 from pipeline.provenance import use_numba_cache
 
-use_numba_cache("seismic")
+use_numba_cache()

@@ -26,9 +26,10 @@ def find_clusters(position: NDArray, spacing: NDArray, family: NDArray, cluster:
     """Cluster of every particle, none across families, and whether each cluster is resolved.
 
     position (particle, 3) m; spacing (particle,) m; family (particle,) from 0; cluster: the settings, with keys
-    method      dbscan: density-based clusters (Ester et al. 1996); a noise particle is a cluster of its own, not resolved.
-                single_linkage: all that a chain of steps within the radius joins. Single linkage cut at a distance is the
-                connected components of the radius graph, and is computed so.
+    method      dbscan: density-based clusters (Ester et al. 1996); a noise particle is a cluster of its own, not
+                resolved.
+                single_linkage: all that a chain of steps within the radius joins. Single linkage cut at a distance is
+                the connected components of the radius graph, and is computed so.
                 kmeans: compact clusters, their number given: `clusters` per family, or, without it, as many as DBSCAN
                 finds in that family (at least one), so that the methods can be compared. Distances in metres.
     radius_cells  radius in particle spacings (cells, at one particle per cell)
@@ -62,10 +63,10 @@ def find_clusters(position: NDArray, spacing: NDArray, family: NDArray, cluster:
 
 
 def neighbour_graph(position: NDArray, spacing: NDArray, family: NDArray, radius_cells: float) -> csr_matrix:
-    """Symmetric graph (particle, particle) of distances over the larger spacing of the pair, within a family and radius.
+    """Distances over the larger spacing of the pair, within a family and the radius: symmetric (particle, particle).
 
-    The diagonal and particles at one place are explicit zeros. The family is a fourth coordinate of the search tree, far
-    enough apart that families never meet; each size of particle is searched with its own radius.
+    The diagonal and particles at one place are explicit zeros. The family is a fourth coordinate of the search tree,
+    far enough apart that families never meet; each size of particle is searched with its own radius.
     """
     position = np.asarray(position, dtype=np.float64)
     sizes, size = np.unique(np.asarray(spacing, dtype=np.float64), return_inverse=True)
@@ -133,13 +134,13 @@ def _kmeans(position: NDArray, spacing: NDArray, family: NDArray, cluster: dict)
 
 def _check(cluster: dict) -> None:
     """Raise InputError for settings that no method can use."""
-    known = {"method", "radius_cells", "min_samples", "clusters"}
-    if missing := {"method", "radius_cells", "min_samples"} - set(cluster):
+    needed = {"method", "radius_cells", "min_samples"}
+    if missing := needed - set(cluster):
         raise InputError(
             f"seismic.cluster: {', '.join(sorted(missing))} missing: give method, radius_cells, min_samples"
         )
-    if unknown := set(cluster) - known:
-        raise InputError(f"seismic.cluster: unknown {', '.join(sorted(unknown))}: expected {', '.join(sorted(known))}")
+    if unknown := set(cluster) - needed - {"clusters"}:
+        raise InputError(f"seismic.cluster: unknown {', '.join(sorted(unknown))}: remove or correct it")
     if cluster["method"] not in METHODS:
         raise InputError(f"seismic.cluster.method: '{cluster['method']}' is not one of {', '.join(METHODS)}")
     if not 0.0 < cluster["radius_cells"] < np.inf:

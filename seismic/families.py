@@ -1,8 +1,8 @@
 """Families of failed particles with like mechanisms (paper 3.1).
 
-Greedy leaders: particles are visited from the largest potency down, and one that no leader is close to becomes a leader
-itself. Then each particle joins the leader it is closest to. So every particle is in exactly one family, and the largest
-source around a mechanism names the family.
+Greedy leaders: particles are visited from the largest potency down, and one that no leader is close to becomes a
+leader itself. Then each particle joins the leader it is closest to. So every particle is in exactly one family, and
+the largest source around a mechanism leads the family.
 """
 
 import numpy as np
@@ -10,7 +10,6 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from seismic.potency import tensor_from_voigt
 
 # The nine-component norm of a symmetric tensor is the ordinary norm of six components with shear times sqrt(2).
 NINE_NORM = np.array([1.0, 1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0), np.sqrt(2.0)])
@@ -29,9 +28,9 @@ def find_families(potency: NDArray, threshold: float) -> tuple[NDArray, NDArray]
     """Family of every particle, and the particle that leads each family.
 
     potency (particle, 6) m3, tensor shear, none of them zero; threshold: least closeness of a member to its leader,
-    above 0 (members must not cancel) and below 1. Gives family (particle,) int64 and leader (family,) int64, families in
-    the order their leaders were found: by descending potency, ties by index. A particle as close to two leaders joins
-    the larger one. The result does not depend on the number of threads. Raises InputError.
+    above 0 (members must not cancel) and below 1. Gives family (particle,) int64 and leader (family,) int64, families
+    in the order their leaders were found: by descending potency, ties by index. A particle as close to two leaders
+    joins the larger one. The result does not depend on the number of threads. Raises InputError.
     """
     if not 0.0 < threshold < 1.0:
         raise InputError(f"seismic.closeness: {threshold} is not between 0 and 1: give a tensor cosine such as 0.8")
@@ -40,9 +39,7 @@ def find_families(potency: NDArray, threshold: float) -> tuple[NDArray, NDArray]
         return np.empty(0, np.int64), np.empty(0, np.int64)
     size = np.max(np.abs(potency), axis=1)
     if not np.all((size > 0.0) & np.isfinite(size)):
-        raise InputError(
-            "seismic strain: a failed particle has a potency that is zero or not finite: it has no mechanism"
-        )
+        raise InputError("seismic_strain: a failed particle's potency is zero or not finite: leave such particles out")
     direction = potency / size[:, None] * NINE_NORM  # scaled by the largest component: no underflow when squared
     norm = np.sqrt(np.sum(np.square(direction), axis=1))
     order = np.argsort(-(size * norm), kind="stable")
@@ -52,12 +49,6 @@ def find_families(potency: NDArray, threshold: float) -> tuple[NDArray, NDArray]
     family = np.empty(len(potency), np.int64)
     family[order] = family_in_order
     return family, order[leader_in_order]
-
-
-def family_tensors(potency: NDArray, family: NDArray, families: int) -> NDArray:
-    """Total potency tensor of each family (family, 3, 3), m3, from particle potency (particle, 6)."""
-    total = [np.bincount(family, weights=component, minlength=families) for component in np.asarray(potency).T]
-    return tensor_from_voigt(np.stack(total, axis=-1))
 
 
 def _greedy_leaders(unit: NDArray, threshold: float) -> tuple[NDArray, NDArray]:
@@ -116,8 +107,8 @@ def _compare_with_leaders(unit, start, stop, leader_unit, first, best, family):
 def _visit(unit, start, stop, threshold, best, leader_unit, leader, found):
     """Visit particles start to stop in order; those that no leader covers become leaders. Gives the new leader count.
 
-    best (particle,) closeness to the leaders known before start; leader_unit (room, 6) and leader (particle,) are filled
-    from `found` on.
+    best (particle,) closeness to the leaders known before start; leader_unit (room, 6) and leader (particle,) are
+    filled from `found` on.
     """
     known = found
     for particle in range(start, stop):
