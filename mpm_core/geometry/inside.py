@@ -1,0 +1,132 @@
+"""Inside, outside, crossed, and how much of a cell: the questions the grid asks of a solid.
+
+Inside is where the generalised winding number W exceeds 1/2 in size. So an inverted solid has the same inside
+(W = -1), facets repeated or solids overlapping change nothing (W = 2), and a hole is closed by the surface where W
+is 1/2. Not recoverable: patches that look outward beside patches that look inward, whose angles cancel.
+A point outside the bounding box is outside.
+"""
+
+import igl
+import numpy as np
+
+from mpm_core.geometry.crossing import TOLERANCE, crossed_keys, mark_cells
+from mpm_core.geometry.solids import Solid
+from mpm_core.geometry.winding import BLOCK, inside_points, sample_cells
+
+OUTSIDE, CROSSED, INSIDE = 0, 1, 2
+
+# Measured on 2 cores: 2.3 ns per point and facet summed exactly, 1.3 us per point by libigl's tree whatever the facets.
+EXACT_FACETS = 500
+TREE_POINTS = 1 << 21  # points handed to the tree at once, 48 MiB
+# Sample points are moved by this much of a cell, so that of two solids sharing a face on a plane of sample points one
+# and only one owns them. The components differ (powers of a golden ratio), else points would stay on diagonal planes.
+NUDGE = TOLERANCE * np.array([1.0, 0.8191725, 0.6710436])
+
+
+def contains(solid: Solid, points: np.ndarray) -> np.ndarray:
+    """Whether each point (point, dimension) m lies inside the solid: (point,) bool. On the surface it may be either.
+
+    Exact up to EXACT_FACETS facets and in 2-D; beyond, in 3-D, W by libigl's tree (Barill et al. 2018) is good to 0.5 %
+    and coordinates to 1e-7 of the solid's size. Deterministic, whatever the number of threads.
+    """
+    points = np.asarray(points, dtype=np.float64).reshape(-1, solid.dimension)
+    center = solid.bounds.mean(axis=0)
+    inside = np.zeros(len(points), dtype=bool)
+    near = np.flatnonzero(((points >= solid.bounds[0]) & (points <= solid.bounds[1])).all(axis=1))
+    inside[near] = _contains(solid.corners(center), points[near] - center)
+    return inside
+
+
+def _contains(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """`contains` for corners (facet, corner, dimension) and points (point, dimension) near one local origin."""
+    inside = np.zeros(len(points), dtype=bool)
+    if corners.shape[2] == 2 or len(corners) <= EXACT_FACETS:
+        inside_points(corners, np.ascontiguousarray(points), inside)
+        return inside
+    vertices = corners.reshape(-1, 3)
+    facets = np.arange(len(vertices), dtype=np.int64).reshape(-1, 3)
+    for first in range(0, len(points), TREE_POINTS):
+        chunk = slice(first, first + TREE_POINTS)
+        inside[chunk] = np.abs(igl.fast_winding_number(vertices, facets, np.ascontiguousarray(points[chunk]))) > 0.5
+    return inside
+
+
+def classify_cells(solid: Solid, origin: np.ndarray, cell_size: float, index: np.ndarray) -> np.ndarray:
+    """Where each cell lies: OUTSIDE (0), CROSSED (1) by the surface, INSIDE (2), as (cell,) int8.
+
+    Cell n covers origin + index[n] * cell_size to one cell_size more. origin (dimension,) m; cell_size m; index (cell,
+    dimension) int32. A facet within 1e-6 of a cell from a cell's face lies in that face and crosses neither neighbour.
+    A crossed cell need not hold any volume of the solid, nor need a cell in a hole of the surface be crossed.
+    """
+    index = np.asarray(index, dtype=np.int32).reshape(-1, solid.dimension)
+    kind = np.zeros(len(index), dtype=np.int8)
+    corners = solid.corners(origin) / cell_size
+    lower, upper = _cell_box(corners, index)
+    if len(index) == 0 or (lower >= upper).any():
+        return kind
+    if solid.dimension == 2:
+        as_triangles = np.full((len(corners), 3, 3), 0.5)
+        as_triangles[:, :, :2] = corners[:, [0, 1, 1]]
+        in_space = np.zeros((len(index), 3), dtype=np.int32)
+        in_space[:, :2] = index
+        lower, upper = np.append(lower, 0), np.append(upper, 1)
+    else:
+        as_triangles, in_space = corners, index
+    crossed, undecided = np.empty(len(index), dtype=bool), np.empty(len(index), dtype=bool)
+    keys = crossed_keys(as_triangles, lower, upper)
+    mark_cells(np.ascontiguousarray(in_space), lower, upper, keys, crossed, undecided)
+    kind[crossed] = CROSSED
+    rest = np.flatnonzero(undecided)
+    center = corners.reshape(-1, solid.dimension).mean(axis=0)
+    kind[rest[_contains(corners - center, index[rest] + 0.5 - center)]] = INSIDE
+    return kind
+
+
+def sample_mask(solid: Solid, origin: np.ndarray, cell_size: float, index: np.ndarray) -> np.ndarray:
+    """Which of 64 points of each cell lie inside, one bit each, as (cell,) uint64. Arguments as in classify_cells.
+
+    The points are the centres of 4 x 4 x 4 sub-cells, bit i + 4 j + 16 k; in 2-D of 8 x 8 sub-cells, bit i + 8 j (i
+    along the first axis). popcount(mask) / 64 is the share of the cell inside; `a & ~b` takes solid b out of solid a.
+    A share is good to about 1 % for a smooth surface; a sheet thinner than a sub-cell may fall between the points.
+    """
+    index = np.asarray(index, dtype=np.int32).reshape(-1, solid.dimension)
+    mask = np.zeros(len(index), dtype=np.uint64)
+    corners = solid.corners(origin) / cell_size
+    lower, upper = _cell_box(corners, index)
+    near = np.flatnonzero(((index >= lower) & (index < upper)).all(axis=1))
+    samples = _sample_points(solid.dimension)
+    if solid.dimension == 2 or len(corners) <= EXACT_FACETS:
+        found = np.zeros(len(near), dtype=np.uint64)
+        sample_cells(corners, index[near], samples, found)
+        mask[near] = found
+        return mask
+    center = corners.reshape(-1, 3).mean(axis=0)
+    for first in range(0, len(near), TREE_POINTS // BLOCK):
+        cells = near[first : first + TREE_POINTS // BLOCK]
+        points = (index[cells] - center)[:, None, :] + samples.T
+        inside = _contains(corners - center, points.reshape(-1, 3)).reshape(-1, BLOCK)
+        mask[cells] = np.packbits(inside, axis=1, bitorder="little").view("<u8")[:, 0]
+    return mask
+
+
+def popcount(mask: np.ndarray) -> np.ndarray:
+    """Number of sample points set in each mask: (cell,) uint8, 0 to 64."""
+    return np.bitwise_count(np.asarray(mask, dtype=np.uint64))
+
+
+def _sample_points(dimension: int) -> np.ndarray:
+    """Offsets (dimension, 64) of the sample points from a cell's lower corner, in cells, in bit order, nudged."""
+    edge = {2: 8, 3: 4}[dimension]
+    axes = np.meshgrid(*[(np.arange(edge) + 0.5) / edge] * dimension, indexing="ij")
+    return np.stack([axis.ravel() for axis in reversed(axes)]) + NUDGE[:dimension, None]
+
+
+def _cell_box(corners: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and one past the last cell, per axis int64, of those of `index` that the solid's bounding box meets."""
+    if len(index) == 0:
+        return np.zeros(corners.shape[2], dtype=np.int64), np.zeros(corners.shape[2], dtype=np.int64)
+    places = corners.reshape(-1, corners.shape[2])
+    first, last = index.min(axis=0), index.max(axis=0)
+    lower = np.clip(np.floor(places.min(axis=0) + TOLERANCE), first, last + 1.0).astype(np.int64)
+    upper = np.clip(np.ceil(places.max(axis=0) - TOLERANCE), first, last + 1.0).astype(np.int64)
+    return lower, upper

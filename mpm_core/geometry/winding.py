@@ -1,0 +1,120 @@
+"""Generalised winding number against 1/2: exact, in float64, without an arc tangent (numba, plain arrays).
+
+W(x) is the sum of the triangles' solid angles over 4 pi (Jacobson, Kavan, Sorkine-Hornung 2013), in 2-D the sum of the
+segments' angles over 2 pi. An angle is the argument of a complex number z (half of it: Van Oosterom, Strackee 1983):
+
+    3-D  half the solid angle:  z = a b c + (a.b) c + (b.c) a + (c.a) b + i a.(b x c)
+    2-D  the angle:             z = a.b + i a x b
+
+with a, b, c the corners as seen from x: vectors in products, their lengths alone. Either way 2 pi W is the sum of the
+arguments: the argument of the product of all z, if its passages through the negative real axis are counted. Now
+|W| > 1/2 means that the sum is beyond +-pi, which means that this count is not zero.
+"""
+
+import numpy as np
+from numba import njit, prange
+
+BLOCK = 64  # points taken together: the inner loops run over them and become vector instructions
+
+
+@njit(inline="always")
+def _turn(z_real, z_imaginary, real, imaginary, turns, s):
+    """Multiply the running product of point s by z, keep its size near 1, count a passage through the negative axis."""
+    product_real = real[s] * z_real - imaginary[s] * z_imaginary
+    product_imaginary = real[s] * z_imaginary + imaginary[s] * z_real
+    size = abs(product_real) + abs(product_imaginary)
+    shrink = 1.0 / size if size > 0.0 else 0.0
+    up = (imaginary[s] >= 0.0) & (z_imaginary > 0.0) & (product_imaginary < 0.0)
+    down = (imaginary[s] < 0.0) & (z_imaginary < 0.0) & (product_imaginary >= 0.0)
+    turns[s] += (1.0 if up else 0.0) - (1.0 if down else 0.0)
+    # z = 0: the point is a corner or on an edge, where no angle exists; the facet is left out
+    real[s] = product_real * shrink if size > 0.0 else real[s]
+    imaginary[s] = product_imaginary * shrink if size > 0.0 else imaginary[s]
+
+
+@njit(cache=True, error_model="numpy")
+def inside_block(corners, points, real, imaginary, turns):
+    """Count the turns of BLOCK points: `turns` is not zero where a point is inside.
+
+    corners (facet, corner, dimension) float64; points (dimension, BLOCK) float64, same origin and unit;
+    real, imaginary (BLOCK,) float64 scratch; turns (BLOCK,) float64, written in place.
+    """
+    for s in range(BLOCK):
+        real[s] = 1.0
+        imaginary[s] = 0.0
+        turns[s] = 0.0
+    if corners.shape[2] == 2:
+        for f in range(corners.shape[0]):
+            for s in range(BLOCK):
+                ax = corners[f, 0, 0] - points[0, s]
+                ay = corners[f, 0, 1] - points[1, s]
+                bx = corners[f, 1, 0] - points[0, s]
+                by = corners[f, 1, 1] - points[1, s]
+                _turn(ax * bx + ay * by, ax * by - ay * bx, real, imaginary, turns, s)
+        return
+    for f in range(corners.shape[0]):
+        for s in range(BLOCK):
+            ax = corners[f, 0, 0] - points[0, s]
+            ay = corners[f, 0, 1] - points[1, s]
+            az = corners[f, 0, 2] - points[2, s]
+            bx = corners[f, 1, 0] - points[0, s]
+            by = corners[f, 1, 1] - points[1, s]
+            bz = corners[f, 1, 2] - points[2, s]
+            cx = corners[f, 2, 0] - points[0, s]
+            cy = corners[f, 2, 1] - points[1, s]
+            cz = corners[f, 2, 2] - points[2, s]
+            a = np.sqrt(ax * ax + ay * ay + az * az)
+            b = np.sqrt(bx * bx + by * by + bz * bz)
+            c = np.sqrt(cx * cx + cy * cy + cz * cz)
+            z_real = (
+                a * b * c
+                + (ax * bx + ay * by + az * bz) * c
+                + (bx * cx + by * cy + bz * cz) * a
+                + (cx * ax + cy * ay + cz * az) * b
+            )
+            z_imaginary = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+            _turn(z_real, z_imaginary, real, imaginary, turns, s)
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def inside_points(corners, points, inside):
+    """Whether |winding number| > 1/2 at each point, by summing over all facets.
+
+    corners (facet, corner, dimension) float64; points (point, dimension) float64; inside (point,) bool, written in
+    place. Each block of points is one thread's, facets in their order: the result does not depend on the thread count.
+    """
+    count, dimension = points.shape
+    for block in prange((count + BLOCK - 1) // BLOCK):
+        first = block * BLOCK
+        here = min(BLOCK, count - first)
+        gathered = np.zeros((dimension, BLOCK))
+        for s in range(here):
+            for axis in range(dimension):
+                gathered[axis, s] = points[first + s, axis]
+        turns = np.empty(BLOCK)
+        inside_block(corners, gathered, np.empty(BLOCK), np.empty(BLOCK), turns)
+        for s in range(here):
+            inside[first + s] = turns[s] != 0.0
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def sample_cells(corners, index, samples, mask):
+    """Bit s of mask[n]: whether sample s of cell n is inside, by summing over all facets.
+
+    corners (facet, corner, dimension) float64 in cells from the grid's origin; index (cell, dimension) int32;
+    samples (dimension, BLOCK) float64, offsets in cells from a cell's lower corner; mask (cell,) uint64, written in
+    place.
+    """
+    dimension = index.shape[1]
+    for n in prange(index.shape[0]):
+        points = np.empty((dimension, BLOCK))
+        for axis in range(dimension):
+            for s in range(BLOCK):
+                points[axis, s] = index[n, axis] + samples[axis, s]
+        turns = np.empty(BLOCK)
+        inside_block(corners, points, np.empty(BLOCK), np.empty(BLOCK), turns)
+        bits = np.uint64(0)
+        for s in range(BLOCK):
+            if turns[s] != 0.0:
+                bits |= np.uint64(1) << np.uint64(s)
+        mask[n] = bits
