@@ -1,0 +1,92 @@
+"""The synthetic catalogue: events of all dated steps, in order of time."""
+
+import json
+import os
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from pipeline.datasets import atomic_path
+from pipeline.errors import InputError
+from seismic.budget import add_budgets
+from seismic.potency import VOIGT, voigt_from_tensor
+from seismic.schema import FIELDS, event_dataset
+
+# What the steps of one catalogue must share, with a plain name for the user.
+SHARED = ("mine", "kind", "lame_lambda", "shear_modulus", "seismic_fraction", "closeness", "cluster", "frame")
+
+
+def merge(steps: list[xr.Dataset]) -> xr.Dataset:
+    """One catalogue from the event datasets of steps: dated steps only, by time, then step, then event.
+
+    Steps without dates failed before the record begins (or are only planned): they are left out, and so is their
+    budget. The potency floor is the largest of the steps', above which every step is complete; the location error
+    likewise (NaN where nothing failed at all). Raises InputError if steps differ in mine, rock or settings, or if one
+    appears twice.
+    """
+    if not steps:
+        raise InputError("catalog: no event datasets: give the events of at least one step")
+    first = steps[0].attrs
+    for step in steps:
+        for name in SHARED:
+            if step.attrs.get(name) != first.get(name) or name not in first:
+                raise InputError(
+                    f"catalog: steps {first.get('step')} and {step.attrs.get('step')} differ in {name}: "
+                    "extract the events of all steps with the same settings"
+                )
+    dated = sorted((step for step in steps if step.attrs["dated"]), key=lambda step: int(step.attrs["step_index"]))
+    names = [step.attrs["step"] for step in dated]
+    if len(set(names)) < len(names):
+        raise InputError(f"catalog: a step appears twice among {', '.join(names)}: give each step once")
+
+    joined = {
+        field.name: np.concatenate([step[field.name].values for step in dated or [steps[0].isel(event=[])]])
+        for field in FIELDS
+    }
+    order = np.argsort(joined["time"], kind="stable")  # ties stay in the order of steps, and of events in a step
+    values = {name: column[order] for name, column in joined.items()}
+
+    truncated = [step for step in dated if step.attrs["truncated"]]
+    attributes = {name: first[name] for name in SHARED} | {
+        "steps": json.dumps(names),
+        "potency_floor": _largest(dated, "potency_floor"),
+        "location_error": _largest(dated, "location_error"),
+        "truncated": int(bool(truncated)),
+        "truncated_share": float(max((step.attrs["truncated_share"] for step in dated), default=0.0)),
+        "truncated_where": "; ".join(f"{step.attrs['step']}: {step.attrs['truncated_where']}" for step in truncated),
+        "budget": json.dumps(add_budgets([json.loads(step.attrs["budget"]) for step in dated])),
+    }
+    return event_dataset(values, attributes)
+
+
+def write_csv(catalog: xr.Dataset, path: str | os.PathLike) -> None:
+    """Write the catalogue as a plain table, one row per event below one row of column names, atomically.
+
+    date, time (UTC, microseconds); x_m, y_m, z_m east, north, up; log10_potency (of m3); moment_n_m; mw;
+    potency_xx_m3 ... potency_xy_m3 (tensor shear, opening positive); step; resolved (0: too few particles).
+    """
+    day = pd.DatetimeIndex(catalog["time"].values)
+    table = {"date": day.strftime("%Y-%m-%d"), "time": day.strftime("%H:%M:%S.%f")}
+    location = catalog["location"].values
+    table |= {f"{axis}_m": _text(location[:, i], ".3f") for i, axis in enumerate("xyz")}
+    table |= {
+        "log10_potency": _text(np.log10(catalog["potency"].values), ".6f"),
+        "moment_n_m": _text(catalog["moment"].values, ".9e"),
+        "mw": _text(catalog["mw"].values, ".4f"),
+    }
+    tensor = voigt_from_tensor(catalog["potency_tensor"].values)
+    table |= {f"potency_{name}_m3": _text(tensor[:, i], ".9e") for i, name in enumerate(VOIGT)}
+    table |= {"step": catalog["step"].values, "resolved": catalog["resolved"].values}
+    with atomic_path(path) as temporary:
+        pd.DataFrame(table).to_csv(temporary, index=False, lineterminator="\n", encoding="utf-8")
+
+
+def _largest(steps: list[xr.Dataset], name: str) -> float:
+    """Largest value of an attribute, NaN if no step has one."""
+    return float(np.fmax.reduce([step.attrs[name] for step in steps] or [np.nan]))
+
+
+def _text(values: np.ndarray, form: str) -> list[str]:
+    """Numbers in a fixed format: the bytes do not depend on pandas."""
+    return [format(float(value), form) for value in values]

@@ -1,0 +1,217 @@
+"""Seismic events of one mining step, from the plastic strain of its failed particles (paper 3)."""
+
+import json
+import logging
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from seismic.budget import log_budget, potency_budget
+from seismic.clusters import find_clusters
+from seismic.families import find_families
+from seismic.potency import (
+    moment_magnitude,
+    moment_tensor,
+    particle_potency,
+    principal_axes,
+    scalar_moment,
+    scalar_potency,
+    source_type,
+    tensor_from_voigt,
+)
+from seismic.schema import event_dataset
+from seismic.settings import EventSettings
+
+STRAINS = {
+    "seismic": "seismic_strain",
+    "overshoot": "overshoot_strain",
+    "later": "later_strain",
+    "plastic": "plastic_strain_step",
+}
+VARIABLES = (*STRAINS.values(), "position", "spacing", "volume", "failed", "failure_order")
+STEP_ATTRIBUTES = ("mine", "step", "step_index", "start", "end", "dated", "lame_lambda", "shear_modulus")
+LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")
+
+
+def extract_events(step: xr.Dataset, settings: dict) -> tuple[xr.Dataset, dict]:
+    """Events of a step and its potency budget.
+
+    step: the dataset of a mining step (particles with seismic_strain, overshoot_strain, later_strain and
+    plastic_strain_step of this step, position, spacing, volume, failed, failure_order; attributes mine, step,
+    step_index, start, end, dated, lame_lambda, shear_modulus, truncated*). settings: see EventSettings.from_dict.
+    Events stand in the order in which they begin. An undated step gives events without times, to be looked at; they
+    enter no catalogue. Particles that failed without a drop (no seismic strain) have no mechanism and join no event.
+    Raises InputError for a dataset that lacks something or contradicts itself.
+    """
+    chosen = EventSettings.from_dict(settings)
+    where = _check_step(step, chosen)
+    strain = {name: np.asarray(step[variable].values, dtype=np.float64) for name, variable in STRAINS.items()}
+    volume = np.asarray(step["volume"].values, dtype=np.float64)
+    if not all(np.all(np.isfinite(values)) for values in (*strain.values(), volume)):
+        raise InputError(f"{where}: a strain or a volume is not finite: compute the step again")
+
+    everything = particle_potency(strain["seismic"], volume, chosen.seismic_fraction)
+    source = np.flatnonzero(scalar_potency(tensor_from_voigt(everything)) > 0.0)
+    stray = np.count_nonzero(step["failed"].values[source] != int(step.attrs["step_index"]))
+    if stray:
+        raise InputError(
+            f"{where}: {stray} particles have seismic strain but did not fail in it: compute the step again"
+        )
+    potency = everything[source]
+    weight = scalar_potency(tensor_from_voigt(potency))
+    position = np.asarray(step["position"].values, dtype=np.float64)[source]
+    spacing = np.asarray(step["spacing"].values, dtype=np.float64)[source]
+
+    family, leader = find_families(potency, chosen.closeness)
+    label, resolved = find_clusters(position, spacing, family, chosen.cluster)
+    rank = _rank_events(step["failure_order"].values[source], label, len(resolved))
+    event, resolved = rank[label], resolved[np.argsort(rank)]
+
+    event_potency = _sum_by(event, potency, len(resolved))
+    values = _locate(position, spacing, weight, event, len(resolved), chosen.dimension)
+    values |= _describe(event_potency, step.attrs["lame_lambda"], step.attrs["shear_modulus"])
+    values |= _order_in_time(step.attrs, len(resolved), where)
+    values |= {
+        "particles": np.bincount(event, minlength=len(resolved)),
+        "resolved": resolved,
+        "step": np.full(len(resolved), step.attrs["step"]),
+    }
+    scalars = {
+        "particle_scalars": float(np.sum(weight)),
+        "event_scalars": float(np.sum(values["potency"])),
+        "resolved_scalars": float(np.sum(values["potency"][resolved])),
+    }
+    budget = potency_budget(strain, volume, chosen.seismic_fraction, event_potency, scalars, where)
+    attributes = _attributes(step, chosen, strain["seismic"][source], spacing) | {"budget": json.dumps(budget)}
+    logging.info(
+        "%s: %d failed particles, %d families, %d events, %d of them resolved",
+        where,
+        len(source),
+        len(leader),
+        len(resolved),
+        np.count_nonzero(resolved),
+    )
+    log_budget(budget)
+    return event_dataset(values, attributes), budget
+
+
+def _check_step(step: xr.Dataset, settings: EventSettings) -> str:
+    """Name of the step for messages. Raises InputError if the dataset is not a step of this mine."""
+    missing = [name for name in VARIABLES if name not in step.variables]
+    missing += [name for name in (*STEP_ATTRIBUTES, *LABEL_ATTRIBUTES) if name not in step.attrs]
+    where = f"step {step.attrs.get('step', '?')}"
+    if missing:
+        raise InputError(f"{where}: not a mining step, it lacks {', '.join(missing)}: give a dataset of steps/")
+    if step.attrs["mine"] != settings.mine:
+        raise InputError(f"{where}: belongs to mine {step.attrs['mine']}, not to {settings.mine}: give its own step")
+    return where
+
+
+def _sum_by(event: NDArray, values: NDArray, events: int) -> NDArray:
+    """Sums (event, k) of particle values (particle, k), added in the order of the particles."""
+    return np.stack([np.bincount(event, column, minlength=events) for column in values.T], axis=-1)
+
+
+def _rank_events(failure_order: NDArray, label: NDArray, events: int) -> NDArray:
+    """Rank (event,) from 0 by increment, earliest generation in it, and event number.
+
+    failure_order (particle, 2): increment and generation of each particle's failure; label (particle,) event number.
+    """
+    increment, generation = np.asarray(failure_order, dtype=np.int64).T
+    instant = increment * (generation.max(initial=0) + 1) + generation
+    earliest = np.full(events, np.iinfo(np.int64).max)
+    np.minimum.at(earliest, label, instant)
+    rank = np.empty(events, np.int64)
+    rank[np.argsort(earliest, kind="stable")] = np.arange(events)
+    return rank
+
+
+def _locate(
+    position: NDArray, spacing: NDArray, weight: NDArray, event: NDArray, events: int, dimension: int
+) -> dict[str, NDArray]:
+    """Location (potency-weighted mean) and source size of each event, m.
+
+    The source size is the diameter of the uniform ball (a disc in two dimensions) whose mean square radius, d / (d + 2)
+    of its radius squared, is the event's: the potency-weighted mean square distance from its location, each particle
+    counting as a full cube (square) of its spacing, whose own mean square radius is d / 12 of the spacing squared.
+    """
+    total = np.bincount(event, weight, minlength=events)
+    origin = position.mean(axis=0) if len(position) else np.zeros(3)  # near the events: mine coordinates reach 10^5 m
+    centred = position - origin
+    mean = _sum_by(event, weight[:, None] * centred, events) / total[:, None]
+    square = np.sum(np.square(centred - mean[event]), axis=1) + dimension / 12.0 * np.square(spacing)
+    mean_square = np.bincount(event, weight * square, minlength=events) / total
+    return {
+        "location": origin + mean,
+        "source_size": 2.0 * np.sqrt((dimension + 2.0) / dimension * mean_square),
+    }
+
+
+def _describe(potency: NDArray, lame_lambda: float, shear_modulus: float) -> dict[str, NDArray]:
+    """Size, axes and type of sources from their potency (event, 6) m3 and the host's moduli, Pa."""
+    tensor = tensor_from_voigt(potency)
+    moment = scalar_moment(moment_tensor(tensor, lame_lambda, shear_modulus))
+    values = {"potency_tensor": tensor, "potency": scalar_potency(tensor), "moment": moment}
+    values["mw"] = moment_magnitude(moment)
+    values["p_axis"], values["b_axis"], values["t_axis"] = principal_axes(tensor)
+    values["iso"], values["clvd"], values["dc"] = source_type(tensor)
+    return values
+
+
+def _order_in_time(attributes: dict, events: int, where: str) -> dict[str, NDArray]:
+    """Times of ranked events, evenly over the step: start + (rank - 1/2) / N of its length; NaT without dates."""
+    if not attributes["dated"]:
+        return {
+            "time": np.full(events, np.datetime64("NaT"), "datetime64[ns]"),
+            "time_uncertainty": np.full(events, np.nan),
+        }
+    start, end = (_microseconds(attributes[name], f"{where}: {name}") for name in ("start", "end"))
+    if end <= start:
+        raise InputError(
+            f"{where}: end {attributes['end']} is not after start {attributes['start']}: correct the dates"
+        )
+    offset = np.rint((np.arange(events) + 0.5) / max(events, 1) * (end - start)).astype(np.int64)
+    return {
+        "time": (start + offset).astype("datetime64[us]").astype("datetime64[ns]"),
+        "time_uncertainty": np.full(events, (end - start) / 2e6),
+    }
+
+
+def _microseconds(date: str, where: str) -> int:
+    """Microseconds since 1970 (UTC) of an ISO date; a date without a zone is UTC."""
+    try:
+        stamp = pd.Timestamp(date)
+        if stamp is pd.NaT:
+            raise ValueError("no date")
+    except ValueError as error:
+        raise InputError(f"{where}: '{date}' is not an ISO date such as 2019-08-01") from error
+    stamp = stamp.tz_convert("UTC").tz_localize(None) if stamp.tzinfo else stamp
+    return int(stamp.to_datetime64().astype("datetime64[us]").astype(np.int64))
+
+
+def _attributes(step: xr.Dataset, settings: EventSettings, strain: NDArray, spacing: NDArray) -> dict:
+    """Attributes of the event dataset.
+
+    potency_floor, m3: potency of `min_samples` full particles (cells, at one particle per cell) of the median spacing
+    at the median drop of this step's failed particles: the smallest event that can be resolved. location_error, m:
+    the median spacing, below which the model cannot tell where something failed. Both NaN where nothing failed.
+    """
+    floor = location_error = np.nan
+    if len(strain):
+        location_error = float(np.median(spacing))
+        full = location_error**settings.dimension * (settings.thickness or 1.0)
+        drop = settings.seismic_fraction * np.median(scalar_potency(tensor_from_voigt(strain)))
+        floor = float(settings.cluster["min_samples"] * drop * full)
+    kept = {name: step.attrs[name] for name in (*STEP_ATTRIBUTES, *LABEL_ATTRIBUTES)}
+    return kept | {
+        "kind": "synthetic",
+        "potency_floor": floor,
+        "location_error": location_error,
+        "seismic_fraction": settings.seismic_fraction,
+        "closeness": settings.closeness,
+        "cluster": json.dumps(settings.cluster, sort_keys=True),
+        "frame": json.dumps(settings.frame, sort_keys=True),
+    }
