@@ -1,0 +1,22 @@
+"""Multi-level grid: cells that are small near excavations, 2:1 balanced, with constraints at hanging nodes (paper 2.1,
+2.2.1)."""
+
+from mpm_core.grid.adjacency import face_neighbors
+from mpm_core.grid.building import GridCount, GridMemory, build_grid, count_cells, estimate_memory
+from mpm_core.grid.mesh import CORNERS, MultiLevelGrid
+from mpm_core.grid.nodes import number_nodes
+from mpm_core.grid.octree import RefinedVolume, refine
+
+__all__ = [
+    "CORNERS",
+    "GridCount",
+    "GridMemory",
+    "MultiLevelGrid",
+    "RefinedVolume",
+    "build_grid",
+    "count_cells",
+    "estimate_memory",
+    "face_neighbors",
+    "number_nodes",
+    "refine",
+]

@@ -1,0 +1,133 @@
+"""Which cells share a face, also across levels."""
+
+import numpy as np
+from numba import njit, prange
+
+from mpm_core.grid.mesh import MultiLevelGrid
+
+NO_CELL = -1
+
+
+def face_neighbors(grid: MultiLevelGrid) -> tuple[np.ndarray, np.ndarray]:
+    """Cells that share a face (2-D: an edge) with each cell, as compressed rows.
+
+    Returns indptr (cell + 1,) int64 and indices (pair,) int32: the neighbours of cell i are
+    ``indices[indptr[i]:indptr[i + 1]]``, ascending; a pair is in both rows. Needs the 2:1 balance and the Morton order
+    of the grid.
+    """
+    halvings = grid.levels - 1
+    width = grid.cell_width
+    code = np.empty(len(width), dtype=np.int32)
+    _codes_in_base_cell(grid.cell_index, halvings, code)
+    base_shape = np.asarray(grid.shape, dtype=np.int64) >> halvings
+    first = np.empty(int(np.prod(base_shape)), dtype=np.int32)
+    count = np.zeros(len(first), dtype=np.int32)
+    _cells_of_base_cells(grid.cell_index, halvings, base_shape, first, count)
+    across = np.empty((len(width), 2 * grid.dimension), dtype=np.int32)
+    _cells_across(grid.cell_index, width, code, halvings, base_shape, first, count, across)
+    indptr = np.zeros(len(width) + 1, dtype=np.int64)
+    _count_neighbors(width, across, indptr[1:])
+    np.cumsum(indptr, out=indptr)
+    indices = np.empty(indptr[-1], dtype=np.int32)
+    _write_neighbors(grid.cell_index, width, across, indptr, indices)
+    return indptr, indices
+
+
+@njit(cache=True)
+def _code_in_base_cell(place, halvings):
+    """Morton code of a place (d,), fine units, counted from its base cell's lower corner."""
+    dimension = len(place)
+    code = np.int32(0)
+    for bit in range(halvings):
+        for axis in range(dimension):
+            code |= (place[axis] >> bit & 1) << (bit * dimension + axis)
+    return code
+
+
+@njit(parallel=True, cache=True)
+def _codes_in_base_cell(cell_index, halvings, code):
+    """Morton codes of the cells' lower corners within their base cells: code (cell,) int32, written."""
+    for cell in prange(len(cell_index)):
+        code[cell] = _code_in_base_cell(cell_index[cell], halvings)
+
+
+@njit(cache=True)
+def _cells_of_base_cells(cell_index, halvings, base_shape, first, count):
+    """The run of leaves in each base cell (C order): first (base,) and count (base,) int32, written."""
+    for cell in range(len(cell_index)):
+        base = np.int64(0)
+        for axis in range(len(base_shape)):
+            base = base * base_shape[axis] + (cell_index[cell, axis] >> halvings)
+        if count[base] == 0:
+            first[base] = cell
+        count[base] += 1
+
+
+@njit(cache=True)
+def _cell_at(place, code, halvings, base_shape, first, count):
+    """The leaf that holds a place (d,), fine units; NO_CELL outside the domain. Bisection of the base cell's leaves."""
+    base = np.int64(0)
+    for axis in range(len(base_shape)):
+        coarse = place[axis] >> halvings
+        if coarse < 0 or coarse >= base_shape[axis]:
+            return NO_CELL
+        base = base * base_shape[axis] + coarse
+    wanted = _code_in_base_cell(place, halvings)
+    lower = np.int64(first[base])
+    upper = lower + count[base]
+    while upper - lower > 1:
+        middle = (lower + upper) // 2
+        if code[middle] <= wanted:
+            lower = middle
+        else:
+            upper = middle
+    return lower
+
+
+@njit(parallel=True, cache=True)
+def _cells_across(cell_index, width, code, halvings, base_shape, first, count, across):
+    """The leaf across each face, next to the face's lowest corner: across (cell, 2 d) int32, written; NO_CELL
+    outside."""
+    for cell in prange(len(cell_index)):
+        place = cell_index[cell].copy()
+        for axis in range(len(base_shape)):
+            place[axis] = cell_index[cell, axis] - 1
+            across[cell, 2 * axis] = _cell_at(place, code, halvings, base_shape, first, count)
+            place[axis] = cell_index[cell, axis] + width[cell]
+            across[cell, 2 * axis + 1] = _cell_at(place, code, halvings, base_shape, first, count)
+            place[axis] = cell_index[cell, axis]
+
+
+@njit(parallel=True, cache=True)
+def _count_neighbors(width, across, count):
+    """Neighbours of each cell, 2^(d-1) across a face with finer cells: count (cell,) int64, written."""
+    sides = across.shape[1]
+    for cell in prange(len(width)):
+        neighbors = 0
+        for side in range(sides):
+            other = across[cell, side]
+            if other != NO_CELL:
+                neighbors += 1 if width[other] >= width[cell] else 1 << (sides // 2 - 1)
+        count[cell] = neighbors
+
+
+@njit(parallel=True, cache=True)
+def _write_neighbors(cell_index, width, across, indptr, indices):
+    """Neighbours of each cell in ascending order: indices (pair,) int32, written.
+
+    Finer cells across a face are siblings, contiguous in Morton order: they differ from the first of them, which has
+    bit 0 of every axis of the face, by the bits of those axes.
+    """
+    dimension = cell_index.shape[1]
+    for cell in prange(len(cell_index)):
+        end = indptr[cell]
+        for side in range(2 * dimension):
+            other = across[cell, side]
+            if other == NO_CELL:
+                continue
+            siblings = 1 if width[other] >= width[cell] else 1 << dimension
+            for sibling in range(siblings):
+                if sibling >> (side // 2) & 1 == 0:
+                    indices[end] = other + sibling
+                    end += 1
+        indices[indptr[cell] : end].sort()

@@ -1,0 +1,128 @@
+"""Build the grid of a scene, after saying what it will take."""
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import numpy as np
+import psutil
+
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.nodes import number_nodes
+from mpm_core.grid.octree import Classify, RefinedVolume, SplitMarks, leaves, mark_splits
+from pipeline.errors import InputError
+
+WORK_PER_CELL = 16
+"""bytes per cell while nodes are numbered: levels and widths as int32, first cells of blocks"""
+WORK_PER_NODE = 16
+"""bytes per node while nodes are numbered: hash table of the nodes on block surfaces; measured 3 to 12"""
+REMEDY = "use fewer levels, a larger coarse_cell, fewer buffer_cells or a smaller domain"
+
+
+class GridCount(NamedTuple):
+    """What a grid will have, known from its split marks alone."""
+
+    cells: int
+    nodes: int
+    """hanging ones included"""
+    cells_per_level: np.ndarray
+    """(levels,) int64"""
+
+
+class GridMemory(NamedTuple):
+    """Bytes."""
+
+    arrays: int
+    """what the finished grid holds"""
+    building: int
+    """most that is held at once while it is built, the finished arrays included"""
+
+
+def count_cells(
+    base_shape, levels: int, classify: Classify, buffer_cells: int, extra_marks: Iterable[RefinedVolume] | None = None
+) -> GridCount:
+    """Exact numbers of cells and nodes that :func:`build_grid` would make, from the same arguments, without making
+    them."""
+    return _count(mark_splits(base_shape, levels, classify, buffer_cells, extra_marks))
+
+
+def _count(marks: SplitMarks) -> GridCount:
+    cells_per_level = marks.cells_per_level()
+    return GridCount(int(cells_per_level.sum()), marks.number_of_nodes(), cells_per_level)
+
+
+def estimate_memory(cells: int, nodes: int, dimension: int = 3) -> GridMemory:
+    """Bytes that a grid of so many cells and nodes takes, and the most that numbering its nodes takes beside them.
+
+    Split marks come on top (see :func:`marks_memory`), but are gone when nodes are numbered.
+    """
+    int32 = np.dtype(np.int32).itemsize
+    per_cell = int32 * (dimension + (1 << dimension)) + 1
+    per_node = int32 * (dimension + (1 << (dimension - 1)))
+    arrays = cells * per_cell + nodes * per_node
+    return GridMemory(arrays, arrays + cells * WORK_PER_CELL + nodes * WORK_PER_NODE)
+
+
+def marks_memory(base_shape, levels: int) -> int:
+    """Bytes at once for marking splits: one flag for each possible cell but those of the finest level, and two copies
+    of the largest level while it is dilated."""
+    cells = [int(np.prod([int(side) << level for side in base_shape], dtype=object)) for level in range(levels - 1)]
+    return sum(cells) + 2 * max(cells, default=0)
+
+
+def build_grid(
+    origin,
+    coarse_cell: float,
+    base_shape,
+    levels: int,
+    classify: Classify,
+    buffer_cells: int,
+    extra_marks: Iterable[RefinedVolume] | None = None,
+    before_allocation: Callable[[GridCount], None] | None = None,
+) -> MultiLevelGrid:
+    """The multi-level grid of a scene.
+
+    origin (d,) m, lower corner of the domain; coarse_cell m, edge of a base cell; the rest as in
+    :func:`~mpm_core.grid.octree.mark_splits`. ``before_allocation`` is told the exact numbers of cells and nodes
+    before they are made: it may announce them, or raise. Raises InputError if the machine has too little memory for
+    the grid, ValueError for arguments out of range.
+    """
+    origin = np.asarray(origin, dtype=np.float64)
+    base_shape = np.asarray(base_shape, dtype=np.int64)
+    if origin.shape != base_shape.shape or not coarse_cell > 0:
+        raise ValueError(f"origin {origin}, coarse_cell {coarse_cell}: d coordinates and a positive size are expected")
+    _require_memory(marks_memory(base_shape, levels), f"the split marks of {levels} levels")
+    marks = mark_splits(base_shape, levels, classify, buffer_cells, extra_marks)
+    count = _count(marks)
+    if before_allocation is not None:
+        before_allocation(count)
+    if max(count.cells, count.nodes) > np.iinfo(np.int32).max:
+        raise InputError(f"grid: {count.cells:,} cells are more than 32-bit numbers can name: {REMEDY}")
+    _require_memory(
+        estimate_memory(count.cells, count.nodes, len(base_shape)).building,
+        f"{count.cells:,} cells and {count.nodes:,} nodes",
+    )
+    cell_index, cell_level = leaves(marks)
+    del marks
+    halvings = levels - 1
+    cell_width = np.int32(1) << (halvings - cell_level).astype(np.int32)
+    shape = base_shape << halvings
+    cell_nodes, node_index, node_parents = number_nodes(cell_index, cell_width, shape)
+    return MultiLevelGrid(
+        origin=origin,
+        fine_cell=coarse_cell / (1 << halvings),
+        levels=levels,
+        shape=shape,
+        cell_index=cell_index,
+        cell_level=cell_level,
+        cell_nodes=cell_nodes,
+        node_index=node_index,
+        node_parents=node_parents,
+    )
+
+
+def _require_memory(needed: int, what: str) -> None:
+    available = psutil.virtual_memory().available
+    if needed > available:
+        raise InputError(
+            f"grid: {what} take {needed / 1e9:.1f} GB of memory, {available / 1e9:.1f} GB are free: {REMEDY}"
+        )
