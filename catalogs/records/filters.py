@@ -15,7 +15,7 @@ KEYS = ("lower", "upper", "start", "end", "minimum_potency", "maximum", "minimum
 def filter_events(
     events: xr.Dataset, settings: Mapping, columns: Mapping[str, np.ndarray] | None = None, source: str = "record"
 ) -> xr.Dataset:
-    """The events that pass every filter; attrs["filter"] (JSON list of {filter, value, before, after}) says what each took.
+    """The events that pass every filter, and in attrs["filter"] what each took (JSON: filter, value, before, after).
 
     settings: lower, upper (3 numbers in m: a box, its faces included), start, end (ISO text; start <= time < end, UTC),
     minimum_potency (m3), maximum and minimum ({column: value}: quality columns of the file, in the file's own units).
@@ -62,7 +62,9 @@ def _conditions(events: xr.Dataset, settings: Mapping, columns: Mapping[str, np.
     for key, inside in (("maximum", np.less_equal), ("minimum", np.greater_equal)):
         for column, bound in (settings.get(key) or {}).items():
             if column not in columns:
-                raise InputError(f"{where}.{key}.{column}: no such column of numbers; the file has {', '.join(columns)}")
+                raise InputError(
+                    f"{where}.{key}.{column}: no such column of numbers; the file has {', '.join(columns)}"
+                )
             yield f"{key}.{column}", float(bound), inside(np.asarray(columns[column], float), float(bound))
 
 

@@ -1,0 +1,62 @@
+"""The mine frame on the globe: x east, y north, z up above sea level, in metres <-> latitude, longitude, depth.
+
+Two forms: {latitude, longitude, surface}: the origin of the frame, degrees WGS 84, axes of the local tangent plane
+(azimuthal equidistant: exact at the origin, 1 mm off at 20 km); or {crs: EPSG code, WKT or PROJ text, surface}.
+`surface` (elevation of the ground, m) turns z into a depth below ground elsewhere; it plays no part here.
+"""
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError
+
+from pipeline.errors import InputError
+
+GEOGRAPHIC = "EPSG:4326"
+
+
+class MineFrame:
+    """Transforms between mine coordinates (m) and latitude, longitude (degrees, WGS 84), depth below sea level (m)."""
+
+    def __init__(self, settings: Mapping | str | None):
+        """settings: the mine's `frame`, mapping or JSON. Raises InputError if absent or not a frame."""
+        settings = json.loads(settings) if isinstance(settings, str) else dict(settings or {})
+        given = {key for key, value in settings.items() if value is not None} - {"surface"}
+        if given == {"crs"}:
+            projection = _parse_crs(settings["crs"])
+        elif given == {"latitude", "longitude"}:
+            latitude, longitude = float(settings["latitude"]), float(settings["longitude"])
+            if not (abs(latitude) <= 90 and abs(longitude) <= 180):
+                raise InputError(f"frame: latitude {latitude}, longitude {longitude}: not degrees on the globe")
+            projection = CRS.from_proj4(
+                f"+proj=aeqd +lat_0={latitude!r} +lon_0={longitude!r} +datum=WGS84 +units=m +no_defs"
+            )
+        else:
+            raise InputError("frame: give either latitude and longitude of its origin, or crs (EPSG code or WKT)")
+        self._to_globe = Transformer.from_crs(projection, GEOGRAPHIC, always_xy=True)
+        self._to_mine = Transformer.from_crs(GEOGRAPHIC, projection, always_xy=True)
+
+    def to_globe(self, location: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Latitude, longitude (degrees) and depth (m below sea level, = -z) of mine coordinates (event, 3) m."""
+        location = np.asarray(location, float)
+        longitude, latitude = self._to_globe.transform(location[:, 0], location[:, 1], errcheck=True)
+        return np.asarray(latitude), np.asarray(longitude), -location[:, 2]
+
+    def to_mine(self, latitude: NDArray, longitude: NDArray, depth: NDArray) -> NDArray:
+        """Mine coordinates (event, 3) m from degrees and metres below sea level."""
+        x, y = self._to_mine.transform(np.asarray(longitude, float), np.asarray(latitude, float), errcheck=True)
+        return np.column_stack([x, y, -np.asarray(depth, float)])
+
+
+def _parse_crs(text: str | int) -> CRS:
+    try:
+        projection = CRS.from_user_input(int(text) if str(text).isdigit() else text)
+    except CRSError as error:
+        raise InputError(f"frame.crs: {str(text)[:60]!r} is neither an EPSG code nor WKT") from error
+    units = {axis.unit_name for axis in projection.axis_info[:2]}
+    if not projection.is_projected or units != {"metre"}:
+        raise InputError(f"frame.crs: {projection.name}: expected a projected system in metres, not {', '.join(units)}")
+    return projection

@@ -1,0 +1,211 @@
+"""A catalogue as QuakeML 1.2, for exchange: written through ObsPy, read back identical, with the same bytes every time.
+
+What any reader understands: origin time, latitude, longitude, depth (m below sea level, = -z), moment magnitude, and
+the moment tensor in N m, Up-South-East (rr = zz, tt = yy, pp = xx, rt = -yz, rp = xz, tp = -xy). Beside that, in the
+namespace NAMESPACE and bit for bit, every variable of catalogs.schema per event and the attributes once (JSON).
+ObsPy makes random resource identifiers and stamps the time unless told otherwise: here every one is given.
+"""
+
+import io
+import json
+import os
+import re
+import warnings
+
+import numpy as np
+import xarray as xr
+from obspy import UTCDateTime, read_events
+from obspy.core.event import (
+    Catalog,
+    CreationInfo,
+    Event,
+    FocalMechanism,
+    Magnitude,
+    MomentTensor,
+    Origin,
+    OriginUncertainty,
+    QuantityError,
+    ResourceIdentifier,
+    Tensor,
+)
+from obspy.io.quakeml.core import _validate
+
+from catalogs.frame import MineFrame
+from catalogs.records.build import moment_from_potency
+from catalogs.schema import VARIABLES, check_catalog, new_catalog
+from pipeline.datasets import atomic_path
+from pipeline.errors import InputError
+
+NAMESPACE = "urn:mine-seismicity:catalogue:1"
+PREFIX = "mine"
+EVENT_TYPE = "induced or triggered event"
+ATTRIBUTES = "attributes"
+# Component of QuakeML's tensor -> sign, row, column in east, north, up.
+UP_SOUTH_EAST = {
+    "m_rr": (1, 2, 2),
+    "m_tt": (1, 1, 1),
+    "m_pp": (1, 0, 0),
+    "m_rt": (-1, 1, 2),
+    "m_rp": (1, 0, 2),
+    "m_tp": (-1, 0, 1),
+}
+
+
+def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike) -> None:
+    """Write a catalogue (form of catalogs.schema) as QuakeML, atomically, after ObsPy's own schema check.
+
+    Needs attributes mine, frame, and where there are tensors lame_lambda and shear_modulus (Pa). Raises InputError for
+    a missing frame, an event without time or location, or a file that the schema refuses.
+    """
+    catalog = check_catalog(catalog, "catalogue")
+    stream = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # ObsPy warns of every `extra`
+        _obspy_catalog(catalog).write(stream, format="QUAKEML", nsmap={PREFIX: NAMESPACE})
+    stream.seek(0)
+    if not _validate(stream, verbose=True):
+        raise InputError(f"{path}: ObsPy's QuakeML schema check failed; see the log, and report it")
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(stream.getvalue())
+
+
+def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
+    """The catalogue as ObsPy's object, every identifier explicit."""
+    if np.isnat(catalog["time"].values).any() or not np.isfinite(catalog["location"].values).all():
+        raise InputError("QuakeML: an event without time or location cannot be written; leave it out")
+    latitude, longitude, depth = MineFrame(catalog.attrs.get("frame")).to_globe(catalog["location"].values)
+    moment = moment_from_potency(
+        catalog["potency_tensor"].values,
+        float(catalog.attrs.get("lame_lambda", np.nan)),
+        float(catalog.attrs.get("shear_modulus", np.nan)),
+    )
+    base = f"smi:local/{_word(catalog.attrs['mine'])}/{catalog.attrs['kind']}"
+    texts = {variable.name: _texts(catalog[variable.name].values) for variable in VARIABLES}
+    events = []
+    for index in range(catalog.sizes["event"]):
+        name = f"{base}/event/{index + 1:06d}"
+        event = _obspy_event(
+            name,
+            time=catalog["time"].values[index],
+            time_uncertainty=float(catalog["time_uncertainty"].values[index]),
+            place=(float(latitude[index]), float(longitude[index]), float(depth[index])),
+            location_error=float(catalog.attrs.get("location_error", np.nan)),
+            mw=float(catalog["mw"].values[index]),
+            scalar_moment=float(catalog["moment"].values[index]),
+            moment=moment[index],
+            shares=[float(catalog[share].values[index]) for share in ("dc", "clvd", "iso")],
+        )
+        event.extra = {
+            variable.name: {"value": texts[variable.name][index], "namespace": NAMESPACE} for variable in VARIABLES
+        }
+        events.append(event)
+    result = Catalog(events=events, resource_id=ResourceIdentifier(base))
+    result.creation_info = CreationInfo(agency_id=catalog.attrs["kind"])
+    result.extra = {ATTRIBUTES: {"value": json.dumps(_plain(catalog.attrs)), "namespace": NAMESPACE}}
+    return result
+
+
+def _obspy_event(name: str, time, time_uncertainty, place, location_error, mw, scalar_moment, moment, shares) -> Event:
+    """One event with an origin, and a magnitude and a moment tensor where they are known."""
+    origin = Origin(
+        resource_id=ResourceIdentifier(f"{name}/origin"),
+        time=UTCDateTime(ns=int(time.astype("datetime64[ns]").astype(np.int64))),
+        latitude=place[0],
+        longitude=place[1],
+        depth=place[2],
+        depth_type="other",
+    )
+    if np.isfinite(time_uncertainty):
+        origin.time_errors = QuantityError(uncertainty=time_uncertainty)
+    if np.isfinite(location_error):
+        origin.depth_errors = QuantityError(uncertainty=location_error)
+        origin.origin_uncertainty = OriginUncertainty(
+            horizontal_uncertainty=location_error, preferred_description="horizontal uncertainty"
+        )
+    event = Event(resource_id=ResourceIdentifier(name), event_type=EVENT_TYPE, origins=[origin])
+    event.preferred_origin_id = origin.resource_id
+    if np.isfinite(mw):
+        size = Magnitude(resource_id=ResourceIdentifier(f"{name}/magnitude"), mag=mw, magnitude_type="Mw")
+        size.origin_id = origin.resource_id
+        event.magnitudes = [size]
+        event.preferred_magnitude_id = size.resource_id
+    if np.isfinite(moment).all():
+        tensor = Tensor(**{key: float(sign * moment[i, j]) for key, (sign, i, j) in UP_SOUTH_EAST.items()})
+        source = MomentTensor(
+            resource_id=ResourceIdentifier(f"{name}/moment_tensor"),
+            derived_origin_id=origin.resource_id,
+            scalar_moment=scalar_moment if np.isfinite(scalar_moment) else None,
+            tensor=tensor,
+        )
+        if np.isfinite(shares).all():
+            source.double_couple, source.clvd, source.iso = shares
+        mechanism = FocalMechanism(resource_id=ResourceIdentifier(f"{name}/mechanism"), moment_tensor=source)
+        event.focal_mechanisms = [mechanism]
+        event.preferred_focal_mechanism_id = mechanism.resource_id
+    return event
+
+
+def read_quakeml(path: str | os.PathLike) -> Catalog:
+    """ObsPy's catalogue of any QuakeML file. Raises InputError if it is missing or not QuakeML."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return read_events(str(path), format="QUAKEML")
+    except OSError as error:
+        raise InputError(f"{path}: not readable ({error}); give a QuakeML file") from error
+    except Exception as error:  # ObsPy lets through whatever its XML parser raises
+        raise InputError(f"{path}: not QuakeML 1.2 ({type(error).__name__}: {error})") from error
+
+
+def read_catalog(path: str | os.PathLike) -> xr.Dataset:
+    """The catalogue that write_quakeml wrote, identical: every variable and attribute. Raises InputError for others."""
+    catalog = own_catalog(read_quakeml(path))
+    if catalog is None:
+        raise InputError(f"{path}: no {PREFIX} namespace in it; read it as a record (reader quakeml)")
+    return catalog
+
+
+def own_catalog(events: Catalog) -> xr.Dataset | None:
+    """The schema's catalogue from the `mine` namespace of ObsPy's catalogue; None if it was not written here."""
+    extra = getattr(events, "extra", {})
+    if ATTRIBUTES not in extra or extra[ATTRIBUTES]["namespace"] != NAMESPACE:
+        return None
+    values = {}
+    for variable in VARIABLES:
+        texts = [event.extra[variable.name]["value"] or "" for event in events]
+        shape = (len(texts), *(3 for _ in variable.dims[1:]))
+        if variable.dtype.kind == "O":
+            values[variable.name] = np.array(texts, object)
+        elif variable.dtype.kind == "f":
+            values[variable.name] = np.array([float(word) for text in texts for word in text.split()]).reshape(shape)
+        else:
+            values[variable.name] = np.array(texts, dtype=variable.dtype).reshape(shape)
+    return new_catalog(len(events), json.loads(extra[ATTRIBUTES]["value"]), **values)
+
+
+def moment_tensor(event: Event) -> np.ndarray:
+    """Moment tensor (3, 3) N m, east, north, up, of an ObsPy event; NaN where it has none."""
+    matrix = np.full((3, 3), np.nan)
+    mechanism = event.preferred_focal_mechanism() or (event.focal_mechanisms or [None])[0]
+    tensor = mechanism.moment_tensor.tensor if mechanism is not None and mechanism.moment_tensor else None
+    if tensor is not None and all(getattr(tensor, key) is not None for key in UP_SOUTH_EAST):
+        for key, (sign, i, j) in UP_SOUTH_EAST.items():
+            matrix[i, j] = matrix[j, i] = sign * getattr(tensor, key)
+    return matrix
+
+
+def _word(text: str) -> str:
+    """Text as a part of a resource identifier."""
+    return re.sub(r"[^A-Za-z0-9_.-]", "_", text)
+
+
+def _texts(values: np.ndarray) -> list[str]:
+    """One text per event that gives its values back exactly."""
+    if values.dtype.kind == "f":
+        return [" ".join(map(repr, row)) for row in values.reshape(len(values), -1).tolist()]
+    return [str(value) for value in values]
+
+
+def _plain(attributes: dict) -> dict:
+    """Attributes without numpy's types, as JSON needs them."""
+    return {key: value.tolist() if hasattr(value, "tolist") else value for key, value in attributes.items()}

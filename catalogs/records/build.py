@@ -1,0 +1,95 @@
+"""From what a file holds (a potency, a moment, a magnitude, a tensor) to a catalogue in the schema's form."""
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from catalogs.mechanisms import principal_axes, source_shares
+from catalogs.schema import new_catalog
+from pipeline.errors import InputError
+
+SIZE_NAMES = ("potency", "log_potency", "moment", "mw")
+
+
+def potency_from_moment(moment: NDArray, lame_lambda: float, shear_modulus: float) -> NDArray:
+    """Potency tensors (..., 3, 3) m3 from moment tensors N m: the inverse of M = lambda tr(P) I + 2 mu P."""
+    trace = np.trace(moment, axis1=-2, axis2=-1) / (3 * lame_lambda + 2 * shear_modulus)
+    return (moment - lame_lambda * trace[..., None, None] * np.eye(3)) / (2 * shear_modulus)
+
+
+def moment_from_potency(potency_tensor: NDArray, lame_lambda: float, shear_modulus: float) -> NDArray:
+    """Moment tensors (..., 3, 3) N m from potency tensors m3: M = lambda tr(P) I + 2 mu P."""
+    trace = np.trace(potency_tensor, axis1=-2, axis2=-1)
+    return lame_lambda * trace[..., None, None] * np.eye(3) + 2 * shear_modulus * potency_tensor
+
+
+def magnitude(moment: NDArray) -> NDArray:
+    """Moment magnitude 2/3 (log10 M0 - 9.1), M0 in N m (IASPEI)."""
+    return 2 / 3 * (np.log10(moment) - 9.1)
+
+
+def build_record(
+    settings: dict, time: NDArray, location: NDArray, sizes: dict[str, NDArray], tensor: NDArray | None, **other
+) -> xr.Dataset:
+    """A recorded catalogue with every derived variable filled in.
+
+    settings: mine, twin, location_error (m), lame_lambda, shear_modulus (Pa). sizes: any of potency (m3), log_potency,
+    moment (N m), mw, each (event,) with NaN where unknown; the first that an event has, in this order, counts, and the
+    tensor where it has none. tensor (event, 3, 3): potency tensors m3, NaN where unknown. other: schema variables.
+    A scalar moment alone is read as shear: potency = moment / mu. Raises InputError without the moduli it needs.
+    """
+    count = len(time)
+    mu, lame = settings.get("shear_modulus"), settings.get("lame_lambda")
+    if mu is None or not float(mu) > 0:
+        raise InputError("record: shear_modulus is missing; give the host rock's, in Pa")
+    mu, lame = float(mu), np.nan if lame is None else float(lame)
+    potency, moment = np.full(count, np.nan), np.full(count, np.nan)
+    tensor = np.full((count, 3, 3), np.nan) if tensor is None else np.asarray(tensor, float)
+    derived = {}
+    known = np.isfinite(tensor).all(axis=(1, 2))
+    if known.any():
+        if not np.isfinite(lame):
+            raise InputError("record: lame_lambda is missing; tensors need it: give the host rock's, in Pa")
+        moments = moment_from_potency(tensor[known], lame, mu)
+        from_tensor = np.sqrt(2 * np.sum(tensor[known] ** 2, axis=(1, 2)))
+        axes, shares = np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
+        axes[known], shares[known] = principal_axes(tensor[known])[1], source_shares(tensor[known])
+        derived = {f"{name}_axis": axes[:, row] for row, name in enumerate("pbt")}
+        derived |= {name: shares[:, column] for column, name in enumerate(("iso", "clvd", "dc"))}
+        moment[known] = np.sqrt(np.sum(moments**2, axis=(1, 2)) / 2)
+    for name in SIZE_NAMES:
+        if name in sizes:
+            unknown = np.isnan(potency)
+            potency[unknown] = _potency_from(name, np.asarray(sizes[name], float)[unknown], mu)
+    if known.any():
+        potency[known] = np.where(np.isnan(potency[known]), from_tensor, potency[known])
+    if "moment" in sizes:
+        moment = np.where(np.isnan(sizes["moment"]), moment, sizes["moment"])
+    moment = np.where(np.isnan(moment), mu * potency, moment)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = {"potency": potency, "moment": moment, "mw": magnitude(moment)} | derived | other
+    attributes = {
+        "mine": settings.get("mine", ""),
+        "kind": "twin" if settings.get("twin") else "recorded",
+        "lame_lambda": lame,
+        "shear_modulus": mu,
+        "location_error": _location_error(settings),
+    }
+    return new_catalog(count, attributes, time=time, location=location, potency_tensor=tensor, **values)
+
+
+def _potency_from(name: str, values: NDArray, shear_modulus: float) -> NDArray:
+    """Scalar potency (m3) from a size of the named kind; shear where only the moment is known."""
+    if name == "potency":
+        return values
+    if name == "log_potency":
+        return 10.0**values
+    moment = values if name == "moment" else 10.0 ** (1.5 * values + 9.1)
+    return moment / shear_modulus
+
+
+def _location_error(settings: dict) -> float:
+    value = settings.get("location_error")
+    if value is None or not float(value) >= 0:
+        raise InputError("record.location_error: missing; give the record's location error in m (0 if it is a model's)")
+    return float(value)
