@@ -1,0 +1,70 @@
+"""How each stage reached equilibrium: the unbalanced force against iteration, and when new rock failed."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from catalogs.figures import style
+
+COLUMNS = 3
+MOST_POINTS = 4000  # of one curve: more cannot be told apart in a panel
+
+
+def running_iteration(iteration: np.ndarray) -> np.ndarray:
+    """Iteration counted through the whole stage, where the recorded one starts anew in each relaxation."""
+    iteration = np.asarray(iteration, dtype=np.int64)
+    restart = np.flatnonzero(np.diff(iteration) < 0) + 1
+    offset = np.zeros(len(iteration), dtype=np.int64)
+    offset[restart] = iteration[restart - 1] + (iteration[restart] <= 0)
+    return iteration + np.cumsum(offset)
+
+
+def convergence(stages: list[xr.Dataset]) -> Figure:
+    """One panel per stage: unbalanced ratio (line, logarithmic), tolerance (dashed), new failures (bars), increments (grey)."""
+    columns = min(COLUMNS, len(stages))
+    rows = -(-len(stages) // columns)
+    figure = style.new_figure(height=2.6 * rows + 0.4)
+    array = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
+    for axes, stage in zip(array, stages, strict=False):
+        _panel(axes, stage, first=axes.get_subplotspec().is_first_col())
+    for axes in array[len(stages) :]:
+        axes.set_axis_off()
+    return figure
+
+
+def _panel(axes, stage: xr.Dataset, first: bool) -> None:
+    name = stage.attrs.get("step") if stage.attrs.get("stage") == "step" else "elastic"
+    axes.set_title(str(name))
+    axes.set_xlabel("iteration")
+    axes.set_yscale("log")
+    if first:
+        axes.set_ylabel("unbalanced force ratio (1)")
+    ratio = stage["convergence_unbalanced_ratio"].values
+    if not len(ratio):
+        axes.text(0.5, 0.5, "nothing to solve", transform=axes.transAxes, ha="center", color=style.OUTLINE)
+        return
+    iteration = running_iteration(stage["convergence_iteration"].values)
+    shown = np.where(ratio > 0, ratio, np.nan)
+    every = -(-len(ratio) // MOST_POINTS)
+    increment = stage["convergence_increment"].values
+    for index in np.flatnonzero(np.diff(increment)) + 1:
+        axes.axvline(iteration[index], color="#cccccc", linewidth=0.7, zorder=0)
+    generation = stage["convergence_generation"].values
+    for index in np.flatnonzero((np.diff(generation) != 0) & (np.diff(increment) == 0)) + 1:
+        axes.axvline(iteration[index], ymax=0.03, color=style.OUTLINE, linewidth=0.5, zorder=0)
+    axes.plot(
+        iteration[::every], shown[::every], color=style.MODELLED, linewidth=1.0, marker="." if len(ratio) < 60 else None
+    )
+    axes.axhline(float(stage.attrs["tolerance"]), color="k", linestyle="--", linewidth=0.8)
+    failures = stage["convergence_new_failures"].values
+    if failures.any():
+        twin = axes.twinx()
+        twin.spines["right"].set_visible(True)
+        twin.vlines(iteration[failures > 0], 0, failures[failures > 0], color=style.RECORDED, linewidth=1.6, alpha=0.75)
+        twin.set_ylim(0, failures.max() * 2.2)
+        twin.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+        twin.tick_params(axis="y", colors=style.RECORDED)
+        twin.set_ylabel("new failures", color=style.RECORDED)
+        axes.set_zorder(twin.get_zorder() + 1)
+        axes.patch.set_visible(False)

@@ -1,0 +1,133 @@
+"""Where and when: modelled beside recorded events in the same plans and sections (paper Fig. 19)."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+from matplotlib import colormaps, dates
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from catalogs.figures import style, views
+
+SMALLEST, LARGEST = 2.0, 15.0  # points: diameters of the smallest and largest event shown
+UNDATED = "#9a9a9a"
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What both catalogues share: the ranges of log10 potency (m3) and time (days since 1970) that size and colour show."""
+
+    log_potency: tuple[float, float]
+    days: tuple[float, float]
+
+    def diameter(self, log_potency: np.ndarray) -> np.ndarray:
+        """Diameters in points, linear in log10 potency."""
+        low, high = self.log_potency
+        return SMALLEST + (LARGEST - SMALLEST) * np.clip((log_potency - low) / (high - low), 0, 1)
+
+
+def common_scale(catalogs: list[xr.Dataset]) -> Scale:
+    """Ranges that hold all events of all catalogues."""
+    potency = np.concatenate([log_potency(catalog) for catalog in catalogs])
+    days = np.concatenate([days_since_1970(catalog) for catalog in catalogs])
+    return Scale(_range(potency, 1.0), _range(days, 1.0))
+
+
+def _range(values: np.ndarray, least: float) -> tuple[float, float]:
+    values = values[np.isfinite(values)]
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, least)
+    return (low, high) if high > low else (low - least / 2, low + least / 2)
+
+
+def log_potency(catalog: xr.Dataset) -> np.ndarray:
+    """log10 of scalar potency (m3) per event; NaN where there is none."""
+    potency = catalog["potency"].values
+    return np.log10(potency, where=potency > 0, out=np.full(len(potency), np.nan))
+
+
+def days_since_1970(catalog: xr.Dataset) -> np.ndarray:
+    """Event times as days, matplotlib's own unit; NaN where there is none."""
+    time = catalog["time"].values.astype("datetime64[ns]")
+    return np.where(np.isnat(time), np.nan, dates.date2num(np.where(np.isnat(time), np.datetime64(0, "ns"), time)))
+
+
+def event_limits(grid: xr.Dataset, catalogs: list[xr.Dataset]) -> tuple[np.ndarray, np.ndarray]:
+    """Box around the excavations and the events, inside the domain (m)."""
+    return views.frame_limits(grid, [catalog["location"].values for catalog in catalogs], margin=0.05)
+
+
+def locations(grid: xr.Dataset, catalogs: dict[str, xr.Dataset], planned: list[int]) -> Figure:
+    """Plans and sections, one column per catalogue (keys: labels), same limits; size by log P, colour by time.
+
+    Excavations lie underneath as silhouettes. One catalogue alone fills the width with its views.
+    """
+    lower, upper = event_limits(grid, list(catalogs.values()))
+    scale = common_scale(list(catalogs.values()))
+    projections = views.projections(grid)
+    planes = [(view, label) for view in projections for label in catalogs]
+    named = [replace(view, name=f"{label}\n{view.name.lower()}") for view, label in planes]
+    beside = len(catalogs) if len(catalogs) > 1 else None
+    figure, array, bar = views.panels(named, lower, upper, beside, bar=True, tallest=13.0)
+    for axes, (view, label) in zip(array, planes, strict=True):
+        views.draw_excavations(axes, grid, view, planned)
+        draw_events(axes, catalogs[label], view, scale)
+    _keys(figure, bar, scale)
+    return figure
+
+
+def draw_events(axes: Axes, catalog: xr.Dataset, view: views.View, scale: Scale) -> None:
+    """Circles at the events' projections, large ones first so that small ones stay visible; undated ones grey."""
+    size, days = log_potency(catalog), days_since_1970(catalog)
+    order = np.argsort(-np.nan_to_num(size, nan=scale.log_potency[0]), kind="stable")
+    place = catalog["location"].values[order][:, view.axes]
+    colour = colormaps["viridis"](Normalize(*scale.days)(days[order]))
+    colour[np.isnan(days[order])] = (*[int(UNDATED[at : at + 2], 16) / 255 for at in (1, 3, 5)], 1.0)
+    diameter = scale.diameter(np.nan_to_num(size[order], nan=scale.log_potency[0]))
+    axes.scatter(
+        *place.T, s=diameter**2, c=colour, alpha=0.8, edgecolors="black", linewidths=0.25, zorder=3,
+        rasterized=len(place) > 300,
+    )  # fmt: skip
+
+
+def _keys(figure: Figure, bar: Axes, scale: Scale) -> None:
+    """Colour bar of time and a key of sizes."""
+    locator = dates.AutoDateLocator(minticks=3, maxticks=8)
+    first, last = (dates.num2date(day) for day in scale.days)
+    short = "%d %b" if scale.days[1] - scale.days[0] < 200 else "%b %y"
+    years = f"{first.year}" if first.year == last.year else f"{first.year} to {last.year}"
+    figure.colorbar(
+        ScalarMappable(Normalize(*scale.days), "viridis"), cax=bar, label=f"time ({years})", ticks=locator,
+        format=dates.DateFormatter(short),
+    )  # fmt: skip
+    low, high = scale.log_potency
+    values = np.arange(np.ceil(low), np.floor(high) + 1)
+    values = values if len(values) > 1 else np.array([low, high])
+    handles = [
+        Line2D(
+            [], [], linestyle="none", marker="o", color="#bbbbbb", markeredgecolor="k", markeredgewidth=0.3,
+            markersize=float(scale.diameter(value)), label=f"log P {value:g}".replace("-", "−"),
+        )
+        for value in values
+    ]  # fmt: skip
+    views.key(figure, handles)
+
+
+def nearness(comparison: xr.Dataset) -> Figure:
+    """How near modelled and recorded events lie to each other, against distance: Ripley's cross-K over the K within each."""
+    figure = style.new_figure(width=0.6 * style.WIDTH, height=3.2)
+    axes = figure.subplots()
+    distance, ratio = comparison["distance"].values, comparison["cross_ratio"].values
+    low, high = comparison["cross_ratio_interval"].values.T
+    axes.axhline(1.0, color="k", linewidth=0.8, linestyle="--", label="as near as to their own kind")
+    axes.fill_between(distance, low, high, color=style.BOTH, alpha=0.25, linewidth=0, label="95 % interval")
+    axes.plot(distance, ratio, color=style.BOTH, marker="o", markersize=4, label="modelled with recorded")
+    axes.set_xlim(0, None)
+    axes.set_ylim(0, None)
+    axes.set_xlabel("distance between events (m)")
+    axes.set_ylabel("cross-K ratio (1)")
+    axes.legend()
+    return figure

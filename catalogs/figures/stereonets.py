@@ -1,0 +1,112 @@
+"""How oriented: P, B and T axes on lower-hemisphere equal-area nets (paper Fig. 21), and Kagan angles."""
+
+from dataclasses import dataclass
+
+import mplstereonet  # noqa: F401  registers the projection
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from catalogs.mechanisms import AXIS_NAMES, trend_plunge
+
+DENSITIES = (2, 4, 6, 8, 12, 16, 24)  # multiples of a uniform distribution
+LEAST_CONTOURED = 8  # axes: a density of fewer is a picture of its own smoothing
+CELL, NET, BAR = 3.3, 2.6, 1.0  # inches: a panel, the net in it, the colour bar
+MOST_POINTS = 600  # of one net: the contours tell the rest
+
+
+@dataclass(frozen=True)
+class Axes:
+    """One catalogue's axes: label, colour, map of density; vectors (3: P B T, event, xyz) unit, east north up.
+
+    mean_trend, mean_plunge, mean_cone: (3,) degrees; NaN where there is none.
+    """
+
+    label: str
+    colour: str
+    density_map: str
+    vectors: np.ndarray
+    mean_trend: np.ndarray
+    mean_plunge: np.ndarray
+    mean_cone: np.ndarray
+
+
+def stereonets(catalogs: list[Axes]) -> Figure:
+    """A row of three nets per catalogue: axes (dots), their density (contours), mean axis (star) and its 95 % cone.
+
+    Placed by hand: the overlay on which mplstereonet draws azimuths is lost in matplotlib's layouts.
+    """
+    width, height = 3 * CELL + BAR, (CELL + 0.35) * len(catalogs)
+    figure = style.new_figure(width, height, layout=None)
+    for row, axes_of in enumerate(catalogs):
+        bottom = height - (CELL + 0.35) * (row + 1) + 0.45
+        drawn = None
+        for column, name in enumerate(AXIS_NAMES):
+            place = [(CELL * column + (CELL - NET) / 2) / width, bottom / height, NET / width, NET / height]
+            axes = figure.add_axes(place, projection="equal_area_stereonet")
+            axes.set_title(f"{axes_of.label}: {name}", pad=16)
+            drawn = _net(axes, axes_of, column) or drawn
+        if drawn is not None:
+            place = [3 * CELL / width, (bottom + 0.2 * NET) / height, 0.15 / width, 0.6 * NET / height]
+            figure.colorbar(drawn, cax=figure.add_axes(place), label="density\n(multiples of uniform)")
+    return figure
+
+
+def _net(axes, axes_of: Axes, column: int):
+    """One net; gives what a colour bar needs, None if nothing is contoured."""
+    axes.grid(False)
+    axes.set_azimuth_ticks([])
+    for x, y, name in ((0.5, 1.02, "N"), (1.02, 0.5, "E"), (0.5, -0.02, "S"), (-0.02, 0.5, "W")):
+        side = {"va": "bottom" if y > 1 else "top" if y < 0 else "center"}
+        side["ha"] = "left" if x > 1 else "right" if x < 0 else "center"
+        axes.text(x, y, name, transform=axes.transAxes, fontsize=8.5, **side)
+    vectors = axes_of.vectors[column]
+    vectors = vectors[np.isfinite(vectors).all(axis=-1)]
+    if not len(vectors):
+        axes.text(0.5, 0.5, "no axes", transform=axes.transAxes, ha="center", color=style.OUTLINE)
+        return None
+    trend, plunge = trend_plunge(vectors)
+    drawn = None
+    if len(vectors) >= LEAST_CONTOURED:
+        drawn = axes.density_contourf(
+            plunge, trend, measurement="lines", cmap=axes_of.density_map, levels=DENSITIES, extend="max", alpha=0.8
+        )
+    every = -(-len(vectors) // MOST_POINTS)
+    axes.line(plunge[::every], trend[::every], ".", markersize=2.5, color="k", alpha=0.4, rasterized=True)
+    mean = axes_of.mean_trend[column], axes_of.mean_plunge[column], axes_of.mean_cone[column]
+    if np.isfinite(mean[:2]).all():
+        cone = np.isfinite(mean[2]) and mean[2] > 0
+        axes.line(
+            mean[1], mean[0], "*", markersize=13, markerfacecolor="white", markeredgecolor="k", markeredgewidth=1.2,
+            label=f"mean {mean[0]:03.0f}°/{mean[1]:.0f}°" + (f" ± {mean[2]:.0f}°" if cone else ""),
+        )  # fmt: skip
+        if cone:
+            axes.cone(mean[1], mean[0], mean[2], facecolor="none", edgecolor="k", linewidth=1.3)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.05), handletextpad=0.2)
+    return drawn
+
+
+def kagan_angles(comparison: xr.Dataset) -> Figure:
+    """Shares of Kagan angles per bin: between the catalogues, within the record, and of random frames."""
+    figure = style.new_figure(width=0.7 * style.WIDTH, height=3.2)
+    axes = figure.subplots()
+    lower, width = comparison["kagan_lower"].values, float(comparison.attrs["kagan_bin_width"])
+    edges = np.append(lower, lower[-1] + width)
+    looks = {
+        "uniform": ("random orientations", {"color": "#8c8c8c", "linestyle": ":"}),
+        "record_record": ("recorded with recorded", {"color": style.RECORDED}),
+        "nearest": ("modelled with the nearest recorded", {"color": style.BOTH}),
+        "model_record": ("modelled with recorded", {"color": style.MODELLED, "linewidth": 2.0}),
+    }
+    for name, (label, look) in looks.items():
+        share = comparison["kagan_share"].sel(kagan_pair=name).values
+        if np.isfinite(share).all():
+            median = float(comparison["kagan_median"].sel(kagan_pair=name))
+            axes.stairs(100 * share, edges, label=f"{label}, median {median:.0f}°", **look)
+    axes.set_xlim(0, edges[-1])
+    axes.set_ylim(0, None)
+    axes.set_xlabel("Kagan angle (degrees)")
+    axes.set_ylabel(f"share of pairs per {width:g}° (%)")
+    axes.legend(loc="upper right")
+    return figure
