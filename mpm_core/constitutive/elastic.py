@@ -1,0 +1,68 @@
+"""Isotropic linear elasticity: Hooke's law and its inverse, one tensor at a time.
+
+Tensors are six numbers xx, yy, zz, yz, xz, xy with TENSOR shear (half the engineering shear), tension positive.
+The kernels are scalar for use inside loops over particles; numba also compiles them for whole arrays.
+"""
+
+import math
+
+from numba import njit
+
+from pipeline.errors import InputError
+
+
+def lame_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float, float]:
+    """(lambda, shear modulus) in Pa from Young's modulus in Pa and Poisson's ratio.
+
+    Raises InputError unless the modulus is positive and 0 <= ratio < 0.5 (no rock is known to be auxetic, and the
+    return to the Coulomb surface counts on lambda >= 0).
+    """
+    if not (math.isfinite(youngs_modulus) and youngs_modulus > 0.0):
+        raise InputError(f"youngs_modulus: {youngs_modulus} Pa: must be positive")
+    if not 0.0 <= poisson_ratio < 0.5:
+        raise InputError(f"poisson_ratio: {poisson_ratio}: must be at least 0 and below 0.5")
+    shear_modulus = youngs_modulus / (2.0 * (1.0 + poisson_ratio))
+    return 2.0 * shear_modulus * poisson_ratio / (1.0 - 2.0 * poisson_ratio), shear_modulus
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def stress_increment(lame_lambda, shear_modulus, xx, yy, zz, yz, xz, xy):
+    """Stress increment (6 components, Pa) of a strain increment (6 components): lambda tr(e) I + 2 G e."""
+    volumetric = lame_lambda * (xx + yy + zz)
+    twice = 2.0 * shear_modulus
+    return (
+        volumetric + twice * xx,
+        volumetric + twice * yy,
+        volumetric + twice * zz,
+        twice * yz,
+        twice * xz,
+        twice * xy,
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def strain_from_stress(lame_lambda, shear_modulus, xx, yy, zz, yz, xz, xy):
+    """Strain (6 components) of a stress or stress change (6 components, Pa) through the elastic compliance."""
+    compliance = 0.5 / shear_modulus
+    volumetric = lame_lambda / (3.0 * lame_lambda + 2.0 * shear_modulus) * (xx + yy + zz)
+    return (
+        compliance * (xx - volumetric),
+        compliance * (yy - volumetric),
+        compliance * (zz - volumetric),
+        compliance * yz,
+        compliance * xz,
+        compliance * xy,
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def contraction(axx, ayy, azz, ayz, axz, axy, bxx, byy, bzz, byz, bxz, bxy):
+    """Double contraction a : b of two symmetric tensors; stress : strain is work per volume, J/m3."""
+    return axx * bxx + ayy * byy + azz * bzz + 2.0 * (ayz * byz + axz * bxz + axy * bxy)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def energy_density(lame_lambda, shear_modulus, xx, yy, zz, yz, xz, xy):
+    """Elastic energy stored per volume by a stress (6 components, Pa), J/m3: half of stress : strain."""
+    exx, eyy, ezz, eyz, exz, exy = strain_from_stress(lame_lambda, shear_modulus, xx, yy, zz, yz, xz, xy)
+    return 0.5 * contraction(xx, yy, zz, yz, xz, xy, exx, eyy, ezz, eyz, exz, exy)
