@@ -1,0 +1,221 @@
+"""The gob prisms of the Elk Creek mine from its dated faces, and the mine's configuration.
+
+Tests marked `elk_creek` read the recorded data (folder ELK_CREEK_DATA, else data/elk_creek) and skip without them; the
+others read a tiny folder of the same layout whose answers are known.
+"""
+
+import ezdxf
+import numpy as np
+import pint
+import pytest
+import yaml
+from elk_creek_fixtures import ROOT, recorded_data, seam, write_tiny_mine
+from matplotlib.path import Path as Outline
+
+from catalogs.records import elk_creek as record
+from pipeline.errors import InputError
+from workflow.mines import elk_creek as mine
+
+CONFIG = ROOT / "config/mines/elk_creek.yaml"
+UNITS = pint.UnitRegistry()
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.delenv(record.ENVIRONMENT_VARIABLE, raising=False)
+    write_tiny_mine(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def data():
+    return recorded_data()
+
+
+def area_by(prisms, key):
+    total = {}
+    for prism in prisms:
+        total[prism[key]] = total.get(prism[key], 0.0) + mine.polygon_area(prism["polygon"])
+    return total
+
+
+def assert_tiles(prisms):
+    """No plan point inside two prisms: a raster of 4 m counts each at most once (points on shared edges left out)."""
+    corners = np.concatenate([prism["polygon"] for prism in prisms])
+    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+    x, y = np.meshgrid(np.arange(x0 + 0.37, x1, 4.0), np.arange(y0 + 0.37, y1, 4.0))
+    points = np.column_stack([x.ravel(), y.ravel()])
+    hits = sum(Outline(prism["polygon"]).contains_points(points, radius=-1e-3).astype(int) for prism in prisms)
+    assert hits.max() == 1
+    covered = 16.0 * hits.sum()
+    assert covered == pytest.approx(sum(area_by(prisms, "step").values()), rel=0.02)
+
+
+def assert_follows_seam(prisms, plane, gob_height):
+    for prism in prisms:
+        floor = np.array([plane.elevation(*corner) for corner in prism["polygon"]])
+        assert np.abs(floor - prism["base"]).max() <= gob_height / 4
+        assert prism["top"] - prism["base"] == pytest.approx(gob_height)
+        assert mine.polygon_area(prism["polygon"]) > 0
+
+
+def test_seam_is_the_plane_through_stations_and_panels(folder):
+    """Underground stations and the panel's middle lie on one plane; the surface station 700 m above it is left out."""
+    plane = mine.fit_seam(folder)
+    assert plane.misfit < 1e-6
+    assert plane.elevation(10123.0, 5321.0) == pytest.approx(seam(10123.0, 5321.0), abs=1e-6)
+
+
+def test_prisms_tile_the_ground_between_faces_and_carry_the_month_of_their_face(folder):
+    """Parallel faces 240 m apart across y: an advance of d metres mines 240 d m2."""
+    prisms = mine.excavations(folder, 18.0)
+    advances = {"history": 500 + 100, "2010-09": 250, "2010-10": 150, "2010-11": 100, "2010-12": 200}
+    areas = area_by(prisms, "step")
+    assert list(areas) == list(advances)  # history first; nothing after December 2010
+    for step, advance in advances.items():
+        assert areas[step] == pytest.approx(240 * advance, rel=1e-6)
+    assert_tiles(prisms)
+    assert_follows_seam(prisms, mine.fit_seam(folder), 18.0)
+    names = [prism["name"] for prism in prisms]
+    assert len(set(names)) == len(names)
+
+
+def test_a_flat_seam_needs_one_prism_a_month(folder):
+    flat = mine.Seam((0.0, 0.0), 1800.0, 0.0, 0.0, 0.0)
+    prisms = mine.panel_advances(mine.read_faces(folder), flat, 18.0)
+    assert len(prisms) == 2 + 1 + 4
+    assert {(prism["base"], prism["top"]) for prism in prisms} == {(1800.0, 1818.0)}
+
+
+def test_prepared_overlay_has_units_and_is_plain_yaml(folder):
+    overlay = yaml.safe_load(yaml.safe_dump(mine.prepare(folder)))
+    first = overlay["excavations"][0]
+    assert UNITS(first["top"]).to("m").magnitude - UNITS(first["base"]).to("m").magnitude == pytest.approx(18)
+    assert UNITS(first["polygon"][0][0]).check("[length]")
+
+
+def test_centroid_and_area_of_a_triangle_far_from_the_origin():
+    triangle = np.array([[1e6, 1e6], [1e6 + 3, 1e6], [1e6, 1e6 + 6]])
+    assert mine.polygon_area(triangle) == pytest.approx(9)
+    assert np.allclose(mine.polygon_centroid(triangle), [1e6 + 1, 1e6 + 2], atol=1e-6)
+
+
+def test_faults_of_the_geometry_are_told_in_one_line(folder):
+    with pytest.raises(InputError, match="gob_height"):
+        mine.excavations(folder, 0.0)
+    faces = folder / "face_positions.csv"
+    faces.write_text(faces.read_text().replace("tailgate_y", "tailgate_why"))
+    with pytest.raises(InputError, match="'tailgate_y' is missing"):
+        mine.excavations(folder, 18.0)
+    (folder / "dxfs/placeholder_workings.dxf").write_text("no drawing")
+    with pytest.raises(InputError, match="not a readable DXF"):
+        mine.fit_seam(folder)
+    faces.unlink()
+    with pytest.raises(InputError, match=r"face_positions\.csv is missing"):
+        mine.excavations(folder, 18.0)
+
+
+# -- the configuration ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def config():
+    return yaml.safe_load(CONFIG.read_text())
+
+
+def si(text):
+    return pint.UnitRegistry()(text).to_base_units().magnitude
+
+
+def test_domain_is_whole_multiples_of_the_coarse_cell(config):
+    lower, upper = (np.array([si(value) for value in config["domain"][key]]) for key in ("lower", "upper"))
+    coarse = si(config["grid"]["coarse_cell"])
+    assert np.allclose((upper - lower) % coarse, 0)
+    assert upper[2] == si(config["frame"]["surface"])
+
+
+def test_virgin_stress_stays_below_intact_strength_in_the_whole_domain(config):
+    """Coulomb: largest compression < N times the least + 2 c sqrt(N), N = (1 + sin phi) / (1 - sin phi)."""
+    host, stress = config["materials"]["host"], config["insitu_stress"]
+    friction = np.radians(float(host["friction_angle"]["intact"].split()[0]))
+    ratio = (1 + np.sin(friction)) / (1 - np.sin(friction))
+    depth = np.linspace(0, si(config["frame"]["surface"]) - si(config["domain"]["lower"][2]), 200)
+    components = ("xx", "yy", "zz")
+    compression = np.array([-si(stress["constant"][c]) - si(stress["gradient"][c]) * depth for c in components])
+    strength = ratio * compression.min(axis=0) + 2 * si(host["cohesion"]["intact"]) * np.sqrt(ratio)
+    assert (compression.min(axis=0) >= 0).all()
+    assert (compression.max(axis=0) / strength).max() < 0.9
+    weight = si(host["density"]) * 9.81
+    assert -si(stress["gradient"]["zz"]) == pytest.approx(weight, rel=2e-3)
+
+
+def test_missing_folder_names_the_key_of_the_excavations(folder, tmp_path, monkeypatch):
+    with pytest.raises(InputError, match=r"excavations_from\.folder"):
+        mine.excavations(tmp_path / "nowhere")
+    monkeypatch.setenv(record.ENVIRONMENT_VARIABLE, str(folder))
+    assert mine.excavations(tmp_path / "nowhere")
+
+
+@pytest.mark.elk_creek
+def test_recorded_prisms_match_the_production_drawing(data):
+    """Panels 1 and 2 as mined by 2011-01-01, against the outlines drawn from production; areas to 0.5 %."""
+    prisms = mine.excavations(data, 18.0)
+    plane = mine.fit_seam(data)
+    assert_tiles(prisms)
+    assert_follows_seam(prisms, plane, 18.0)
+    assert np.degrees(np.arctan(np.hypot(plane.east, plane.north))) == pytest.approx(3, abs=0.5)
+    assert plane.misfit < 18.0 / 3
+    drawing = ezdxf.readfile(data / "dxfs/production.dxf").modelspace()
+
+    def drawn(layer):
+        outlines = [np.array(line.get_points("xy")) for line in drawing.query(f'LWPOLYLINE[layer=="{layer}"]')]
+        return [(outline, abs(mine.polygon_area(outline))) for outline in outlines]
+
+    panel = {name: [p for p in prisms if p["name"].startswith(f"panel_{name}_")] for name in ("1", "2")}
+    first = sum(area for _, area in drawn("Panel1_production"))
+    second = sum(area for outline, area in drawn("Panel2_production") if outline[:, 0].min() < 10100)
+    assert sum(area_by(panel["1"], "step").values()) == pytest.approx(first, rel=0.005)
+    assert sum(area_by(panel["2"], "step").values()) == pytest.approx(second, rel=0.005)
+    workings = [Outline(outline) for outline, _ in mine.read_panels(data)]
+    for prism in prisms:
+        inside = [line.contains_points(prism["polygon"], radius=r).all() for line in workings for r in (8.0, -8.0)]
+        assert any(inside)  # within 8 m of a panel outline: the drawing calls them placeholders
+
+
+@pytest.mark.elk_creek
+def test_recorded_months_advance_as_the_faces_say(data):
+    """Area over the length of the face (251 m) is the monthly advance: 278, 237, 135, 206 m along the gate roads."""
+    areas = area_by(mine.excavations(data, 18.0), "step")
+    advance = {step: area / 251.0 for step, area in areas.items() if step != "history"}
+    assert list(advance) == ["2010-09", "2010-10", "2010-11", "2010-12"]
+    faces = mine.read_faces(data)
+    dates = faces["local_date"]
+    faces = faces[(faces["panel"] == "2") & (dates >= "2010-09-01") & (dates <= "2011-01-01")]
+    headgate = faces[["headgate_x", "headgate_y"]].to_numpy()
+    measured = np.linalg.norm(np.diff(headgate, axis=0), axis=1)
+    assert np.allclose(list(advance.values()), measured, rtol=0.06)
+
+
+@pytest.mark.elk_creek
+def test_configured_frame_is_that_of_the_data(data, config):
+    pyproj = pytest.importorskip("pyproj")
+    ours = pyproj.CRS.from_user_input(config["frame"]["crs"])
+    theirs = pyproj.CRS.from_wkt((data / "elk_creek_coordinates.wkt").read_text())
+    point = [
+        pyproj.Transformer.from_crs(crs, "EPSG:4269", always_xy=True).transform(10760, 5120) for crs in (ours, theirs)
+    ]
+    assert np.allclose(point[0], point[1], atol=1e-9)
+    assert np.allclose(point[0], [-107.4866, 38.9608], atol=1e-3)
+
+
+@pytest.mark.elk_creek
+def test_excavations_stay_well_inside_the_configured_domain(data, config):
+    """More than two face lengths (500 m) to every side and below; the surface is the domain's top."""
+    lower, upper = (np.array([si(value) for value in config["domain"][key]]) for key in ("lower", "upper"))
+    prisms = mine.excavations(data, 18.0)
+    corners = np.concatenate([prism["polygon"] for prism in prisms])
+    assert (corners.min(axis=0) - lower[:2] > 500).all()
+    assert (upper[:2] - corners.max(axis=0) > 500).all()
+    assert min(prism["base"] for prism in prisms) - lower[2] > 500
+    names = {step["name"] for step in config["steps"]}
+    assert {prism["step"] for prism in prisms} == names
