@@ -1,0 +1,242 @@
+"""From a step's failed particles to events: values worked out by hand, a closed budget, order in time, empty steps."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from pipeline.datasets import read_dataset, write_dataset
+from pipeline.errors import InputError
+from seismic.budget import PARTS
+from seismic.events import extract_events
+from seismic.potency import scalar_potency
+from seismic.schema import FIELDS
+
+SHEAR = np.array([0, 0, 0, 0, 0, 1e-3])
+OPENING = np.array([0, 0, 1e-3, 0, 0, 0])
+
+
+def line(start, count, spacing=1.25):
+    """Particles in a row along x."""
+    return np.asarray(start, dtype=float) + spacing * np.arange(count)[:, None] * [1, 0, 0]
+
+
+def test_one_event_by_hand(make_step, make_settings):
+    """Four particles in a row, the last with twice the drop: weights 1, 1, 1, 2 of 2e-3 * 1.25^3 m3."""
+    unit = 2e-3 * 1.25**3
+    strain = np.array([SHEAR, SHEAR, SHEAR, 2 * SHEAR])
+    events, budget = extract_events(make_step(line([1e5, 50, -800], 4), strain), make_settings())
+    assert events.sizes["event"] == 1
+    event = events.isel(event=0)
+    assert_allclose(event.potency, 5 * unit, rtol=1e-14)
+    assert_allclose(event.potency_tensor, [[0, 2.5 * unit, 0], [2.5 * unit, 0, 0], [0, 0, 0]], rtol=1e-14)
+    assert_allclose(event.moment, 22.8e9 * 5 * unit, rtol=1e-14)
+    assert_allclose(event.mw, 2 / 3 * (np.log10(22.8e9 * 5 * unit) - 9.1), rtol=1e-14)
+    assert_allclose(event.location, [1e5 + 1.25 * (0 + 1 + 2 + 2 * 3) / 5, 50, -800], rtol=1e-15)
+    assert_allclose([event.iso, event.clvd, event.dc], [0, 0, 1], atol=1e-12)
+    assert_allclose(np.abs(event.p_axis), [np.sqrt(0.5), np.sqrt(0.5), 0], atol=1e-12)
+    assert_allclose(np.sign(event.p_axis[0] * event.p_axis[1]), -1)  # slip along +x above +y: P from north-west
+    assert_allclose(np.sign(event.t_axis[0] * event.t_axis[1]), 1)
+    assert (int(event.particles), int(event.resolved), str(event.step.values)) == (4, 1, "2019-08")
+    # row at 0, 1, 2, 3 spacings, weights 1 1 1 2, mean 1.8: mean square (3.24 + 0.64 + 0.04 + 2 * 1.44) / 5 = 1.36,
+    # a full cube adds 3/12; the ball of that mean square radius has the radius sqrt(5/3 * 1.61) spacings
+    assert_allclose(event.source_size, 2 * 1.25 * np.sqrt(5 / 3 * 1.61), rtol=1e-9)
+    assert budget["particle_scalars"] == pytest.approx(5 * unit, rel=1e-14)
+    assert budget["scalar_ratio"] == pytest.approx(1.0, rel=1e-14)
+
+
+def test_a_single_particle_is_as_large_as_its_cube(make_step, make_settings):
+    """Mean square radius of a cube: s^2 / 4, of a square s^2 / 6; balls 5/3 and discs 2 times that, squared radius."""
+    step = make_step([[0, 0, 0]], [SHEAR], spacing=2.0)
+    events, _ = extract_events(step, make_settings())
+    assert_allclose(events.source_size, 2 * np.sqrt(5 / 3), rtol=1e-14)
+    assert_array_equal(events.resolved, 0)
+    events, _ = extract_events(step, make_settings(thickness=3.0))
+    assert_allclose(events.source_size, 2 * np.sqrt(4 / 3), rtol=1e-14)
+
+
+def test_two_mechanisms_at_one_place_are_two_events(make_step, make_settings):
+    position = np.repeat(line([0, 0, 0], 5), 2, axis=0)
+    strain = np.tile([SHEAR, 0.5 * OPENING], (5, 1))
+    events, budget = extract_events(make_step(position, strain), make_settings())
+    assert_array_equal(events.particles, [5, 5])
+    assert_allclose(events.iso, [0, 1 / 3], atol=1e-12)
+    assert budget["event_scalars"] == pytest.approx(float(events.potency.sum()), rel=1e-14)
+
+
+def test_scalar_of_a_sum_is_less_than_the_sum_of_scalars(make_step, make_settings):
+    """Shear and stretch of equal size, 45 degrees apart about their mean, in one family: ratio cos(22.5 degrees)."""
+    mixed = np.array([[1e-3, -1e-3, 0, 0, 0, 1e-3], [0, 0, 0, 0, 0, np.sqrt(2) * 1e-3]])
+    events, budget = extract_events(make_step(line([0, 0, 0], 2), mixed), make_settings(closeness=0.7))
+    assert events.sizes["event"] == 2  # noise: too few for DBSCAN
+    chained = make_settings(closeness=0.7, cluster={"method": "single_linkage", "radius_cells": 1.8, "min_samples": 2})
+    events, budget = extract_events(make_step(line([0, 0, 0], 2), mixed), chained)
+    assert events.sizes["event"] == 1
+    assert budget["scalar_ratio"] == pytest.approx(np.cos(np.pi / 8), rel=1e-12)
+
+
+@pytest.mark.parametrize("seismic_fraction", [1.0, 0.3])
+@pytest.mark.parametrize("method", ["dbscan", "single_linkage", "kmeans"])
+def test_budget_closes_in_every_component(make_scattered_step, make_settings, method, seismic_fraction):
+    """Every part against a plain loop over particles, negative components included; closure to 1e-12."""
+    step = make_scattered_step()
+    cluster = {"method": method, "radius_cells": 1.8, "min_samples": 3}
+    events, budget = extract_events(step, make_settings(cluster=cluster, seismic_fraction=seismic_fraction))
+    parts = {name: np.zeros(6) for name in ("seismic", "overshoot", "later")}
+    for particle in range(step.sizes["particle"]):
+        for name in parts:
+            parts[name] += step[f"{name}_strain"].values[particle] * step["volume"].values[particle]
+    assert np.min(parts["seismic"]) < 0 < np.max(parts["seismic"])
+    assert_allclose(budget["events"], seismic_fraction * parts["seismic"], rtol=1e-10)
+    assert_allclose(budget["aseismic_share"], (1 - seismic_fraction) * parts["seismic"], rtol=1e-10)
+    assert_allclose(budget["overshoot"], parts["overshoot"], rtol=1e-10)
+    assert_allclose(budget["later"], parts["later"], rtol=1e-10)
+    assert_allclose(sum(np.array(budget[name]) for name in PARTS), budget["plastic"], rtol=1e-10)
+    assert max(budget["closure"]) <= 1e-12
+    assert json.loads(events.attrs["budget"]) == budget
+    tensor = events["potency_tensor"].values.sum(axis=0)
+    assert_allclose(tensor, tensor.T, rtol=1e-14)
+    assert_allclose(tensor[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]], budget["events"], rtol=1e-12)
+    assert budget["scalar_ratio"] <= 1.0
+    resolved = events["resolved"].values == 1
+    assert budget["resolved_scalars"] == pytest.approx(float(events["potency"].values[resolved].sum()))
+
+
+def test_budget_that_does_not_close_is_refused(make_scattered_step, make_settings):
+    step = make_scattered_step()
+    step["plastic_strain_step"][5, 4] += 1e-8
+    with pytest.raises(InputError, match="step 2019-08: potency budget of component xz misses"):
+        extract_events(step, make_settings())
+
+
+def test_every_failed_particle_is_in_one_event(make_scattered_step, make_settings):
+    step = make_scattered_step()
+    events, budget = extract_events(step, make_settings())
+    assert int(events["particles"].sum()) == int((step["failed"] == 2).sum())
+    assert_allclose(scalar_potency(events["potency_tensor"].values), events["potency"], rtol=1e-12)
+    assert 0 < int(events["resolved"].sum()) < events.sizes["event"]
+    assert np.all(events["particles"].values[events["resolved"].values == 0] == 1)
+    assert budget["event_scalars"] == pytest.approx(float(events["potency"].sum()))
+
+
+def test_events_follow_increment_then_earliest_generation(make_step, make_settings):
+    """Three patches far apart. Earliest (increment, generation): first (1, 0), second (0, 7), third (0, 2)."""
+    position = np.concatenate([line([0, 0, 0], 3), line([100, 0, 0], 3), line([200, 0, 0], 3)])
+    order = [[1, 0], [2, 0], [3, 0], [0, 9], [0, 7], [1, 0], [3, 3], [0, 2], [0, 4]]
+    step = make_step(position, np.tile(SHEAR, (9, 1)), failure_order=order, end="2019-08-31")
+    events, _ = extract_events(step, make_settings())
+    assert_allclose(events["location"][:, 0], [201.25, 101.25, 1.25])
+    hours = (events["time"].values - np.datetime64("2019-08-01")) / np.timedelta64(1, "h")
+    assert_allclose(hours, [5 * 24, 15 * 24, 25 * 24])  # 30 days: (rank - 1/2) / 3
+    assert_allclose(events["time_uncertainty"], 15 * 86400)
+
+
+def test_equal_order_falls_back_to_the_first_particle(make_step, make_settings):
+    position = np.concatenate([line([0, 0, 0], 3), line([100, 0, 0], 3)])[[3, 0, 1, 2, 4, 5]]
+    events, _ = extract_events(make_step(position, np.tile(SHEAR, (6, 1))), make_settings())
+    assert_allclose(events["location"][:, 0], [101.25, 1.25])
+
+
+def test_dates_with_a_zone_are_utc_in_the_dataset(make_step, make_settings):
+    step = make_step([[0, 0, 0]], [SHEAR], start="2019-08-01T10:00:00+10:00", end="2019-08-01T04:00:00Z")
+    events, _ = extract_events(step, make_settings())
+    assert events["time"].values[0] == np.datetime64("2019-08-01T02:00:00")
+
+
+def test_floor_is_that_of_min_samples_full_cells_at_the_median_drop(make_step, make_settings):
+    """Drops 1, 2, 9: median 2, times 2e-3 (scalar of tensor shear 1e-3) times 3 times 1.25^3; slivers do not count less."""
+    strain = np.array([1.0, 2.0, 9.0])[:, None] * SHEAR
+    step = make_step(line([0, 0, 0], 3), strain, volume=[0.1, 0.2, 0.3])
+    events, _ = extract_events(step, make_settings(seismic_fraction=0.5))
+    assert events.attrs["potency_floor"] == pytest.approx(0.5 * 3 * 2 * 2e-3 * 1.25**3, rel=1e-14)
+    assert events.attrs["location_error"] == 1.25
+    events, _ = extract_events(step, make_settings(thickness=4.0))
+    assert events.attrs["potency_floor"] == pytest.approx(3 * 2 * 2e-3 * 1.25**2 * 4, rel=1e-14)
+
+
+def test_mined_particles_and_those_without_a_drop_make_no_event(make_step, make_settings):
+    strain = np.array([SHEAR, SHEAR, SHEAR, 0 * SHEAR, SHEAR])
+    step = make_step(line([0, 0, 0], 5), strain, volume=[1, 1, 1, 1, 0])
+    events, _ = extract_events(step, make_settings())
+    assert_array_equal(events["particles"], [3])
+
+
+def check_round_trip(events, path):
+    """Write, read and compare values, types and attributes; write again and compare bytes."""
+    write_dataset(events, path)
+    again = read_dataset(path)
+    for field in FIELDS:
+        assert again[field.name].dims == field.dims
+        assert_array_equal(again[field.name].values, events[field.name].values)
+        if field.dtype != "str":
+            assert again[field.name].dtype == field.dtype
+    assert json.loads(again.attrs["budget"]) == json.loads(events.attrs["budget"])
+    first = path.read_bytes()
+    write_dataset(events, path)
+    assert path.read_bytes() == first
+
+
+def test_round_trip_and_bytes(make_scattered_step, make_settings, tmp_path):
+    events, _ = extract_events(make_scattered_step(), make_settings())
+    check_round_trip(events, tmp_path / "events.nc")
+    again, _ = extract_events(make_scattered_step(), make_settings())
+    write_dataset(again, tmp_path / "again.nc")
+    assert (tmp_path / "again.nc").read_bytes() == (tmp_path / "events.nc").read_bytes()
+
+
+@pytest.mark.parametrize("particles", [0, 4])
+def test_a_step_where_nothing_fails_gives_no_events_but_a_valid_dataset(make_step, make_settings, particles, tmp_path):
+    step = make_step(line([0, 0, 0], particles), np.zeros((particles, 6)), failed=False)
+    events, budget = extract_events(step, make_settings())
+    assert events.sizes["event"] == 0
+    assert set(events.data_vars) == {field.name for field in FIELDS}
+    assert budget["scalar_ratio"] is None
+    assert_array_equal(budget["plastic"], 0.0)
+    assert np.isnan(events.attrs["potency_floor"])
+    check_round_trip(events, tmp_path / "empty.nc")
+
+
+def test_an_undated_step_gives_events_without_times(make_step, make_settings, tmp_path):
+    step = make_step(line([0, 0, 0], 4), np.tile(SHEAR, (4, 1)), step="history", start="", end="", dated=0)
+    events, _ = extract_events(step, make_settings())
+    assert events.sizes["event"] == 1
+    assert np.isnat(events["time"].values).all()
+    assert np.isnan(events["time_uncertainty"].values).all()
+    check_round_trip(events, tmp_path / "history.nc")
+
+
+def test_a_step_that_contradicts_itself_is_refused(make_step, make_settings):
+    good = make_step(line([0, 0, 0], 3), np.tile(SHEAR, (3, 1)))
+    for broken, message in (
+        (good.drop_vars("overshoot_strain"), "it lacks overshoot_strain"),
+        (good.assign_attrs(mine="other"), "belongs to mine other, not to testmine"),
+        (good.assign_attrs(step_index=5), "3 particles have seismic strain but did not fail in it"),
+        (good.assign_attrs(end="2019-08-01"), "is not after start"),
+        (good.assign_attrs(end=""), "end: '' is not an ISO date"),
+        (good.assign(seismic_strain=good.seismic_strain * np.nan), "not finite"),
+    ):
+        with pytest.raises(InputError, match=message):
+            extract_events(broken, make_settings())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"seismic_fraction": 0.0}, "seismic_fraction: 0.0"),
+        ({"seismic_fraction": 1.5}, "seismic_fraction: 1.5"),
+        ({"closeness": 1.0}, "closeness: 1.0"),
+        ({"thickness": 0.0}, "thickness: 0.0"),
+        ({"alpha": 1.0}, "unknown alpha"),
+    ],
+)
+def test_impossible_settings_are_refused_even_without_events(make_step, make_settings, change, message):
+    with pytest.raises(InputError, match=message):
+        extract_events(make_step(np.empty((0, 3)), np.empty((0, 6))), make_settings(**change))
+
+
+def test_missing_settings_are_refused(make_step, make_settings):
+    settings = make_settings()
+    del settings["frame"]
+    with pytest.raises(InputError, match="frame missing"):
+        extract_events(make_step([[0, 0, 0]], [SHEAR]), settings)

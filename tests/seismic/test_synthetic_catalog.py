@@ -1,0 +1,162 @@
+"""The catalogue of all dated steps, as dataset and table, and the two command lines end to end."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from pipeline.datasets import read_dataset, write_dataset
+from pipeline.errors import InputError
+from seismic.catalog import merge, write_csv
+from seismic.events import extract_events
+from seismic.schema import FIELDS
+
+HISTORY = {"step": "history", "step_index": 0, "start": "", "end": "", "dated": 0}
+AUGUST = {"step": "2019-08", "step_index": 1, "start": "2019-08-01", "end": "2019-09-01"}
+SEPTEMBER = {"step": "2019-09", "step_index": 2, "start": "2019-09-01", "end": "2019-10-01"}
+
+
+@pytest.fixture(scope="module")
+def event_steps(make_scattered_step, make_settings):
+    """Events of an undated history and of two months, the later month first."""
+    steps = [(3, SEPTEMBER), (1, HISTORY), (2, AUGUST)]
+    return [extract_events(make_scattered_step(seed, 150, **attrs), make_settings())[0] for seed, attrs in steps]
+
+
+def test_only_dated_steps_by_time(event_steps):
+    september, history, august = event_steps
+    catalog = merge(event_steps)
+    assert history.sizes["event"] > 0
+    assert catalog.sizes["event"] == august.sizes["event"] + september.sizes["event"]
+    assert np.all(np.diff(catalog["time"].values) > np.timedelta64(0))
+    assert set(catalog["step"].values) == {"2019-08", "2019-09"}
+    for field in FIELDS:
+        expected = np.concatenate([august[field.name].values, september[field.name].values])
+        assert_array_equal(catalog[field.name].values, expected)
+    assert json.loads(catalog.attrs["steps"]) == ["2019-08", "2019-09"]
+    assert catalog.attrs["potency_floor"] == max(august.attrs["potency_floor"], september.attrs["potency_floor"])
+
+
+def test_catalog_budget_is_the_sum_of_its_steps(event_steps):
+    budgets = [json.loads(step.attrs["budget"]) for step in event_steps]
+    total = json.loads(merge(event_steps).attrs["budget"])
+    assert_allclose(total["plastic"], np.add(budgets[0]["plastic"], budgets[2]["plastic"]), rtol=1e-14)
+    assert total["event_scalars"] == pytest.approx(budgets[0]["event_scalars"] + budgets[2]["event_scalars"])
+    assert total["scalar_ratio"] == pytest.approx(total["event_scalars"] / total["particle_scalars"])
+
+
+def test_simultaneous_events_stay_in_the_order_of_steps(make_step, make_settings):
+    """Two steps over the same days, one event each: the same time, so the earlier step comes first."""
+    shear = [[0, 0, 0, 0, 0, 1e-3]]
+    both = [
+        extract_events(make_step([[x, 0, 0]], shear, step=name, step_index=index), make_settings())[0]
+        for x, name, index in ((1.0, "earlier", 2), (0.0, "a-later", 3))
+    ]
+    for steps in (both, both[::-1]):
+        assert_array_equal(merge(steps)["step"], ["earlier", "a-later"])
+
+
+def test_truncation_is_carried_into_the_catalog(event_steps):
+    labelled = [step.assign_attrs(truncated=1, truncated_share=0.2, truncated_where="roof") for step in event_steps[:1]]
+    catalog = merge([*labelled, *event_steps[1:]])
+    assert catalog.attrs["truncated"] == 1
+    assert catalog.attrs["truncated_share"] == 0.2
+    assert catalog.attrs["truncated_where"] == "2019-09: roof"
+    assert merge(event_steps).attrs["truncated"] == 0
+
+
+def test_a_catalog_of_history_alone_is_empty_and_valid(event_steps, tmp_path):
+    catalog = merge(event_steps[1:2])
+    assert catalog.sizes["event"] == 0
+    write_dataset(catalog, tmp_path / "catalog.nc")
+    again = read_dataset(tmp_path / "catalog.nc")
+    assert again["time"].dtype == "datetime64[ns]"
+    assert np.isnan(again.attrs["potency_floor"])
+    write_csv(again, tmp_path / "catalog.csv")
+    table = pd.read_csv(tmp_path / "catalog.csv")
+    assert len(table) == 0
+    assert list(table.columns[:5]) == ["date", "time", "x_m", "y_m", "z_m"]
+
+
+def test_steps_that_do_not_belong_together_are_refused(event_steps):
+    with pytest.raises(InputError, match="steps 2019-09 and history differ in mine"):
+        merge([event_steps[0], event_steps[1].assign_attrs(mine="other")])
+    with pytest.raises(InputError, match="differ in closeness"):
+        merge([event_steps[0], event_steps[1].assign_attrs(closeness=0.5)])
+    with pytest.raises(InputError, match="appears twice"):
+        merge([event_steps[0], event_steps[0]])
+    with pytest.raises(InputError, match="no event datasets"):
+        merge([])
+
+
+def test_table_holds_the_catalog(event_steps, tmp_path):
+    catalog = merge(event_steps)
+    write_csv(catalog, tmp_path / "catalog.csv")
+    table = pd.read_csv(tmp_path / "catalog.csv", dtype={"step": str})
+    assert (
+        list(table.columns)
+        == (
+            "date time x_m y_m z_m log10_potency moment_n_m mw potency_xx_m3 potency_yy_m3 potency_zz_m3 potency_yz_m3 "
+            "potency_xz_m3 potency_xy_m3 step resolved"
+        ).split()
+    )
+    assert_array_equal(pd.to_datetime(table.date + "T" + table.time).to_numpy(), catalog["time"].values)
+    assert_allclose(table[["x_m", "y_m", "z_m"]], catalog["location"], atol=5.01e-4)
+    assert_allclose(10**table.log10_potency, catalog["potency"], rtol=2e-6)
+    assert_allclose(table.moment_n_m, catalog["moment"], rtol=1e-9)
+    assert_allclose(table.mw, catalog["mw"], atol=5.01e-5)
+    tensor = catalog["potency_tensor"].values
+    for name, (i, j) in {"xx": (0, 0), "zz": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}.items():
+        assert_allclose(table[f"potency_{name}_m3"], tensor[:, i, j], rtol=1e-9)
+    assert_array_equal(table.step, catalog["step"])
+    assert_array_equal(table.resolved, catalog["resolved"])
+    assert b"\r" not in (tmp_path / "catalog.csv").read_bytes()
+
+
+def run_seismic(*arguments):
+    """Run the command line as the workflow does."""
+    return subprocess.run([sys.executable, "-m", "seismic", *arguments], capture_output=True, text=True, check=False)
+
+
+def test_command_lines_end_to_end(make_scattered_step, make_settings, tmp_path):
+    """events, then catalog; the catalogue and its table twice with the same bytes; the budget in the log."""
+    settings = json.dumps(make_settings())
+    write_dataset(make_scattered_step(2, 150, **AUGUST), tmp_path / "step.nc")
+    done = run_seismic(
+        *("events", "--step", str(tmp_path / "step.nc"), "--settings", settings),
+        *("--output", str(tmp_path / "events.nc"), "--log", str(tmp_path / "events.log")),
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "potency budget" in (tmp_path / "events.log").read_text()
+    for name in ("first", "second"):
+        done = run_seismic(
+            *("catalog", "--events", str(tmp_path / "events.nc"), "--settings", settings),
+            *("--output", str(tmp_path / f"{name}.nc"), "--csv", str(tmp_path / f"{name}.csv")),
+            *("--log", str(tmp_path / "catalog.log")),
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+    for kind in ("nc", "csv"):
+        assert (tmp_path / f"first.{kind}").read_bytes() == (tmp_path / f"second.{kind}").read_bytes()
+    catalog = read_dataset(tmp_path / "first.nc")
+    expected, _ = extract_events(make_scattered_step(2, 150, **AUGUST), make_settings())
+    assert_array_equal(catalog["potency_tensor"], expected["potency_tensor"])
+    assert {"config_hash", "source_hash", "versions"} <= set(catalog.attrs)
+    assert len(pd.read_csv(tmp_path / "first.csv")) == catalog.sizes["event"]
+
+
+def test_command_line_errors_are_one_line_and_leave_no_output(make_scattered_step, make_settings, tmp_path):
+    write_dataset(make_scattered_step(2, 150).drop_vars("volume"), tmp_path / "step.nc")
+    done = run_seismic(
+        *("events", "--step", str(tmp_path / "step.nc"), "--settings", json.dumps(make_settings())),
+        *("--output", str(tmp_path / "events.nc"), "--log", str(tmp_path / "events.log")),
+    )
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert "step.nc: step 2019-08: not a mining step, it lacks volume" in done.stderr
+    assert "Traceback" in (tmp_path / "events.log").read_text()
+    assert not (tmp_path / "events.nc").exists()
+    assert not list(tmp_path.glob("*.part"))
