@@ -56,8 +56,8 @@ def _foreign(events: Catalog, settings: dict, path: Path) -> xr.Dataset:
     without = np.isnan(magnitudes) & ~known
     if without.any():
         raise InputError(
-            f"{path}: event {int(np.flatnonzero(without)[0]) + 1} of {len(events)}: neither magnitude nor moment tensor "
-            f"({int(without.sum())} such); remove it"
+            f"{path}: event {int(np.flatnonzero(without)[0]) + 1} of {len(events)}: neither magnitude nor moment "
+            f"tensor ({int(without.sum())} such); remove it"
         )
     if known.any():
         moduli = [settings.get(name) for name in ("lame_lambda", "shear_modulus")]

@@ -1,0 +1,275 @@
+"""How sizes are distributed: N(>= P) = 10^a P^-b in log10 potency, its completeness, and how two of them differ.
+
+x is log10 of the scalar potency in m3 throughout. b of magnitudes is 1.5 times b of log potency, as Mw = 2/3 log M0.
+Above a cut c the excess x - c is exponential with rate beta = b ln 10, cut off at an upper bound if there is one; the
+estimates are maximum likelihood of exactly that, on a continuous scale or on one of bins.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.stats import chi2, f, norm
+
+B_MAGNITUDE_PER_B_POTENCY = 1.5
+LN10 = np.log(10.0)
+CONFIDENCE = 0.95
+LEAST_EVENTS = 10  # fewer give no b worth printing
+STABILITY_WINDOW = 0.75  # of log P: half a unit of magnitude (Cao and Gao 2002)
+STABILITY_EVENTS = 100  # at the upper end of the window: b is known to 10 % there
+STEEPEST = 600.0  # largest |beta times range| searched: exp() stays finite
+
+
+@dataclass(frozen=True)
+class BValue:
+    """A b-value, its standard error and confidence interval, from how many events above which cut."""
+
+    b: float
+    error: float
+    lower: float
+    upper: float
+    events: int
+    cut: float
+    bound: float = np.inf
+
+    @property
+    def magnitude(self) -> float:
+        """The b-value of moment magnitudes."""
+        return B_MAGNITUDE_PER_B_POTENCY * self.b
+
+    @property
+    def a(self) -> float:
+        """a in log10 N(>= P) = a - b log10 P, the line through the number of events above the cut."""
+        return np.log10(self.events) + self.b * self.cut if self.events else np.nan
+
+
+def log_potency(potency: NDArray) -> NDArray:
+    """log10 of potency in m3; NaN where it is not positive."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(np.asarray(potency) > 0, np.log10(potency), np.nan)
+
+
+def above(x: NDArray, cut: float, bin_width: float = 0.0) -> NDArray:
+    """The values at or above `cut`; of binned ones (multiples of bin_width apart) those in its bin or higher."""
+    x = np.asarray(x, float)
+    return x[x >= cut - 0.5 * bin_width]
+
+
+def estimate_b(
+    x: NDArray,
+    cut: float,
+    bin_width: float = 0.0,
+    bound: float | str | None = None,
+    confidence: float = CONFIDENCE,
+) -> BValue:
+    """b of the values x at or above `cut` by maximum likelihood; all NaN with fewer than LEAST_EVENTS.
+
+    bin_width: 0 for continuous sizes (Aki 1965, times (n - 1) / n, which removes its bias: Ogata and Yamashina 1986);
+    else x are bin centres and `cut` the lowest of them, and the estimate is that of the geometric distribution (Tinti
+    and Mulargia 1987), of which Utsu's half-bin correction is the first term. bound: largest size possible (Page
+    1968); "largest" conditions on the largest event, which is then left out: its size is the bound. None: no bound.
+    Interval: exact (chi-square) for continuous, unbounded sizes, else where the likelihood ratio is below its
+    chi-square quantile. error: from the Fisher information. b may be negative under a bound.
+    """
+    values = np.sort(above(x, cut, bin_width))
+    if bound == "largest" and values.size:
+        bound, values = float(values[-1]), values[:-1]
+    elif bound is not None:
+        values = values[values <= bound + 0.5 * bin_width]
+    count, limit = values.size, np.inf if bound is None else float(bound)
+    excess = float(np.mean(values - cut)) if count else 0.0
+    if count < LEAST_EVENTS or not 0 < excess < limit - cut:
+        return BValue(np.nan, np.nan, np.nan, np.nan, count, cut, limit)
+    likelihood = _Exponential(bin_width, limit - cut)
+    beta = likelihood.solve(excess)
+    error = 1 / np.sqrt(count * likelihood.variance(beta))
+    if bin_width == 0 and np.isinf(limit):
+        tails = [(1 - confidence) / 2, (1 + confidence) / 2]
+        lower, upper = chi2.ppf(tails, 2 * count) / (2 * count * excess)
+    else:
+        lower, upper = likelihood.interval(beta, excess, count, confidence)
+    if np.isinf(limit):
+        beta, error = beta * (count - 1) / count, error * (count - 1) / count
+    return BValue(beta / LN10, error / LN10, lower / LN10, upper / LN10, count, cut, limit)
+
+
+class _Exponential:
+    """Likelihood of an exponential excess y over [0, range], or over bins: density exp(-beta y - A(beta))."""
+
+    def __init__(self, bin_width: float, span: float):
+        self.width = bin_width
+        self.span = span if bin_width == 0 else bin_width * (np.round(span / bin_width) + 1)  # bins, both ends included
+
+    def log_normaliser(self, beta: float) -> float:
+        """A(beta): log of the integral (or sum over bin centres) of exp(-beta y)."""
+        whole = _log_integral(beta, self.span)
+        return whole if self.width == 0 else whole - _log_integral(beta, self.width)
+
+    def mean(self, beta: float) -> float:
+        """Mean excess, -A'(beta)."""
+        whole = _mean(beta, self.span)
+        return whole if self.width == 0 else whole - _mean(beta, self.width)
+
+    def variance(self, beta: float) -> float:
+        """Variance of the excess, A''(beta): the Fisher information of one event."""
+        whole = _variance(beta, self.span)
+        return whole if self.width == 0 else whole - _variance(beta, self.width)
+
+    def solve(self, excess: float) -> float:
+        """beta at which the mean excess is the observed one: the maximum of the likelihood."""
+        if np.isinf(self.span):
+            return 1 / excess if self.width == 0 else np.log1p(self.width / excess) / self.width
+        steepest = STEEPEST / self.span
+        return brentq(lambda beta: self.mean(beta) - excess, -steepest, steepest, xtol=1e-12 * steepest)
+
+    def interval(self, beta: float, excess: float, count: int, confidence: float) -> tuple[float, float]:
+        """Where twice the drop of the log-likelihood from its maximum equals the chi-square quantile."""
+        best = beta * excess + self.log_normaliser(beta)
+        allowed = chi2.ppf(confidence, 1) / (2 * count)
+        step = 2 / np.sqrt(count * self.variance(beta))
+
+        def drop(other):
+            return other * excess + self.log_normaliser(other) - best - allowed
+
+        ends = []
+        for sign in (-1, 1):
+            far = beta + sign * step
+            if np.isinf(self.span):
+                far = max(far, beta * 1e-3)
+            while drop(far) < 0:
+                far = far * 0.5 if np.isinf(self.span) and sign < 0 else far + sign * step
+            ends.append(brentq(drop, *sorted((far, beta)), xtol=1e-12 * abs(step)))
+        return ends[0], ends[1]
+
+
+def _log_integral(beta: float, span: float) -> float:
+    """log of the integral of exp(-beta y) over [0, span]."""
+    if np.isinf(span):
+        return -np.log(beta)
+    u = beta * span
+    if abs(u) < 1e-6:
+        return np.log(span) - u / 2
+    return np.log(-np.expm1(-u) / beta) if u > 0 else np.log(np.expm1(-u) / -beta)
+
+
+def _mean(beta: float, span: float) -> float:
+    """Mean of y under that density: 1/beta - span / (exp(beta span) - 1)."""
+    if np.isinf(span):
+        return 1 / beta
+    u = beta * span
+    if abs(u) < 1e-4:
+        return span * (0.5 - u / 12)
+    return 1 / beta - span / np.expm1(u)
+
+
+def _variance(beta: float, span: float) -> float:
+    """Variance of y under that density."""
+    if np.isinf(span):
+        return 1 / beta**2
+    u = beta * span
+    if abs(u) < 1e-2:
+        return span**2 * (1 / 12 - u**2 / 240)
+    return 1 / beta**2 - span**2 / (4 * np.sinh(np.clip(u / 2, -300, 300)) ** 2)
+
+
+def shi_bolt_error(x: NDArray, b: float, cut: float, bin_width: float = 0.0) -> float:
+    """Standard error of b from the scatter of the sizes, right also if b drifts (Shi and Bolt 1982)."""
+    values = above(x, cut, bin_width)
+    if values.size < 2:
+        return np.nan
+    return LN10 * b**2 * np.sqrt(np.sum((values - values.mean()) ** 2) / (values.size * (values.size - 1)))
+
+
+@dataclass(frozen=True)
+class BDifference:
+    """b of the first minus b of the second, its standard error, interval, and the chance of as much if both are one."""
+
+    difference: float
+    error: float
+    lower: float
+    upper: float
+    p_value: float
+
+
+def difference_b(first: BValue, second: BValue) -> BDifference:
+    """How far two b-values differ.
+
+    Interval: from the two confidence intervals, which need not be symmetric (Zou and Donner 2008). p-value: two-sided,
+    exact (F distribution of the ratio: Utsu 1966) where neither has a bound, else normal.
+    """
+    difference = first.b - second.b
+    error = np.hypot(first.error, second.error)
+    lower = difference - np.hypot(first.b - first.lower, second.upper - second.b)
+    upper = difference + np.hypot(first.upper - first.b, second.b - second.lower)
+    if not np.isfinite(difference):
+        return BDifference(np.nan, np.nan, np.nan, np.nan, np.nan)
+    if np.isinf(first.bound) and np.isinf(second.bound):
+        # the mean excesses, scaled by beta, are chi-square with 2 n degrees of freedom
+        unbiased = first.events / (first.events - 1), second.events / (second.events - 1)
+        ratio = (second.b * unbiased[1]) / (first.b * unbiased[0])
+        tail = f.cdf(ratio, 2 * first.events, 2 * second.events)
+        p_value = 2 * min(tail, 1 - tail)
+    else:
+        p_value = 2 * norm.sf(abs(difference) / error)
+    return BDifference(difference, float(error), float(lower), float(upper), float(p_value))
+
+
+def b_by_cut(x: NDArray, cuts: NDArray, bin_width: float = 0.0) -> list[BValue]:
+    """b above each of the cuts: flat where the sizes follow the law, climbing where they are incomplete or bend."""
+    return [estimate_b(x, float(cut), bin_width) for cut in cuts]
+
+
+def cut_grid(x: NDArray, width: float = 0.1) -> NDArray:
+    """Cuts, multiples of `width`, over the range of the finite values; empty without any."""
+    x = np.asarray(x, float)
+    x = x[np.isfinite(x)]
+    if x.size == 0:
+        return np.empty(0)
+    first, last = np.floor(x.min() / width + 1e-9), np.floor(x.max() / width + 1e-9)
+    return np.arange(int(first), int(last) + 1) * width
+
+
+def counts(x: NDArray, lower_edges: NDArray, width: float) -> tuple[NDArray, NDArray]:
+    """Events per bin [edge, edge + width), and events at or above each edge."""
+    x = np.sort(np.asarray(x, float)[np.isfinite(x)])
+    edges = np.asarray(lower_edges, float) - 1e-9 * width  # a size on an edge belongs above it despite round-off
+    cumulative = x.size - np.searchsorted(x, edges, side="left")
+    above_end = x.size - np.searchsorted(x, edges + width, side="left")
+    return cumulative - above_end, cumulative
+
+
+def completeness_by_curvature(x: NDArray, width: float = 0.1) -> float:
+    """Lower edge of the fullest bin (maximum curvature, Wiemer and Wyss 2000): where counting surely fails below."""
+    edges = cut_grid(x, width)
+    return float(edges[np.argmax(counts(x, edges, width)[0])]) if edges.size else np.nan
+
+
+def completeness_by_stability(x: NDArray, width: float = 0.1, bin_width: float = 0.0) -> float:
+    """Lowest cut above which b no longer climbs (Cao and Gao 2002; Woessner and Wiemer 2005); NaN if there is none.
+
+    From that cut on, over STABILITY_WINDOW, b averaged stays within the standard error (Shi and Bolt) of b at the cut,
+    and b at the window's end within twice the error of the difference; STABILITY_EVENTS must be left at its end.
+    Not searched below the maximum of the counts. NaN is a result: the sizes follow no one law.
+    """
+    start = completeness_by_curvature(x, width)
+    if np.isnan(start):
+        return np.nan
+    cuts = cut_grid(x, width)
+    cuts = cuts[cuts >= start - 1e-9]
+    if bin_width:
+        cuts = np.round(cuts / bin_width) * bin_width
+    table = b_by_cut(x, cuts, bin_width)
+    length = round(STABILITY_WINDOW / width)
+    for index in range(len(cuts) - length):
+        window = table[index : index + length + 1]
+        if window[-1].events < STABILITY_EVENTS:
+            break
+        first, last = window[0], window[-1]
+        error = shi_bolt_error(x, first.b, first.cut, bin_width)
+        # b at the end is of a part of the same events: variances subtract, they do not add
+        drift = np.sqrt(max(last.error**2 - first.error**2, 0.0))
+        average = np.mean([value.b for value in window])
+        if abs(average - first.b) <= error and abs(last.b - first.b) <= 2 * drift:
+            return float(first.cut)
+    return np.nan
