@@ -7,7 +7,8 @@ beyond the square root: the same bits on every machine.
 The scheme is that of Scherzinger & Dohrmann (2008, Comput. Methods Appl. Mech. Eng. 197, 4007). Of the three roots of
 the characteristic cubic only the one farthest from the others is well conditioned, whatever the Lode angle: it is found
 first, then its direction, then the 2 x 2 problem in the plane across it. No digits are lost where values nearly repeat.
-Everything happens on the deviator divided by its own size, so the result is scale invariant.
+Everything happens on the deviator divided by its own size, so the result is scale invariant from 1e-150 to 1e150; a
+deviator smaller than that counts as zero.
 """
 
 import math
