@@ -24,12 +24,13 @@ def face_neighbors(grid: MultiLevelGrid) -> tuple[np.ndarray, np.ndarray]:
     count = np.zeros(len(first), dtype=np.int32)
     _cells_of_base_cells(grid.cell_index, halvings, base_shape, first, count)
     across = np.empty((len(width), 2 * grid.dimension), dtype=np.int32)
-    _cells_across(grid.cell_index, width, code, halvings, base_shape, first, count, across)
+    tree = (code, halvings, base_shape, first, count)
+    _cells_across(grid.cell_index, width, *tree, across)
     indptr = np.zeros(len(width) + 1, dtype=np.int64)
     _count_neighbors(width, across, indptr[1:])
     np.cumsum(indptr, out=indptr)
     indices = np.empty(indptr[-1], dtype=np.int32)
-    _write_neighbors(grid.cell_index, width, across, indptr, indices)
+    _write_neighbors(grid.cell_index, width, across, *tree, indptr, indices)
     return indptr, indices
 
 
@@ -112,11 +113,11 @@ def _count_neighbors(width, across, count):
 
 
 @njit(parallel=True, cache=True)
-def _write_neighbors(cell_index, width, across, indptr, indices):
+def _write_neighbors(cell_index, width, across, code, halvings, base_shape, first, count, indptr, indices):
     """Neighbours of each cell in ascending order: indices (pair,) int32, written.
 
-    Finer cells across a face are siblings, contiguous in Morton order: they differ from the first of them, which has
-    bit 0 of every axis of the face, by the bits of those axes.
+    Finer cells across a face are looked up from the first of them, at the face's lowest corner, by steps of their own
+    width along the face. Those further from the face may be finer still, so siblings are no help here.
     """
     dimension = cell_index.shape[1]
     for cell in prange(len(cell_index)):
@@ -125,9 +126,15 @@ def _write_neighbors(cell_index, width, across, indptr, indices):
             other = across[cell, side]
             if other == NO_CELL:
                 continue
-            siblings = 1 if width[other] >= width[cell] else 1 << dimension
-            for sibling in range(siblings):
-                if sibling >> (side // 2) & 1 == 0:
-                    indices[end] = other + sibling
+            indices[end] = other
+            end += 1
+            if width[other] >= width[cell]:
+                continue
+            for step in range(1, 1 << dimension):
+                if step >> (side // 2) & 1 == 0:
+                    place = cell_index[other].copy()
+                    for axis in range(dimension):
+                        place[axis] += width[other] * (step >> axis & 1)
+                    indices[end] = _cell_at(place, code, halvings, base_shape, first, count)
                     end += 1
         indices[indptr[cell] : end].sort()

@@ -16,6 +16,8 @@ from mpm_core.grid.octree import morton_code
 BLOCK_WIDTH = {2: 512, 3: 64}
 """by dimension, fine units: width of a block unless a cell is wider; 64 took half the time of 16 (4.2 M cells), and
 the table, 2 MB, stays in the cache"""
+FIRST_SLOTS = 1 << 16
+"""slots of the hash table at first, a power of two; it doubles when half full"""
 EMPTY = -1
 """no entry in the hash table; no parent"""
 GOLDEN = np.int64(-7046029254386353131)
@@ -38,7 +40,9 @@ def number_nodes(cell_index, cell_size, shape):
     cell_size = np.ascontiguousarray(cell_size, dtype=np.int32)
     block = max(BLOCK_WIDTH[dimension], int(cell_size.max()))
     cell_nodes = np.empty((len(cell_index), 1 << dimension), dtype=np.int32)
-    nodes, block_start, keys, ids = _number(cell_index, cell_size, places, block, CORNERS[dimension], cell_nodes)
+    nodes, block_start, keys, ids = _number(
+        cell_index, cell_size, places, block, CORNERS[dimension], FIRST_SLOTS, cell_nodes
+    )
     if nodes < 0:
         raise ValueError("cell_index: the cells are not in Morton order")
     node_index = np.empty((nodes, dimension), dtype=np.int32)
@@ -84,7 +88,7 @@ def _doubled(keys, ids):
 
 
 @njit(cache=True)
-def _number(cell_index, cell_size, places, block, corners, cell_nodes):
+def _number(cell_index, cell_size, places, block, corners, slots, cell_nodes):
     """Number the corners of all cells by first touch; cell_nodes (cell, 2^d) int32 is written.
 
     Returns the number of nodes (-1: not in Morton order), the first cell of each block and the hash table of the nodes
@@ -97,8 +101,8 @@ def _number(cell_index, cell_size, places, block, corners, cell_nodes):
     written = np.full((block + 1) ** dimension, -1, np.int32)  # the block that wrote this entry of the table
     block_start = np.empty(cells + 1, np.int32)
     blocks = 0
-    keys = np.full(1 << 16, EMPTY, np.int64)
-    ids = np.empty(1 << 16, np.int32)
+    keys = np.full(slots, EMPTY, np.int64)
+    ids = np.empty(slots, np.int32)
     shared = 0
     here = np.full(dimension, -1, np.int64)
     last_code = -1

@@ -84,9 +84,8 @@ class SplitMarks:
 
 def refine(
     base_shape, levels: int, classify: Classify, buffer_cells: int, extra_marks: Iterable[RefinedVolume] | None = None
-):
-    """Leaves of the balanced tree, in Morton order of their lower corner (x fastest): eight sibling leaves are
-    contiguous.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Leaves of the balanced tree, in Morton order of their lower corner (x fastest): sibling leaves are contiguous.
 
     Arguments as in :func:`mark_splits`. Returns cell_index (cell, d) int32, the lower corner in units of the finest
     cell (a base cell is 2^(levels - 1) units wide), and cell_level (cell,) int8, 0 for base cells.
@@ -100,8 +99,8 @@ def mark_splits(
     """Which cells split, so that excavations lie in finest cells and neighbours differ by one level at most.
 
     base_shape (d,) base cells per axis; levels >= 1; classify is called once per level, for all base cells and then
-    for the children of cells it marked; buffer_cells rings of a level's cells split around those marked on it. Raises
-    ValueError for arguments out of range.
+    for the children of cells it marked; buffer_cells rings of a level's cells split around those marked on it;
+    extra_marks are finest throughout as well. Raises ValueError for arguments out of range.
     """
     if buffer_cells < 0:
         raise ValueError(f"buffer_cells: {buffer_cells}: zero or more rings are expected")
@@ -128,8 +127,7 @@ def mark_splits(
 
 
 def leaves(marks: SplitMarks) -> tuple[np.ndarray, np.ndarray]:
-    """The leaves that the splits make, in Morton order: cell_index (cell, d) int32 fine units, cell_level (cell,)
-    int8."""
+    """The leaves that the splits make, in Morton order: cell_index (cell, d) int32, cell_level (cell,) int8."""
     base_cells = _morton_ordered(marks.base_shape)
     starts = _level_starts(marks.base_shape, marks.levels)
     first_cell = np.zeros(len(base_cells) + 1, dtype=np.int64)
@@ -284,7 +282,6 @@ def _count_leaves(base_cells, flags, starts, base_shape, levels, count):
 
 @njit(parallel=True, cache=True)
 def _write_leaves(base_cells, flags, starts, base_shape, levels, first_cell, cell_index, cell_level):
-    """Leaves of all base cells, those of base cell b from first_cell[b] on: cell_index (cell, d), cell_level
-    (cell,)."""
+    """Leaves of all base cells, written to cell_index (cell, d) and cell_level (cell,); first_cell (base,) of each."""
     for base in prange(len(base_cells)):
         _visit_leaves(base_cells[base], flags, starts, base_shape, levels, first_cell[base], cell_index, cell_level)
