@@ -11,7 +11,6 @@ from pipeline.errors import InputError
 from pipeline.provenance import provenance
 from pipeline.stage import run_stage
 from seismic.catalog import merge, write_csv
-from seismic.events import extract_events
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -34,6 +33,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _events(chosen: argparse.Namespace) -> None:
+    from seismic.events import extract_events  # here: the catalogue need not wait for numba and scikit-learn
+
     settings = _settings(chosen.settings)
     try:
         dataset, _ = extract_events(read_dataset(chosen.step), settings)

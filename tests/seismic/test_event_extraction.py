@@ -145,7 +145,7 @@ def test_dates_with_a_zone_are_utc_in_the_dataset(make_step, make_settings):
 
 
 def test_floor_is_that_of_min_samples_full_cells_at_the_median_drop(make_step, make_settings):
-    """Drops 1, 2, 9: median 2, times 2e-3 (scalar of tensor shear 1e-3) times 3 times 1.25^3; slivers do not count less."""
+    """Drops 1, 2, 9: median 2, times 2e-3 (scalar of tensor shear 1e-3) times 3 times 1.25^3, for any volumes."""
     strain = np.array([1.0, 2.0, 9.0])[:, None] * SHEAR
     step = make_step(line([0, 0, 0], 3), strain, volume=[0.1, 0.2, 0.3])
     events, _ = extract_events(step, make_settings(seismic_fraction=0.5))
