@@ -106,7 +106,7 @@ def _read_dxf(path: Path, layer: str | None) -> Mesh:
             faces.setdefault(entity.dxf.layer, [])
     if not faces and outlines:
         raise InputError(
-            f"holds {outlines} closed polylines but no faces: extrude them to a solid, or use shape prism with their points"
+            f"holds {outlines} closed polylines but no faces: extrude them, or use shape prism with their points"
         )
     return _join(_choose(faces, layer, "layer"))
 

@@ -15,12 +15,18 @@ from mpm_core.geometry.winding import BLOCK, inside_points, sample_cells
 
 OUTSIDE, CROSSED, INSIDE = 0, 1, 2
 
-# Measured on 2 cores: 2.3 ns per point and facet summed exactly, 1.3 us per point by libigl's tree whatever the facets.
-EXACT_FACETS = 500
+# Measured on 2 cores: summed exactly 1.1 to 2.3 ns per point and facet; libigl's tree, for any number of facets, 1.3 us
+# per point, up to 7 us beside a surface of slender triangles.
+EXACT_FACETS = 1000
 TREE_POINTS = 1 << 21  # points handed to the tree at once, 48 MiB
 # Sample points are moved by this much of a cell, so that of two solids sharing a face on a plane of sample points one
 # and only one owns them. The components differ (powers of a golden ratio), else points would stay on diagonal planes.
 NUDGE = TOLERANCE * np.array([1.0, 0.8191725, 0.6710436])
+
+# A sub-cell's point along one axis, in 8ths (16ths) of the sub-cell, by the sub-cell's place along the other axes. The
+# best of the mirror-symmetric patterns of this form by the error of a half-space's share; in 2-D, bit reversal.
+PLACES_2D = np.array([0, 4, 2, 6, 1, 5, 3, 7])
+PLACES_3D = 4 * np.array([2, 0, 3, 1])[:, None] + np.array([0, 2, 1, 3])
 
 
 def contains(solid: Solid, points: np.ndarray) -> np.ndarray:
@@ -85,9 +91,9 @@ def classify_cells(solid: Solid, origin: np.ndarray, cell_size: float, index: np
 def sample_mask(solid: Solid, origin: np.ndarray, cell_size: float, index: np.ndarray) -> np.ndarray:
     """Which of 64 points of each cell lie inside, one bit each, as (cell,) uint64. Arguments as in classify_cells.
 
-    The points are the centres of 4 x 4 x 4 sub-cells, bit i + 4 j + 16 k; in 2-D of 8 x 8 sub-cells, bit i + 8 j (i
-    along the first axis). popcount(mask) / 64 is the share of the cell inside; `a & ~b` takes solid b out of solid a.
-    A share is good to about 1 % for a smooth surface; a sheet thinner than a sub-cell may fall between the points.
+    One point in each of 4 x 4 x 4 sub-cells, bit i + 4 j + 16 k; in 2-D in each of 8 x 8, bit i + 8 j (i along the
+    first axis). popcount(mask) / 64 is the share of the cell inside; `a & ~b` takes solid b out of solid a. A share is
+    good to 1 or 2 % of the cell where a smooth surface passes; a sheet thinner than a sub-cell may miss all points.
     """
     index = np.asarray(index, dtype=np.int32).reshape(-1, solid.dimension)
     mask = np.zeros(len(index), dtype=np.uint64)
@@ -115,10 +121,21 @@ def popcount(mask: np.ndarray) -> np.ndarray:
 
 
 def _sample_points(dimension: int) -> np.ndarray:
-    """Offsets (dimension, 64) of the sample points from a cell's lower corner, in cells, in bit order, nudged."""
-    edge = {2: 8, 3: 4}[dimension]
-    axes = np.meshgrid(*[(np.arange(edge) + 0.5) / edge] * dimension, indexing="ij")
-    return np.stack([axis.ravel() for axis in reversed(axes)]) + NUDGE[:dimension, None]
+    """Offsets (dimension, 64) of the sample points from a cell's lower corner, in cells, in bit order, nudged.
+
+    One point per sub-cell, moved within it so that along each axis all 64 points are at different, evenly spaced places
+    (multi-jittered sampling, Chiu et al. 1994). A flat wall moving through the cell then meets one point after the
+    other, where sub-cell centres would come in whole layers: the share beside an axis-parallel wall is good to 1 %
+    instead of 8 %, beside a wall at 45 degrees to 1.4 instead of 4.3 %. The pattern is its own mirror image.
+    """
+    if dimension == 2:
+        i, j = np.meshgrid(np.arange(8), np.arange(8), indexing="ij")
+        places = [(i + (PLACES_2D[j] + 0.5) / 8) / 8, (j + (PLACES_2D[i] + 0.5) / 8) / 8]
+    else:
+        i, j, k = np.meshgrid(np.arange(4), np.arange(4), np.arange(4), indexing="ij")
+        places = [(a + (PLACES_3D[b, c] + 0.5) / 16) / 4 for a, b, c in ((i, j, k), (j, k, i), (k, i, j))]
+    # bit i + 4 j + 16 k: the first axis runs fastest
+    return np.stack([place.ravel(order="F") for place in places]) + NUDGE[:dimension, None]
 
 
 def _cell_box(corners: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

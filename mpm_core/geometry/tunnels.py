@@ -1,9 +1,11 @@
 """A profile swept along a polyline: drives, declines, crosscuts.
 
 The path is the centre line of the floor, as surveyed. The profile stands perpendicular to the path with its floor
-level across: it never rolls. A bend is mitred: both stretches end in the plane that halves it. Where a bend is too
-sharp for that, or a stretch too short for its bends, each stretch ends squarely and a little beyond the corner; they
-overlap, which changes nothing inside (the winding number there is 2).
+level across: it never rolls. A bend is mitred: both stretches end in the plane that halves it. There the two meet in
+one ring of corners if the path bends in plan or in section; if in both, each ends in its own (a level profile cannot
+follow without a twist), and the stretches are bodies of their own that abut. Where a bend is too sharp for a mitre, or
+a stretch too short for its bends, each ends squarely and a little beyond the corner: they overlap, which changes
+nothing inside (the winding number there is 2), but `Solid.volume` counts the overlap twice.
 """
 
 from collections.abc import Callable
@@ -12,6 +14,7 @@ import numpy as np
 
 ARCH_SEGMENTS = 24  # of the semicircular roof
 STEEPEST = np.radians(85)  # beyond it the heading that keeps the profile level is hardly defined
+SAME_RING = 1e-9  # of the width; nearer corners are one
 SHARPEST_MITRE = np.radians(120)  # a mitre's tip reaches 2 half widths out there
 
 
@@ -39,21 +42,20 @@ def sweep_tunnel(
     # the profile's corners from the path, per stretch (stretch, corner, xyz)
     profiles = outline[:, 0, None] * across[:, None, :] + outline[:, 1, None] * above[:, None, :]
 
-    mitred = _mitred(outline, along, length, profiles)
-    pieces, first = [], 0
-    for joint in range(1, len(path)):
-        if joint < len(path) - 1 and mitred[joint - 1]:
-            continue
-        pieces.append((first, joint))
-        first = joint
-    vertices, facets, count = [], [], 0
-    for first, last in pieces:
-        rings = [_square_end(local[first], along, profiles, first, -1.0, width)]
-        rings += [local[j] + _mitre(j - 1, along, profiles) for j in range(first + 1, last)]
-        rings.append(_square_end(local[last], along, profiles, last - 1, 1.0, width))
+    mitred = _mitred(along, length, profiles)
+    rings, vertices, facets, count = [], [], [], 0
+    for stretch in range(len(along)):
+        rings.append(local[stretch] + _end(stretch, -1, mitred, along, profiles, width))
+        rings.append(local[stretch + 1] + _end(stretch, 1, mitred, along, profiles, width))
+        if stretch < len(along) - 1 and mitred[stretch]:
+            ahead = local[stretch + 1] + _end(stretch + 1, -1, mitred, along, profiles, width)
+            if np.abs(ahead - rings[-1]).max() < SAME_RING * width:
+                rings.pop()  # the next stretch's start is this one's end
+                continue
         vertices.append(np.concatenate(rings))
         facets.append(_skin(len(outline), len(rings)) + count)
         count += len(vertices[-1])
+        rings = []
     return np.concatenate(vertices) + path[0], np.concatenate(facets)
 
 
@@ -79,50 +81,40 @@ def _outline(width: float, height: float, profile: str, fail: Callable[[str, str
     return np.concatenate([floor, roof]) if height > half else roof
 
 
-def _mitre(joint: int, along: np.ndarray, profiles: np.ndarray) -> np.ndarray:
-    """Corners (corner, 3) from the path's point, in the plane that halves the bend between stretches joint, joint + 1.
-
-    Both profiles are moved along their own stretch to that plane. They meet there if the path bends in plan or in
-    section; if in both, they differ by the little that a level profile must twist, and the mean is taken.
-    """
-    normal = along[joint] + along[joint + 1]
-    moved = [profiles[j] - np.outer(profiles[j] @ normal / (along[j] @ normal), along[j]) for j in (joint, joint + 1)]
-    return (moved[0] + moved[1]) / 2
-
-
-def _mitred(outline: np.ndarray, along: np.ndarray, length: np.ndarray, profiles: np.ndarray) -> np.ndarray:
-    """Whether each inner point (point - 2,) gets a mitre: not too sharp, and the cuts of one stretch do not cross."""
-    cosine = np.clip((along[:-1] * along[1:]).sum(axis=1), -1.0, 1.0)
-    mitred = np.arccos(cosine) <= SHARPEST_MITRE
-    for stretch in range(len(along)):
-        # how far each corner's edge is cut back at the start, or reaches in at the end, of this stretch
-        start, end = np.zeros(len(outline)), np.zeros(len(outline))
-        if stretch > 0 and mitred[stretch - 1]:
-            start = _mitre(stretch - 1, along, profiles) @ along[stretch]
-        if stretch < len(along) - 1 and mitred[stretch]:
-            end = _mitre(stretch, along, profiles) @ along[stretch]
-        if (start - end >= length[stretch]).any():
-            if stretch > 0:
-                mitred[stretch - 1] = False
-            if stretch < len(mitred):
-                mitred[stretch] = False
-    return mitred
-
-
-def _square_end(
-    point: np.ndarray, along: np.ndarray, profiles: np.ndarray, stretch: int, side: float, width: float
+def _end(
+    stretch: int, side: int, mitred: np.ndarray, along: np.ndarray, profiles: np.ndarray, width: float
 ) -> np.ndarray:
-    """Corners (corner, 3) of a square end at `point`; at a bend, moved beyond it to close the notch outside the bend.
+    """Corners (corner, 3) of a stretch's start (side -1) or end (side 1), from the path's point there."""
+    joint = stretch if side > 0 else stretch - 1
+    if not 0 <= joint < len(mitred):
+        return profiles[stretch]
+    if mitred[joint]:
+        return _mitre(stretch, joint, along, profiles)
+    beyond = width / 2
+    if along[joint] @ along[joint + 1] > 0:  # as far as a mitre's tip; at a sharper turn as far as a square one's
+        beyond = (side * _mitre(stretch, joint, along, profiles) @ along[stretch]).max()
+    return profiles[stretch] + side * beyond * along[stretch]
 
-    side: -1 at the stretch's start, 1 at its end.
-    """
-    neighbour = stretch + int(side)
-    beyond = 0.0
-    if 0 <= neighbour < len(along):
-        beyond = width / 2
-        if along[stretch] @ along[neighbour] > 0:  # as far as a mitre's tip; at a sharper turn as far as a square one's
-            beyond = (side * _mitre(min(stretch, neighbour), along, profiles) @ along[stretch]).max()
-    return point + profiles[stretch] + side * beyond * along[stretch]
+
+def _mitre(stretch: int, joint: int, along: np.ndarray, profiles: np.ndarray) -> np.ndarray:
+    """Corners (corner, 3) from the path's point: the stretch's profile moved along it to the plane halving the bend."""
+    normal = along[joint] + along[joint + 1]
+    return profiles[stretch] - np.outer(profiles[stretch] @ normal / (along[stretch] @ normal), along[stretch])
+
+
+def _mitred(along: np.ndarray, length: np.ndarray, profiles: np.ndarray) -> np.ndarray:
+    """Whether each inner point (point - 2,) gets a mitre: not too sharp, and the cuts of one stretch do not cross."""
+    mitred = np.arccos(np.clip((along[:-1] * along[1:]).sum(axis=1), -1.0, 1.0)) <= SHARPEST_MITRE
+    for stretch in range(len(along)):
+        # how far each corner's edge begins after the stretch's start and ends before its end
+        begins = ends = np.zeros(profiles.shape[1])
+        if stretch > 0 and mitred[stretch - 1]:
+            begins = _mitre(stretch, stretch - 1, along, profiles) @ along[stretch]
+        if stretch < len(mitred) and mitred[stretch]:
+            ends = -_mitre(stretch, stretch, along, profiles) @ along[stretch]
+        if (begins + ends >= length[stretch]).any():
+            mitred[max(stretch - 1, 0) : stretch + 1] = False
+    return mitred
 
 
 def _skin(corners: int, rings: int) -> np.ndarray:

@@ -1,0 +1,211 @@
+"""Which cells are crossed or inside, and how much of them: against brute force, and where grid and solid align."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mpm_core.geometry import (
+    CROSSED,
+    INSIDE,
+    OUTSIDE,
+    Solid,
+    build_shape,
+    classify_cells,
+    contains,
+    popcount,
+    sample_mask,
+)
+from mpm_core.geometry import inside as inside_module
+from tests.geometry import twins
+from tests.geometry.twins import cells, joined, moved, rotation
+
+BOX = build_shape({"name": "box", "shape": "box", "lower": [-1, -2, -3], "upper": [1, 2, 3]}, 3)
+ORIGIN = np.zeros(3)
+
+
+def sampled_volume(solid: Solid, origin: np.ndarray, size: float, index: np.ndarray) -> float:
+    """Volume as the grid sees it: cells inside, and the shares of crossed ones."""
+    kind = classify_cells(solid, origin, size, index)
+    shares = popcount(sample_mask(solid, origin, size, index[kind == CROSSED])).sum() / 64
+    return ((kind == INSIDE).sum() + shares) * size**solid.dimension
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    stretch=st.tuples(*[st.floats(0.02, 2.0)] * 3),
+    shift=st.tuples(*[st.floats(2.0, 5.0)] * 3),
+)
+def test_classification_is_that_of_clipping_every_facet_by_every_cell(seed, stretch, shift):
+    """Turned boxes from slabs thinner than a cell to bars that leave the block of cells."""
+    solid = moved(BOX, rotation(seed) * stretch, np.array(shift))
+    index = cells(6, 6, 6)
+    np.testing.assert_array_equal(classify_cells(solid, ORIGIN, 1.0, index), twins.classify(solid, ORIGIN, 1.0, index))
+
+
+@settings(max_examples=15, deadline=None)
+@given(points=st.lists(st.tuples(st.floats(-1, 11), st.floats(-1, 11)), min_size=3, max_size=6, unique=True))
+def test_plane_classification_is_that_of_clipping(points):
+    ring = np.arange(len(points))
+    solid = Solid("p", points, np.column_stack([ring, np.roll(ring, -1)]))
+    index = cells(10, 10)
+    np.testing.assert_array_equal(
+        classify_cells(solid, np.zeros(2), 1.0, index), twins.classify(solid, np.zeros(2), 1.0, index)
+    )
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e5, 1e6, 1e7])
+@pytest.mark.parametrize("size", [1.25, 0.1])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_aligned_box_is_exactly_its_cells(dimension, size, offset):
+    """Faces in cell faces cross nothing, even where offset + 3 * 0.1 is not a number; the sampled volume is exact."""
+    lower, upper = np.array([2, 3, 4])[:dimension], np.array([6, 5, 9])[:dimension]
+    origin = np.full(dimension, offset)
+    corners = {"lower": (origin + lower * size).tolist(), "upper": (origin + upper * size).tolist()}
+    solid = build_shape({"name": "b", "shape": "box", **corners}, dimension)
+    index = cells(*[11] * dimension)
+    kind = classify_cells(solid, origin, size, index)
+    expected = ((index >= lower) & (index < upper)).all(axis=1)
+    np.testing.assert_array_equal(kind, np.where(expected, INSIDE, OUTSIDE))
+    np.testing.assert_array_equal(popcount(sample_mask(solid, origin, size, index)), np.where(expected, 64, 0))
+
+
+@pytest.mark.parametrize("offset", [1e5, 1e6])
+def test_far_from_the_origin_is_as_near_it(offset):
+    solid = moved(BOX, rotation(3), np.array([4.0, 4.0, 4.0]))
+    near = Solid("b", np.round(solid.vertices * 2**20) / 2**20, solid.facets)
+    far, origin, index = moved(near, shift=offset), np.full(3, offset), cells(32, 32, 32)
+    np.testing.assert_array_equal(classify_cells(far, origin, 0.25, index), classify_cells(near, ORIGIN, 0.25, index))
+    np.testing.assert_array_equal(sample_mask(far, origin, 0.25, index), sample_mask(near, ORIGIN, 0.25, index))
+
+
+def test_slab_thinner_than_a_cell_crosses_every_cell_on_its_way():
+    """A tilted 1 mm seam: no centre, hardly a sample point inside, and yet no cell is missed."""
+    solid = moved(BOX, np.diag([4.0, 2.0, 1.7e-4]), np.array([5.0, 5.0, 5.3]))
+    tilt = np.array([[1, 0, 0], [0, 1, 0], [0.1, 0.05, 1]])
+    solid = moved(solid, tilt)
+    index = cells(10, 10, 10)
+    crossed = classify_cells(solid, ORIGIN, 1.0, index) == CROSSED
+    np.testing.assert_array_equal(crossed, twins.classify(solid, ORIGIN, 1.0, index) == CROSSED)
+    columns = {tuple(cell[:2]) for cell in index[crossed]}
+    assert columns == {(i, j) for i in range(1, 9) for j in range(1, 9)}
+
+
+def test_box_within_one_cell_crosses_that_cell_alone():
+    solid = moved(BOX, np.eye(3) * 0.05, np.array([3.5, 4.5, 5.5]))
+    index = cells(8, 8, 8)
+    kind = classify_cells(solid, ORIGIN, 1.0, index)
+    assert index[kind != OUTSIDE].tolist() == [[3, 4, 5]]
+    assert kind.max() == CROSSED
+
+
+def test_solid_outside_the_cells_touches_none():
+    index = cells(4, 4, 4)
+    for shift in ([1e6, 0, 0], [-50, 2, 2], [2, 2, 1e12]):
+        far = moved(BOX, shift=np.array(shift, dtype=float))
+        assert not classify_cells(far, ORIGIN, 1.0, index).any()
+        assert not sample_mask(far, ORIGIN, 1.0, index).any()
+    assert classify_cells(BOX, ORIGIN, 1.0, cells(0, 4, 4)).shape == (0,)
+    assert sample_mask(BOX, ORIGIN, 1.0, cells(0, 4, 4)).shape == (0,)
+
+
+def test_solid_that_swallows_the_cells_has_them_all_inside():
+    index = cells(4, 4, 4, start=-2)
+    assert (classify_cells(moved(BOX, np.eye(3) * 1e5), ORIGIN, 1.0, index) == INSIDE).all()
+
+
+def test_cells_need_no_order_and_may_be_few():
+    """A refined level is a scattered subset of cells: each answer depends on its own cell alone."""
+    solid, index = moved(BOX, rotation(5), np.array([4.0, 4.0, 4.0])), cells(16, 16, 16)
+    whole, mask = classify_cells(solid, ORIGIN, 0.5, index), sample_mask(solid, ORIGIN, 0.5, index)
+    some = np.random.default_rng(0).permutation(len(index))[:500]
+    np.testing.assert_array_equal(classify_cells(solid, ORIGIN, 0.5, index[some]), whole[some])
+    np.testing.assert_array_equal(sample_mask(solid, ORIGIN, 0.5, index[some]), mask[some])
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_mask_bits_are_the_sub_cells_in_the_documented_order(dimension):
+    """A box over one sub-cell, cell 1 of 3, sets that sub-cell's bit and no other: bit i + 4 j + 16 k (i + 8 j)."""
+    edge = {2: 8, 3: 4}[dimension]
+    for place in cells(*[edge] * dimension)[::5]:
+        lower = 1 + place / edge
+        solid = build_shape({"name": "b", "shape": "box", "lower": lower, "upper": lower + 1 / edge}, dimension)
+        mask = sample_mask(solid, np.zeros(dimension), 1.0, cells(*[3] * dimension))
+        expected = np.uint64(1) << np.uint64((place * edge ** np.arange(dimension)).sum())
+        assert np.unique(mask).tolist() == [0, expected]
+        assert (mask != 0).sum() == 1
+
+
+def test_masks_are_contains_at_the_sample_points_by_sum_and_by_tree(monkeypatch):
+    ball = build_shape({"name": "s", "shape": "sphere", "center": [3.1, 3.2, 3.3], "radius": 2}, 3)
+    index = cells(6, 6, 6)
+    mask = sample_mask(ball, ORIGIN, 1.0, index)
+    points = (index[:, None, :] + inside_module._sample_points(3).T).reshape(-1, 3)
+    bits = (mask[:, None] >> np.arange(64, dtype=np.uint64)) & np.uint64(1)
+    np.testing.assert_array_equal(bits.ravel().astype(bool), contains(ball, points))
+    few = build_shape({"name": "c", "shape": "cylinder", "start": [1, 1, 1], "end": [5, 5, 5], "radius": 1}, 3)
+    by_sum = sample_mask(few, ORIGIN, 1.0, index)
+    monkeypatch.setattr(inside_module, "EXACT_FACETS", 1)
+    monkeypatch.setattr(inside_module, "TREE_POINTS", 64 * 7)
+    np.testing.assert_array_equal(sample_mask(few, ORIGIN, 1.0, index), by_sum)
+
+
+def test_sample_points_meet_a_wall_one_by_one():
+    """Along each axis 64 different, evenly spaced places, mirrored in the centre: shares beside a wall to 1/64."""
+    for dimension in (2, 3):
+        points = inside_module._sample_points(dimension) - inside_module.NUDGE[:dimension, None]
+        for axis in points:
+            np.testing.assert_allclose(np.sort(axis), (np.arange(64) + 0.5) / 64)
+        mirrored = {tuple(point) for point in (64 * (1 - points)).T.round(6)}
+        assert mirrored == {tuple(point) for point in (64 * points).T.round(6)}
+
+
+@pytest.mark.parametrize("height", [0.1, 0.33, 0.5078125, 0.9])
+def test_share_of_a_cell_below_a_level_roof(height):
+    solid = build_shape({"name": "b", "shape": "box", "lower": [-9, -9, -9], "upper": [9, 9, height]}, 3)
+    assert popcount(sample_mask(solid, ORIGIN, 1.0, cells(1, 1, 1)))[0] / 64 == pytest.approx(
+        height, abs=0.5 / 64 + 1e-9
+    )
+
+
+def test_solids_that_share_a_face_share_no_sample_and_leave_none_out():
+    """The face lies in a plane of sample points (x = 65/128 of a cell), where round-off would otherwise decide."""
+    face = 1 + 65 / 128
+    left = build_shape({"name": "l", "shape": "box", "lower": [0, 0, 0], "upper": [face, 3, 3]}, 3)
+    right = build_shape({"name": "r", "shape": "box", "lower": [face, 0, 0], "upper": [3, 3, 3]}, 3)
+    index = cells(3, 3, 3)
+    a, b = sample_mask(left, ORIGIN, 1.0, index), sample_mask(right, ORIGIN, 1.0, index)
+    assert not (a & b).any()
+    assert (popcount(a | b) == 64).all()
+
+
+@pytest.mark.parametrize(
+    ("specification", "bound"),
+    [
+        ({"shape": "sphere", "center": [20.3, 20.1, 19.8], "radius": 6}, 2e-3),
+        ({"shape": "cylinder", "start": [8, 9, 10], "end": [30, 25, 20], "radius": 4}, 2e-3),
+        ({"shape": "tunnel", "path": [[3, 5, 5], [25, 9, 6], [33, 33, 8]], "width": 5, "height": 5}, 5e-3),
+        ({"shape": "box", "lower": [3.3, 3.4, 3.9], "upper": [8.1, 31.7, 8.8]}, 5e-3),
+    ],
+)
+def test_shares_add_up_to_the_volume(specification, bound):
+    """Cells of 1.25 m, as in a mine. Samples at sub-cell centres would be 1 to 3 % off on the last two."""
+    solid = build_shape(dict(specification, name="x"), 3)
+    assert sampled_volume(solid, ORIGIN, 1.25, cells(32, 32, 32)) == pytest.approx(solid.volume, rel=bound)
+
+
+def test_overlap_counts_once():
+    """Two boxes that overlap by a third, as one solid: the shares give the union's volume."""
+    both = joined(moved(BOX, shift=[4.1, 4.2, 4.3]), moved(BOX, shift=[4.1, 4.2, 6.3]))
+    assert both.volume == pytest.approx(96)
+    assert sampled_volume(both, ORIGIN, 0.5, cells(20, 20, 24)) == pytest.approx(64, rel=5e-3)
+
+
+def test_broken_or_inverted_solid_fills_the_same_cells():
+    ball = build_shape({"name": "s", "shape": "sphere", "center": [4, 4, 4], "radius": 3}, 3)
+    index = cells(16, 16, 16)
+    whole = sampled_volume(ball, ORIGIN, 0.5, index)
+    assert sampled_volume(Solid("i", ball.vertices, ball.facets[:, ::-1]), ORIGIN, 0.5, index) == whole
+    holed = Solid("h", ball.vertices, ball.facets[5:])
+    assert sampled_volume(holed, ORIGIN, 0.5, index) == pytest.approx(whole, rel=1e-3)
