@@ -28,6 +28,12 @@ RIGIDITY = 33e9  # Pa, what the IMS catalogue's own moments and potencies imply
 MATCH_WITHIN = 1.0  # s; the clocks of the two catalogues differ by 0.3 s in the median
 LEAST_PAIRS = 20  # fewer matched pairs give no usable median
 
+CAVEATS = (
+    "Elevations: a fifth of the events of September to December 2010 lie within 2 m of one plane some 26 m above the "
+    "seam floor, where the locator put them. Compare locations in plan; elevations say little.",
+    "Orientations: the axes of the reprocessed tensors look like east, north, up, but are not documented.",
+)
+
 COORDINATES = ["Location X", "Location Y", "Location Z"]
 IMS_COLUMNS = ["Date", *COORDINATES, "Moment Total"]
 TENSOR_COLUMNS = {
@@ -69,12 +75,12 @@ def read(settings: Mapping) -> xr.Dataset:
     """IMS events with sizes (dim event, tensors NaN) and, apart from them, orientations (dim orientation).
 
     settings: file (the data folder), mine, filter (catalogs.records.filters; columns of the IMS files by their names),
-    rigidity (Pa, 33 GPa unless given; potency = Moment Total / rigidity), orientations {location_error (m), start, end}
-    (absent: none read), location_error (m; absent: the median distance of pairs matched within match_within, 1 s).
+    rigidity (Pa, 33 GPa unless given; potency = Moment Total / rigidity), orientations (absent: none; see
+    read_orientations), location_error (m; absent: the median distance of pairs matched within match_within, 1 s).
 
     Beside the schema's variables: orientation_time, orientation_location (orientation, xyz) m, orientation_tensor
     (orientation, xyz, axis): moment tensor over its norm, axes taken as east, north, up (SOURCE: not documented).
-    Attributes: location_error, location_error_from (text), rigidity. Raises InputError.
+    Attributes: location_error, location_error_from (text), rigidity, caveats (JSON list of text). Raises InputError.
     """
     folder = data_folder(settings["file"])
     frame = _read_parquet(data_path(folder, "ims_events"), IMS_COLUMNS)
@@ -89,6 +95,7 @@ def read(settings: Mapping) -> xr.Dataset:
         "rigidity": rigidity,
         "shear_modulus": rigidity,
         "lame_lambda": np.nan,
+        "caveats": json.dumps(CAVEATS),
     }
     events = new_catalog(
         len(frame),
@@ -114,23 +121,25 @@ def read(settings: Mapping) -> xr.Dataset:
 def read_orientations(folder: Path, chosen: Mapping, limits: Mapping) -> xr.Dataset:
     """Orientations (dim orientation) of reprocessed events with `Location Error` below chosen["location_error"] (m).
 
-    chosen: location_error, start, end (ISO, UTC; absent: the limits of the record); limits: lower and upper corner of
-    the record's box. Raises InputError when none is left.
+    chosen: location_error, and lower, upper (corners of a box, m), start, end (ISO, UTC), each the record's own limit
+    where absent. A small location error alone selects ground near a sensor: most such events are in the mains, 700 m
+    from the face, so name the box that is to be compared. Raises InputError when none is left.
     """
     frame = _read_parquet(data_path(folder, "rocksigma_events"), ROCKSIGMA_COLUMNS)
     location = frame[COORDINATES].to_numpy(float)
     time = frame["time"].to_numpy("datetime64[ns]")
     kept = frame["Location Error"].to_numpy(float) < float(chosen["location_error"])
+    limit = {key: chosen.get(key, limits.get(key)) for key in ("lower", "upper", "start", "end")}
     for key, inside in (("lower", np.greater_equal), ("upper", np.less_equal)):
-        if limits.get(key) is not None:
-            kept &= inside(location, np.asarray(limits[key], float)).all(axis=1)
-    window = {key: chosen.get(key) or limits.get(key) for key in ("start", "end")}
-    if window["start"]:
-        kept &= time >= parse_time(window["start"], "record.orientations.start")
-    if window["end"]:
-        kept &= time < parse_time(window["end"], "record.orientations.end")
+        if limit[key] is not None:
+            kept &= inside(location, np.asarray(limit[key], float)).all(axis=1)
+    for key, inside in (("start", np.greater_equal), ("end", np.less)):
+        if limit[key]:
+            kept &= inside(time, parse_time(limit[key], f"record.orientations.{key}"))
     if not kept.any():
-        raise InputError(f"{folder}: record.orientations: none of {len(frame)} left; widen location_error or the dates")
+        raise InputError(
+            f"{folder}: record.orientations: none of {len(frame)} left; widen location_error, box or dates"
+        )
 
     tensor = np.empty((kept.sum(), 3, 3))
     for (row, column), name in TENSOR_COLUMNS.items():
@@ -138,7 +147,7 @@ def read_orientations(folder: Path, chosen: Mapping, limits: Mapping) -> xr.Data
     norm = np.sqrt((tensor**2).sum(axis=(1, 2)))
     if not (np.isfinite(norm) & (norm > 0)).all():
         raise InputError(f"{folder}: rocksigma_events: a moment tensor is zero or not a number; remove that event")
-    account = {"location_error": float(chosen["location_error"]), **window}
+    account = {"location_error": float(chosen["location_error"]), **limit}
     account |= {"before": len(frame), "after": int(kept.sum())}
     return xr.Dataset(
         {
