@@ -1,1 +1,1 @@
-"""The figures of the report: each module draws one subject and returns matplotlib figures; style.py says how they look."""
+"""The figures of the report: each module draws one subject, style.py says how all look."""

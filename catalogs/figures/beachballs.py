@@ -28,7 +28,7 @@ def lower_hemisphere(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def first_motion(tensor: np.ndarray, samples: int = SAMPLES) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Outward first motion r.M.r on a square around the projection: x (samples,), y (samples,), motion (y, x).
 
-    tensor: (3, 3) moment tensor, any unit, axes east, north, up, tension (outward motion) positive; scaled to unit norm.
+    tensor: (3, 3) moment tensor, any unit, axes east, north, up, outward motion positive; scaled to unit norm.
     """
     line = np.linspace(-1.0, 1.0, samples)
     ray = lower_hemisphere(*np.meshgrid(line, line))
@@ -43,19 +43,15 @@ def shaded_share(tensor: np.ndarray, samples: int = SAMPLES) -> float:
     return float((motion[inside] > 0).mean())
 
 
-def draw_ball(
-    axes: Axes, tensor: np.ndarray, centre=(0.0, 0.0), radius: float = 1.0, colour: str = style.MODELLED
-) -> None:
+def draw_ball(axes: Axes, tensor: np.ndarray, colour: str = style.MODELLED) -> None:
     """Draw one ball: coloured where first motion is outward (dilated, as the paper's Fig. 16), white where inward."""
     x, y, motion = first_motion(tensor)
-    disc = Circle(centre, radius, facecolor="white", edgecolor="none", zorder=4)
+    disc = Circle((0, 0), 1, facecolor="white", edgecolor="none", zorder=4)
     axes.add_patch(disc)
     if motion.max() > 0:
-        drawn = axes.contourf(
-            centre[0] + radius * x, centre[1] + radius * y, motion, levels=[0.0, 2.0], colors=[colour], zorder=5
-        )
+        drawn = axes.contourf(x, y, motion, levels=[0.0, 2.0], colors=[colour], zorder=5)
         drawn.set_clip_path(disc)
-    axes.add_patch(Circle(centre, radius, facecolor="none", edgecolor="k", linewidth=0.9, zorder=6))
+    axes.add_patch(Circle((0, 0), 1, facecolor="none", edgecolor="k", linewidth=0.9, zorder=6))
 
 
 def beach_balls(moment_tensors: np.ndarray, titles: list[str], axes_of: np.ndarray, colour: str) -> Figure:
@@ -90,3 +86,9 @@ def project(vector: np.ndarray) -> np.ndarray:
     if vector[2] > 0:
         vector = -vector
     return vector[:2] / np.sqrt(1.0 - vector[2])
+
+
+def moment_tensors(potency_tensor: np.ndarray, lame_lambda: float, shear_modulus: float) -> np.ndarray:
+    """Moment tensors (event, 3, 3), N m, of potency tensors (m3) in rock of these moduli (Pa): what first motions show."""
+    trace = np.trace(potency_tensor, axis1=-2, axis2=-1)[..., None, None]
+    return lame_lambda * trace * np.eye(3) + 2.0 * shear_modulus * potency_tensor

@@ -21,7 +21,7 @@ def running_iteration(iteration: np.ndarray) -> np.ndarray:
 
 
 def convergence(stages: list[xr.Dataset]) -> Figure:
-    """One panel per stage: unbalanced ratio (line, logarithmic), tolerance (dashed), new failures (bars), increments (grey)."""
+    """One panel per stage: unbalanced ratio (line), tolerance (dashed), new failures (bars), increments (grey)."""
     columns = min(COLUMNS, len(stages))
     rows = -(-len(stages) // columns)
     figure = style.new_figure(height=2.6 * rows + 0.4)

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from catalogs.figures import style, views
+from catalogs.sizes import log_potency
 
 SMALLEST, LARGEST = 2.0, 15.0  # points: diameters of the smallest and largest event shown
 UNDATED = "#9a9a9a"
@@ -19,7 +20,7 @@ UNDATED = "#9a9a9a"
 
 @dataclass(frozen=True)
 class Scale:
-    """What both catalogues share: the ranges of log10 potency (m3) and time (days since 1970) that size and colour show."""
+    """Ranges that size and colour show in both catalogues: log10 potency (m3), time (days since 1970)."""
 
     log_potency: tuple[float, float]
     days: tuple[float, float]
@@ -32,7 +33,7 @@ class Scale:
 
 def common_scale(catalogs: list[xr.Dataset]) -> Scale:
     """Ranges that hold all events of all catalogues."""
-    potency = np.concatenate([log_potency(catalog) for catalog in catalogs])
+    potency = np.concatenate([log_potency(catalog["potency"].values) for catalog in catalogs])
     days = np.concatenate([days_since_1970(catalog) for catalog in catalogs])
     return Scale(_range(potency, 1.0), _range(days, 1.0))
 
@@ -41,12 +42,6 @@ def _range(values: np.ndarray, least: float) -> tuple[float, float]:
     values = values[np.isfinite(values)]
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, least)
     return (low, high) if high > low else (low - least / 2, low + least / 2)
-
-
-def log_potency(catalog: xr.Dataset) -> np.ndarray:
-    """log10 of scalar potency (m3) per event; NaN where there is none."""
-    potency = catalog["potency"].values
-    return np.log10(potency, where=potency > 0, out=np.full(len(potency), np.nan))
 
 
 def days_since_1970(catalog: xr.Dataset) -> np.ndarray:
@@ -81,7 +76,7 @@ def locations(grid: xr.Dataset, catalogs: dict[str, xr.Dataset], planned: list[i
 
 def draw_events(axes: Axes, catalog: xr.Dataset, view: views.View, scale: Scale) -> None:
     """Circles at the events' projections, large ones first so that small ones stay visible; undated ones grey."""
-    size, days = log_potency(catalog), days_since_1970(catalog)
+    size, days = log_potency(catalog["potency"].values), days_since_1970(catalog)
     order = np.argsort(-np.nan_to_num(size, nan=scale.log_potency[0]), kind="stable")
     place = catalog["location"].values[order][:, view.axes]
     colour = colormaps["viridis"](Normalize(*scale.days)(days[order]))
@@ -117,7 +112,7 @@ def _keys(figure: Figure, bar: Axes, scale: Scale) -> None:
 
 
 def nearness(comparison: xr.Dataset) -> Figure:
-    """How near modelled and recorded events lie to each other, against distance: Ripley's cross-K over the K within each."""
+    """How near modelled and recorded events lie, against distance: Ripley's cross-K over the K within each."""
     figure = style.new_figure(width=0.6 * style.WIDTH, height=3.2)
     axes = figure.subplots()
     distance, ratio = comparison["distance"].values, comparison["cross_ratio"].values

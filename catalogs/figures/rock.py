@@ -46,7 +46,7 @@ def failed_rock(
 
 def strength_factor(grid: xr.Dataset, state: xr.Dataset, cut_views: list[views.View], planned: list[int]) -> Figure:
     """Sections coloured by strength factor; rock that has failed is red, fill is apart."""
-    figure, array, bar, lower, upper = _sections(grid, cut_views)
+    figure, array, bar, *_ = _sections(grid, cut_views)
     for axes, view in zip(array, cut_views, strict=True):
         corner, size, chosen = _rock(axes, grid, state, view, planned)
         value = np.clip(state["strength_factor"].values[chosen], 0, MOST_STRENGTH_FACTOR)

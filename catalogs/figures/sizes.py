@@ -7,13 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
+from catalogs.sizes import counts, cut_grid
 
 BIN = 0.2  # log10 potency
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """One catalogue's sizes: label and colour; log_potency (event,) log10 of m3; the fit log10 N = a - b log P above cut.
+    """One catalogue's sizes: label and colour; log_potency (event,) of m3; the fit log10 N = a - b log P above cut.
 
     by_cut: (3, n) rows cut, b, error of b; NaN where too few events remain.
     """
@@ -29,7 +30,7 @@ class Sizes:
 
 
 def potency_frequency(catalogs: list[Sizes]) -> Figure:
-    """Per catalogue: events per bin (bars), events at least so large (circles), fitted line, cut (dashed); same axes."""
+    """Per catalogue: events per bin (bars), those at least so large (circles), fitted line, cut (dashed)."""
     figure = style.new_figure(width=style.WIDTH * (1 if len(catalogs) > 1 else 0.6), height=4.0)
     array = figure.subplots(1, len(catalogs), squeeze=False, sharex=True, sharey=True).ravel()
     for axes, sizes in zip(array, catalogs, strict=True):
@@ -46,15 +47,14 @@ def _panel(axes: Axes, sizes: Sizes) -> None:
     if not len(values):
         axes.text(0.5, 0.5, "no events", transform=axes.transAxes, ha="center", color=style.OUTLINE)
         return
-    edges = np.arange(np.floor(values[0] / BIN), np.floor(values[-1] / BIN) + 2) * BIN
-    count, _ = np.histogram(values, edges)
-    cumulative = len(values) - np.searchsorted(values, edges[:-1] - 1e-9)
+    edges = cut_grid(values, BIN)
+    count, cumulative = counts(values, edges, BIN)
     axes.bar(
-        edges[:-1], count, BIN, align="edge", color=sizes.colour, alpha=0.35, edgecolor="white", linewidth=0.5,
+        edges, count, BIN, align="edge", color=sizes.colour, alpha=0.35, edgecolor="white", linewidth=0.5,
         label="per bin",
     )  # fmt: skip
     axes.plot(
-        edges[:-1], cumulative, "o", markersize=4.5, markerfacecolor="white", markeredgecolor=sizes.colour,
+        edges, cumulative, "o", markersize=4.5, markerfacecolor="white", markeredgecolor=sizes.colour,
         markeredgewidth=1.2, label="at least so large",
     )  # fmt: skip
     if np.isfinite(sizes.cut):

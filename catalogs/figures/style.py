@@ -48,7 +48,7 @@ SETTINGS = {
 
 @contextmanager
 def applied() -> Iterator[None]:
-    """Draw within this context: the settings above on matplotlib's own defaults, whatever the user's matplotlibrc says."""
+    """Draw within this context: the settings above on matplotlib's own defaults, not on the user's matplotlibrc."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(SETTINGS)

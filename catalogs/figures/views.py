@@ -1,4 +1,4 @@
-"""Plans and vertical sections of a scene in mine coordinates: which plane, which cells it cuts, where excavations lie."""
+"""Plans and vertical sections of a scene in mine coordinates: which plane, which cells it cuts, what is mined."""
 
 from dataclasses import dataclass, replace
 
@@ -45,7 +45,7 @@ LOOKING_WEST = View("Section looking west", NORTH, UP, EAST)
 
 
 def projections(grid: xr.Dataset) -> list[View]:
-    """Two sections and the plan, which in two columns lies below the section with its own x; the one plane of a 2-D scene."""
+    """Two sections and the plan, which in two columns lies below the section along x; in 2-D the one plane."""
     if int(grid.attrs["dimension"]) == 3:
         return [LOOKING_NORTH, LOOKING_WEST, PLAN]
     return [PLAN if grid.attrs.get("plane") == "xy" else LOOKING_NORTH]
@@ -79,9 +79,9 @@ def domain(grid: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     corners = [np.atleast_1d(grid.attrs[name]).astype(float) for name in ("domain_lower", "domain_upper")]
     if len(corners[0]) == 2:
         axes = projections(grid)[0].axes
-        corners = [
-            np.array([dict(zip(axes, corner, strict=True)).get(axis, 0.0) for axis in range(3)]) for corner in corners
-        ]
+        flat, corners = corners, [np.zeros(3), np.zeros(3)]
+        for full, corner in zip(corners, flat, strict=True):
+            full[axes] = corner
     return corners[0], corners[1]
 
 
@@ -149,7 +149,7 @@ def draw_squares(axes: Axes, lower: np.ndarray, size: np.ndarray, **colours) -> 
 def silhouette(
     grid: xr.Dataset, view: View, excavations: list[int] | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Excavated squares of a view: lower corners (n, 2), edges (n,) m and share (n,); for a projection, the largest share.
+    """Excavated squares of a view: lower corners (n, 2), edges (n,) m, share (n,), the largest along a projection.
 
     excavations: indices to include, all if None. A cut takes the cells that its plane cuts, a projection all.
     """
@@ -182,7 +182,7 @@ def outline_segments(lower: np.ndarray, size: np.ndarray) -> np.ndarray:
 def draw_excavations(
     axes: Axes, grid: xr.Dataset, view: View, planned: list[int] = (), fill: bool = True, colour: str = style.OUTLINE
 ) -> None:
-    """Grey bodies with an outline for what is mined; a dashed outline for the excavations named in `planned` (indices)."""
+    """Grey bodies with an outline for what is mined; a dashed outline for the excavations `planned` (indices)."""
     count = int(grid["piece_excavation"].values.max(initial=-1)) + 1
     mined = [index for index in range(count) if index not in planned]
     for group, dashed in ((mined, False), (list(planned), True)):
@@ -215,9 +215,9 @@ def panels(
 ) -> tuple[Figure, list[Axes], Axes | None]:
     """A figure with one scale for all its panels, in reading order, room for a key below and, if asked, a colour bar.
 
-    columns: if None, the most (the least paper) that show the scene nearly as large as any number does; tallest: inches.
+    columns: if None, the most (least paper) that show the scene nearly as large as any does; tallest: inches.
     Placed by hand: matplotlib's layouts give panels of equal aspect different scales, or paper between them.
-    """  # fmt: skip
+    """
     if columns is None:
         scales = {count: _scale(views, lower, upper, count, bar, tallest) for count in range(1, len(views) + 1)}
         columns = max(count for count, scale in scales.items() if scale >= NEARLY * max(scales.values()))

@@ -1,0 +1,177 @@
+"""What the report is made from: the datasets of one mine, read once, and what follows from them directly."""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from catalogs.schema import check_catalog
+from pipeline.datasets import read_dataset
+
+CONVERGENCE = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "new_failures")
+SHOWN = ("position", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor")
+RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
+
+
+@dataclass(frozen=True)
+class Excavation:
+    """One row of the config's excavations beside the grid's numbers; volumes in m3, NaN where not known."""
+
+    name: str
+    step: str
+    fill: str
+    solid: float
+    drawn: float
+    planned: bool
+    dated: bool
+
+
+@dataclass
+class Evidence:
+    """Everything the report tells of.
+
+    stages: elastic, then the steps in order, each with its convergence table and attributes only; state: the last of
+    them in full; catalog, record, comparison: None where there is none; files: {path: attributes} of all read.
+    """
+
+    config: dict
+    default: dict | None
+    listed: list[dict]
+    grid: xr.Dataset
+    stages: list[xr.Dataset]
+    state: xr.Dataset | None
+    events: list[dict]
+    catalog: xr.Dataset | None
+    record: xr.Dataset | None
+    comparison: xr.Dataset | None
+    files: dict[str, dict]
+    stale: list[str]
+    resources: list[dict]
+
+    @property
+    def steps(self) -> list[dict]:
+        """Attributes of the mining steps, in order."""
+        return [stage.attrs for stage in self.stages if stage.attrs["stage"] == "step"]
+
+    @property
+    def dated(self) -> list[dict]:
+        return [step for step in self.steps if int(step["dated"])]
+
+    @property
+    def resolved(self) -> xr.Dataset | None:
+        """The modelled events that count: enough particles (resolved)."""
+        if self.catalog is None:
+            return None
+        return self.catalog.isel(event=np.flatnonzero(self.catalog["resolved"].values == 1))
+
+    @property
+    def record_label(self) -> str:
+        return RECORD_LABELS[self.record.attrs["kind"]]
+
+    @property
+    def is_twin(self) -> bool:
+        return self.record is not None and self.record.attrs["kind"] == "twin"
+
+    @property
+    def excavations(self) -> list[Excavation]:
+        """Excavations in the grid's order; planned: not mined by any step of the run."""
+        names = json.loads(self.grid.attrs["excavation_names"])
+        wanted = {row["name"]: row for row in self.listed}
+        run = {step["step"]: bool(int(step["dated"])) for step in self.steps}
+        mined = run or {str(step["name"]): False for step in self.config.get("steps") or []}
+        volumes = [_by_name(self.grid.attrs.get(key), names) for key in ("excavation_volume", "excavation_volume_grid")]
+        rows = []
+        for index, name in enumerate(names):
+            row = wanted.get(name, {})
+            step = str(row.get("step", ""))
+            planned = bool(mined) and bool(row) and step not in mined
+            fill = str(row.get("fill") or "none")
+            rows.append(
+                Excavation(name, step, fill, volumes[0][index], volumes[1][index], planned, run.get(step, False))
+            )
+        return rows
+
+    @property
+    def planned(self) -> list[int]:
+        """Indices of the excavations that no step of the run mines."""
+        return [index for index, excavation in enumerate(self.excavations) if excavation.planned]
+
+
+def _by_name(text: str | None, names: list[str]) -> list[float]:
+    """Numbers of a JSON attribute, a list in the order of `names` or a dictionary by name; NaN where missing."""
+    values = json.loads(text) if text else {}
+    values = dict(zip(names, values, strict=False)) if isinstance(values, list) else values
+    return [float(values.get(name, np.nan)) for name in names]
+
+
+def read_evidence(
+    config: dict,
+    default: dict | None,
+    grid,
+    elastic,
+    steps: list,
+    events: list,
+    catalog,
+    record,
+    comparison,
+    benchmarks,
+    expected_hashes: dict | None,
+    excavations: list[dict] | None,
+) -> Evidence:
+    """Read the files of one mine; paths that are None do not exist in this scene. Raises InputError (unreadable)."""
+    files: dict[str, dict] = {}
+
+    def read(path, check: bool = False) -> xr.Dataset | None:
+        if path is None:
+            return None
+        dataset = read_dataset(path)
+        files[os.fspath(path)] = dict(dataset.attrs)
+        return check_catalog(dataset, os.fspath(path)) if check else dataset
+
+    stages, state = [], None
+    found_grid = read(grid)
+    for path in [elastic, *steps]:
+        dataset = read(path)
+        if dataset is not None:
+            stages.append(dataset[[f"convergence_{name}" for name in CONVERGENCE]])
+            if state is None or int(dataset.attrs["step_index"]) >= int(state.attrs["step_index"]):
+                state = dataset[list(SHOWN)]
+    stages.sort(key=lambda stage: (stage.attrs["stage"] == "step", int(stage.attrs["step_index"])))
+    budgets = [read(path).attrs for path in events]
+    return Evidence(
+        config=config,
+        default=default,
+        listed=(config.get("excavations") or []) if excavations is None else excavations,
+        grid=found_grid,
+        stages=stages,
+        state=state,
+        events=budgets,
+        catalog=read(catalog, check=True),
+        record=read(record, check=True),
+        comparison=read(comparison),
+        files=files,
+        stale=_stale(files, expected_hashes or {}),
+        resources=read_resources(benchmarks),
+    )
+
+
+def _stale(files: dict[str, dict], expected: dict) -> list[str]:
+    """Names of the files whose config_hash differs from the expected one."""
+    found = {Path(path).resolve(): attributes.get("config_hash") for path, attributes in files.items()}
+    return [os.fspath(path) for path, wanted in expected.items() if found.get(Path(path).resolve(), wanted) != wanted]
+
+
+def read_resources(benchmarks) -> list[dict]:
+    """Seconds and peak memory (MiB) per stage from Snakemake's benchmark files below a folder; NaN where it has none."""
+    if benchmarks is None or not Path(benchmarks).is_dir():
+        return []
+    rows = []
+    for path in sorted(Path(benchmarks).rglob("*.tsv")):
+        table = pd.read_csv(path, sep="\t", na_values=["-", "NA"])
+        values = {name: float(table[name].mean()) if name in table else np.nan for name in ("s", "max_rss", "cpu_time")}
+        rows.append({"stage": path.relative_to(benchmarks).with_suffix("").as_posix(), **values})
+    return rows
