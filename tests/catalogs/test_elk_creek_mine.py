@@ -13,6 +13,7 @@ from elk_creek_fixtures import ROOT, recorded_data, seam, write_tiny_mine
 from matplotlib.path import Path as Outline
 
 from catalogs.records import elk_creek as record
+from mpm_core.geometry.shapes import build_shape
 from pipeline.errors import InputError
 from workflow.mines import elk_creek as mine
 
@@ -52,11 +53,13 @@ def assert_tiles(prisms):
 
 
 def assert_follows_seam(prisms, plane, gob_height):
+    """Every corner on the plane; and as the geometry builds it, a closed solid of area times height."""
     for prism in prisms:
-        floor = np.array([plane.elevation(*corner) for corner in prism["polygon"]])
-        assert np.abs(floor - prism["base"]).max() <= gob_height / 4
-        assert prism["top"] - prism["base"] == pytest.approx(gob_height)
-        assert mine.polygon_area(prism["polygon"]) > 0
+        assert np.allclose(prism["base"], [plane.elevation(*corner) for corner in prism["polygon"]])
+        assert np.allclose(np.subtract(prism["top"], prism["base"]), gob_height)
+        solid = build_shape(prism, 3)
+        assert solid.is_closed
+        assert solid.volume == pytest.approx(mine.polygon_area(prism["polygon"]) * gob_height, rel=1e-9)
 
 
 def test_seam_is_the_plane_through_stations_and_panels(folder):
@@ -80,17 +83,18 @@ def test_prisms_tile_the_ground_between_faces_and_carry_the_month_of_their_face(
     assert len(set(names)) == len(names)
 
 
-def test_a_flat_seam_needs_one_prism_a_month(folder):
+def test_gob_height_and_fill_are_the_callers(folder):
     flat = mine.Seam((0.0, 0.0), 1800.0, 0.0, 0.0, 0.0)
-    prisms = mine.panel_advances(mine.read_faces(folder), flat, 18.0)
+    prisms = mine.panel_advances(mine.read_faces(folder), flat, 15.0, fill="rubble")
     assert len(prisms) == 2 + 1 + 4
-    assert {(prism["base"], prism["top"]) for prism in prisms} == {(1800.0, 1818.0)}
+    for prism in prisms:
+        assert (prism["base"], prism["top"], prism["fill"]) == ([1800.0] * 4, [1815.0] * 4, "rubble")
 
 
 def test_prepared_overlay_has_units_and_is_plain_yaml(folder):
     overlay = yaml.safe_load(yaml.safe_dump(mine.prepare(folder)))
     first = overlay["excavations"][0]
-    assert UNITS(first["top"]).to("m").magnitude - UNITS(first["base"]).to("m").magnitude == pytest.approx(18)
+    assert UNITS(first["top"][3]).to("m").magnitude - UNITS(first["base"][3]).to("m").magnitude == pytest.approx(18)
     assert UNITS(first["polygon"][0][0]).check("[length]")
 
 
@@ -216,6 +220,6 @@ def test_excavations_stay_well_inside_the_configured_domain(data, config):
     corners = np.concatenate([prism["polygon"] for prism in prisms])
     assert (corners.min(axis=0) - lower[:2] > 500).all()
     assert (upper[:2] - corners.max(axis=0) > 500).all()
-    assert min(prism["base"] for prism in prisms) - lower[2] > 500
+    assert min(min(prism["base"]) for prism in prisms) - lower[2] > 500
     names = {step["name"] for step in config["steps"]}
     assert {prism["step"] for prism in prisms} == names

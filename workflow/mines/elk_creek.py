@@ -1,9 +1,8 @@
 """Excavations of the Elk Creek mine from its dated longwall faces: what `excavations_from: {source: elk_creek}` means.
 
 Each interval between two dated faces of a panel is a slice of caved gob: plan between the two face lines, floor on the
-seam. Panel 1 and panel 2 before 2010-09 are history; the monthly advances 2010-09 to 2010-12 are steps of that name.
-The seam dips 3 degrees, some 13 m over the length of a face: a slice is cut into strips across the dip, so that the
-flat floor of each lies within a quarter of the gob's height of the seam everywhere.
+seam, which dips 3 degrees: some 13 m over the length of a face. Panel 1 and panel 2 before 2010-09 are history; the
+monthly advances 2010-09 to 2010-12 are steps of that name.
 
     python -m workflow.mines.elk_creek --data FOLDER --output FILE.yaml     writes the list in the configuration's form
 """
@@ -26,7 +25,6 @@ from pipeline.stage import run_stage
 FIRST_STEP = "2010-09-01"  # local dates of faces; the record's UTC months begin 6 or 7 hours earlier
 END = "2011-01-01"
 GOB_HEIGHT = 18.0  # m, within the 15 to 20 m that a 3 to 4 m seam caves
-STRIP_DROP = 0.25  # of the gob height: the most that the seam may fall along the face within one strip
 FACE_COLUMNS = ["local_date", "headgate_x", "headgate_y", "tailgate_x", "tailgate_y", "panel"]
 
 
@@ -40,15 +38,15 @@ class Seam:
     north: float
     misfit: float
 
-    def elevation(self, x: float, y: float) -> float:
-        """Elevation of the seam at (x, y), m."""
+    def elevation(self, x, y):
+        """Elevation of the seam at (x, y), m; numbers or arrays."""
         return self.elevation_at_origin + self.east * (x - self.origin[0]) + self.north * (y - self.origin[1])
 
 
 def excavations(folder: Path, gob_height: float = GOB_HEIGHT, fill: str = "gob") -> list[dict]:
     """Gob prisms mined up to the end of 2010, panel by panel, in order of mining.
 
-    Each a dict: name, step, shape, polygon [[x, y], ...] m, base and top (elevations, m), fill.
+    Each a dict: name, step, shape, polygon [[x, y], ...] m, base and top (an elevation at each corner, m), fill.
     folder: the recorded data (ELK_CREEK_DATA overrides it); gob_height in m. Raises InputError.
     """
     folder = data_folder(folder, "excavations_from.folder")
@@ -65,35 +63,23 @@ def panel_advances(faces: pd.DataFrame, seam: Seam, gob_height: float, fill: str
     prisms = []
     for panel, dated in faces[faces["local_date"] <= pd.Timestamp(END)].groupby("panel", sort=True):
         dated = dated.sort_values("local_date")
-        lines = dated[FACE_COLUMNS[1:5]].to_numpy(float).reshape(-1, 2, 2)  # (face, headgate or tailgate, xy)
-        strips = _strips(lines, seam, gob_height)
-        fractions = np.linspace(0.0, 1.0, strips + 1)[:, None, None]
-        cuts = (1 - fractions) * lines[:, 0] + fractions * lines[:, 1]  # (cut, face, xy), from headgate to tailgate
-        for slice_, begin in enumerate(dated["local_date"].iloc[:-1]):
-            step = f"{begin:%Y-%m}" if begin >= pd.Timestamp(FIRST_STEP) else "history"
-            for strip in range(strips):
-                here, next_ = cuts[strip : strip + 2, slice_], cuts[strip : strip + 2, slice_ + 1]
-                polygon = np.array([here[1], next_[1], next_[0], here[0]]).round(2)  # counter-clockwise seen from above
-                base = round(float(seam.elevation(*polygon_centroid(polygon))), 2)
-                prisms.append(
-                    {
-                        "name": f"panel_{panel}_{begin:%Y-%m-%d}_{strip + 1}",
-                        "step": step,
-                        "shape": "prism",
-                        "polygon": polygon.tolist(),
-                        "base": base,
-                        "top": round(base + gob_height, 2),
-                        "fill": fill,
-                    }
-                )
+        headgate = dated[["headgate_x", "headgate_y"]].to_numpy(float)
+        tailgate = dated[["tailgate_x", "tailgate_y"]].to_numpy(float)
+        for index, begin in enumerate(dated["local_date"].iloc[:-1]):
+            polygon = np.array([tailgate[index], tailgate[index + 1], headgate[index + 1], headgate[index]])
+            floor = seam.elevation(*polygon.T)
+            prisms.append(
+                {
+                    "name": f"panel_{panel}_{begin:%Y-%m-%d}",
+                    "step": f"{begin:%Y-%m}" if begin >= pd.Timestamp(FIRST_STEP) else "history",
+                    "shape": "prism",
+                    "polygon": polygon.tolist(),
+                    "base": floor.tolist(),
+                    "top": (floor + gob_height).tolist(),
+                    "fill": fill,
+                }
+            )
     return prisms
-
-
-def _strips(lines: np.ndarray, seam: Seam, gob_height: float) -> int:
-    """Number of strips along the face, so that the seam falls by at most STRIP_DROP of the gob height across one."""
-    along = lines[:, 1] - lines[:, 0]
-    drop = np.abs(along @ np.array([seam.east, seam.north])).max()
-    return max(1, int(np.ceil(drop / (STRIP_DROP * gob_height))))
 
 
 def polygon_area(polygon: np.ndarray) -> float:
@@ -164,7 +150,8 @@ def prepare(folder: Path, gob_height: float = GOB_HEIGHT) -> dict:
     listed = []
     for prism in excavations(folder, gob_height):
         polygon = [[f"{x:.2f} m", f"{y:.2f} m"] for x, y in prism["polygon"]]
-        listed.append(prism | {"polygon": polygon, "base": f"{prism['base']:.2f} m", "top": f"{prism['top']:.2f} m"})
+        heights = {key: [f"{z:.2f} m" for z in prism[key]] for key in ("base", "top")}
+        listed.append(prism | {"polygon": polygon} | heights)
     return {"excavations": listed}
 
 
