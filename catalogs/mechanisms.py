@@ -4,11 +4,18 @@ Axes have no sense: a unit vector and its opposite are the same axis. They are g
 lower-hemisphere stereonet shows them. x east, y north, z up; trend clockwise from north, plunge below the horizontal.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 AXIS_NAMES = ("P", "B", "T")
-RANDOM_FRAMES = 4096  # pairs that sample the Kagan angle of uniformly random frames
+KAGAN_PAIRS = ("model_record", "nearest", "record_record", "uniform")
+MOST_PAIRS = 20000  # sampled of all pairs of two catalogues
+KAGAN_LIMIT = 120.0
+KAGAN_BIN = 10.0  # degrees
+TAILS = (0.025, 0.975)
 
 
 def principal_axes(tensor: NDArray) -> tuple[NDArray, NDArray]:
@@ -118,3 +125,109 @@ def random_frames(count: int, generator: np.random.Generator) -> NDArray:
         ],
         axis=-2,
     )
+
+
+@dataclass(frozen=True)
+class AxesSample:
+    """Axes of one catalogue: rows P, B, T (event, 3, 3), where (event, 3) m, and the block (event,) of each event."""
+
+    axes: NDArray
+    location: NDArray
+    blocks: NDArray
+
+    def weights(self, resamplings: int, generator: np.random.Generator) -> NDArray:
+        """How often each event is drawn (resampling, event) when blocks are drawn with replacement."""
+        labels = np.unique(self.blocks, return_inverse=True)[1].reshape(-1)
+        count = int(labels.max()) + 1
+        return generator.multinomial(count, np.full(count, 1 / count), size=resamplings)[:, labels].astype(float)
+
+
+def compare_axes(model: AxesSample, record: AxesSample, seed: int = 0, resamplings: int = 499) -> dict[str, NDArray]:
+    """Mean axes, their cones and angles, and Kagan angles of two catalogues, as named in catalogs.comparison.
+
+    Cones and intervals (95 %) resample blocks with replacement. Of all pairs of events at most MOST_PAIRS are drawn
+    for the Kagan angles; record_record leaves out an event with itself.
+    """
+    generator = np.random.default_rng(seed)
+    sides = (model, record)
+    weights = [side.weights(resamplings, generator) for side in sides]
+    means, strengths, cones, drawn = [], [], [], []
+    for side, weight in zip(sides, weights, strict=True):
+        found = [mean_axis(side.axes[:, row]) for row in range(3)]
+        again = np.stack([mean_axis(side.axes[:, row], weight)[0] for row in range(3)], axis=1)
+        means.append(np.array([axis for axis, _ in found]))
+        strengths.append([strength for _, strength in found])
+        cones.append(np.quantile(angle_between_axes(again, means[-1]), 0.95, axis=0))
+        drawn.append(again)
+    means = np.array(means)
+    trend, plunge = trend_plunge(means)
+    result = {
+        "mean_axis": means,
+        "mean_trend": trend,
+        "mean_plunge": plunge,
+        "mean_cone": np.array(cones),
+        "mean_strength": np.array(strengths),
+        "mean_angle": angle_between_axes(means[0], means[1]),
+        "mean_angle_interval": np.quantile(angle_between_axes(drawn[0], drawn[1]), TAILS, axis=0).T,
+    }
+    return result | _kagan_distributions(sides, weights, generator)
+
+
+def _kagan_distributions(
+    sides: tuple[AxesSample, AxesSample], weights: list[NDArray], generator: np.random.Generator
+) -> dict[str, NDArray]:
+    """Kagan angles of the pairs KAGAN_PAIRS: share per bin, median, and the median's interval."""
+    model, record = sides
+    drawn = [
+        _pairs(len(model.axes), len(record.axes), generator),
+        _pairs(len(record.axes), len(record.axes), generator),
+    ]
+    drawn[1] = tuple(index[drawn[1][0] != drawn[1][1]] for index in drawn[1])
+    nearest = cKDTree(record.location).query(model.location)[1]
+    everyone = np.arange(len(model.axes))
+    angles = [
+        (
+            kagan_angle(model.axes[drawn[0][0]], record.axes[drawn[0][1]]),
+            lambda w: w[0][drawn[0][0]] * w[1][drawn[0][1]],
+        ),
+        (kagan_angle(model.axes[everyone], record.axes[nearest]), lambda w: w[0]),
+        (
+            kagan_angle(record.axes[drawn[1][0]], record.axes[drawn[1][1]]),
+            lambda w: w[1][drawn[1][0]] * w[1][drawn[1][1]],
+        ),
+        (kagan_angle(random_frames(MOST_PAIRS, generator), np.eye(3)), None),
+    ]
+    lower = np.arange(0.0, KAGAN_LIMIT, KAGAN_BIN)
+    shares, medians, intervals = [], [], []
+    for angle, weigh in angles:
+        inside = np.minimum(angle, KAGAN_LIMIT * (1 - 1e-12))
+        count = np.histogram(inside, bins=np.append(lower, KAGAN_LIMIT))[0]
+        shares.append(count / len(angle) if len(angle) else np.full(len(lower), np.nan))
+        medians.append(np.median(angle) if len(angle) else np.nan)
+        intervals.append(_median_interval(angle, weigh, weights))
+    return {
+        "kagan_lower": lower,
+        "kagan_share": np.array(shares),
+        "kagan_median": np.array(medians),
+        "kagan_median_interval": np.array(intervals),
+    }
+
+
+def _pairs(first: int, second: int, generator: np.random.Generator) -> tuple[NDArray, NDArray]:
+    """Indices of all pairs, or of MOST_PAIRS of them."""
+    if first * second <= MOST_PAIRS:
+        return tuple(index.ravel() for index in np.indices((first, second)))
+    return generator.integers(first, size=MOST_PAIRS), generator.integers(second, size=MOST_PAIRS)
+
+
+def _median_interval(angle: NDArray, weigh, weights: list[NDArray]) -> NDArray:
+    """Interval (2,) of the median when blocks are resampled."""
+    if weigh is None or len(angle) == 0:
+        return np.full(2, np.nan)
+    order = np.argsort(angle, kind="stable")
+    medians = []
+    for drawn in zip(*weights, strict=True):
+        below = np.cumsum(weigh(drawn)[order])
+        if below[-1] > 0:
+            medians.append(angle[order[np.searchsorted(below, below[-1] / 2)]])
+    return np.quantile(medians, TAILS) if medians else np.full(2, np.nan)

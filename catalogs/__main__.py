@@ -1,0 +1,84 @@
+"""Command lines of the catalogue stages: record, quakeml, compare, report."""
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from catalogs.comparison import compare
+from catalogs.quakeml import write_quakeml
+from catalogs.records import read_record
+from pipeline.datasets import read_dataset, write_dataset
+from pipeline.provenance import provenance
+from pipeline.stage import run_stage
+
+
+def record(chosen: argparse.Namespace) -> None:
+    """The recorded catalogue as the configuration's `record` describes it."""
+    settings = json.loads(chosen.settings)
+    events = read_record(settings)
+    frame = {"frame": json.dumps(settings["frame"])} if settings.get("frame") else {}
+    write_dataset(events.assign_attrs(frame | provenance(settings, "catalogs")), chosen.output)
+
+
+def quakeml(chosen: argparse.Namespace) -> None:
+    """A catalogue as QuakeML."""
+    write_quakeml(read_dataset(chosen.catalog), chosen.output)
+
+
+def comparison(chosen: argparse.Namespace) -> None:
+    """The synthetic catalogue against the recorded one."""
+    settings = json.loads(chosen.settings)
+    result = compare(read_dataset(chosen.catalog), read_dataset(chosen.record), settings)
+    write_dataset(result.assign_attrs(provenance(settings, "catalogs")), chosen.output)
+
+
+def report(chosen: argparse.Namespace) -> None:
+    """The report a geotechnical engineer reads, and its figures."""
+    from catalogs.report import write_report  # matplotlib is slow to import, and only this stage draws
+
+    write_report(
+        config=json.loads(chosen.config),
+        grid=chosen.grid,
+        elastic=chosen.elastic,
+        steps=chosen.steps,
+        events=chosen.events,
+        catalog=chosen.catalog,
+        record=chosen.record,
+        comparison=chosen.comparison,
+        benchmarks=chosen.benchmarks,
+        output=chosen.output,
+        figures=chosen.figures,
+    )
+
+
+def parser() -> argparse.ArgumentParser:
+    """What each stage is given; every stage also takes --log."""
+    top = argparse.ArgumentParser(prog="python -m catalogs", description=__doc__)
+    stages = top.add_subparsers(dest="stage", required=True)
+
+    def stage(name: str, function: Callable, *paths: str, settings: bool = False) -> argparse.ArgumentParser:
+        one = stages.add_parser(name, help=function.__doc__)
+        one.set_defaults(function=function)
+        if settings:
+            one.add_argument("--settings", required=True, help="JSON")
+        for path in paths:
+            one.add_argument(f"--{path}", type=Path, required=True)
+        one.add_argument("--log", type=Path)
+        return one
+
+    stage("record", record, "output", settings=True)
+    stage("quakeml", quakeml, "catalog", "output")
+    stage("compare", comparison, "catalog", "record", "output", settings=True)
+    shown = stage("report", report, "grid", "output", "figures")
+    shown.add_argument("--config", required=True, help="JSON")
+    for name in ("elastic", "catalog", "record", "comparison", "benchmarks"):
+        shown.add_argument(f"--{name}", type=Path)
+    for name in ("steps", "events"):
+        shown.add_argument(f"--{name}", type=Path, nargs="*", default=[])
+    return top
+
+
+if __name__ == "__main__":
+    arguments = parser().parse_args()
+    run_stage(f"catalogs {arguments.stage}", arguments.log, lambda: arguments.function(arguments))

@@ -1,0 +1,260 @@
+"""The three comparisons of two catalogues as variables of comparison.nc (their layout: catalogs.comparison).
+
+`both` is (catalogue, record) in the form of catalogs.schema, `used` which of their events count, `blocks` the block of
+each event. Every function returns the variables, and the sentences that go with them.
+"""
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from catalogs import sizes
+from catalogs.locations import compare_locations
+from catalogs.mechanisms import (
+    AXIS_NAMES,
+    KAGAN_BIN,
+    KAGAN_LIMIT,
+    KAGAN_PAIRS,
+    AxesSample,
+    angle_between_axes,
+    compare_axes,
+    kagan_angle,
+    principal_axes,
+    source_shares,
+    trend_plunge,
+)
+
+CATALOGUES = ("model", "record")
+TAILS = (0.025, 0.975)
+MOST_DRAWS = 4  # smeared copies of a modelled event
+DISTANCES = 12
+LEAST_AXES = 2
+AXES_RESAMPLINGS = 499
+
+
+def size_measures(x: list[NDArray], cut: float, settings: Mapping) -> tuple[dict, str]:
+    """b with and without an upper bound, against the cut, their difference, and the counts for plots."""
+    plain = [sizes.estimate_b(values, cut) for values in x]
+    bounded = [sizes.estimate_b(values, cut, bound="largest") for values in x]
+    difference = sizes.difference_b(*plain)
+    grid = sizes.cut_grid(np.concatenate(x), settings["cut_step"])
+    table = [sizes.b_by_cut(values, grid) for values in x]
+    edges = sizes.cut_grid(np.concatenate(x), settings["size_bin"])
+    counted = [sizes.counts(values, edges, settings["size_bin"]) for values in x]
+    stable = [sizes.completeness_by_stability(values, settings["cut_step"]) for values in x]
+
+    def column(values, name):
+        return [getattr(value, name) for value in values]
+
+    by_catalogue = {
+        "b": column(plain, "b"),
+        "b_error": column(plain, "error"),
+        "b_magnitude": column(plain, "magnitude"),
+        "a": column(plain, "a"),
+        "b_truncated": column(bounded, "b"),
+        "b_truncated_error": column(bounded, "error"),
+        "largest_log_potency": [float(values.max()) if values.size else np.nan for values in x],
+        "completeness_curvature": [sizes.completeness_by_curvature(values, settings["cut_step"]) for values in x],
+        "completeness_stability": stable,
+    }
+    result = {name: ("catalogue", np.array(values, float)) for name, values in by_catalogue.items()}
+    for name, values in (("b_interval", plain), ("b_truncated_interval", bounded)):
+        result[name] = (("catalogue", "interval"), [[value.lower, value.upper] for value in values])
+    result |= {
+        "b_difference": ((), difference.difference),
+        "b_difference_error": ((), difference.error),
+        "b_difference_interval": ("interval", [difference.lower, difference.upper]),
+        "b_difference_p_value": ((), difference.p_value),
+        "cut_log_potency": ("trial_cut", grid),
+        "size_bin_lower": ("size_bin", edges),
+        "incremental": (("catalogue", "size_bin"), np.array([one for one, _ in counted], np.int64)),
+        "cumulative": (("catalogue", "size_bin"), np.array([all_ for _, all_ in counted], np.int64)),
+        "events_by_cut": (
+            ("catalogue", "trial_cut"),
+            np.array([column(values, "events") for values in table], np.int64),
+        ),
+    }
+    for name, key in (("b_by_cut", "b"), ("b_by_cut_error", "error")):
+        result[name] = (("catalogue", "trial_cut"), np.array([column(values, key) for values in table], float))
+    said = [
+        f"{name}: b = {value.b:.2f} ({value.lower:.2f} to {value.upper:.2f}), n = {value.events}, "
+        + (f"stable from log P = {least:.1f}" if np.isfinite(least) else "no stable completeness")
+        for name, value, least in zip(CATALOGUES, plain, stable, strict=True)
+    ]
+    return result, "; ".join(said)
+
+
+def location_measures(both, used, blocks, settings: Mapping) -> tuple[dict, dict]:
+    """Centroids, energy distance, nearest distances and cross-K, the model smeared by the record's location error."""
+    generator = np.random.default_rng([settings["seed"], 1])
+    error = float(both[1].attrs.get("location_error", 0.0))
+    error = error if np.isfinite(error) else 0.0
+    chosen = [_thin(np.flatnonzero(kept), settings["maximum_events"], generator) for kept in used]
+    points = [events["location"].values[index] for events, index in zip(both, chosen, strict=True)]
+    draws = int(np.clip(settings["maximum_events"] // max(len(points[0]), 1), 1, MOST_DRAWS))
+    found = None
+    if min(map(len, points)):
+        found = compare_locations(
+            *points,
+            blocks[0][chosen[0]],
+            blocks[1][chosen[1]],
+            seed=settings["seed"],
+            location_error=error,
+            draws=draws,
+            resamplings=settings["resamplings"],
+        )
+    shapes = {
+        "centroid": ("centroids", ("catalogue", "xyz"), (2, 3), "m"),
+        "centroid_offset": ("offset", ("xyz",), (3,), "m"),
+        "centroid_offset_interval": ("offset_interval", ("xyz", "interval"), (3, 2), "m"),
+        "centroid_distance": ("offset_distance", (), (), "m"),
+        "centroid_distance_interval": ("offset_distance_interval", ("interval",), (2,), "m"),
+        "energy_distance": ("energy_distance", (), (), "m"),
+        "energy_distance_interval": ("energy_interval", ("interval",), (2,), "m"),
+        "energy_distance_null": ("energy_null", ("interval",), (2,), "m"),
+        "energy_p_value": ("energy_p_value", (), (), "1"),
+        "nearest_distance": ("nearest", ("pair",), (3,), "m"),
+        "nearest_distance_interval": ("nearest_interval", ("pair", "interval"), (3, 2), "m"),
+        "distance": ("distance", ("distance",), (DISTANCES,), "m"),
+        "cross_k": ("cross_k", ("distance",), (DISTANCES,), "m3"),
+        "cross_k_interval": ("cross_k_interval", ("distance", "interval"), (DISTANCES, 2), "m3"),
+        "model_k": ("model_k", ("distance",), (DISTANCES,), "m3"),
+        "record_k": ("record_k", ("distance",), (DISTANCES,), "m3"),
+        "cross_ratio": ("cross_ratio", ("distance",), (DISTANCES,), "1"),
+        "cross_ratio_interval": ("cross_ratio_interval", ("distance", "interval"), (DISTANCES, 2), "1"),
+    }
+    variables = {
+        name: (dims, np.full(shape, np.nan) if found is None else np.asarray(getattr(found, key)), {"units": unit})
+        for name, (key, dims, shape, unit) in shapes.items()
+    }
+    kind = settings["blocks"]
+    if found is None:
+        text = "too few events above the cut to compare locations (each catalogue needs two blocks)"
+    else:
+        low, high = found.energy_interval
+        text = (
+            f"energy distance {found.energy_distance:.1f} m ({low:.1f} to {high:.1f}), p = {found.energy_p_value:.3f}; "
+            f"centroids {found.offset_distance:.0f} m apart ({found.offset_distance_interval[0]:.0f} to "
+            f"{found.offset_distance_interval[1]:.0f}); model smeared by {error:g} m; resampled by {kind}: "
+            f"{found.blocks[0]} and {found.blocks[1]} blocks"
+        )
+    return variables, {"location_blocks": kind, "location_error": error, "location_text": text}
+
+
+def _thin(index: NDArray, most: int, generator: np.random.Generator) -> NDArray:
+    """At most `most` of the events, drawn at random, in their order."""
+    return index if len(index) <= most else np.sort(generator.choice(index, most, replace=False))
+
+
+def axes_measures(both, used, blocks, settings: Mapping) -> tuple[dict, dict]:
+    """Mean axes, summed tensors, Kagan angles and source shares; NaN where the record has no tensors."""
+    model, record = both
+    tensors = [events["potency_tensor"].values for events in both]
+    known = [kept & np.isfinite(tensor).all(axis=(1, 2)) for kept, tensor in zip(used, tensors, strict=True)]
+    apart = "orientation_tensor" in record
+    weight, text = "potency", "potency tensors of the events compared"
+    record_tensors = tensors[1][known[1]]
+    samples = [_sample(model, tensors[0], known[0], blocks[0])]
+    if apart:
+        known[0] = known[0] & _during(model["time"].values, record.attrs.get("orientation_filter"))
+        known[1] = np.zeros_like(known[1])
+        record_tensors = record["orientation_tensor"].values
+        weight = "unit"
+        days = record["orientation_time"].values.astype("datetime64[D]")
+        samples[0] = _sample(model, tensors[0], known[0], blocks[0])
+        samples.append(
+            AxesSample(principal_axes(record_tensors)[1], record["orientation_location"].values, days.astype(np.int64))
+        )
+        period = f"{days.min()} to {days.max()}" if days.size else "no time"
+        text = (
+            f"orientations from a catalogue of their own, {period}; tensors at unit size, model's events of that time"
+        )
+    else:
+        samples.append(_sample(record, tensors[1], known[1], blocks[1]))
+    count = [len(sample.axes) for sample in samples]
+    present = min(count) >= LEAST_AXES
+    if not np.isfinite(record_tensors).any():
+        text = "the record has no tensors: axes cannot be compared"
+    elif not present:
+        text = f"too few events with tensors: {count[0]} modelled, {count[1]} recorded; axes not compared"
+
+    variables = _absent_axes()
+    if present:
+        dims = {name: value[0] for name, value in variables.items()}
+        found = compare_axes(
+            *samples, seed=settings["seed"], resamplings=min(settings["resamplings"], AXES_RESAMPLINGS)
+        )
+        found |= _summed(tensors[0][known[0]], record_tensors, weight)
+        variables |= {name: (dims[name], value) for name, value in found.items()}
+    variables |= {
+        "events_with_axes": ("catalogue", np.array(count, np.int64)),
+        "model_axes_used": ("event_model", known[0].astype(np.int8)),
+        "record_axes_used": ("event_record", known[1].astype(np.int8)),
+    }
+    return variables, {"axes_present": int(present), "axes_text": text, "summed_weight": weight}
+
+
+def _sample(events: xr.Dataset, tensor: NDArray, kept: NDArray, blocks: NDArray) -> AxesSample:
+    return AxesSample(principal_axes(tensor[kept])[1], events["location"].values[kept], blocks[kept])
+
+
+def _during(time: NDArray, window: str | None) -> NDArray:
+    """Which times lie in the window (JSON with start and end, either may be null) of the record's orientations."""
+    window = json.loads(window or "{}")
+    inside = np.ones(len(time), bool)
+    if window.get("start"):
+        inside &= time >= np.datetime64(window["start"], "ns")
+    if window.get("end"):
+        inside &= time < np.datetime64(window["end"], "ns")
+    return inside
+
+
+def _summed(model: NDArray, record: NDArray, weight: str) -> dict[str, NDArray]:
+    """Summed tensors, their axes, and how far those lie apart."""
+    if weight == "unit":
+        model, record = (part / np.sqrt(np.sum(part**2, axis=(1, 2), keepdims=True)) for part in (model, record))
+    summed = np.array([model.sum(axis=0), record.sum(axis=0)])
+    axes = principal_axes(summed)[1]
+    trend, plunge = trend_plunge(axes)
+    return {
+        "summed_tensor": summed,
+        "summed_axis": axes,
+        "summed_trend": trend,
+        "summed_plunge": plunge,
+        "summed_angle": angle_between_axes(axes[0], axes[1]),
+        "summed_kagan": kagan_angle(axes[0], axes[1]),
+        "source_share": np.array([np.abs(source_shares(part)).mean(axis=0) for part in (model, record)]),
+    }
+
+
+def _absent_axes() -> dict:
+    """Every variable of the axes comparison, NaN."""
+    length = {"catalogue": 2, "axis_name": len(AXIS_NAMES), "xyz": 3, "axis": 3, "interval": 2, "share": 3}
+    length |= {"kagan_pair": len(KAGAN_PAIRS), "angle": round(KAGAN_LIMIT / KAGAN_BIN)}
+    dims = {
+        "mean_axis": "catalogue axis_name xyz",
+        "mean_trend": "catalogue axis_name",
+        "mean_plunge": "catalogue axis_name",
+        "mean_cone": "catalogue axis_name",
+        "mean_strength": "catalogue axis_name",
+        "mean_angle": "axis_name",
+        "mean_angle_interval": "axis_name interval",
+        "summed_tensor": "catalogue xyz axis",
+        "summed_axis": "catalogue axis_name xyz",
+        "summed_trend": "catalogue axis_name",
+        "summed_plunge": "catalogue axis_name",
+        "summed_angle": "axis_name",
+        "summed_kagan": "",
+        "kagan_lower": "angle",
+        "kagan_share": "kagan_pair angle",
+        "kagan_median": "kagan_pair",
+        "kagan_median_interval": "kagan_pair interval",
+        "source_share": "catalogue share",
+    }
+    return {
+        name: (tuple(text.split()), np.full([length[dim] for dim in text.split()], np.nan))
+        for name, text in dims.items()
+    }
