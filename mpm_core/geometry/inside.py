@@ -10,6 +10,7 @@ import igl
 import numpy as np
 
 from mpm_core.geometry.crossing import TOLERANCE, crossed_keys, mark_cells
+from mpm_core.geometry.nearby import sample_cells_nearby
 from mpm_core.geometry.solids import Solid
 from mpm_core.geometry.winding import BLOCK, inside_points, sample_cells
 
@@ -49,12 +50,17 @@ def _contains(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     if corners.shape[2] == 2 or len(corners) <= EXACT_FACETS:
         inside_points(corners, np.ascontiguousarray(points), inside)
         return inside
-    vertices = corners.reshape(-1, 3)
-    facets = np.arange(len(vertices), dtype=np.int64).reshape(-1, 3)
     for first in range(0, len(points), TREE_POINTS):
         chunk = slice(first, first + TREE_POINTS)
-        inside[chunk] = np.abs(igl.fast_winding_number(vertices, facets, np.ascontiguousarray(points[chunk]))) > 0.5
+        inside[chunk] = np.abs(_winding_number(corners, points[chunk])) > 0.5
     return inside
+
+
+def _winding_number(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """W at points (point, 3) by libigl's tree, near one local origin: inside, it computes in float32."""
+    vertices = corners.reshape(-1, 3)
+    facets = np.arange(len(vertices), dtype=np.int64).reshape(-1, 3)
+    return igl.fast_winding_number(vertices, facets, np.ascontiguousarray(points))
 
 
 def classify_cells(solid: Solid, origin: np.ndarray, cell_size: float, index: np.ndarray) -> np.ndarray:
@@ -107,6 +113,11 @@ def sample_mask(solid: Solid, origin: np.ndarray, cell_size: float, index: np.nd
         mask[near] = found
         return mask
     center = corners.reshape(-1, 3).mean(axis=0)
+    if solid.is_closed:
+        mask[near], done = sample_cells_nearby(
+            corners, index[near], samples, lambda points: _winding_number(corners - center, points - center)
+        )
+        near = near[~done]
     for first in range(0, len(near), TREE_POINTS // BLOCK):
         cells = near[first : first + TREE_POINTS // BLOCK]
         points = (index[cells] - center)[:, None, :] + samples.T

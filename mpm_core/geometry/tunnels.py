@@ -2,10 +2,10 @@
 
 The path is the centre line of the floor, as surveyed. The profile stands perpendicular to the path with its floor
 level across: it never rolls. A bend is mitred: both stretches end in the plane that halves it. There the two meet in
-one ring of corners if the path bends in plan or in section; if in both, each ends in its own (a level profile cannot
-follow without a twist), and the stretches are bodies of their own that abut. Where a bend is too sharp for a mitre, or
-a stretch too short for its bends, each ends squarely and a little beyond the corner: they overlap, which changes
-nothing inside (the winding number there is 2), but `Solid.volume` counts the overlap twice.
+one ring of corners if the path bends in plan or in section alone. If it does both, a level profile cannot follow
+without a twist: unless the rings nearly agree, each stretch is a body of its own, and they abut. Where a bend is too
+sharp for a mitre, or a stretch too short for its bends, each ends squarely and a little beyond the corner: they
+overlap, which changes nothing inside (the winding number there is 2), but `Solid.volume` counts the overlap twice.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ import numpy as np
 
 ARCH_SEGMENTS = 24  # of the semicircular roof
 STEEPEST = np.radians(85)  # beyond it the heading that keeps the profile level is hardly defined
-SAME_RING = 1e-9  # of the width; nearer corners are one
+SAME_RING = 1e-3  # of the width: rings that differ by less become one, the end of the stretch before
 SHARPEST_MITRE = np.radians(120)  # a mitre's tip reaches 2 half widths out there
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -149,6 +150,45 @@ def test_masks_are_contains_at_the_sample_points_by_sum_and_by_tree(monkeypatch)
     monkeypatch.setattr(inside_module, "EXACT_FACETS", 1)
     monkeypatch.setattr(inside_module, "TREE_POINTS", 64 * 7)
     np.testing.assert_array_equal(sample_mask(few, ORIGIN, 1.0, index), by_sum)
+
+
+def lattice_box(lower, upper, roughness: float = 0.0) -> Solid:
+    """A box of 3072 triangles, too many to be summed for every sample point, its vertices moved at random."""
+    box = trimesh.creation.box(bounds=[lower, upper]).subdivide().subdivide().subdivide().subdivide()
+    shift = roughness * np.random.default_rng(0).normal(size=box.vertices.shape)
+    return Solid("b", box.vertices + shift, box.faces)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_summing_only_near_facets_changes_no_bit(monkeypatch, inverted):
+    """A rough closed solid, its surface folded within cells: the same masks as by summing all facets."""
+    solid = lattice_box([10, 10, 10], [42, 34, 50], roughness=0.5)
+    solid = Solid("b", solid.vertices, solid.facets[:, :: -1 if inverted else 1])
+    index = cells(60, 60, 60)
+    index = index[classify_cells(solid, ORIGIN, 1.0, index) == CROSSED][::9]
+    nearby, settled = inside_module.sample_cells_nearby, []
+
+    def spy(*arguments):
+        mask, done = nearby(*arguments)
+        settled.append(done.mean())
+        return mask, done
+
+    monkeypatch.setattr(inside_module, "sample_cells_nearby", spy)
+    mask = sample_mask(solid, ORIGIN, 1.0, index)
+    assert settled[0] > 0.99
+    monkeypatch.setattr(inside_module, "EXACT_FACETS", len(solid.facets))
+    np.testing.assert_array_equal(sample_mask(solid, ORIGIN, 1.0, index), mask)
+
+
+def test_reference_sample_on_the_surface_spoils_no_other(monkeypatch):
+    """A face through sample 21, from which the others are counted: only points in that plane may go either way."""
+    points = inside_module._sample_points(3)
+    solid = lattice_box([9 + points[0, 21], 5, 5], [30, 30, 30])
+    index = cells(1, 20, 20, start=9)
+    mask = sample_mask(solid, ORIGIN, 1.0, index)
+    clear = np.uint64(2**64 - 1) ^ np.uint64(1 << 21)
+    monkeypatch.setattr(inside_module, "EXACT_FACETS", len(solid.facets))
+    np.testing.assert_array_equal(sample_mask(solid, ORIGIN, 1.0, index) & clear, mask & clear)
 
 
 def test_sample_points_meet_a_wall_one_by_one():
