@@ -30,7 +30,8 @@ class Pieces:
 class Particles:
     """Where the particles are; their state lives in state.py.
 
-    cell, excavation (-1 rock), material (particle,); xi (particle, d) place in the cell, -1 to 1; spacing (particle,) m;
+    cell, excavation (-1 rock), material (particle,); xi (particle, d) place in the cell, -1 to 1; position (particle, d),
+    spacing (particle,) m;
     full_volume (particle,) m3 (m2 in 2-D) if the whole place belonged to the particle; sample (particle,) bit of the
     cell's samples that the particle stands for, -1 for a share of all;
     group_start (group + 1,) first particle of each group, group_table (group,) first row of its points in `points`;
@@ -41,6 +42,7 @@ class Particles:
     excavation: np.ndarray
     material: np.ndarray
     xi: np.ndarray
+    position: np.ndarray
     spacing: np.ndarray
     full_volume: np.ndarray
     sample: np.ndarray
@@ -126,7 +128,9 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, scene: Scene) -
     ]
     parts = [pieces.excavation == index for _, index, _ in sorted(fills)]
     group_cell = np.concatenate([np.arange(cells), *(pieces.cell[part] for part in parts)]).astype(np.int32)
-    group_excavation = np.concatenate([np.full(cells, -1), *(pieces.excavation[part] for part in parts)]).astype(np.int16)
+    group_excavation = np.concatenate([np.full(cells, -1), *(pieces.excavation[part] for part in parts)]).astype(
+        np.int16
+    )
     body_material = np.array([names.index(name) for name in (*scene.rock_bodies, "host")])
     fill_material = np.zeros(max(len(scene.excavations), 1), int)
     for _, index, material in fills:
@@ -148,11 +152,13 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, scene: Scene) -
     cell_groups = np.argsort(group_cell, kind="stable").astype(np.int32)
     cell_size = grid.cell_size[group_cell]
     per_edge = np.where(group_cut, round(SAMPLES ** (1 / dimension)), scene.particles_per_cell)
+    xi = points[table[group] + place]
     return Particles(
         cell=group_cell[group],
         excavation=group_excavation[group],
         material=group_material[group].astype(np.int16),
-        xi=points[table[group] + place],
+        xi=xi,
+        position=grid.cell_center[group_cell[group]] + 0.5 * cell_size[group][:, None] * xi,
         spacing=(cell_size / per_edge)[group],
         full_volume=(cell_size**dimension / size)[group],
         sample=np.where(group_cut[group], place, -1).astype(np.int8),

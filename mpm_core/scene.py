@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpm_core.insitu import InsituStress
+from mpm_core.constitutive.strength import residual_outside_intact, strength_row
+from mpm_core.insitu import VOIGT, InsituStress
 from pipeline.errors import InputError
 
 FACES = ("x_lower", "x_upper", "y_lower", "y_upper", "z_lower", "z_upper")
@@ -136,11 +137,16 @@ def check_material(material: Material, allow_psi_above_phi: bool) -> None:
         return
     intact, residual = material.intact, material.residual
     where = f"materials.{material.name}"
-    for key in ("friction_angle", "cohesion"):
-        if getattr(residual, key) > getattr(intact, key):
-            raise InputError(f"{where}.{key}: residual {getattr(residual, key):g} is above intact {getattr(intact, key):g}; rock does not gain strength by failing")
-    if (residual.tension_cutoff or 0.0) > (intact.tension_cutoff if intact.tension_cutoff is not None else np.inf):
-        raise InputError(f"{where}.tension_cutoff: residual {residual.tension_cutoff:g} is above intact {intact.tension_cutoff:g} Pa")
+    rows = [strength_row(s.friction_angle, s.dilation_angle, s.cohesion, s.tension_cutoff) for s in (intact, residual)]
+    for key in ("friction_angle", "cohesion", "tension_cutoff"):
+        low, high = (getattr(strength, key) for strength in (residual, intact))
+        if low is not None and high is not None and low > high:
+            raise InputError(
+                f"{where}.{key}: residual {low:g} is above intact {high:g}; rock gains no strength by failing"
+            )
+    reason = residual_outside_intact(*rows)
+    if reason:
+        raise InputError(f"{where}: {reason}")
     for state, strength in (("intact", intact), ("residual", residual)):
         if strength.dilation_angle > strength.friction_angle and not allow_psi_above_phi:
             raise InputError(
@@ -162,11 +168,15 @@ def parse_scene(values: dict) -> Scene:
         particles_per_cell=int(values["particles_per_cell"]),
         cut_cells=values["cut_cells"],
         boundary=values["boundary"],
-        insitu=InsituStress(np.array(stress["constant"], float), np.array(stress["gradient"], float), float(values["surface"])),
+        insitu=InsituStress(
+            np.array(stress["constant"], float), np.array(stress["gradient"], float), float(values["surface"])
+        ),
         materials=materials,
         rock_bodies=tuple(body["material"] for body in values["rock_bodies"]),
         excavations=tuple(Excavation(**entry) for entry in values["excavations"]),
-        loads=tuple(Load(entry["name"], entry["since"], tuple(entry["force"]), entry["shape"]) for entry in values["loads"]),
+        loads=tuple(
+            Load(entry["name"], entry["since"], tuple(entry["force"]), entry["shape"]) for entry in values["loads"]
+        ),
         steps=tuple(values["steps"]),
         solver=Solver(**values["solver"]),
     )
@@ -182,3 +192,27 @@ def check_boundary(scene: Scene) -> None:
             "domain.boundary: traction or free faces all round hold nothing up, and this stress field has weight "
             "(insitu_stress.gradient); fix at least the lower face"
         )
+
+
+def check_virgin_stress(scene: Scene, lowest: float, highest: float) -> None:
+    """Raise InputError if virgin rock stands above its intact strength anywhere between two elevations, m.
+
+    N s1 - s3 and s1 are convex along a line of stresses, and stress is linear in depth: the ends decide.
+    """
+    for name in {"host", *scene.rock_bodies}:
+        material = scene.materials[name]
+        if material.intact is None:
+            continue
+        strength = material.intact
+        row = strength_row(strength.friction_angle, strength.dilation_angle, strength.cohesion, strength.tension_cutoff)
+        for elevation in (lowest, highest):
+            tensor = np.zeros((3, 3))
+            for value, (i, j) in zip(scene.insitu.at(elevation), VOIGT, strict=True):
+                tensor[i, j] = tensor[j, i] = value
+            s3, _, s1 = np.linalg.eigvalsh(tensor)
+            excess = max(row[0] * s1 - s3 - row[2], s1 - row[3])
+            if excess > 0.0:
+                raise InputError(
+                    f"insitu_stress: at elevation {elevation:g} m virgin stress is {excess / 1e6:.3g} MPa above the intact "
+                    f"strength of materials.{name}; it would fail before anything is mined: check stress, depth and strength"
+                )

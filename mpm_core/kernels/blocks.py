@@ -80,18 +80,3 @@ def build_scatter(cell_nodes: np.ndarray, node_parents: np.ndarray) -> Scatter:
     free_nodes = np.flatnonzero(node_parents[:, 0] < 0).astype(np.int32)
     sum_start = np.searchsorted(target[order], np.append(free_nodes, nodes)).astype(np.int64)
     return Scatter(block_start, slot_start, cell_slots, free_nodes, sum_start, slot[order], weights[order])
-
-
-@njit(cache=True, parallel=False)
-def spread_to_hanging(hanging, node_parents, values):
-    """Hanging nodes take the mean of their parents: values (node, component), in place (u = C u_free)."""
-    for k in range(len(hanging)):
-        node = hanging[k]
-        for component in range(values.shape[1]):
-            total = 0.0
-            count = 0
-            for p in range(node_parents.shape[1]):
-                if node_parents[node, p] >= 0:
-                    total += values[node_parents[node, p], component]
-                    count += 1
-            values[node, component] = total / count

@@ -1,0 +1,45 @@
+"""From a mine's solids and mining plan to a synthetic seismic catalogue beside the recorded one.
+
+snakemake --cores all                                              the demo mine
+snakemake --cores all --configfile config/mines/elk_creek.yaml     another mine
+"""
+
+import sys
+
+from snakemake.utils import min_version
+
+min_version("9.0")
+BASE = Path(workflow.basedir)
+sys.path.insert(0, str(BASE))
+
+from pipeline.errors import InputError
+from workflow.configuration import load
+
+
+configfile: BASE / "config/default.yaml"
+
+
+MINE_FILE = BASE / "config/mines/demo.yaml"
+if workflow.overwrite_configfiles:
+    MINE_FILE = Path(workflow.overwrite_configfiles[-1])
+else:
+
+    configfile: MINE_FILE
+
+
+try:
+    MINE = load(config, os.path.relpath(MINE_FILE))
+except InputError as error:
+    sys.exit(str(error))
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/grid.smk"
+include: "workflow/rules/equilibrium.smk"
+include: "workflow/rules/events.smk"
+include: "workflow/rules/comparison.smk"
+
+
+rule all:
+    input:
+        all_results(),

@@ -1,0 +1,67 @@
+"""Command lines of the mechanics: python -m mpm_core grid | elastic | step | vtk."""
+
+import argparse
+import json
+import logging
+from pathlib import Path
+
+from mpm_core.datasets import read_grid
+from pipeline.datasets import read_dataset, write_dataset
+from pipeline.provenance import provenance
+from pipeline.stage import run_stage
+
+
+def make_grid(arguments: argparse.Namespace) -> None:
+    """grid.nc from the solids."""
+    from mpm_core.gridding import make_grid
+
+    scene = json.loads(arguments.scene)
+    write_dataset(make_grid(scene, provenance(scene, "mpm_core")), arguments.output)
+
+
+def solve(arguments: argparse.Namespace) -> None:
+    """elastic.nc, or steps/<step>.nc from the state of the step before."""
+    from mpm_core.scene import parse_scene
+    from mpm_core.stages import elastic_stage, mining_step, use_threads
+
+    use_threads(arguments.threads)
+    values = json.loads(arguments.scene)
+    scene, grid = parse_scene(values), read_dataset(arguments.grid)
+    failed_state = Path(arguments.output).with_suffix(".failed.npz")
+    if arguments.stage == "elastic":
+        dataset, facts = elastic_stage(scene, grid, failed_state)
+    else:
+        dataset, facts = mining_step(scene, grid, read_dataset(arguments.state), failed_state)
+    for name, value in facts.items():
+        logging.info("%s: %s", name, value)
+    dataset.attrs |= provenance(values, "mpm_core")
+    write_dataset(dataset, arguments.output)
+
+
+def write_vtk(arguments: argparse.Namespace) -> None:
+    """vtk/<stage>.vtu for ParaView."""
+    from mpm_core.vtk import write_vtu
+
+    write_vtu(read_grid(read_dataset(arguments.grid))[0], read_dataset(arguments.state), arguments.output)
+
+
+def main() -> None:
+    """Parse the command line and run the stage."""
+    parser = argparse.ArgumentParser(prog="python -m mpm_core", description=__doc__)
+    stages = parser.add_subparsers(dest="stage", required=True)
+    takes = {"grid": (), "elastic": ("grid",), "step": ("grid", "state"), "vtk": ("grid", "state")}
+    for name, inputs in takes.items():
+        stage = stages.add_parser(name)
+        for option in (*inputs, "output"):
+            stage.add_argument(f"--{option}", required=True)
+        if name != "vtk":
+            stage.add_argument("--scene", required=True, help="configuration slice, JSON, SI units")
+        stage.add_argument("--log")
+        stage.add_argument("--threads", type=int, default=1)
+    arguments = parser.parse_args()
+    run = {"grid": make_grid, "elastic": solve, "step": solve, "vtk": write_vtk}[arguments.stage]
+    run_stage(f"{arguments.stage} {arguments.output}", arguments.log, lambda: run(arguments))
+
+
+if __name__ == "__main__":
+    main()

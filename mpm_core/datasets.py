@@ -1,0 +1,166 @@
+"""Grid and state to and from the dataset contract: always three coordinates and six stress components."""
+
+import json
+
+import numpy as np
+import xarray as xr
+
+from mpm_core.fields import variable
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.kernels.nodes import interpolate
+from mpm_core.model import Model, State
+from mpm_core.particles import SAMPLES, Pieces
+from mpm_core.scene import PLANES
+from pipeline.errors import InputError
+
+CONVENTIONS = {
+    "Conventions": "CF-1.11 UGRID-1.0",
+    "stress_sign": "tension positive",
+    "voigt": "xx yy zz yz xz xy, tensor shear",
+}
+
+
+def embed(values: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
+    """Vectors (n, d) of the computation's axes as (n, 3) of the mine's frame, 0 out of plane."""
+    result = np.zeros((*values.shape[:-1], 3))
+    result[..., list(axes)] = values
+    return result
+
+
+def grid_dataset(
+    grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, plane: str | None, attributes: dict
+) -> xr.Dataset:
+    """The dataset of grid.nc. attributes: excavation names and volumes, thickness, provenance."""
+    axes = PLANES[plane]
+    values = {
+        "cell_origin": embed(grid.cell_origin, axes),
+        "cell_size": grid.cell_size,
+        "cell_level": grid.cell_level,
+        "cell_nodes": grid.cell_nodes,
+        "cell_body": body,
+        "node_position": embed(grid.node_position, axes),
+        "node_parents": grid.node_parents,
+        "piece_cell": pieces.cell,
+        "piece_excavation": pieces.excavation,
+        "piece_samples": pieces.samples,
+        "piece_fraction": np.bitwise_count(pieces.samples) / SAMPLES,
+    }
+    dataset = xr.Dataset({name: variable(name, array) for name, array in values.items()})
+    dataset.attrs = CONVENTIONS | {
+        "dimension": grid.dimension,
+        "plane": plane or "none",
+        "domain_lower": embed(grid.origin, axes),
+        "domain_upper": embed(grid.origin + grid.shape * grid.fine_cell, axes),
+        "coarse_cell": grid.fine_cell * 2 ** (grid.levels - 1),
+        "fine_cell": grid.fine_cell,
+        "levels": grid.levels,
+        **attributes,
+    }
+    topology = "face" if grid.dimension == 2 else "volume"
+    dataset["mesh"] = xr.Variable(
+        (),
+        np.int32(0),
+        {
+            "cf_role": "mesh_topology",
+            "topology_dimension": grid.dimension,
+            "node_coordinates": "node_position",
+            f"{topology}_node_connectivity": "cell_nodes",
+        },
+    )
+    return dataset
+
+
+def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray, Pieces]:
+    """Grid, rock body of each cell and pieces, from the dataset of grid.nc."""
+    attributes = dataset.attrs
+    plane = None if attributes["plane"] == "none" else attributes["plane"]
+    axes = list(PLANES[plane])
+    origin, fine = np.asarray(attributes["domain_lower"])[axes], float(attributes["fine_cell"])
+
+    def index(positions: xr.DataArray) -> np.ndarray:
+        return np.rint((positions.values[:, axes] - origin) / fine).astype(np.int32)
+
+    grid = MultiLevelGrid(
+        origin=origin,
+        fine_cell=fine,
+        levels=int(attributes["levels"]),
+        shape=np.rint((np.asarray(attributes["domain_upper"])[axes] - origin) / fine).astype(np.int64),
+        cell_index=index(dataset.cell_origin),
+        cell_level=dataset.cell_level.values,
+        cell_nodes=dataset.cell_nodes.values,
+        node_index=index(dataset.node_position),
+        node_parents=dataset.node_parents.values,
+    )
+    pieces = Pieces(dataset.piece_cell.values, dataset.piece_excavation.values, dataset.piece_samples.values)
+    return grid, dataset.cell_body.values, pieces
+
+
+def state_dataset(
+    model: Model, state: State, volume: np.ndarray, rating: tuple[np.ndarray, np.ndarray], table: dict, attributes: dict
+) -> xr.Dataset:
+    """The dataset of elastic.nc or steps/<step>.nc.
+
+    rating: strength factor and excess shear stress (particle,); table: convergence columns by name.
+    """
+    scene, particles = model.scene, model.particles
+    axes, voigt = scene.axes, scene.voigt
+    displacement = np.zeros((particles.count, model.dimension))
+    interpolate(model.cell_nodes, particles.cell, particles.xi, state.displacement, displacement)
+    step_strain = state.seismic_strain + state.overshoot_strain + state.later_strain
+    present = (volume > 0.0)[:, None]
+    values = {
+        "position": embed(particles.position, axes),
+        "cell": particles.cell,
+        "spacing": particles.spacing,
+        "volume": volume * scene.thickness,
+        "material": particles.material,
+        "excavation": particles.excavation,
+        "displacement": embed(displacement, axes),
+        "stress": np.where(present, state.stress + model.insitu, 0.0)[:, voigt],
+        "failed": state.failed,
+        "failure_order": state.failure_order,
+        "seismic_strain": state.seismic_strain[:, voigt],
+        "overshoot_strain": state.overshoot_strain[:, voigt],
+        "later_strain": state.later_strain[:, voigt],
+        "plastic_strain_step": step_strain[:, voigt],
+        "plastic_strain": (state.plastic_strain + step_strain)[:, voigt],
+        "strength_factor": rating[0],
+        "excess_shear_stress": rating[1],
+        "node_displacement": embed(state.displacement, axes),
+        "node_velocity": embed(state.velocity, axes),
+        "hourglass_force": embed(state.hourglass_force, axes),
+        **{f"convergence_{name}": column for name, column in table.items()},
+    }
+    dataset = xr.Dataset({name: variable(name, array) for name, array in values.items()})
+    host = scene.materials["host"]
+    dataset.attrs = CONVENTIONS | {
+        "mine": scene.mine,
+        "plane": scene.plane or "none",
+        "material_names": json.dumps(list(scene.materials)),
+        "lame_lambda": host.lame_lambda,
+        "shear_modulus": host.shear_modulus,
+        "tolerance": scene.solver.tolerance,
+        "scheme": scene.solver.scheme,
+        **attributes,
+    }
+    return dataset
+
+
+def read_state(dataset: xr.Dataset, model: Model) -> State:
+    """State at the start of a stage from the dataset of the stage before; fill placed since starts without stress.
+
+    Raises InputError if the dataset belongs to another grid.
+    """
+    particles, axes, voigt = model.particles, list(model.scene.axes), model.scene.voigt
+    before = dataset.sizes["particle"]
+    if before > particles.count or not np.array_equal(dataset.cell.values, particles.cell[:before]):
+        raise InputError("the state of the step before belongs to another grid; run the pipeline from the grid")
+    state = model.virgin_state()
+    state.stress[:before] = dataset.stress.values[:, voigt] - model.insitu[:before]
+    state.failed[:before] = dataset.failed.values
+    state.failure_order[:before] = dataset.failure_order.values
+    state.plastic_strain[:before] = dataset.plastic_strain.values[:, voigt]
+    state.displacement[:] = dataset.node_displacement.values[:, axes]
+    state.velocity[:] = dataset.node_velocity.values[:, axes]
+    state.hourglass_force[:] = dataset.hourglass_force.values[..., axes]
+    return state

@@ -1,0 +1,51 @@
+"""When equilibrium is reached, and the table of how it went."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from tqdm import tqdm
+
+from pipeline.errors import InputError
+
+COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "new_failures")
+
+
+def norm(values: np.ndarray) -> float:
+    """2-norm with numpy's own pairwise sum: the same bits with any number of threads (BLAS does not promise that)."""
+    return float(np.sqrt(np.sum(values * values)))
+
+
+@dataclass
+class History:
+    """The convergence table of a stage, one row per check: see COLUMNS. Iterations count through the whole stage."""
+
+    tolerance: float
+    rows: list[tuple] = field(default_factory=list)
+    iteration: int = 0
+    increment: int = 0
+    generation: int = 0
+    bar: tqdm | None = None
+
+    def check(self, ratio: float, max_ratio: float) -> None:
+        """Note one check of the unbalanced force. Raises InputError if it is not a number."""
+        self.rows.append((self.increment, self.generation, self.iteration, ratio, max_ratio, 0))
+        if not np.isfinite(ratio):
+            raise InputError(
+                f"unbalanced force is not a number at iteration {self.iteration} (increment {self.increment}, "
+                f"generation {self.generation}): the state is beside the output as .failed.npz; check moduli and loads"
+            )
+        if self.bar is not None:
+            self.bar.set_postfix_str(
+                f"increment {self.increment}, generation {self.generation}, unbalanced {ratio:.1e}", refresh=False
+            )
+
+    def failures(self, count: int) -> None:
+        """Note how many particles failed after the latest check."""
+        *row, _ = self.rows[-1]
+        self.rows[-1] = (*row, count)
+
+    def table(self) -> dict[str, np.ndarray]:
+        """Columns as arrays, by name."""
+        columns = list(zip(*self.rows, strict=True)) or [()] * len(COLUMNS)
+        types = (np.int32, np.int32, np.int32, float, float, np.int32)
+        return {name: np.array(column, kind) for name, column, kind in zip(COLUMNS, columns, types, strict=True)}

@@ -1,0 +1,193 @@
+"""Scheme `explicit`: damped symplectic time stepping to rest (paper section 2.2, Eqs 1 to 6 with the errata).
+
+Particles rest in their cells, so nodes keep their velocity from step to step: the grid is never reset, and the particle
+velocities of Eqs (1) and (5), which would only filter it, are not needed. moving.py is the full cycle.
+
+The time step. For a cell of edge h the largest frequency is that of its dilation: K_e's largest eigenvalue over the mass
+at a corner is 4 (d lambda + 2 mu) / (rho h^2), in d dimensions. No frequency of the assembly exceeds the largest of its
+parts (Irons and Treharne 1971), and lumping the mass of hanging nodes onto their parents only lowers it, so
+dt = 2 / omega = h sqrt(rho / (d lambda + 2 mu)) is stable without damping. With density scaling rho is chosen so that this
+is the same everywhere: all cells then reach rest in about the same number of steps. Weights are not touched by it.
+"""
+
+import numpy as np
+
+from mpm_core.equilibrium.convergence import History, norm
+from mpm_core.kernels.nodes import advance_nodes, collect_to_parents, spread_to_hanging
+from mpm_core.kernels.resting import UPDATE
+from mpm_core.model import Model, State
+from pipeline.errors import InputError
+
+CHECK_EVERY = 20  # iterations between two looks at the unbalanced force
+TIME_STEP_SHARE = 0.9  # of the undamped limit: local damping adds up to (1 + c) to the restoring force for moments
+FAILED_HOURGLASS = 0.01  # of the intact hourglass stiffness: a stiff one props failed rock up (design section 5)
+
+
+class ExplicitScheme:
+    """Relaxes a state towards equilibrium under given external forces.
+
+    The scheme owns work arrays; `model` and the arrays of `state` are the caller's, the latter changed in place.
+    """
+
+    def __init__(self, model: Model, state: State, volume: np.ndarray):
+        self.model = model
+        self.state = state
+        self.unbalanced = np.zeros_like(state.displacement)
+        self.slot_force = np.zeros((model.scatter.slots, model.dimension))
+        self.set_volume(volume)
+
+    def set_volume(self, volume: np.ndarray) -> None:
+        """Take over changed particle volumes: mass, time step and hourglass stiffness follow."""
+        model, particles = self.model, self.model.particles
+        self.volume = volume
+        lame, shear = model.elastic_constants[particles.material].T
+        stiffness = model.dimension * lame + 2.0 * shear
+        size = model.grid.cell_size[particles.cell]
+        present = volume > 0.0
+        if model.scene.solver.density_scaling:
+            density = stiffness / size**2  # the limit is 1 s everywhere
+            limit = 1.0
+        else:
+            density = np.array([m.density for m in model.scene.materials.values()])[particles.material]
+            limit = float((size * np.sqrt(density / stiffness))[present].min()) if present.any() else 1.0
+        self.time_step = TIME_STEP_SHARE * limit
+        self.mass = nodal_mass(model, density * volume)
+        self.set_failed()
+
+    def set_failed(self) -> None:
+        """Take over which particles have failed."""
+        model, particles = self.model, self.model.particles
+        self.failed = self.state.failed >= 0
+        lame, shear = model.elastic_constants[particles.material].T
+        stiffness = 4.0 * model.scene.solver.hourglass * (lame + 2.0 * shear) * self.volume
+        stiffness /= model.grid.cell_size[particles.cell] ** 2
+        stiffness[self.failed] *= FAILED_HOURGLASS
+        alone = np.diff(particles.group_start)[self._group_of_particle()] == 1
+        self.hourglass = np.bincount(particles.cell[alone], stiffness[alone], minlength=len(model.cell_nodes))
+
+    def _group_of_particle(self) -> np.ndarray:
+        start = self.model.particles.group_start
+        return np.repeat(np.arange(len(start) - 1), np.diff(start))
+
+    def _update(self, time_step: float) -> None:
+        model, particles, state, scatter = self.model, self.model.particles, self.state, self.model.scatter
+        UPDATE[model.dimension](
+            scatter.block_start,
+            scatter.slot_start,
+            model.cell_nodes,
+            scatter.cell_slots,
+            model.grid.cell_size,
+            particles.cell_groups_start,
+            particles.cell_groups,
+            particles.group_start,
+            particles.group_table,
+            model.mode_values,
+            time_step,
+            state.velocity,
+            self.volume,
+            particles.material,
+            model.elastic_constants,
+            model.residual_rows,
+            self.failed,
+            model.insitu,
+            self.hourglass,
+            state.stress,
+            state.later_strain,
+            state.dissipated,
+            state.hourglass_force,
+            self.slot_force,
+        )
+
+    def _advance(self, external: np.ndarray, time_step: float) -> None:
+        state, scatter = self.state, self.model.scatter
+        advance_nodes(
+            scatter.free_nodes,
+            scatter.sum_start,
+            scatter.sum_slots,
+            scatter.sum_weights,
+            self.slot_force,
+            external,
+            self.mass,
+            self.model.held,
+            self.model.scene.solver.damping,
+            time_step,
+            state.velocity,
+            state.displacement,
+            self.unbalanced,
+        )
+
+    def internal_force(self) -> np.ndarray:
+        """Forces -B^T sigma V of the present stress at free nodes, (node, d) N; nothing moves."""
+        self._update(0.0)
+        self._advance(np.zeros_like(self.unbalanced), 0.0)
+        return self.unbalanced.copy()
+
+    def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
+        """Step until the 2-norm of the unbalanced force at free nodes is at most tolerance * reference (N).
+
+        Raises InputError after solver.max_iterations, for NaN, and when a node moves farther than a finest cell.
+        """
+        model, state, solver = self.model, self.state, self.model.scene.solver
+        hanging, parents = model.hanging, model.grid.node_parents
+        reference = reference or 1.0  # nothing was mined: any force at all counts
+        self._update(0.0)
+        for iteration in range(solver.max_iterations + 1):
+            if iteration % CHECK_EVERY == 0:
+                self._advance(external, 0.0)
+                ratio = norm(self.unbalanced) / reference
+                history.check(ratio, float(np.abs(self.unbalanced).max()) / reference)
+                if ratio <= tolerance:
+                    break
+                reach = float(np.abs(state.displacement).max())
+                if not model.held.any():  # damping by component pushes a body that nothing holds
+                    remove_rigid_motion(model.grid.node_position, self.mass, state.velocity)
+                if reach > model.grid.fine_cell:
+                    raise InputError(
+                        f"rock moved {reach:.3g} m, more than a finest cell: it runs away (unbalanced ratio {ratio:.2g}); "
+                        "fill the excavation, raise residual strength, or mine it in more steps"
+                    )
+            self._advance(external, self.time_step)
+            spread_to_hanging(hanging, parents, state.velocity)
+            self._update(self.time_step)
+            history.iteration += 1
+            if history.bar is not None:
+                history.bar.update()
+        else:
+            raise InputError(
+                f"no convergence: unbalanced ratio {ratio:.3g} after {solver.max_iterations} iterations, tolerance "
+                f"{tolerance:g}; raise solver.max_iterations or solver.tolerance, or mine in smaller steps"
+            )
+        if not model.held.any():
+            remove_rigid_motion(model.grid.node_position, self.mass, state.displacement)
+        spread_to_hanging(hanging, parents, state.displacement)
+
+
+def nodal_mass(model: Model, mass: np.ndarray) -> np.ndarray:
+    """Masses of particles (particle,) kg shared by the shape functions and moved from hanging nodes to parents (Eq. 1)."""
+    nodal = np.zeros((len(model.grid.node_index), 1))
+    particles = model.particles
+    for corner in range(1 << model.dimension):
+        shape = np.ones(particles.count)
+        for k in range(model.dimension):
+            shape *= 0.5 * (1.0 + (2 * ((corner >> k) & 1) - 1) * particles.xi[:, k])
+        nodes = model.cell_nodes[particles.cell, corner]
+        nodal[:, 0] += np.bincount(nodes, shape * mass, minlength=len(nodal))
+    collect_to_parents(model.grid.node_parents, nodal)
+    return nodal[:, 0]
+
+
+def remove_rigid_motion(position: np.ndarray, mass: np.ndarray, motion: np.ndarray) -> None:
+    """Take the mass-weighted best rigid translation and rotation out of motion (node, d), in place."""
+    nodes, dimension = position.shape
+    center = (mass[:, None] * position).sum(axis=0) / mass.sum()
+    x = position - center
+    modes = [np.tile(np.eye(dimension)[k], (nodes, 1)) for k in range(dimension)]
+    for i in range(dimension):
+        for j in range(i):
+            spin = np.zeros((nodes, dimension))
+            spin[:, i], spin[:, j] = x[:, j], -x[:, i]
+            modes.append(spin)
+    gram = np.array([[np.sum(mass[:, None] * a * b) for b in modes] for a in modes])
+    share = np.linalg.solve(gram, [np.sum(mass[:, None] * a * motion) for a in modes])
+    for weight, mode in zip(share, modes, strict=True):
+        motion -= weight * mode

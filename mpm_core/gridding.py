@@ -1,0 +1,183 @@
+"""From solids to the grid of a scene: which cells are refined, which part of each cell is inside which excavation."""
+
+import json
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+import psutil
+import xarray as xr
+
+from mpm_core.datasets import grid_dataset
+from mpm_core.geometry.files import read_solid
+from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, contains, sample_mask
+from mpm_core.geometry.shapes import build_shape
+from mpm_core.geometry.solids import Solid
+from mpm_core.grid.building import GridCount, build_grid
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.particles import FULL, HALF, SLIVER, Pieces
+from pipeline.errors import InputError
+
+STAGE_BYTES_PER_CELL = (
+    2600  # measured peak of a mechanics stage at one particle per cell, 3-D, dataset writing included
+)
+
+
+def read_solids(entries: list[dict], section: str, dimension: int) -> list[Solid]:
+    """Solids of a section of the configuration ("excavations"), in order. Raises InputError naming the entry."""
+    solids = []
+    for entry in entries:
+        try:
+            if "file" in entry:
+                if dimension == 2:
+                    raise InputError(
+                        f"{entry['name']}: file: a plane strain scene needs a shape in its plane, not a solid"
+                    )
+                solids.append(read_solid(entry["file"], entry["name"], entry.get("element"), entry.get("layer")))
+            else:
+                solids.append(build_shape(entry, dimension))
+        except InputError as error:
+            raise InputError(f"{section}.{entry['name']}: {str(error).removeprefix(entry['name'] + ': ')}") from error
+    return solids
+
+
+@dataclass(frozen=True)
+class Domain:
+    """The box that is modelled: lower corner (d,) m, base cells (d,), edge of a base cell m, number of levels."""
+
+    lower: np.ndarray
+    base_shape: np.ndarray
+    coarse_cell: float
+    levels: int
+
+    @property
+    def upper(self) -> np.ndarray:
+        """Upper corner (d,) m."""
+        return self.lower + self.base_shape * self.coarse_cell
+
+    def cell(self, level: int) -> float:
+        """Edge of a cell of a level, m."""
+        return self.coarse_cell / 2**level
+
+
+def check_inside(solid: Solid, domain: Domain, section: str) -> None:
+    """Raise InputError for a solid outside the domain; one that is partly outside is cut off at the boundary."""
+    lower, upper = solid.bounds
+    if (upper <= domain.lower).any() or (lower >= domain.upper).any():
+        raise InputError(
+            f"{section}.{solid.name}: lies outside the domain ({_span(lower, upper)}; domain {_span(domain.lower, domain.upper)}): "
+            "check its coordinates and domain.lower, domain.upper"
+        )
+    if (lower < domain.lower).any() or (upper > domain.upper).any():
+        logging.warning("%s.%s reaches beyond the domain; the part inside is used", section, solid.name)
+
+
+def _span(lower, upper) -> str:
+    return ", ".join(f"{a:g} to {b:g} m" for a, b in zip(lower, upper, strict=True))
+
+
+def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid], whole: bool) -> Pieces:
+    """Parts of the finest cells inside each excavation, in order of excavation and cell. `whole`: in or out by the half."""
+    finest = np.flatnonzero(grid.cell_level == grid.levels - 1).astype(np.int32)
+    index = grid.cell_index[finest]
+    parts = []
+    for number, solid in enumerate(solids):
+        lower = (solid.bounds[0] - domain.lower) / grid.fine_cell - 1
+        upper = (solid.bounds[1] - domain.lower) / grid.fine_cell
+        near = np.flatnonzero(((index >= lower) & (index <= upper)).all(axis=1))
+        kind = classify_cells(solid, domain.lower, grid.fine_cell, index[near])
+        samples = np.where(kind == INSIDE, FULL, np.uint64(0))
+        crossed = (kind != INSIDE) & (kind != OUTSIDE)
+        samples[crossed] = sample_mask(solid, domain.lower, grid.fine_cell, index[near][crossed])
+        if whole:
+            samples = np.where(np.bitwise_count(samples) >= HALF, FULL, np.uint64(0))
+        keep = np.bitwise_count(samples) >= SLIVER
+        if not keep.any():
+            raise InputError(
+                f"excavations.{solid.name}: adds no volume: it is thinner than a fraction of the finest cell, "
+                f"{grid.fine_cell:g} m; refine grid.levels or leave it out"
+            )
+        parts.append((finest[near][keep], np.full(keep.sum(), number), samples[keep]))
+    if not parts:
+        return Pieces(np.empty(0, np.int32), np.empty(0, np.int16), np.empty(0, np.uint64))
+    cell, excavation, samples = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Pieces(cell.astype(np.int32), excavation.astype(np.int16), samples)
+
+
+def assign_bodies(grid: MultiLevelGrid, bodies: list[Solid]) -> np.ndarray:
+    """Rock body of each cell by its centre, later ones winning: (cell,) int16, -1 host."""
+    body = np.full(len(grid.cell_level), -1, np.int16)
+    for number, solid in enumerate(bodies):
+        body[contains(solid, grid.cell_center)] = number
+    return body
+
+
+def require_memory(count: GridCount, dimension: int) -> None:
+    """Raise InputError if the stages that follow would not fit into the memory that is free now."""
+    needed = count.cells * STAGE_BYTES_PER_CELL * (0.6 if dimension == 2 else 1.0)
+    free = psutil.virtual_memory().available
+    logging.info("%d cells, %d nodes; about %.2f GB for the mechanics", count.cells, count.nodes, needed / 1e9)
+    if needed > free:
+        raise InputError(
+            f"grid: {count.cells:,} cells need about {needed / 1e9:.1f} GB of memory, {free / 1e9:.1f} GB are free: use fewer "
+            "grid.levels, a larger grid.coarse_cell, fewer grid.buffer_cells or a smaller domain"
+        )
+
+
+def make_grid(values: dict, attributes: dict) -> xr.Dataset:
+    """The dataset of grid.nc from the grid's configuration slice (SI); attributes: provenance."""
+    dimension = 2 if values["plane"] else 3
+    lower, upper = (np.array(values["domain"][key], float) for key in ("lower", "upper"))
+    coarse = values["grid"]["coarse_cell"]
+    domain = Domain(lower, np.rint((upper - lower) / coarse).astype(np.int64), coarse, values["grid"]["levels"])
+    solids = read_solids(values["excavations"], "excavations", dimension)
+    bodies = read_solids(values["rock_bodies"], "rock_bodies", dimension)
+    for section, group in (("excavations", solids), ("rock_bodies", bodies)):
+        for solid in group:
+            check_inside(solid, domain, section)
+    features = [solid for solid, entry in zip(bodies, values["rock_bodies"], strict=True) if entry["refine"]]
+
+    def classify(level: int, index: np.ndarray) -> np.ndarray:
+        marked = np.zeros(len(index), bool)
+        for solid in solids:
+            rest = np.flatnonzero(~marked)
+            marked[rest] = classify_cells(solid, domain.lower, domain.cell(level), index[rest]) != OUTSIDE
+        for solid in features:
+            rest = np.flatnonzero(~marked)
+            kind = classify_cells(solid, domain.lower, domain.cell(level), index[rest])
+            marked[rest] = (kind != OUTSIDE) & (kind != INSIDE)
+        return marked
+
+    grid = build_grid(
+        domain.lower,
+        domain.coarse_cell,
+        domain.base_shape,
+        domain.levels,
+        classify,
+        values["grid"]["buffer_cells"],
+        before_allocation=lambda count: require_memory(count, dimension),
+    )
+    pieces = cut_pieces(grid, domain, solids, values["grid"]["cut_cells"] == "whole")
+    thickness = values["thickness"]
+    on_grid = np.bincount(pieces.excavation, np.bitwise_count(pieces.samples) / 64, minlength=len(solids))
+    on_grid *= grid.fine_cell**dimension * thickness
+    volume = [solid.volume * (thickness if dimension == 2 else 1.0) for solid in solids]
+    for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
+        logging.info(
+            "%s: %.1f m3, on the grid %.1f m3 (%+.2f %%)", solid.name, true, gridded, 100 * (gridded / true - 1)
+        )
+    return grid_dataset(
+        grid,
+        assign_bodies(grid, bodies),
+        pieces,
+        values["plane"],
+        attributes
+        | {
+            "mine": values["name"],
+            "thickness": thickness,
+            "excavation_names": json.dumps([solid.name for solid in solids]),
+            "excavation_volume": json.dumps(volume),
+            "excavation_volume_grid": json.dumps([float(value) for value in on_grid]),
+            "rock_body_names": json.dumps([solid.name for solid in bodies]),
+        },
+    )

@@ -1,0 +1,91 @@
+"""First failure: who stands above peak strength, and the brittle drop to residual strength."""
+
+from numba import njit, prange
+
+from mpm_core.constitutive.coulomb import (
+    brittle_drop,
+    excess_shear_stress,
+    overstress,
+    strength_factor,
+    surely_admissible,
+)
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def overstressed(candidates, stress, insitu, material, rows, margin, above):
+    """Which candidates stand above strength by more than their material's margin: above (candidate,) bool, in place.
+
+    candidates (candidate,) particle indices; stress, insitu (particle, 6) Pa; rows (material, column) strength rows;
+    margin (material,) Pa.
+    """
+    for i in prange(len(candidates)):
+        p = candidates[i]
+        xx = stress[p, 0] + insitu[p, 0]
+        yy = stress[p, 1] + insitu[p, 1]
+        zz = stress[p, 2] + insitu[p, 2]
+        yz = stress[p, 3] + insitu[p, 3]
+        xz = stress[p, 4] + insitu[p, 4]
+        xy = stress[p, 5] + insitu[p, 5]
+        row = rows[material[p]]
+        if surely_admissible(xx, yy, zz, yz, xz, xy, row):
+            above[i] = False
+        else:
+            above[i] = overstress(xx, yy, zz, yz, xz, xy, row) > margin[material[p]]
+
+
+@njit(error_model="numpy", cache=True)
+def drop(
+    particles,
+    stress,
+    insitu,
+    material,
+    elastic_constants,
+    intact_rows,
+    residual_rows,
+    overshoot_strain,
+    seismic_strain,
+    dissipated,
+):
+    """Brittle drop of the given particles, in place: stress to residual; overshoot and seismic strain; energy J/m3.
+
+    Energy is that of two straight paths: trial to peak, peak to residual.
+    """
+    for i in range(len(particles)):
+        p = particles[i]
+        xx = stress[p, 0] + insitu[p, 0]
+        yy = stress[p, 1] + insitu[p, 1]
+        zz = stress[p, 2] + insitu[p, 2]
+        yz = stress[p, 3] + insitu[p, 3]
+        xz = stress[p, 4] + insitu[p, 4]
+        xy = stress[p, 5] + insitu[p, 5]
+        m = material[p]
+        peak, residual, overshoot, seismic, _ = brittle_drop(
+            xx, yy, zz, yz, xz, xy, elastic_constants[m, 0], elastic_constants[m, 1], intact_rows[m], residual_rows[m]
+        )
+        trial = (xx, yy, zz, yz, xz, xy)
+        work = 0.0
+        for k in range(6):
+            twice = 1.0 if k < 3 else 2.0  # shear stands twice in a tensor
+            work += (
+                twice * 0.5 * (trial[k] + peak[k]) * overshoot[k] + twice * 0.5 * (peak[k] + residual[k]) * seismic[k]
+            )
+            overshoot_strain[p, k] = overshoot[k]
+            seismic_strain[p, k] = seismic[k]
+            stress[p, k] = residual[k] - insitu[p, k]
+        dissipated[p] += work
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def rate_strength(particles, total_stress, material, intact_rows, residual_rows, failed, factor, excess):
+    """Strength factor and excess shear stress of rock, against the strength it has now: factor, excess (particle,)."""
+    for i in prange(len(particles)):
+        p = particles[i]
+        row = residual_rows[material[p]] if failed[p] else intact_rows[material[p]]
+        xx = total_stress[p, 0]
+        yy = total_stress[p, 1]
+        zz = total_stress[p, 2]
+        yz = total_stress[p, 3]
+        xz = total_stress[p, 4]
+        xy = total_stress[p, 5]
+        factor[p] = strength_factor(xx, yy, zz, yz, xz, xy, row)
+        excess[p] = excess_shear_stress(xx, yy, zz, yz, xz, xy, row)

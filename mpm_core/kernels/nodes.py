@@ -1,0 +1,125 @@
+"""What happens at the nodes: forces gathered, motion advanced with local damping, loads spread (paper Eqs 1, 3 and 4)."""
+
+import numpy as np
+from numba import njit, prange
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def advance_nodes(
+    free_nodes,
+    sum_start,
+    sum_slots,
+    sum_weights,
+    slot_force,
+    external_force,
+    mass,
+    held,
+    damping,
+    time_step,
+    velocity,
+    displacement,
+    unbalanced,
+):
+    """One step of the free nodes: f = C^T f_slots + f_external, local damping -c |f| sgn(v), symplectic Euler.
+
+    free_nodes, sum_start, sum_slots, sum_weights: see blocks.Scatter; slot_force (slot, d) N; external_force, held
+    (node, d); mass (node,) kg, 0 where nothing is attached. In place: velocity, displacement, unbalanced (node, d):
+    the force before damping, zero where held.
+    """
+    for i in prange(len(free_nodes)):
+        node = free_nodes[i]
+        for j in range(velocity.shape[1]):
+            if held[node, j] or mass[node] == 0.0:
+                unbalanced[node, j] = 0.0
+                velocity[node, j] = 0.0
+                continue
+            force = external_force[node, j]
+            for s in range(sum_start[i], sum_start[i + 1]):
+                force += sum_weights[s] * slot_force[sum_slots[s], j]
+            unbalanced[node, j] = force
+            v = velocity[node, j]
+            if v > 0.0:
+                force -= damping * abs(force)
+            elif v < 0.0:
+                force += damping * abs(force)
+            v += time_step * force / mass[node]
+            velocity[node, j] = v
+            displacement[node, j] += time_step * v
+
+
+@njit(error_model="numpy", cache=True)
+def collect_to_parents(node_parents, values):
+    """Move what hanging nodes hold to their parents, in equal parts: values (node, component), in place (C^T)."""
+    for node in range(len(node_parents)):
+        count = 0
+        for p in range(node_parents.shape[1]):
+            if node_parents[node, p] >= 0:
+                count += 1
+        if count:
+            for p in range(count):
+                for j in range(values.shape[1]):
+                    values[node_parents[node, p], j] += values[node, j] / count
+            for j in range(values.shape[1]):
+                values[node, j] = 0.0
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def spread_to_hanging(hanging, node_parents, values):
+    """Hanging nodes take the mean of their parents: values (node, component), in place (u = C u_free)."""
+    for i in prange(len(hanging)):
+        node = hanging[i]
+        for j in range(values.shape[1]):
+            total = 0.0
+            count = 0
+            for p in range(node_parents.shape[1]):
+                if node_parents[node, p] >= 0:
+                    total += values[node_parents[node, p], j]
+                    count += 1
+            values[node, j] = total / count
+
+
+@njit(error_model="numpy", cache=True)
+def particle_loads(cell_nodes, cell_size, cell, xi, stress_volume, force, load):
+    """Add B^T (sigma V) + N^T f of every particle to load (node, d); hanging nodes keep their own part.
+
+    cell_nodes (cell, 2^d) in bit order; cell (particle,); xi (particle, d) in -1..1; stress_volume (particle, 6) N m,
+    components in the computation's axes; force (particle, d) N.
+    """
+    dimension = xi.shape[1]
+    corners = 1 << dimension
+    component = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+    gradient = np.empty(dimension)
+    for particle in range(len(cell)):
+        c = cell[particle]
+        for corner in range(corners):
+            shape = 1.0
+            for k in range(dimension):
+                side = 1.0 if (corner >> k) & 1 else -1.0
+                shape *= 0.5 * (1.0 + side * xi[particle, k])
+            for k in range(dimension):
+                gradient[k] = 1.0 / cell_size[c]
+                for axis in range(dimension):
+                    side = 1.0 if (corner >> axis) & 1 else -1.0
+                    gradient[k] *= side if axis == k else 0.5 * (1.0 + side * xi[particle, axis])
+            node = cell_nodes[c, corner]
+            for j in range(dimension):
+                total = shape * force[particle, j]
+                for k in range(dimension):
+                    total += stress_volume[particle, component[j, k]] * gradient[k]
+                load[node, j] += total
+
+
+@njit(error_model="numpy", cache=True)
+def interpolate(cell_nodes, cell, xi, nodal, result):
+    """Nodal values at particles by the trilinear shape functions (paper Eq. 5): result (particle, d), in place."""
+    dimension = xi.shape[1]
+    for particle in range(len(cell)):
+        for j in range(nodal.shape[1]):
+            total = 0.0
+            for corner in range(1 << dimension):
+                shape = 1.0
+                for k in range(dimension):
+                    side = 1.0 if (corner >> k) & 1 else -1.0
+                    shape *= 0.5 * (1.0 + side * xi[particle, k])
+                total += shape * nodal[cell_nodes[cell[particle], corner], j]
+            result[particle, j] = total

@@ -1,0 +1,227 @@
+"""Stress update and internal force of particles that rest in their cells (paper Eqs 2 and 6).
+
+A field on a cell is handled by its modes: the 2^d products of local coordinates xi_k (Walsh-Hadamard transform of the
+corner values). Mode m is the product of those xi_k whose bit k is set in m; its derivative along xi_k is mode m without
+bit k. One particle at the centre sees the linear modes only; the others are the hourglass modes, held by a stiffness of
+their own (Flanagan and Belytschko 1981): 4 kappa (lambda + 2 mu) V / h^2 per unit of modal amplitude.
+
+"Stress" here is what enters the force: the change since virgin for rock, the full stress for fill.
+"""
+
+import numpy as np
+from numba import njit, prange
+
+from mpm_core.constitutive.coulomb import return_to_surface
+from mpm_core.constitutive.elastic import contraction, strain_from_stress
+from mpm_core.constitutive.returning import ELASTIC
+
+
+@njit(cache=True, error_model="numpy")
+def flow_at_residual(particle, lame_lambda, shear_modulus, row, insitu, stress, later_strain, dissipated):
+    """Return a failed particle's stress to its residual surface; the elastic strain it gives up is plastic and aseismic.
+
+    row: one strength row of constitutive.coulomb; insitu, stress, later_strain (particle, 6) and dissipated (particle,).
+    """
+    xx = stress[particle, 0] + insitu[particle, 0]
+    yy = stress[particle, 1] + insitu[particle, 1]
+    zz = stress[particle, 2] + insitu[particle, 2]
+    yz = stress[particle, 3] + insitu[particle, 3]
+    xz = stress[particle, 4] + insitu[particle, 4]
+    xy = stress[particle, 5] + insitu[particle, 5]
+    rxx, ryy, rzz, ryz, rxz, rxy, region = return_to_surface(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row)
+    if region == ELASTIC:
+        return
+    dxx, dyy, dzz, dyz, dxz, dxy = xx - rxx, yy - ryy, zz - rzz, yz - ryz, xz - rxz, xy - rxy
+    exx, eyy, ezz, eyz, exz, exy = strain_from_stress(lame_lambda, shear_modulus, dxx, dyy, dzz, dyz, dxz, dxy)
+    stress[particle, 0] -= dxx
+    stress[particle, 1] -= dyy
+    stress[particle, 2] -= dzz
+    stress[particle, 3] -= dyz
+    stress[particle, 4] -= dxz
+    stress[particle, 5] -= dxy
+    later_strain[particle, 0] += exx
+    later_strain[particle, 1] += eyy
+    later_strain[particle, 2] += ezz
+    later_strain[particle, 3] += eyz
+    later_strain[particle, 4] += exz
+    later_strain[particle, 5] += exy
+    # work of the mean stress on the straight path from trial to returned
+    dissipated[particle] += contraction(rxx, ryy, rzz, ryz, rxz, rxy, exx, eyy, ezz, eyz, exz, exy) + 0.5 * contraction(
+        dxx, dyy, dzz, dyz, dxz, dxy, exx, eyy, ezz, eyz, exz, exy
+    )
+
+
+def make_update(dimension: int):
+    """The kernel for 2 (plane strain) or 3 dimensions; its arguments are described in it."""
+    modes = 1 << dimension
+
+    @njit(parallel=True, error_model="numpy", cache=True)
+    def update(
+        block_start,
+        slot_start,
+        cell_nodes,
+        cell_slots,
+        cell_size,
+        cell_groups_start,
+        cell_groups,
+        group_start,
+        group_table,
+        mode_values,
+        time_step,
+        velocity,
+        volume,
+        material,
+        elastic_constants,
+        residual_rows,
+        failed,
+        insitu,
+        hourglass_stiffness,
+        stress,
+        later_strain,
+        dissipated,
+        hourglass_force,
+        slot_force,
+    ):
+        """Advance stress by `time_step` of nodal velocity and write the forces -B^T sigma V to the blocks' slots.
+
+        block_start, slot_start, cell_slots: see blocks.Scatter; cell_nodes, cell_slots (cell, 2^d) in bit order (bit k
+        of the corner: side along axis k); cell_size (cell,) m; cell_groups_start, cell_groups, group_start,
+        group_table: see particles.Particles; mode_values (point row, 2^d); velocity (node, d) m/s; volume, material
+        (particle,); elastic_constants (material, 2) lambda and mu, Pa; residual_rows (material, column); failed
+        (particle,) bool; insitu (particle, 6) Pa; hourglass_stiffness (cell,) N/m. In place: stress, later_strain
+        (particle, 6), dissipated (particle,) J/m3, hourglass_force (cell, 2^d, d) N, slot_force (slot, d) N.
+        """
+        for block in prange(len(block_start) - 1):
+            amplitude = np.empty((modes, dimension))
+            force = np.empty((modes, dimension))
+            gradient = np.empty((dimension, dimension))
+            for slot in range(slot_start[block], slot_start[block + 1]):
+                for j in range(dimension):
+                    slot_force[slot, j] = 0.0
+
+            for cell in range(block_start[block], block_start[block + 1]):
+                for corner in range(modes):
+                    node = cell_nodes[cell, corner]
+                    for j in range(dimension):
+                        amplitude[corner, j] = velocity[node, j]
+                        force[corner, j] = 0.0
+                for k in range(dimension):
+                    for corner in range(modes):
+                        if not (corner >> k) & 1:
+                            for j in range(dimension):
+                                low = amplitude[corner, j]
+                                high = amplitude[corner | (1 << k), j]
+                                amplitude[corner, j] = low + high
+                                amplitude[corner | (1 << k), j] = high - low
+                slope = 2.0 / cell_size[cell] / modes  # from modal sums to a gradient, and from stress to modal forces
+                step = slope * time_step
+
+                for g in range(cell_groups_start[cell], cell_groups_start[cell + 1]):
+                    group = cell_groups[g]
+                    first = group_start[group]
+                    points = group_start[group + 1] - first
+                    for point in range(points):
+                        particle = first + point
+                        if volume[particle] == 0.0:
+                            continue
+                        row = group_table[group] + point
+                        for j in range(dimension):
+                            for k in range(dimension):
+                                gradient[j, k] = 0.0
+                        if points == 1:
+                            for k in range(dimension):
+                                for j in range(dimension):
+                                    gradient[j, k] = amplitude[1 << k, j]
+                        else:
+                            for k in range(dimension):
+                                for m in range(modes):
+                                    if (m >> k) & 1:
+                                        for j in range(dimension):
+                                            gradient[j, k] += amplitude[m, j] * mode_values[row, m ^ (1 << k)]
+                        lame = elastic_constants[material[particle], 0]
+                        shear = elastic_constants[material[particle], 1]
+                        double = 2.0 * shear * step
+                        if dimension == 3:
+                            volumetric = lame * step * (gradient[0, 0] + gradient[1, 1] + gradient[2, 2])
+                            stress[particle, 0] += volumetric + double * gradient[0, 0]
+                            stress[particle, 1] += volumetric + double * gradient[1, 1]
+                            stress[particle, 2] += volumetric + double * gradient[2, 2]
+                            stress[particle, 3] += 0.5 * double * (gradient[1, 2] + gradient[2, 1])
+                            stress[particle, 4] += 0.5 * double * (gradient[0, 2] + gradient[2, 0])
+                            stress[particle, 5] += 0.5 * double * (gradient[0, 1] + gradient[1, 0])
+                        else:
+                            volumetric = lame * step * (gradient[0, 0] + gradient[1, 1])
+                            stress[particle, 0] += volumetric + double * gradient[0, 0]
+                            stress[particle, 1] += volumetric + double * gradient[1, 1]
+                            stress[particle, 2] += volumetric
+                            stress[particle, 5] += 0.5 * double * (gradient[0, 1] + gradient[1, 0])
+                        if failed[particle]:
+                            flow_at_residual(
+                                particle,
+                                lame,
+                                shear,
+                                residual_rows[material[particle]],
+                                insitu,
+                                stress,
+                                later_strain,
+                                dissipated,
+                            )
+
+                        weight = volume[particle] * slope
+                        s0 = stress[particle, 0] * weight
+                        s1 = stress[particle, 1] * weight
+                        s2 = stress[particle, 2] * weight
+                        s3 = stress[particle, 3] * weight
+                        s4 = stress[particle, 4] * weight
+                        s5 = stress[particle, 5] * weight
+                        for m in range(1, modes):
+                            if points == 1 and (m & (m - 1)) != 0:
+                                continue  # at the centre only the linear modes have a gradient
+                            for k in range(dimension):
+                                if (m >> k) & 1:
+                                    share = mode_values[row, m ^ (1 << k)]
+                                    if dimension == 2:
+                                        if k == 0:
+                                            force[m, 0] += share * s0
+                                            force[m, 1] += share * s5
+                                        else:
+                                            force[m, 0] += share * s5
+                                            force[m, 1] += share * s1
+                                    elif k == 0:
+                                        force[m, 0] += share * s0
+                                        force[m, 1] += share * s5
+                                        force[m, 2] += share * s4
+                                    elif k == 1:
+                                        force[m, 0] += share * s5
+                                        force[m, 1] += share * s1
+                                        force[m, 2] += share * s3
+                                    else:
+                                        force[m, 0] += share * s4
+                                        force[m, 1] += share * s3
+                                        force[m, 2] += share * s2
+
+                if hourglass_stiffness[cell] > 0.0:
+                    gain = hourglass_stiffness[cell] * time_step / modes
+                    for m in range(1, modes):
+                        if (m & (m - 1)) != 0:
+                            for j in range(dimension):
+                                hourglass_force[cell, m, j] += gain * amplitude[m, j]
+                                force[m, j] += hourglass_force[cell, m, j] / modes
+
+                for k in range(dimension):
+                    for corner in range(modes):
+                        if not (corner >> k) & 1:
+                            for j in range(dimension):
+                                even = force[corner, j]
+                                odd = force[corner | (1 << k), j]
+                                force[corner, j] = even - odd
+                                force[corner | (1 << k), j] = even + odd
+                for corner in range(modes):
+                    slot = cell_slots[cell, corner]
+                    for j in range(dimension):
+                        slot_force[slot, j] -= force[corner, j]
+
+    return update
+
+
+UPDATE = {2: make_update(2), 3: make_update(3)}

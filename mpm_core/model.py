@@ -1,0 +1,240 @@
+"""A scene on its grid: everything that stays the same while equilibrium is sought, and the state that does not."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpm_core.constitutive.strength import elastic_row, strength_row
+from mpm_core.geometry.inside import contains
+from mpm_core.geometry.shapes import build_shape
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.kernels.blocks import Scatter, build_scatter
+from mpm_core.kernels.nodes import collect_to_parents, particle_loads
+from mpm_core.particles import Particles, Pieces, exclusive_pieces, rock_share, seed, volumes
+from mpm_core.scene import FACES, Material, Scene
+from pipeline.errors import InputError
+
+BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # VTK corner at each bit-ordered place (an involution)
+STRENGTH_MARGIN = 1e-6  # of cohesion, design section 5: what a stress may exceed strength by
+STRENGTH_MARGIN_FLOOR = 1e3  # Pa
+
+
+@dataclass
+class State:
+    """What mining changes. Components in the computation's axes; strains of this stage only, but for plastic_strain.
+
+    stress (particle, 6) Pa: change since virgin (rock) or full stress (fill); failed (particle,) int32 step of first
+    failure, -1 intact; failure_order (particle, 2) increment and generation; seismic_strain, overshoot_strain,
+    later_strain (particle, 6); plastic_strain (particle, 6) up to the stage before; dissipated (particle,) J/m3;
+    displacement, velocity (node, d); hourglass_force (cell, 2^d, d) N by mode.
+    """
+
+    stress: np.ndarray
+    failed: np.ndarray
+    failure_order: np.ndarray
+    seismic_strain: np.ndarray
+    overshoot_strain: np.ndarray
+    later_strain: np.ndarray
+    plastic_strain: np.ndarray
+    dissipated: np.ndarray
+    displacement: np.ndarray
+    velocity: np.ndarray
+    hourglass_force: np.ndarray
+
+
+def _strength_rows(material: Material) -> tuple[np.ndarray, np.ndarray]:
+    if material.intact is None:
+        return elastic_row(), elastic_row()
+    rows = [
+        strength_row(s.friction_angle, s.dilation_angle, s.cohesion, s.tension_cutoff)
+        for s in (material.intact, material.residual)
+    ]
+    return rows[0], rows[1]
+
+
+@dataclass(frozen=True)
+class Model:
+    """Grid, particles and material tables of a stage."""
+
+    scene: Scene
+    grid: MultiLevelGrid
+    pieces: Pieces
+    particles: Particles
+    scatter: Scatter
+    cell_nodes: np.ndarray
+    """(cell, 2^d) int32, corners in bit order"""
+    mode_values: np.ndarray
+    """(point row, 2^d) value of each mode at each point of the particles' tables"""
+    insitu: np.ndarray
+    """(particle, 6) Pa, virgin stress; zero for fill, which starts without stress"""
+    elastic_constants: np.ndarray
+    """(material, 2) lambda, mu, Pa"""
+    intact_rows: np.ndarray
+    residual_rows: np.ndarray
+    """(material, column) strength rows of constitutive.strength"""
+    strength_margin: np.ndarray
+    """(material,) Pa"""
+    held: np.ndarray
+    """(node, d) bool: fixed or on a roller"""
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.grid.dimension
+
+    @property
+    def hanging(self) -> np.ndarray:
+        """Nodes with parents."""
+        return np.flatnonzero(self.grid.is_hanging).astype(np.int32)
+
+    def volumes(self, step: int) -> np.ndarray:
+        """Volume of each particle once `step` is mined and filled, (particle,)."""
+        return volumes(self.particles, self.pieces, self.scene, len(self.cell_nodes), step)
+
+    def rock_share(self, step: int) -> np.ndarray:
+        """Share of each cell that is rock once `step` is mined, (cell,)."""
+        return rock_share(self.pieces, self.scene, len(self.cell_nodes), step)
+
+    def is_coulomb(self) -> np.ndarray:
+        """(particle,) bool: rock whose material can fail."""
+        can_fail = np.array([material.intact is not None for material in self.scene.materials.values()])
+        return self.particles.is_rock & can_fail[self.particles.material]
+
+    def virgin_state(self) -> State:
+        """Nothing mined: all changes are zero."""
+        count, nodes = self.particles.count, len(self.grid.node_index)
+        tensors = [np.zeros((count, 6)) for _ in range(5)]
+        shape = (len(self.cell_nodes), 1 << self.dimension, self.dimension)
+        return State(
+            stress=tensors[0],
+            failed=np.full(count, -1, np.int32),
+            failure_order=np.full((count, 2), -1, np.int32),
+            seismic_strain=tensors[1],
+            overshoot_strain=tensors[2],
+            later_strain=tensors[3],
+            plastic_strain=tensors[4],
+            dissipated=np.zeros(count),
+            displacement=np.zeros((nodes, self.dimension)),
+            velocity=np.zeros((nodes, self.dimension)),
+            hourglass_force=np.zeros(shape),
+        )
+
+    def external_force(self, step: int) -> np.ndarray:
+        """Forces of all that was mined, filled and loaded up to `step`, relative to virgin: (node, d) N, on free nodes.
+
+        Void: r lacks B^T sigma0 - N^T b over the mined volume (design section 5). Fill weighs its own density; free
+        faces lose their virgin traction; loads are shared by volume.
+        """
+        particles, scene = self.particles, self.scene
+        axes = list(scene.axes)
+        volume = self.volumes(step)
+        rock = particles.is_rock
+        missing = np.where(rock, particles.full_volume - volume, 0.0)
+        body_force = scene.insitu.body_force[axes]
+        force = -missing[:, None] * body_force
+        gravity = np.zeros(self.dimension)
+        if 2 in axes:
+            gravity[axes.index(2)] = scene.insitu.body_force[2] / scene.materials["host"].density
+        density = np.array([material.density for material in scene.materials.values()])
+        weight = np.where(rock, 0.0, density[particles.material] * volume)
+        force += weight[:, None] * gravity
+        for load in scene.loads:
+            if load.since <= step:
+                chosen = self.load_particles(load.name) & rock
+                force += (
+                    (volume * chosen / (volume * chosen).sum())[:, None] * np.array(load.force)[axes] / scene.thickness
+                )
+        nodal = np.zeros((len(self.grid.node_index), self.dimension))
+        particle_loads(
+            self.cell_nodes,
+            self.grid.cell_size,
+            particles.cell,
+            particles.xi,
+            self.insitu * missing[:, None],
+            force,
+            nodal,
+        )
+        self._add_free_faces(nodal)
+        collect_to_parents(self.grid.node_parents, nodal)
+        nodal[self.held] = 0.0
+        return nodal
+
+    def load_particles(self, name: str) -> np.ndarray:
+        """Rock particles inside a load's shape, (particle,) bool."""
+        load = next(load for load in self.scene.loads if load.name == name)
+        chosen = contains(build_shape({"name": name, **load.shape}, self.dimension), self.particles.position)
+        if not chosen.any():
+            raise InputError(f"loads.{name}: no particle lies inside its shape; enlarge it or move it into the rock")
+        return chosen
+
+    def _add_free_faces(self, nodal: np.ndarray) -> None:
+        """Take the virgin traction off every free face of the domain."""
+        component = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+        grid = self.grid
+        for axis in range(self.dimension):
+            for side, name in enumerate(FACES[2 * self.scene.axes[axis] :][:2]):
+                if self.scene.boundary.get(name) != "free":
+                    continue
+                edge = grid.cell_index[:, axis] + side * grid.cell_width
+                cells = np.flatnonzero(edge == side * grid.shape[axis])
+                center = grid.cell_center[cells].copy()
+                center[:, axis] += (side - 0.5) * grid.cell_size[cells]
+                traction = virgin_stress(self.scene, center)[:, component[axis, : self.dimension]] * (2 * side - 1)
+                area = grid.cell_size[cells] ** (self.dimension - 1)
+                corners = [corner for corner in range(1 << self.dimension) if (corner >> axis) & 1 == side]
+                share = -traction * (area / len(corners))[:, None]
+                for corner in corners:
+                    np.add.at(nodal, self.cell_nodes[cells, corner], share)
+
+
+def virgin_stress(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """Virgin stress (n, 6) Pa in the computation's axes at positions (n, d)."""
+    axes = list(scene.axes)
+    elevation = position[:, axes.index(2)] if 2 in axes else np.full(len(position), scene.insitu.surface)
+    return scene.insitu.at(elevation)[:, scene.voigt]
+
+
+def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
+    held = np.zeros((len(grid.node_index), grid.dimension), bool)
+    for axis in range(grid.dimension):
+        for side, name in enumerate(FACES[2 * scene.axes[axis] :][:2]):
+            condition = scene.boundary.get(name)
+            nodes = grid.boundary_nodes(axis, side)
+            if condition == "fixed":
+                held[nodes] = True
+            elif condition == "roller":
+                held[nodes, axis] = True
+    return held
+
+
+def build_model(scene: Scene, grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces) -> Model:
+    """Seed the particles of a stage and tabulate what the kernels need. `pieces` as stored with the grid."""
+    exclusive = exclusive_pieces(pieces, scene)
+    particles = seed(grid, body, exclusive, scene)
+    cell_nodes = np.ascontiguousarray(grid.cell_nodes[:, BIT_ORDER[grid.dimension]])
+    modes = range(1 << grid.dimension)
+    mode_values = np.stack(
+        [np.prod([particles.points[:, k] ** ((m >> k) & 1) for k in range(grid.dimension)], axis=0) for m in modes],
+        axis=1,
+    )
+    materials = scene.materials.values()
+    rows = [_strength_rows(material) for material in materials]
+    margin = [
+        max(STRENGTH_MARGIN * material.intact.cohesion, STRENGTH_MARGIN_FLOOR) if material.intact else np.inf
+        for material in materials
+    ]
+    return Model(
+        scene=scene,
+        grid=grid,
+        pieces=exclusive,
+        particles=particles,
+        scatter=build_scatter(cell_nodes, grid.node_parents),
+        cell_nodes=cell_nodes,
+        mode_values=np.ascontiguousarray(mode_values),
+        insitu=np.where(particles.is_rock[:, None], virgin_stress(scene, particles.position), 0.0),
+        elastic_constants=np.array([(material.lame_lambda, material.shear_modulus) for material in materials]),
+        intact_rows=np.array([intact for intact, _ in rows]),
+        residual_rows=np.array([residual for _, residual in rows]),
+        strength_margin=np.array(margin),
+        held=_held(grid, scene),
+    )

@@ -1,0 +1,177 @@
+"""What a rule runs: the grid, the elastic history, and a mining step."""
+
+import logging
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import xarray as xr
+from tqdm import tqdm
+
+from mpm_core.datasets import read_grid, read_state, state_dataset
+from mpm_core.equilibrium.cascade import find_brittle, run_cascade
+from mpm_core.equilibrium.convergence import History, norm
+from mpm_core.equilibrium.explicit import ExplicitScheme
+from mpm_core.grid.adjacency import face_neighbors
+from mpm_core.kernels.failure import overstressed, rate_strength
+from mpm_core.model import Model, State, build_model
+from mpm_core.scene import Scene
+from pipeline.datasets import atomic_path
+from pipeline.errors import InputError
+
+STRENGTH_FACTOR_CAP = 10.0  # reported where nothing can fail
+
+
+def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:
+    """Elastic equilibrium of the history: everything mined in step 0, nothing fails."""
+    model = build_model(scene, *read_grid(grid))
+    state = model.virgin_state()
+    volume = model.volumes(0)
+    scheme = ExplicitScheme(model, state, volume)
+    force = model.external_force(0)
+    reference = norm(force)
+    with following(scene, "elastic", state, failed_state) as history:
+        history.increment = 1
+        scheme.relax(force, scene.solver.tolerance, reference, history)
+    return finish(model, state, volume, history, 0, np.zeros_like(force), force, "elastic")
+
+
+def mining_step(scene: Scene, grid: xr.Dataset, previous: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:
+    """Coulomb equilibrium after the last of the scene's steps, from the state of the step before.
+
+    The first step starts from the elastic history, in which its rock is already mined: Coulomb is switched on.
+    """
+    step = len(scene.steps) - 1
+    model = build_model(scene, *read_grid(grid))
+    state = read_state(previous, model)
+    before = max(step - 1, 0)
+    old_volume, volume = model.volumes(before), model.volumes(step)
+
+    scheme = ExplicitScheme(model, state, old_volume)
+    balance = model.external_force(before) + scheme.internal_force()
+    release_mined_hourglass(model, state, old_volume, volume)
+    scheme.set_volume(volume)
+    # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
+    start = balance - scheme.internal_force()
+    target = model.external_force(step)
+    reference = norm(target)
+    start_displacement = state.displacement.copy()
+    brittle = find_brittle(model, volume, step, *face_neighbors(model.grid))
+    with following(scene, scene.steps[step]["name"], state, failed_state) as history:
+        run_cascade(scheme, brittle, start, target, step, reference, history)
+    released = state.displacement - start_displacement
+    return finish(model, state, volume, history, step, released, target - start, "step")
+
+
+def release_mined_hourglass(model: Model, state: State, old_volume: np.ndarray, volume: np.ndarray) -> None:
+    """Hourglass forces of cells of which rock is mined go with it, in proportion."""
+    rock, cells = model.particles.is_rock, len(model.cell_nodes)
+    old = np.bincount(model.particles.cell[rock], old_volume[rock], minlength=cells)
+    new = np.bincount(model.particles.cell[rock], volume[rock], minlength=cells)
+    share = np.divide(new, old, out=np.ones(cells), where=old > 0.0)
+    state.hourglass_force *= np.where(new < old, share, 1.0)[:, None, None]
+
+
+class following:
+    """Context of a solution: a progress bar on a terminal, and the last state beside the output when it fails."""
+
+    def __init__(self, scene: Scene, name: str, state: State, failed_state: Path):
+        self.history = History(scene.solver.tolerance)
+        self.name, self.state, self.path = f"{scene.mine} {name}", state, failed_state
+
+    def __enter__(self) -> History:
+        self.history.bar = tqdm(desc=self.name, unit="it", disable=not sys.stderr.isatty(), leave=False)
+        return self.history
+
+    def __exit__(self, kind, error, traceback) -> None:
+        self.history.bar.close()
+        if isinstance(error, InputError):
+            with atomic_path(self.path) as temporary, temporary.open("wb") as file:
+                np.savez(file, **vars(self.state), **self.history.table())
+            logging.info("last state in %s", self.path)
+        elif kind is None:
+            self.path.unlink(missing_ok=True)
+
+
+def finish(
+    model: Model,
+    state: State,
+    volume: np.ndarray,
+    history: History,
+    step: int,
+    moved: np.ndarray,
+    released_force: np.ndarray,
+    stage: str,
+) -> tuple[xr.Dataset, dict]:
+    """Rate the state against strength and put it into its dataset; the second value is what the log reports."""
+    scene, particles = model.scene, model.particles
+    rating = rate(model, state, volume)
+    here = (state.failed == step) & (volume > 0.0) & (stage == "step")
+    table = history.table()
+    entry = scene.steps[step]
+    facts = {
+        "stage": stage,
+        "step": entry["name"],
+        "step_index": step,
+        "start": entry["start"],
+        "end": entry["end"],
+        "dated": int(bool(entry["start"])),
+        "iterations": history.iteration,
+        "unbalanced_ratio": float(table["unbalanced_ratio"][-1]),
+        "failed_particles": int(here.sum()),
+        "failed_volume": float(volume[here].sum() * scene.thickness),
+        # Salamon (1984): half the work that the support taken away would have done on what moved
+        "energy_released": 0.5 * float(np.sum(moved * released_force)) * scene.thickness,
+        "energy_dissipated": float(np.sum(state.dissipated * volume)) * scene.thickness,
+        **truncation(model, state, volume),
+    }
+    return state_dataset(model, state, volume, rating, table, facts), facts
+
+
+def rate(model: Model, state: State, volume: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Strength factor and excess shear stress (particle,), against the strength that the rock has now."""
+    factor = np.full(model.particles.count, STRENGTH_FACTOR_CAP)
+    excess = np.zeros(model.particles.count)
+    rock = np.flatnonzero(model.is_coulomb() & (volume > 0.0))
+    rate_strength(
+        rock,
+        state.stress + model.insitu,
+        model.particles.material,
+        model.intact_rows,
+        model.residual_rows,
+        state.failed >= 0,
+        factor,
+        excess,
+    )
+    return factor, excess
+
+
+def truncation(model: Model, state: State, volume: np.ndarray) -> dict:
+    """Rock above strength that could not fail because its cells are coarse: flag, share of all overstressed rock, where."""
+    particles = model.particles
+    coarse = model.grid.cell_level[particles.cell] < model.grid.levels - 1
+    candidates = np.flatnonzero(model.is_coulomb() & coarse & (volume > 0.0))
+    above = np.zeros(len(candidates), bool)
+    overstressed(
+        candidates, state.stress, model.insitu, particles.material, model.intact_rows, model.strength_margin, above
+    )
+    held = candidates[above]
+    if not len(held):
+        return {"truncated": 0, "truncated_share": 0.0, "truncated_volume": 0.0, "truncated_where": ""}
+    failed = (state.failed >= 0) & (volume > 0.0)
+    share = volume[held].sum() / (volume[held].sum() + volume[failed].sum())
+    names = ["xyz"[axis] for axis in model.scene.axes]
+    box = zip(names, particles.position[held].min(axis=0), particles.position[held].max(axis=0), strict=True)
+    where = ", ".join(f"{name} {low:.0f} to {high:.0f} m" for name, low, high in box)
+    return {
+        "truncated": 1,
+        "truncated_share": float(share),
+        "truncated_volume": float(volume[held].sum() * model.scene.thickness),
+        "truncated_where": f"{where}; more grid.buffer_cells would let it fail",
+    }
+
+
+def use_threads(threads: int) -> None:
+    """Let numba use so many threads, or all there are if fewer."""
+    numba.set_num_threads(max(1, min(threads, numba.config.NUMBA_NUM_THREADS)))

@@ -1,0 +1,35 @@
+"""A state on its grid as a VTK file, for ParaView and its kin."""
+
+import os
+
+import meshio
+import numpy as np
+import xarray as xr
+
+from mpm_core.grid.mesh import MultiLevelGrid
+from pipeline.datasets import atomic_path
+
+CELL_FIELDS = ("stress", "strength_factor", "plastic_strain", "failed")
+
+
+def write_vtu(grid: MultiLevelGrid, state: xr.Dataset, path: str | os.PathLike) -> None:
+    """Write cells with the volume-weighted mean of their particles' fields, and nodal displacement, as VTU."""
+    cells = len(grid.cell_level)
+    cell, volume = state.cell.values, state.volume.values
+    total = np.bincount(cell, volume, minlength=cells)
+    data = {"level": grid.cell_level.astype(np.int32), "solid_fraction": total / grid.cell_size**grid.dimension}
+    for name in CELL_FIELDS:
+        values = state[name].values.reshape(len(cell), -1).astype(float)
+        means = [np.bincount(cell, volume * column, minlength=cells) for column in values.T]
+        data[name] = np.stack(means, axis=1) / np.where(total > 0.0, total, 1.0)[:, None]
+    points = np.zeros((len(grid.node_index), 3))
+    points[:, : grid.dimension] = grid.node_position
+    kind = "hexahedron" if grid.dimension == 3 else "quad"
+    mesh = meshio.Mesh(
+        points,
+        [(kind, grid.cell_nodes)],
+        point_data={"displacement": state.node_displacement.values},
+        cell_data={name: [values] for name, values in data.items()},
+    )
+    with atomic_path(path) as temporary:
+        mesh.write(temporary, file_format="vtu")

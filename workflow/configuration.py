@@ -1,0 +1,292 @@
+"""One mine's configuration: checked, in SI units, and cut into the slice that each stage depends on.
+
+A slice holds only what its stage needs, so that changing a value re-runs only what it changes. An excavation that is not
+mined yet looks the same in a slice whether it is planned or dated later: giving a planned stope its month runs that month.
+"""
+
+import importlib
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mpm_core.scene import FACES, check_virgin_stress, parse_scene
+from pipeline.errors import InputError
+from workflow.quantities import check, to_si
+
+VOIGT = ("xx", "yy", "zz", "yz", "xz", "xy")
+PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
+NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "force")
+
+
+def load(config: dict, mine_file: str | os.PathLike) -> "Mine":
+    """Check a merged configuration (default and mine) and convert it to SI. Raises InputError, one line, naming the file."""
+    mine_file = Path(mine_file)
+    try:
+        text = check(config)
+        mine = Mine(to_si(text), text, mine_file.parent)
+        mine.check()
+    except InputError as error:
+        raise InputError(f"{mine_file}: {error}") from error
+    return mine
+
+
+@dataclass
+class Mine:
+    """A configuration in SI units (`values`) and as written (`text`), with paths relative to `folder`."""
+
+    values: dict
+    text: dict
+    folder: Path
+    steps: list[dict] = field(init=False)
+    excavations: list[dict] = field(init=False)
+
+    def __post_init__(self):
+        values = self.values
+        self.name = values["name"]
+        self.plane = None if values["plane"] == "none" else values["plane"]
+        self.dimension = 2 if self.plane else 3
+        self.listed_steps = values.get("steps", [])
+        undated = [step for step in self.listed_steps if "start" not in step]
+        implicit = [] if undated else [{"name": "history"}]
+        self.steps = implicit + self.listed_steps
+        self.excavations = list(values.get("excavations", []))
+        if "excavations_from" in values:
+            made = dict(values["excavations_from"])
+            source = importlib.import_module(f"workflow.mines.{made.pop('source')}")
+            self.excavations += source.excavations(self.path(made.pop("folder")), **made)
+
+    def path(self, name: str) -> Path:
+        """A path of the configuration, relative to the working directory."""
+        return Path(os.path.relpath(self.folder / name))
+
+    # ---- checks ----
+
+    def check(self) -> None:
+        """What the schema cannot say. Raises InputError."""
+        self._check_steps()
+        self._check_names()
+        self._check_domain()
+        scene = parse_scene(self.scene_slice(len(self.steps) - 1))
+        check_boundary_faces(self.values["domain"]["boundary"])
+        domain = self.values["domain"]
+        if self.plane == "xy":
+            check_virgin_stress(scene, scene.insitu.surface, scene.insitu.surface)
+        else:
+            check_virgin_stress(scene, domain["lower"][-1], domain["upper"][-1])
+
+    def _check_steps(self) -> None:
+        names = [step["name"] for step in self.steps]
+        for index, step in enumerate(self.steps):
+            where = f"steps.{step['name']}"
+            if names.index(step["name"]) != index:
+                raise InputError(f"{where}: this name stands twice; steps need names of their own")
+            if step["name"] == PLANNED:
+                raise InputError(f"{where}: '{PLANNED}' means not yet scheduled; give the step another name")
+            if ("start" in step) != ("end" in step):
+                raise InputError(f"{where}: a dated step needs both start and end")
+            if "start" not in step and any("start" in earlier for earlier in self.steps[:index]):
+                raise InputError(f"{where}: an undated step is history and must stand before the first dated one")
+            if "start" in step and step["start"] >= step["end"]:
+                raise InputError(f"{where}.end: {step['end']} is not after start {step['start']}")
+            earlier = [other for other in self.steps[:index] if "end" in other]
+            if "start" in step and earlier and step["start"] < earlier[-1]["end"]:
+                raise InputError(
+                    f"{where}.start: {step['start']} is before the end of the step before, {earlier[-1]['end']}"
+                )
+
+    def _check_names(self) -> None:
+        names = [step["name"] for step in self.steps]
+        materials = self.values["materials"]
+        seen = set()
+        for index, entry in enumerate(self.excavations):
+            where = f"excavations.{entry.get('name', index)}"
+            if entry["name"] in seen:
+                raise InputError(f"{where}: this name stands twice")
+            seen.add(entry["name"])
+            for key in ("step", "filled"):
+                if key in entry and entry[key] not in (*names, PLANNED):
+                    raise InputError(
+                        f"{where}.{key}: '{entry[key]}' is not one of the steps {', '.join(names)}, {PLANNED}"
+                    )
+            fill = entry.get("fill", "none")
+            if fill != "none" and fill not in materials:
+                raise InputError(f"{where}.fill: '{fill}' is not one of the materials {', '.join(materials)}, none")
+            if fill != "none" and materials[fill]["model"] != "elastic":
+                raise InputError(
+                    f"{where}.fill: '{fill}' is {materials[fill]['model']}; only elastic fill is supported"
+                )
+            if "filled" in entry and fill == "none":
+                raise InputError(f"{where}.filled: there is no fill to place; name a material in fill")
+            self._check_shape(where, entry)
+            mined, filled = self._step_index(entry["step"]), self._step_index(entry.get("filled", entry["step"]))
+            if -1 < filled < mined or (mined == -1 and filled > -1):
+                raise InputError(
+                    f"{where}.filled: '{entry['filled']}' comes before the excavation is mined in '{entry['step']}'"
+                )
+        for index, entry in enumerate(self.values.get("rock_bodies", [])):
+            where = f"rock_bodies.{entry.get('name', index)}"
+            if entry["material"] not in materials:
+                raise InputError(
+                    f"{where}.material: '{entry['material']}' is not one of the materials {', '.join(materials)}"
+                )
+            self._check_shape(where, entry)
+        for entry in self.values.get("loads", []):
+            where = f"loads.{entry['name']}"
+            if entry["step"] not in names:
+                raise InputError(f"{where}.step: '{entry['step']}' is not one of the steps {', '.join(names)}")
+            self._check_shape(where, entry)
+
+    def _check_shape(self, where: str, entry: dict) -> None:
+        if ("shape" in entry) == ("file" in entry):
+            raise InputError(f"{where}: give either a shape or a file")
+        if "file" in entry and not self.path(entry["file"]).is_file():
+            raise InputError(f"{where}.file: {self.path(entry['file'])} is missing; paths resolve from {self.folder}")
+
+    def _check_domain(self) -> None:
+        domain, coarse = self.values["domain"], self.values["grid"]["coarse_cell"]
+        for key in ("lower", "upper"):
+            if len(domain[key]) != self.dimension:
+                raise InputError(f"domain.{key}: {len(domain[key])} coordinates; this scene has {self.dimension}")
+        for axis, (low, high) in enumerate(zip(domain["lower"], domain["upper"], strict=True)):
+            cells = (high - low) / coarse
+            if cells < 0.5 or abs(cells - round(cells)) > 1e-6:
+                raise InputError(
+                    f"domain.upper[{axis}]: the side of {high - low:g} m is not a whole multiple of grid.coarse_cell, {coarse:g} m"
+                )
+        count = self.values["grid"]["particles_per_cell"]
+        if round(count ** (1 / self.dimension)) ** self.dimension != count:
+            raise InputError(f"grid.particles_per_cell: {count} is not n^{self.dimension} in {self.dimension}-D")
+        if self.values["solver"]["move"] and count == 1:
+            raise InputError(
+                "solver.move: a lone particle must rest at its cell's centre; take more grid.particles_per_cell"
+            )
+        record = self.values.get("record")
+        if record and record["reader"] != "elk_creek" and not self.path(record["file"]).is_file():
+            raise InputError(f"record.file: {self.path(record['file'])} is missing; paths resolve from {self.folder}")
+
+    # ---- slices ----
+
+    def _step_index(self, name: str) -> int:
+        return next((index for index, step in enumerate(self.steps) if step["name"] == name), -1)
+
+    def boundary(self) -> dict[str, str]:
+        """Condition of each face of the domain."""
+        given = self.values["domain"]["boundary"]
+        if isinstance(given, str):
+            return dict.fromkeys(FACES, given)
+        return {face: given.get(face, given.get(face[0], given.get("others", "fixed"))) for face in FACES}
+
+    def grid_slice(self) -> dict:
+        """What grid.nc depends on: shapes, cells, the domain; no step, no material."""
+
+        def shape(entry: dict) -> dict:
+            made = {key: value for key, value in entry.items() if key not in NOT_SHAPE}
+            if "file" in made:
+                made["file"] = self.path(made["file"]).as_posix()
+            return {"name": entry["name"], **made}
+
+        values = self.values
+        grid = {key: values["grid"][key] for key in ("coarse_cell", "levels", "buffer_cells", "cut_cells")}
+        return {
+            "name": self.name,
+            "plane": self.plane,
+            "thickness": values["thickness"],
+            "domain": {key: values["domain"][key] for key in ("lower", "upper")},
+            "grid": grid,
+            "excavations": [shape(entry) for entry in self.excavations],
+            "rock_bodies": [
+                {**shape(entry), "refine": entry.get("refine", False)} for entry in values.get("rock_bodies", [])
+            ],
+        }
+
+    def solids(self) -> list[str]:
+        """Files that the grid is built from."""
+        entries = [*self.excavations, *self.values.get("rock_bodies", [])]
+        return [self.path(entry["file"]).as_posix() for entry in entries if "file" in entry]
+
+    def scene_slice(self, last: int) -> dict:
+        """What the mechanics up to step number `last` depend on, for mpm_core.scene.parse_scene."""
+        values = self.values
+
+        def excavation(entry: dict) -> dict:
+            mined = self._step_index(entry["step"])
+            filled = self._step_index(entry.get("filled", entry["step"]))
+            fill = entry.get("fill", "none")
+            placed = fill != "none" and 0 <= filled <= last
+            return {
+                "name": entry["name"],
+                "mined": mined if mined <= last else -1,
+                "fill": fill if placed else None,
+                "filled": filled if placed else -1,
+            }
+
+        def components(key: str) -> list[float]:
+            given = values["insitu_stress"].get(key, {})
+            return [given.get(name, 0.0) for name in VOIGT]
+
+        return {
+            "name": self.name,
+            "plane": self.plane,
+            "thickness": values["thickness"],
+            "particles_per_cell": round(values["grid"]["particles_per_cell"] ** (1 / self.dimension)),
+            "cut_cells": values["grid"]["cut_cells"],
+            "boundary": self.boundary(),
+            "surface": values["frame"]["surface"],
+            "insitu_stress": {key: components(key) for key in ("constant", "gradient")},
+            "materials": values["materials"],
+            "rock_bodies": [{"material": entry["material"]} for entry in values.get("rock_bodies", [])],
+            "excavations": [excavation(entry) for entry in self.excavations],
+            "loads": [
+                {
+                    "name": entry["name"],
+                    "since": self._step_index(entry["step"]),
+                    "force": entry["force"],
+                    "shape": {key: value for key, value in entry.items() if key not in NOT_SHAPE},
+                }
+                for entry in values.get("loads", [])
+                if self._step_index(entry["step"]) <= last
+            ],
+            "steps": [
+                {"name": step["name"], "start": step.get("start", ""), "end": step.get("end", "")}
+                for step in self.steps[: last + 1]
+            ],
+            "solver": values["solver"],
+        }
+
+    def step_slice(self, step: str) -> dict:
+        """What steps/<step>.nc depends on, beside the state of the step before."""
+        return self.scene_slice(self._step_index(step))
+
+    def previous(self, step: str) -> str:
+        """Name of the step before, empty before the first."""
+        index = self._step_index(step)
+        return self.steps[index - 1]["name"] if index > 0 else ""
+
+    @property
+    def mined_steps(self) -> list[str]:
+        """Names of the steps that the configuration lists, in order; without any the scene stops at elastic.nc."""
+        return [step["name"] for step in self.steps] if self.listed_steps else []
+
+    @property
+    def dated_steps(self) -> list[str]:
+        """Names of the steps whose events enter the catalogue."""
+        return [step["name"] for step in self.listed_steps if "start" in step]
+
+    def event_slice(self) -> dict:
+        """What events and catalogue depend on, beside the steps."""
+        return {"mine": self.name, "frame": self.values["frame"], **self.values["seismic"]}
+
+    def record_slice(self) -> dict:
+        """What record.nc depends on, beside the recorded data."""
+        host = parse_scene(self.scene_slice(0)).materials["host"]
+        record = {**self.values["record"], "file": self.path(self.values["record"]["file"]).as_posix()}
+        elastic = {"lame_lambda": host.lame_lambda, "shear_modulus": host.shear_modulus}
+        return {"mine": self.name, "frame": self.values["frame"], **elastic, **record}
+
+
+def check_boundary_faces(boundary: dict | str) -> None:
+    """Raise InputError for an axis given both as a whole and by face."""
+    if isinstance(boundary, dict):
+        for face in FACES:
+            if face in boundary and face[0] in boundary:
+                raise InputError(f"domain.boundary.{face}: also given by '{face[0]}'; keep one of the two")

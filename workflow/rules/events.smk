@@ -1,0 +1,45 @@
+rule events:
+    """Seismic events of one step: potency tensors, families of like mechanisms, clusters in space."""
+    input:
+        step=f"{RESULTS}/steps/{{step}}.nc",
+        code=sources("seismic"),
+    output:
+        f"{RESULTS}/events/{{step}}.nc",
+    params:
+        settings=slice_of(MINE.event_slice()),
+    log:
+        "logs/{mine}/events/{step}.log",
+    benchmark:
+        "benchmarks/{mine}/events/{step}.tsv"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "{PYTHON} seismic events --step {input.step} --settings {params.settings:q} --output {output} --log {log}"
+
+
+rule catalog:
+    """The synthetic catalogue of all dated steps."""
+    input:
+        events=step_results("events"),
+        code=sources("seismic"),
+    output:
+        catalog=f"{RESULTS}/catalog.nc",
+        table=f"{RESULTS}/catalog.csv",
+    params:
+        settings=slice_of(MINE.event_slice()),
+    log:
+        "logs/{mine}/catalog.log",
+    benchmark:
+        "benchmarks/{mine}/catalog.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "{PYTHON} seismic catalog --events {input.events} --settings {params.settings:q} --output {output.catalog} --csv {output.table} --log {log}"

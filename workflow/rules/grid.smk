@@ -1,0 +1,45 @@
+rule grid:
+    """Cells, nodes, hanging-node constraints, and the part of each cell inside each excavation."""
+    input:
+        solids=MINE.solids(),
+        code=sources("mpm_core"),
+    output:
+        f"{RESULTS}/grid.nc",
+    params:
+        scene=slice_of(MINE.grid_slice()),
+    log:
+        "logs/{mine}/grid.log",
+    benchmark:
+        "benchmarks/{mine}/grid.tsv"
+    threads: 64
+    resources:
+        mem_mb=4000,
+        runtime=30,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "{PYTHON} mpm_core grid --scene {params.scene:q} --output {output} --log {log}"
+
+
+rule vtk:
+    """A stage for ParaView, on request: results/<mine>/vtk/elastic.vtu or vtk/steps/<step>.vtu."""
+    input:
+        grid=f"{RESULTS}/grid.nc",
+        state=f"{RESULTS}/{{stage}}.nc",
+        code=sources("mpm_core"),
+    output:
+        f"{RESULTS}/vtk/{{stage}}.vtu",
+    wildcard_constraints:
+        stage="elastic|steps/.+",
+    log:
+        "logs/{mine}/vtk/{stage}.log",
+    benchmark:
+        "benchmarks/{mine}/vtk/{stage}.tsv"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=30,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "{PYTHON} mpm_core vtk --grid {input.grid} --state {input.state} --output {output} --log {log}"
