@@ -178,23 +178,15 @@ def _kagan_distributions(
 ) -> dict[str, NDArray]:
     """Kagan angles of the pairs KAGAN_PAIRS: share per bin, median, and the median's interval."""
     model, record = sides
-    drawn = [
-        _pairs(len(model.axes), len(record.axes), generator),
-        _pairs(len(record.axes), len(record.axes), generator),
-    ]
-    drawn[1] = tuple(index[drawn[1][0] != drawn[1][1]] for index in drawn[1])
+    modelled, recorded = _pairs(len(model.axes), len(record.axes), generator)
+    one, other = _pairs(len(record.axes), len(record.axes), generator)
+    one, other = one[one != other], other[one != other]
     nearest = cKDTree(record.location).query(model.location)[1]
-    everyone = np.arange(len(model.axes))
+    # of each kind of pair: its angles, and how often each pair is drawn when the events are drawn (model's, record's)
     angles = [
-        (
-            kagan_angle(model.axes[drawn[0][0]], record.axes[drawn[0][1]]),
-            lambda w: w[0][drawn[0][0]] * w[1][drawn[0][1]],
-        ),
-        (kagan_angle(model.axes[everyone], record.axes[nearest]), lambda w: w[0]),
-        (
-            kagan_angle(record.axes[drawn[1][0]], record.axes[drawn[1][1]]),
-            lambda w: w[1][drawn[1][0]] * w[1][drawn[1][1]],
-        ),
+        (kagan_angle(model.axes[modelled], record.axes[recorded]), lambda m, r: m[modelled] * r[recorded]),
+        (kagan_angle(model.axes, record.axes[nearest]), lambda m, r: m),
+        (kagan_angle(record.axes[one], record.axes[other]), lambda m, r: r[one] * r[other]),
         (kagan_angle(random_frames(MOST_PAIRS, generator), np.eye(3)), None),
     ]
     lower = np.arange(0.0, KAGAN_LIMIT, KAGAN_BIN)
@@ -227,7 +219,7 @@ def _median_interval(angle: NDArray, weigh, weights: list[NDArray]) -> NDArray:
     order = np.argsort(angle, kind="stable")
     medians = []
     for drawn in zip(*weights, strict=True):
-        below = np.cumsum(weigh(drawn)[order])
+        below = np.cumsum(weigh(*drawn)[order])
         if below[-1] > 0:
             medians.append(angle[order[np.searchsorted(below, below[-1] / 2)]])
     return np.quantile(medians, TAILS) if medians else np.full(2, np.nan)

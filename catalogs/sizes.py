@@ -75,6 +75,8 @@ def estimate_b(
     values = np.sort(above(x, cut, bin_width))
     if bound == "largest" and values.size:
         bound, values = float(values[-1]), values[:-1]
+    elif bound == "largest":
+        bound = None
     elif bound is not None:
         values = values[values <= bound + 0.5 * bin_width]
     count, limit = values.size, np.inf if bound is None else float(bound)
