@@ -42,9 +42,11 @@ def _above(s1, s3, row):
 def _coulomb_return(s1, s2, s3, lame_lambda, shear_modulus, row):
     """Return to the Coulomb cone without its cut-off: (t1, t2, t3, region); the trial where it is inside.
 
-    A face return that breaks t1 >= t2 belongs to the edge s1 = s2, one that breaks t2 >= t3 to the edge s2 = s3. Where
-    it breaks both, and wherever an edge return lies beyond the tip, the apex is what remains: also where no flow
-    direction leads there (zero dilation in hydrostatic tension), by convention.
+    A face return that breaks t1 >= t2 belongs to the edge s1 = s2, one that breaks t2 >= t3 to the edge s2 = s3; one
+    that breaks both is beyond the tip (in a million such draws no edge return was admissible). There, and wherever an
+    edge return lies beyond the tip, the apex is what remains: also where no flow direction leads to it (zero dilation
+    in hydrostatic tension), by convention. Rock with dilation but neither friction nor cohesion has several returns
+    by Koiter's rule; this is one of them, and continuous.
     In each case the last component comes from the surface itself, so round-off of a large trial leaves no overstress.
     """
     n = row[FRICTION_FACTOR]
@@ -61,18 +63,18 @@ def _coulomb_return(s1, s2, s3, lame_lambda, shear_modulus, row):
     t2 = s2 - multiplier * volumetric
     t3 = s3 - multiplier * (volumetric - twice)
     t1 = (t3 + strength) / n
-    first_edge = t2 > t1
-    second_edge = t2 < t3
-    if not first_edge and not second_edge:
+    beyond_first = t2 > t1
+    beyond_second = t2 < t3
+    if not beyond_first and not beyond_second:
         return t1, t2, t3, FACE
-    if first_edge:
+    if not beyond_second:
         pair = 0.5 * (s1 + s2)
         multiplier = (n * pair - s3 - strength) / (volumetric * (n - 1.0) + shear_modulus * (n * m + 2.0))
         t3 = s3 - multiplier * (volumetric - twice)
         t1 = (t3 + strength) / n
         if t1 <= apex:
             return t1, t1, min(t3, t1), EDGE
-    if second_edge:
+    elif not beyond_first:
         pair = 0.5 * (s2 + s3)
         multiplier = (n * s1 - pair - strength) / (volumetric * (n - 1.0) + shear_modulus * (2.0 * n * m + 1.0))
         t3 = pair - multiplier * (volumetric - shear_modulus)

@@ -72,7 +72,7 @@ def planes(row):
     return np.array(normals), np.array(limits), np.array(flows)
 
 
-def koiter_returns(trial, lame_lambda, shear_modulus, row, tolerance=1e-9):
+def koiter_returns(trial, lame_lambda, shear_modulus, row, tolerance=1e-11):
     """Every stress that Koiter's rule allows as the return of a principal trial stress, by trying all active sets.
 
     A set of up to three planes is active if stress ends on all of them, their plastic multipliers are not negative
