@@ -61,6 +61,15 @@ def test_simultaneous_events_stay_in_the_order_of_steps(make_step, make_settings
         assert_array_equal(merge(steps)["step"], ["earlier", "a-later"])
 
 
+def test_steps_that_overlap_are_interleaved_by_time(make_scattered_step, make_settings):
+    """A later step that spans the first half of an earlier one: its events come between the others, all in order."""
+    early = make_scattered_step(2, 150, **AUGUST)
+    late = make_scattered_step(3, 150, **(SEPTEMBER | {"start": "2019-08-01", "end": "2019-08-16"}))
+    catalog = merge([extract_events(step, make_settings())[0] for step in (early, late)])
+    assert np.all(np.diff(catalog["time"].values) >= np.timedelta64(0))
+    assert set(catalog["step"].values[:10]) == {"2019-08", "2019-09"}
+
+
 def test_truncation_is_carried_into_the_catalog(event_steps):
     labelled = [step.assign_attrs(truncated=1, truncated_share=0.2, truncated_where="roof") for step in event_steps[:1]]
     catalog = merge([*labelled, *event_steps[1:]])
