@@ -105,14 +105,20 @@ def _environment() -> jinja2.Environment:
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
-    filters: dict[str, Callable] = {"number": number, "percent": percent, "whole": whole, "fixed": fixed}
+    filters: dict[str, Callable] = {
+        "number": number,
+        "percent": percent,
+        "whole": whole,
+        "fixed": fixed,
+        "typeset": text.typeset,
+    }
     filters["logarithm"] = lambda value: fixed(np.log10(value) if value > 0 else np.nan, 2)
     environment.filters.update(filters)
     return environment
 
 
 def _cuts(evidence: Evidence) -> list[views.View]:
-    """Cut planes through the fullest layers of what the dated steps mine; of what is mined at all, if nothing is dated."""
+    """Cut planes through the fullest layers of what the dated steps mine; if nothing is dated, of all that is mined."""
     grid, rows = evidence.grid, evidence.excavations
     wanted = [index for index, row in enumerate(rows) if row.dated] or [
         index for index, row in enumerate(rows) if not row.planned
@@ -179,7 +185,8 @@ def _events(evidence: Evidence, gallery: Gallery) -> dict | None:
         "near": rows,
         "nearness": gallery.add("nearness", events.nearness(evidence.comparison)) if compared else None,
         "rows": match.location_rows(evidence),
-        "text": evidence.comparison.attrs.get("location_text", "") if compared else "",
+        "text": text.typeset(evidence.comparison.attrs.get("location_text", "")) if compared else "",
+        "outside": text.outside_domain(evidence, shown),
         "beside": len(shown) > 1,
     }
 
@@ -194,7 +201,7 @@ def _sizes(evidence: Evidence, gallery: Gallery) -> dict | None:
         "by_cut": gallery.add("b_against_cut", sizes.b_against_cut(catalogs)),
         "rows": match.size_rows(evidence),
         "fits": catalogs,
-        "text": "" if evidence.comparison is None else evidence.comparison.attrs.get("size_text", ""),
+        "text": "" if evidence.comparison is None else text.typeset(evidence.comparison.attrs.get("size_text", "")),
     }
 
 

@@ -166,7 +166,7 @@ def _stale(files: dict[str, dict], expected: dict) -> list[str]:
 
 
 def read_resources(benchmarks) -> list[dict]:
-    """Seconds and peak memory (MiB) per stage from Snakemake's benchmark files below a folder; NaN where it has none."""
+    """Seconds and peak memory (MiB) per stage from Snakemake's benchmark files below a folder; NaN: not measured."""
     if benchmarks is None or not Path(benchmarks).is_dir():
         return []
     rows = []

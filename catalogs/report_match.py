@@ -2,6 +2,7 @@
 
 import xarray as xr
 
+from catalogs.figures.stereonets import direction
 from catalogs.report_inputs import Evidence
 from catalogs.report_text import MISSING, between, fixed, number, whole
 
@@ -9,6 +10,11 @@ from catalogs.report_text import MISSING, between, fixed, number, whole
 def _pair(comparison: xr.Dataset, name: str, form=number) -> list[str]:
     """A value of the model and of the record."""
     return [form(float(comparison[name].sel(catalogue=which))) for which in ("model", "record")]
+
+
+def hundredths(value: float) -> str:
+    """A number with two decimals: logarithms and b."""
+    return fixed(value, 2)
 
 
 def _row(name: str, modelled: str, recorded: str, value: str, interval: str) -> dict[str, str]:
@@ -32,8 +38,8 @@ def location_rows(evidence: Evidence) -> list[dict]:
             between(comparison["centroid_distance_interval"].values),
         ),
         _row(
-            f"energy distance (by chance {chance} m)", "", "", f"{number(comparison['energy_distance'])} m",
-            between(comparison["energy_distance_interval"].values),
+            f"energy distance (0: one distribution; by chance {chance} m)", "", "",
+            f"{number(comparison['energy_distance'])} m", between(comparison["energy_distance_interval"].values),
         ),
         _row("from a modelled event to the nearest recorded, median", "", "", *near(0)),
         _row("from a recorded event to the nearest modelled, median", "", "", *near(1)),
@@ -46,17 +52,13 @@ def size_rows(evidence: Evidence) -> list[dict]:
     comparison = evidence.comparison
     if comparison is None:
         return []
-    bounded = [
-        f"{number(comparison['b_truncated'].sel(catalogue=which))} ± {number(comparison['b_truncated_error'].sel(catalogue=which), 2)}"
-        for which in ("model", "record")
-    ]
-    free = [
-        f"{number(comparison['b'].sel(catalogue=which))} ± {number(comparison['b_error'].sel(catalogue=which), 2)}"
-        for which in ("model", "record")
-    ]
+    free, bounded = (
+        [f"{b} ± {error}" for b, error in zip(*(_pair(comparison, name, hundredths) for name in names), strict=True)]
+        for names in (("b", "b_error"), ("b_truncated", "b_truncated_error"))
+    )
     stable = [
         text if text != MISSING else "no stable value"
-        for text in _pair(comparison, "completeness_stability", lambda value: fixed(value, 2))
+        for text in _pair(comparison, "completeness_stability", hundredths)
     ]
     return [
         _row("events at or above the cut", *_pair(comparison, "events_above_cut", whole), "", ""),
@@ -66,12 +68,20 @@ def size_rows(evidence: Evidence) -> list[dict]:
         ),
         _row(
             "b of potency; modelled − recorded", *free, fixed(float(comparison["b_difference"]), 2),
-            between(comparison["b_difference_interval"].values),
+            " to ".join(hundredths(value) for value in comparison["b_difference_interval"].values),
         ),
         _row("b if no event may be larger than the largest", *bounded, "", ""),
-        _row("completeness, log P: fullest bin", *_pair(comparison, "completeness_curvature", lambda v: fixed(v, 2)), "", ""),
+        _row("completeness, log P: fullest bin", *_pair(comparison, "completeness_curvature", hundredths), "", ""),
         _row("completeness, log P: where b is stable", *stable, "", ""),
     ]  # fmt: skip
+
+
+def _directions(comparison: xr.Dataset, kind: str) -> list[str]:
+    """Trend/plunge of the model's and the record's axis of one kind: mean or summed."""
+    trends, plunges = (_pair(comparison, f"{kind}_{name}", float) for name in ("trend", "plunge"))
+    return [
+        direction(trend, plunge) if trend == trend else MISSING for trend, plunge in zip(trends, plunges, strict=True)
+    ]
 
 
 def axis_rows(evidence: Evidence) -> list[dict]:
@@ -80,20 +90,14 @@ def axis_rows(evidence: Evidence) -> list[dict]:
     rows = []
     for axis in comparison["axis_name"].values:
         here = comparison.sel(axis_name=axis)
-        means = [
-            f"{float(here['mean_trend'].sel(catalogue=which)):03.0f}°/{float(here['mean_plunge'].sel(catalogue=which)):.0f}° "
-            f"± {number(here['mean_cone'].sel(catalogue=which), 2)}°"
-            for which in ("model", "record")
-        ]
+        cones = _pair(here, "mean_cone", lambda value: number(value, 2))
+        means = [f"{axis} ± {cone}°" for axis, cone in zip(_directions(here, "mean"), cones, strict=True)]
         interval = between(here["mean_angle_interval"].values)
         rows.append(
             _row(f"mean {axis} axis (trend/plunge), angle between", *means, f"{number(here['mean_angle'])}°", interval)
         )
-        means = [
-            f"{float(here['summed_trend'].sel(catalogue=which)):03.0f}°/{float(here['summed_plunge'].sel(catalogue=which)):.0f}°"
-            for which in ("model", "record")
-        ]
-        rows.append(_row(f"{axis} axis of the summed tensor", *means, f"{number(here['summed_angle'])}°", ""))
+        summed = _directions(here, "summed")
+        rows.append(_row(f"{axis} axis of the summed tensor", *summed, f"{number(here['summed_angle'])}°", ""))
     rows.append(_row("Kagan angle of the summed tensors", "", "", f"{number(comparison['summed_kagan'])}°", ""))
     for pair, name in (("model_record", "all pairs"), ("nearest", "each modelled and its nearest recorded")):
         here = comparison.sel(kagan_pair=pair)

@@ -1,16 +1,19 @@
 """The report's words and tables: plain sentences and rows of text from the datasets."""
 
 import json
+import re
 
 import numpy as np
 import xarray as xr
 import yaml
 from scipy.spatial import cKDTree
 
+from catalogs.figures import views
 from catalogs.report_inputs import Evidence
 from catalogs.sizes import log_potency
 
 MISSING = "–"
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BUDGET_ROWS = {
     "events": "events",
     "aseismic_share": "seismic strain not taken as events (1 − α)",
@@ -31,7 +34,7 @@ def number(value, digits: int = 3) -> str:
         decimals = max(digits - 1 - int(np.floor(np.log10(abs(value)))), 0)
         return f"{value:,.{decimals}f}".replace(",", "\u202f").replace("-", "−")
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-    return f"{mantissa}·10^{int(exponent)}".replace("-", "−")
+    return f"{mantissa}·10".replace("-", "−") + str(int(exponent)).translate(SUPERSCRIPT)
 
 
 def whole(value) -> str:
@@ -53,6 +56,11 @@ def between(interval) -> str:
     """An interval as text; a dash if it is not known."""
     low, high = (float(value) for value in interval)
     return f"{number(low)} to {number(high)}" if np.isfinite([low, high]).all() else MISSING
+
+
+def typeset(text: str) -> str:
+    """Plain text of a dataset with true minus and comparison signs."""
+    return re.sub(r"(?<![\w-])-(?=\d)", "−", text.replace(">=", "≥"))
 
 
 def plural(count: int, name: str) -> str:
@@ -81,13 +89,13 @@ def headline(evidence: Evidence) -> list[str]:
     if len(size):
         largest = int(np.argmax(size))
         place = ", ".join(
-            f"{axis} {value:.0f}" for axis, value in zip("xyz", resolved["location"].values[largest], strict=True)
+            f"{axis} {fixed(value, 0)}" for axis, value in zip("xyz", resolved["location"].values[largest], strict=True)
         )
         text += (
             f"Of the others log P runs from {fixed(size.min(), 1)} to {fixed(size.max(), 1)} "
             f"(Mw {fixed(mw.min(), 1)} to {fixed(mw.max(), 1)}); "
             f"the largest lies at {place} m in step {resolved['step'].values[largest]}. "
-        ).replace("-", "−" if "-" in place else "-")
+        )
     text += f"All events together release {number(potency.sum())} m³ of potency."
     return [text, *_where(evidence)]
 
@@ -144,26 +152,20 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
     for step in (stage.attrs for stage in evidence.stages):
         if int(step["truncated"]):
             name = f"step {step['step']}" if step["stage"] == "step" else "the elastic stage"
-            found.append(
-                (
-                    "truncated",
-                    f"Truncated in {name}: {percent(step['truncated_share'])} of the overstressed volume lies in cells too "
-                    f"coarse to fail ({step['truncated_where']}); events are missing there. Refine the grid here.",
-                )
+            share, where = percent(step["truncated_share"]), typeset(step["truncated_where"])
+            text = (
+                f"Truncated in {name}: {share} of the overstressed volume lies in cells too coarse to fail ({where}); "
             )
+            found.append(("truncated", text + "events are missing there. Refine the grid here."))
     if evidence.is_twin:
-        found.append(
-            (
-                "twin",
-                "The record shown is a twin: a catalogue made by this pipeline itself with other settings, not a measurement.",
-            )
-        )
+        text = "The record shown is a twin: a catalogue that this pipeline made itself with other settings. "
+        found.append(("twin", text + "It was not measured."))
     if evidence.record is None and evidence.steps:
         found.append(
             ("note", "No recorded catalogue was given: the model stands alone, nothing here says how well it fits.")
         )
     if evidence.comparison is not None and evidence.comparison.attrs.get("cut_text"):
-        found.append(("note", evidence.comparison.attrs["cut_text"]))
+        found.append(("note", f"Model and record are compared at {typeset(evidence.comparison.attrs['cut_text'])}."))
     return found
 
 
@@ -229,3 +231,17 @@ def ball_rows(events: xr.Dataset) -> list[dict]:
             }
         )
     return rows
+
+
+def outside_domain(evidence: Evidence, catalogs: dict[str, xr.Dataset]) -> list[str]:
+    """How many events of each catalogue lie outside the model, and so outside the pictures."""
+    lower, upper = views.domain(evidence.grid)
+    found = []
+    for label, catalog in catalogs.items():
+        location = catalog["location"].values
+        count = int(((location < lower) | (location > upper))[:, upper > lower].any(axis=1).sum())
+        if count:
+            found.append(
+                f"{label}: {plural(count, 'event')} of {whole(len(location))} outside the model's domain, not shown."
+            )
+    return found

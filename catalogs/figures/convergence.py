@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, NullLocator
 
 from catalogs.figures import style
 
@@ -38,6 +38,7 @@ def _panel(axes, stage: xr.Dataset, first: bool) -> None:
     axes.set_title(str(name))
     axes.set_xlabel("iteration")
     axes.set_yscale("log")
+    axes.yaxis.set_minor_locator(NullLocator())
     if first:
         axes.set_ylabel("unbalanced force ratio (1)")
     ratio = stage["convergence_unbalanced_ratio"].values

@@ -53,6 +53,11 @@ def stereonets(catalogs: list[Axes]) -> Figure:
     return figure
 
 
+def direction(trend: float, plunge: float) -> str:
+    """Trend/plunge as written on a plan, whole degrees: 003°/45°."""
+    return f"{round(trend) % 360:03d}°/{plunge:.0f}°"
+
+
 def _net(axes, axes_of: Axes, column: int):
     """One net; gives what a colour bar needs, None if nothing is contoured."""
     axes.grid(False)
@@ -79,7 +84,7 @@ def _net(axes, axes_of: Axes, column: int):
         cone = np.isfinite(mean[2]) and mean[2] > 0
         axes.line(
             mean[1], mean[0], "*", markersize=13, markerfacecolor="white", markeredgecolor="k", markeredgewidth=1.2,
-            label=f"mean {mean[0]:03.0f}°/{mean[1]:.0f}°" + (f" ± {mean[2]:.0f}°" if cone else ""),
+            label=f"mean {direction(mean[0], mean[1])}" + (f" ± {mean[2]:.0f}°" if cone else ""),
         )  # fmt: skip
         if cone:
             axes.cone(mean[1], mean[0], mean[2], facecolor="none", edgecolor="k", linewidth=1.3)
@@ -89,7 +94,7 @@ def _net(axes, axes_of: Axes, column: int):
 
 def kagan_angles(comparison: xr.Dataset) -> Figure:
     """Shares of Kagan angles per bin: between the catalogues, within the record, and of random frames."""
-    figure = style.new_figure(width=0.7 * style.WIDTH, height=3.2)
+    figure = style.new_figure(width=0.9 * style.WIDTH, height=3.2)
     axes = figure.subplots()
     lower, width = comparison["kagan_lower"].values, float(comparison.attrs["kagan_bin_width"])
     edges = np.append(lower, lower[-1] + width)
@@ -108,5 +113,5 @@ def kagan_angles(comparison: xr.Dataset) -> Figure:
     axes.set_ylim(0, None)
     axes.set_xlabel("Kagan angle (degrees)")
     axes.set_ylabel(f"share of pairs per {width:g}° (%)")
-    axes.legend(loc="upper right")
+    figure.legend(loc="outside right upper")
     return figure

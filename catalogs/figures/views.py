@@ -199,7 +199,7 @@ def draw_excavations(
                 linewidths=0.8,
                 rasterized=True,
                 linestyles=(0, (3, 2)) if dashed else "solid",
-                zorder=2.5,
+                zorder=4,
             ),
             autolim=False,
         )

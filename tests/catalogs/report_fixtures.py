@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from catalogs.comparison import compare
 from catalogs.schema import new_catalog
 from pipeline.datasets import write_dataset
 
@@ -25,6 +26,13 @@ BOXES = np.array(  # lower and upper corners in the domain, as shares of its edg
         [[0.72, 0.53, 0.62], [0.82, 0.62, 0.80]],
     ]
 )
+BUDGET = {
+    "components": ["xx", "yy", "zz", "yz", "xz", "xy"], "unit": "m3",
+    "events": [1.0, 2.0, -3.0, 0.0, 1e-4, 0.1], "aseismic_share": [0.1, 0.2, -0.3, 0.0, 1e-5, 0.01],
+    "overshoot": [0.2, 0.1, -0.2, 0.0, 0.0, 0.0], "later": [0.7, 0.7, -0.5, 0.0, 0.0, 0.0],
+    "plastic": [2.0, 3.0, -4.0, 0.0, 1.1e-4, 0.11], "closure": [1e-16, 0.0, 2e-16, 0.0, 0.0, 0.0],
+    "particle_scalars": 9.5, "event_scalars": 7.6, "resolved_scalars": 7.4, "scalar_ratio": 0.8,
+}  # fmt: skip
 STEPS = [("history", "", "", 0), ("2019-08", "2019-08-01", "2019-09-01", 1), ("2019-09", "2019-09-01", "2019-10-01", 1)]
 CONFIG = {
     "name": "testmine",
@@ -56,10 +64,14 @@ class Mine:
     events: list[Path]
     catalog: Path
     record: Path
+    comparison: Path
 
     def arguments(self, **changes) -> dict:
-        given = {name: getattr(self, name) for name in ("grid", "elastic", "steps", "events", "catalog", "record")}
-        given |= {"config": CONFIG, "default": DEFAULT, "comparison": None, "benchmarks": None}
+        given = {
+            name: getattr(self, name)
+            for name in ("grid", "elastic", "steps", "events", "catalog", "record", "comparison")
+        }
+        given |= {"config": CONFIG, "default": DEFAULT, "benchmarks": None}
         given |= {"output": self.folder / "report.html", "figures": self.folder / "figures"}
         return given | changes
 
@@ -114,9 +126,9 @@ def make_grid(
         },
         attrs={
             "mine": "testmine", "dimension": dimension, "plane": "" if dimension == 3 else "xz", "thickness": 1.0,
-            "domain_lower": lower, "domain_upper": upper, "coarse_cell": coarse, "fine_cell": coarse / 2 ** (levels - 1),
-            "levels": levels, "excavation_names": json.dumps(NAMES), "excavation_volume": json.dumps(volume.tolist()),
-            "excavation_volume_grid": json.dumps(drawn.tolist()),
+            "domain_lower": lower, "domain_upper": upper, "coarse_cell": coarse,
+            "fine_cell": coarse / 2 ** (levels - 1), "levels": levels, "excavation_names": json.dumps(NAMES),
+            "excavation_volume": json.dumps(volume.tolist()), "excavation_volume_grid": json.dumps(drawn.tolist()),
             "config_hash": "1111", "source_hash": "aaaa", "versions": json.dumps({"numpy": "2.4"}),
         },
     )  # fmt: skip
@@ -221,7 +233,7 @@ def make_catalog(state: xr.Dataset, count: int, kind: str = "synthetic", seed: i
         "mine": "testmine", "kind": kind, "lame_lambda": LAME, "shear_modulus": SHEAR, "potency_floor": 1.2e-4,
         "location_error": 5.0 if kind == "twin" else 0.0, "seismic_fraction": 0.9, "config_hash": "3333",
         "source_hash": "bbbb", "versions": json.dumps({"numpy": "2.4"}), "frame": json.dumps({"surface": 0.0}),
-        "budget": json.dumps({"events": [1.0, 2.0, -3.0, 0.0, 0.0, 0.1], "total": [1.5, 2.5, -4.0, 0.0, 0.0, 0.1]}),
+        "budget": json.dumps(BUDGET) if kind == "synthetic" else "{}",
     }  # fmt: skip
     failed = state["failed"].values
     pool = np.flatnonzero(failed >= 1)
@@ -234,7 +246,7 @@ def make_catalog(state: xr.Dataset, count: int, kind: str = "synthetic", seed: i
     start = np.array([STEPS[index][1] for index in failed[chosen]], dtype="datetime64[ns]")
     rank = pd.Series(range(count)).groupby(pd.Series(step, dtype=object)).rank().to_numpy() if count else np.zeros(0)
     potency = 1e-4 * generator.random(count) ** (-1 / 0.8)
-    return new_catalog(
+    catalog = new_catalog(
         count, attributes, time=start + (rank / (count + 1) * 29 * 86400e9).astype("timedelta64[ns]"),
         time_uncertainty=np.full(count, 15 * 86400.0), location=location, source_size=np.full(count, 2.0),
         step=step if kind == "synthetic" else np.full(count, "", dtype=object),
@@ -242,6 +254,9 @@ def make_catalog(state: xr.Dataset, count: int, kind: str = "synthetic", seed: i
         resolved=(generator.random(count) > 0.05).astype(np.int8) if kind == "synthetic" else np.ones(count, np.int8),
         **decompose(tensors(generator, potency)),
     )  # fmt: skip
+    if not count:
+        catalog["step"] = catalog["step"].astype(str)  # as `seismic` writes it: no objects tell netCDF that it is text
+    return catalog
 
 
 def make_mine(folder: Path, events: int = 150, dimension: int = 3, **grid_options) -> Mine:
@@ -260,13 +275,8 @@ def make_mine(folder: Path, events: int = 150, dimension: int = 3, **grid_option
             event_files.append(folder / "events" / f"{name}.nc")
             write_dataset(catalog.isel(event=np.flatnonzero(catalog["step"].values == name)), event_files[-1])
     write_dataset(catalog, folder / "catalog.nc")
-    write_dataset(make_catalog(state, round(0.8 * events), kind="twin", seed=4), folder / "record.nc")
-    return Mine(
-        folder,
-        folder / "grid.nc",
-        folder / "elastic.nc",
-        steps,
-        event_files,
-        folder / "catalog.nc",
-        folder / "record.nc",
-    )
+    record = make_catalog(state, round(0.8 * events), kind="twin", seed=4)
+    write_dataset(record, folder / "record.nc")
+    write_dataset(compare(catalog, record, {"resamplings": 49}), folder / "comparison.nc")
+    names = ("grid", "elastic", "catalog", "record", "comparison")
+    return Mine(folder, steps=steps, events=event_files, **{name: folder / f"{name}.nc" for name in names})

@@ -1,0 +1,355 @@
+"""The report: complete, self-contained, honest about what is missing, the same bytes twice; and the pictures in it."""
+
+import base64
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import report_fixtures as fixtures
+import yaml
+from hypothesis import given
+from hypothesis import strategies as some
+
+from catalogs.figures import beachballs, convergence, events, style, views
+from catalogs.report import write_report
+from catalogs.report_inputs import read_resources
+from catalogs.report_text import between, config_lines, number
+from pipeline.datasets import read_dataset, write_dataset
+
+SMALL = {"coarse": 16.0}  # 4 m in the finest of three levels: about 4,000 cells
+SECTIONS = (
+    "headline", "scene", "convergence", "rock", "events", "sizes", "axes", "balls", "budget", "truncated", "resources",
+    "config",
+)  # fmt: skip
+
+
+class Page(HTMLParser):
+    """Attributes of every tag, and the text of each section without its tags."""
+
+    def __init__(self, content: str):
+        super().__init__()
+        self.tags: list[tuple[str, dict]] = []
+        self.sections: dict[str, str] = {}
+        self.current = ""
+        self.feed(content)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag == "section":
+            self.current = dict(attributes)["id"]
+            self.sections[self.current] = ""
+
+    def handle_data(self, data):
+        if self.current:
+            self.sections[self.current] += data
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory) -> fixtures.Mine:
+    return fixtures.make_mine(tmp_path_factory.mktemp("mine"), **SMALL)
+
+
+@pytest.fixture(scope="module")
+def page(mine) -> Page:
+    """The report with everything."""
+    benchmarks = mine.folder / "benchmarks"
+    (benchmarks / "steps").mkdir(parents=True)
+    (benchmarks / "steps" / "2019-08.tsv").write_text("s\th:m:s\tmax_rss\tcpu_time\n12.5\t0:00:12\t345.1\t20.2\n")
+    stale = {mine.grid: "1111", mine.catalog: "another"}
+    write_report(**mine.arguments(benchmarks=benchmarks, expected_hashes=stale))
+    return Page((mine.folder / "report.html").read_text())
+
+
+def make_page(mine: fixtures.Mine, folder: Path, **changes) -> Page:
+    """A report in a folder of its own."""
+    output = folder / "report.html"
+    write_report(**mine.arguments(output=output, figures=folder / "figures", **changes))
+    return Page(output.read_text())
+
+
+# ---- the page ----
+
+
+def test_page_has_every_section_in_order(page):
+    assert tuple(page.sections) == SECTIONS
+
+
+def test_headline_counts_the_events_of_the_catalogue(page, mine):
+    """150 events; how many in each step is counted anew here."""
+    step = list(read_dataset(mine.catalog)["step"].values)
+    expected = f"150 events in 2 dated steps: {step.count('2019-08')} in 2019-08, {step.count('2019-09')} in 2019-09."
+    assert expected in page.sections["headline"]
+
+
+def test_numbers_of_the_datasets_reach_the_page(page, mine):
+    """Largest event, budget, floor, truncated share, resources: read from the files, found in their sections."""
+    catalog = read_dataset(mine.catalog)
+    resolved = catalog.isel(event=np.flatnonzero(catalog["resolved"].values == 1))
+    assert f"{np.log10(resolved['potency'].values.max()):.2f}".replace("-", "−") in page.sections["balls"]
+    assert "−4.00" in page.sections["budget"]
+    assert "log P −3.92" in page.sections["budget"]
+    assert "3.4 %" in page.sections["truncated"]
+    assert "345" in page.sections["resources"]
+    cells = read_dataset(mine.grid)["cell_level"].values
+    for level in range(3):
+        assert f"{(cells == level).sum():,}".replace(",", "\u202f") in page.sections["scene"]
+
+
+def test_match_is_given_in_numbers_with_intervals(page, mine):
+    """Ratio of potencies, difference of b, centroid distance, angle of P axes: in their section and the headline."""
+    comparison = read_dataset(mine.comparison)
+    angle, interval = comparison["mean_angle"].values[0], comparison["mean_angle_interval"].values[0]
+    ratio, distance = comparison["potency_ratio"], comparison["centroid_distance"]
+    b_difference = [float(comparison["b_difference"]), *comparison["b_difference_interval"].values]
+    b_difference = [f"{value:.2f}".replace("-", "−") for value in b_difference]
+    expected = (
+        ("sizes", number(ratio), between(comparison["potency_ratio_interval"].values)),
+        ("sizes", b_difference[0], f"{b_difference[1]} to {b_difference[2]}"),
+        ("events", f"{number(distance)} m", between(comparison["centroid_distance_interval"].values)),
+        ("axes", f"{number(angle)}°", between(interval)),
+    )
+    for section, value, text in expected:
+        for name in (section, "headline"):
+            assert re.search(rf"{re.escape(value)}\s*{re.escape(text)}", page.sections[name]), (name, value)
+
+
+def test_twin_is_labelled_wherever_the_record_shows(page):
+    for name in ("headline", "events", "sizes", "axes"):
+        assert "twin" in page.sections[name], name
+
+
+def test_record_of_measured_events_is_not_called_a_twin(mine, tmp_path):
+    record = read_dataset(mine.record)
+    write_dataset(record.assign_attrs(kind="recorded"), tmp_path / "record.nc")
+    content = make_page(mine, tmp_path, record=tmp_path / "record.nc", comparison=None, steps=[])
+    assert "Recorded" in content.sections["sizes"]
+    assert not [name for name, section in content.sections.items() if "twin" in section]
+
+
+def test_banners_name_truncation_and_stale_files(page):
+    assert "Truncated in step 2019-09: 3.4 %" in page.sections["headline"]
+    assert "Older than the configuration" in page.sections["headline"]
+    assert "catalog.nc" in page.sections["headline"]
+    assert "grid.nc" not in page.sections["headline"]
+
+
+def test_page_asks_nothing_of_the_network(page):
+    """No scripts, no linked files; every image and every reference inside the drawings is data or local."""
+    assert not {"script", "link", "iframe", "object"} & {tag for tag, _ in page.tags}
+    sources = [attributes["src"] for tag, attributes in page.tags if "src" in attributes]
+    assert len(sources) >= 10
+    for source in sources:
+        kind, content = source.split(",", 1)
+        assert kind == "data:image/svg+xml;base64"
+        drawing = base64.b64decode(content).decode()
+        assert all(link.startswith(("#", "data:")) for link in re.findall(r'href="([^"]*)"', drawing))
+        assert "font-family" not in drawing
+    assert all(attributes.get("href", "#").startswith("#") for _, attributes in page.tags)
+
+
+def test_every_figure_is_a_file_and_in_the_page(page, mine):
+    names = {path.name for path in (mine.folder / "figures").iterdir()}
+    assert {name for name in names if f"figures/{name}" in "".join(page.sections.values())} == names
+    assert len(names) == sum(tag == "img" for tag, _ in page.tags)
+
+
+def test_marked_lines_are_those_that_differ_from_the_default(page, mine):
+    content = (mine.folder / "report.html").read_text()
+    marked = re.findall(r'<span class="changed">(.*?)</span>', content)
+    assert "  closeness: 0.85" in marked
+    assert "  increments: 2" in marked
+    assert not any("scheme" in line for line in marked)
+    assert "geometry/&lt;stope_9&gt;.stl" in content  # text of the config is text, not markup
+
+
+def test_same_inputs_give_the_same_bytes(mine, tmp_path):
+    """Twice, in two folders: no date, no random element names."""
+    small = {"steps": [], "record": None, "comparison": None}
+    first, second = tmp_path / "1", tmp_path / "2"
+    for folder in (first, second):
+        make_page(mine, folder, **small)
+    assert (first / "report.html").read_bytes() == (second / "report.html").read_bytes()
+    for path in (first / "figures").iterdir():
+        assert path.read_bytes() == (second / "figures" / path.name).read_bytes()
+
+
+# ---- what is missing is said ----
+
+
+def test_without_record_the_model_stands_alone(mine, tmp_path):
+    content = make_page(mine, tmp_path, record=None, comparison=None)
+    assert "No recorded catalogue was given" in content.sections["headline"]
+    assert "b of potency" in content.sections["sizes"]
+    assert (tmp_path / "figures" / "beach_balls.svg").is_file()
+    assert "recorded" not in content.sections["sizes"]
+
+
+def test_no_events_is_said_and_figures_of_an_earlier_report_go(mine, tmp_path):
+    write_dataset(fixtures.make_catalog(read_dataset(mine.steps[-1]), 0), tmp_path / "catalog.nc")
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "beach_balls.svg").write_text("old")
+    content = make_page(mine, tmp_path, catalog=tmp_path / "catalog.nc", record=None, comparison=None)
+    assert "The model made no events in its 2 dated steps" in content.sections["headline"]
+    assert "no events" in content.sections["events"]
+    assert not (tmp_path / "figures" / "beach_balls.svg").exists()
+
+
+def test_elastic_scene_in_two_dimensions(tmp_path):
+    """Plane strain, no steps: one section, no events, no crash."""
+    mine = fixtures.make_mine(tmp_path, dimension=2, **SMALL)
+    content = make_page(mine, tmp_path, steps=[], events=[], catalog=None, record=None, comparison=None)
+    assert "stops at elastic equilibrium" in content.sections["headline"]
+    assert (tmp_path / "figures" / "displacement.svg").is_file()
+    assert not (tmp_path / "figures" / "failed_rock.svg").exists()
+
+
+# ---- beach balls ----
+
+DOUBLE_COUPLE = np.array(
+    [[0, 1, 0], [1, 0, 0], [0, 0, 0]], float
+)  # vertical fault; outward to north-east and south-west
+
+
+def rotation(first: float, second: float, third: float) -> np.ndarray:
+    """Product of rotations about z, x, z."""
+
+    def about(axis: int, angle: float) -> np.ndarray:
+        turned = np.eye(3)
+        i, j = [(1, 2), (2, 0), (0, 1)][axis]
+        turned[i, i] = turned[j, j] = np.cos(angle)
+        turned[i, j], turned[j, i] = -np.sin(angle), np.sin(angle)
+        return turned
+
+    return about(2, first) @ about(0, second) @ about(2, third)
+
+
+@given(some.tuples(*[some.floats(0, 6.28)] * 3))
+def test_half_of_any_double_couple_is_shaded(angles):
+    """Its signs are antisymmetric under a quarter turn about B, so half of the sphere; 1 %: 201 samples across."""
+    turn = rotation(*angles)
+    assert beachballs.shaded_share(turn @ DOUBLE_COUPLE @ turn.T) == pytest.approx(0.5, abs=0.01)
+
+
+def test_explosion_is_full_and_implosion_empty():
+    assert beachballs.shaded_share(np.eye(3)) == 1.0
+    assert beachballs.shaded_share(-np.eye(3)) == 0.0
+
+
+@pytest.mark.parametrize(("east", "north", "sign"), [(0.5, 0.5, 1), (-0.5, -0.5, 1), (-0.5, 0.5, -1), (0.5, -0.5, -1)])
+def test_quadrants_of_a_strike_slip_source(east, north, sign):
+    """Potency xy > 0 stretches along north-east: outward there and to the south-west, inward in the other two."""
+    x, y, motion = beachballs.first_motion(DOUBLE_COUPLE)
+    assert np.sign(motion[np.argmin(np.abs(y - north)), np.argmin(np.abs(x - east))]) == sign
+
+
+def test_dip_of_a_thrust_shades_the_middle():
+    """Shortening along x, extension along z: the middle of the ball, straight down, is dilated."""
+    x, y, motion = beachballs.first_motion(np.diag([-1.0, 0.0, 1.0]))
+    assert motion[len(y) // 2, len(x) // 2] > 0
+    assert motion[len(y) // 2, -1] < 0
+
+
+def test_tensile_crack_is_outward_all_round():
+    """A crack opening along x, lambda = mu: M = mu diag(3, 1, 1), all outward; its deviator has nodal planes."""
+    moment = beachballs.moment_tensors(np.diag([1.0, 0.0, 0.0])[None], 1.0, 1.0)[0]
+    np.testing.assert_allclose(moment, np.diag([3.0, 1.0, 1.0]))
+    assert beachballs.shaded_share(moment) == 1.0
+
+
+@given(some.floats(0.01, 0.99), some.floats(0, 6.28))
+def test_projection_inverts_the_hemisphere(depth, azimuth):
+    across = np.sqrt(1 - depth**2)
+    vector = np.array([across * np.cos(azimuth), across * np.sin(azimuth), -depth])
+    np.testing.assert_allclose(beachballs.lower_hemisphere(*beachballs.project(vector)), vector, atol=1e-9)
+    np.testing.assert_allclose(beachballs.project(-vector), beachballs.project(vector), atol=1e-12)
+
+
+# ---- views ----
+
+
+def test_cuts_go_through_the_fullest_layer():
+    """Two stopes of one height: the section along strike halves them, the plan lies within both."""
+    grid = fixtures.make_grid(**SMALL)
+    cell = grid["piece_cell"].values
+    size = grid["cell_size"].values[cell]
+    stopes = np.isin(grid["piece_excavation"].values, [1, 2])
+    weight = grid["piece_fraction"].values * size**3 * stopes
+    cuts = {
+        view.normal: view.at for view in views.cuts(grid, grid["cell_origin"].values[cell] + size[:, None] / 2, weight)
+    }
+    lower, upper = fixtures.ORIGIN + fixtures.BOXES[1] * 96.0
+    assert lower[1] < cuts[1] < upper[1]
+    assert lower[2] < cuts[2] < upper[2]
+
+
+def test_cut_cells_tile_the_domain():
+    """The squares of the cells that a plane cuts fill the plane once: areas add up to the domain's."""
+    grid = fixtures.make_grid(**SMALL)
+    for view in views.cuts(grid, np.zeros((0, 3)), np.zeros(0)):
+        size = grid["cell_size"].values[views.cut_cells(grid, view)]
+        assert (size**2).sum() == pytest.approx(96.0**2)
+
+
+@given(some.sets(some.tuples(some.integers(0, 5), some.integers(0, 5)), min_size=1))
+def test_outline_of_squares_is_their_boundary(squares):
+    """Against a slow count: an edge is outline if the square on its other side is absent."""
+    expected = sum((x + dx, y + dy) not in squares for x, y in squares for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)))
+    lower = np.array(sorted(squares), float) * 2.5 + 1e5
+    assert len(views.outline_segments(lower, np.full(len(lower), 2.5))) == expected
+
+
+def test_projection_keeps_the_larger_share():
+    """A drive seen end on is as full as its fullest cell; no cell is drawn twice."""
+    grid = fixtures.make_grid(**SMALL)
+    lower, _, share = views.silhouette(grid, views.LOOKING_WEST, [0])
+    assert len(np.unique(lower, axis=0)) == len(lower)
+    drive = grid["piece_excavation"].values == 0
+    assert share.max() == pytest.approx(grid["piece_fraction"].values[drive].max())
+
+
+# ---- small parts ----
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (0.0, "0"),
+        (np.nan, "–"),
+        (-1234.5, "−1\u202f234"),
+        (0.01234, "0.0123"),
+        (1.5e-7, "1.50·10⁻⁷"),
+        (-3.2e9, "−3.20·10⁹"),
+    ],
+)
+def test_numbers_read_as_a_person_writes_them(value, expected):
+    assert number(value) == expected
+
+
+def test_iterations_run_on_where_the_counter_starts_anew():
+    restarting = [0, 1, 2, 0, 1, 0, 5]
+    assert list(convergence.running_iteration(np.array(restarting))) == [0, 1, 2, 3, 4, 5, 10]
+    assert list(convergence.running_iteration(np.array([1, 2, 3, 1, 2]))) == [1, 2, 3, 4, 5]
+
+
+def test_undated_events_are_drawn(mine):
+    """A record may lack times: the picture shows its events in grey instead of failing."""
+    record = read_dataset(mine.record)
+    record["time"].values[:] = np.datetime64("NaT")
+    with style.applied():
+        figure = events.locations(read_dataset(mine.grid), {"Recorded": record}, [])
+    assert [axes.get_title(loc="left").split("\n")[0] for axes in figure.axes[:3]] == ["Recorded"] * 3
+
+
+def test_config_lines_are_yaml_again():
+    lines = config_lines(fixtures.CONFIG, fixtures.DEFAULT)
+    assert yaml.safe_load("\n".join(line for line, _ in lines)) == fixtures.CONFIG
+
+
+def test_resources_of_several_runs_are_averaged_and_gaps_stay_gaps(tmp_path):
+    (tmp_path / "grid.tsv").write_text("s\tmax_rss\n1.0\t-\n3.0\t-\n")
+    (row,) = read_resources(tmp_path)
+    assert row["stage"] == "grid"
+    assert row["s"] == 2.0
+    assert np.isnan(row["max_rss"])
