@@ -9,6 +9,7 @@ from mpm_core.constitutive.coulomb import (
     strength_factor,
     surely_admissible,
 )
+from mpm_core.constitutive.strength import strength_of
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
@@ -26,7 +27,7 @@ def overstressed(candidates, stress, insitu, material, rows, margin, above):
         yz = stress[p, 3] + insitu[p, 3]
         xz = stress[p, 4] + insitu[p, 4]
         xy = stress[p, 5] + insitu[p, 5]
-        row = rows[material[p]]
+        row = strength_of(rows, material[p])
         if surely_admissible(xx, yy, zz, yz, xz, xy, row):
             above[i] = False
         else:
@@ -60,7 +61,16 @@ def drop(
         xy = stress[p, 5] + insitu[p, 5]
         m = material[p]
         peak, residual, overshoot, seismic, _ = brittle_drop(
-            xx, yy, zz, yz, xz, xy, elastic_constants[m, 0], elastic_constants[m, 1], intact_rows[m], residual_rows[m]
+            xx,
+            yy,
+            zz,
+            yz,
+            xz,
+            xy,
+            elastic_constants[m, 0],
+            elastic_constants[m, 1],
+            strength_of(intact_rows, m),
+            strength_of(residual_rows, m),
         )
         trial = (xx, yy, zz, yz, xz, xy)
         work = 0.0
@@ -80,7 +90,7 @@ def rate_strength(particles, total_stress, material, intact_rows, residual_rows,
     """Strength factor and excess shear stress of rock, against the strength it has now: factor, excess (particle,)."""
     for i in prange(len(particles)):
         p = particles[i]
-        row = residual_rows[material[p]] if failed[p] else intact_rows[material[p]]
+        row = strength_of(residual_rows if failed[p] else intact_rows, material[p])
         xx = total_stress[p, 0]
         yy = total_stress[p, 1]
         zz = total_stress[p, 2]

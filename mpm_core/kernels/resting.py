@@ -14,6 +14,7 @@ from numba import njit, prange
 from mpm_core.constitutive.coulomb import return_to_surface
 from mpm_core.constitutive.elastic import contraction, strain_from_stress
 from mpm_core.constitutive.returning import ELASTIC
+from mpm_core.constitutive.strength import strength_of
 
 
 @njit(cache=True, error_model="numpy")
@@ -160,7 +161,7 @@ def make_update(dimension: int):
                                 particle,
                                 lame,
                                 shear,
-                                residual_rows[material[particle]],
+                                strength_of(residual_rows, material[particle]),
                                 insitu,
                                 stress,
                                 later_strain,
