@@ -1,13 +1,13 @@
-"""Command lines of the catalogue stages: record, quakeml, compare, report."""
+"""Command lines of the catalogue stages: record, quakeml, compare, report.
+
+Each stage imports what it alone needs: ObsPy and matplotlib take seconds, and most stages use neither.
+"""
 
 import argparse
 import json
 from collections.abc import Callable
 from pathlib import Path
 
-from catalogs.comparison import compare
-from catalogs.quakeml import write_quakeml
-from catalogs.records import read_record
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.provenance import provenance
 from pipeline.stage import run_stage
@@ -15,6 +15,8 @@ from pipeline.stage import run_stage
 
 def record(chosen: argparse.Namespace) -> None:
     """The recorded catalogue as the configuration's `record` describes it."""
+    from catalogs.records import read_record
+
     settings = json.loads(chosen.settings)
     events = read_record(settings)
     frame = {"frame": json.dumps(settings["frame"])} if settings.get("frame") else {}
@@ -23,11 +25,15 @@ def record(chosen: argparse.Namespace) -> None:
 
 def quakeml(chosen: argparse.Namespace) -> None:
     """A catalogue as QuakeML."""
+    from catalogs.quakeml import write_quakeml
+
     write_quakeml(read_dataset(chosen.catalog), chosen.output)
 
 
 def comparison(chosen: argparse.Namespace) -> None:
     """The synthetic catalogue against the recorded one."""
+    from catalogs.comparison import compare
+
     settings = json.loads(chosen.settings)
     result = compare(read_dataset(chosen.catalog), read_dataset(chosen.record), settings)
     write_dataset(result.assign_attrs(provenance(settings, "catalogs")), chosen.output)
@@ -35,7 +41,7 @@ def comparison(chosen: argparse.Namespace) -> None:
 
 def report(chosen: argparse.Namespace) -> None:
     """The report a geotechnical engineer reads, and its figures."""
-    from catalogs.report import write_report  # matplotlib is slow to import, and only this stage draws
+    from catalogs.report import write_report
 
     write_report(
         config=json.loads(chosen.config),
@@ -49,6 +55,9 @@ def report(chosen: argparse.Namespace) -> None:
         benchmarks=chosen.benchmarks,
         output=chosen.output,
         figures=chosen.figures,
+        default=json.loads(chosen.default),
+        excavations=json.loads(chosen.excavations),
+        expected_hashes=json.loads(chosen.expected_hashes),
     )
 
 
@@ -72,6 +81,8 @@ def parser() -> argparse.ArgumentParser:
     stage("compare", comparison, "catalog", "record", "output", settings=True)
     shown = stage("report", report, "grid", "output", "figures")
     shown.add_argument("--config", required=True, help="JSON")
+    for name in ("default", "excavations", "expected-hashes"):
+        shown.add_argument(f"--{name}", default="null", help="JSON")
     for name in ("elastic", "catalog", "record", "comparison", "benchmarks"):
         shown.add_argument(f"--{name}", type=Path)
     for name in ("steps", "events"):

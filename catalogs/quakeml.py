@@ -202,7 +202,9 @@ def _word(text: str) -> str:
 def _texts(values: np.ndarray) -> list[str]:
     """One text per event that gives its values back exactly."""
     if values.dtype.kind == "f":
-        return [" ".join(map(repr, row)) for row in values.reshape(len(values), -1).tolist()]
+        return [
+            " ".join(map(repr, row)) for row in values.reshape(len(values), int(np.prod(values.shape[1:]))).tolist()
+        ]
     return [str(value) for value in values]
 
 

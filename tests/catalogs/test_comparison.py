@@ -1,0 +1,148 @@
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+from catalog_fixtures import made_up_catalog
+
+from catalogs import comparison
+from catalogs.comparison import compare
+from pipeline.datasets import read_dataset, write_dataset
+from pipeline.errors import InputError
+
+QUICK = {"resamplings": 199}
+
+
+def as_record(catalog: xr.Dataset, **attributes) -> xr.Dataset:
+    record = catalog.copy(deep=True)
+    record.attrs |= {"kind": "twin", "location_error": 0.0} | attributes
+    record.attrs.pop("potency_floor", None)
+    return record
+
+
+def test_a_catalogue_beside_itself_differs_in_nothing():
+    catalog = made_up_catalog(300)
+    result = compare(catalog, as_record(catalog), QUICK)
+    assert result["potency_ratio"] == pytest.approx(1.0)
+    np.testing.assert_array_equal(result["centroid_offset"], 0.0)
+    assert result["energy_p_value"] > 0.95
+    assert result["energy_distance"] < 1.0
+    np.testing.assert_array_equal(result["nearest_distance"][:2], 0.0)
+    assert result["b_difference"] == 0.0
+    assert result["b_difference_p_value"] == pytest.approx(1.0)
+    np.testing.assert_allclose(result["mean_angle"], 0.0, atol=1e-6)
+    assert result["summed_kagan"] == pytest.approx(0.0, abs=1e-6)
+    np.testing.assert_allclose(result["mean_trend"][:, 0] % 180, result["mean_trend"][0, 0] % 180)
+    assert result.attrs["axes_present"] == 1
+
+
+def test_a_shifted_turned_steeper_copy_is_found_out():
+    """Record moved 40 m east of the model, another 0.4 in b: each shows, with its sign, and the interval holds it."""
+    catalog = made_up_catalog(400, seed=1, b=0.6)
+    record = as_record(made_up_catalog(500, seed=2, b=1.0, shift=(40, 0, 0)))
+    result = compare(catalog, record, QUICK)
+    low, high = result["centroid_offset_interval"].values[0]
+    assert low < -40 < high < 0
+    assert result["energy_p_value"] == pytest.approx(1 / 200)
+    low, high = result["b_difference_interval"].values
+    assert low < -0.4 < high < 0
+    assert result["b_difference_p_value"] < 0.01
+
+
+@pytest.mark.parametrize(
+    ("floor", "which", "cut"), [(10**-1.5, "model floor", -1.5), (1e-6, "record completeness", None)]
+)
+def test_the_larger_of_floor_and_completeness_cuts_both_and_is_named(floor, which, cut):
+    catalog = made_up_catalog(400)
+    catalog.attrs["potency_floor"] = floor
+    result = compare(catalog, as_record(made_up_catalog(900, seed=3)), QUICK)
+    assert result.attrs["cut_is"] == which
+    assert which.split()[0] in result.attrs["cut_text"]
+    expected = float(result["record_completeness"]) if cut is None else cut
+    assert float(result["cut"]) == pytest.approx(expected)
+    for name, events in (("model_used", catalog), ("record_used", made_up_catalog(900, seed=3))):
+        np.testing.assert_array_equal(result[name] == 1, np.log10(events["potency"].values) >= float(result["cut"]))
+
+
+def test_unresolved_events_count_in_the_sum_of_all_and_nowhere_else():
+    """Giants far away, marked unresolved: without them every statistic is what it was."""
+    catalog = made_up_catalog(200)
+    spoiled = catalog.copy(deep=True)
+    spoiled["resolved"][:] = np.where(np.arange(200) < 20, 0, 1)
+    spoiled["location"][:20] = 1e6
+    spoiled["potency"][:20] = 1e3
+    clean = catalog.isel(event=slice(20, None))
+    record = as_record(made_up_catalog(300, seed=4))
+    one, other = compare(spoiled, record, QUICK), compare(clean, record, QUICK)
+    for name in ("b", "centroid", "energy_distance", "mean_axis", "summed_tensor", "potency_ratio", "cumulative"):
+        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+    assert one["events_total"].values.tolist() == [200, 300]
+    assert one["events_resolved"].values.tolist() == [180, 300]
+    assert one["summed_potency_all"][0] > 2e4
+
+
+def test_a_record_without_tensors_has_no_axes_and_says_so():
+    record = as_record(made_up_catalog(300, seed=5))
+    record["potency_tensor"][:] = np.nan
+    result = compare(made_up_catalog(200), record, QUICK)
+    assert result.attrs["axes_present"] == 0
+    assert "no tensors" in result.attrs["axes_text"]
+    assert np.isnan(result["mean_axis"]).all()
+    assert np.isfinite(result["b"]).all()
+
+
+def test_orientations_of_their_own_restrict_the_model_to_their_time():
+    """As in Elk Creek: sizes from one catalogue, orientations of August from another."""
+    source = made_up_catalog(150, seed=6)
+    record = as_record(made_up_catalog(300, seed=5))
+    record["potency_tensor"][:] = np.nan
+    norm = np.sqrt((source["potency_tensor"] ** 2).sum(("xyz", "axis")))
+    record["orientation_time"] = ("orientation", source["time"].values)
+    record["orientation_location"] = (("orientation", "xyz"), source["location"].values)
+    record["orientation_tensor"] = (("orientation", "xyz", "axis"), (source["potency_tensor"] / norm).values)
+    record.attrs["orientation_filter"] = json.dumps({"start": "2019-08-01", "end": "2019-09-01"})
+    catalog = made_up_catalog(400, seed=7)
+    result = compare(catalog, record, QUICK)
+    assert result.attrs["summed_weight"] == "unit"
+    august = catalog["time"].values < np.datetime64("2019-09-01")
+    np.testing.assert_array_equal(result["model_axes_used"] == 1, august & (result["model_used"] == 1))
+    assert np.all(result["mean_angle"] < 10)
+
+
+def test_nothing_modelled_is_a_comparison_too():
+    catalog = made_up_catalog(200)
+    result = compare(catalog.isel(event=[]), as_record(catalog), QUICK)
+    assert np.isnan(result["energy_distance"])
+    assert "too few events" in result.attrs["location_text"]
+    assert result["events_total"].values.tolist() == [0, 200]
+
+
+def test_layout_is_the_documented_one():
+    result = compare(made_up_catalog(200), as_record(made_up_catalog(200, seed=8)), QUICK)
+    layout = comparison.__doc__
+    for name in [*result.data_vars, *result.coords]:
+        assert re.search(rf"\b{name}\b", layout), f"{name} is not in the layout"
+
+
+def test_faults_are_named():
+    catalog = made_up_catalog(50)
+    with pytest.raises(InputError, match=r"comparison.block_size: unknown setting"):
+        compare(catalog, as_record(catalog), {"block_size": 3})
+    with pytest.raises(InputError, match="of mine demo, record of other"):
+        compare(catalog, as_record(catalog, mine="other"), QUICK)
+
+
+def test_command_lines_write_the_same_bytes_with_one_thread_or_two(tmp_path):
+    write_dataset(made_up_catalog(150), tmp_path / "catalog.nc")
+    write_dataset(as_record(made_up_catalog(200, seed=9)), tmp_path / "record.nc")
+    for threads in ("1", "2"):
+        line = [sys.executable, "-m", "catalogs", "compare", "--catalog", str(tmp_path / "catalog.nc")]
+        line += ["--record", str(tmp_path / "record.nc"), "--settings", json.dumps(QUICK)]
+        line += ["--output", str(tmp_path / f"comparison{threads}.nc"), "--log", str(tmp_path / "log")]
+        environment = {"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads, "PATH": "/usr/bin"}
+        subprocess.run(line, check=True, env=environment)
+    assert (tmp_path / "comparison1.nc").read_bytes() == (tmp_path / "comparison2.nc").read_bytes()
+    assert "config_hash" in read_dataset(tmp_path / "comparison1.nc").attrs

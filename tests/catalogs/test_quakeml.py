@@ -1,0 +1,164 @@
+import io
+
+import numpy as np
+import pytest
+import xarray as xr
+from catalog_fixtures import FRAME, LAME, SETTINGS, SHEAR, made_up_catalog
+from obspy import read_events
+from obspy.io.quakeml.core import _validate
+from pyproj import CRS
+
+from catalogs.frame import MineFrame
+from catalogs.quakeml import read_catalog, write_quakeml
+from catalogs.records import read_record
+from catalogs.schema import NAMES, check_catalog, new_catalog
+from pipeline.datasets import read_dataset, write_dataset
+from pipeline.errors import InputError
+
+
+@pytest.fixture
+def catalog() -> xr.Dataset:
+    """Thirty events with nanoseconds, one without a tensor, one unresolved, awkward names and attributes."""
+    catalog = made_up_catalog(30)
+    for name in ("potency_tensor", "p_axis", "b_axis", "t_axis", "iso", "clvd", "dc"):
+        catalog[name][3] = np.nan
+    catalog["resolved"][5] = 0
+    catalog["step"][7] = "a <b> & 'c'"
+    catalog.attrs |= {"note": "stress < strength & rising", "seismic_fraction": 0.1, "truncated": 1}
+    return catalog
+
+
+def test_written_and_read_back_is_identical_bit_for_bit(catalog, tmp_path):
+    write_quakeml(catalog, tmp_path / "catalog.xml")
+    again = read_catalog(tmp_path / "catalog.xml")
+    xr.testing.assert_identical(again, catalog)
+    for name in NAMES:
+        if catalog[name].dtype.kind != "O":
+            assert again[name].values.tobytes() == catalog[name].values.tobytes(), name
+
+
+def test_netcdf_gives_the_same_catalogue_back(catalog, tmp_path):
+    catalog["time_uncertainty"][0] = np.nan
+    write_dataset(catalog, tmp_path / "catalog.nc")
+    xr.testing.assert_identical(check_catalog(read_dataset(tmp_path / "catalog.nc")), catalog)
+
+
+def test_two_runs_write_the_same_bytes_and_no_random_identifier(catalog, tmp_path):
+    for name in ("one.xml", "two.xml"):
+        write_quakeml(catalog, tmp_path / name)
+    text = (tmp_path / "one.xml").read_bytes()
+    assert text == (tmp_path / "two.xml").read_bytes()
+    assert b"creationTime" not in text
+    identifiers = {event.resource_id.id for event in read_events(io.BytesIO(text))}
+    assert identifiers == {f"smi:local/demo/synthetic/event/{number:06d}" for number in range(1, 31)}
+
+
+def test_obspy_accepts_the_file_and_reads_what_any_reader_should(catalog, tmp_path):
+    write_quakeml(catalog, tmp_path / "catalog.xml")
+    assert _validate(str(tmp_path / "catalog.xml"))
+    event = read_events(str(tmp_path / "catalog.xml"))[0]
+    assert event.event_type == "induced or triggered event"
+    assert event.preferred_origin().depth == -catalog["location"].values[0, 2]
+    assert event.preferred_magnitude().magnitude_type == "Mw"
+    potency = catalog["potency_tensor"].values[0]
+    tensor = event.preferred_focal_mechanism().moment_tensor.tensor
+    volume_part = LAME * np.trace(potency)
+    assert tensor.m_rr == pytest.approx(volume_part + 2 * SHEAR * potency[2, 2])  # up is z
+    assert tensor.m_pp == pytest.approx(volume_part + 2 * SHEAR * potency[0, 0])  # east is x
+    assert tensor.m_rt == pytest.approx(-2 * SHEAR * potency[1, 2])  # south is -y
+    assert tensor.m_rp == pytest.approx(2 * SHEAR * potency[0, 2])
+    assert tensor.m_tp == pytest.approx(-2 * SHEAR * potency[0, 1])
+
+
+def test_an_empty_catalogue_is_still_a_valid_file(catalog, tmp_path):
+    write_quakeml(catalog.isel(event=[]), tmp_path / "catalog.xml")
+    xr.testing.assert_identical(read_catalog(tmp_path / "catalog.xml"), catalog.isel(event=[]))
+
+
+def test_foreign_quakeml_is_read_through_latitude_longitude_depth_and_moment(catalog, tmp_path):
+    """Our file without the mine namespace: locations to 1 mm, tensors to round-off, times to the microsecond."""
+    write_quakeml(catalog, tmp_path / "own.xml")
+    events = read_events(str(tmp_path / "own.xml"))
+    del events.extra
+    for event in events:
+        del event.extra
+    events.write(str(tmp_path / "foreign.xml"), format="QUAKEML")
+    record = read_record(SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "foreign.xml")})
+    assert record.attrs["kind"] == "recorded"
+    np.testing.assert_allclose(record["location"], catalog["location"], atol=1e-3)
+    np.testing.assert_allclose(record["potency_tensor"], catalog["potency_tensor"], rtol=1e-9, atol=1e-16)
+    assert np.all(np.abs(record["time"].values - catalog["time"].values) <= np.timedelta64(1, "us"))
+    with_tensor = np.arange(30) != 3
+    np.testing.assert_allclose(record["potency"][with_tensor], catalog["potency"][with_tensor], rtol=1e-9)
+    np.testing.assert_allclose(record["mw"], catalog["mw"], atol=1e-9)
+
+
+def test_our_own_file_as_a_record_keeps_every_bit_and_takes_the_filter(catalog, tmp_path):
+    write_quakeml(catalog, tmp_path / "own.xml")
+    settings = SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "own.xml"), "twin": True}
+    record = read_record(settings | {"filter": {"minimum_potency": 1e-2}})
+    kept = catalog["potency"].values >= 1e-2
+    assert record.attrs["kind"] == "twin"
+    assert record["location"].values.tobytes() == catalog["location"].values[kept].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda catalog: catalog.attrs.pop("frame"), "frame"),
+        (lambda catalog: catalog["time"].values.__setitem__(0, np.datetime64("NaT")), "without time or location"),
+        (lambda catalog: catalog["location"].values.__setitem__((2, 1), np.nan), "without time or location"),
+    ],
+)
+def test_what_quakeml_cannot_hold_is_refused(catalog, tmp_path, spoil, message):
+    spoil(catalog)
+    with pytest.raises(InputError, match=message):
+        write_quakeml(catalog, tmp_path / "catalog.xml")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_frame_north_is_111_km_per_degree_and_goes_there_and_back():
+    """One degree of latitude at 41.8 S is 111,066 m on WGS 84 (meridian radius 6,363,700 m)."""
+    frame = MineFrame(FRAME)
+    location = np.array([[0, 0, 950], [0, 1110.66, -30], [500, 0, 0]])
+    latitude, longitude, depth = frame.to_globe(location)
+    np.testing.assert_allclose(latitude[:2], [-41.8, -41.79], atol=1e-6)
+    assert longitude[2] > 145.4
+    np.testing.assert_array_equal(depth, [-950, 30, 0])
+    np.testing.assert_allclose(frame.to_mine(latitude, longitude, depth), location, atol=1e-6)
+
+
+def test_frame_from_a_projected_system():
+    for crs in (32755, "EPSG:32755", CRS.from_epsg(32755).to_wkt()):
+        latitude, longitude, _ = MineFrame({"crs": crs, "surface": 0.0}).to_globe([[500_000.0, 5_372_000.0, 0.0]])
+        assert longitude[0] == pytest.approx(147.0)
+        assert latitude[0] == pytest.approx(-41.8, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("frame", "message"),
+    [
+        ({}, "give either"),
+        ({"latitude": 1.0}, "give either"),
+        ({"latitude": 1.0, "longitude": 2.0, "crs": 32755}, "give either"),
+        ({"latitude": 91.0, "longitude": 2.0}, "degrees"),
+        ({"crs": "nonsense"}, "neither an EPSG code nor WKT"),
+        ({"crs": 4326}, "projected system in metres"),
+        ({"crs": 2264}, "projected system in metres"),  # US survey feet
+    ],
+)
+def test_bad_frames_are_named(frame, message):
+    with pytest.raises(InputError, match=message):
+        MineFrame(frame)
+
+
+def test_schema_refuses_what_is_not_a_catalogue():
+    attributes = {"mine": "demo", "kind": "recorded"}
+    with pytest.raises(InputError, match="unknown variable 'magnitude'"):
+        new_catalog(1, attributes, magnitude=[1.0])
+    with pytest.raises(InputError, match="shape"):
+        new_catalog(2, attributes, potency=[1.0])
+    with pytest.raises(InputError, match="kind"):
+        new_catalog(1, {"mine": "demo", "kind": "guess"})
+    with pytest.raises(InputError, match="'dc' is missing"):
+        check_catalog(new_catalog(1, attributes).drop_vars("dc"))

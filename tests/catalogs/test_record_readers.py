@@ -1,0 +1,145 @@
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from catalog_fixtures import FRAME, LAME, SETTINGS, SHEAR
+
+from catalogs.frame import MineFrame
+from catalogs.records import READERS, read_record
+from catalogs.records.filters import parse_time
+from pipeline.datasets import read_dataset
+from pipeline.errors import InputError
+
+TABLE = """# a comment
+date,time of day,x,y,z,log P,quality
+2019-08-01,12:00:00,100,200,300,-1.0,5
+2019-08-02,00:00:00.5,110,200,300,-2.0,50
+2019-09-01,00:00:00,120,200,300,0.5,5
+"""
+COLUMNS = {"time": ["date", "time of day"], "x": "x", "y": "y", "z": "z", "log_potency": "log P"}
+
+
+def settings_for(tmp_path, text=TABLE, columns=None, **other) -> dict:
+    path = tmp_path / "record.csv"
+    path.write_text(text)
+    return SETTINGS | {"reader": "csv", "file": str(path), "columns": columns or COLUMNS} | other
+
+
+def test_csv_gives_times_places_and_sizes(tmp_path):
+    record = read_record(settings_for(tmp_path))
+    assert record["time"].values[1] == np.datetime64("2019-08-02T00:00:00.500", "ns")
+    np.testing.assert_array_equal(record["location"][0], [100, 200, 300])
+    np.testing.assert_allclose(record["potency"], [0.1, 0.01, 10**0.5])
+    np.testing.assert_allclose(record["moment"], record["potency"] * SHEAR)
+    np.testing.assert_allclose(record["mw"], 2 / 3 * (np.log10(record["moment"]) - 9.1))
+    assert np.isnan(record["potency_tensor"]).all()
+    assert record["resolved"].values.tolist() == [1, 1, 1]
+    assert (record.attrs["location_error"], record.attrs["kind"]) == (10.0, "recorded")
+
+
+def test_csv_in_degrees_with_moment_tensors_and_time_zones(tmp_path):
+    """A tensor of moment with volume change comes back as M = lambda tr(P) I + 2 mu P says; 14:00+02:00 is noon UTC."""
+    latitude, longitude, depth = (float(part[0]) for part in MineFrame(FRAME).to_globe([[10.0, 20.0, 30.0]]))
+    potency = np.array([[2.0, 0.3, 0.1], [0.3, -1.0, 0.2], [0.1, 0.2, 0.5]])
+    moment = LAME * np.trace(potency) * np.eye(3) + 2 * SHEAR * potency
+    voigt = [moment[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))]
+    names = ["xx", "yy", "zz", "yz", "xz", "xy"]
+    text = "when,lat,lon,dep," + ",".join(names) + "\n"
+    text += f"2019-08-01T14:00:00+02:00,{latitude!r},{longitude!r},{depth!r}," + ",".join(map(repr, map(float, voigt)))
+    columns = {"time": "when", "latitude": "lat", "longitude": "lon", "depth": "dep"}
+    columns |= {f"moment_{name}": name for name in names}
+    record = read_record(settings_for(tmp_path, text, columns))
+    assert record["time"].values[0] == np.datetime64("2019-08-01T12:00", "ns")
+    np.testing.assert_allclose(record["location"][0], [10, 20, 30], atol=1e-6)
+    np.testing.assert_allclose(record["potency_tensor"][0], potency, rtol=1e-12)
+    np.testing.assert_allclose(record["potency"][0], np.sqrt(2 * np.sum(potency**2)))
+    np.testing.assert_allclose(record["moment"][0], np.sqrt(np.sum(moment**2) / 2))
+
+
+def test_filters_count_before_and_after(tmp_path):
+    limits = {"lower": [0, 0, 0], "upper": [115, 999, 999], "end": "2019-09-01", "minimum_potency": 0.05}
+    record = read_record(settings_for(tmp_path, filter=limits | {"maximum": {"quality": 10}}))
+    account = [(one["filter"], one["before"], one["after"]) for one in json.loads(record.attrs["filter"])]
+    assert account == [
+        ("lower", 3, 3),
+        ("upper", 3, 2),
+        ("end", 2, 2),
+        ("minimum_potency", 2, 1),
+        ("maximum.quality", 1, 1),
+    ]
+    assert record.sizes["event"] == 1
+
+
+def test_end_is_outside_the_window_and_start_inside(tmp_path):
+    record = read_record(settings_for(tmp_path, filter={"start": "2019-08-02T00:00:00.5", "end": "2019-09-01"}))
+    assert record["location"].values[:, 0].tolist() == [110]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"columns": COLUMNS | {"x": "east"}}, "record.csv: column 'east' .record.columns.x. is missing"),
+        ({"columns": {"time": "date", "x": "x", "y": "y", "log_potency": "log P"}}, "name the columns x, y and z"),
+        ({"columns": {key: COLUMNS[key] for key in "xyz"} | {"mw": "log P"}}, "record.columns.time: missing"),
+        ({"columns": {key: COLUMNS[key] for key in ("time", "x", "y", "z")}}, "name a column of sizes"),
+        ({"columns": COLUMNS | {"colour": "x"}}, "record.columns.colour: not a column kind"),
+        ({"columns": COLUMNS | {"potency_xx": "x"}}, "all six of potency_xx"),
+        ({"text": TABLE.replace("110,200", ",200")}, "event 2 of 3: column 'x': NaN location"),
+        ({"text": TABLE.replace("110,200", "far,200")}, "event 2 of 3: column 'x' is not a number"),
+        ({"text": TABLE.replace("2019-08-02", "2 August")}, "event 2 of 3: column 'date': '2 AugustT.*not an ISO 8601"),
+        ({"text": TABLE.replace("-2.0,50", ",50")}, "event 2 of 3: an event without a size"),
+        ({"text": "\n".join(TABLE.splitlines()[:2])}, "no events in the file"),
+        ({"text": ""}, "not a readable CSV"),
+        ({"filter": {"minimum_potency": 100.0}}, "record.filter.minimum_potency: no event left .3 before"),
+        ({"filter": {"start": "2020-01-01"}}, "record.filter.start: no event left"),
+        ({"filter": {"start": "soon"}}, "record.filter.start: 'soon' is not an ISO date"),
+        ({"filter": {"maximum": {"residual": 1}}}, "record.filter.maximum.residual: no such column"),
+        ({"filter": {"box": 1}}, "record.filter.box: not a filter"),
+        ({"location_error": None}, "record.location_error: missing"),
+        ({"shear_modulus": None}, "shear_modulus is missing"),
+        ({"reader": "excel"}, "record.reader: 'excel' is not one of quakeml, csv, elk_creek"),
+    ],
+)
+def test_every_fault_of_a_record_is_one_line_that_says_where(tmp_path, change, message):
+    settings = settings_for(tmp_path, **({"text": change["text"]} if "text" in change else {}))
+    with pytest.raises(InputError, match=message) as caught:
+        read_record(settings | {key: value for key, value in change.items() if key != "text"})
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_files_are_named(tmp_path):
+    for reader in ("csv", "quakeml"):
+        with pytest.raises(InputError, match="nowhere"):
+            read_record(SETTINGS | {"reader": reader, "file": str(tmp_path / "nowhere"), "columns": COLUMNS})
+    (tmp_path / "not.xml").write_text("<a/>")
+    with pytest.raises(InputError, match=r"not.xml"):
+        read_record(SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "not.xml")})
+
+
+def test_readers_are_imported_when_asked_for():
+    assert list(READERS) == ["quakeml", "csv", "elk_creek"]
+    assert callable(READERS["csv"])
+
+
+def test_time_of_another_zone_is_utc():
+    assert parse_time("2019-08-01T02:00+02:00", "key") == np.datetime64("2019-08-01", "ns")
+
+
+def test_command_line_writes_the_record_or_one_line(tmp_path):
+    settings = settings_for(tmp_path)
+    line = [sys.executable, "-m", "catalogs", "record", "--output", str(tmp_path / "record.nc")]
+    line += ["--log", str(tmp_path / "record.log"), "--settings"]
+    subprocess.run([*line, json.dumps(settings)], check=True)
+    record = read_dataset(tmp_path / "record.nc")
+    assert record.sizes["event"] == 3
+    assert {"config_hash", "source_hash", "versions", "frame"} <= set(record.attrs)
+    before = (tmp_path / "record.nc").read_bytes()
+    failed = subprocess.run(
+        [*line, json.dumps(settings | {"filter": {"start": "2030"}})], capture_output=True, text=True
+    )
+    assert failed.returncode != 0
+    assert failed.stderr.count("\n") == 1
+    assert "record.filter.start" in failed.stderr
+    assert (tmp_path / "record.nc").read_bytes() == before
