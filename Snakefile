@@ -6,6 +6,7 @@ snakemake --cores all --configfile config/mines/elk_creek.yaml     another mine
 
 import sys
 
+import yaml
 from snakemake.utils import min_version
 
 min_version("9.0")
@@ -19,6 +20,7 @@ from workflow.configuration import load
 configfile: BASE / "config/default.yaml"
 
 
+DEFAULT = yaml.safe_load((BASE / "config/default.yaml").read_text())
 MINE_FILE = BASE / "config/mines/demo.yaml"
 if workflow.overwrite_configfiles:
     MINE_FILE = Path(workflow.overwrite_configfiles[-1])
@@ -28,7 +30,7 @@ else:
 
 
 try:
-    MINE = load(config, os.path.relpath(MINE_FILE))
+    MINE = load(config, os.path.relpath(MINE_FILE), DEFAULT)
 except InputError as error:
     sys.exit(str(error))
 

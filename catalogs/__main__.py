@@ -5,6 +5,7 @@ Each stage imports what it alone needs: ObsPy and matplotlib take seconds, and m
 
 import argparse
 import json
+import logging
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from pipeline.stage import run_stage
 def record(chosen: argparse.Namespace) -> None:
     """The recorded catalogue as the configuration's `record` describes it."""
     from catalogs.records import read_record
+from catalogs.twin import write_twin
 
     settings = json.loads(chosen.settings)
     events = read_record(settings)
@@ -37,6 +39,12 @@ def comparison(chosen: argparse.Namespace) -> None:
     settings = json.loads(chosen.settings)
     result = compare(read_dataset(chosen.catalog), read_dataset(chosen.record), settings)
     write_dataset(result.assign_attrs(provenance(settings, "catalogs")), chosen.output)
+
+
+def twin(chosen: argparse.Namespace) -> None:
+    """A modelled catalogue as a seismic system might have recorded it."""
+    count = write_twin(read_dataset(chosen.catalog), chosen.noise, chosen.cut, chosen.seed, chosen.output)
+    logging.info("%d events", count)
 
 
 def report(chosen: argparse.Namespace) -> None:
@@ -79,6 +87,10 @@ def parser() -> argparse.ArgumentParser:
     stage("record", record, "output", settings=True)
     stage("quakeml", quakeml, "catalog", "output")
     stage("compare", comparison, "catalog", "record", "output", settings=True)
+    made = stage("twin", twin, "catalog", "output")
+    made.add_argument("--noise", type=float, required=True, help="root mean square location error, m")
+    made.add_argument("--cut", type=float, required=True, help="smallest log10 of potency in m3")
+    made.add_argument("--seed", type=int, default=1)
     shown = stage("report", report, "grid", "output", "figures")
     shown.add_argument("--config", required=True, help="JSON")
     for name in ("default", "excavations", "expected-hashes"):

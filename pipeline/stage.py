@@ -30,7 +30,9 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     if log:
         Path(log).parent.mkdir(parents=True, exist_ok=True)
     handler = logging.FileHandler(log, mode="w") if log else logging.StreamHandler(sys.stderr)
-    logging.basicConfig(level=logging.INFO, handlers=[handler], format="%(asctime)s %(levelname)s %(message)s", force=True)
+    logging.basicConfig(
+        level=logging.INFO, handlers=[handler], format="%(asctime)s %(levelname)s %(message)s", force=True
+    )
     started = time.perf_counter()
     try:
         function()

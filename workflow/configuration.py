@@ -1,7 +1,8 @@
 """One mine's configuration: checked, in SI units, and cut into the slice that each stage depends on.
 
-A slice holds only what its stage needs, so that changing a value re-runs only what it changes. An excavation that is not
-mined yet looks the same in a slice whether it is planned or dated later: giving a planned stope its month runs that month.
+A slice holds only what its stage needs, so that changing a value re-runs only what it changes. An excavation that is
+not mined yet looks the same in a slice whether it is planned or dated later: giving a planned stope its month runs
+that month.
 """
 
 import importlib
@@ -11,6 +12,7 @@ from pathlib import Path
 
 from mpm_core.scene import FACES, check_virgin_stress, parse_scene
 from pipeline.errors import InputError
+from pipeline.provenance import config_hash
 from workflow.quantities import check, to_si
 
 VOIGT = ("xx", "yy", "zz", "yz", "xz", "xy")
@@ -18,12 +20,15 @@ PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
 NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "force")
 
 
-def load(config: dict, mine_file: str | os.PathLike) -> "Mine":
-    """Check a merged configuration (default and mine) and convert it to SI. Raises InputError, one line, naming the file."""
+def load(config: dict, mine_file: str | os.PathLike, default: dict | None = None) -> "Mine":
+    """Check a merged configuration (default and mine) and convert it to SI; `default` is kept for the report.
+
+    Raises InputError, one line, naming the file and the key.
+    """
     mine_file = Path(mine_file)
     try:
         text = check(config)
-        mine = Mine(to_si(text), text, mine_file.parent)
+        mine = Mine(to_si(text), text, mine_file.parent, default or {})
         mine.check()
     except InputError as error:
         raise InputError(f"{mine_file}: {error}") from error
@@ -32,11 +37,12 @@ def load(config: dict, mine_file: str | os.PathLike) -> "Mine":
 
 @dataclass
 class Mine:
-    """A configuration in SI units (`values`) and as written (`text`), with paths relative to `folder`."""
+    """A configuration in SI units (`values`) and as written (`text`, `default`); its paths are relative to `folder`."""
 
     values: dict
     text: dict
     folder: Path
+    default: dict
     steps: list[dict] = field(init=False)
     excavations: list[dict] = field(init=False)
 
@@ -151,7 +157,8 @@ class Mine:
             cells = (high - low) / coarse
             if cells < 0.5 or abs(cells - round(cells)) > 1e-6:
                 raise InputError(
-                    f"domain.upper[{axis}]: the side of {high - low:g} m is not a whole multiple of grid.coarse_cell, {coarse:g} m"
+                    f"domain.upper[{axis}]: the side of {high - low:g} m is not a whole multiple of "
+                    f"grid.coarse_cell, {coarse:g} m"
                 )
         count = self.values["grid"]["particles_per_cell"]
         if round(count ** (1 / self.dimension)) ** self.dimension != count:
@@ -262,6 +269,13 @@ class Mine:
         index = self._step_index(step)
         return self.steps[index - 1]["name"] if index > 0 else ""
 
+    def schedule(self) -> list[dict]:
+        """Name, step and fill of every excavation, for the report."""
+        return [
+            {"name": entry["name"], "step": entry["step"], "fill": entry.get("fill", "none")}
+            for entry in self.excavations
+        ]
+
     @property
     def mined_steps(self) -> list[str]:
         """Names of the steps that the configuration lists, in order; without any the scene stops at elastic.nc."""
@@ -275,6 +289,16 @@ class Mine:
     def event_slice(self) -> dict:
         """What events and catalogue depend on, beside the steps."""
         return {"mine": self.name, "frame": self.values["frame"], **self.values["seismic"]}
+
+    def hashes(self) -> dict[str, str]:
+        """The config_hash that each of this mine's datasets carries if it is up to date, by its path below results/<mine>."""
+        hashes = {"grid.nc": self.grid_slice(), "elastic.nc": self.scene_slice(0)}
+        for step in self.mined_steps:
+            hashes |= {f"steps/{step}.nc": self.step_slice(step), f"events/{step}.nc": self.event_slice()}
+        hashes["catalog.nc"] = self.event_slice()
+        if "record" in self.values:
+            hashes |= {"record.nc": self.record_slice(), "comparison.nc": self.values["comparison"]}
+        return {path: config_hash(values) for path, values in hashes.items()}
 
     def record_slice(self) -> dict:
         """What record.nc depends on, beside the recorded data."""

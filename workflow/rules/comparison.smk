@@ -1,0 +1,146 @@
+HAS_CATALOG = bool(MINE.dated_steps)
+HAS_RECORD = HAS_CATALOG and "record" in MINE.values
+
+
+def record_files():
+    """Recorded data that the record is read from; a folder's reader looks after its own files."""
+    if not HAS_RECORD or MINE.values["record"]["reader"] == "elk_creek":
+        return []
+    return MINE.record_slice()["file"]
+
+
+def if_made(option, path, made):
+    """A command line option for a result that this scene may not have."""
+    return f"--{option} {result(path)}" if made else ""
+
+
+rule record:
+    """The recorded catalogue, read and filtered."""
+    input:
+        data=record_files(),
+        code=sources("catalogs"),
+    output:
+        f"{RESULTS}/record.nc",
+    params:
+        settings=slice_of(MINE.record_slice() if HAS_RECORD else {}),
+    log:
+        "logs/{mine}/record.log",
+    benchmark:
+        "benchmarks/{mine}/record.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "{PYTHON} catalogs record --settings {params.settings:q} --output {output} --log {log}"
+
+
+rule quakeml:
+    """The synthetic catalogue as QuakeML 1.2."""
+    input:
+        catalog=f"{RESULTS}/catalog.nc",
+        code=sources("catalogs"),
+    output:
+        f"{RESULTS}/catalog.xml",
+    log:
+        "logs/{mine}/quakeml.log",
+    benchmark:
+        "benchmarks/{mine}/quakeml.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "{PYTHON} catalogs quakeml --catalog {input.catalog} --output {output} --log {log}"
+
+
+rule compare:
+    """Modelled beside recorded events: location, size, axes, each with a number and its interval."""
+    input:
+        catalog=f"{RESULTS}/catalog.nc",
+        record=f"{RESULTS}/record.nc",
+        code=sources("catalogs"),
+    output:
+        f"{RESULTS}/comparison.nc",
+    params:
+        settings=slice_of(MINE.values["comparison"]),
+    log:
+        "logs/{mine}/compare.log",
+    benchmark:
+        "benchmarks/{mine}/compare.tsv"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "{PYTHON} catalogs compare --catalog {input.catalog} --record {input.record} --settings {params.settings:q}"
+        " --output {output} --log {log}"
+
+
+rule report:
+    """The page that a geotechnical engineer reads top to bottom, and its figures."""
+    input:
+        grid=f"{RESULTS}/grid.nc",
+        elastic=f"{RESULTS}/elastic.nc",
+        steps=step_results("steps"),
+        events=step_results("events"),
+        catalog=result("catalog.nc") if HAS_CATALOG else [],
+        matched=[result("record.nc"), result("comparison.nc")] if HAS_RECORD else [],
+        code=sources("catalogs"),
+    output:
+        page=f"{RESULTS}/report.html",
+        figures=directory(f"{RESULTS}/figures"),
+    params:
+        config=slice_of(MINE.text),
+        default=slice_of(MINE.default),
+        excavations=slice_of(MINE.schedule()),
+        hashes=slice_of({result(path): value for path, value in MINE.hashes().items()}),
+        catalog=if_made("catalog", "catalog.nc", HAS_CATALOG),
+        record=if_made("record", "record.nc", HAS_RECORD),
+        comparison=if_made("comparison", "comparison.nc", HAS_RECORD),
+        benchmarks="benchmarks/{mine}",
+    log:
+        "logs/{mine}/report.log",
+    benchmark:
+        "benchmarks/{mine}/report.tsv"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "{PYTHON} catalogs report --config {params.config:q} --default {params.default:q} --excavations {params.excavations:q}"
+        " --expected-hashes {params.hashes:q} --grid {input.grid} --elastic {input.elastic} --steps {input.steps}"
+        " --events {input.events} {params.catalog} {params.record} {params.comparison} --benchmarks {params.benchmarks}"
+        " --output {output.page} --figures {output.figures} --log {log}"
+
+
+rule twin:
+    """A record for a mine that has none: this mine's catalogue with location noise and a completeness cut, as CSV."""
+    input:
+        catalog=result("catalog.nc"),
+        code=sources("catalogs"),
+    output:
+        result("twin.csv"),
+    params:
+        noise=10,  # m, root mean square
+        cut=-2.0,  # log10 of potency in m3
+    log:
+        f"logs/{MINE.name}/twin.log",
+    benchmark:
+        f"benchmarks/{MINE.name}/twin.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "{PYTHON} catalogs twin --catalog {input.catalog} --noise {params.noise} --cut {params.cut} --output {output} --log {log}"
