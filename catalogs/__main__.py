@@ -1,4 +1,4 @@
-"""Command lines of the catalogue stages: record, quakeml, compare, report.
+"""Command lines of the catalogue stages: record, quakeml, compare, twin, report.
 
 Each stage imports what it alone needs: ObsPy and matplotlib take seconds, and most stages use neither.
 """
@@ -17,7 +17,6 @@ from pipeline.stage import run_stage
 def record(chosen: argparse.Namespace) -> None:
     """The recorded catalogue as the configuration's `record` describes it."""
     from catalogs.records import read_record
-from catalogs.twin import write_twin
 
     settings = json.loads(chosen.settings)
     events = read_record(settings)
@@ -43,6 +42,8 @@ def comparison(chosen: argparse.Namespace) -> None:
 
 def twin(chosen: argparse.Namespace) -> None:
     """A modelled catalogue as a seismic system might have recorded it."""
+    from catalogs.twin import write_twin
+
     count = write_twin(read_dataset(chosen.catalog), chosen.noise, chosen.cut, chosen.seed, chosen.output)
     logging.info("%d events", count)
 

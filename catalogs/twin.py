@@ -15,18 +15,20 @@ from pipeline.errors import InputError
 
 COMPONENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
 HEADER = """\
-# A TWIN, not a recorded catalogue: modelled by this project's own pipeline on another grid, with other residual strengths
-# and another order of failure ({mine}); locations with {noise:g} m of noise (r.m.s. distance), events below log10 P
-# {cut:g} left out. Made again by the rule `twin` (config/mines/demo/twin.yaml). UTC, mine coordinates in m, potency in m3.
+# A TWIN, not a recorded catalogue: modelled by this project's own pipeline on another grid, with other residual
+# strengths and another order of failure ({mine}); {noise:g} m of noise on locations (r.m.s. distance), events below
+# log10 P {cut:g} left out. Made again by the rule `twin` (config/mines/demo/twin.yaml).
+# UTC, mine coordinates in m, potency in m3.
 """
 
 
 def write_twin(catalog: xr.Dataset, noise: float, cut: float, seed: int, path: str | os.PathLike) -> int:
-    """Write the resolved events at or above `cut` (log10 of m3) with isotropic location noise (r.m.s. distance, m) as CSV.
+    """Write the resolved events at or above `cut` (log10 of m3) as CSV, with isotropic location noise (r.m.s., m).
 
     Returns the number of events. Raises InputError if none is left.
     """
-    size = np.log10(catalog.potency.values, where=catalog.potency.values > 0, out=np.full(catalog.sizes["event"], -np.inf))
+    potency = catalog.potency.values
+    size = np.log10(potency, where=potency > 0, out=np.full(len(potency), -np.inf))
     kept = np.flatnonzero((catalog.resolved.values == 1) & (size >= cut))
     if not len(kept):
         raise InputError(f"twin: no event of the catalogue has log10 P of at least {cut:g}; lower the cut")
