@@ -106,7 +106,7 @@ class Scene:
 
     @property
     def voigt(self) -> list[int]:
-        """Voigt components of the mine's frame in the computation's order (in plane strain the third axis is out of plane)."""
+        """Voigt components of the mine's frame in the computation's order, whose third axis is out of the plane."""
         return [0, 2, 1, 3, 5, 4] if self.plane == "xz" else [0, 1, 2, 3, 4, 5]
 
 
@@ -213,6 +213,7 @@ def check_virgin_stress(scene: Scene, lowest: float, highest: float) -> None:
             excess = max(row[0] * s1 - s3 - row[2], s1 - row[3])
             if excess > 0.0:
                 raise InputError(
-                    f"insitu_stress: at elevation {elevation:g} m virgin stress is {excess / 1e6:.3g} MPa above the intact "
-                    f"strength of materials.{name}; it would fail before anything is mined: check stress, depth and strength"
+                    f"insitu_stress: at elevation {elevation:g} m virgin stress is {excess / 1e6:.3g} MPa above the "
+                    f"intact strength of materials.{name}: it would fail before anything is mined; check stress, depth "
+                    "and strength"
                 )

@@ -25,7 +25,7 @@ def die_with_parent() -> None:
 
 
 def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], None]) -> None:
-    """Run `function` as stage `name`: progress and tracebacks go to `log`, one line to stderr, exit status 1 on error."""
+    """Run `function` as stage `name`: progress and tracebacks to `log`, one line to stderr and exit status 1 on error."""
     die_with_parent()
     if log:
         Path(log).parent.mkdir(parents=True, exist_ok=True)

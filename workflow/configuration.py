@@ -291,7 +291,7 @@ class Mine:
         return {"mine": self.name, "frame": self.values["frame"], **self.values["seismic"]}
 
     def hashes(self) -> dict[str, str]:
-        """The config_hash that each of this mine's datasets carries if it is up to date, by its path below results/<mine>."""
+        """The config_hash that each dataset carries if it is up to date, by its path below results/<mine>."""
         hashes = {"grid.nc": self.grid_slice(), "elastic.nc": self.scene_slice(0)}
         for step in self.mined_steps:
             hashes |= {f"steps/{step}.nc": self.step_slice(step), f"events/{step}.nc": self.event_slice()}
