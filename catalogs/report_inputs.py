@@ -78,17 +78,21 @@ class Evidence:
 
     @property
     def excavations(self) -> list[Excavation]:
-        """Excavations in the grid's order; planned: not mined by any step of the run."""
+        """Excavations in the grid's order; planned: not mined by any stage of the run.
+
+        Without steps only the elastic stage is there, which mines what has no date: the history.
+        """
         names = json.loads(self.grid.attrs["excavation_names"])
         wanted = {row["name"]: row for row in self.listed}
         run = {step["step"]: bool(int(step["dated"])) for step in self.steps}
-        mined = run or {str(step["name"]): False for step in self.config.get("steps") or []}
+        undated = [str(step["name"]) for step in self.config.get("steps") or [] if not step.get("start")]
+        mined = run or dict.fromkeys(["history", *undated], False)
         volumes = [_by_name(self.grid.attrs.get(key), names) for key in ("excavation_volume", "excavation_volume_grid")]
         rows = []
         for index, name in enumerate(names):
             row = wanted.get(name, {})
             step = str(row.get("step", ""))
-            planned = bool(mined) and bool(row) and step not in mined
+            planned = bool(row) and step not in mined
             fill = str(row.get("fill") or "none")
             rows.append(
                 Excavation(name, step, fill, volumes[0][index], volumes[1][index], planned, run.get(step, False))
@@ -138,9 +142,9 @@ def read_evidence(
         dataset = read(path)
         if dataset is not None:
             stages.append(dataset[[f"convergence_{name}" for name in CONVERGENCE]])
-            if state is None or int(dataset.attrs["step_index"]) >= int(state.attrs["step_index"]):
+            if state is None or _order(dataset) > _order(state):
                 state = dataset[list(SHOWN)]
-    stages.sort(key=lambda stage: (stage.attrs["stage"] == "step", int(stage.attrs["step_index"])))
+    stages.sort(key=_order)
     budgets = [read(path).attrs for path in events]
     return Evidence(
         config=config,
@@ -157,6 +161,11 @@ def read_evidence(
         stale=_stale(files, expected_hashes or {}),
         resources=read_resources(benchmarks),
     )
+
+
+def _order(stage: xr.Dataset) -> tuple[bool, int]:
+    """Elastic first, whatever step it is numbered as, then the steps."""
+    return stage.attrs["stage"] == "step", int(stage.attrs["step_index"])
 
 
 def _stale(files: dict[str, dict], expected: dict) -> list[str]:

@@ -4,7 +4,7 @@ import xarray as xr
 
 from catalogs.figures.stereonets import direction
 from catalogs.report_inputs import Evidence
-from catalogs.report_text import MISSING, between, fixed, number, whole
+from catalogs.report_text import MISSING, between, fixed, number, whole, with_unit
 
 
 def _pair(comparison: xr.Dataset, name: str, form=number) -> list[str]:
@@ -29,17 +29,18 @@ def location_rows(evidence: Evidence) -> list[dict]:
 
     def near(pair: int) -> tuple[str, str]:
         here = comparison["nearest_distance"].isel(pair=pair), comparison["nearest_distance_interval"].isel(pair=pair)
-        return f"{number(here[0])} m", between(here[1].values)
+        return with_unit(number(here[0]), " m"), between(here[1].values)
 
     chance = between(comparison["energy_distance_null"].values)
     return [
         _row(
-            "distance between the centroids", "", "", f"{number(comparison['centroid_distance'])} m",
+            "distance between the centroids", "", "", with_unit(number(comparison["centroid_distance"]), " m"),
             between(comparison["centroid_distance_interval"].values),
         ),
         _row(
             f"energy distance (0: one distribution; by chance {chance} m)", "", "",
-            f"{number(comparison['energy_distance'])} m", between(comparison["energy_distance_interval"].values),
+            with_unit(number(comparison["energy_distance"]), " m"),
+            between(comparison["energy_distance_interval"].values),
         ),
         _row("from a modelled event to the nearest recorded, median", "", "", *near(0)),
         _row("from a recorded event to the nearest modelled, median", "", "", *near(1)),
@@ -53,7 +54,10 @@ def size_rows(evidence: Evidence) -> list[dict]:
     if comparison is None:
         return []
     free, bounded = (
-        [f"{b} ± {error}" for b, error in zip(*(_pair(comparison, name, hundredths) for name in names), strict=True)]
+        [
+            with_unit(b, f" ± {error}")
+            for b, error in zip(*(_pair(comparison, name, hundredths) for name in names), strict=True)
+        ]
         for names in (("b", "b_error"), ("b_truncated", "b_truncated_error"))
     )
     stable = [
@@ -68,7 +72,7 @@ def size_rows(evidence: Evidence) -> list[dict]:
         ),
         _row(
             "b of potency; modelled − recorded", *free, fixed(float(comparison["b_difference"]), 2),
-            " to ".join(hundredths(value) for value in comparison["b_difference_interval"].values),
+            between(comparison["b_difference_interval"].values, hundredths),
         ),
         _row("b if no event may be larger than the largest", *bounded, "", ""),
         _row("completeness, log P: fullest bin", *_pair(comparison, "completeness_curvature", hundredths), "", ""),
@@ -91,24 +95,33 @@ def axis_rows(evidence: Evidence) -> list[dict]:
     for axis in comparison["axis_name"].values:
         here = comparison.sel(axis_name=axis)
         cones = _pair(here, "mean_cone", lambda value: number(value, 2))
-        means = [f"{axis} ± {cone}°" for axis, cone in zip(_directions(here, "mean"), cones, strict=True)]
+        means = [with_unit(axis, f" ± {cone}°") for axis, cone in zip(_directions(here, "mean"), cones, strict=True)]
         interval = between(here["mean_angle_interval"].values)
         rows.append(
-            _row(f"mean {axis} axis (trend/plunge), angle between", *means, f"{number(here['mean_angle'])}°", interval)
+            _row(
+                f"mean {axis} axis (trend/plunge), angle between",
+                *means,
+                with_unit(number(here["mean_angle"]), "°"),
+                interval,
+            )
         )
         summed = _directions(here, "summed")
-        rows.append(_row(f"{axis} axis of the summed tensor", *summed, f"{number(here['summed_angle'])}°", ""))
-    rows.append(_row("Kagan angle of the summed tensors", "", "", f"{number(comparison['summed_kagan'])}°", ""))
+        rows.append(
+            _row(f"{axis} axis of the summed tensor", *summed, with_unit(number(here["summed_angle"]), "°"), "")
+        )
+    rows.append(
+        _row("Kagan angle of the summed tensors", "", "", with_unit(number(comparison["summed_kagan"]), "°"), "")
+    )
     for pair, name in (("model_record", "all pairs"), ("nearest", "each modelled and its nearest recorded")):
         here = comparison.sel(kagan_pair=pair)
         interval = between(here["kagan_median_interval"].values)
-        rows.append(_row(f"median Kagan angle, {name}", "", "", f"{number(here['kagan_median'])}°", interval))
+        rows.append(_row(f"median Kagan angle, {name}", "", "", with_unit(number(here["kagan_median"]), "°"), interval))
     return rows
 
 
 def match_rows(evidence: Evidence) -> list[dict]:
     """The few numbers of the headline: where, how large, how oriented."""
-    if evidence.comparison is None:
+    if evidence.comparison is None or not evidence.comparison["events_above_cut"].values.all():
         return []
     rows = size_rows(evidence)[:3] + location_rows(evidence)[:2]
     if int(evidence.comparison.attrs.get("axes_present", 0)):

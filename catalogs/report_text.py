@@ -44,7 +44,7 @@ def whole(value) -> str:
 
 def fixed(value, decimals: int) -> str:
     """A number with so many decimals; a dash where there is none."""
-    return f"{value:.{decimals}f}".replace("-", "−") if np.isfinite(value) else MISSING
+    return f"{round(value, decimals) + 0.0:.{decimals}f}".replace("-", "−") if np.isfinite(value) else MISSING
 
 
 def percent(share) -> str:
@@ -52,15 +52,20 @@ def percent(share) -> str:
     return f"{number(100 * float(share), 2)} %" if np.isfinite(float(share)) else MISSING
 
 
-def between(interval) -> str:
+def between(interval, form=number) -> str:
     """An interval as text; a dash if it is not known."""
     low, high = (float(value) for value in interval)
-    return f"{number(low)} to {number(high)}" if np.isfinite([low, high]).all() else MISSING
+    return f"{form(low)} to {form(high)}" if np.isfinite([low, high]).all() else MISSING
 
 
 def typeset(text: str) -> str:
     """Plain text of a dataset with true minus and comparison signs."""
     return re.sub(r"(?<![\w-])-(?=\d)", "−", text.replace(">=", "≥"))
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A number as text with its unit; a dash stays a dash."""
+    return text if text == MISSING else f"{text}{unit}"
 
 
 def plural(count: int, name: str) -> str:
@@ -197,7 +202,10 @@ def config_lines(config: dict, default: dict | None, indent: int = 0) -> list[tu
             lines.append((" " * indent + f"{name}:", False))
             lines += config_lines(value, other if isinstance(other, dict) else {}, indent + 2)
             continue
-        text = yaml.safe_dump({name: value}, sort_keys=False, allow_unicode=True, width=110)
+        text = yaml.safe_dump(
+            {name: value}, sort_keys=False, allow_unicode=True, width=110,
+            default_flow_style=None if isinstance(value, list) else False,
+        )  # fmt: skip
         changed = default is not None and not (known and other == value)
         lines += [(" " * indent + line, changed) for line in text.splitlines()]
     return lines

@@ -58,6 +58,8 @@ def _panel(axes, stage: xr.Dataset, first: bool) -> None:
         iteration[::every], shown[::every], color=style.MODELLED, linewidth=1.0, marker="." if len(ratio) < 60 else None
     )
     axes.axhline(float(stage.attrs["tolerance"]), color="k", linestyle="--", linewidth=0.8)
+    axes.set_xlim(-0.03 * max(iteration[-1], 1), 1.03 * max(iteration[-1], 1))
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     failures = stage["convergence_new_failures"].values
     if failures.any():
         twin = axes.twinx()

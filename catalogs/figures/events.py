@@ -99,12 +99,12 @@ def _keys(figure: Figure, bar: Axes, scale: Scale) -> None:
         format=dates.DateFormatter(short),
     )  # fmt: skip
     low, high = scale.log_potency
-    values = np.arange(np.ceil(low), np.floor(high) + 1)
-    values = values if len(values) > 1 else np.array([low, high])
+    step = next((step for step in (1.0, 0.5, 0.2) if high - low >= 2 * step), 0.1)
+    values = np.arange(np.ceil(low / step), np.floor(high / step) + 0.5) * step
     handles = [
         Line2D(
             [], [], linestyle="none", marker="o", color="#bbbbbb", markeredgecolor="k", markeredgewidth=0.3,
-            markersize=float(scale.diameter(value)), label=f"log P {value:g}".replace("-", "−"),
+            markersize=float(scale.diameter(value)), label=f"log P {value:.4g}".replace("-", "−"),
         )
         for value in values
     ]  # fmt: skip

@@ -8,7 +8,7 @@ from matplotlib.patches import Patch
 
 from catalogs.figures import style, views
 
-MOST_STRENGTH_FACTOR = 4.0  # shown range: above it nobody looks
+MOST_STRENGTH_FACTOR = 3.0  # shown range: above it nobody looks
 FAILED = "#b2182b"
 ARROWS = 22  # displacement arrows along the longer side of a section
 

@@ -16,7 +16,8 @@ AXIS_NAMES = ("x", "y", "z")
 EDGES_ABOVE = 5.0  # points: smaller cells are drawn without edges, which would hide their colour
 LEFT, RIGHT, TOP, BOTTOM, KEY, BAR = 0.85, 0.15, 0.5, 0.55, 0.35, 0.95  # inches: labels of a panel, key, colour bar
 NARROWEST = 1.65  # inches: a column's title fits
-NEARLY = 0.7  # of the largest scale
+SHORT = 1.2  # inches: no room for a long axis label
+NEARLY = 0.75  # of the largest scale
 INSIDE = 0.5  # a cell belongs to an excavation's outline from this share
 
 
@@ -119,14 +120,17 @@ def cut_cells(grid: xr.Dataset, view: View) -> np.ndarray:
 
 
 def cut_particles(state: xr.Dataset, view: View) -> np.ndarray:
-    """Indices of the particles with volume whose own cube a view's plane cuts, the fuller ones of a cell last."""
-    volume = state["volume"].values
-    cut = volume > 0
+    """Indices of the particles whose own cube a view's plane cuts: fill first, then rock that is most of its cube."""
+    volume, rock = state["volume"].values, state["excavation"].values < 0
+    _, group = np.unique(state["spacing"].values, return_inverse=True)
+    full = np.zeros(int(group.max(initial=-1)) + 1)
+    np.maximum.at(full, group, volume)
+    cut = np.where(rock, volume > (1.0 - INSIDE) * full[group], volume > 0)  # rock and outlines meet, neither overlaps
     if view.at is not None:
         start = state["position"].values[:, view.normal] - state["spacing"].values / 2
         cut &= (start <= view.at) & (view.at < start + state["spacing"].values)
     chosen = np.flatnonzero(cut)
-    return chosen[np.argsort(volume[chosen], kind="stable")]
+    return chosen[np.argsort(rock[chosen], kind="stable")]
 
 
 def squares(lower: np.ndarray, size: np.ndarray) -> np.ndarray:
@@ -235,6 +239,8 @@ def panels(
         size = scale * (upper - lower)[view.axes]
         axes = figure.add_axes([left / width, bottom / height, size[0] / width, size[1] / height])
         dress(axes, view, lower, upper)
+        if size[1] < SHORT:
+            axes.set_ylabel(f"{AXIS_NAMES[view.vertical]} (m)")
         axes.locator_params(axis="x", nbins=int(np.clip(size[0] / 0.65, 1, 7)))
         axes.locator_params(axis="y", nbins=int(np.clip(size[1] / 0.4, 1, 7)))
         array.append(axes)

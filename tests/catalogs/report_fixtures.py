@@ -44,7 +44,7 @@ CONFIG = {
         {"name": "stope_2", "step": "2019-09", "file": "geometry/stope_2.stl", "fill": "fill"},
         {"name": "stope_9", "step": "planned", "file": "geometry/<stope_9>.stl", "fill": "fill"},
     ],
-    "steps": [{"name": name} for name, *_ in STEPS],
+    "steps": [{"name": name, "start": start, "end": end} for name, start, end, _ in STEPS],
 }
 DEFAULT = {
     "solver": {"scheme": "multigrid", "tolerance": 1e-5, "increments": 4},
@@ -145,7 +145,9 @@ def make_state(grid: xr.Dataset, index: int) -> xr.Dataset:
     mined = [0] + [excavation for excavation in (1, 2) if excavation <= index]
     share = np.clip(fraction[:, mined].sum(axis=1), 0, 1)
     edge = float(np.ptp(_corners(grid), axis=0).max())
-    distance = np.array([_distance(position, *(ORIGIN + BOXES[i] * edge)) for i in range(3)])
+    plane = [0, 1, 2] if dimension == 3 else [0, 2]
+    boxes = (ORIGIN + BOXES * edge)[:, :, plane]
+    distance = np.array([_distance(position[:, plane], *boxes[i]) for i in range(3)])
     reach = np.array([2.2, 6.0, 7.5])
     failed = np.full(len(size), -1, np.int32)
     rough = 1 + 0.25 * np.sin(position[:, 0] / 2) * np.cos(position[:, 2] / 3)
