@@ -35,7 +35,7 @@ def read(settings: dict) -> xr.Dataset:
     8601, UTC), x, y, z (m) or latitude, longitude (degrees), depth (m below sea level), at least one of potency (m3),
     log_potency, moment (N m), mw, and optionally potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx
     ... (N m), time_uncertainty (s), step. Lines that begin with # are comments. Raises InputError, naming file, column
-    and line, for what is missing, not a number, or not a date; tensors and sizes may be empty, an event needs one.
+    and event, for what is missing, not a number, or not a date; tensors and sizes may be empty, an event needs one.
     """
     path = Path(settings["file"])
     columns = dict(settings.get("columns") or {})
@@ -63,7 +63,7 @@ def read(settings: dict) -> xr.Dataset:
 
 
 def _read_table(path: Path) -> pd.DataFrame:
-    """The file as text, one row per event; the index is the line number in the file as pandas counts it."""
+    """The file as text, one row per event."""
     try:
         table = pd.read_csv(path, dtype=str, comment="#", skipinitialspace=True)
     except (OSError, ValueError) as error:  # pandas' parser errors are ValueErrors

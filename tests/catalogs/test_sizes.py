@@ -49,6 +49,13 @@ def test_ignoring_the_bound_or_the_bins_shows():
     assert sizes.estimate_b(binned, 0.0, bin_width=0.5).b == pytest.approx(0.7, abs=0.02)
 
 
+def test_the_largest_event_is_the_bound_and_not_one_of_the_events():
+    """Given the largest of n, the other n - 1 are independent below it: that conditional likelihood is exact."""
+    x = simulated(np.random.default_rng(2), 40, 0.7)
+    rest = np.sort(x)[:-1]
+    assert sizes.estimate_b(x, 0.0, bound="largest") == sizes.estimate_b(rest, 0.0, bound=float(x.max()))
+
+
 def test_by_hand_mean_excess_of_a_half():
     """b = log10(e) / mean excess = 0.8686 for a mean excess of 0.5, times 19/20 for 20 events."""
     x = np.tile([0.25, 0.75], 10)
