@@ -201,6 +201,8 @@ def test_elastic_scene_in_two_dimensions(tmp_path):
     mine = fixtures.make_mine(tmp_path, dimension=2, **SMALL)
     content = make_page(mine, tmp_path, steps=[], events=[], catalog=None, record=None, comparison=None)
     assert "stops at elastic equilibrium" in content.sections["headline"]
+    assert "2019-08 (planned)" in content.sections["scene"]  # its stope is not mined yet
+    assert "history (planned)" not in content.sections["scene"]
     assert (tmp_path / "figures" / "displacement.svg").is_file()
     assert not (tmp_path / "figures" / "failed_rock.svg").exists()
 
@@ -340,6 +342,15 @@ def test_undated_events_are_drawn(mine):
     with style.applied():
         figure = events.locations(read_dataset(mine.grid), {"Recorded": record}, [])
     assert [axes.get_title(loc="left").split("\n")[0] for axes in figure.axes[:3]] == ["Recorded"] * 3
+
+
+def test_events_outside_the_model_are_counted_not_hidden(mine, tmp_path):
+    """Two of the record's events lie a kilometre away: said below the picture, whose limits stay those of the model."""
+    record = read_dataset(mine.record)
+    record["location"].values[:2] += 1000.0
+    write_dataset(record, tmp_path / "record.nc")
+    content = make_page(mine, tmp_path, record=tmp_path / "record.nc", comparison=None, steps=[], catalog=None)
+    assert "Recorded (twin): 2 events of 120 outside the model's domain" in content.sections["events"]
 
 
 def test_config_lines_are_yaml_again():
