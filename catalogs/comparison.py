@@ -166,7 +166,8 @@ def _cut(catalog: xr.Dataset, recorded: NDArray, settings: Mapping) -> tuple[dic
         raise InputError("comparison: neither the model has a potency floor nor the record a size; nothing to compare")
     if np.isnan(complete) or floor >= complete:
         cut, which = floor, "model floor"
-        text = f"log P >= {cut:.2f}, the model's floor (the record is complete from {complete:.2f}: {how})"
+        record = f"complete from {complete:.2f}: {how}" if np.isfinite(complete) else "without enough events to tell"
+        text = f"log P >= {cut:.2f}, the model's floor (the record is {record})"
     else:
         cut, which = complete, "record completeness"
         text = f"log P >= {cut:.2f}, the record's completeness ({how}); the model's floor is {floor:.2f}"

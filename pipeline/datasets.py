@@ -29,7 +29,10 @@ def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
 def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:
     """Write `dataset` to netCDF atomically; numbers are compressed without loss, no time stamp is stored."""
     encoding = {}
+    dataset = dataset.copy()
     for name, variable in dataset.variables.items():
+        for inherited in ("chunksizes", "original_shape", "source"):  # of a file it was read from
+            variable.encoding.pop(inherited, None)
         if np.issubdtype(variable.dtype, np.number):
             encoding[name] = {"_FillValue": None}
             if variable.size > COMPRESS_ABOVE:

@@ -10,15 +10,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("numpy", "numba", "scipy", "scikit-learn", "xarray", "netCDF4", "obspy")
+SOURCES = ("*.py", "*.j2")
 KERNEL_PACKAGES = ("mpm_core", "seismic")
 CACHES_KEPT = 3
 
 
 def source_hash(*packages: str) -> str:
-    """Hash of every Python source of the named packages (and of this base package), in path order."""
+    """Hash of every source of the named packages (and of this base package), in path order."""
     digest = hashlib.sha256()
     for package in sorted({*packages, "pipeline"}):
-        for path in sorted((ROOT / package).rglob("*.py")):
+        for path in sorted(path for kind in SOURCES for path in (ROOT / package).rglob(kind)):
             digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -14,7 +14,8 @@ wildcard_constraints:
 
 def sources(package):
     """Source files of a package and of the base that all stages share: an edit re-runs what it may change."""
-    return sorted(path for part in (package, "pipeline") for path in BASE.glob(f"{part}/**/*.py"))
+    kinds = ("*.py", "*.j2")
+    return sorted(path for part in (package, "pipeline") for kind in kinds for path in BASE.glob(f"{part}/**/{kind}"))
 
 
 def slice_of(values):
