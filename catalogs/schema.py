@@ -112,6 +112,4 @@ def check_catalog(dataset: xr.Dataset, source: str = "catalogue") -> xr.Dataset:
         if variable.dtype.kind == "M":
             # int64 nanoseconds: the encoding that xarray would choose depends on the values, and may be coarser
             dataset[variable.name].encoding = {"units": TIME_UNITS, "dtype": "int64", "_FillValue": NOT_A_TIME}
-        if variable.dtype.kind == "O":
-            dataset[variable.name].encoding = {"dtype": str}  # an empty column of objects would be stored as numbers
     return dataset

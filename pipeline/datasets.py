@@ -29,7 +29,9 @@ def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
 def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:
     """Write `dataset` to netCDF atomically; numbers are compressed without loss, no time stamp is stored."""
     encoding = {}
-    dataset = dataset.copy()
+    # text as text: an empty column of Python objects would be stored as numbers
+    text = {name: variable.astype(str) for name, variable in dataset.variables.items() if variable.dtype == object}
+    dataset = dataset.assign(text)
     for name, variable in dataset.variables.items():
         for inherited in ("chunksizes", "original_shape", "source"):  # of a file it was read from
             variable.encoding.pop(inherited, None)
