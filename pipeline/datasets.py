@@ -33,7 +33,7 @@ def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:
     text = {name: variable.astype(str) for name, variable in dataset.variables.items() if variable.dtype == object}
     dataset = dataset.assign(text)
     for name, variable in dataset.variables.items():
-        for inherited in ("chunksizes", "original_shape", "source"):  # of a file it was read from
+        for inherited in ("chunksizes", "contiguous", "original_shape", "source"):  # of a file it was read from
             variable.encoding.pop(inherited, None)
         if np.issubdtype(variable.dtype, np.number):
             encoding[name] = {"_FillValue": None}
