@@ -105,12 +105,15 @@ def state_dataset(
     scene, particles = model.scene, model.particles
     axes, voigt = scene.axes, scene.voigt
     displacement = np.zeros((particles.count, model.dimension))
-    interpolate(model.cell_nodes, particles.cell, particles.xi, state.displacement, displacement)
+    if scene.solver.move:
+        displacement = state.position - particles.position
+    else:
+        interpolate(model.cell_nodes, particles.cell, particles.xi, state.displacement, displacement)
     step_strain = state.seismic_strain + state.overshoot_strain + state.later_strain
     present = (volume > 0.0)[:, None]
     values = {
-        "position": embed(particles.position, axes),
-        "cell": particles.cell,
+        "position": embed(state.position, axes),
+        "cell": state.cell,
         "spacing": particles.spacing,
         "volume": volume * scene.thickness,
         "material": particles.material,
@@ -136,6 +139,7 @@ def state_dataset(
     dataset.attrs = CONVENTIONS | {
         "mine": scene.mine,
         "plane": scene.plane or "none",
+        "thickness": scene.thickness,
         "material_names": json.dumps(list(scene.materials)),
         "lame_lambda": host.lame_lambda,
         "shear_modulus": host.shear_modulus,
@@ -153,7 +157,9 @@ def read_state(dataset: xr.Dataset, model: Model) -> State:
     """
     particles, axes, voigt = model.particles, list(model.scene.axes), model.scene.voigt
     before = dataset.sizes["particle"]
-    if before > particles.count or not np.array_equal(dataset.cell.values, particles.cell[:before]):
+    # particles that move change their cells, but not the spacing they were seeded with
+    seeded = "spacing" if model.scene.solver.move else "cell"
+    if before > particles.count or not np.array_equal(dataset[seeded].values, getattr(particles, seeded)[:before]):
         raise InputError("the state of the step before belongs to another grid; run the pipeline from the grid")
     state = model.virgin_state()
     state.stress[:before] = dataset.stress.values[:, voigt] - model.insitu[:before]
@@ -163,4 +169,7 @@ def read_state(dataset: xr.Dataset, model: Model) -> State:
     state.displacement[:] = dataset.node_displacement.values[:, axes]
     state.velocity[:] = dataset.node_velocity.values[:, axes]
     state.hourglass_force[:] = dataset.hourglass_force.values[..., axes]
+    if model.scene.solver.move:
+        state.position[:before] = dataset.position.values[:, axes]
+        state.cell[:before] = dataset.cell.values
     return state

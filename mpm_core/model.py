@@ -17,6 +17,7 @@ from pipeline.errors import InputError
 BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # VTK corner at each bit-ordered place (an involution)
 STRENGTH_MARGIN = 1e-6  # of cohesion, design section 5: what a stress may exceed strength by
 STRENGTH_MARGIN_FLOOR = 1e3  # Pa
+BALANCE = 1e-6  # of the sum of all forces: what may be left of force and moment where nothing holds the model
 
 
 @dataclass
@@ -26,7 +27,8 @@ class State:
     stress (particle, 6) Pa: change since virgin (rock) or full stress (fill); failed (particle,) int32 step of first
     failure, -1 intact; failure_order (particle, 2) increment and generation; seismic_strain, overshoot_strain,
     later_strain (particle, 6); plastic_strain (particle, 6) up to the stage before; dissipated (particle,) J/m3;
-    displacement, velocity (node, d); hourglass_force (cell, 2^d, d) N by mode.
+    displacement, velocity (node, d); hourglass_force (cell, 2^d, d) N by mode. Where particles move: position
+    (particle, d) m, cell (particle,) int32, and cell_changes of this stage.
     """
 
     stress: np.ndarray
@@ -40,6 +42,9 @@ class State:
     displacement: np.ndarray
     velocity: np.ndarray
     hourglass_force: np.ndarray
+    position: np.ndarray
+    cell: np.ndarray
+    cell_changes: int = 0
 
 
 def _strength_rows(material: Material) -> tuple[np.ndarray, np.ndarray]:
@@ -117,33 +122,36 @@ class Model:
             displacement=np.zeros((nodes, self.dimension)),
             velocity=np.zeros((nodes, self.dimension)),
             hourglass_force=np.zeros(shape),
+            position=self.particles.position.copy(),
+            cell=self.particles.cell.copy(),
         )
 
     def external_force(self, step: int) -> np.ndarray:
         """Forces of all that was mined, filled and loaded up to `step`, relative to virgin: (node, d) N, on free nodes.
 
         Void: r lacks B^T sigma0 - N^T b over the mined volume (design section 5). Fill weighs its own density; free
-        faces lose their virgin traction; loads are shared by volume.
+        faces lose their virgin traction, as do traction faces where rock is mined; loads are shared by volume.
+        Raises InputError for a load whose rock is mined.
         """
         particles, scene = self.particles, self.scene
         axes = list(scene.axes)
         volume = self.volumes(step)
         rock = particles.is_rock
         missing = np.where(rock, particles.full_volume - volume, 0.0)
-        body_force = scene.insitu.body_force[axes]
+        body_force = virgin_body_force(scene)
         force = -missing[:, None] * body_force
         gravity = np.zeros(self.dimension)
         if 2 in axes:
-            gravity[axes.index(2)] = scene.insitu.body_force[2] / scene.materials["host"].density
+            gravity[axes.index(2)] = body_force[axes.index(2)] / scene.materials["host"].density
         density = np.array([material.density for material in scene.materials.values()])
         weight = np.where(rock, 0.0, density[particles.material] * volume)
         force += weight[:, None] * gravity
         for load in scene.loads:
             if load.since <= step:
-                chosen = self.load_particles(load.name) & rock
-                force += (
-                    (volume * chosen / (volume * chosen).sum())[:, None] * np.array(load.force)[axes] / scene.thickness
-                )
+                share = np.where(self.load_particles(load.name) & rock, volume, 0.0)
+                if not share.any():
+                    raise InputError(f"loads.{load.name}: the rock inside its shape is mined; move it")
+                force += (share / share.sum())[:, None] * np.array(load.force)[axes] / scene.thickness
         nodal = np.zeros((len(self.grid.node_index), self.dimension))
         particle_loads(
             self.cell_nodes,
@@ -154,10 +162,29 @@ class Model:
             force,
             nodal,
         )
-        self._add_free_faces(nodal)
+        self._add_lost_traction(nodal, 1.0 - self.rock_share(step))
         collect_to_parents(self.grid.node_parents, nodal)
         nodal[self.held] = 0.0
+        if not self.held.any():
+            self._require_balance(nodal)
         return nodal
+
+    def _require_balance(self, force: np.ndarray) -> None:
+        """Raise InputError if nodal forces (node, d) N would set a body that nothing holds in motion."""
+        position = self.grid.node_position - self.grid.node_position.mean(axis=0)
+        moments = [
+            position[:, i] * force[:, j] - position[:, j] * force[:, i] for i in range(self.dimension) for j in range(i)
+        ]
+        size = np.abs(force).sum()
+        reach = np.abs(position).max()
+        if (
+            np.abs(force.sum(axis=0)).max() > BALANCE * size
+            or np.abs(np.sum(moments, axis=1)).max() > BALANCE * size * reach
+        ):
+            raise InputError(
+                "domain.boundary: nothing holds this model, and the forces on it (loads, excavations) do not balance; "
+                "give a face fixed or roller, or balance the loads"
+            )
 
     def load_particles(self, name: str) -> np.ndarray:
         """Rock particles inside a load's shape, (particle,) bool."""
@@ -167,13 +194,14 @@ class Model:
             raise InputError(f"loads.{name}: no particle lies inside its shape; enlarge it or move it into the rock")
         return chosen
 
-    def _add_free_faces(self, nodal: np.ndarray) -> None:
-        """Take the virgin traction off every free face of the domain."""
+    def _add_lost_traction(self, nodal: np.ndarray, mined_share: np.ndarray) -> None:
+        """Take the virgin traction off free faces of the domain, and off traction faces where rock is mined."""
         component = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
         grid = self.grid
         for axis in range(self.dimension):
             for side, name in enumerate(FACES[2 * self.scene.axes[axis] :][:2]):
-                if self.scene.boundary.get(name) != "free":
+                condition = self.scene.boundary.get(name)
+                if condition not in ("free", "traction"):
                     continue
                 edge = grid.cell_index[:, axis] + side * grid.cell_width
                 cells = np.flatnonzero(edge == side * grid.shape[axis])
@@ -182,7 +210,8 @@ class Model:
                 traction = virgin_stress(self.scene, center)[:, component[axis, : self.dimension]] * (2 * side - 1)
                 area = grid.cell_size[cells] ** (self.dimension - 1)
                 corners = [corner for corner in range(1 << self.dimension) if (corner >> axis) & 1 == side]
-                share = -traction * (area / len(corners))[:, None]
+                lost = 1.0 if condition == "free" else mined_share[cells]
+                share = -traction * (lost * area / len(corners))[:, None]
                 for corner in corners:
                     np.add.at(nodal, self.cell_nodes[cells, corner], share)
 
@@ -192,6 +221,12 @@ def virgin_stress(scene: Scene, position: np.ndarray) -> np.ndarray:
     axes = list(scene.axes)
     elevation = position[:, axes.index(2)] if 2 in axes else np.full(len(position), scene.insitu.surface)
     return scene.insitu.at(elevation)[:, scene.voigt]
+
+
+def virgin_body_force(scene: Scene) -> np.ndarray:
+    """b = -div sigma0 (d,) N/m3 in the computation's axes; a plan section ("xy") is uniform and weightless."""
+    axes = list(scene.axes)
+    return scene.insitu.body_force[axes] if 2 in axes else np.zeros(len(axes))
 
 
 def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
@@ -210,7 +245,7 @@ def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
 def build_model(scene: Scene, grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces) -> Model:
     """Seed the particles of a stage and tabulate what the kernels need. `pieces` as stored with the grid."""
     exclusive = exclusive_pieces(pieces, scene)
-    particles = seed(grid, body, exclusive, scene)
+    particles = seed(grid, body, exclusive, scene, pieces)
     cell_nodes = np.ascontiguousarray(grid.cell_nodes[:, BIT_ORDER[grid.dimension]])
     modes = range(1 << grid.dimension)
     mode_values = np.stack(

@@ -13,6 +13,7 @@ from mpm_core.datasets import read_grid, read_state, state_dataset
 from mpm_core.equilibrium.cascade import find_brittle, run_cascade
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
+from mpm_core.equilibrium.moving import MovingScheme
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels.failure import overstressed, rate_strength
 from mpm_core.model import Model, State, build_model
@@ -23,12 +24,17 @@ from pipeline.errors import InputError
 STRENGTH_FACTOR_CAP = 10.0  # reported where nothing can fail
 
 
+def make_scheme(model: Model, state: State, volume: np.ndarray) -> ExplicitScheme:
+    """The scheme that the scene asks for: particles at rest in their cells, or moving through them."""
+    return (MovingScheme if model.scene.solver.move else ExplicitScheme)(model, state, volume)
+
+
 def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:
     """Elastic equilibrium of the history: everything mined in step 0, nothing fails."""
     model = build_model(scene, *read_grid(grid))
     state = model.virgin_state()
     volume = model.volumes(0)
-    scheme = ExplicitScheme(model, state, volume)
+    scheme = make_scheme(model, state, volume)
     force = model.external_force(0)
     reference = norm(force)
     with following(scene, "elastic", state, failed_state) as history:
@@ -48,7 +54,7 @@ def mining_step(scene: Scene, grid: xr.Dataset, previous: xr.Dataset, failed_sta
     before = max(step - 1, 0)
     old_volume, volume = model.volumes(before), model.volumes(step)
 
-    scheme = ExplicitScheme(model, state, old_volume)
+    scheme = make_scheme(model, state, old_volume)
     balance = model.external_force(before) + scheme.internal_force()
     release_mined_hourglass(model, state, old_volume, volume)
     scheme.set_volume(volume)
@@ -124,6 +130,7 @@ def finish(
         # Salamon (1984): half the work that the support taken away would have done on what moved
         "energy_released": 0.5 * float(np.sum(moved * released_force)) * scene.thickness,
         "energy_dissipated": float(np.sum(state.dissipated * volume)) * scene.thickness,
+        "cell_changes": state.cell_changes,
         **truncation(model, state, volume),
     }
     return state_dataset(model, state, volume, rating, table, facts), facts

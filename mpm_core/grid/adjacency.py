@@ -15,16 +15,9 @@ def face_neighbors(grid: MultiLevelGrid) -> tuple[np.ndarray, np.ndarray]:
     ``indices[indptr[i]:indptr[i + 1]]``, ascending; a pair is in both rows. Needs the 2:1 balance and the Morton order
     of the grid.
     """
-    halvings = grid.levels - 1
     width = grid.cell_width
-    code = np.empty(len(width), dtype=np.int32)
-    _codes_in_base_cell(grid.cell_index, halvings, code)
-    base_shape = np.asarray(grid.shape, dtype=np.int64) >> halvings
-    first = np.empty(int(np.prod(base_shape)), dtype=np.int32)
-    count = np.zeros(len(first), dtype=np.int32)
-    _cells_of_base_cells(grid.cell_index, halvings, base_shape, first, count)
+    tree = leaf_lookup(grid)
     across = np.empty((len(width), 2 * grid.dimension), dtype=np.int32)
-    tree = (code, halvings, base_shape, first, count)
     _cells_across(grid.cell_index, width, *tree, across)
     indptr = np.zeros(len(width) + 1, dtype=np.int64)
     _count_neighbors(width, across, indptr[1:])
@@ -32,6 +25,22 @@ def face_neighbors(grid: MultiLevelGrid) -> tuple[np.ndarray, np.ndarray]:
     indices = np.empty(indptr[-1], dtype=np.int32)
     _write_neighbors(grid.cell_index, width, across, *tree, indptr, indices)
     return indptr, indices
+
+
+def leaf_lookup(grid: MultiLevelGrid) -> tuple[np.ndarray, int, np.ndarray, np.ndarray, np.ndarray]:
+    """What `cell_at` needs to find the leaf at a place: (code, halvings, base_shape, first, count).
+
+    code (cell,) int32 Morton code within the base cell; base_shape (d,) base cells; first, count (base,) int32 the run
+    of leaves in each base cell, C order.
+    """
+    halvings = grid.levels - 1
+    code = np.empty(len(grid.cell_level), dtype=np.int32)
+    _codes_in_base_cell(grid.cell_index, halvings, code)
+    base_shape = np.asarray(grid.shape, dtype=np.int64) >> halvings
+    first = np.empty(int(np.prod(base_shape)), dtype=np.int32)
+    count = np.zeros(len(first), dtype=np.int32)
+    _cells_of_base_cells(grid.cell_index, halvings, base_shape, first, count)
+    return code, halvings, base_shape, first, count
 
 
 @njit(cache=True)
@@ -65,7 +74,7 @@ def _cells_of_base_cells(cell_index, halvings, base_shape, first, count):
 
 
 @njit(cache=True)
-def _cell_at(place, code, halvings, base_shape, first, count):
+def cell_at(place, code, halvings, base_shape, first, count):
     """The leaf that holds a place (d,), fine units; NO_CELL outside the domain. Bisection of the base cell's leaves."""
     base = np.int64(0)
     for axis in range(len(base_shape)):
@@ -93,9 +102,9 @@ def _cells_across(cell_index, width, code, halvings, base_shape, first, count, a
         place = cell_index[cell].copy()
         for axis in range(len(base_shape)):
             place[axis] = cell_index[cell, axis] - 1
-            across[cell, 2 * axis] = _cell_at(place, code, halvings, base_shape, first, count)
+            across[cell, 2 * axis] = cell_at(place, code, halvings, base_shape, first, count)
             place[axis] = cell_index[cell, axis] + width[cell]
-            across[cell, 2 * axis + 1] = _cell_at(place, code, halvings, base_shape, first, count)
+            across[cell, 2 * axis + 1] = cell_at(place, code, halvings, base_shape, first, count)
             place[axis] = cell_index[cell, axis]
 
 
@@ -135,6 +144,6 @@ def _write_neighbors(cell_index, width, across, code, halvings, base_shape, firs
                     place = cell_index[other].copy()
                     for axis in range(dimension):
                         place[axis] += width[other] * (step >> axis & 1)
-                    indices[end] = _cell_at(place, code, halvings, base_shape, first, count)
+                    indices[end] = cell_at(place, code, halvings, base_shape, first, count)
                     end += 1
         indices[indptr[cell] : end].sort()

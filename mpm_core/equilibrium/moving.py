@@ -1,0 +1,145 @@
+"""Scheme `explicit` with `solver.move`: particles carry the motion and travel through the grid (paper section 2.2).
+
+Every step is the full cycle of Eqs (1) to (6) with the errata: nothing is kept at the nodes. That is pure FLIP (Eq. 5):
+particle velocities that the nodes do not see are neither damped nor do they move or strain anything. They are no part
+of the datasets: every stage starts with particles at rest.
+
+What stays small-strain: the loads of excavations are nodal forces fixed in space, volumes and virgin stresses are those
+of each particle's first place. So particles may travel, but a wall that moves by a good part of a cell takes its load
+with it only in part.
+
+The time step. Between two steps the transfer to particles and back filters the nodal velocity. A motion of frequency
+omega of which it keeps the share p obeys u' = u + dt v', v' = v + dt a, v <- v + p dt a: stable while
+omega dt <= 2 / sqrt(2 - p). As p may be anything from 0 to 1, the time step is 1 / sqrt(2) of that of explicit.py.
+
+Light nodes. A particle that enters an empty cell gives its far nodes hardly any mass but its full stress gradient: the
+acceleration has no bound there (Eq. 3). The inertia of a node is therefore at least LIGHT_NODE of what the rock around
+it had before mining. Momentum is lost at such nodes alone, equilibrium is not touched.
+"""
+
+import numpy as np
+
+from mpm_core.equilibrium.explicit import ExplicitScheme, nodal_mass, remove_rigid_motion
+from mpm_core.grid.adjacency import leaf_lookup
+from mpm_core.kernels.moving import CYCLE, move_nodes, relocate, sort_by_cell
+from mpm_core.kernels.nodes import spread_to_hanging
+from mpm_core.model import Model, State
+from pipeline.errors import InputError
+
+LIGHT_NODE = 1.0 / 16.0  # a node at the corner of a single full cell has twice that
+
+
+class MovingScheme(ExplicitScheme):
+    """Relaxes a state towards equilibrium with particles that move; the same interface as ExplicitScheme.
+
+    xi (particle, d) and state.cell say where particles are, velocity (particle, d) m/s; state.position is brought up to
+    date when a relaxation ends. Raises InputError when a particle leaves the domain.
+    """
+
+    def __init__(self, model: Model, state: State, volume: np.ndarray):
+        dimension, scatter = model.dimension, model.scatter
+        self.lookup = leaf_lookup(model.grid)
+        self.cell_index, self.cell_width = model.grid.cell_index, model.grid.cell_width
+        self.cell_size = model.grid.cell_size
+        self.xi = (state.position - model.grid.cell_center[state.cell]) / (0.5 * self.cell_size[state.cell])[:, None]
+        self.velocity = np.zeros((model.particles.count, dimension))
+        self.acceleration = np.zeros_like(state.velocity)
+        self.slot_values = np.zeros((scatter.slots, 2 * dimension + 1))
+        self.leavers = np.zeros(len(scatter.block_start) - 1, np.int64)
+        super().__init__(model, state, volume)
+        state.velocity[:] = 0.0
+        self._relocate()
+
+    @property
+    def time_step_share(self) -> float:
+        """Time step over the limit without damping and without the filter of the transfers."""
+        return super().time_step_share / np.sqrt(2.0)
+
+    def set_volume(self, volume: np.ndarray) -> None:
+        """Take over changed particle volumes: mass and time step follow."""
+        super().set_volume(volume)
+        particles = self.model.particles
+        virgin = np.where(particles.is_rock, self.density * particles.full_volume, 0.0)
+        self.least_mass = LIGHT_NODE * nodal_mass(self.model, virgin)
+
+    def _relocate(self) -> None:
+        changed, lost = relocate(self.cell_index, self.cell_width, *self.lookup, self.volume, self.state.cell, self.xi)
+        if lost:
+            raise InputError(
+                f"{lost} particles left the domain: hold its faces (domain.boundary), enlarge it, or let "
+                "particles rest (solver.move: false)"
+            )
+        self.state.cell_changes += changed
+        self.cell_start, self.cell_particles = sort_by_cell(self.state.cell, len(self.cell_size))
+
+    def _update(self, time_step: float) -> None:
+        self._cycle(time_step)
+        if self.leavers.any():
+            self._relocate()
+            self._cycle(0.0)
+
+    def _cycle(self, time_step: float) -> None:
+        model, state, scatter = self.model, self.state, self.model.scatter
+        CYCLE[model.dimension](
+            scatter.block_start,
+            scatter.slot_start,
+            model.cell_nodes,
+            scatter.cell_slots,
+            self.cell_size,
+            self.cell_start,
+            self.cell_particles,
+            time_step,
+            state.velocity,
+            self.acceleration,
+            self.particle_mass,
+            self.volume,
+            model.particles.material,
+            model.elastic_constants,
+            model.residual_rows,
+            self.failed,
+            model.insitu,
+            self.xi,
+            self.velocity,
+            state.stress,
+            state.later_strain,
+            state.dissipated,
+            self.slot_values,
+            self.leavers,
+        )
+
+    def _advance(self, external: np.ndarray, time_step: float) -> None:
+        model, state, scatter = self.model, self.state, self.model.scatter
+        move_nodes(
+            scatter.free_nodes,
+            scatter.sum_start,
+            scatter.sum_slots,
+            scatter.sum_weights,
+            self.slot_values,
+            external,
+            self.least_mass,
+            model.held,
+            model.scene.solver.damping,
+            time_step,
+            self.mass,
+            state.velocity,
+            self.acceleration,
+            state.displacement,
+            self.unbalanced,
+        )
+        for values in (state.velocity, self.acceleration):
+            spread_to_hanging(self.hanging, model.grid.node_parents, values)
+
+    def _stop_drift(self) -> None:
+        remove_rigid_motion(self._position(), self.particle_mass, self.velocity)
+        self._update(0.0)
+
+    def _check_reach(self, ratio: float) -> None:
+        """Particles may go far; out of the domain they may not, and _relocate sees to that."""
+
+    def _position(self) -> np.ndarray:
+        cell = self.state.cell
+        return self.model.grid.cell_center[cell] + 0.5 * self.cell_size[cell][:, None] * self.xi
+
+    def _come_to_rest(self, free: bool) -> None:
+        super()._come_to_rest(free)
+        self.state.position[:] = self._position()
