@@ -131,7 +131,7 @@ rule twin:
         result("twin.csv"),
     params:
         noise=10,  # m, root mean square
-        cut=-2.0,  # log10 of potency in m3
+        cut=-2.5,  # log10 of potency in m3
     log:
         f"logs/{MINE.name}/twin.log",
     benchmark:
