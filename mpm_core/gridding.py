@@ -158,10 +158,10 @@ def make_grid(values: dict, attributes: dict) -> xr.Dataset:
         before_allocation=lambda count: require_memory(count, dimension),
     )
     pieces = cut_pieces(grid, domain, solids, values["grid"]["cut_cells"] == "whole")
-    thickness = values["thickness"]
+    thickness = values["thickness"] if dimension == 2 else 1.0
     on_grid = np.bincount(pieces.excavation, np.bitwise_count(pieces.samples) / 64, minlength=len(solids))
     on_grid *= grid.fine_cell**dimension * thickness
-    volume = [solid.volume * (thickness if dimension == 2 else 1.0) for solid in solids]
+    volume = [solid.volume * thickness for solid in solids]
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
         logging.info(
             "%s: %.1f m3, on the grid %.1f m3 (%+.2f %%)", solid.name, true, gridded, 100 * (gridded / true - 1)

@@ -73,7 +73,8 @@ def point_table(per_edge: int, dimension: int) -> np.ndarray:
 def exclusive_pieces(pieces: Pieces, scene: Scene) -> Pieces:
     """Pieces of what is mined in this stage, each sample given to the excavation that mines it first.
 
-    Slivers are dropped; so is a remainder of rock thinner than that (its samples go to the cell's last piece).
+    Slivers are dropped; so is a remainder of rock thinner than that: its samples go to the piece that left it. No later
+    excavation changes the pieces of those before it.
     """
     rank = np.full(len(scene.excavations), -1)
     order = sorted(
@@ -91,12 +92,10 @@ def exclusive_pieces(pieces: Pieces, scene: Scene) -> Pieces:
     for turn in range(position.max() + 1 if len(cell) else 0):
         now = np.flatnonzero(position == turn)
         free = samples[now] & ~taken[cell[now]]
-        samples[now] = np.where(np.bitwise_count(free) >= SLIVER, free, np.uint64(0))
+        free = np.where(np.bitwise_count(free) >= SLIVER, free, np.uint64(0))
+        left = ~(taken[cell[now]] | free)
+        samples[now] = np.where((free > 0) & (np.bitwise_count(left) < SLIVER), free | left, free)
         taken[cell[now]] |= samples[now]
-    last = np.append(cell[1:] != cell[:-1], True)
-    remainder = np.bitwise_count(~taken[cell]) if len(cell) else np.zeros(0, int)
-    rest = last & (remainder > 0) & (remainder < SLIVER) & (samples > 0)
-    samples[rest] |= ~taken[cell[rest]]
     keep = samples > 0
     return Pieces(cell[keep], excavation[keep], samples[keep])
 
@@ -110,10 +109,11 @@ def mined_samples(pieces: Pieces, scene: Scene, cells: int, step: int) -> np.nda
     return result
 
 
-def seed(grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, scene: Scene) -> Particles:
+def seed(grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, scene: Scene, ever: Pieces) -> Particles:
     """Particles of all rock, and of all fill placed up to this stage. `body` (cell,): index of the rock body, -1 host.
 
-    `pieces` are exclusive (see exclusive_pieces). With cut_cells "subdivide" a cut cell has one particle per sample.
+    `pieces` are exclusive (see exclusive_pieces). With cut_cells "subdivide" a cut cell has one particle per sample; a
+    cell counts as cut if any excavation of the grid cuts it (`ever`), so that no later step changes its particles.
     """
     dimension, cells = grid.dimension, len(grid.cell_level)
     names = list(scene.materials)
@@ -139,9 +139,7 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, scene: Scene) -
 
     cut = np.zeros(cells, bool)
     if scene.cut_cells == "subdivide":
-        taken = np.zeros(cells, np.uint64)
-        np.bitwise_or.at(taken, pieces.cell, pieces.samples)
-        cut[pieces.cell[(pieces.samples != FULL)]] = True
+        cut[ever.cell[ever.samples != FULL]] = True
     group_cut = cut[group_cell]
     size = np.where(group_cut, len(fine), len(regular))
     start = np.append(0, np.cumsum(size)).astype(np.int64)

@@ -164,7 +164,7 @@ def parse_scene(values: dict) -> Scene:
     scene = Scene(
         mine=values["name"],
         plane=values["plane"],
-        thickness=float(values["thickness"]),
+        thickness=float(values["thickness"]) if values["plane"] else 1.0,
         particles_per_cell=int(values["particles_per_cell"]),
         cut_cells=values["cut_cells"],
         boundary=values["boundary"],
@@ -185,12 +185,17 @@ def parse_scene(values: dict) -> Scene:
 
 
 def check_boundary(scene: Scene) -> None:
-    """Raise InputError for boundaries that leave a rigid motion of a scene that has weight."""
-    holding = [face for face in FACES if scene.boundary.get(face) in ("fixed", "roller")]
-    if not holding and not scene.insitu.weightless:
+    """Raise InputError for boundaries that hold nothing up in a scene that has weight."""
+    faces = [face for axis in scene.axes for face in FACES[2 * axis : 2 * axis + 2]]
+    holding = [
+        face
+        for face in faces
+        if scene.boundary.get(face) == "fixed" or (scene.boundary.get(face) == "roller" and face.startswith("z"))
+    ]
+    if not holding and 2 in scene.axes and not scene.insitu.weightless:
         raise InputError(
-            "domain.boundary: traction or free faces all round hold nothing up, and this stress field has weight "
-            "(insitu_stress.gradient); fix at least the lower face"
+            "domain.boundary: no face holds the rock up, and this stress field has weight (insitu_stress.gradient); "
+            "give z_lower fixed or roller, or fix a side"
         )
 
 

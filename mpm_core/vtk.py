@@ -6,7 +6,9 @@ import meshio
 import numpy as np
 import xarray as xr
 
+from mpm_core.datasets import embed
 from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.scene import PLANES
 from pipeline.datasets import atomic_path
 
 CELL_FIELDS = ("stress", "strength_factor", "plastic_strain", "failed")
@@ -17,13 +19,14 @@ def write_vtu(grid: MultiLevelGrid, state: xr.Dataset, path: str | os.PathLike) 
     cells = len(grid.cell_level)
     cell, volume = state.cell.values, state.volume.values
     total = np.bincount(cell, volume, minlength=cells)
-    data = {"level": grid.cell_level.astype(np.int32), "solid_fraction": total / grid.cell_size**grid.dimension}
+    plane = None if state.attrs["plane"] == "none" else state.attrs["plane"]
+    full = grid.cell_size**grid.dimension * state.attrs["thickness"]
+    data = {"level": grid.cell_level.astype(np.int32), "solid_fraction": total / full}
     for name in CELL_FIELDS:
         values = state[name].values.reshape(len(cell), -1).astype(float)
         means = [np.bincount(cell, volume * column, minlength=cells) for column in values.T]
         data[name] = np.stack(means, axis=1) / np.where(total > 0.0, total, 1.0)[:, None]
-    points = np.zeros((len(grid.node_index), 3))
-    points[:, : grid.dimension] = grid.node_position
+    points = embed(grid.node_position, PLANES[plane])
     kind = "hexahedron" if grid.dimension == 3 else "quad"
     mesh = meshio.Mesh(
         points,
