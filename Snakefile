@@ -15,6 +15,9 @@ sys.path.insert(0, str(BASE))
 
 from pipeline.errors import InputError
 from workflow.configuration import load
+from workflow.terminal import tell_only_what_matters
+
+tell_only_what_matters()
 
 
 configfile: BASE / "config/default.yaml"

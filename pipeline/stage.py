@@ -13,14 +13,19 @@ from pathlib import Path
 from pipeline.errors import InputError
 
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
+PIPELINE_PROCESS = "PIPELINE_PROCESS"  # environment variable: the process that starts the stages
+INTERRUPTED = 130  # what a shell makes of SIGINT
 
 
 def die_with_parent() -> None:
-    """Ask Linux to end this process when its parent does, so that a killed pipeline leaves no stage behind."""
+    """Ask Linux to end this process when its parent does, so that a killed pipeline leaves no stage behind.
+
+    A parent that ended before this call is known by its number in PIPELINE_PROCESS (workflow/rules/common.smk).
+    """
     if sys.platform == "linux":
-        parent = os.getppid()
-        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-        if os.getppid() != parent:  # it ended before the call above took effect
+        parent = int(os.environ.get(PIPELINE_PROCESS, os.getppid()))
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
             os._exit(1)
 
 
@@ -42,8 +47,14 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     except MemoryError:
         logging.exception("out of memory")
         sys.exit(f"{name}: out of memory; fewer levels, a larger coarse_cell or fewer buffer_cells need less")
+    except KeyboardInterrupt:
+        logging.info("ended on the user's request")
+        sys.exit(INTERRUPTED)
     except Exception as error:
         logging.exception("stage failed unexpectedly")
         sys.exit(f"{name}: unexpected {type(error).__name__}: {error}; traceback in {log or 'the log above'}")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    logging.info("%s done in %.1f s, peak memory %.0f MiB", name, time.perf_counter() - started, peak)
+    seconds = time.perf_counter() - started
+    logging.info("%s done in %.1f s, peak memory %.0f MiB", name, seconds, peak)
+    if log:
+        print(f"{name}: {seconds:.1f} s, {peak:.0f} MiB", file=sys.stderr)

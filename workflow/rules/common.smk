@@ -1,10 +1,13 @@
 """What the rules share: names, sources, slices of the configuration. Nothing is run here."""
 
 import json
+import shlex
 
 RESULTS = "results/{mine}"
-PYTHON = f"{sys.executable} -m"
-shell.prefix(f"set -euo pipefail; export PYTHONPATH={BASE}; ")
+# exec: a stage is a child of this process, not of a shell between them, and so ends with it (pipeline.stage)
+os.environ["PIPELINE_PROCESS"] = str(os.getpid())
+PYTHON = f"exec {shlex.quote(sys.executable)} -m"
+shell.prefix(f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(BASE))}; ")
 
 
 wildcard_constraints:

@@ -1,0 +1,53 @@
+"""What a user reads while the pipeline runs: each stage's own line, progress, and Snakemake's errors.
+
+Snakemake's `quiet: all` would hide a locked folder or a missing input too, and without it a failed stage is echoed as a
+shell command with its whole configuration. Its log file (.snakemake/log) keeps everything.
+"""
+
+import logging
+import re
+
+CHATTER = (
+    "Config file ",
+    "Assuming unrestricted",
+    "Building DAG",
+    "Using shell",
+    "Provided cores",
+    "Rules claiming",
+    "Conda environments",
+    "Select jobs",
+    "Execute ",
+    "Complete log",
+    "Elapsed time",
+    "Shutting down",
+    "Exiting because a job",
+    "WorkflowError:\nAt least one job did not complete",
+)
+QUIET_EVENTS = ("workflow_started", "job_finished", "resources_info")
+REPORTED_ITSELF = ("exit status 1.", "exit status 2.", "exit status 130.")  # a stage's error; argparse's; Ctrl-C
+
+
+class OneLine(logging.Filter):
+    """Drops Snakemake's chatter, and the echo of a failed command of which the stage has told the reason itself."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """False for a record that says nothing to the user."""
+        event = getattr(getattr(record, "event", None), "value", None)
+        text = str(record.msg)
+        if event in QUIET_EVENTS or text.startswith(CHATTER):
+            return False
+        if event == "error" and "CalledProcessError" in text:
+            if text.rstrip().endswith(REPORTED_ITSELF):
+                return False
+            output = re.search(r"--output (\S+)", text)
+            end = text.rstrip().rsplit("' ", 1)[-1]  # "died with <Signals.SIGKILL: 9>."
+            record.msg = f"{output[1] if output else 'a stage'}: {end} Was it ended, or is the system out of memory?"
+        return True
+
+
+def tell_only_what_matters() -> None:
+    """Put the filter on the terminal's handlers of Snakemake's logger, once."""
+    for handler in logging.getLogger("snakemake.logging").handlers:
+        terminal = isinstance(handler, logging.StreamHandler) and not isinstance(handler, logging.FileHandler)
+        if terminal and not any(isinstance(one, OneLine) for one in handler.filters):
+            handler.addFilter(OneLine())
