@@ -73,7 +73,7 @@ FIELDS = {
         ),
         Field("node_displacement", ("node", "xyz"), np.float64, "m", "displacement since virgin"),
         Field("node_velocity", ("node", "xyz"), np.float64, "m/s", "velocity of the scheme, for restart"),
-        Field("hourglass_force", ("cell", "mode", "xyz"), np.float64, "N", "force on each mode of a cell, for restart"),
+        Field("hourglass_force", ("cell", "mode", "xyz"), np.float64, "N", "force on each hourglass mode of a cell, for restart"),
         Field("convergence_increment", ("iteration",), np.int32, "1", "increment of the ramp, 1 first"),
         Field("convergence_generation", ("iteration",), np.int32, "1", "generation of failure within the increment"),
         Field("convergence_iteration", ("iteration",), np.int32, "1", "iteration of the stage at this check"),

@@ -27,7 +27,7 @@ class State:
     stress (particle, 6) Pa: change since virgin (rock) or full stress (fill); failed (particle,) int32 step of first
     failure, -1 intact; failure_order (particle, 2) increment and generation; seismic_strain, overshoot_strain,
     later_strain (particle, 6); plastic_strain (particle, 6) up to the stage before; dissipated (particle,) J/m3;
-    displacement, velocity (node, d); hourglass_force (cell, 2^d, d) N by mode. Where particles move: position
+    displacement, velocity (node, d); hourglass_force (cell, 2^d - 1 - d, d) N by mode. Where particles move: position
     (particle, d) m, cell (particle,) int32, and cell_changes of this stage.
     """
 
@@ -109,7 +109,7 @@ class Model:
         """Nothing mined: all changes are zero."""
         count, nodes = self.particles.count, len(self.grid.node_index)
         tensors = [np.zeros((count, 6)) for _ in range(5)]
-        shape = (len(self.cell_nodes), 1 << self.dimension, self.dimension)
+        shape = (len(self.cell_nodes), (1 << self.dimension) - 1 - self.dimension, self.dimension)
         return State(
             stress=tensors[0],
             failed=np.full(count, -1, np.int32),

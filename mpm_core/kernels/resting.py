@@ -19,9 +19,9 @@ from mpm_core.constitutive.strength import strength_of
 
 @njit(cache=True, error_model="numpy")
 def flow_at_residual(particle, lame_lambda, shear_modulus, row, insitu, stress, later_strain, dissipated):
-    """Return a failed particle's stress to its residual surface; the elastic strain it gives up is plastic and aseismic.
+    """Return a failed particle's stress to its residual surface; the elastic strain it gives up is plastic, aseismic.
 
-    row: one strength row of constitutive.coulomb; insitu, stress, later_strain (particle, 6) and dissipated (particle,).
+    row: its residual strength row; insitu, stress, later_strain (particle, 6) and dissipated (particle,).
     """
     xx = stress[particle, 0] + insitu[particle, 0]
     yy = stress[particle, 1] + insitu[particle, 1]
@@ -90,7 +90,7 @@ def make_update(dimension: int):
         group_table: see particles.Particles; mode_values (point row, 2^d); velocity (node, d) m/s; volume, material
         (particle,); elastic_constants (material, 2) lambda and mu, Pa; residual_rows (material, column); failed
         (particle,) bool; insitu (particle, 6) Pa; hourglass_stiffness (cell,) N/m. In place: stress, later_strain
-        (particle, 6), dissipated (particle,) J/m3, hourglass_force (cell, 2^d, d) N, slot_force (slot, d) N.
+        (particle, 6), dissipated (particle,) J/m3, hourglass_force (cell, 2^d - 1 - d, d) N, slot_force (slot, d) N.
         """
         for block in prange(len(block_start) - 1):
             amplitude = np.empty((modes, dimension))
@@ -203,11 +203,14 @@ def make_update(dimension: int):
 
                 if hourglass_stiffness[cell] > 0.0:
                     gain = hourglass_stiffness[cell] * time_step / modes
+                    mode = 0
                     for m in range(1, modes):
                         if (m & (m - 1)) != 0:
                             for j in range(dimension):
-                                hourglass_force[cell, m, j] += gain * amplitude[m, j]
-                                force[m, j] += hourglass_force[cell, m, j] / modes
+                                held = hourglass_force[cell, mode, j] + gain * amplitude[m, j]
+                                hourglass_force[cell, mode, j] = held
+                                force[m, j] += held / modes
+                            mode += 1
 
                 for k in range(dimension):
                     for corner in range(modes):
