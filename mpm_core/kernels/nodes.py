@@ -1,4 +1,4 @@
-"""What happens at the nodes: forces gathered, motion advanced with local damping, loads spread (paper Eqs 1, 3 and 4)."""
+"""What happens at the nodes: forces gathered, motion advanced with local damping, loads spread (Eqs 1, 3 and 4)."""
 
 import numpy as np
 from numba import njit, prange
@@ -23,20 +23,23 @@ def advance_nodes(
     """One step of the free nodes: f = C^T f_slots + f_external, local damping -c |f| sgn(v), symplectic Euler.
 
     free_nodes, sum_start, sum_slots, sum_weights: see blocks.Scatter; slot_force (slot, d) N; external_force, held
-    (node, d); mass (node,) kg, 0 where nothing is attached. In place: velocity, displacement, unbalanced (node, d):
-    the force before damping, zero where held.
+    (node, d); mass (node,) kg, 0 where nothing is attached. In place: velocity, displacement (node, d). A time step of
+    zero is a look: nothing moves, and unbalanced (node, d) takes the force before damping, zero where held.
     """
     for i in prange(len(free_nodes)):
         node = free_nodes[i]
         for j in range(velocity.shape[1]):
             if held[node, j] or mass[node] == 0.0:
-                unbalanced[node, j] = 0.0
                 velocity[node, j] = 0.0
+                if time_step == 0.0:
+                    unbalanced[node, j] = 0.0
                 continue
             force = external_force[node, j]
             for s in range(sum_start[i], sum_start[i + 1]):
                 force += sum_weights[s] * slot_force[sum_slots[s], j]
-            unbalanced[node, j] = force
+            if time_step == 0.0:
+                unbalanced[node, j] = force
+                continue
             v = velocity[node, j]
             if v > 0.0:
                 force -= damping * abs(force)
