@@ -160,7 +160,7 @@ def make_grid(values: dict, attributes: dict) -> xr.Dataset:
     pieces = cut_pieces(grid, domain, solids, values["grid"]["cut_cells"] == "whole")
     thickness = values["thickness"] if dimension == 2 else 1.0
     on_grid = np.bincount(pieces.excavation, np.bitwise_count(pieces.samples) / 64, minlength=len(solids))
-    on_grid *= grid.fine_cell**dimension * thickness
+    on_grid = on_grid * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
     volume = [solid.volume * thickness for solid in solids]
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
         logging.info(

@@ -40,7 +40,7 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
     with following(scene, "elastic", state, failed_state) as history:
         history.increment = 1
         scheme.relax(force, scene.solver.tolerance, reference, history)
-    return finish(model, state, volume, history, 0, np.zeros_like(force), force, "elastic")
+    return finish(model, state, volume, history, 0, state.displacement, force, "elastic")
 
 
 def mining_step(scene: Scene, grid: xr.Dataset, previous: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:

@@ -1,0 +1,138 @@
+"""From a grid slice to grid.nc and back, and the VTK file of a state."""
+
+import json
+import logging
+from types import SimpleNamespace
+
+import meshio
+import numpy as np
+import psutil
+import pytest
+
+from mechanics.scenes import ball, excavation, grid_around, make_dataset, make_scene, uniform
+from mpm_core.datasets import grid_dataset, read_grid
+from mpm_core.gridding import make_grid
+from mpm_core.particles import FULL
+from mpm_core.stages import elastic_stage
+from mpm_core.vtk import write_vtu
+from pipeline.errors import InputError
+
+
+def grid_slice(*excavations, plane=None, bodies=(), cut_cells="fraction", thickness=1.0, **grid):
+    """A grid slice: 24 m block (or section), cells of 8 and 4 m."""
+    dimension = 2 if plane else 3
+    return {
+        "name": "test",
+        "plane": plane,
+        "thickness": thickness,
+        "domain": {"lower": [0.0] * dimension, "upper": [24.0] * dimension},
+        "grid": {"coarse_cell": 8.0, "levels": 2, "buffer_cells": 1, "cut_cells": cut_cells} | grid,
+        "excavations": list(excavations),
+        "rock_bodies": list(bodies),
+    }
+
+
+def block(lower, upper, name="stope", **more):
+    return {"name": name, "shape": "box", "lower": lower, "upper": upper} | more
+
+
+@pytest.mark.parametrize("plane", [None, "xz"])
+def test_volume_on_the_grid_is_that_of_a_box_along_its_samples(plane):
+    """A box whose faces lie on quarters of 4 m cells: the samples give its volume exactly, thickness included in
+    2-D and left out in 3-D."""
+    d = 2 if plane else 3
+    dataset = make_grid(grid_slice(block([5.0] * d, [15.0] * d), plane=plane, thickness=3.0), {})
+    volume = 10.0**d * (3.0 if plane else 1.0)
+    assert json.loads(dataset.attrs["excavation_volume"]) == pytest.approx([volume], rel=1e-12)
+    assert json.loads(dataset.attrs["excavation_volume_grid"]) == pytest.approx([volume], rel=1e-12)
+    size = dataset.cell_size.values[dataset.piece_cell.values] ** d
+    assert np.sum(dataset.piece_fraction * size) == pytest.approx(10.0**d, rel=1e-12)
+    assert (dataset.cell_level.values[dataset.piece_cell.values] == 1).all()
+
+
+def test_whole_cells_are_in_or_out():
+    """By the half of a cell: 3/4 along two axes (36/64) is in, 3/4 along all three (27/64) is out, so is 1/4."""
+    dataset = make_grid(grid_slice(block([5.0] * 3, [13.0, 12.0, 12.0]), cut_cells="whole"), {})
+    assert (dataset.piece_samples.values == FULL).all()
+    origin = dataset.cell_origin.values[dataset.piece_cell.values]
+    both = (4.0, 8.0)
+    expected = {(x, y, z) for x in both for y in both for z in both} - {(4.0, 4.0, 4.0)}
+    assert {tuple(place) for place in origin.tolist()} == expected
+
+
+def test_overlapping_excavations_keep_both_claims():
+    """Who mines an overlap is decided by the steps, later: the grid stores every excavation whole."""
+    dataset = make_grid(grid_slice(block([4.0] * 3, [12.0] * 3), block([8.0] * 3, [16.0] * 3, "next")), {})
+    count = np.bincount(dataset.piece_cell.values)
+    assert count.max() == 2
+    assert json.loads(dataset.attrs["excavation_volume_grid"]) == pytest.approx([512.0, 512.0])
+
+
+def test_an_excavation_outside_the_domain_is_refused_and_one_partly_outside_is_cut(caplog):
+    with pytest.raises(InputError, match=r"excavations\.stope: lies outside the domain"):
+        make_grid(grid_slice(block([30.0] * 3, [32.0] * 3)), {})
+    with caplog.at_level(logging.WARNING):
+        dataset = make_grid(grid_slice(block([-4.0, 4.0, 4.0], [8.0, 12.0, 12.0])), {})
+    assert "reaches beyond the domain" in caplog.text
+    assert json.loads(dataset.attrs["excavation_volume_grid"]) == pytest.approx([512.0])
+
+
+def test_a_solid_too_thin_to_be_seen_is_refused():
+    """2 cm across a place between the samples of 4 m cells."""
+    with pytest.raises(InputError, match="adds no volume"):
+        make_grid(grid_slice(block([8.02, 8.0, 8.0], [8.04, 16.0, 16.0])), {})
+
+
+def test_later_rock_bodies_win_and_only_refined_ones_shape_the_grid():
+    seam = block([0.0, 0.0, 8.0], [24.0, 24.0, 16.0], "seam", refine=False)
+    dike = block([8.0, 0.0, 0.0], [16.0, 24.0, 24.0], "dike", refine=False)
+    dataset = make_grid(grid_slice(bodies=[seam, dike]), {})
+    assert (dataset.cell_level == 0).all()
+    center = dataset.cell_origin.values + 4.0
+    in_dike, in_seam = np.abs(center[:, 0] - 12.0) < 4.0, np.abs(center[:, 2] - 12.0) < 4.0
+    assert np.array_equal(dataset.cell_body, np.where(in_dike, 1, np.where(in_seam, 0, -1)))
+    dike["refine"] = True
+    dike["lower"], dike["upper"] = [7.0, 0.0, 0.0], [17.0, 24.0, 24.0]  # through cells, not between them
+    refined = make_grid(grid_slice(bodies=[seam, dike], buffer_cells=0, levels=3), {})
+    assert (refined.cell_level == 2).any()
+
+
+def test_too_little_memory_is_said_before_anything_is_built(monkeypatch):
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=10_000))
+    with pytest.raises(InputError, match="GB of memory"):
+        make_grid(grid_slice(block([4.0] * 3, [12.0] * 3)), {})
+
+
+@pytest.mark.parametrize(("plane", "dimension"), [(None, 3), ("xz", 2), ("xy", 2)])
+def test_a_grid_comes_back_from_its_dataset_as_it_was(plane, dimension):
+    """Origins that no binary fraction holds: integers come back equal, coordinates to their round-off."""
+    shape = ball([7.3] * dimension, 1.0)
+    grid = grid_around([shape], [3] * dimension, 3, 0.7, origin=[6.1, 5.9, 6.3][:dimension])
+    scene = make_scene(plane, excavations=[excavation()])
+    dataset = make_dataset(scene, grid, [shape])
+    again, body, pieces = read_grid(dataset)
+    for name in ("cell_index", "cell_level", "cell_nodes", "node_index", "node_parents", "shape"):
+        assert np.array_equal(getattr(again, name), getattr(grid, name)), name
+    assert (again.fine_cell, again.levels) == (grid.fine_cell, grid.levels)
+    assert np.array_equal(again.origin, grid.origin)
+    second = grid_dataset(again, body, pieces, plane, {"mine": "test"})
+    assert second.identical(dataset)
+
+
+@pytest.mark.parametrize(("plane", "dimension"), [(None, 3), ("xz", 2)])
+def test_a_state_is_a_vtk_file_that_others_read(plane, dimension, tmp_path):
+    """All cells, in the mine's frame; the solid share of a cell is 1 less what is mined, whatever the thickness."""
+    shape = ball([12.0] * dimension, 4.5)
+    scene = make_scene(plane, stress=uniform(-1e6, -2e6, -3e6), excavations=[excavation()], thickness=5.0)
+    dataset = make_dataset(scene, grid_around([shape], [3] * dimension, 2, 8.0), [shape])
+    state, _ = elastic_stage(scene, dataset, tmp_path / "failed.npz")
+    grid, _, pieces = read_grid(dataset)
+    write_vtu(grid, state, tmp_path / "state.vtu")
+    mesh = meshio.read(tmp_path / "state.vtu")
+    assert sum(len(block.data) for block in mesh.cells) == len(grid.cell_level)
+    np.testing.assert_allclose(mesh.points, dataset.node_position.values)
+    share = np.ones(len(grid.cell_level))
+    share[pieces.cell] -= np.bitwise_count(pieces.samples) / 64
+    np.testing.assert_allclose(mesh.cell_data["solid_fraction"][0], share, rtol=1e-12)
+    far = np.argmax(np.abs(grid.cell_center - 12.0).sum(axis=1))
+    assert mesh.cell_data["stress"][0][far] == pytest.approx(state.stress.values[far])
