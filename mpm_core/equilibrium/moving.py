@@ -13,20 +13,21 @@ omega of which it keeps the share p obeys u' = u + dt v', v' = v + dt a, v <- v 
 omega dt <= 2 / sqrt(2 - p). As p may be anything from 0 to 1, the time step is 1 / sqrt(2) of that of explicit.py.
 
 Light nodes. A particle that enters an empty cell gives its far nodes hardly any mass but its full stress gradient: the
-acceleration has no bound there (Eq. 3). The inertia of a node is therefore at least LIGHT_NODE of what the rock around
-it had before mining. Momentum is lost at such nodes alone, equilibrium is not touched.
+acceleration has no bound there (Eq. 3). Particles get of it in proportion to that mass, but it would strain them in
+full. In the velocity of Eq. (4) that strains, the mass under the force is therefore at least that of the heaviest
+particle nearby, which a node at the corner of one full cell has anyway. Momentum and equilibrium are not touched. With
+density scaling a particle that changes level takes the density of its new cell, for the same reason.
 """
 
 import numpy as np
 
-from mpm_core.equilibrium.explicit import ExplicitScheme, nodal_mass, remove_rigid_motion
+from mpm_core.equilibrium.explicit import ExplicitScheme, remove_rigid_motion
 from mpm_core.grid.adjacency import leaf_lookup
-from mpm_core.kernels.moving import CYCLE, move_nodes, relocate, sort_by_cell
+from mpm_core.kernels.moving import CYCLE, move_nodes
 from mpm_core.kernels.nodes import spread_to_hanging
+from mpm_core.kernels.relocation import relocate, sort_by_cell
 from mpm_core.model import Model, State
 from pipeline.errors import InputError
-
-LIGHT_NODE = 1.0 / 16.0  # a node at the corner of a single full cell has twice that
 
 
 class MovingScheme(ExplicitScheme):
@@ -44,7 +45,7 @@ class MovingScheme(ExplicitScheme):
         self.xi = (state.position - model.grid.cell_center[state.cell]) / (0.5 * self.cell_size[state.cell])[:, None]
         self.velocity = np.zeros((model.particles.count, dimension))
         self.acceleration = np.zeros_like(state.velocity)
-        self.slot_values = np.zeros((scatter.slots, 2 * dimension + 1))
+        self.slot_values = np.zeros((scatter.slots, 2 * dimension + 2))
         self.leavers = np.zeros(len(scatter.block_start) - 1, np.int64)
         super().__init__(model, state, volume)
         state.velocity[:] = 0.0
@@ -58,9 +59,12 @@ class MovingScheme(ExplicitScheme):
     def set_volume(self, volume: np.ndarray) -> None:
         """Take over changed particle volumes: mass and time step follow."""
         super().set_volume(volume)
-        particles = self.model.particles
-        virgin = np.where(particles.is_rock, self.density * particles.full_volume, 0.0)
-        self.least_mass = LIGHT_NODE * nodal_mass(self.model, virgin)
+        self._weigh()
+
+    def _weigh(self) -> None:
+        if self.model.scene.solver.density_scaling:
+            level_change = self.cell_size[self.model.particles.cell] / self.cell_size[self.state.cell]
+            self.particle_mass = self.density * self.volume * level_change**2
 
     def _relocate(self) -> None:
         changed, lost = relocate(self.cell_index, self.cell_width, *self.lookup, self.volume, self.state.cell, self.xi)
@@ -70,6 +74,7 @@ class MovingScheme(ExplicitScheme):
                 "particles rest (solver.move: false)"
             )
         self.state.cell_changes += changed
+        self._weigh()
         self.cell_start, self.cell_particles = sort_by_cell(self.state.cell, len(self.cell_size))
 
     def _update(self, time_step: float) -> None:
@@ -116,7 +121,6 @@ class MovingScheme(ExplicitScheme):
             scatter.sum_weights,
             self.slot_values,
             external,
-            self.least_mass,
             model.held,
             model.scene.solver.damping,
             time_step,

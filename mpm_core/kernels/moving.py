@@ -6,7 +6,7 @@ passes the free nodes add up their slots, hanging children included (blocks.py),
 nothing. A particle that leaves its cell in a pass hands nothing back; once it is relocated the pass is made anew with a
 time step of zero, so that what a node receives is always summed in the order of the particles.
 
-Fields on a cell are handled by their modes, as in resting.py. "Stress" is the change since virgin for rock, the full
+Fields on a cell are handled by their modes (modes.py). "Stress" is the change since virgin for rock, the full
 stress for fill. Volumes stay those of the unstrained rock (small strain).
 """
 
@@ -14,40 +14,30 @@ import numpy as np
 from numba import njit, prange
 
 from mpm_core.constitutive.strength import strength_of
-from mpm_core.grid.adjacency import NO_CELL, cell_at
+from mpm_core.kernels.modes import (
+    add_slopes_2,
+    add_slopes_3,
+    add_value_2,
+    add_value_3,
+    sample_2,
+    sample_3,
+    to_corners,
+    to_modes,
+    value_2,
+    value_3,
+)
+from mpm_core.kernels.relocation import LOWEST
 from mpm_core.kernels.resting import flow_at_residual
-
-
-@njit(inline="always", error_model="numpy")
-def _to_modes(values, modes, dimension, lanes):
-    """Corner values to sums by mode (Walsh-Hadamard): values (2^d, lanes), in place."""
-    for k in range(dimension):
-        for corner in range(modes):
-            if not (corner >> k) & 1:
-                for j in range(lanes):
-                    low = values[corner, j]
-                    high = values[corner | (1 << k), j]
-                    values[corner, j] = low + high
-                    values[corner | (1 << k), j] = high - low
-
-
-@njit(inline="always", error_model="numpy")
-def _to_corners(values, modes, dimension, lanes):
-    """The transpose of _to_modes: values (2^d, lanes), in place."""
-    for k in range(dimension):
-        for corner in range(modes):
-            if not (corner >> k) & 1:
-                for j in range(lanes):
-                    even = values[corner, j]
-                    odd = values[corner | (1 << k), j]
-                    values[corner, j] = even - odd
-                    values[corner | (1 << k), j] = even + odd
 
 
 def make_cycle(dimension: int):
     """The kernel for 2 (plane strain) or 3 dimensions; its arguments are described in it."""
-    modes = 1 << dimension
-    lanes = dimension + 1  # a vector and the mass; four lanes fill a processor's vector register in 3-D
+    corners = 1 << dimension
+    fields = 2 * dimension + 1
+    sample, value, add_value, add_slopes = {
+        2: (sample_2, value_2, add_value_2, add_slopes_2),
+        3: (sample_3, value_3, add_value_3, add_slopes_3),
+    }[dimension]
 
     @njit(parallel=True, error_model="numpy", cache=True)
     def cycle(
@@ -83,22 +73,16 @@ def make_cycle(dimension: int):
         node_velocity, node_acceleration (node, d) m/s, m/s2; mass (particle,) kg, density scaled or not; volume,
         material, failed (particle,); elastic_constants (material, 2) lambda and mu, Pa; residual_rows (material,
         column); insitu (particle, 6) Pa. In place: xi (particle, d) place in the cell, -1 to 1; velocity (particle, d)
-        m/s; stress, later_strain (particle, 6); dissipated (particle,) J/m3; slot_values (slot, 2 d + 1): momentum,
-        mass, force -B^T sigma V; leavers (block,) how many particles left their cells. Particles without volume rest.
+        m/s; stress, later_strain (particle, 6); dissipated (particle,) J/m3; slot_values (slot, 2 d + 2): momentum,
+        mass, force -B^T sigma V, and the largest mass of a particle nearby; leavers (block,) how many particles left
+        their cells. Particles without volume rest.
         """
         for block in prange(len(block_start) - 1):
-            speed = np.zeros((modes, lanes))
-            change = np.zeros((modes, lanes))
-            momentum = np.empty((modes, lanes))
-            force = np.empty((modes, lanes))
-            product = np.empty(modes)
-            gradient = np.empty((dimension, lanes))
-            here = np.empty(lanes)
-            gain = np.empty(lanes)
-            traction = np.zeros((dimension, lanes))
+            motion = np.empty((2 * dimension, corners))  # velocity by modes, acceleration at corners
+            sums = np.empty((fields, corners))  # momentum and mass at corners, force by modes
             left = 0
             for slot in range(slot_start[block], slot_start[block + 1]):
-                for j in range(2 * dimension + 1):
+                for j in range(fields + 1):
                     slot_values[slot, j] = 0.0
 
             for cell in range(block_start[block], block_start[block + 1]):
@@ -106,116 +90,102 @@ def make_cycle(dimension: int):
                 last = cell_start[cell + 1]
                 if first == last:
                     continue
-                for corner in range(modes):
+                for corner in range(corners):
                     node = cell_nodes[cell, corner]
                     for j in range(dimension):
-                        speed[corner, j] = node_velocity[node, j]
-                        change[corner, j] = node_acceleration[node, j]
-                    for j in range(lanes):
-                        momentum[corner, j] = 0.0
-                        force[corner, j] = 0.0
-                _to_modes(speed, modes, dimension, lanes)
-                _to_modes(change, modes, dimension, lanes)
-                slope = 2.0 / cell_size[cell] / modes  # from modal sums to a gradient, and from stress to modal forces
+                        motion[j, corner] = node_velocity[node, j]
+                        motion[dimension + j, corner] = node_acceleration[node, j]
+                for j in range(dimension):
+                    to_modes(motion, j, dimension)
+                for j in range(fields):
+                    for corner in range(corners):
+                        sums[j, corner] = 0.0
+                slope = 2.0 / cell_size[cell] / corners  # from modal sums to a gradient, from stress to modal forces
                 step = slope * time_step
-                share = time_step / modes
+                share = time_step / corners
+                heaviest = 0.0
 
                 for place in range(first, last):
                     particle = cell_particles[place]
                     if volume[particle] == 0.0:
                         continue
-                    lame = elastic_constants[material[particle], 0]
-                    shear = elastic_constants[material[particle], 1]
+                    x = xi[particle, 0]
+                    y = xi[particle, 1]
+                    z = xi[particle, 2] if dimension == 3 else 0.0
                     if time_step > 0.0:
-                        product[0] = 1.0
-                        for k in range(dimension):
-                            for m in range(1 << k):
-                                product[m | (1 << k)] = product[m] * xi[particle, k]
-                        for j in range(lanes):
-                            here[j] = 0.0
-                            gain[j] = 0.0
-                        for m in range(modes):
-                            for j in range(lanes):
-                                here[j] += product[m] * speed[m, j]
-                                gain[j] += product[m] * change[m, j]
-                        for k in range(dimension):
-                            for j in range(lanes):
-                                gradient[k, j] = 0.0
-                            for m in range(modes):
-                                if (m >> k) & 1:
-                                    for j in range(lanes):
-                                        gradient[k, j] += product[m ^ (1 << k)] * speed[m, j]
-                        outside = False
-                        for k in range(dimension):
-                            moved = xi[particle, k] + step * here[k]
-                            xi[particle, k] = moved
-                            outside |= moved < -1.0 or moved >= 1.0
-                            velocity[particle, k] += share * gain[k]
-                        double = 2.0 * shear * step
+                        lame = step * elastic_constants[material[particle], 0]
+                        shear = step * elastic_constants[material[particle], 1]
+                        vx, xx, xy, xz = sample(motion, 0, x, y, z)
+                        vy, yx, yy, yz = sample(motion, 1, x, y, z)
+                        velocity[particle, 0] += share * value(motion, dimension, x, y, z)
+                        velocity[particle, 1] += share * value(motion, dimension + 1, x, y, z)
                         if dimension == 3:
-                            volumetric = lame * step * (gradient[0, 0] + gradient[1, 1] + gradient[2, 2])
-                            stress[particle, 0] += volumetric + double * gradient[0, 0]
-                            stress[particle, 1] += volumetric + double * gradient[1, 1]
-                            stress[particle, 2] += volumetric + double * gradient[2, 2]
-                            stress[particle, 3] += 0.5 * double * (gradient[1, 2] + gradient[2, 1])
-                            stress[particle, 4] += 0.5 * double * (gradient[0, 2] + gradient[2, 0])
-                            stress[particle, 5] += 0.5 * double * (gradient[0, 1] + gradient[1, 0])
+                            vz, zx, zy, zz = sample(motion, 2, x, y, z)
+                            velocity[particle, 2] += share * value(motion, dimension + 2, x, y, z)
+                            volumetric = lame * (xx + yy + zz)
+                            stress[particle, 0] += volumetric + 2.0 * shear * xx
+                            stress[particle, 1] += volumetric + 2.0 * shear * yy
+                            stress[particle, 2] += volumetric + 2.0 * shear * zz
+                            stress[particle, 3] += shear * (yz + zy)
+                            stress[particle, 4] += shear * (xz + zx)
+                            stress[particle, 5] += shear * (xy + yx)
+                            z += step * vz
+                            xi[particle, 2] = z
                         else:
-                            volumetric = lame * step * (gradient[0, 0] + gradient[1, 1])
-                            stress[particle, 0] += volumetric + double * gradient[0, 0]
-                            stress[particle, 1] += volumetric + double * gradient[1, 1]
+                            volumetric = lame * (xx + yy)
+                            stress[particle, 0] += volumetric + 2.0 * shear * xx
+                            stress[particle, 1] += volumetric + 2.0 * shear * yy
                             stress[particle, 2] += volumetric
-                            stress[particle, 5] += 0.5 * double * (gradient[0, 1] + gradient[1, 0])
+                            stress[particle, 5] += shear * (xy + yx)
+                        x += step * vx
+                        y += step * vy
+                        xi[particle, 0] = x
+                        xi[particle, 1] = y
                         if failed[particle]:
                             flow_at_residual(
                                 particle,
-                                lame,
-                                shear,
+                                elastic_constants[material[particle], 0],
+                                elastic_constants[material[particle], 1],
                                 strength_of(residual_rows, material[particle]),
                                 insitu,
                                 stress,
                                 later_strain,
                                 dissipated,
                             )
-                        if outside:
+                        if min(x, y, z) < LOWEST or max(x, y, z) >= 1.0:
                             left += 1
                             continue
 
-                    product[0] = 1.0
-                    for k in range(dimension):
-                        for m in range(1 << k):
-                            product[m | (1 << k)] = product[m] * xi[particle, k]
-                    for j in range(dimension):
-                        here[j] = mass[particle] * velocity[particle, j]
-                    here[dimension] = mass[particle]
-                    for m in range(modes):
-                        for j in range(lanes):
-                            momentum[m, j] += product[m] * here[j]
+                    m = mass[particle]
+                    heaviest = max(heaviest, m)
                     weight = volume[particle] * slope
-                    traction[0, 0] = stress[particle, 0] * weight
-                    traction[0, 1] = stress[particle, 5] * weight
-                    traction[1, 0] = stress[particle, 5] * weight
-                    traction[1, 1] = stress[particle, 1] * weight
+                    xx = stress[particle, 0] * weight
+                    yy = stress[particle, 1] * weight
+                    xy = stress[particle, 5] * weight
+                    add_value(sums, 0, x, y, z, m * velocity[particle, 0])
+                    add_value(sums, 1, x, y, z, m * velocity[particle, 1])
+                    add_value(sums, dimension, x, y, z, m)
                     if dimension == 3:
-                        traction[0, 2] = stress[particle, 4] * weight
-                        traction[1, 2] = stress[particle, 3] * weight
-                        traction[2, 0] = stress[particle, 4] * weight
-                        traction[2, 1] = stress[particle, 3] * weight
-                        traction[2, 2] = stress[particle, 2] * weight
-                    for m in range(1, modes):
-                        for k in range(dimension):
-                            if (m >> k) & 1:
-                                for j in range(lanes):
-                                    force[m, j] += product[m ^ (1 << k)] * traction[k, j]
+                        zz = stress[particle, 2] * weight
+                        yz = stress[particle, 3] * weight
+                        xz = stress[particle, 4] * weight
+                        add_value(sums, 2, x, y, z, m * velocity[particle, 2])
+                        add_slopes(sums, dimension + 1, x, y, z, xx, xy, xz)
+                        add_slopes(sums, dimension + 2, x, y, z, xy, yy, yz)
+                        add_slopes(sums, dimension + 3, x, y, z, xz, yz, zz)
+                    else:
+                        add_slopes(sums, dimension + 1, x, y, z, xx, xy, 0.0)
+                        add_slopes(sums, dimension + 2, x, y, z, xy, yy, 0.0)
 
-                _to_corners(momentum, modes, dimension, lanes)
-                _to_corners(force, modes, dimension, lanes)
-                for corner in range(modes):
+                for j in range(dimension + 1, fields):
+                    to_corners(sums, j, dimension)
+                for corner in range(corners):
                     slot = cell_slots[cell, corner]
-                    for j in range(lanes):
-                        slot_values[slot, j] += momentum[corner, j] / modes
-                    for j in range(dimension):
-                        slot_values[slot, lanes + j] -= force[corner, j]
+                    for j in range(dimension + 1):
+                        slot_values[slot, j] += sums[j, corner] / corners
+                    for j in range(dimension + 1, fields):
+                        slot_values[slot, j] -= sums[j, corner]
+                    slot_values[slot, fields] = max(slot_values[slot, fields], heaviest)
             leavers[block] = left
 
     return cycle
@@ -232,7 +202,6 @@ def move_nodes(
     sum_weights,
     slot_values,
     external_force,
-    least_mass,
     held,
     damping,
     time_step,
@@ -245,8 +214,10 @@ def move_nodes(
     """Nodes without parents take what their slots and those of their hanging children hold, and move (Eqs 1 to 4).
 
     a = (f - c |f| sgn v) / m and v = (m v) / m + a dt, with v before the step in the damping. free_nodes, sum_start,
-    sum_slots, sum_weights: see blocks.Scatter; slot_values (slot, 2 d + 1) from `CYCLE`; external_force, held
-    (node, d); least_mass (node,) kg: the inertia of a node is at least that (its velocity is not touched by it).
+    sum_slots, sum_weights: see blocks.Scatter; slot_values (slot, 2 d + 2) from `CYCLE`; external_force, held
+    (node, d). What strains, v, takes for m in f / m at least the mass of any particle nearby: a node at the corner of
+    one full cell has that, a node that a lone particle hardly touches has not, but the full gradient of its stress.
+    The acceleration that particles get is f / m, and conserves momentum.
     In place: mass (node,) kg; velocity, acceleration, unbalanced (node, d), the force before damping, zero where held
     or where there is no mass; displacement (node, d) m, the sum of v dt.
     """
@@ -254,8 +225,10 @@ def move_nodes(
     for i in prange(len(free_nodes)):
         node = free_nodes[i]
         total = 0.0
+        heaviest = 0.0
         for s in range(sum_start[i], sum_start[i + 1]):
             total += sum_weights[s] * slot_values[sum_slots[s], dimension]
+            heaviest = max(heaviest, slot_values[sum_slots[s], 2 * dimension + 1])
         mass[node] = total
         for j in range(dimension):
             if held[node, j] or total == 0.0:
@@ -274,58 +247,6 @@ def move_nodes(
                 force -= damping * abs(force)
             elif v < 0.0:
                 force += damping * abs(force)
-            a = force / max(total, least_mass[node])
-            acceleration[node, j] = a
-            velocity[node, j] = v + time_step * a
+            acceleration[node, j] = force / total
+            velocity[node, j] = v + time_step * force / max(total, heaviest)
             displacement[node, j] += time_step * velocity[node, j]
-
-
-@njit(error_model="numpy", cache=True)
-def relocate(cell_index, cell_width, code, halvings, base_shape, first, count, volume, cell, xi):
-    """Give particles that left their cells the leaves they are in now: (how many changed, how many left the domain).
-
-    cell_index (cell, d), cell_width (cell,) fine units; code to count: see adjacency.leaf_lookup; volume (particle,).
-    In place: cell (particle,), xi (particle, d). A particle outside the domain keeps both.
-    """
-    dimension = xi.shape[1]
-    place = np.empty(dimension, np.int32)
-    exact = np.empty(dimension)
-    changed = 0
-    lost = 0
-    for particle in range(len(cell)):
-        outside = False
-        for k in range(dimension):
-            outside |= not (-1.0 <= xi[particle, k] < 1.0)
-        if not outside or volume[particle] == 0.0:
-            continue
-        old = cell[particle]
-        for k in range(dimension):
-            exact[k] = cell_index[old, k] + 0.5 * (xi[particle, k] + 1.0) * cell_width[old]
-            # far outside is outside: no overflow, and a place that is not a number ends there too
-            near = -1.0 <= exact[k] < 2.0e9
-            place[k] = np.int32(np.floor(exact[k])) if near else np.int32(-1)
-        new = cell_at(place, code, halvings, base_shape, first, count)
-        if new == NO_CELL:
-            lost += 1
-            continue
-        for k in range(dimension):
-            xi[particle, k] = 2.0 * (exact[k] - cell_index[new, k]) / cell_width[new] - 1.0
-        changed += new != old
-        cell[particle] = new
-    return changed, lost
-
-
-@njit(cache=True)
-def sort_by_cell(cell, cells):
-    """Particles of each cell in ascending order: (cell_start (cell + 1,) int64, cell_particles (particle,) int32)."""
-    start = np.zeros(cells + 1, np.int64)
-    for particle in range(len(cell)):
-        start[cell[particle] + 1] += 1
-    for c in range(cells):
-        start[c + 1] += start[c]
-    end = start[:-1].copy()
-    particles = np.empty(len(cell), np.int32)
-    for particle in range(len(cell)):
-        particles[end[cell[particle]]] = particle
-        end[cell[particle]] += 1
-    return start, particles

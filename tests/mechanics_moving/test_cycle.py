@@ -1,0 +1,244 @@
+"""The cycle of moving particles: kernels against slow twins, totals, travel through many cells, threads."""
+
+import numba
+import numpy as np
+import pytest
+
+from mpm_core.equilibrium.moving import MovingScheme
+from mpm_core.grid.adjacency import leaf_lookup
+from mpm_core.kernels.relocation import relocate, sort_by_cell
+from pipeline.errors import InputError
+from tests.mechanics.scenes import COULOMB, ball, grid_around, make_model, make_scene, random_grid, uniform
+from tests.mechanics_moving.twins import SlowParticles, cell_of, slow_step
+
+PLANES = {2: "xz", 3: None}
+
+
+def make_scheme(grid, *, volume=None, **scene) -> MovingScheme:
+    """A scheme over all cells of a grid, four or eight particles each, nothing mined."""
+    model = make_model(make_scene(PLANES[grid.dimension], particles_per_cell=2, **scene), grid)
+    volume = model.particles.full_volume if volume is None else volume(model)
+    return MovingScheme(model, model.virgin_state(), volume)
+
+
+def stir(scheme: MovingScheme, random: np.random.Generator, reach: float) -> None:
+    """Particles at random places of their cells, with random velocities of up to `reach` finest cells per step."""
+    speed = reach * scheme.model.grid.fine_cell / scheme.time_step
+    scheme.xi[:] = random.uniform(-0.95, 0.95, scheme.xi.shape)
+    scheme.velocity[:] = speed * random.uniform(-1.0, 1.0, scheme.velocity.shape)
+    scheme._update(0.0)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_cycle_is_that_of_the_paper(dimension):
+    """Three steps with hanging nodes, held faces, external forces, void, flowing rock and many changes of cell.
+
+    Bound: round-off of sums of some hundred terms.
+    """
+    random = np.random.default_rng(dimension)
+    grid = random_grid(random, dimension)
+    scheme = make_scheme(
+        grid,
+        host=COULOMB,
+        stress=uniform(-10e6, -42e6, -12e6),
+        volume=lambda model: model.particles.full_volume * random.choice([0.0, 0.5, 1.0], model.particles.count),
+    )
+    model, state = scheme.model, scheme.state
+    state.failed[random.random(model.particles.count) < 0.3] = 0
+    scheme.set_failed()
+    state.stress[:] = 1e6 * random.standard_normal(state.stress.shape)
+    if dimension == 2:
+        state.stress[:, 3:5] = 0.0
+    stir(scheme, random, reach=1.0)
+    external = 1e6 * random.standard_normal(state.displacement.shape)
+    external[grid.is_hanging] = 0.0
+    first_stress = state.stress.copy()
+
+    present = scheme.volume > 0.0
+    slow = SlowParticles(
+        position=scheme._position()[present],
+        velocity=scheme.velocity[present].copy(),
+        stress=state.stress[present].copy(),
+        insitu=model.insitu[present],
+        plastic=np.zeros((present.sum(), 6)),
+        mass=scheme.particle_mass[present],
+        volume=scheme.volume[present],
+        failed=scheme.failed[present],
+    )
+    lame, shear = model.elastic_constants[0]
+    row = model.residual_rows[0]
+    damping = model.scene.solver.damping
+    for _ in range(3):
+        mass, _ = slow_step(grid, slow, external, model.held, damping, scheme.time_step, lame, shear, row)
+        scheme._advance(external, scheme.time_step)
+        np.testing.assert_allclose(scheme.mass, mass, rtol=1e-12, atol=1e-12 * mass.max())
+        scheme._update(scheme.time_step)
+    assert state.cell_changes > 0.02 * present.sum()
+    assert (slow.plastic[:, 0] != 0.0).sum() > 0.1 * present.sum()
+    for fast, expected in (
+        (scheme._position()[present], slow.position),
+        (scheme.velocity[present], slow.velocity),
+        (state.stress[present], slow.stress),
+        (state.later_strain[present], slow.plastic),
+    ):
+        np.testing.assert_allclose(fast, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
+    np.testing.assert_array_equal(state.stress[~present], first_stress[~present])  # what is mined rests
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_nodes_hold_the_mass_and_momentum_of_the_particles(dimension):
+    """Totals over nodes without parents: mass and momentum are those of the particles, internal forces cancel."""
+    random = np.random.default_rng(10 + dimension)
+    scheme = make_scheme(random_grid(random, dimension), boundary="free")
+    scheme.state.stress[:] = 1e6 * random.standard_normal(scheme.state.stress.shape)
+    stir(scheme, random, reach=0.1)
+    scheme._advance(np.zeros_like(scheme.unbalanced), 0.0)
+    free = ~scheme.model.grid.is_hanging
+    momentum = scheme.mass[free, None] * scheme.state.velocity[free]
+    carried = scheme.particle_mass[:, None] * scheme.velocity
+    assert scheme.mass[free].sum() == pytest.approx(scheme.particle_mass.sum(), rel=1e-12)
+    np.testing.assert_allclose(momentum.sum(axis=0), carried.sum(axis=0), atol=1e-12 * np.abs(carried).sum())
+    force = scheme.unbalanced[free]
+    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12 * np.abs(force).sum())
+
+
+def translate(scheme: MovingScheme, way: np.ndarray, steps: int) -> np.ndarray:
+    """Move all particles by `way` (d,) m in so many steps without any force; returns the velocity given, m/s."""
+    speed = np.asarray(way, float) / (steps * scheme.time_step)
+    scheme.velocity[:] = speed
+    scheme._update(0.0)
+    for _ in range(steps):
+        scheme._advance(np.zeros_like(scheme.unbalanced), scheme.time_step)
+        scheme._update(scheme.time_step)
+    return speed
+
+
+def test_changes_of_cell_counted_by_hand():
+    """One cell of 2 x 2 particles travels 2.5 cells along x: those at 1/4 cross two sides, those at 3/4 three: 10."""
+    grid = grid_around([], (6, 3), 1, 10.0)
+    scheme = make_scheme(
+        grid,
+        boundary="free",
+        volume=lambda model: np.where(
+            grid.cell_index[model.particles.cell].tolist() == np.array([1, 1]), 25.0, 0.0
+        ).min(1),
+    )
+    assert (scheme.volume > 0.0).sum() == 4
+    translate(scheme, (25.0, 0.0), 60)
+    assert scheme.state.cell_changes == 10
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_rigid_travel_through_all_levels_strains_nothing(dimension):
+    """A block travels through finer and coarser cells: velocity stays, stress stays zero, cells are counted.
+
+    Every particle crosses as many cells as its straight way overlaps, less one. Bounds: round-off of the steps.
+    """
+    way = np.array([41.3, 7.7, 5.1])[:dimension]
+    grid = grid_around([ball([40.0] * dimension, 2.0)], (10,) + (6,) * (dimension - 1), 3, 10.0, rings=0)
+    middle = np.array([15.0, 25.0, 25.0])[:dimension]
+
+    def block(model):
+        inside = (np.abs(model.particles.position - middle) < 10.0).all(axis=1)
+        return model.particles.full_volume * inside
+
+    scheme = make_scheme(grid, boundary="free", volume=block)
+    present = scheme.volume > 0.0
+    start = scheme._position()
+    speed = translate(scheme, way, 150)
+    np.testing.assert_allclose(scheme.velocity[present], speed + 0.0 * start[present], rtol=1e-11)
+    np.testing.assert_allclose(scheme._position()[present], start[present] + way, rtol=1e-11)
+    modulus = 57e9
+    assert np.abs(scheme.state.stress).max() < 1e-11 * modulus
+
+    lower, upper = grid.cell_origin, grid.cell_origin + grid.cell_size[:, None]
+    expected, levels = 0, set()
+    for position in start[present]:
+        enters = ((lower - position) / way).max(axis=1)
+        leaves = ((upper - position) / way).min(axis=1)
+        crossed = (enters < 1.0) & (leaves > 0.0) & (enters < leaves)
+        expected += crossed.sum() - 1
+        levels |= set(grid.cell_level[crossed].tolist())
+    assert scheme.state.cell_changes == expected > present.sum()
+    assert levels == {0, 1, 2}
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_particles_are_found_where_they_are(dimension):
+    """Random displacements over several cells: the leaf found holds the place, and xi says where in it; slow twin."""
+    random = np.random.default_rng(20 + dimension)
+    grid = random_grid(random, dimension)
+    count = 300
+    old = random.integers(0, len(grid.cell_level), count).astype(np.int32)
+    xi = random.uniform(-4.0, 4.0, (count, dimension))
+    xi[:20] = random.choice([-1.0, 1.0], (20, dimension))  # on sides and corners
+    position = grid.cell_center[old] + 0.5 * grid.cell_size[old][:, None] * xi
+    domain = grid.origin + grid.shape * grid.fine_cell
+    outside = ((position < grid.origin) | (position >= domain)).any(axis=1)
+    cell, place = old.copy(), xi.copy()
+    changed, lost = relocate(grid.cell_index, grid.cell_width, *leaf_lookup(grid), np.ones(count), cell, place)
+    assert lost == outside.sum() > 0
+    np.testing.assert_array_equal(cell[outside], old[outside])
+    assert changed == (cell != old).sum()
+    np.testing.assert_array_equal(cell[~outside], [cell_of(grid, x) for x in position[~outside]])
+    found = grid.cell_center[cell] + 0.5 * grid.cell_size[cell][:, None] * place
+    np.testing.assert_allclose(found, position, atol=1e-12 * domain.max())
+
+    start, particles = sort_by_cell(cell, len(grid.cell_level))
+    np.testing.assert_array_equal(particles, np.argsort(cell, kind="stable"))
+    np.testing.assert_array_equal(np.diff(start), np.bincount(cell, minlength=len(grid.cell_level)))
+
+
+def test_leaving_the_domain_is_an_error():
+    """A block that nothing holds runs into the end of the grid: one line that says what to do."""
+    scheme = make_scheme(grid_around([], (3, 3), 1, 10.0), boundary="free")
+    with pytest.raises(InputError, match=r"left the domain: hold its faces .*solver\.move: false"):
+        translate(scheme, (4.0, 0.0), 10)
+
+
+def test_lone_particle_enters_an_empty_cell_in_peace():
+    """A stressed particle creeps across a side: its far nodes have next to no mass, its stress must not grow.
+
+    Without a least inertia the acceleration there overshoots each step and the stress passes any bound.
+    """
+    grid = grid_around([], (4, 4), 1, 10.0)
+    scheme = make_scheme(
+        grid,
+        boundary="free",
+        volume=lambda model: np.where((model.particles.position == (12.5, 12.5)).all(axis=1), 25.0, 0.0),
+    )
+    (particle,) = np.flatnonzero(scheme.volume)
+    scheme.xi[particle] = 0.9, 0.3
+    scheme.velocity[particle] = 10.0 * 1e-3 / scheme.time_step, 0.0
+    scheme.state.stress[particle, [0, 1, 5]] = 1e6, -2e6, 0.5e6
+    scheme._update(0.0)
+    for _ in range(200):
+        scheme._advance(np.zeros_like(scheme.unbalanced), scheme.time_step)
+        scheme._update(scheme.time_step)
+    assert scheme.state.cell_changes == 1
+    assert np.abs(scheme.state.stress[particle]).max() < 2e6  # that of the start; plane strain keeps some out of plane
+
+
+def test_same_bits_with_one_thread_or_two():
+    """Forty steps with crossings and flowing rock: blocks, sums and relocation know nothing of threads."""
+    if numba.config.NUMBA_NUM_THREADS < 2:
+        pytest.skip("one processor")
+    before = numba.get_num_threads()
+    states = []
+    for threads in (1, 2):
+        numba.set_num_threads(threads)
+        random = np.random.default_rng(5)
+        grid = grid_around([ball((40.0, 40.0, 40.0), 9.0)], (8, 8, 8), 3, 10.0, rings=2)
+        assert len(grid.cell_level) > 2 * 2048  # several blocks
+        scheme = make_scheme(grid, host=COULOMB, stress=uniform(-10e6, -42e6, -12e6))
+        scheme.state.failed[random.random(scheme.model.particles.count) < 0.3] = 0
+        scheme.set_failed()
+        stir(scheme, random, reach=0.05)
+        for _ in range(40):
+            scheme._advance(np.zeros_like(scheme.unbalanced), scheme.time_step)
+            scheme._update(scheme.time_step)
+        assert scheme.state.cell_changes > 0
+        states.append([scheme.xi, scheme.velocity, scheme.state.stress, scheme.state.cell, scheme.state.displacement])
+    numba.set_num_threads(before)
+    for one, two in zip(*states, strict=True):
+        np.testing.assert_array_equal(one, two)
