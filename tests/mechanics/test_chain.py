@@ -18,6 +18,8 @@ from mechanics.scenes import (
     pieces_of,
     uniform,
 )
+from mpm_core import stages
+from mpm_core.equilibrium.cascade import run_cascade
 from mpm_core.particles import FULL, SLIVER, Pieces, exclusive_pieces, seed, volumes
 from mpm_core.stages import elastic_stage, mining_step
 from pipeline.datasets import read_dataset, write_dataset
@@ -112,7 +114,7 @@ def test_a_step_restarts_from_a_file_to_the_bit(tmp_path):
 @given(st.integers(0, 10_000), st.sampled_from(["fraction", "subdivide"]))
 def test_pieces_are_exclusive_and_later_steps_only_add(seed_number, cut_cells):
     """Random overlapping samples in 6 cells, mined over 3 steps: the earliest step (then the first listed) owns a
-    sample, no piece and no remainder is a sliver, pieces and particles of a stage are unchanged in the stages after it."""
+    sample, no piece and no remainder is a sliver; later stages leave earlier pieces and particles as they are."""
     random = np.random.default_rng(seed_number)
     grid = grid_around([], [3, 2], 1, 1.0)
     mined = random.integers(0, 3, 4)
@@ -183,3 +185,23 @@ def test_the_earliest_step_owns_an_overlap():
     model = make_model(make_scene("xz", excavations=[excavation(), excavation(name="b")]), grid, shapes)
     assert (model.volumes(0) == 0.0).all()
     assert FULL == np.bitwise_or.reduce(model.pieces.samples)
+
+
+def test_a_step_starts_from_the_rest_of_the_step_before(tmp_path, monkeypatch):
+    """What mined rock held, hourglass forces included, becomes an external force: with the whole of it nothing moves.
+    The unbalanced force at the start of a step that mines failed rock and places fill is that of the state before."""
+    starts = []
+
+    def look_first(scheme, brittle, start, target, step, reference, history):
+        unbalanced = start + scheme.internal_force()
+        starts.append((np.linalg.norm(unbalanced), np.linalg.norm(target - start), reference))
+        run_cascade(scheme, brittle, start, target, step, reference, history)
+
+    monkeypatch.setattr(stages, "run_cascade", look_first)
+    states = chain(tmp_path, [(0, "fill", 1), (1, None, 1)], 2, host=COULOMB, solver={"hourglass": 0.3})
+    assert (states[1].failed >= 0).any()
+    failed = np.flatnonzero(states[1].failed.values >= 0)
+    assert (states[2].volume.values[failed] < states[1].volume.values[failed]).any()
+    for unbalanced, _, reference in starts:
+        assert unbalanced <= 1.01e-5 * reference
+    assert starts[1][1] > 0.1 * starts[1][2]

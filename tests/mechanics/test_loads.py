@@ -112,7 +112,7 @@ def test_rollers_hold_the_normal_component_only():
 @pytest.mark.parametrize("at_the_faces", [False, True])
 def test_traction_all_round_balances_and_the_body_stays_where_it_is(plane, dimension, at_the_faces):
     """Void in a weightless block with tractions on all faces, also notches that open into two faces: forces on
-    nodes with rock add up to nothing, it converges, and no rigid motion is left (mass-weighted mean of u and of x ^ u)."""
+    nodes with rock add up to nothing, it converges, and no rigid motion is left (mass-weighted means)."""
     center = np.full(dimension, 20.0)
 
     def shape(x):
