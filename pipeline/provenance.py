@@ -25,8 +25,13 @@ def source_hash(*packages: str) -> str:
 
 
 def config_hash(slice_: dict) -> str:
-    """Hash of a configuration slice, independent of key order."""
-    return hashlib.sha256(json.dumps(slice_, sort_keys=True).encode()).hexdigest()[:16]
+    """Hash of a configuration slice, independent of key order and of the folder that its files are in."""
+
+    def without_folder(pairs: list[tuple]) -> dict:
+        return {key: Path(value).name if key == "file" else value for key, value in pairs}
+
+    moved = json.loads(json.dumps(slice_), object_pairs_hook=without_folder)
+    return hashlib.sha256(json.dumps(moved, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def provenance(slice_: dict, *packages: str) -> dict[str, str]:

@@ -17,10 +17,15 @@ PIPELINE_PROCESS = "PIPELINE_PROCESS"  # environment variable: the process that 
 INTERRUPTED = 130  # what a shell makes of SIGINT
 
 
+def name_parent_of_stages() -> None:
+    """Tell the stages that this process starts who their parent is (the workflow calls this, once)."""
+    os.environ[PIPELINE_PROCESS] = str(os.getpid())
+
+
 def die_with_parent() -> None:
     """Ask Linux to end this process when its parent does, so that a killed pipeline leaves no stage behind.
 
-    A parent that ended before this call is known by its number in PIPELINE_PROCESS (workflow/rules/common.smk).
+    A parent that ended before this call is known by its number in the environment.
     """
     if sys.platform == "linux":
         parent = int(os.environ.get(PIPELINE_PROCESS, os.getppid()))
@@ -30,7 +35,7 @@ def die_with_parent() -> None:
 
 
 def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], None]) -> None:
-    """Run `function` as stage `name`: progress and tracebacks to `log`, one line to stderr and exit status 1 on error."""
+    """Run `function` as stage `name`: tracebacks to `log`, one line to stderr, exit status 1 on error."""
     die_with_parent()
     if log:
         Path(log).parent.mkdir(parents=True, exist_ok=True)

@@ -72,7 +72,7 @@ class Mine:
         self._check_steps()
         self._check_names()
         self._check_domain()
-        scene = parse_scene(self.scene_slice(len(self.steps) - 1))
+        scene = parse_scene(self.scene_slice(len(self.steps) - 1) | {"materials": self.values["materials"]})
         check_boundary_faces(self.values["domain"]["boundary"])
         domain = self.values["domain"]
         if self.plane == "xy":
@@ -231,6 +231,9 @@ class Mine:
             given = values["insitu_stress"].get(key, {})
             return [given.get(name, 0.0) for name in VOIGT]
 
+        excavations = [excavation(entry) for entry in self.excavations]
+        used = {"host", *(entry["material"] for entry in values.get("rock_bodies", []))}
+        used |= {entry["fill"] for entry in excavations if entry["fill"]}
         return {
             "name": self.name,
             "plane": self.plane,
@@ -240,9 +243,9 @@ class Mine:
             "boundary": self.boundary(),
             "surface": values["frame"]["surface"],
             "insitu_stress": {key: components(key) for key in ("constant", "gradient")},
-            "materials": values["materials"],
+            "materials": {name: entry for name, entry in values["materials"].items() if name in used},
             "rock_bodies": [{"material": entry["material"]} for entry in values.get("rock_bodies", [])],
-            "excavations": [excavation(entry) for entry in self.excavations],
+            "excavations": excavations,
             "loads": [
                 {
                     "name": entry["name"],
@@ -288,7 +291,8 @@ class Mine:
 
     def event_slice(self) -> dict:
         """What events and catalogue depend on, beside the steps."""
-        return {"mine": self.name, "frame": self.values["frame"], **self.values["seismic"]}
+        flat = {"thickness": self.values["thickness"]} if self.plane else {}
+        return {"mine": self.name, "frame": self.values["frame"], **flat, **self.values["seismic"]}
 
     def hashes(self) -> dict[str, str]:
         """The config_hash that each dataset carries if it is up to date, by its path below results/<mine>."""

@@ -2,6 +2,7 @@
 
 import datetime
 import difflib
+import math
 from functools import cache
 from pathlib import Path
 
@@ -35,9 +36,12 @@ def parse_quantity(text: str, unit: str) -> float:
     if not isinstance(quantity, units().Quantity) or (quantity.unitless and unit != "deg"):
         raise ValueError(f"{text!r} has no unit; write it as text with one, for example '{text} {unit}'")
     try:
-        return float(quantity.to(unit).magnitude)
+        number = float(quantity.to(unit).magnitude)
     except pint.DimensionalityError as error:
         raise ValueError(f"{text!r} is not convertible to {unit}") from error
+    if not math.isfinite(number):
+        raise ValueError(f"{text!r} is not a finite number")
+    return number
 
 
 def _key(path) -> str:
@@ -55,6 +59,8 @@ def _with_yaml_habits(value, path=()):
     names = path and path[-1] in ("name", "step", "filled")
     if names and isinstance(value, int | float) and not isinstance(value, bool):
         raise InputError(f'{_key(path)}: {value} is a number to YAML; put the name in quotes: "{value}"')
+    if isinstance(value, float) and not math.isfinite(value):
+        raise InputError(f"{_key(path)}: {value} is not a finite number")
     if isinstance(value, str) and value[:1].isdigit() and "e" in value.lower() and not names:
         try:
             return float(value)  # YAML 1.1 reads 1e-5, without a point, as text
@@ -66,6 +72,8 @@ def _with_yaml_habits(value, path=()):
 def _message(error: jsonschema.ValidationError) -> str:
     key = _key(error.absolute_path)
     value = error.instance
+    if error.validator == "not":
+        return f"{key}: not a key of this model"
     if error.validator == "additionalProperties":
         known = list(error.schema.get("properties", {}))
         unknown = sorted(set(value) - set(known))[0]
@@ -82,8 +90,6 @@ def _message(error: jsonschema.ValidationError) -> str:
         return f"{key}: {value!r} is not one of {', '.join(map(str, error.validator_value))}"
     if error.validator == "pattern":
         return f"{key}: {value!r} does not match {error.validator_value}"
-    if error.schema is False:
-        return f"{key}: not a key of this model"
     return f"{key}: {error.message}"
 
 

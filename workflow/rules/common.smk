@@ -3,11 +3,18 @@
 import json
 import shlex
 
+from pipeline.stage import name_parent_of_stages
+
 RESULTS = "results/{mine}"
-# exec: a stage is a child of this process, not of a shell between them, and so ends with it (pipeline.stage)
-os.environ["PIPELINE_PROCESS"] = str(os.getpid())
-PYTHON = f"exec {shlex.quote(sys.executable)} -m"
-shell.prefix(f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(BASE))}; ")
+HAS_CATALOG = bool(MINE.dated_steps)
+HAS_RECORD = HAS_CATALOG and "record" in MINE.values
+# `stage` in the rules below. exec: a stage is a child of this process, not of a shell between them, and ends with it
+# (pipeline.stage).
+name_parent_of_stages()
+shell.prefix(
+    f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(BASE))}; "
+    f'stage() {{{{ exec {shlex.quote(sys.executable)} -m "$@"; }}}}; '
+)
 
 
 wildcard_constraints:
@@ -44,3 +51,26 @@ def all_results():
         if "record" in MINE.values:
             files += ["record.nc", "comparison.nc"]
     return [result(file) for file in files] + step_results("steps") + step_results("events")
+
+
+def previous_state(wildcards):
+    """The state that a step starts from: the step before, or the elastic history."""
+    before = MINE.previous(wildcards.step)
+    return result(f"steps/{before}.nc" if before else "elastic.nc")
+
+
+def step_slice(wildcards):
+    """The configuration up to this step."""
+    return slice_of(MINE.step_slice(wildcards.step))
+
+
+def record_files():
+    """Recorded data that the record is read from; a folder's reader looks after its own files."""
+    if not HAS_RECORD or MINE.values["record"]["reader"] == "elk_creek":
+        return []
+    return MINE.record_slice()["file"]
+
+
+def if_made(option, path, made):
+    """A command line option for a result that this scene may not have."""
+    return f"--{option} {result(path)}" if made else ""

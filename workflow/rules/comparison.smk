@@ -1,19 +1,3 @@
-HAS_CATALOG = bool(MINE.dated_steps)
-HAS_RECORD = HAS_CATALOG and "record" in MINE.values
-
-
-def record_files():
-    """Recorded data that the record is read from; a folder's reader looks after its own files."""
-    if not HAS_RECORD or MINE.values["record"]["reader"] == "elk_creek":
-        return []
-    return MINE.record_slice()["file"]
-
-
-def if_made(option, path, made):
-    """A command line option for a result that this scene may not have."""
-    return f"--{option} {result(path)}" if made else ""
-
-
 rule record:
     """The recorded catalogue, read and filtered."""
     input:
@@ -34,7 +18,7 @@ rule record:
     conda:
         "../envs/environment.yaml"
     shell:
-        "{PYTHON} catalogs record --settings {params.settings:q} --output {output} --log {log}"
+        "stage catalogs record --settings {params.settings:q} --output {output} --log {log}"
 
 
 rule quakeml:
@@ -55,7 +39,7 @@ rule quakeml:
     conda:
         "../envs/environment.yaml"
     shell:
-        "{PYTHON} catalogs quakeml --catalog {input.catalog} --output {output} --log {log}"
+        "stage catalogs quakeml --catalog {input.catalog} --output {output} --log {log}"
 
 
 rule compare:
@@ -79,7 +63,7 @@ rule compare:
     conda:
         "../envs/environment.yaml"
     shell:
-        "{PYTHON} catalogs compare --catalog {input.catalog} --record {input.record} --settings {params.settings:q}"
+        "stage catalogs compare --catalog {input.catalog} --record {input.record} --settings {params.settings:q}"
         " --output {output} --log {log}"
 
 
@@ -116,7 +100,7 @@ rule report:
     conda:
         "../envs/environment.yaml"
     shell:
-        "{PYTHON} catalogs report --config {params.config:q} --default {params.default:q} --excavations {params.excavations:q}"
+        "stage catalogs report --config {params.config:q} --default {params.default:q} --excavations {params.excavations:q}"
         " --expected-hashes {params.hashes:q} --grid {input.grid} --elastic {input.elastic} --steps {input.steps}"
         " --events {input.events} {params.catalog} {params.record} {params.comparison} --benchmarks {params.benchmarks}"
         " --output {output.page} --figures {output.figures} --log {log}"
@@ -143,4 +127,4 @@ rule twin:
     conda:
         "../envs/environment.yaml"
     shell:
-        "{PYTHON} catalogs twin --catalog {input.catalog} --noise {params.noise} --cut {params.cut} --output {output} --log {log}"
+        "stage catalogs twin --catalog {input.catalog} --noise {params.noise} --cut {params.cut} --output {output} --log {log}"

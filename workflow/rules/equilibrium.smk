@@ -1,14 +1,3 @@
-def previous_state(wildcards):
-    """The state that a step starts from: the step before, or the elastic history."""
-    before = MINE.previous(wildcards.step)
-    return result(f"steps/{before}.nc" if before else "elastic.nc")
-
-
-def step_slice(wildcards):
-    """The configuration up to this step."""
-    return slice_of(MINE.step_slice(wildcards.step))
-
-
 rule elastic:
     """Elastic equilibrium of everything mined in history."""
     input:
@@ -29,7 +18,7 @@ rule elastic:
     conda:
         "../envs/environment.yaml"
     shell:
-        "{PYTHON} mpm_core elastic --scene {params.scene:q} --grid {input.grid} --output {output} --log {log} --threads {threads}"
+        "stage mpm_core elastic --scene {params.scene:q} --grid {input.grid} --output {output} --log {log} --threads {threads}"
 
 
 rule mining_step:
@@ -53,4 +42,4 @@ rule mining_step:
     conda:
         "../envs/environment.yaml"
     shell:
-        "{PYTHON} mpm_core step --scene {params.scene:q} --grid {input.grid} --state {input.state} --output {output} --log {log} --threads {threads}"
+        "stage mpm_core step --scene {params.scene:q} --grid {input.grid} --state {input.state} --output {output} --log {log} --threads {threads}"

@@ -18,7 +18,7 @@ rule events:
     conda:
         "../envs/environment.yaml"
     shell:
-        "{PYTHON} seismic events --step {input.step} --settings {params.settings:q} --output {output} --log {log}"
+        "stage seismic events --step {input.step} --settings {params.settings:q} --output {output} --log {log}"
 
 
 rule catalog:
@@ -42,4 +42,4 @@ rule catalog:
     conda:
         "../envs/environment.yaml"
     shell:
-        "{PYTHON} seismic catalog --events {input.events} --settings {params.settings:q} --output {output.catalog} --csv {output.table} --log {log}"
+        "stage seismic catalog --events {input.events} --settings {params.settings:q} --output {output.catalog} --csv {output.table} --log {log}"

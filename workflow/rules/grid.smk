@@ -18,7 +18,7 @@ rule grid:
     conda:
         "../envs/environment.yaml"
     shell:
-        "{PYTHON} mpm_core grid --scene {params.scene:q} --output {output} --log {log}"
+        "stage mpm_core grid --scene {params.scene:q} --output {output} --log {log}"
 
 
 rule vtk:
@@ -42,4 +42,4 @@ rule vtk:
     conda:
         "../envs/environment.yaml"
     shell:
-        "{PYTHON} mpm_core vtk --grid {input.grid} --state {input.state} --output {output} --log {log}"
+        "stage mpm_core vtk --grid {input.grid} --state {input.state} --output {output} --log {log}"

@@ -1,0 +1,268 @@
+"""A mine's configuration: every mistake is one line that names file and key, and a slice holds what its stage needs."""
+
+import copy
+import datetime
+import json
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tiny_mines import DEFAULT, FLAT, HOST, NEXT_STEP, TINY, box, changed, merged, write_mine
+
+from pipeline.errors import InputError
+from workflow.configuration import load
+
+
+@pytest.fixture
+def refuse(tmp_path):
+    """The line that a mine is refused with."""
+
+    def line(mine: dict, **values) -> str:
+        file = write_mine(changed(mine, **values), tmp_path / "mine.yaml")
+        with pytest.raises(InputError) as refused:
+            load(merged(yaml.safe_load(file.read_text())), file)
+        assert "\n" not in str(refused.value)
+        text = str(refused.value)
+        assert text.startswith(f"{file}: ")
+        return text.removeprefix(f"{file}: ")
+
+    return line
+
+
+@pytest.fixture
+def accept(tmp_path):
+    """The mine, checked and in SI."""
+
+    def mine(base: dict, **values):
+        file = write_mine(changed(base, **values), tmp_path / "mine.yaml")
+        return load(merged(yaml.safe_load(file.read_text())), file)
+
+    return mine
+
+
+FAULTS = [  # key set, value, what the line begins with, what it says besides
+    ("grid.levles", 3, "grid.levles: unknown key", "did you mean levels?"),
+    ("seismic.cluster.radius", 2, "seismic.cluster.radius: unknown key", "radius_cells"),
+    ("materials.host.colour", "red", "materials.host.colour: unknown key", "known here"),
+    ("excavations.0.radios", "3 m", "excavations[0].radios: unknown key", "radius"),
+    ("materials.host.youngs_modulus", "57 GPa/m", "materials.host.youngs_modulus: ", "not convertible to Pa"),
+    ("materials.host.density", "2850 kg", "materials.host.density: ", "not convertible to kg/m^3"),
+    ("materials.host.youngs_modulus", 57e9, "materials.host.youngs_modulus: ", "no unit"),
+    ("materials.host.youngs_modulus", "57", "materials.host.youngs_modulus: ", "no unit"),
+    ("materials.host.youngs_modulus", "57 GPs", "materials.host.youngs_modulus: ", "GPs"),
+    ("domain.upper.0", 80, "domain.upper[0]: ", "no unit"),
+    ("insitu_stress.gradient.xx", "-0.02 MPa", "insitu_stress.gradient.xx: ", "not convertible to Pa/m"),
+    ("materials.host.youngs_modulus", "-57 GPa", "materials.host.youngs_modulus: ", "out of range"),
+    ("materials.host.poisson_ratio", 0.5, "materials.host.poisson_ratio: ", "0.5"),
+    ("materials.host.cohesion.residual", "2 MPa", "materials.host.cohesion: ", "residual 2e+06 is above intact 1e+06"),
+    ("materials.host.friction_angle.residual", "40 deg", "materials.host.friction_angle: ", "above intact"),
+    ("materials.host.tension_cutoff.residual", "1 MPa", "materials.host.tension_cutoff: ", "above intact"),
+    ("materials.host.dilation_angle.intact", "35 deg", "materials.host.dilation_angle.intact: ", "allow_psi_above_phi"),
+    ("materials.fill.cohesion", HOST["cohesion"], "materials.fill.cohesion: ", "not a key of this model"),
+    ("materials.host.model", "plastic", "materials.host.model: ", "not one of elastic, coulomb"),
+    ("excavations.1.step", "2019-13", "excavations.stope_1.step: ", "not one of the steps history, 2019-08, planned"),
+    ("excavations.1.filled", "history", "excavations.stope_1.filled: ", "before the excavation is mined"),
+    ("excavations.1.fill", "paste", "excavations.stope_1.fill: ", "not one of the materials host, fill, none"),
+    ("excavations.0.filled", "2019-08", "excavations.drive.filled: ", "no fill"),
+    ("excavations.1.name", "drive", "excavations.drive: ", "twice"),
+    ("excavations.1.file", "stope.stl", "excavations.stope_1: ", "either a shape or a file"),
+    ("excavations.0.name", "../etc", "excavations[0].name: ", "does not match"),
+    ("steps.1.name", "planned", "steps.planned: ", "another name"),
+    ("steps.1.end", "2019-08-01", "steps.2019-08.end: ", "not after start"),
+    ("steps.1.start", "August", "steps[1].start: ", "'August'"),
+    ("steps.1.name", 201908, "steps[1].name: ", 'put the name in quotes: "201908"'),
+    ("name", "x", "name: ", "'x'"),
+    ("domain.upper", ["80 m", "80 m", "85 m"], "domain.upper[2]: ", "not a whole multiple of grid.coarse_cell, 10 m"),
+    ("domain.upper", ["80 m", "80 m"], "domain.upper: ", "2 coordinates; this scene has 3"),
+    ("domain.boundary", "free", "domain.boundary: ", "no face holds the rock up"),
+    ("domain.boundary", {"x": "roller", "x_lower": "free"}, "domain.boundary.x_lower: ", "also given by 'x'"),
+    ("grid.particles_per_cell", 4, "grid.particles_per_cell: ", "n^3"),
+    ("insitu_stress.gradient.yy", "-0.363 MPa/m", "insitu_stress: ", "above the intact strength of materials.host"),
+    ("record.file", "nowhere.csv", "record.file: ", "missing"),
+    ("record.reader", "seiscomp", "record.reader: ", "not one of"),
+    ("seismic.closeness", 1.5, "seismic.closeness: ", "1.5"),
+    ("solver.scheme", "implicit", "solver.scheme: ", "not one of"),
+]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "begins", "says"), FAULTS, ids=[f"{key}={value}" for key, value, *_ in FAULTS]
+)
+def test_a_mistake_is_one_line_with_its_key(refuse, key, value, begins, says):
+    """File, key, and what was expected; before anything runs."""
+    line = refuse(TINY, **{key: value})
+    assert line.startswith(begins)
+    assert says in line
+
+
+def test_the_mines_that_the_faults_start_from_are_good(accept):
+    """Otherwise the table above could be right for a wrong reason."""
+    assert accept(TINY).dimension == 3
+    assert accept(FLAT).dimension == 2
+
+
+@pytest.mark.parametrize("key", ["name", "frame", "domain", "insitu_stress", "materials"])
+def test_a_missing_section_is_named(refuse, key):
+    """What no default can know."""
+    mine = {name: value for name, value in TINY.items() if name != key}
+    assert refuse(mine).split(": ")[:2] in ([key, "missing key"], [f"{key}.lower", "missing key"])
+
+
+def test_a_missing_solid_is_named_with_the_folder_it_is_looked_for_in(refuse, tmp_path):
+    """Paths resolve from the mine file's folder."""
+    line = refuse(TINY, **{"excavations.0": {"name": "drive", "step": "history", "file": "solids/drive.stl"}})
+    assert line.startswith("excavations.drive.file: ")
+    assert "solids/drive.stl is missing" in line
+    assert str(tmp_path) in line
+
+
+def parts(value, path=()):
+    """Path of every mapping in a configuration."""
+    if isinstance(value, dict):
+        yield path
+    entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, entry in entries:
+        yield from parts(entry, (*path, key))
+
+
+def leaves(value, path=()):
+    """Path of every value in a configuration, sections and lists included."""
+    if path:
+        yield path
+    entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, entry in entries:
+        yield from leaves(entry, (*path, key))
+
+
+WITHOUT_RECORD = {key: entry for key, entry in TINY.items() if key != "record"}
+ODD_NUMBERS = (None, True, 0, -1, 1.5, 10**9, float("nan"), float("inf"))
+ODD_TEXTS = "|none|m|1 m|nan MPa|inf m|0 m|1e400 Pa|-5 deg|1 m 2|5 m + 2 s|__import__('os')|history|1 furlong|20 degC"
+ODD = st.sampled_from([*ODD_NUMBERS, *ODD_TEXTS.split("|"), [], {}, ["1 m"], {"x": 1}])
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.sampled_from(list(leaves(WITHOUT_RECORD))), ODD)
+def test_an_odd_value_is_accepted_or_refused_in_one_line_never_a_traceback(path, value):
+    """Whatever stands in a configuration, the user reads at most one line, and no number in use is NaN or infinite."""
+    config = copy.deepcopy(WITHOUT_RECORD)
+    part = config
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = value
+    config = merged(config)
+    try:
+        mine = load(config, "mine.yaml")
+    except InputError:
+        return
+    json.dumps([mine.grid_slice(), mine.scene_slice(1), mine.event_slice()], allow_nan=False)
+
+
+FREE_KEYS = {("materials",), ("record", "columns")}  # the user's own names stand here
+
+
+@given(st.sampled_from([path for path in parts(merged(TINY)) if path not in FREE_KEYS]))
+def test_an_unknown_key_is_refused_anywhere_with_its_path(path):
+    """In every mapping of the configuration, however deep."""
+    config = merged(TINY)
+    part = config
+    for key in path:
+        part = part[key]
+    part["zzz"] = 1
+    expected = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in (*path, "zzz")).lstrip(".")
+    with pytest.raises(InputError) as refused:
+        load(config, "mine.yaml")
+    assert f"mine.yaml: {expected}: unknown key" in str(refused.value)
+
+
+def test_what_yaml_makes_of_dates_and_numbers(accept):
+    """An unquoted date is a date to YAML and 1e-5 a text: both are meant."""
+    mine = accept(TINY, **{"steps.1.start": datetime.date(2019, 8, 1), "solver.tolerance": "1e-5"})
+    assert mine.steps[1]["start"] == "2019-08-01"
+    assert mine.values["solver"]["tolerance"] == 1e-5
+
+
+def test_default_file_holds_no_mine():
+    """Snakemake merges deeply: a material or excavation of the default would be in every mine."""
+    default = yaml.safe_load(DEFAULT.read_text())
+    assert not set(default) & {"materials", "excavations", "rock_bodies", "steps", "record", "loads", "insitu_stress"}
+
+
+def test_values_are_si(accept):
+    """Metres, pascals; angles stay degrees."""
+    values = accept(TINY, **{"materials.host.friction_angle.intact": "0.5 rad", "frame.surface": "1 km"}).values
+    assert values["materials"]["host"]["youngs_modulus"] == 57e9
+    assert values["materials"]["host"]["friction_angle"]["intact"] == pytest.approx(28.6479, abs=1e-4)
+    assert values["frame"]["surface"] == 1000.0
+    assert values["insitu_stress"]["gradient"]["yy"] == pytest.approx(-36300)
+    assert values["domain"]["upper"] == [80, 80, 80]
+
+
+def test_a_planned_stope_looks_like_one_dated_later(accept):
+    """Giving stope_2 its month, and a new fill, changes no slice that stands."""
+    before = accept(TINY)
+    dated = {"excavations.2.step": "2019-09", "excavations.2.fill": "paste", "steps": [*TINY["steps"], NEXT_STEP]}
+    after = accept(TINY, **dated, **{"materials.paste": {**TINY["materials"]["fill"], "youngs_modulus": "2 GPa"}})
+    assert after.grid_slice() == before.grid_slice()
+    assert [after.step_slice(step) for step in before.mined_steps] == [
+        before.step_slice(step) for step in before.mined_steps
+    ]
+    assert after.step_slice("2019-09")["excavations"][2] == {
+        "name": "stope_2",
+        "mined": 2,
+        "fill": "paste",
+        "filled": 2,
+    }
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "same"),
+    [
+        ("seismic.closeness", 0.7, {"grid_slice", "scene_slice", "record_slice"}),
+        ("solver.tolerance", 1e-4, {"grid_slice", "event_slice", "record_slice"}),
+        ("grid.levels", 3, {"scene_slice", "event_slice", "record_slice"}),
+        ("record.location_error", "9 m", {"grid_slice", "scene_slice", "event_slice"}),
+        ("comparison.seed", 2, {"grid_slice", "scene_slice", "event_slice", "record_slice"}),
+    ],
+)
+def test_a_slice_holds_only_what_its_stage_needs(accept, key, value, same):
+    """A changed value re-runs what depends on it and nothing else."""
+    before, after = accept(TINY), accept(TINY, **{key: value})
+    slices = {name: getattr(before, name) for name in ("grid_slice", "event_slice", "record_slice")}
+    slices["scene_slice"] = lambda: before.scene_slice(1)
+    others = {name: getattr(after, name) for name in ("grid_slice", "event_slice", "record_slice")}
+    others["scene_slice"] = lambda: after.scene_slice(1)
+    assert {name for name in slices if slices[name]() == others[name]()} == same
+
+
+def test_undated_scene_gets_a_history_of_its_own(accept):
+    """Dated steps alone: what is mined before them is nothing, and the first step is still the history."""
+    mine = accept(TINY, **{"steps": TINY["steps"][1:], "excavations.0.step": "2019-08"})
+    assert mine.mined_steps == ["history", "2019-08"]
+    assert mine.dated_steps == ["2019-08"]
+    assert mine.previous("2019-08") == "history"
+    assert mine.previous("history") == ""
+
+
+def test_boundary_by_axis_by_face_and_for_the_others(accept):
+    """`x: roller` is both faces; what is not named is `others`, or fixed."""
+    faces = accept(TINY, **{"domain.boundary": {"x": "roller", "z_upper": "free", "others": "fixed"}}).boundary()
+    assert faces == {
+        **dict.fromkeys(("x_lower", "x_upper"), "roller"),
+        **dict.fromkeys(("y_lower", "y_upper", "z_lower"), "fixed"),
+        "z_upper": "free",
+    }
+
+
+def test_checking_changes_nothing_of_what_was_given(accept):
+    """Snakemake's own config object stays as it was read: the report shows it."""
+    config = merged(TINY)
+    kept = copy.deepcopy(config)
+    with pytest.raises(InputError):
+        load(config, "mine.yaml")  # its record is not there
+    assert config == kept
+
+
+def test_a_step_that_mines_nothing_is_legal(accept):
+    """Time passes: no excavation need name a step."""
+    assert accept(TINY, **{"excavations": [box("drive", "history", [20, 30, 40], [60, 40, 50])]}).mined_steps

@@ -1,0 +1,281 @@
+"""The pipeline from a mine file to the report: what it makes, what it makes again, and what it leaves alone."""
+
+import csv
+import json
+import subprocess
+
+import numpy as np
+import pytest
+import xarray as xr
+from obspy.io.quakeml.core import _validate
+from tiny_mines import (
+    FLAT,
+    NEXT_STEP,
+    ROOT,
+    STILL,
+    TINY,
+    changed,
+    command,
+    finished,
+    hashes,
+    jobs,
+    snakemake,
+    start,
+    write_mine,
+)
+
+EVENT_STAGES = {"events": 2, "catalog": 1, "quakeml": 1, "compare": 1, "report": 1, "all": 1}
+
+GRID = """
+cell_origin cell,xyz float64 m | cell_size cell float64 m | cell_level cell int8 1 | cell_nodes cell,corner int32 1
+node_position node,xyz float64 m | node_parents node,parent int32 1 | cell_body cell int16 1
+piece_cell piece int32 1 | piece_excavation piece int16 1 | piece_fraction piece float64 1
+"""
+STATE = """
+position particle,xyz float64 m | cell particle int32 1 | spacing particle float64 m | volume particle float64 m3
+material particle int16 1 | excavation particle int16 1 | stress particle,voigt float64 Pa
+displacement particle,xyz float64 m | failed particle int32 1 | failure_order particle,order int32 1
+seismic_strain particle,voigt float64 1 | overshoot_strain particle,voigt float64 1
+later_strain particle,voigt float64 1 | plastic_strain particle,voigt float64 1
+plastic_strain_step particle,voigt float64 1 | strength_factor particle float64 1
+excess_shear_stress particle float64 Pa | node_displacement node,xyz float64 m | node_velocity node,xyz float64 m/s
+hourglass_force cell,mode,xyz float64 N | convergence_increment iteration int32 1
+convergence_generation iteration int32 1 | convergence_iteration iteration int32 1
+convergence_unbalanced_ratio iteration float64 1 | convergence_max_ratio iteration float64 1
+convergence_new_failures iteration int32 1
+"""
+EVENTS = """
+time event datetime64[ns] - | time_uncertainty event float64 s | location event,xyz float64 m
+potency_tensor event,xyz,axis float64 m3 | potency event float64 m3 | moment event float64 N_m | mw event float64 1
+p_axis event,xyz float64 1 | b_axis event,xyz float64 1 | t_axis event,xyz float64 1
+iso event float64 1 | clvd event float64 1 | dc event float64 1 | particles event int32 1 | resolved event int8 1
+source_size event float64 m
+"""
+MADE = {"mine", "config_hash", "source_hash", "versions"}
+STATE_FACTS = {
+    *("stage", "step", "step_index", "start", "end", "dated", "tolerance", "scheme", "iterations", "unbalanced_ratio"),
+    *("truncated", "truncated_share", "truncated_where", "failed_particles", "failed_volume", "energy_released"),
+    *("energy_dissipated", "lame_lambda", "shear_modulus"),
+}
+EVENT_FACTS = {"kind", "lame_lambda", "shear_modulus", "frame"}
+CATALOG_FACTS = EVENT_FACTS | {"potency_floor", "seismic_fraction", "budget"}
+CONTRACT = {
+    "grid.nc": (GRID, {"dimension", "plane", "thickness", "domain_lower", "domain_upper", "coarse_cell", "fine_cell"}),
+    "elastic.nc": (STATE, STATE_FACTS),
+    "steps/history.nc": (STATE, STATE_FACTS),
+    "steps/2019-08.nc": (STATE, STATE_FACTS),
+    "events/history.nc": (EVENTS, CATALOG_FACTS),
+    "events/2019-08.nc": (EVENTS, CATALOG_FACTS),
+    "catalog.nc": (EVENTS, CATALOG_FACTS),
+    "record.nc": (EVENTS, EVENT_FACTS | {"location_error"}),
+}
+COLUMNS = (
+    "date,time,x_m,y_m,z_m,log10_potency,moment_n_m,mw,"
+    "potency_xx_m3,potency_yy_m3,potency_zz_m3,potency_yz_m3,potency_xz_m3,potency_xy_m3"
+)
+
+
+@pytest.mark.parametrize("path", CONTRACT)
+def test_every_dataset_keeps_the_contract(undisturbed, path):
+    """Name, dimensions, type and unit of each variable, and the attributes, as design section 4 promises them."""
+    table, attributes = CONTRACT[path]
+    with xr.open_dataset(undisturbed[0] / "results/tiny" / path) as dataset:
+        dataset.load()
+    for entry in table.replace("\n", "|").split("|"):
+        if not entry.strip():
+            continue
+        name, dims, kind, unit = entry.split()
+        variable = dataset[name]
+        found = (",".join(variable.dims), str(variable.dtype), variable.attrs.get("units", "-").replace(" ", "_"))
+        assert (name, *found) == (name, dims, kind, unit)
+    assert (MADE | attributes) - set(dataset.attrs) == set()
+    assert dataset.attrs["mine"] == "tiny"
+
+
+def test_all_results_are_there_and_nothing_half_written(undisturbed):
+    """Every stage file, the tables and the page; no temporary file is left."""
+    results = undisturbed[0] / "results/tiny"
+    others = {"catalog.csv", "catalog.xml", "comparison.nc"}
+    assert set(hashes(results)) == set(CONTRACT) | others
+    assert (results / "report.html").stat().st_size > 10_000
+    assert list((results / "figures").iterdir())
+    assert not list(results.rglob("*.part"))
+
+
+def test_terminal_tells_each_stage_and_no_configuration(undisturbed):
+    """A line per stage and the progress: nothing of Snakemake's header, and no scene as JSON."""
+    text = undisturbed[1]
+    for stage in ("grid results/tiny/grid.nc: ", "step results/tiny/steps/2019-08.nc: ", "(100%) done"):
+        assert stage in text
+    for noise in ("{", "SNAKEMAKE", "Select jobs", "Finished jobid", "Traceback"):
+        assert noise not in text
+
+
+def test_history_stays_out_of_the_catalogue_and_the_budget_closes(undisturbed):
+    """The catalogue holds the events of the dated step only, within its dates, and each event's potency adds up."""
+    results = undisturbed[0] / "results/tiny"
+    catalog, step = xr.open_dataset(results / "catalog.nc"), xr.open_dataset(results / "steps/2019-08.nc")
+    history = xr.open_dataset(results / "events/history.nc")
+    assert history.sizes["event"] > 0
+    assert catalog.sizes["event"] > 0
+    assert set(catalog.step.values) == {"2019-08"}
+    assert np.isnat(history.time.values).all()
+    inside = (catalog.time.values > np.datetime64("2019-08-01")) & (catalog.time.values < np.datetime64("2019-09-01"))
+    assert inside.all()
+    strain = (step.seismic_strain * step.volume).sum("particle").values
+    tensor = catalog.potency_tensor.sum("event").values
+    events = tensor[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
+    np.testing.assert_allclose(events, strain, rtol=0, atol=1e-12 * np.abs(strain).max())
+
+
+def test_catalogue_as_table_and_as_quakeml(undisturbed):
+    """catalog.csv has the promised columns and one line per event; catalog.xml passes ObsPy's schema check."""
+    results = undisturbed[0] / "results/tiny"
+    catalog = xr.open_dataset(results / "catalog.nc")
+    with (results / "catalog.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert ",".join(rows[0]).startswith(COLUMNS)
+    np.testing.assert_allclose([float(row["x_m"]) for row in rows], catalog.location[:, 0], atol=1e-3)
+    np.testing.assert_allclose([float(row["log10_potency"]) for row in rows], np.log10(catalog.potency), atol=1e-6)
+    assert _validate(str(results / "catalog.xml"))
+
+
+def test_second_call_has_nothing_to_do(undisturbed, tiny_file):
+    """Nothing is run again, and Snakemake says so."""
+    status, text = snakemake(tiny_file, undisturbed[0], "--dry-run")
+    assert status == 0
+    assert "Nothing to be done" in text
+    assert jobs(text) == {}
+
+
+@pytest.fixture(scope="module")
+def side_by_side(base, tiny_file):
+    """Three mines at once in one folder, elsewhere and on one core each: texts by name."""
+    folder = base / "elsewhere" / "shared"
+    files = {"tiny": tiny_file}
+    files |= {mine["name"]: write_mine(mine, base / "files" / f"{mine['name']}.yaml") for mine in (FLAT, STILL)}
+    runs = {name: start(file, folder, cores=1) for name, file in files.items()}
+    return folder / "results", {name: finished(run) for name, run in runs.items()}
+
+
+def test_mines_run_side_by_side_in_one_folder(side_by_side):
+    """No run waits for, locks out or overwrites another."""
+    _, runs = side_by_side
+    assert {name: status for name, (status, _) in runs.items()} == {"tiny": 0, "flat": 0, "still": 0}, runs
+
+
+def test_another_run_elsewhere_on_one_core_has_the_same_bytes(undisturbed, side_by_side):
+    """Datasets, tables and XML do not depend on place, time, number of threads or what else is running."""
+    assert hashes(side_by_side[0] / "tiny") == hashes(undisturbed[0] / "results/tiny")
+
+
+def test_scene_without_steps_stops_at_the_elastic_state(side_by_side):
+    """No steps asked for: grid, elastic state and report, nothing more."""
+    results, _ = side_by_side
+    assert set(hashes(results / "still")) == {"grid.nc", "elastic.nc"}
+    assert (results / "still/report.html").exists()
+
+
+def test_plane_strain_scene_reaches_its_report(side_by_side):
+    """Two dimensions inside, three coordinates and six stresses outside; potencies are those of 1 m of section."""
+    results, _ = side_by_side
+    grid, step = (xr.open_dataset(results / "flat" / path) for path in ("grid.nc", "steps/2019-08.nc"))
+    events = xr.open_dataset(results / "flat/events/2019-08.nc")
+    assert grid.attrs["plane"] == "xz"
+    assert grid.sizes["corner"] == 4
+    assert step.sizes["xyz"] == 3
+    assert step.sizes["voigt"] == 6
+    assert (step.position[:, 1] == 0).all()
+    failed = (step.seismic_strain != 0).any("voigt")
+    scalar = np.sqrt(
+        2 * (step.seismic_strain[:, :3] ** 2).sum("voigt") + 4 * (step.seismic_strain[:, 3:] ** 2).sum("voigt")
+    )
+    floor = 2 * float(scalar[failed].median()) * 5.0**2 * 1.0  # min_samples cells of 5 m, 1 m thick
+    assert events.attrs["potency_floor"] == pytest.approx(floor)
+    assert (results / "flat/report.html").exists()
+
+
+def dry(mine: dict, base, folder, *options) -> dict[str, int]:
+    """Jobs that a changed mine would run over existing results."""
+    file = write_mine(mine, base / "files" / "changed.yaml")
+    status, text = snakemake(file, folder, "--dry-run", *options)
+    assert status == 0, text
+    return jobs(text)
+
+
+def test_a_seismic_value_runs_the_event_stages_only(undisturbed, base):
+    """Grid and mechanics do not depend on `seismic`."""
+    assert dry(changed(TINY, **{"seismic.closeness": 0.7}), base, undisturbed[0]) == EVENT_STAGES
+
+
+def test_a_filter_of_the_record_runs_the_comparison_only(undisturbed, base):
+    """Nor does the model depend on the record."""
+    mine = changed(TINY, **{"record.filter.minimum_potency": "1e-3 m^3"})
+    assert dry(mine, base, undisturbed[0]) == {"record": 1, "compare": 1, "report": 1, "all": 1}
+
+
+def test_a_value_of_the_later_step_leaves_the_earlier_alone(undisturbed, base):
+    """The fill is placed in 2019-08: its stiffness changes that step and what follows."""
+    mine = changed(TINY, **{"materials.fill.youngs_modulus": "2 GPa"})
+    expected = {"mining_step": 1, "events": 1, "catalog": 1, "quakeml": 1, "compare": 1, "report": 1, "all": 1}
+    assert dry(mine, base, undisturbed[0]) == expected
+
+
+def test_a_deleted_intermediate_is_made_again(spoiled, tiny_file):
+    """A missing stage file is not overlooked behind a report that still stands."""
+    (spoiled / "results/tiny/steps/history.nc").unlink()
+    status, text = snakemake(tiny_file, spoiled, "--dry-run")
+    assert status == 0
+    assert jobs(text)["mining_step"] == 2
+    assert "grid" not in jobs(text)
+    assert "elastic" not in jobs(text)
+
+
+@pytest.mark.slow
+def test_a_planned_stope_gets_its_month_and_only_that_is_run(spoiled, base):
+    """stope_2 shaped the grid already; dated, it is one new step after the ones that stand."""
+    results = spoiled / "results/tiny"
+    before = hashes(results)
+    mine = changed(TINY, **{"excavations.2.step": NEXT_STEP["name"], "steps": [*TINY["steps"], NEXT_STEP]})
+    file = write_mine(mine, base / "files" / "next.yaml")
+    status, text = snakemake(file, spoiled)
+    assert status == 0, text
+    new = {"mining_step": 1, "events": 1, "catalog": 1, "quakeml": 1, "compare": 1, "report": 1, "all": 1}
+    assert jobs(text) == new
+    after = hashes(results)
+    remade = {path for path in after if after[path] != before.get(path)}
+    assert remade == {
+        *(f"{kind}/2019-09.nc" for kind in ("steps", "events")),
+        "catalog.nc",
+        "catalog.csv",
+        "catalog.xml",
+        "comparison.nc",
+    }
+    steps = json.loads(xr.open_dataset(results / "catalog.nc").attrs["steps"])
+    assert steps == ["2019-08", "2019-09"]
+
+
+def test_lint_is_clean(tiny_file, tmp_path):
+    """Snakemake's own style check has nothing to say."""
+    status, text = snakemake(tiny_file, tmp_path, "--lint")
+    assert status == 0, text
+    assert "Congratulations" in text
+
+
+def test_vtk_of_a_stage_on_request(spoiled, tiny_file):
+    """A target outside `all`: the elastic state for ParaView."""
+    target = "results/tiny/vtk/elastic.vtu"
+    status, text = snakemake(tiny_file, spoiled, target)
+    assert status == 0, text
+    assert (spoiled / target).stat().st_size > 1000
+
+
+def test_checkout_in_a_folder_with_a_space(tiny_file, tmp_path):
+    """The rules quote the checkout's own path."""
+    checkout = tmp_path / "my checkout"
+    checkout.mkdir()
+    for name in ("Snakefile", "workflow", "config", "pipeline", "mpm_core", "seismic", "catalogs", "profiles"):
+        (checkout / name).symlink_to(ROOT / name)
+    line = command(tiny_file, tmp_path / "run", "results/tiny/record.nc", cores=1, checkout=checkout)
+    run = subprocess.run(line, capture_output=True, text=True, timeout=300)
+    assert run.returncode == 0, run.stderr

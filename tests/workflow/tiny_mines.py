@@ -1,0 +1,154 @@
+"""Mines small enough to run through in seconds, and the pipeline's command line as a user calls it."""
+
+import copy
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+ROOT = Path(__file__).parents[2]
+DEFAULT = ROOT / "config" / "default.yaml"
+STAGES = {"grid", "elastic", "mining_step", "events", "catalog", "quakeml", "record", "compare", "report", "all"}
+DATASETS = (".nc", ".csv", ".xml")
+
+HOST = {
+    "model": "coulomb",
+    "youngs_modulus": "57 GPa",
+    "poisson_ratio": 0.25,
+    "density": "2850 kg/m^3",
+    "friction_angle": {"intact": "30 deg", "residual": "20 deg"},
+    "dilation_angle": {"intact": "10 deg", "residual": "10 deg"},
+    "cohesion": {"intact": "1 MPa", "residual": "0.5 MPa"},
+    "tension_cutoff": {"intact": "0.5 MPa", "residual": "0 MPa"},
+}
+FILL = {"model": "elastic", "youngs_modulus": "1 GPa", "poisson_ratio": 0.25, "density": "1750 kg/m^3"}
+
+
+def box(name: str, step: str, lower: list[float], upper: list[float], **others) -> dict:
+    """An excavation between two corners, m."""
+    corners = {key: [f"{value} m" for value in corner] for key, corner in (("lower", lower), ("upper", upper))}
+    return {"name": name, "step": step, "shape": "box", **corners, **others}
+
+
+TINY = {
+    "name": "tiny",
+    "frame": {"latitude": -41.8, "longitude": 145.4, "surface": "1000 m"},
+    "domain": {"lower": ["0 m", "0 m", "0 m"], "upper": ["80 m", "80 m", "80 m"]},
+    "grid": {"coarse_cell": "10 m", "levels": 2, "buffer_cells": 1},
+    "insitu_stress": {
+        "constant": {"xx": "-0.1 MPa"},
+        "gradient": {"xx": "-0.0249 MPa/m", "yy": "-0.0363 MPa/m", "zz": "-0.0278 MPa/m", "xz": "0.0027 MPa/m"},
+    },
+    "materials": {"host": HOST, "fill": FILL},
+    "excavations": [
+        box("drive", "history", [20, 30, 40], [60, 40, 50]),
+        box("stope_1", "2019-08", [30, 40, 25], [45, 55, 50], fill="fill"),
+        box("stope_2", "planned", [45, 40, 25], [55, 55, 50], fill="fill"),
+    ],
+    "steps": [{"name": "history"}, {"name": "2019-08", "start": "2019-08-01", "end": "2019-09-01"}],
+    "solver": {"tolerance": 1e-3, "increments": 2},
+    "seismic": {"cluster": {"min_samples": 2}},
+    "comparison": {"resamplings": 99},
+    "record": {
+        "file": "record.csv",
+        "reader": "csv",
+        "location_error": "5 m",
+        "columns": {"time": "date", "x": "x", "y": "y", "z": "z", "log_potency": "size"},
+    },
+}
+NEXT_STEP = {"name": "2019-09", "start": "2019-09-01", "end": "2019-10-01"}
+
+# The same rock as a section of 1 m: a circular drive in history, a stope in a month; no record.
+FLAT = copy.deepcopy(TINY) | {
+    "name": "flat",
+    "plane": "xz",
+    "domain": {"lower": ["0 m", "0 m"], "upper": ["80 m", "80 m"]},
+    "excavations": [
+        {"name": "drive", "step": "history", "shape": "circle", "center": ["40 m", "40 m"], "radius": "6 m"},
+        box("stope_1", "2019-08", [46, 30], [58, 50], fill="fill"),
+    ],
+}
+del FLAT["record"]
+
+# Nothing but history: the pipeline stops at the elastic state.
+STILL = {key: copy.deepcopy(TINY[key]) for key in TINY if key not in ("steps", "record", "seismic", "comparison")}
+STILL |= {"name": "still", "excavations": [box("drive", "planned", [20, 30, 40], [60, 40, 50])]}
+
+
+def write_mine(mine: dict, path: Path) -> Path:
+    """A mine file, and the record that TINY reads beside it: 60 events of 2019-08 around the stope."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(yaml.safe_dump(mine, sort_keys=False))
+    random = np.random.default_rng(1)
+    location, size = random.uniform(20, 60, (60, 3)), random.exponential(0.5, 60) - 3
+    lines = [
+        f"2019-08-{day % 30 + 1:02d}T06:00:00,{x:.2f},{y:.2f},{z:.2f},{log_potency:.3f}"
+        for day, ((x, y, z), log_potency) in enumerate(zip(location, size, strict=True))
+    ]
+    (path.parent / "record.csv").write_text("\n".join(["date,x,y,z,size", *lines, ""]))
+    return path
+
+
+def changed(mine: dict, **values) -> dict:
+    """A copy of a mine with values set by dotted key: changed(TINY, **{"grid.levels": 3}); list items by number."""
+    mine = copy.deepcopy(mine)
+    for key, value in values.items():
+        *parents, last = (int(part) if part.isdigit() else part for part in key.split("."))
+        part = mine
+        for parent in parents:
+            part = part.setdefault(parent, {}) if isinstance(part, dict) else part[parent]
+        part[last] = value
+    return mine
+
+
+def merged(mine: dict) -> dict:
+    """The default configuration with a mine over it, as Snakemake merges them."""
+
+    def over(base: dict, top: dict) -> dict:
+        both = [key for key in base if isinstance(base[key], dict) and isinstance(top.get(key), dict)]
+        return base | top | {key: over(base[key], top[key]) for key in both}
+
+    return over(yaml.safe_load(DEFAULT.read_text()), copy.deepcopy(mine))
+
+
+def command(mine_file: Path, folder: Path, *options: str, cores: int = 2, checkout: Path = ROOT) -> list[str]:
+    """The command line of a user; the folder is where results go."""
+    snakemake = [sys.executable, "-m", "snakemake", *options, "--cores", str(cores), "--directory", str(folder)]
+    return [*snakemake, "--snakefile", str(checkout / "Snakefile"), "--configfile", str(mine_file)]
+
+
+def start(mine_file: Path, folder: Path, *options: str, cores: int = 2) -> subprocess.Popen:
+    """Snakemake in a session of its own; its output is read with communicate()."""
+    text = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "encoding": "utf-8"}
+    environment = os.environ | {"PYTHONIOENCODING": "utf-8"}
+    return subprocess.Popen(
+        command(mine_file, folder, *options, cores=cores), **text, env=environment, start_new_session=True
+    )
+
+
+def snakemake(mine_file: Path, folder: Path, *options: str, cores: int = 2) -> tuple[int, str]:
+    """Exit status and terminal text of a run."""
+    process = start(mine_file, folder, *options, cores=cores)
+    return finished(process)
+
+
+def finished(process: subprocess.Popen) -> tuple[int, str]:
+    """Exit status and terminal text of a run that was started."""
+    text, _ = process.communicate(timeout=600)
+    return process.returncode, text
+
+
+def jobs(text: str) -> dict[str, int]:
+    """How often each rule runs, from the table of jobs that Snakemake prints."""
+    pairs = (line.split() for line in text.splitlines())
+    return {pair[0]: int(pair[1]) for pair in pairs if len(pair) == 2 and pair[0] in STAGES and pair[1].isdigit()}
+
+
+def hashes(results: Path, suffixes: tuple[str, ...] = DATASETS) -> dict[str, str]:
+    """sha256 of every result by its path."""
+    files = sorted(path for path in results.rglob("*") if path.suffix in suffixes and path.is_file())
+    return {path.relative_to(results).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
