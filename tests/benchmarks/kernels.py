@@ -1,0 +1,274 @@
+"""How fast the explicit steps are, beside a bare numba loop and NVIDIA Warp's CPU backend, measured in turns.
+
+Run ``python -m tests.benchmarks.kernels`` on a quiet machine (the load is printed: clock times mean little with others
+at work, CPU times more). float64, 8 particles per cell, 3-D. Required: 10 M particle-steps per CPU-second elastic on one
+thread, 5 M with Coulomb while a tenth of the particles yields; 1.7 times faster on two threads, same bits. Rates are
+medians of alternating turns. The peers are scripts of ours in peers/, each in an environment of its own that uv makes;
+without uv they are left out, without a network say ``--no-peers``.
+
+The state is a slow uniform compression along y of rock so heavy (mass times 1e12) that forces cannot change its
+velocity: every step costs what any step costs. Virgin stress is that of the paper's Table 2 at 1000 m.
+
+  elastic   no particle has failed: the cost of intact rock, which fails between relaxations only (cascade.py)
+  Coulomb   all particles have failed, so all are compared with residual strength in every step. A tenth, at random
+            (the worst case for a processor's branch prediction), carry 70 MPa along y and yield in each step; the
+            others stay below strength by a sixth. The share that yielded in the last step is printed.
+
+Bytes are those of the arrays that a step passes through, once per pass; the copy speed of one thread stands beside.
+"""
+
+import argparse
+import json
+import os
+import shutil
+import statistics
+import subprocess
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numba
+import numpy as np
+from numba import njit, prange
+
+from mpm_core.equilibrium.explicit import ExplicitScheme
+from mpm_core.equilibrium.moving import MovingScheme
+from mpm_core.grid import build_grid
+from mpm_core.model import Model
+from tests.benchmarks.grid import overlaps_a_box
+from tests.mechanics.scenes import COULOMB, make_model, make_scene, uniform
+
+PEERS = Path(__file__).parent / "peers"
+TABLE_2_AT_1000_M = uniform(-24.9e6, -40.97e6, -28.13e6, -3.95e6, 2.7e6, -0.7e6)
+YIELDING_STRESS = -70e6  # Pa, along y
+YIELDING_SHARE = 0.1
+HEAVINESS = 1e12
+STRAIN_PER_STEP = 1e-8
+STEPS = 8
+DRIVES = (  # lower, upper, m: two drives and a crosscut of 5 x 5 m, a stope
+    np.array([[10.0, 20, 38], [10, 55, 38], [45, 20, 38], [60, 30, 50]]),
+    np.array([[90.0, 25, 43], [90, 60, 43], [50, 60, 43], [70, 50, 62]]),
+)
+
+
+def regular_grid(side: int):
+    """A block of side^3 cells of one level."""
+    return build_grid((0, 0, 0), 1.25, (side,) * 3, 1, lambda level, index: np.zeros(len(index), bool), 0)
+
+
+def mine_grid():
+    """100 x 80 x 80 m around drives and a stope, 10 m to 1.25 m."""
+    return build_grid(
+        (0, 0, 0), 10.0, (10, 8, 8), 4, lambda level, index: overlaps_a_box(index, 10.0 / 2**level, *DRIVES), 2
+    )
+
+
+@dataclass
+class Case:
+    """A scheme in the state described above, and what was measured of it."""
+
+    name: str
+    scheme: ExplicitScheme
+    rates: list[float] = field(default_factory=list)  # particle-steps per CPU-second, one thread
+    clock: dict[int, list[float]] = field(default_factory=lambda: {1: [], 2: []})  # s, by number of threads
+    yielding: float = 0.0
+
+    def __post_init__(self):
+        self.no_force = np.zeros_like(self.scheme.unbalanced)
+
+    def steps(self, number: int) -> None:
+        for _ in range(number):
+            self.scheme._advance(self.no_force, self.scheme.time_step)
+            self.scheme._update(self.scheme.time_step)
+
+    def measure(self) -> None:
+        """Half a second or so: once on one thread, once on two."""
+        count = self.scheme.model.particles.count
+        for threads in (1, 2):
+            numba.set_num_threads(threads)
+            start, processor = time.perf_counter(), time.process_time()
+            self.steps(STEPS)
+            if threads == 1:
+                self.rates.append(count * STEPS / (time.process_time() - processor))
+            self.clock[threads].append(time.perf_counter() - start)
+
+    @property
+    def speed_up(self) -> float:
+        """Clock time on one thread over that on two, each the best of all turns: the least disturbed by others."""
+        return min(self.clock[1]) / min(self.clock[2])
+
+    def measure_yielding(self) -> None:
+        before = self.scheme.state.dissipated.copy()
+        self.steps(1)
+        self.yielding = float((self.scheme.state.dissipated > before).mean())
+
+
+def compressed(model: Model, moving: bool, coulomb: bool) -> ExplicitScheme:
+    """A scheme whose nodes (and particles) keep the velocity of a uniform compression along y."""
+    state = model.virgin_state()
+    if coulomb:
+        state.failed[:] = 0
+    scheme = (MovingScheme if moving else ExplicitScheme)(model, state, model.volumes(0))
+    rate = STRAIN_PER_STEP / scheme.time_step
+    state.velocity[:, 1] = -rate * model.grid.node_position[:, 1]
+    scheme.mass *= HEAVINESS
+    if moving:
+        scheme.density *= HEAVINESS
+        scheme.particle_mass *= HEAVINESS
+        scheme.velocity[:, 1] = -rate * model.particles.position[:, 1]
+    scheme._update(0.0)
+    return scheme
+
+
+def make_cases() -> tuple[list[Case], dict[str, Model]]:
+    """Every scheme and material on both grids; models by name of the grid."""
+    cases, models = [], {}
+    scene = make_scene(None, host=COULOMB, stress=TABLE_2_AT_1000_M, boundary="free", particles_per_cell=2)
+    for grid_name, grid in (("block", regular_grid(38)), ("mine", mine_grid())):
+        model = models[grid_name] = make_model(scene, grid)
+        yields = np.random.default_rng(1).random(model.particles.count) < YIELDING_SHARE
+        model.insitu[yields, 1] = YIELDING_STRESS
+        for moving in (False, True):
+            for coulomb in (False, True):
+                scheme = compressed(model, moving, coulomb)
+                name = f"{'moving' if moving else 'resting'}, {'Coulomb' if coulomb else 'elastic'}, {grid_name}"
+                cases.append(Case(name, scheme))
+    return cases, models
+
+
+class Peer:
+    """A script of peers/ in its own environment; for every line it takes its steps and answers in JSON."""
+
+    def __init__(self, name: str, script: str, *packages: str, options: tuple[str, ...] = ()):
+        self.name, self.rates, self.version, self.yielding = name, [], "", 0.0
+        packages = [word for package in packages for word in ("--with", package)]
+        command = ["uv", "run", "--quiet", "--no-project", *packages, "python", str(PEERS / script), *options]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def measure(self) -> None:
+        self.process.stdin.write("\n")
+        self.process.stdin.flush()
+        for line in self.process.stdout:
+            if line.startswith("{"):
+                answer = json.loads(line)
+                self.rates.append(answer["rate"])
+                self.version, self.yielding = answer["version"], answer.get("yielding", 0.0)
+                return
+        raise RuntimeError(f"{self.name} ended without an answer: is there a network for uv? (--no-peers)")
+
+    def close(self) -> None:
+        self.process.stdin.close()
+        self.process.wait()
+
+
+def start_peers() -> list[Peer]:
+    size = ("--cells", "38", "--steps", str(STEPS))
+    return [
+        Peer("bare numba, elastic, block", "bare_numba.py", "numba", "numpy", options=size),
+        Peer("Warp, elastic, block", "warp_block.py", "warp-lang", "numpy", options=size),
+        Peer("Warp, Coulomb, block", "warp_block.py", "warp-lang", "numpy", options=(*size, "--coulomb")),
+    ]
+
+
+def same_bits(model: Model, moving: bool) -> bool:
+    """Whether ten steps from one state end alike, to the last bit, on one thread and on two."""
+    ends = []
+    for threads in (1, 2):
+        numba.set_num_threads(threads)
+        case = Case("", compressed(model, moving, coulomb=True))
+        case.scheme.state.stress[:] = np.random.default_rng(2).standard_normal(case.scheme.state.stress.shape) * 1e6
+        case.scheme.mass /= HEAVINESS  # forces do matter here
+        if moving:
+            case.scheme.density /= HEAVINESS
+            case.scheme.particle_mass /= HEAVINESS
+        case.scheme._update(0.0)
+        case.steps(10)
+        state = case.scheme.state
+        ends.append((state.stress, state.later_strain, state.displacement, state.velocity, state.position))
+    return all(np.array_equal(one, two) for one, two in zip(*ends, strict=True))
+
+
+def bytes_per_particle(scheme: ExplicitScheme) -> float:
+    """Bytes of the arrays that one step reads or writes, per particle; those it reads and writes count twice."""
+    model, state, scatter = scheme.model, scheme.state, scheme.model.scatter
+    read = [model.cell_nodes, scatter.cell_slots, model.grid.cell_size, scheme.volume, model.particles.material]
+    read += [scatter.sum_slots, scatter.sum_weights, scatter.sum_start, scheme.failed, model.held, scheme.unbalanced]
+    both = [state.stress, state.velocity, state.displacement]
+    if isinstance(scheme, MovingScheme):
+        read += [scheme.particle_mass, scheme.cell_particles, scheme.cell_start, scheme.mass]
+        both += [scheme.xi, scheme.velocity, scheme.acceleration, scheme.slot_values]
+    else:
+        groups = model.particles
+        read += [groups.cell_groups_start, groups.cell_groups, groups.group_start, groups.group_table, scheme.mass]
+        both += [scheme.slot_force]
+    total = sum(array.nbytes for array in read) + 2 * sum(array.nbytes for array in both)
+    if scheme.failed.any():
+        total += model.insitu.nbytes
+        total += 2 * YIELDING_SHARE * (state.later_strain.nbytes + state.dissipated.nbytes)
+    return total / model.particles.count
+
+
+@njit(parallel=True)
+def scale(source, target):
+    for i in prange(len(source)):
+        target[i] = 3.0 * source[i]
+
+
+def memory_speed() -> float:
+    """GB/s that one thread reads and writes in a plain loop over arrays far larger than any cache."""
+    numba.set_num_threads(1)
+    source, target = np.ones(16_000_000), np.ones(16_000_000)
+    scale(source, target)
+    times = []
+    for _ in range(5):
+        start = time.process_time()
+        scale(source, target)
+        times.append(time.process_time() - start)
+    return 2 * source.nbytes / statistics.median(times) / 1e9
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repetitions", type=int, default=9, help="turns of which the median is taken")
+    parser.add_argument("--no-peers", action="store_true")
+    arguments = parser.parse_args()
+    peers = [] if arguments.no_peers or not shutil.which("uv") else start_peers()
+    cases, models = make_cases()
+    for name, model in models.items():
+        print(f"{name}: {len(model.cell_nodes):,} cells, {len(model.hanging):,} hanging nodes", end="; ")
+        print(f"{model.particles.count:,} particles")
+    for case in cases:
+        for threads in (1, 2):
+            numba.set_num_threads(threads)
+            case.steps(2)  # compiled, in memory
+    for peer in peers:
+        peer.measure()
+        peer.rates.clear()
+    print("load before:", *(f"{value:.1f}" for value in os.getloadavg()))
+    for _ in range(arguments.repetitions):
+        for one in (*cases, *peers):
+            one.measure()
+    print("load after: ", *(f"{value:.1f}" for value in os.getloadavg()))
+
+    bare = statistics.median(peers[0].rates) if peers else float("nan")
+    copy = memory_speed()
+    print(f"\n{'':30}{'M / CPU-s':>10}{'over bare':>10}{'2 threads':>10}{'yielding':>10}{'bytes':>7}{'GB/s':>6}")
+    for case in cases:
+        case.measure_yielding()
+        rate, traffic = statistics.median(case.rates), bytes_per_particle(case.scheme)
+        print(f"{case.name:30}{rate / 1e6:10.1f}{rate / bare:10.2f}{case.speed_up:10.2f}", end="")
+        print(f"{100 * case.yielding:9.1f}%{traffic:7.0f}{rate * traffic / 1e9:6.1f}")
+    for peer in peers:
+        rate = statistics.median(peer.rates)
+        print(f"{peer.name:30}{rate / 1e6:10.1f}{rate / bare:10.2f}{'':10}{100 * peer.yielding:9.1f}%  {peer.version}")
+        peer.close()
+    print(f"\na plain loop of one thread moves {copy:.1f} GB/s: where GB/s is far below, arithmetic is the bound")
+    for moving in (False, True):
+        same = all(same_bits(model, moving) for model in models.values())
+        print(
+            f"{'moving' if moving else 'resting'}: one thread and two give {'the same bits' if same else 'OTHER BITS'}"
+        )
+
+
+if __name__ == "__main__":
+    main()
