@@ -65,8 +65,8 @@ def check_inside(solid: Solid, domain: Domain, section: str) -> None:
     lower, upper = solid.bounds
     if (upper <= domain.lower).any() or (lower >= domain.upper).any():
         raise InputError(
-            f"{section}.{solid.name}: lies outside the domain ({_span(lower, upper)}; domain {_span(domain.lower, domain.upper)}): "
-            "check its coordinates and domain.lower, domain.upper"
+            f"{section}.{solid.name}: lies outside the domain ({_span(lower, upper)}; "
+            f"domain {_span(domain.lower, domain.upper)}): check its coordinates and domain.lower, domain.upper"
         )
     if (lower < domain.lower).any() or (upper > domain.upper).any():
         logging.warning("%s.%s reaches beyond the domain; the part inside is used", section, solid.name)
@@ -77,7 +77,7 @@ def _span(lower, upper) -> str:
 
 
 def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid], whole: bool) -> Pieces:
-    """Parts of the finest cells inside each excavation, in order of excavation and cell. `whole`: in or out by the half."""
+    """Parts of the finest cells inside each excavation, by excavation and cell. `whole`: in or out by the half."""
     finest = np.flatnonzero(grid.cell_level == grid.levels - 1).astype(np.int32)
     index = grid.cell_index[finest]
     parts = []
@@ -119,8 +119,8 @@ def require_memory(count: GridCount, dimension: int) -> None:
     logging.info("%d cells, %d nodes; about %.2f GB for the mechanics", count.cells, count.nodes, needed / 1e9)
     if needed > free:
         raise InputError(
-            f"grid: {count.cells:,} cells need about {needed / 1e9:.1f} GB of memory, {free / 1e9:.1f} GB are free: use fewer "
-            "grid.levels, a larger grid.coarse_cell, fewer grid.buffer_cells or a smaller domain"
+            f"grid: {count.cells:,} cells need about {needed / 1e9:.1f} GB of memory, {free / 1e9:.1f} GB are free: "
+            "use fewer grid.levels, a larger grid.coarse_cell, fewer grid.buffer_cells or a smaller domain"
         )
 
 

@@ -1,7 +1,7 @@
 """Particles of a multi-level grid: one group of points per cell and material, whose volumes change as rock is mined.
 
-Every cell has one group of rock particles, and one more for each excavation that is filled there. Fill groups come after
-all rock groups, in the order of filling, so the particles of one mining step are a prefix of those of the next.
+Every cell has one group of rock particles, and one more for each excavation that is filled there. Fill groups come
+after all rock groups, in the order of filling, so the particles of one mining step are a prefix of those of the next.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ FULL = np.uint64(2**64 - 1)
 
 @dataclass(frozen=True)
 class Pieces:
-    """Parts of cells inside excavations: cell (piece,) int32, excavation (piece,) index, samples (piece,) uint64 bits."""
+    """Parts of cells inside excavations: cell, excavation (piece,) indices, samples (piece,) uint64, one bit each."""
 
     cell: np.ndarray
     excavation: np.ndarray
@@ -28,14 +28,14 @@ class Pieces:
 
 @dataclass(frozen=True)
 class Particles:
-    """Where the particles are; their state lives in state.py.
+    """Where the particles are; their state is model.State.
 
-    cell, excavation (-1 rock), material (particle,); xi (particle, d) place in the cell, -1 to 1; position (particle, d),
-    spacing (particle,) m;
+    cell, excavation (-1 rock), material (particle,); xi (particle, d) place in the cell, -1 to 1; position
+    (particle, d), spacing (particle,) m;
     full_volume (particle,) m3 (m2 in 2-D) if the whole place belonged to the particle; sample (particle,) bit of the
     cell's samples that the particle stands for, -1 for a share of all;
     group_start (group + 1,) first particle of each group, group_table (group,) first row of its points in `points`;
-    cell_groups_start (cell + 1,), cell_groups: groups of each cell; points (row, d) the point tables, one after another.
+    cell_groups_start (cell + 1,), cell_groups: groups of each cell; points (row, d) the point tables.
     """
 
     cell: np.ndarray

@@ -40,7 +40,7 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
     with following(scene, "elastic", state, failed_state) as history:
         history.increment = 1
         scheme.relax(force, scene.solver.tolerance, reference, history)
-    return finish(model, state, volume, history, 0, state.displacement, force, "elastic")
+    return finish(scheme, history, 0, state.displacement, force, "elastic")
 
 
 def mining_step(scene: Scene, grid: xr.Dataset, previous: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:
@@ -67,7 +67,7 @@ def mining_step(scene: Scene, grid: xr.Dataset, previous: xr.Dataset, failed_sta
     with following(scene, scene.steps[step]["name"], state, failed_state) as history:
         run_cascade(scheme, brittle, start, target, step, reference, history)
     released = state.displacement - start_displacement
-    return finish(model, state, volume, history, step, released, target - start, "step")
+    return finish(scheme, history, step, released, target - start, "step")
 
 
 def release_mined_hourglass(model: Model, state: State, old_volume: np.ndarray, volume: np.ndarray) -> None:
@@ -101,17 +101,11 @@ class following:
 
 
 def finish(
-    model: Model,
-    state: State,
-    volume: np.ndarray,
-    history: History,
-    step: int,
-    moved: np.ndarray,
-    released_force: np.ndarray,
-    stage: str,
+    scheme: ExplicitScheme, history: History, step: int, moved: np.ndarray, released_force: np.ndarray, stage: str
 ) -> tuple[xr.Dataset, dict]:
     """Rate the state against strength and put it into its dataset; the second value is what the log reports."""
-    scene, particles = model.scene, model.particles
+    model, state, volume = scheme.model, scheme.state, scheme.volume
+    scene = model.scene
     rating = rate(model, state, volume)
     here = (state.failed == step) & (volume > 0.0) & (stage == "step")
     table = history.table()
@@ -130,10 +124,24 @@ def finish(
         # Salamon (1984): half the work that the support taken away would have done on what moved
         "energy_released": 0.5 * float(np.sum(moved * released_force)) * scene.thickness,
         "energy_dissipated": float(np.sum(state.dissipated * volume)) * scene.thickness,
+        **hourglass_energy(scheme),
         "cell_changes": state.cell_changes,
         **truncation(model, state, volume),
     }
     return state_dataset(model, state, volume, rating, table, facts), facts
+
+
+def hourglass_energy(scheme: ExplicitScheme) -> dict[str, float]:
+    """Energy that the hourglass stiffness holds, J, in intact and in failed cells apart: q^2 / 2 k over their modes."""
+    state, cells = scheme.state, len(scheme.model.cell_nodes)
+    stiffness = np.where(scheme.hourglass > 0.0, scheme.hourglass, np.inf)
+    energy = 0.5 * np.sum(state.hourglass_force**2, axis=(1, 2)) / stiffness * scheme.model.scene.thickness
+    failed = np.zeros(cells, bool)
+    failed[scheme.model.particles.cell[scheme.failed]] = True
+    return {
+        "hourglass_energy_intact": float(np.sum(energy[~failed])),
+        "hourglass_energy_failed": float(np.sum(energy[failed])),
+    }
 
 
 def rate(model: Model, state: State, volume: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -155,7 +163,7 @@ def rate(model: Model, state: State, volume: np.ndarray) -> tuple[np.ndarray, np
 
 
 def truncation(model: Model, state: State, volume: np.ndarray) -> dict:
-    """Rock above strength that could not fail because its cells are coarse: flag, share of all overstressed rock, where."""
+    """Rock above strength that could not fail in its coarse cells: flag, share of all overstressed rock, where."""
     particles = model.particles
     coarse = model.grid.cell_level[particles.cell] < model.grid.levels - 1
     candidates = np.flatnonzero(model.is_coulomb() & coarse & (volume > 0.0))

@@ -1,14 +1,14 @@
 """The brittle cascade: rock fails where it stands above strength at rest, comes to rest again, and so on.
 
-Between two generations of failure a loose tolerance is enough; the stage ends at full tolerance with a last look. Intact
-rock is elastic in between, so what fails does not depend on the scheme's way to rest.
+Between two generations of failure a loose tolerance is enough; the stage ends at full tolerance with a last look.
+Intact rock is elastic in between, so what fails does not depend on the scheme's way to rest.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from mpm_core.equilibrium.convergence import History
+from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.kernels.failure import drop, overstressed
 from mpm_core.model import Model, State
 from pipeline.errors import InputError
@@ -97,6 +97,10 @@ def run_cascade(
     Raises InputError when the cascade has not ended after solver.max_generations.
     """
     model, state, solver = scheme.model, scheme.state, scheme.model.scene.solver
+    # What one stope changes may be small beside all that was ever mined: between generations the step itself counts.
+    change = norm(target - start)
+    loose = solver.cascade_tolerance * (min(1.0, change / reference) if change > 0.0 and reference > 0.0 else 1.0)
+    loose = max(loose, solver.tolerance)
 
     def look(increment: int) -> bool:
         fresh = new_failures(model, state, brittle)
@@ -119,7 +123,7 @@ def run_cascade(
         last = increment == solver.increments
         more = True
         while more:
-            scheme.relax(external, solver.cascade_tolerance, reference, history)
+            scheme.relax(external, loose, reference, history)
             more = look(increment)
             if last and not more:
                 scheme.relax(external, solver.tolerance, reference, history)

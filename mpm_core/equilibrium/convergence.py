@@ -44,9 +44,7 @@ class History:
         """Note how many particles failed after the latest check."""
         *row, _ = self.rows[-1]
         self.rows[-1] = (*row, count)
-        logging.info(
-            "increment %d, generation %d, iteration %d: unbalanced %.2e, %d particles fail", *row[:4], count
-        )
+        logging.info("increment %d, generation %d, iteration %d: unbalanced %.2e, %d particles fail", *row[:4], count)
 
     def table(self) -> dict[str, np.ndarray]:
         """Columns as arrays, by name."""

@@ -3,14 +3,14 @@
 Particles rest in their cells, so nodes keep their velocity from step to step: the grid is never reset, and the particle
 velocities of Eqs (1) and (5), which would only filter it, are not needed. moving.py is the full cycle.
 
-The time step. For a cell of edge h the largest frequency is that of its dilation: K_e's largest eigenvalue over the mass
-at a corner is 4 (d lambda + 2 mu) / (rho h^2), in d dimensions. No frequency of the assembly exceeds the largest of its
-parts (Irons and Treharne 1971), and lumping the mass of hanging nodes onto their parents only lowers it, so
-dt = 2 / omega = h sqrt(rho / (d lambda + 2 mu)) is stable without damping. A lone sample of a cut cell ("subdivide") is off
-its centre, where a corner takes little of its mass: there 1 - xi^2 of the squared limit is left. Local damping c adds up
-to c |f| to a restoring force: a mode at the limit then grows unless dt <= 2 / (omega sqrt(1 + c)). With density scaling
-rho is chosen so that the limit is the same everywhere: all cells then reach rest in about the same number of steps.
-Weights are not touched by it.
+The time step. For a cell of edge h the largest frequency is that of its dilation: K_e's largest eigenvalue over the
+mass at a corner is 4 (d lambda + 2 mu) / (rho h^2), in d dimensions. No frequency of the assembly exceeds the largest
+of its parts (Irons and Treharne 1971), and lumping the mass of hanging nodes onto their parents only lowers it, so
+dt = 2 / omega = h sqrt(rho / (d lambda + 2 mu)) is stable without damping. A lone sample of a cut cell ("subdivide") is
+off its centre, where a corner takes little of its mass: there 1 - xi^2 of the squared limit is left. Local damping c
+adds up to c |f| to a restoring force: a mode at the limit then grows unless dt <= 2 / (omega sqrt(1 + c)). With density
+scaling rho is chosen so that the limit is the same everywhere: all cells then reach rest in about the same number of
+steps. Weights are not touched by it.
 """
 
 import numpy as np
@@ -185,7 +185,7 @@ class ExplicitScheme:
 
 
 def nodal_mass(model: Model, mass: np.ndarray) -> np.ndarray:
-    """Masses of particles (particle,) kg shared by the shape functions and moved from hanging nodes to parents (Eq. 1)."""
+    """Masses of particles (particle,) kg at the nodes by the shape functions; hanging nodes hand theirs on (Eq. 1)."""
     nodal = np.zeros((len(model.grid.node_index), 1))
     particles = model.particles
     for corner in range(1 << model.dimension):
