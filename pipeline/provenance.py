@@ -43,6 +43,11 @@ def provenance(slice_: dict, *packages: str) -> dict[str, str]:
     }
 
 
+def _last_use(path: Path) -> float:
+    """Time stamp of a cache folder; 0 if another process has removed it meanwhile."""
+    return path.stat().st_mtime if path.exists() else 0.0
+
+
 def use_numba_cache() -> None:
     """Point numba at a cache folder named by the hash of all sources with kernels; call before kernels are defined.
 
@@ -65,6 +70,6 @@ def use_numba_cache() -> None:
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:  # it has read its environment already
         sys.modules["numba"].config.CACHE_DIR = str(folder)
-    old = sorted(base.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)[CACHES_KEPT:]
-    for path in old:
+    others = sorted((entry for entry in base.iterdir() if entry != folder), key=_last_use)
+    for path in others[: 1 - CACHES_KEPT]:
         shutil.rmtree(path, ignore_errors=True)

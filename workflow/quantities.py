@@ -3,6 +3,7 @@
 import datetime
 import difflib
 import math
+import re
 from functools import cache
 from pathlib import Path
 
@@ -13,6 +14,8 @@ import yaml
 from pipeline.errors import InputError
 
 SCHEMA = Path(__file__).parent / "schemas" / "config.schema.yaml"
+
+QUANTITY = re.compile(r"(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>[^\d\s].*)?")
 
 
 @cache
@@ -28,17 +31,18 @@ def schema() -> dict:
 
 
 def parse_quantity(text: str, unit: str) -> float:
-    """The value of `text` ("57 GPa") in `unit`. Raises ValueError with the reason."""
-    try:
-        quantity = units().parse_expression(text)
-    except Exception as error:  # pint raises a dozen kinds for text that is not a quantity
-        raise ValueError(f"{text!r} is not a quantity with a unit of {unit!r} ({error})") from error
-    if not isinstance(quantity, units().Quantity) or (quantity.unitless and unit != "deg"):
+    """The value of `text` ("57 GPa": a number, then its unit) in `unit`. Raises ValueError with the reason."""
+    parts = QUANTITY.fullmatch(text.strip())
+    if not parts:
+        raise ValueError(f"{text!r} is not a number with a unit, for example '1.5 {unit}'")
+    if not parts["unit"]:
         raise ValueError(f"{text!r} has no unit; write it as text with one, for example '{text} {unit}'")
     try:
-        number = float(quantity.to(unit).magnitude)
+        number = float(units().Quantity(float(parts["number"]), parts["unit"]).to(unit).magnitude)
     except pint.DimensionalityError as error:
         raise ValueError(f"{text!r} is not convertible to {unit}") from error
+    except Exception as error:  # pint raises a dozen kinds for text that is not a unit
+        raise ValueError(f"{text!r} has no unit that is known; expected one like {unit} ({error})") from error
     if not math.isfinite(number):
         raise ValueError(f"{text!r} is not a finite number")
     return number

@@ -1,0 +1,198 @@
+"""Each fault ends with one line that says where and what to do, and leaves every other result as it was."""
+
+import types
+
+import numpy as np
+import pytest
+import trimesh
+from tiny_mines import FLAT, TINY, box, changed, hashes, merged, snakemake, write_mine
+
+from catalogs.records import read_record
+from mpm_core import gridding, stages
+from mpm_core.scene import parse_scene
+from pipeline.datasets import read_dataset
+from pipeline.errors import InputError
+from workflow.configuration import load
+
+
+def spoken(text: str) -> list[str]:
+    """What the terminal says beside Snakemake's table of jobs, its progress and the stages' good news."""
+    lines = text.splitlines()
+    last = max((number for number, line in enumerate(lines) if line.startswith("total")), default=0)
+    noise = ("steps (", "Using workflow specific profile", " MiB")
+    return [line for line in lines[last + bool(last) :] if line and not any(part in line for part in noise)]
+
+
+FAULTS = {  # values changed, the one line's parts, results that may be lost
+    "unknown key": ({"solver.tolerence": 1}, ("files/fault.yaml: solver.tolerence: unknown key", "tolerance?"), set()),
+    "no convergence": (
+        {"solver.max_iterations": 20},
+        ("elastic results/tiny/elastic.nc: no convergence", "solver.max_iterations"),
+        {"elastic.nc"},
+    ),
+    "outside the domain": (
+        {"excavations.2": box("stope_2", "planned", [145, 40, 25], [155, 55, 50], fill="fill")},
+        ("grid results/tiny/grid.nc: excavations.stope_2: lies outside the domain", "check its coordinates"),
+        {"grid.nc"},
+    ),
+    "record without a column": (
+        {"record.columns.log_potency": "magnitude"},
+        ("record.csv: column 'magnitude' (record.columns.log_potency) is missing", "it has date, x, y, z, size"),
+        {"record.nc"},
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_user_reads_one_line_and_other_results_stand(spoiled, base, fault):
+    """On the terminal, as the profile shows it: no traceback, no shell command, no configuration as JSON."""
+    values, says, lost = FAULTS[fault]
+    before = hashes(spoiled / "results/tiny")
+    status, text = snakemake(write_mine(changed(TINY, **values), base / "files/fault.yaml"), spoiled)
+    lines = spoken(text)
+    assert status != 0
+    assert len(lines) == 1, text
+    assert all(part in lines[0] for part in says), lines[0]
+    after = hashes(spoiled / "results/tiny")
+    assert {path for path in before if after.get(path) != before[path]} == lost
+
+
+def test_missing_mine_file_is_named(tmp_path):
+    """Snakemake's own words, but they are there."""
+    status, text = snakemake(tmp_path / "nowhere.yaml", tmp_path)
+    assert status != 0
+    assert "nowhere.yaml" in text
+
+
+def test_a_locked_folder_is_told(spoiled, base, tiny_file):
+    """Snakemake's own errors are not swallowed with its chatter."""
+    locks = spoiled / ".snakemake/locks"
+    locks.mkdir(exist_ok=True)
+    (locks / "0.output.lock").write_text("results/tiny/elastic.nc\n")
+    (spoiled / "results/tiny/elastic.nc").unlink()
+    status, text = snakemake(tiny_file, spoiled)
+    assert status != 0
+    assert "--unlock" in text
+
+
+# ---- the same, stage by stage ----
+
+
+@pytest.fixture
+def mine(tmp_path):
+    """A mine with values changed, checked, in SI."""
+
+    def make(base, **values):
+        return load(merged(changed(base, **values)), write_mine(base, tmp_path / "mine.yaml"))
+
+    return make
+
+
+@pytest.fixture
+def refused(mine):
+    """The line that the grid stage ends with."""
+
+    def line(base, **values) -> str:
+        with pytest.raises(InputError) as error:
+            gridding.make_grid(mine(base, **values).grid_slice(), {})
+        assert "\n" not in str(error.value)
+        return str(error.value)
+
+    return line
+
+
+def test_excavation_outside_the_domain(refused):
+    """Named, with its extent and the domain's."""
+    line = refused(TINY, **{"excavations.0": box("drive", "history", [200, 30, 40], [210, 40, 50])})
+    assert line.startswith("excavations.drive: lies outside the domain (200 to 210 m")
+
+
+def test_excavation_that_adds_no_volume(refused):
+    """A sheet of 5 cm in cells of 5 m: 1 % of each cell it crosses."""
+    line = refused(TINY, **{"excavations.0": box("sheet", "history", [20, 31, 40], [60, 31.05, 50])})
+    assert line.startswith("excavations.sheet: adds no volume")
+    assert "grid.levels" in line
+
+
+def solid(name: str, content: bytes, folder) -> dict:
+    """An excavation of history from a file of such content."""
+    (folder / name).write_bytes(content)
+    return {"name": "drive", "step": "history", "file": name}
+
+
+SPOILED = {
+    "text.stl": b"this is no solid",
+    "empty.stl": b"",
+    "facetless.stl": b"solid nothing\nendsolid nothing\n",
+    "cut.ply": trimesh.creation.box().export(file_type="ply")[:80],
+    "empty.obj": b"# no faces\n",
+    "text.dxf": b"no drawing",
+    "text.omf": b"no project",
+    "solid.docx": b"PK",
+}
+
+
+@pytest.mark.parametrize("name", SPOILED)
+def test_unreadable_or_empty_solid(refused, tmp_path, name):
+    """File and excavation are named, whatever the parser stumbled over."""
+    line = refused(TINY, **{"excavations.0": solid(name, SPOILED[name], tmp_path)})
+    assert line.startswith("excavations.drive: ")
+    assert name in line
+
+
+def test_solid_file_in_a_plane_strain_scene(refused, tmp_path):
+    """A section needs a shape in its plane."""
+    content = trimesh.creation.box().export(file_type="stl")
+    assert "plane" in refused(FLAT, **{"excavations.0": solid("box.stl", content, tmp_path)})
+
+
+def test_too_little_memory_is_told_before_the_arrays_are_made(refused, monkeypatch):
+    """With the figure, and the keys that make the grid smaller."""
+    scarce = types.SimpleNamespace(virtual_memory=lambda: types.SimpleNamespace(available=10**6))
+    monkeypatch.setattr(gridding, "psutil", scarce)
+    line = refused(TINY)
+    assert "cells need about 0.0 GB" in line
+    assert "grid.levels" in line
+
+
+def test_no_event_left_by_the_filter_and_spoiled_records(mine, tmp_path):
+    """Each names the file, and the line, column or filter."""
+    settings = mine(TINY).record_slice() | {"file": str(tmp_path / "record.csv")}
+    text = (tmp_path / "record.csv").read_text()
+
+    def line(record: str, **others) -> str:
+        (tmp_path / "record.csv").write_text(record)
+        with pytest.raises(InputError) as error:
+            read_record(settings | others)
+        return str(error.value)
+
+    assert "filter.start: no event left (60 before" in line(text, filter={"start": "2031-01-01"})
+    assert "column 'z' (record.columns.z) is missing" in line(text.replace(",z,", ",depth,"))
+    rows = text.splitlines()
+    rows[3] = rows[3].split(",")[0] + ",nan,1,1,-2"
+    assert "event 3 of 60" in line("\n".join(rows))
+    assert "no events" in line(rows[0] + "\n")
+    assert "record.csv" in line("")
+
+
+def test_no_convergence_and_nan_leave_the_last_state_beside_the_output(mine, tmp_path, monkeypatch):
+    """The line names what to raise; the state is there to look at."""
+    made = mine(TINY, **{"solver.max_iterations": 20})
+    grid = gridding.make_grid(made.grid_slice(), {})
+    failed = tmp_path / "elastic.failed.npz"
+    with pytest.raises(InputError, match=r"no convergence: .* raise solver\.max_iterations"):
+        stages.elastic_stage(parse_scene(made.scene_slice(0)), grid, failed)
+    assert "displacement" in np.load(failed)
+    external_force = stages.Model.external_force
+    monkeypatch.setattr(stages.Model, "external_force", lambda model, step: external_force(model, step) * np.nan)
+    with pytest.raises(InputError, match="not a number at iteration 0"):
+        stages.elastic_stage(parse_scene(mine(TINY).scene_slice(0)), grid, failed)
+
+
+def test_state_of_another_grid_is_refused(mine, undisturbed, tmp_path):
+    """A step from a state that does not belong to its grid would be nonsense of the right shape."""
+    made = mine(TINY, **{"grid.buffer_cells": 0})
+    grid = gridding.make_grid(made.grid_slice(), {})
+    state = read_dataset(undisturbed[0] / "results/tiny/elastic.nc")
+    with pytest.raises(InputError, match="another grid"):
+        stages.mining_step(parse_scene(made.step_slice("history")), grid, state, tmp_path / "unused")

@@ -1,0 +1,199 @@
+"""What every stage shares: whole files or none, the same bytes, one line on error, a cache per version of sources."""
+
+import logging
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+from tiny_mines import ROOT
+
+from pipeline import provenance, stage
+from pipeline.datasets import atomic_path, read_dataset, write_dataset
+from pipeline.errors import InputError
+from pipeline.provenance import config_hash
+from workflow.terminal import OneLine
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
+    """The body raises after it has written half."""
+    path = tmp_path / "grid.nc"
+    path.write_text("old")
+    with pytest.raises(RuntimeError), atomic_path(path) as temporary:  # noqa: PT012
+        temporary.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_good_write_replaces_the_old_file_and_makes_its_folder(tmp_path):
+    """And two processes would not share the temporary name."""
+    path = tmp_path / "steps" / "2019-08.nc"
+    for text in ("one", "two"):
+        with atomic_path(path) as temporary:
+            assert str(os.getpid()) in temporary.name
+            temporary.write_text(text)
+        assert path.read_text() == text
+    assert list(path.parent.iterdir()) == [path]
+
+
+def dataset() -> xr.Dataset:
+    """Every kind of variable that a result holds, one of them long enough to be compressed."""
+    random = np.random.default_rng(5)
+    values = {
+        "stress": (("particle", "voigt"), random.normal(size=(2000, 6))),
+        "failed": ("particle", random.integers(-1, 3, 2000).astype(np.int32)),
+        "time": ("event", np.array(["2019-08-01", "NaT"], "datetime64[ns]")),
+        "step": ("event", np.array(["2019-08", ""], object)),
+    }
+    return xr.Dataset(values, attrs={"mine": "tiny", "dated": 1})
+
+
+def test_bytes_depend_on_the_content_alone(tmp_path):
+    """Twice the same dataset, twice the same file; and it reads back as it was."""
+    for name in ("one.nc", "two.nc"):
+        write_dataset(dataset(), tmp_path / name)
+    assert (tmp_path / "one.nc").read_bytes() == (tmp_path / "two.nc").read_bytes()
+    xr.testing.assert_identical(read_dataset(tmp_path / "one.nc"), dataset())
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no netCDF", b"\x89HDF\r\n\x1a\n" + bytes(100)])
+def test_unreadable_dataset_is_named(tmp_path, content):
+    """Missing, empty, cut off: the file, and what to do."""
+    path = tmp_path / "elastic.nc"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=r"elastic\.nc: not a readable dataset .* delete it and run again"):
+        read_dataset(path)
+
+
+def test_config_hash_sees_values_but_not_order_or_folder():
+    """The same mine in another checkout, or run from another folder, is the same mine."""
+    values = {"levels": 4, "excavations": [{"name": "stope", "file": "../mine/stope.stl"}]}
+    moved = {"excavations": [{"file": "elsewhere/stope.stl", "name": "stope"}], "levels": 4}
+    other = {"levels": 4, "excavations": [{"name": "stope", "file": "../mine/slot.stl"}]}
+    assert config_hash(values) == config_hash(moved)
+    assert config_hash(values) != config_hash(other)
+    assert config_hash(values) != config_hash(values | {"levels": 5})
+
+
+def test_numba_cache_is_named_by_the_sources_with_kernels_and_pruned(tmp_path, monkeypatch):
+    """An edit in any file that mentions numba is a new folder; one elsewhere is not; the latest few stay."""
+    for folder in ("mpm_core", "seismic"):
+        (tmp_path / folder).mkdir()
+    kernel, plain = tmp_path / "mpm_core/kernel.py", tmp_path / "seismic/plain.py"
+    kernel.write_text("from numba import njit\n")
+    plain.write_text("x = 1\n")
+    monkeypatch.setattr(provenance, "ROOT", tmp_path)
+    monkeypatch.setattr(sys.modules["numba"].config, "CACHE_DIR", "") if "numba" in sys.modules else None
+
+    def folder() -> str:
+        monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+        provenance.use_numba_cache()
+        return os.environ["NUMBA_CACHE_DIR"]
+
+    first = folder()
+    plain.write_text("x = 2\n")
+    assert folder() == first
+    kernel.write_text("from numba import njit  # edited\n")
+    second = folder()
+    assert second != first
+    for number in range(4):
+        os.utime(
+            folder(), (2e9 + number, 2e9 + number)
+        )  # in the future: a clock that was set back prunes nothing in use
+        kernel.write_text(f"from numba import njit  # {number}\n")
+    latest = folder()
+    left = {path.name for path in (tmp_path / ".numba_cache").iterdir()}
+    assert len(left) == provenance.CACHES_KEPT
+    assert os.path.basename(latest) in left
+    assert os.path.basename(first) not in left
+
+
+def test_users_own_cache_folder_is_respected(tmp_path, monkeypatch):
+    """NUMBA_CACHE_DIR set from outside stays."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
+    provenance.use_numba_cache()
+    assert os.environ["NUMBA_CACHE_DIR"] == str(tmp_path / "mine")
+
+
+STAGE = """
+import sys
+from pipeline.errors import InputError
+from pipeline.stage import run_stage
+def body():
+    {body}
+run_stage("elastic tiny", sys.argv[1], body)
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "line"),
+    [
+        ("raise InputError('solver.tolerance: too small;\\n raise it')", 1, "solver.tolerance: too small; raise it"),
+        ("raise MemoryError", 1, "out of memory; fewer levels"),
+        ("[][1]", 1, "unexpected IndexError: list index out of range; traceback in "),
+        ("raise KeyboardInterrupt", 130, ""),
+        ("pass", 0, " MiB"),
+    ],
+)
+def test_a_stage_says_one_line_and_logs_the_rest(tmp_path, body, status, line):
+    """Exit status, one line on stderr that begins with the stage, and the traceback in the log alone."""
+    log = tmp_path / "logs" / "elastic.log"
+    run = subprocess.run(
+        [sys.executable, "-c", STAGE.format(body=body), str(log)], cwd=ROOT, capture_output=True, text=True
+    )
+    assert run.returncode == status
+    assert len(run.stderr.splitlines()) == bool(line)
+    assert line in run.stderr
+    if line:
+        assert run.stderr.startswith("elastic tiny: ")
+    assert ("Traceback" in log.read_text()) == (status == 1)
+
+
+def test_a_stage_whose_pipeline_is_gone_does_not_start(tmp_path):
+    """The parent's number in the environment is not the parent's: it ended before the stage could ask."""
+    environment = os.environ | {stage.PIPELINE_PROCESS: "1"}
+    script = STAGE.format(body="open(sys.argv[1] + '.made', 'w')")
+    run = subprocess.run([sys.executable, "-c", script, str(tmp_path / "log")], cwd=ROOT, env=environment)
+    assert run.returncode == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+FAILED = "RuleException:\nCalledProcessError in file \"x.smk\", line 3:\nCommand 'stage --output a.nc --log l' "
+
+
+def record(message: str, event: str | None = None) -> logging.LogRecord:
+    """A message as Snakemake's logger passes it on."""
+    from snakemake_interface_logger_plugins.common import LogEvent
+
+    values = {"event": LogEvent(event)} if event else {}
+    return logging.makeLogRecord({"msg": message, **values})
+
+
+@pytest.mark.parametrize(
+    ("message", "event", "shown"),
+    [
+        ("Select jobs to execute...", None, False),
+        ("Nothing to be done (all requested files are present and up to date).", None, True),
+        ("3 of 12 steps (25%) done", "progress", True),
+        ("Finished jobid: 1", "job_finished", False),
+        (FAILED + "returned non-zero exit status 1.", "error", False),
+        (FAILED + "died with <Signals.SIGKILL: 9>.", "error", True),
+        ("LockException:\nDirectory cannot be locked.", "error", True),
+        ("MissingInputException in rule grid", "error", True),
+    ],
+)
+def test_terminal_drops_chatter_and_keeps_errors(message, event, shown):
+    """What the stage has told itself is not told again; what it could not tell is."""
+    assert OneLine().filter(record(message, event)) == shown
+
+
+def test_a_killed_stage_is_told_without_its_command():
+    """The out-of-memory killer leaves a stage no time for a line of its own."""
+    one = record(FAILED + "died with <Signals.SIGKILL: 9>.", "error")
+    assert OneLine().filter(one)
+    assert one.msg.startswith("a.nc: died with <Signals.SIGKILL: 9>.")
+    assert "\n" not in one.msg

@@ -1,0 +1,70 @@
+"""kill -9 in the middle: no stage lives on, and what follows is as if nothing had happened."""
+
+import os
+import signal
+import time
+
+import psutil
+import pytest
+from tiny_mines import hashes, jobs, snakemake, start
+
+PATIENCE = 120  # s, for a slow machine; no result depends on it
+
+
+def await_(condition):
+    """What `condition` gives, once it gives something."""
+    for _ in range(PATIENCE * 50):
+        if found := condition():
+            return found
+        time.sleep(0.02)
+    raise AssertionError("waited in vain")
+
+
+def stage_of(snakemake: psutil.Process, name: str) -> psutil.Process | None:
+    """The child of Snakemake that runs this stage."""
+    for child in snakemake.children(recursive=True):
+        try:
+            if name in child.cmdline():
+                return child
+        except psutil.Error:  # it ended in between
+            continue
+    return None
+
+
+@pytest.mark.slow
+def test_killed_in_a_mechanics_stage_and_resumed_gives_the_same_bytes(spoiled, tiny_file, undisturbed):
+    """Twice: as the stage starts, before it could say whom it belongs to, and in the midst of its work.
+
+    Only Snakemake is killed; its stage must end by itself. Then --unlock and --rerun-incomplete (design section 8).
+    """
+    results, log = spoiled / "results/tiny", spoiled / "logs/tiny/steps/history.log"
+    (results / "steps/history.nc").unlink()
+    log.unlink()
+    for at_work in (False, True):
+        run = start(tiny_file, spoiled, "--rerun-incomplete")
+        process = psutil.Process(run.pid)
+        stage = await_(lambda process=process: stage_of(process, "step"))
+        if at_work:
+            await_(log.exists)
+        os.kill(run.pid, signal.SIGKILL)
+        run.wait()
+        await_(lambda stage=stage: not stage.is_running() or stage.status() == psutil.STATUS_ZOMBIE)
+        assert not (results / "steps/history.nc").exists()
+        status, text = snakemake(tiny_file, spoiled, "--unlock")
+        assert status == 0, text
+    status, text = snakemake(tiny_file, spoiled, "--rerun-incomplete")
+    assert status == 0, text
+    assert jobs(text)["mining_step"] == 2
+    assert not {"grid", "elastic", "record"} & set(jobs(text))
+    assert hashes(results) == hashes(undisturbed[0] / "results/tiny")
+
+
+def test_whole_process_group_killed_early_leaves_no_half_file(base, tiny_file):
+    """kill -9 of everything while the grid is made: no dataset, or a whole one."""
+    folder = base / "cut short"
+    run = start(tiny_file, folder)
+    await_(lambda: stage_of(psutil.Process(run.pid), "grid"))
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    left = hashes(folder / "results")
+    assert set(left) <= {"tiny/grid.nc", "tiny/record.nc"}
