@@ -1,7 +1,7 @@
 """How fast the explicit steps are, beside a bare numba loop and NVIDIA Warp's CPU backend, measured in turns.
 
-Run ``python -m tests.benchmarks.kernels`` on a quiet machine (the load is printed: clock times mean little with others
-at work, CPU times more). float64, 8 particles per cell, 3-D. Required: 10 M particle-steps per CPU-second elastic on one
+Run ``python -m tests.benchmarks.kernels`` on a quiet machine (the load is printed: with others at work clock times mean
+little, CPU times more). float64, 8 particles per cell, 3-D. Required: 10 M particle-steps per CPU-second elastic on one
 thread, 5 M with Coulomb while a tenth of the particles yields; 1.7 times faster on two threads, same bits. Rates are
 medians of alternating turns. The peers are scripts of ours in peers/, each in an environment of its own that uv makes;
 without uv they are left out, without a network say ``--no-peers``.
@@ -69,8 +69,8 @@ class Case:
 
     name: str
     scheme: ExplicitScheme
-    rates: list[float] = field(default_factory=list)  # particle-steps per CPU-second, one thread
     clock: dict[int, list[float]] = field(default_factory=lambda: {1: [], 2: []})  # s, by number of threads
+    processor: dict[int, list[float]] = field(default_factory=lambda: {1: [], 2: []})
     yielding: float = 0.0
 
     def __post_init__(self):
@@ -83,14 +83,22 @@ class Case:
 
     def measure(self) -> None:
         """Half a second or so: once on one thread, once on two."""
-        count = self.scheme.model.particles.count
         for threads in (1, 2):
             numba.set_num_threads(threads)
             start, processor = time.perf_counter(), time.process_time()
             self.steps(STEPS)
-            if threads == 1:
-                self.rates.append(count * STEPS / (time.process_time() - processor))
+            self.processor[threads].append(time.process_time() - processor)
             self.clock[threads].append(time.perf_counter() - start)
+
+    @property
+    def rate(self) -> float:
+        """Particle-steps per CPU-second on one thread."""
+        return self.scheme.model.particles.count * STEPS / statistics.median(self.processor[1])
+
+    @property
+    def overhead(self) -> float:
+        """CPU time of two threads over that of one: 1 if they neither wait for nor disturb each other."""
+        return statistics.median(self.processor[2]) / statistics.median(self.processor[1])
 
     @property
     def speed_up(self) -> float:
@@ -252,15 +260,18 @@ def main() -> None:
 
     bare = statistics.median(peers[0].rates) if peers else float("nan")
     copy = memory_speed()
-    print(f"\n{'':30}{'M / CPU-s':>10}{'over bare':>10}{'2 threads':>10}{'yielding':>10}{'bytes':>7}{'GB/s':>6}")
+    columns = (
+        f"{'M / CPU-s':>10}{'over bare':>10}{'2 threads':>10}{'CPU 2:1':>9}{'yielding':>10}{'bytes':>7}{'GB/s':>6}"
+    )
+    print(f"\n{'':30}{columns}")
     for case in cases:
         case.measure_yielding()
-        rate, traffic = statistics.median(case.rates), bytes_per_particle(case.scheme)
-        print(f"{case.name:30}{rate / 1e6:10.1f}{rate / bare:10.2f}{case.speed_up:10.2f}", end="")
+        rate, traffic = case.rate, bytes_per_particle(case.scheme)
+        print(f"{case.name:30}{rate / 1e6:10.1f}{rate / bare:10.2f}{case.speed_up:10.2f}{case.overhead:9.2f}", end="")
         print(f"{100 * case.yielding:9.1f}%{traffic:7.0f}{rate * traffic / 1e9:6.1f}")
     for peer in peers:
         rate = statistics.median(peer.rates)
-        print(f"{peer.name:30}{rate / 1e6:10.1f}{rate / bare:10.2f}{'':10}{100 * peer.yielding:9.1f}%  {peer.version}")
+        print(f"{peer.name:30}{rate / 1e6:10.1f}{rate / bare:10.2f}{'':19}{100 * peer.yielding:9.1f}%  {peer.version}")
         peer.close()
     print(f"\na plain loop of one thread moves {copy:.1f} GB/s: where GB/s is far below, arithmetic is the bound")
     for moving in (False, True):

@@ -110,7 +110,7 @@ def move_nodes(mass: wp.array(dtype=wp.float64), momentum: wp.array(dtype=wp.vec
 @wp.func
 def returned(trial: wp.mat33d) -> wp.mat33d:
     directions, values = wp.eig3(trial)
-    first, last = int(0), int(0)
+    first, last = int(0), int(0)  # noqa: RUF046, UP018 (Warp: variables, not constants)
     for axis in range(1, 3):
         if values[axis] > values[first]:
             first = axis
