@@ -1,6 +1,7 @@
 """When equilibrium is reached, and the table of how it went."""
 
 import logging
+import time
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,6 +27,7 @@ class History:
     increment: int = 0
     generation: int = 0
     bar: tqdm | None = None
+    since: tuple = (None, 0.0, 0.0)  # generation, clock and ratio from which the pace is taken
 
     def check(self, ratio: float, max_ratio: float) -> None:
         """Note one check of the unbalanced force. Raises InputError if it is not a number."""
@@ -37,8 +39,20 @@ class History:
             )
         if self.bar is not None:
             self.bar.set_postfix_str(
-                f"increment {self.increment}, generation {self.generation}, unbalanced {ratio:.1e}", refresh=False
+                f"increment {self.increment}, generation {self.generation}, unbalanced {ratio:.1e}{self._left(ratio)}",
+                refresh=False,
             )
+
+    def _left(self, ratio: float) -> str:
+        """Seconds to full tolerance at the pace since this generation began, as text for the progress bar."""
+        now = (self.increment, self.generation)
+        if self.since[0] != now:
+            self.since = (now, time.perf_counter(), ratio)
+        _, began, first = self.since
+        if not self.tolerance < ratio < first:
+            return ""
+        pace = np.log(first / ratio) / max(time.perf_counter() - began, 1e-9)
+        return f", at rest in about {np.log(ratio / self.tolerance) / pace:.0f} s"
 
     def failures(self, count: int) -> None:
         """Note how many particles failed after the latest check."""
