@@ -17,7 +17,6 @@ velocity: every step costs what any step costs. Virgin stress is that of the pap
 Bytes are those of the arrays that a step passes through, once per pass; the copy speed of one thread stands beside.
 """
 
-# ruff: noqa: E402
 import os
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # before numba: waiting threads would count as CPU time
