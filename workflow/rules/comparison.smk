@@ -78,7 +78,7 @@ rule report:
         matched=[result("record.nc"), result("comparison.nc")] if HAS_RECORD else [],
         code=sources("catalogs"),
     output:
-        page=f"{RESULTS}/report.html",
+        page=report(f"{RESULTS}/report.html", caption="../report/report.rst", category="{mine}"),
         figures=directory(f"{RESULTS}/figures"),
     params:
         config=slice_of(MINE.text),

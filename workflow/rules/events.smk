@@ -28,7 +28,7 @@ rule catalog:
         code=sources("seismic"),
     output:
         catalog=f"{RESULTS}/catalog.nc",
-        table=f"{RESULTS}/catalog.csv",
+        table=report(f"{RESULTS}/catalog.csv", caption="../report/catalog.rst", category="{mine}"),
     params:
         settings=slice_of(MINE.event_slice()),
     log:
