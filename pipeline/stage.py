@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import psutil
+
 from pipeline.errors import InputError
 
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
@@ -30,7 +32,7 @@ def die_with_parent() -> None:
     if sys.platform == "linux":
         parent = int(os.environ.get(PIPELINE_PROCESS, os.getppid()))
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:
+        if not psutil.pid_exists(parent) or psutil.Process(parent).status() == psutil.STATUS_ZOMBIE:
             os._exit(1)
 
 

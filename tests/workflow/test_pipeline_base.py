@@ -154,8 +154,10 @@ def test_a_stage_says_one_line_and_logs_the_rest(tmp_path, body, status, line):
 
 
 def test_a_stage_whose_pipeline_is_gone_does_not_start(tmp_path):
-    """The parent's number in the environment is not the parent's: it ended before the stage could ask."""
-    environment = os.environ | {stage.PIPELINE_PROCESS: "1"}
+    """The parent named in the environment ended before the stage could ask to end with it."""
+    with subprocess.Popen([sys.executable, "-c", ""]) as parent:
+        parent.wait()
+    environment = os.environ | {stage.PIPELINE_PROCESS: str(parent.pid)}
     script = STAGE.format(body="open(sys.argv[1] + '.made', 'w')")
     run = subprocess.run([sys.executable, "-c", script, str(tmp_path / "log")], cwd=ROOT, env=environment)
     assert run.returncode == 1
