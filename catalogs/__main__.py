@@ -105,4 +105,4 @@ def parser() -> argparse.ArgumentParser:
 
 if __name__ == "__main__":
     arguments = parser().parse_args()
-    run_stage(f"catalogs {arguments.stage}", arguments.log, lambda: arguments.function(arguments))
+    run_stage(f"{arguments.stage} {arguments.output}", arguments.log, lambda: arguments.function(arguments))

@@ -158,12 +158,16 @@ def compare_locations(
     volume = float(np.prod(np.maximum(np.ptp(points, axis=0), 1.0)))
     nearest, nearest_interval = _nearest(sides, weights)
     offset = centroids[0] - centroids[1]
+    # Resampled offsets are longer than the offset itself, so their lengths are no interval for its length: the ball
+    # about the offset that holds 95 % of them is.
+    distance = float(np.linalg.norm(offset))
+    reach = float(np.quantile(np.linalg.norm(moved - offset, axis=1), 0.95))
     return LocationComparison(
         centroids=centroids,
         offset=offset,
         offset_interval=_interval(moved.T),
-        offset_distance=float(np.linalg.norm(offset)),
-        offset_distance_interval=_interval(np.linalg.norm(moved, axis=1)),
+        offset_distance=distance,
+        offset_distance_interval=np.array([max(0.0, distance - reach), distance + reach]),
         energy_distance=float(energy),
         energy_interval=_interval(energies),
         energy_null=_interval(null - null.mean()),

@@ -159,7 +159,8 @@ def read_state(dataset: xr.Dataset, model: Model) -> State:
     before = dataset.sizes["particle"]
     # particles that move change their cells, but not the spacing they were seeded with
     seeded = "spacing" if model.scene.solver.move else "cell"
-    if before > particles.count or not np.array_equal(dataset[seeded].values, getattr(particles, seeded)[:before]):
+    same = dataset.sizes["node"] == len(model.grid.node_index) and before <= particles.count
+    if not same or not np.array_equal(dataset[seeded].values, getattr(particles, seeded)[:before]):
         raise InputError("the state of the step before belongs to another grid; run the pipeline from the grid")
     state = model.virgin_state()
     state.stress[:before] = dataset.stress.values[:, voigt] - model.insitu[:before]

@@ -28,7 +28,9 @@ def main(arguments: list[str] | None = None) -> None:
         stage.add_argument("--log", help="log file; standard error without it")
     chosen = parser.parse_args(arguments)
     run_stage(
-        f"seismic {chosen.stage}", chosen.log, lambda: {"events": _events, "catalog": _catalog}[chosen.stage](chosen)
+        f"{chosen.stage} {chosen.output}",
+        chosen.log,
+        lambda: {"events": _events, "catalog": _catalog}[chosen.stage](chosen),
     )
 
 

@@ -28,6 +28,11 @@ def sources(package):
     return sorted(path for part in (package, "pipeline") for kind in kinds for path in BASE.glob(f"{part}/**/{kind}"))
 
 
+def kept(path):
+    """A result whose earlier version outlives a stage that fails: stages write whole files or none."""
+    return update(path)
+
+
 def slice_of(values):
     """A slice of the configuration as text: what a rule's result depends on."""
     return json.dumps(values, sort_keys=True)

@@ -4,7 +4,7 @@ rule record:
         data=record_files(),
         code=sources("catalogs"),
     output:
-        f"{RESULTS}/record.nc",
+        kept(f"{RESULTS}/record.nc"),
     params:
         settings=slice_of(MINE.record_slice() if HAS_RECORD else {}),
     log:
@@ -27,7 +27,7 @@ rule quakeml:
         catalog=f"{RESULTS}/catalog.nc",
         code=sources("catalogs"),
     output:
-        f"{RESULTS}/catalog.xml",
+        kept(f"{RESULTS}/catalog.xml"),
     log:
         "logs/{mine}/quakeml.log",
     benchmark:
@@ -49,7 +49,7 @@ rule compare:
         record=f"{RESULTS}/record.nc",
         code=sources("catalogs"),
     output:
-        f"{RESULTS}/comparison.nc",
+        kept(f"{RESULTS}/comparison.nc"),
     params:
         settings=slice_of(MINE.values["comparison"]),
     log:
@@ -78,7 +78,7 @@ rule report:
         matched=[result("record.nc"), result("comparison.nc")] if HAS_RECORD else [],
         code=sources("catalogs"),
     output:
-        page=report(f"{RESULTS}/report.html", caption="../report/report.rst", category="{mine}"),
+        page=report(kept(f"{RESULTS}/report.html"), caption="../report/report.rst", category="{mine}"),
         figures=directory(f"{RESULTS}/figures"),
     params:
         config=slice_of(MINE.text),

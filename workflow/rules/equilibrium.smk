@@ -4,7 +4,7 @@ rule elastic:
         grid=f"{RESULTS}/grid.nc",
         code=sources("mpm_core"),
     output:
-        f"{RESULTS}/elastic.nc",
+        kept(f"{RESULTS}/elastic.nc"),
     params:
         scene=slice_of(MINE.scene_slice(0)),
     log:
@@ -28,7 +28,7 @@ rule mining_step:
         state=previous_state,
         code=sources("mpm_core"),
     output:
-        f"{RESULTS}/steps/{{step}}.nc",
+        kept(f"{RESULTS}/steps/{{step}}.nc"),
     params:
         scene=step_slice,
     log:

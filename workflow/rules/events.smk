@@ -4,7 +4,7 @@ rule events:
         step=f"{RESULTS}/steps/{{step}}.nc",
         code=sources("seismic"),
     output:
-        f"{RESULTS}/events/{{step}}.nc",
+        kept(f"{RESULTS}/events/{{step}}.nc"),
     params:
         settings=slice_of(MINE.event_slice()),
     log:
@@ -27,8 +27,8 @@ rule catalog:
         events=step_results("events"),
         code=sources("seismic"),
     output:
-        catalog=f"{RESULTS}/catalog.nc",
-        table=report(f"{RESULTS}/catalog.csv", caption="../report/catalog.rst", category="{mine}"),
+        catalog=kept(f"{RESULTS}/catalog.nc"),
+        table=report(kept(f"{RESULTS}/catalog.csv"), caption="../report/catalog.rst", category="{mine}"),
     params:
         settings=slice_of(MINE.event_slice()),
     log:

@@ -4,7 +4,7 @@ rule grid:
         solids=MINE.solids(),
         code=sources("mpm_core"),
     output:
-        f"{RESULTS}/grid.nc",
+        kept(f"{RESULTS}/grid.nc"),
     params:
         scene=slice_of(MINE.grid_slice()),
     log:
