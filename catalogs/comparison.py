@@ -12,7 +12,7 @@ Which events
                                        record_axes_used: and with a tensor or axes. 0 = not in the statistics
   events_total, events_resolved, events_above_cut, events_with_axes (catalogue)   counts
   cut                                  log10 P (m3) used for both catalogues; attribute `cut_is`: "model floor" |
-                                       "record completeness" | "smallest recorded event"; `cut_text`: the sentence
+                                       "record completeness"; `cut_text`: the sentence
   model_floor, record_completeness     log10 P, the two that `cut` is the larger of
 
 Sum of potency (resolved events at or above the cut; _all: every event)
@@ -170,7 +170,10 @@ def _cut(catalog: xr.Dataset, recorded: NDArray, settings: Mapping) -> tuple[dic
         text = f"log P >= {cut:.2f}, the model's floor (the record is {record})"
     else:
         cut, which = complete, "record completeness"
-        text = f"log P >= {cut:.2f}, the record's completeness ({how}); the model's floor is {floor:.2f}"
+        model = (
+            f"the model's floor is {floor:.2f}" if np.isfinite(floor) else "the model has no failed rock to set a floor"
+        )
+        text = f"log P >= {cut:.2f}, the record's completeness ({how}); {model}"
     return (
         {"cut": ((), cut), "model_floor": ((), floor), "record_completeness": ((), complete)},
         {"cut_is": which, "cut_text": text},

@@ -14,7 +14,9 @@ from pipeline.stage import run_stage
 def make_grid(arguments: argparse.Namespace) -> None:
     """grid.nc from the solids."""
     from mpm_core.gridding import make_grid
+    from mpm_core.stages import use_threads
 
+    use_threads(arguments.threads)
     scene = json.loads(arguments.scene)
     write_dataset(make_grid(scene, provenance(scene, "mpm_core")), arguments.output)
 

@@ -11,7 +11,7 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.blocks import Scatter, build_scatter
 from mpm_core.kernels.nodes import collect_to_parents, particle_loads
 from mpm_core.particles import Particles, Pieces, exclusive_pieces, rock_share, seed, volumes
-from mpm_core.scene import FACES, Material, Scene
+from mpm_core.scene import FACES, Load, Material, Scene
 from pipeline.errors import InputError
 
 BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # VTK corner at each bit-ordered place (an involution)
@@ -148,7 +148,7 @@ class Model:
         force += weight[:, None] * gravity
         for load in scene.loads:
             if load.since <= step:
-                share = np.where(self.load_particles(load.name) & rock, volume, 0.0)
+                share = np.where(self.load_particles(load) & rock, volume, 0.0)
                 if not share.any():
                     raise InputError(f"loads.{load.name}: the rock inside its shape is mined; move it")
                 force += (share / share.sum())[:, None] * np.array(load.force)[axes] / scene.thickness
@@ -186,12 +186,15 @@ class Model:
                 "give a face fixed or roller, or balance the loads"
             )
 
-    def load_particles(self, name: str) -> np.ndarray:
-        """Rock particles inside a load's shape, (particle,) bool."""
-        load = next(load for load in self.scene.loads if load.name == name)
-        chosen = contains(build_shape({"name": name, **load.shape}, self.dimension), self.particles.position)
+    def load_particles(self, load: Load) -> np.ndarray:
+        """Particles inside a load's shape, (particle,) bool."""
+        chosen = contains(
+            build_shape({"name": f"loads.{load.name}", **load.shape}, self.dimension), self.particles.position
+        )
         if not chosen.any():
-            raise InputError(f"loads.{name}: no particle lies inside its shape; enlarge it or move it into the rock")
+            raise InputError(
+                f"loads.{load.name}: no particle lies inside its shape; enlarge it or move it into the rock"
+            )
         return chosen
 
     def _add_lost_traction(self, nodal: np.ndarray, mined_share: np.ndarray) -> None:

@@ -97,7 +97,6 @@ class Scene:
     loads: tuple[Load, ...]
     steps: tuple[dict, ...]
     solver: Solver
-    threads: int = 1
 
     @property
     def axes(self) -> tuple[int, ...]:
@@ -204,7 +203,7 @@ def check_virgin_stress(scene: Scene, lowest: float, highest: float) -> None:
 
     N s1 - s3 and s1 are convex along a line of stresses, and stress is linear in depth: the ends decide.
     """
-    for name in {"host", *scene.rock_bodies}:
+    for name in ("host",):
         material = scene.materials[name]
         if material.intact is None:
             continue

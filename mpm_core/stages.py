@@ -10,12 +10,12 @@ import xarray as xr
 from tqdm import tqdm
 
 from mpm_core.datasets import read_grid, read_state, state_dataset
-from mpm_core.equilibrium.cascade import find_brittle, run_cascade
+from mpm_core.equilibrium.cascade import above_strength, find_brittle, run_cascade
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.moving import MovingScheme
 from mpm_core.grid.adjacency import face_neighbors
-from mpm_core.kernels.failure import overstressed, rate_strength
+from mpm_core.kernels.failure import rate_strength
 from mpm_core.model import Model, State, build_model
 from mpm_core.scene import Scene
 from pipeline.datasets import atomic_path
@@ -32,6 +32,7 @@ def make_scheme(model: Model, state: State, volume: np.ndarray) -> ExplicitSchem
 def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:
     """Elastic equilibrium of the history: everything mined in step 0, nothing fails."""
     model = build_model(scene, *read_grid(grid))
+    refuse_overstressed_virgin(model)
     state = model.virgin_state()
     volume = model.volumes(0)
     scheme = make_scheme(model, state, volume)
@@ -163,19 +164,17 @@ def rate(model: Model, state: State, volume: np.ndarray) -> tuple[np.ndarray, np
 
 
 def truncation(model: Model, state: State, volume: np.ndarray) -> dict:
-    """Rock above strength that could not fail in its coarse cells: flag, share of all overstressed rock, where."""
+    """Rock above strength that its coarse cells keep from failing: flag, share, volume, where.
+
+    The share is of all rock that has failed so far or stands above strength now, fine cells that fail next included.
+    """
     particles = model.particles
-    coarse = model.grid.cell_level[particles.cell] < model.grid.levels - 1
-    candidates = np.flatnonzero(model.is_coulomb() & coarse & (volume > 0.0))
-    above = np.zeros(len(candidates), bool)
-    overstressed(
-        candidates, state.stress, model.insitu, particles.material, model.intact_rows, model.strength_margin, above
-    )
-    held = candidates[above]
+    failed = (state.failed >= 0) & (volume > 0.0)
+    above = above_strength(model, state, np.flatnonzero(model.is_coulomb() & ~failed & (volume > 0.0)))
+    held = above[model.grid.cell_level[particles.cell[above]] < model.grid.levels - 1]
     if not len(held):
         return {"truncated": 0, "truncated_share": 0.0, "truncated_volume": 0.0, "truncated_where": ""}
-    failed = (state.failed >= 0) & (volume > 0.0)
-    share = volume[held].sum() / (volume[held].sum() + volume[failed].sum())
+    share = volume[held].sum() / (volume[above].sum() + volume[failed].sum())
     names = ["xyz"[axis] for axis in model.scene.axes]
     box = zip(names, particles.position[held].min(axis=0), particles.position[held].max(axis=0), strict=True)
     where = ", ".join(f"{name} {low:.0f} to {high:.0f} m" for name, low, high in box)
@@ -185,6 +184,19 @@ def truncation(model: Model, state: State, volume: np.ndarray) -> dict:
         "truncated_volume": float(volume[held].sum() * model.scene.thickness),
         "truncated_where": f"{where}; more grid.buffer_cells would let it fail",
     }
+
+
+def refuse_overstressed_virgin(model: Model) -> None:
+    """Raise InputError if rock of any body stands above its intact strength before anything is mined."""
+    above = above_strength(model, model.virgin_state(), np.flatnonzero(model.is_coulomb()))
+    if len(above):
+        first = above[0]
+        name = list(model.scene.materials)[model.particles.material[first]]
+        place = ", ".join(f"{value:g}" for value in model.particles.position[first])
+        raise InputError(
+            f"insitu_stress: virgin rock of materials.{name} stands above its intact strength, first at ({place}) m: "
+            "it would fail before anything is mined; check stress, depth and strength"
+        )
 
 
 def use_threads(threads: int) -> None:

@@ -10,14 +10,13 @@ import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mpm_core.scene import FACES, check_virgin_stress, parse_scene
+from mpm_core.scene import FACES, parse_scene
 from pipeline.errors import InputError
 from pipeline.provenance import config_hash
+from workflow.checks import NOT_SHAPE, check_mine
 from workflow.quantities import check, to_si
 
 VOIGT = ("xx", "yy", "zz", "yz", "xz", "xy")
-PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
-NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "force")
 
 
 def load(config: dict, mine_file: str | os.PathLike, default: dict | None = None) -> "Mine":
@@ -29,7 +28,7 @@ def load(config: dict, mine_file: str | os.PathLike, default: dict | None = None
     try:
         text = check(config)
         mine = Mine(to_si(text), text, mine_file.parent, default or {})
-        mine.check()
+        check_mine(mine)
     except InputError as error:
         raise InputError(f"{mine_file}: {error}") from error
     return mine
@@ -65,115 +64,8 @@ class Mine:
         """A path of the configuration, relative to the working directory."""
         return Path(os.path.relpath(self.folder / name))
 
-    # ---- checks ----
-
-    def check(self) -> None:
-        """What the schema cannot say. Raises InputError."""
-        self._check_steps()
-        self._check_names()
-        self._check_domain()
-        scene = parse_scene(self.scene_slice(len(self.steps) - 1) | {"materials": self.values["materials"]})
-        check_boundary_faces(self.values["domain"]["boundary"])
-        domain = self.values["domain"]
-        if self.plane == "xy":
-            check_virgin_stress(scene, scene.insitu.surface, scene.insitu.surface)
-        else:
-            check_virgin_stress(scene, domain["lower"][-1], domain["upper"][-1])
-
-    def _check_steps(self) -> None:
-        names = [step["name"] for step in self.steps]
-        for index, step in enumerate(self.steps):
-            where = f"steps.{step['name']}"
-            if names.index(step["name"]) != index:
-                raise InputError(f"{where}: this name stands twice; steps need names of their own")
-            if step["name"] == PLANNED:
-                raise InputError(f"{where}: '{PLANNED}' means not yet scheduled; give the step another name")
-            if ("start" in step) != ("end" in step):
-                raise InputError(f"{where}: a dated step needs both start and end")
-            if "start" not in step and any("start" in earlier for earlier in self.steps[:index]):
-                raise InputError(f"{where}: an undated step is history and must stand before the first dated one")
-            if "start" in step and step["start"] >= step["end"]:
-                raise InputError(f"{where}.end: {step['end']} is not after start {step['start']}")
-            earlier = [other for other in self.steps[:index] if "end" in other]
-            if "start" in step and earlier and step["start"] < earlier[-1]["end"]:
-                raise InputError(
-                    f"{where}.start: {step['start']} is before the end of the step before, {earlier[-1]['end']}"
-                )
-
-    def _check_names(self) -> None:
-        names = [step["name"] for step in self.steps]
-        materials = self.values["materials"]
-        seen = set()
-        for index, entry in enumerate(self.excavations):
-            where = f"excavations.{entry.get('name', index)}"
-            if entry["name"] in seen:
-                raise InputError(f"{where}: this name stands twice")
-            seen.add(entry["name"])
-            for key in ("step", "filled"):
-                if key in entry and entry[key] not in (*names, PLANNED):
-                    raise InputError(
-                        f"{where}.{key}: '{entry[key]}' is not one of the steps {', '.join(names)}, {PLANNED}"
-                    )
-            fill = entry.get("fill", "none")
-            if fill != "none" and fill not in materials:
-                raise InputError(f"{where}.fill: '{fill}' is not one of the materials {', '.join(materials)}, none")
-            if fill != "none" and materials[fill]["model"] != "elastic":
-                raise InputError(
-                    f"{where}.fill: '{fill}' is {materials[fill]['model']}; only elastic fill is supported"
-                )
-            if "filled" in entry and fill == "none":
-                raise InputError(f"{where}.filled: there is no fill to place; name a material in fill")
-            self._check_shape(where, entry)
-            mined, filled = self._step_index(entry["step"]), self._step_index(entry.get("filled", entry["step"]))
-            if -1 < filled < mined or (mined == -1 and filled > -1):
-                raise InputError(
-                    f"{where}.filled: '{entry['filled']}' comes before the excavation is mined in '{entry['step']}'"
-                )
-        for index, entry in enumerate(self.values.get("rock_bodies", [])):
-            where = f"rock_bodies.{entry.get('name', index)}"
-            if entry["material"] not in materials:
-                raise InputError(
-                    f"{where}.material: '{entry['material']}' is not one of the materials {', '.join(materials)}"
-                )
-            self._check_shape(where, entry)
-        for entry in self.values.get("loads", []):
-            where = f"loads.{entry['name']}"
-            if entry["step"] not in names:
-                raise InputError(f"{where}.step: '{entry['step']}' is not one of the steps {', '.join(names)}")
-            self._check_shape(where, entry)
-
-    def _check_shape(self, where: str, entry: dict) -> None:
-        if ("shape" in entry) == ("file" in entry):
-            raise InputError(f"{where}: give either a shape or a file")
-        if "file" in entry and not self.path(entry["file"]).is_file():
-            raise InputError(f"{where}.file: {self.path(entry['file'])} is missing; paths resolve from {self.folder}")
-
-    def _check_domain(self) -> None:
-        domain, coarse = self.values["domain"], self.values["grid"]["coarse_cell"]
-        for key in ("lower", "upper"):
-            if len(domain[key]) != self.dimension:
-                raise InputError(f"domain.{key}: {len(domain[key])} coordinates; this scene has {self.dimension}")
-        for axis, (low, high) in enumerate(zip(domain["lower"], domain["upper"], strict=True)):
-            cells = (high - low) / coarse
-            if cells < 0.5 or abs(cells - round(cells)) > 1e-6:
-                raise InputError(
-                    f"domain.upper[{axis}]: the side of {high - low:g} m is not a whole multiple of "
-                    f"grid.coarse_cell, {coarse:g} m"
-                )
-        count = self.values["grid"]["particles_per_cell"]
-        if round(count ** (1 / self.dimension)) ** self.dimension != count:
-            raise InputError(f"grid.particles_per_cell: {count} is not n^{self.dimension} in {self.dimension}-D")
-        if self.values["solver"]["move"] and count == 1:
-            raise InputError(
-                "solver.move: a lone particle must rest at its cell's centre; take more grid.particles_per_cell"
-            )
-        record = self.values.get("record")
-        if record and record["reader"] != "elk_creek" and not self.path(record["file"]).is_file():
-            raise InputError(f"record.file: {self.path(record['file'])} is missing; paths resolve from {self.folder}")
-
-    # ---- slices ----
-
-    def _step_index(self, name: str) -> int:
+    def step_index(self, name: str) -> int:
+        """Place of a step in order, -1 for one that is not listed."""
         return next((index for index, step in enumerate(self.steps) if step["name"] == name), -1)
 
     def boundary(self) -> dict[str, str]:
@@ -216,8 +108,8 @@ class Mine:
         values = self.values
 
         def excavation(entry: dict) -> dict:
-            mined = self._step_index(entry["step"])
-            filled = self._step_index(entry.get("filled", entry["step"]))
+            mined = self.step_index(entry["step"])
+            filled = self.step_index(entry.get("filled", entry["step"]))
             fill = entry.get("fill", "none")
             placed = fill != "none" and 0 <= filled <= last
             return {
@@ -249,12 +141,12 @@ class Mine:
             "loads": [
                 {
                     "name": entry["name"],
-                    "since": self._step_index(entry["step"]),
+                    "since": self.step_index(entry["step"]),
                     "force": entry["force"],
                     "shape": {key: value for key, value in entry.items() if key not in NOT_SHAPE},
                 }
                 for entry in values.get("loads", [])
-                if self._step_index(entry["step"]) <= last
+                if self.step_index(entry["step"]) <= last
             ],
             "steps": [
                 {"name": step["name"], "start": step.get("start", ""), "end": step.get("end", "")}
@@ -265,11 +157,11 @@ class Mine:
 
     def step_slice(self, step: str) -> dict:
         """What steps/<step>.nc depends on, beside the state of the step before."""
-        return self.scene_slice(self._step_index(step))
+        return self.scene_slice(self.step_index(step))
 
     def previous(self, step: str) -> str:
         """Name of the step before, empty before the first."""
-        index = self._step_index(step)
+        index = self.step_index(step)
         return self.steps[index - 1]["name"] if index > 0 else ""
 
     def schedule(self) -> list[dict]:
@@ -307,14 +199,14 @@ class Mine:
     def record_slice(self) -> dict:
         """What record.nc depends on, beside the recorded data."""
         host = parse_scene(self.scene_slice(0)).materials["host"]
-        record = {**self.values["record"], "file": self.path(self.values["record"]["file"]).as_posix()}
+        dated = [step for step in self.listed_steps if "start" in step]
+        # Only what was recorded while the model mines is comparable; the configuration may choose another time.
+        period = {"start": dated[0]["start"], "end": dated[-1]["end"]} if dated else {}
+        chosen = {**period, **self.values["record"].get("filter", {})}
+        record = {
+            **self.values["record"],
+            "filter": chosen,
+            "file": self.path(self.values["record"]["file"]).as_posix(),
+        }
         elastic = {"lame_lambda": host.lame_lambda, "shear_modulus": host.shear_modulus}
         return {"mine": self.name, "frame": self.values["frame"], **elastic, **record}
-
-
-def check_boundary_faces(boundary: dict | str) -> None:
-    """Raise InputError for an axis given both as a whole and by face."""
-    if isinstance(boundary, dict):
-        for face in FACES:
-            if face in boundary and face[0] in boundary:
-                raise InputError(f"domain.boundary.{face}: also given by '{face[0]}'; keep one of the two")

@@ -20,6 +20,7 @@ CHATTER = (
     "Complete log",
     "Elapsed time",
     "Shutting down",
+    "Restored previous version",
     "Exiting because a job",
     "WorkflowError:\nAt least one job did not complete",
 )

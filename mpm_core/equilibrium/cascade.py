@@ -18,10 +18,12 @@ from pipeline.errors import InputError
 class Brittle:
     """Which particles may fail: on their own stress (`sound`), or once a neighbouring cell has failed (`sliver`).
 
-    sound, sliver: particle indices. A cut cell that is less than half rock reads a stress that is 30 to 50 % wrong
-    (design section 5), so it fails only beside failed rock; kept elastic for ever it would line the wall with steel.
+    present (particle,) bool: not mined; sound, sliver: particle indices. A cut cell that is less than half rock reads a
+    stress that is 30 to 50 % wrong (measured on Kirsch's hole), so it fails only beside failed rock; kept elastic it
+    would line the wall with steel for ever.
     """
 
+    present: np.ndarray
     sound: np.ndarray
     sliver: np.ndarray
     neighbor_start: np.ndarray
@@ -34,14 +36,15 @@ def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, ne
     finest = model.grid.cell_level[particles.cell] == model.grid.levels - 1
     may_fail = model.is_coulomb() & finest & (volume > 0.0)
     half = (model.rock_share(step)[particles.cell] >= 0.5) | (particles.sample >= 0)
-    return Brittle(np.flatnonzero(may_fail & half), np.flatnonzero(may_fail & ~half), neighbor_start, neighbors)
+    sound, sliver = np.flatnonzero(may_fail & half), np.flatnonzero(may_fail & ~half)
+    return Brittle(volume > 0.0, sound, sliver, neighbor_start, neighbors)
 
 
 def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
     """Intact particles that fail now, ascending."""
-    sound = _above(model, state, brittle.sound[state.failed[brittle.sound] < 0])
+    sound = above_strength(model, state, brittle.sound[state.failed[brittle.sound] < 0])
     broken = np.zeros(len(model.cell_nodes), bool)
-    broken[model.particles.cell[state.failed >= 0]] = True
+    broken[model.particles.cell[(state.failed >= 0) & brittle.present]] = True
     broken[model.particles.cell[sound]] = True
     intact = brittle.sliver[state.failed[brittle.sliver] < 0]
     beside = np.array(
@@ -51,11 +54,12 @@ def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
         ],
         bool,
     )
-    sliver = _above(model, state, intact[beside])
+    sliver = above_strength(model, state, intact[beside])
     return np.sort(np.concatenate([sound, sliver]))
 
 
-def _above(model: Model, state: State, candidates: np.ndarray) -> np.ndarray:
+def above_strength(model: Model, state: State, candidates: np.ndarray) -> np.ndarray:
+    """Those of the candidates (particle indices) that stand above intact strength by more than the margin."""
     above = np.zeros(len(candidates), bool)
     overstressed(
         candidates,
@@ -99,7 +103,8 @@ def run_cascade(
     model, state, solver = scheme.model, scheme.state, scheme.model.scene.solver
     # What one stope changes may be small beside all that was ever mined: between generations the step itself counts.
     change = norm(target - start)
-    loose = solver.cascade_tolerance * (min(1.0, change / reference) if change > 0.0 and reference > 0.0 else 1.0)
+    mines = change > solver.tolerance * reference  # less is round-off: nothing new is mined
+    loose = solver.cascade_tolerance * (min(1.0, change / reference) if mines and reference > 0.0 else 1.0)
     loose = max(loose, solver.tolerance)
 
     def look(increment: int) -> bool:

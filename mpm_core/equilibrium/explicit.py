@@ -36,6 +36,7 @@ class ExplicitScheme:
         self.model = model
         self.state = state
         self.hanging = model.hanging
+        self.start = state.displacement.copy()
         self.unbalanced = np.zeros_like(state.displacement)
         self.slot_force = np.zeros((model.scatter.slots, model.dimension))
         self.set_volume(volume)
@@ -176,11 +177,11 @@ class ExplicitScheme:
         remove_rigid_motion(self.model.grid.node_position, self.mass, self.state.velocity)
 
     def _check_reach(self, ratio: float) -> None:
-        reach = float(np.abs(self.state.displacement).max())
+        reach = float(np.abs(self.state.displacement - self.start).max())
         if reach > self.model.grid.fine_cell:
             raise InputError(
-                f"rock moved {reach:.3g} m, more than a finest cell: it runs away (unbalanced ratio {ratio:.2g}); "
-                "fill the excavation, raise residual strength, or mine it in more steps"
+                f"rock moved {reach:.3g} m in this stage, more than a finest cell: it runs away (unbalanced ratio "
+                f"{ratio:.2g}); fill the excavation, raise residual strength, or mine it in more steps"
             )
 
 

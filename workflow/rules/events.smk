@@ -18,7 +18,7 @@ rule events:
     conda:
         "../envs/environment.yaml"
     shell:
-        "stage seismic events --step {input.step} --settings {params.settings:q} --output {output} --log {log}"
+        "NUMBA_NUM_THREADS={threads} stage seismic events --step {input.step} --settings {params.settings:q} --output {output} --log {log}"
 
 
 rule catalog:

@@ -18,7 +18,7 @@ rule grid:
     conda:
         "../envs/environment.yaml"
     shell:
-        "stage mpm_core grid --scene {params.scene:q} --output {output} --log {log}"
+        "stage mpm_core grid --scene {params.scene:q} --output {output} --log {log} --threads {threads}"
 
 
 rule vtk:

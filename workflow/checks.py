@@ -1,0 +1,168 @@
+"""What the schema cannot say about a mine: steps in order, names that match, shapes, the domain, the virgin stress."""
+
+import datetime
+from typing import TYPE_CHECKING
+
+from mpm_core.scene import FACES, check_virgin_stress, parse_scene
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    from workflow.configuration import Mine
+
+PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
+NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "force")
+CIRCLE = ({"center", "radius"}, set())
+SHAPES = {  # keys that a shape needs, and may have
+    "box": ({"lower", "upper"}, set()),
+    "tunnel": ({"path", "width", "height"}, {"profile"}),
+    "cylinder": (set(), {"start", "end", "center", "radius"}),  # in 2-D a circle
+    "sphere": CIRCLE,
+    "circle": CIRCLE,
+    "prism": ({"polygon"}, {"lower", "upper", "base", "top"}),
+    "polygon": ({"points"}, set()),
+}
+
+
+def check_mine(mine: "Mine") -> None:
+    """What the schema cannot say. Raises InputError."""
+    _check_steps(mine)
+    _check_names(mine)
+    _check_domain(mine)
+    scene = parse_scene(mine.scene_slice(len(mine.steps) - 1) | {"materials": mine.values["materials"]})
+    check_boundary_faces(mine.values["domain"]["boundary"])
+    domain = mine.values["domain"]
+    if mine.plane == "xy":
+        check_virgin_stress(scene, scene.insitu.surface, scene.insitu.surface)
+    else:
+        check_virgin_stress(scene, domain["lower"][-1], domain["upper"][-1])
+
+
+def _check_steps(mine) -> None:
+    names = [step["name"] for step in mine.steps]
+    for index, step in enumerate(mine.steps):
+        where = f"steps.{step['name']}"
+        if names.index(step["name"]) != index:
+            raise InputError(f"{where}: this name stands twice; steps need names of their own")
+        if step["name"] == PLANNED:
+            raise InputError(f"{where}: '{PLANNED}' means not yet scheduled; give the step another name")
+        if ("start" in step) != ("end" in step):
+            raise InputError(f"{where}: a dated step needs both start and end")
+        if "start" not in step and any("start" in earlier for earlier in mine.steps[:index]):
+            raise InputError(f"{where}: an undated step is history and must stand before the first dated one")
+        for key in ("start", "end"):
+            if key in step:
+                _check_date(f"{where}.{key}", step[key])
+        if "start" in step and step["start"] >= step["end"]:
+            raise InputError(f"{where}.end: {step['end']} is not after start {step['start']}")
+        earlier = [other for other in mine.steps[:index] if "end" in other]
+        if "start" in step and earlier and step["start"] < earlier[-1]["end"]:
+            raise InputError(
+                f"{where}.start: {step['start']} is before the end of the step before, {earlier[-1]['end']}"
+            )
+
+
+def _check_names(mine) -> None:
+    names = [step["name"] for step in mine.steps]
+    materials = mine.values["materials"]
+    for section in ("rock_bodies", "loads"):
+        listed = [entry["name"] for entry in mine.values.get(section, [])]
+        for name in listed:
+            if listed.count(name) > 1:
+                raise InputError(f"{section}.{name}: this name stands twice")
+    seen = set()
+    for index, entry in enumerate(mine.excavations):
+        where = f"excavations.{entry.get('name', index)}"
+        if entry["name"] in seen:
+            raise InputError(f"{where}: this name stands twice")
+        seen.add(entry["name"])
+        for key in ("step", "filled"):
+            if key in entry and entry[key] not in (*names, PLANNED):
+                raise InputError(f"{where}.{key}: '{entry[key]}' is not one of the steps {', '.join(names)}, {PLANNED}")
+        fill = entry.get("fill", "none")
+        if fill != "none" and fill not in materials:
+            raise InputError(f"{where}.fill: '{fill}' is not one of the materials {', '.join(materials)}, none")
+        if fill != "none" and materials[fill]["model"] != "elastic":
+            raise InputError(f"{where}.fill: '{fill}' is {materials[fill]['model']}; only elastic fill is supported")
+        if "filled" in entry and fill == "none":
+            raise InputError(f"{where}.filled: there is no fill to place; name a material in fill")
+        _check_shape(mine, where, entry)
+        mined, filled = mine.step_index(entry["step"]), mine.step_index(entry.get("filled", entry["step"]))
+        if -1 < filled < mined or (mined == -1 and filled > -1):
+            raise InputError(
+                f"{where}.filled: '{entry['filled']}' comes before the excavation is mined in '{entry['step']}'"
+            )
+    for index, entry in enumerate(mine.values.get("rock_bodies", [])):
+        where = f"rock_bodies.{entry.get('name', index)}"
+        if entry["material"] not in materials:
+            raise InputError(
+                f"{where}.material: '{entry['material']}' is not one of the materials {', '.join(materials)}"
+            )
+        _check_shape(mine, where, entry)
+    for entry in mine.values.get("loads", []):
+        where = f"loads.{entry['name']}"
+        if entry["step"] not in names:
+            raise InputError(f"{where}.step: '{entry['step']}' is not one of the steps {', '.join(names)}")
+        _check_shape(mine, where, entry)
+
+
+def _check_shape(mine, where: str, entry: dict) -> None:
+    if ("shape" in entry) == ("file" in entry):
+        raise InputError(f"{where}: give either a shape or a file")
+    given = {key for key in entry if key not in NOT_SHAPE}
+    if "shape" in entry:
+        needed, optional = SHAPES[entry["shape"]]
+        if missing := needed - given:
+            raise InputError(
+                f"{where}.{min(missing)}: missing; shape {entry['shape']} needs {', '.join(sorted(needed))}"
+            )
+    else:
+        needed, optional = {"file"}, {"layer", "element"}
+    if foreign := given - needed - optional - {"shape"}:
+        kind = entry.get("shape", "file")
+        known = ", ".join(sorted(needed | optional))
+        raise InputError(f"{where}.{min(foreign)}: not a key of {kind}; its keys are {known}")
+    if "file" in entry and not mine.path(entry["file"]).is_file():
+        raise InputError(f"{where}.file: {mine.path(entry['file'])} is missing; paths resolve from {mine.folder}")
+
+
+def _check_domain(mine) -> None:
+    domain, coarse = mine.values["domain"], mine.values["grid"]["coarse_cell"]
+    for key in ("lower", "upper"):
+        if len(domain[key]) != mine.dimension:
+            raise InputError(f"domain.{key}: {len(domain[key])} coordinates; this scene has {mine.dimension}")
+    for axis, (low, high) in enumerate(zip(domain["lower"], domain["upper"], strict=True)):
+        cells = (high - low) / coarse
+        if cells < 0.5 or abs(cells - round(cells)) > 1e-6:
+            raise InputError(
+                f"domain.upper[{axis}]: the side of {high - low:g} m is not a whole multiple of "
+                f"grid.coarse_cell, {coarse:g} m"
+            )
+    count = mine.values["grid"]["particles_per_cell"]
+    if round(count ** (1 / mine.dimension)) ** mine.dimension != count:
+        raise InputError(f"grid.particles_per_cell: {count} is not n^{mine.dimension} in {mine.dimension}-D")
+    if mine.values["solver"]["move"] and count == 1:
+        raise InputError(
+            "solver.move: a lone particle must rest at its cell's centre; take more grid.particles_per_cell"
+        )
+    record = mine.values.get("record")
+    for key in ("start", "end"):
+        for part in ("filter", "orientations"):
+            if record and key in record.get(part, {}):
+                _check_date(f"record.{part}.{key}", record[part][key])
+    if record and record["reader"] != "elk_creek" and not mine.path(record["file"]).is_file():
+        raise InputError(f"record.file: {mine.path(record['file'])} is missing; paths resolve from {mine.folder}")
+
+
+def check_boundary_faces(boundary: dict | str) -> None:
+    """Raise InputError for an axis given both as a whole and by face."""
+    if isinstance(boundary, dict):
+        for face in FACES:
+            if face in boundary and face[0] in boundary:
+                raise InputError(f"domain.boundary.{face}: also given by '{face[0]}'; keep one of the two")
+
+
+def _check_date(where: str, text: str) -> None:
+    try:
+        datetime.datetime.fromisoformat(text)
+    except ValueError as error:
+        raise InputError(f"{where}: {text!r} is not a date ({error})") from error
