@@ -130,6 +130,10 @@ def test_slivers_fail_only_beside_failed_rock():
     rock = next(p for p in brittle.sound if model.particles.cell[p] in beside)
     state.stress[rock] = [-50e6, 0, 0, 0, 0, 0]
     assert new_failures(model, state, brittle).tolist() == sorted([sliver, rock])
+    gone = replace(brittle, present=np.zeros_like(brittle.present))
+    state.failed[rock] = 0
+    assert new_failures(model, state, gone).tolist() == []  # what failed there has been mined since
+    state.failed[rock] = -1
     state.hourglass_force[:] = 1.0
     fail(model, state, np.array([rock]), 0, 2, 3)
     assert state.failure_order[rock].tolist() == [2, 3]

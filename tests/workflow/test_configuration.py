@@ -41,6 +41,7 @@ def accept(tmp_path):
     return mine
 
 
+PUSH = box("push", "2019-08", [20, 20, 20], [30, 30, 30], force=["0 N", "0 N", "-1 MN"])
 FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("grid.levles", 3, "grid.levles: unknown key", "did you mean levels?"),
     ("seismic.cluster.radius", 2, "seismic.cluster.radius: unknown key", "radius_cells"),
@@ -67,9 +68,12 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("excavations.0.filled", "2019-08", "excavations.drive.filled: ", "no fill"),
     ("excavations.1.name", "drive", "excavations.drive: ", "twice"),
     ("excavations.1.file", "stope.stl", "excavations.stope_1: ", "either a shape or a file"),
+    ("excavations.0.radius", "3 m", "excavations.drive.radius: ", "not a key of box; its keys are lower, upper"),
+    ("excavations.0.shape", "tunnel", "excavations.drive.height: ", "missing; shape tunnel needs height, path, width"),
     ("excavations.0.name", "../etc", "excavations[0].name: ", "does not match"),
     ("steps.1.name", "planned", "steps.planned: ", "another name"),
     ("steps.1.end", "2019-08-01", "steps.2019-08.end: ", "not after start"),
+    ("steps.1.end", "2019-08-32", "steps.2019-08.end: ", "not a date"),
     ("steps.1.start", "August", "steps[1].start: ", "'August'"),
     ("steps.1.name", 201908, "steps[1].name: ", 'put the name in quotes: "201908"'),
     ("name", "x", "name: ", "'x'"),
@@ -79,6 +83,9 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("domain.boundary", {"x": "roller", "x_lower": "free"}, "domain.boundary.x_lower: ", "also given by 'x'"),
     ("grid.particles_per_cell", 4, "grid.particles_per_cell: ", "n^3"),
     ("insitu_stress.gradient.yy", "-0.363 MPa/m", "insitu_stress: ", "above the intact strength of materials.host"),
+    ("record.filter", {"start": "2019-06-31"}, "record.filter.start: ", "not a date"),
+    ("loads", [PUSH, PUSH], "loads.push: ", "twice"),
+    ("loads", [PUSH | {"file": "push.stl"}], "loads.push: ", "either a shape or a file"),
     ("record.file", "nowhere.csv", "record.file: ", "missing"),
     ("record.reader", "seiscomp", "record.reader: ", "not one of"),
     ("seismic.closeness", 1.5, "seismic.closeness: ", "1.5"),
@@ -266,3 +273,17 @@ def test_checking_changes_nothing_of_what_was_given(accept):
 def test_a_step_that_mines_nothing_is_legal(accept):
     """Time passes: no excavation need name a step."""
     assert accept(TINY, **{"excavations": [box("drive", "history", [20, 30, 40], [60, 40, 50])]}).mined_steps
+
+
+def test_a_record_without_a_location_error_is_refused(refuse):
+    """No comparison of places means anything without it."""
+    mine = copy.deepcopy(TINY)
+    del mine["record"]["location_error"]
+    assert refuse(mine) == "record.location_error: missing key"
+
+
+def test_a_record_is_read_for_the_modelled_months_unless_told_otherwise(accept):
+    """A record of years beside a model of one month would make every ratio of them wrong."""
+    assert accept(TINY).record_slice()["filter"] == {"start": "2019-08-01", "end": "2019-09-01"}
+    chosen = accept(TINY, **{"record.filter": {"start": "2019-08-10"}}).record_slice()["filter"]
+    assert chosen == {"start": "2019-08-10", "end": "2019-09-01"}
