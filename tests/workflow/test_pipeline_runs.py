@@ -233,7 +233,7 @@ def test_a_deleted_intermediate_is_made_again(spoiled, tiny_file):
 
 @pytest.mark.slow
 def test_a_planned_stope_gets_its_month_and_only_that_is_run(spoiled, base):
-    """stope_2 shaped the grid already; dated, it is one new step after the ones that stand, and a month more of record."""
+    """stope_2 shaped the grid already; dated, it is one new step after those that stand, and a month more of record."""
     results = spoiled / "results/tiny"
     before = hashes(results)
     mine = changed(TINY, **{"excavations.2.step": NEXT_STEP["name"], "steps": [*TINY["steps"], NEXT_STEP]})
