@@ -1,0 +1,70 @@
+"""Reduced studies run in this process by the ordinary stage functions, without Snakemake."""
+
+import copy
+from pathlib import Path
+
+import yaml
+
+from mpm_core.gridding import make_grid
+from mpm_core.scene import parse_scene
+from mpm_core.stages import elastic_stage, mining_step
+from seismic.events import extract_events
+from verification.results import Results, Variant
+from verification.studies import load_study, merge
+
+ROOT = Path(__file__).parents[2]
+STUDIES = ROOT / "config" / "verification"
+DEFAULT = yaml.safe_load((ROOT / "config" / "default.yaml").read_text())
+
+
+def changed(scene: dict, changes: dict) -> dict:
+    """A copy of a scene with values set by dotted key; items of lists by number ("steps.0.name")."""
+    scene = copy.deepcopy(scene)
+    for key, value in changes.items():
+        *parents, last = (int(part) if part.isdigit() else part for part in key.split("."))
+        part = scene
+        for parent in parents:
+            part = part.setdefault(parent, {}) if isinstance(part, dict) else part[parent]
+        part[last] = value
+    return scene
+
+
+def run_study(name: str, folder: Path, variants: dict[str, dict] | list[str] | None = None, **changes) -> Results:
+    """Results of a study, reduced: only these variants (a list of its own ones, or a dict of new ones).
+
+    changes: dotted key to value, over the base scene and over every variant. `folder`: where the reduced study file
+    and states of failed stages may lie. Stages run when an answer first asks for their dataset.
+    """
+    text = yaml.safe_load((STUDIES / f"{name}.yaml").read_text())
+    if isinstance(variants, dict):
+        text["variants"] = variants
+    elif variants is not None:
+        text["variants"] = {variant: text["variants"][variant] for variant in variants}
+    if "scene" in text:
+        scene = text.pop("scene")
+        text["variants"] = {
+            variant: changed(merge(scene, over or {}), changes) for variant, over in text["variants"].items()
+        }
+        text["scene"] = {}
+    path = Path(folder) / f"{name}.yaml"
+    path.write_text(yaml.safe_dump(text, sort_keys=False))
+    study = load_study(path, DEFAULT)
+    return Results(study, {variant: _variant(mine, Path(folder)) for variant, mine in study.mines.items()})
+
+
+def _variant(mine, folder: Path) -> Variant:
+    def read(path: str):
+        stage, _, name = path.removesuffix(".nc").rpartition("/")
+        failed = folder / f"{mine.name}.npz"
+        if name == "grid":
+            return make_grid(mine.grid_slice(), {})
+        if name == "elastic":
+            return elastic_stage(parse_scene(mine.scene_slice(0)), variant.grid, failed)[0]
+        if stage == "events":
+            return extract_events(variant.step(name), mine.event_slice())[0]
+        before = mine.previous(name)
+        state = variant.step(before) if before else variant.elastic
+        return mining_step(parse_scene(mine.step_slice(name)), variant.grid, state, failed)[0]
+
+    variant = Variant(mine, read)
+    return variant

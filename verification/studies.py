@@ -1,0 +1,72 @@
+"""A study: one file of config/verification, that is a base scene, named variants of it, and what they must show."""
+
+import copy
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from pipeline.errors import InputError
+from workflow.configuration import Mine, load
+
+KEYS = ("answer", "title", "about", "allowed", "settings", "scene", "variants")
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{2,}\Z")
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a study file says; `mines` holds the checked configuration of every variant, by its name."""
+
+    name: str
+    answer: str
+    title: str
+    about: str
+    allowed: dict[str, float]
+    settings: dict
+    mines: dict[str, Mine]
+
+
+def merge(base: dict, changes: dict) -> dict:
+    """A copy of `base` with `changes` over it: mappings merge, everything else (lists too) is replaced."""
+    result = copy.deepcopy(base)
+    for key, value in changes.items():
+        both = isinstance(result.get(key), dict) and isinstance(value, dict)
+        result[key] = merge(result[key], value) if both else copy.deepcopy(value)
+    return result
+
+
+def load_study(path: str | os.PathLike, default: dict) -> Study:
+    """Read and check a study file. Raises InputError, one line, naming file, variant and key."""
+    path = Path(path)
+    try:
+        text = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: not a readable study ({' '.join(str(error).split())})") from error
+    if not isinstance(text, dict) or not {"answer", "title"} <= set(text):
+        raise InputError(f"{path}: a study needs the keys answer and title")
+    unknown = sorted(set(text) - set(KEYS))
+    if unknown:
+        raise InputError(f"{path}: {unknown[0]}: unknown key; a study has {', '.join(KEYS)}")
+    variants = text.get("variants") or {}
+    if bool(variants) != ("scene" in text):
+        raise InputError(f"{path}: a scene needs variants (at least one, which may change nothing), and they a scene")
+    mines = {}
+    for name, changes in variants.items():
+        if not NAME.match(str(name)):
+            raise InputError(f"{path}: variants.{name}: use three or more letters, digits, - or _")
+        scene = merge(text["scene"], changes or {}) | {"name": f"{path.stem}-{name}"}
+        try:
+            mines[name] = load(merge(default, scene), path, default)
+        except InputError as error:
+            raise InputError(f"{path}: variants.{name}: {str(error).removeprefix(f'{path}: ')}") from error
+    return Study(
+        name=path.stem,
+        answer=text["answer"],
+        title=text["title"],
+        about=" ".join(text.get("about", "").split()),
+        allowed=text.get("allowed", {}),
+        settings=text.get("settings", {}),
+        mines=mines,
+    )
