@@ -1,14 +1,12 @@
-"""Solids from files that mine planning packages write: STL, OBJ, PLY, DXF, OMF. Coordinates are taken as metres."""
+"""Solids from files that mine planning packages write: STL, OBJ, PLY, DXF, OMF. Coordinates are taken as metres.
+
+trimesh, ezdxf and omf are imported where a file is read: together they take 1.5 s, and most stages read none.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
 
-import ezdxf
 import numpy as np
-import omf
-import trimesh
-from ezdxf.disassemble import recursive_decompose
-from ezdxf.render import MeshBuilder
 
 from mpm_core.geometry.solids import Solid
 from pipeline.errors import InputError
@@ -74,6 +72,8 @@ def _tidy(vertices: np.ndarray, facets: np.ndarray) -> Mesh:
 
 def _read_mesh(path: Path) -> Mesh:
     """STL, OBJ, PLY: every body in the file together."""
+    import trimesh
+
     # process=False: trimesh would merge vertices that are near, not equal
     mesh = trimesh.load_mesh(path, process=False)
     if not hasattr(mesh, "faces"):
@@ -85,6 +85,10 @@ def _read_mesh(path: Path) -> Mesh:
 
 def _read_dxf(path: Path, layer: str | None) -> Mesh:
     """3DFACE, MESH and polyface or polygon-mesh POLYLINE of the model space, inserted blocks included."""
+    import ezdxf
+    from ezdxf.disassemble import recursive_decompose
+    from ezdxf.render import MeshBuilder
+
     faces: dict[str, list[Mesh]] = {}
     outlines = 0
     for entity in recursive_decompose(ezdxf.readfile(path).modelspace()):
@@ -120,6 +124,8 @@ def _triangles(vertices, faces) -> Mesh:
 
 def _read_omf(path: Path, element: str | None) -> Mesh:
     """Triangulated surfaces of an OMF 1 project, each moved by its own origin and the project's."""
+    import omf
+
     project = omf.OMFReader(str(path)).get_project()
     surfaces: dict[str, list[Mesh]] = {}
     for surface in project.elements:

@@ -1,14 +1,12 @@
 """Solids from a few numbers: box, tunnel, cylinder, sphere, prism; in 2-D box, circle, polygon.
 
 Curved surfaces are cut into enough facets that the plain inscribed ones would lose less than 0.1 % of the volume, and
-moved outward until the volume is exact.
+moved outward until the volume is exact. trimesh and ezdxf are imported where a shape needs them: see files.py.
 """
 
 from collections.abc import Callable
 
 import numpy as np
-import trimesh
-from ezdxf.math.triangulation import mapbox_earcut_2d
 
 from mpm_core.geometry.solids import Solid
 from mpm_core.geometry.tunnels import sweep_tunnel
@@ -96,6 +94,8 @@ def _box(reader: _Reader) -> tuple[np.ndarray, np.ndarray]:
         )
     if reader.dimension == 2:
         return _ring(np.array([lower, [upper[0], lower[1]], upper, [lower[0], upper[1]]]))
+    import trimesh
+
     box = trimesh.creation.box(bounds=[[0, 0, 0], [1, 1, 1]])
     return np.where(box.vertices == 0, lower, upper), box.faces  # the corners' own numbers: no round-off
 
@@ -107,6 +107,8 @@ def _tunnel(reader: _Reader) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cylinder(reader: _Reader) -> tuple[np.ndarray, np.ndarray]:
+    import trimesh
+
     start, end, radius = reader.point("start"), reader.point("end"), reader.length("radius")
     if (start == end).all():
         raise reader.fail("end", "is the same point as start: a cylinder needs a length")
@@ -116,6 +118,8 @@ def _cylinder(reader: _Reader) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sphere(reader: _Reader) -> tuple[np.ndarray, np.ndarray]:
+    import trimesh
+
     center, radius = reader.point("center"), reader.length("radius")
     ball = trimesh.creation.icosphere(subdivisions=SPHERE_SUBDIVISIONS)
     radius *= (4 / 3 * np.pi / ball.volume) ** (1 / 3)
@@ -165,6 +169,8 @@ def _straight(polygon: np.ndarray) -> np.ndarray:
 
 def _triangulate(polygon: np.ndarray) -> np.ndarray:
     """Triangles (triangle, 3) of a simple polygon (point, 2), wound as the polygon is."""
+    from ezdxf.math.triangulation import mapbox_earcut_2d
+
     local = polygon - polygon.mean(axis=0)
     row = {tuple(point): number for number, point in enumerate(local.tolist())}
     triangles = [[row[point.x, point.y] for point in triangle] for triangle in mapbox_earcut_2d(local.tolist(), [])]
