@@ -2,6 +2,7 @@
 
 snakemake --cores all                                              the demo mine
 snakemake --cores all --configfile config/mines/elk_creek.yaml     another mine
+snakemake --cores all verification                                 every scene that has a known answer
 """
 
 import sys
@@ -43,6 +44,7 @@ include: "workflow/rules/grid.smk"
 include: "workflow/rules/equilibrium.smk"
 include: "workflow/rules/events.smk"
 include: "workflow/rules/comparison.smk"
+include: "workflow/rules/verification.smk"
 
 
 rule all:

@@ -11,18 +11,24 @@ import yaml
 from pipeline.errors import InputError
 from workflow.configuration import Mine, load
 
-KEYS = ("answer", "title", "about", "allowed", "settings", "scene", "variants")
+KEYS = ("answer", "title", "about", "on_request", "threads", "allowed", "settings", "scene", "variants")
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{2,}\Z")
 
 
 @dataclass(frozen=True)
 class Study:
-    """What a study file says; `mines` holds the checked configuration of every variant, by its name."""
+    """What a study file says; `mines` holds the checked configuration of every variant, by its name.
+
+    on_request: too long for the target `verification`, run by its own name. threads: of each stage, 64 for all there
+    are; with 1, small scenes run side by side.
+    """
 
     name: str
     answer: str
     title: str
     about: str
+    on_request: bool
+    threads: int
     allowed: dict[str, float]
     settings: dict
     mines: dict[str, Mine]
@@ -66,6 +72,8 @@ def load_study(path: str | os.PathLike, default: dict) -> Study:
         answer=text["answer"],
         title=text["title"],
         about=" ".join(text.get("about", "").split()),
+        on_request=bool(text.get("on_request", False)),
+        threads=int(text.get("threads", 64)),
         allowed=text.get("allowed", {}),
         settings=text.get("settings", {}),
         mines=mines,

@@ -1,11 +1,14 @@
 """What the rules share: names, sources, slices of the configuration. Nothing is run here."""
 
+import functools
 import json
 import shlex
 
 from pipeline.stage import name_parent_of_stages
+from verification.studies import load_study
 
 RESULTS = "results/{mine}"
+NAME = "[A-Za-z0-9][A-Za-z0-9_-]+"
 HAS_CATALOG = bool(MINE.dated_steps)
 HAS_RECORD = HAS_CATALOG and "record" in MINE.values
 # `stage` in the rules below. exec: a stage is a child of this process, not of a shell between them, and ends with it
@@ -18,14 +21,15 @@ shell.prefix(
 
 
 wildcard_constraints:
-    mine=re.escape(MINE.name),
-    step="|".join(map(re.escape, MINE.mined_steps)) or "none",
+    mine=f"{re.escape(MINE.name)}|verification/{NAME}/{NAME}",
+    study=NAME,
+    step=NAME,
 
 
-def sources(package):
-    """Source files of a package and of the base that all stages share: an edit re-runs what it may change."""
+def sources(*packages):
+    """Source files of packages and of the base that all stages share: an edit re-runs what it may change."""
     kinds = ("*.py", "*.j2")
-    return sorted(path for part in (package, "pipeline") for kind in kinds for path in BASE.glob(f"{part}/**/{kind}"))
+    return sorted(path for part in (*packages, "pipeline") for kind in kinds for path in BASE.glob(f"{part}/**/{kind}"))
 
 
 def kept(path):
@@ -38,9 +42,43 @@ def slice_of(values):
     return json.dumps(values, sort_keys=True)
 
 
+@functools.cache
+def study(name):
+    """A study of config/verification, read when a rule first asks for it."""
+    try:
+        return load_study(os.path.relpath(BASE / f"config/verification/{name}.yaml"), DEFAULT)
+    except InputError as error:
+        sys.exit(str(error))
+
+
+def mine_of(wildcards):
+    """Configuration behind results/{mine}: the mine of this run, or a variant of a study."""
+    if wildcards.mine == MINE.name:
+        return MINE
+    _, name, variant = wildcards.mine.split("/")
+    mines = study(name).mines
+    if variant not in mines:
+        sys.exit(f"config/verification/{name}.yaml: variants: no '{variant}'; there are {', '.join(mines)}")
+    return mines[variant]
+
+
+def step_of(wildcards):
+    """Name of the step, if the mine lists it."""
+    mine = mine_of(wildcards)
+    if wildcards.step not in mine.mined_steps:
+        sys.exit(f"{wildcards.mine}: steps: no '{wildcards.step}'; there are {', '.join(mine.mined_steps) or 'none'}")
+    return wildcards.step
+
+
 def result(path):
-    """A result of this mine."""
+    """A result of the mine of this run."""
     return f"results/{MINE.name}/{path}"
+
+
+def stage_results(place, mine):
+    """Files of all stages of a mine up to its events, below results/<place>."""
+    steps = [f"{folder}/{step}.nc" for folder in ("steps", "events") for step in mine.mined_steps]
+    return [f"results/{place}/{file}" for file in ["grid.nc", "elastic.nc", *steps]]
 
 
 def step_results(folder):
@@ -48,25 +86,55 @@ def step_results(folder):
     return [result(f"{folder}/{step}.nc") for step in MINE.mined_steps]
 
 
+def events_of(wildcards):
+    """Events of all listed steps, in order."""
+    return [f"results/{wildcards.mine}/events/{step}.nc" for step in mine_of(wildcards).mined_steps]
+
+
 def all_results():
     """Every stage's file: a missing intermediate is made again, not overlooked behind a standing report."""
-    files = ["grid.nc", "elastic.nc", "report.html"]
+    files = ["report.html"]
     if MINE.dated_steps:
         files += ["catalog.nc", "catalog.csv", "catalog.xml"]
         if "record" in MINE.values:
             files += ["record.nc", "comparison.nc"]
-    return [result(file) for file in files] + step_results("steps") + step_results("events")
+    return stage_results(MINE.name, MINE) + [result(file) for file in files]
 
 
 def previous_state(wildcards):
     """The state that a step starts from: the step before, or the elastic history."""
-    before = MINE.previous(wildcards.step)
-    return result(f"steps/{before}.nc" if before else "elastic.nc")
+    before = mine_of(wildcards).previous(step_of(wildcards))
+    return f"results/{wildcards.mine}/" + (f"steps/{before}.nc" if before else "elastic.nc")
+
+
+def solids(wildcards):
+    """Files that the grid is built from."""
+    return mine_of(wildcards).solids()
+
+
+def grid_slice(wildcards):
+    """The configuration that the grid depends on."""
+    return slice_of(mine_of(wildcards).grid_slice())
+
+
+def elastic_slice(wildcards):
+    """The configuration that the elastic history depends on."""
+    return slice_of(mine_of(wildcards).scene_slice(0))
 
 
 def step_slice(wildcards):
     """The configuration up to this step."""
-    return slice_of(MINE.step_slice(wildcards.step))
+    return slice_of(mine_of(wildcards).step_slice(step_of(wildcards)))
+
+
+def event_slice(wildcards):
+    """The configuration that events and catalogue depend on."""
+    return slice_of(mine_of(wildcards).event_slice())
+
+
+def threads_of(wildcards):
+    """As many as there are, but one where a study's scenes are so small that two run better side by side."""
+    return 64 if wildcards.mine == MINE.name else study(wildcards.mine.split("/")[1]).threads
 
 
 def record_files():

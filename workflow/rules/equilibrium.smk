@@ -6,12 +6,12 @@ rule elastic:
     output:
         kept(f"{RESULTS}/elastic.nc"),
     params:
-        scene=slice_of(MINE.scene_slice(0)),
+        scene=elastic_slice,
     log:
         "logs/{mine}/elastic.log",
     benchmark:
         "benchmarks/{mine}/elastic.tsv"
-    threads: 64
+    threads: threads_of
     resources:
         mem_mb=8000,
         runtime=240,
@@ -35,7 +35,7 @@ rule mining_step:
         "logs/{mine}/steps/{step}.log",
     benchmark:
         "benchmarks/{mine}/steps/{step}.tsv"
-    threads: 64
+    threads: threads_of
     resources:
         mem_mb=8000,
         runtime=720,

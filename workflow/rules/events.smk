@@ -6,7 +6,7 @@ rule events:
     output:
         kept(f"{RESULTS}/events/{{step}}.nc"),
     params:
-        settings=slice_of(MINE.event_slice()),
+        settings=event_slice,
     log:
         "logs/{mine}/events/{step}.log",
     benchmark:
@@ -24,13 +24,13 @@ rule events:
 rule catalog:
     """The synthetic catalogue of all dated steps."""
     input:
-        events=step_results("events"),
+        events=events_of,
         code=sources("seismic"),
     output:
         catalog=kept(f"{RESULTS}/catalog.nc"),
         table=report(kept(f"{RESULTS}/catalog.csv"), caption="../report/catalog.rst", category="{mine}"),
     params:
-        settings=slice_of(MINE.event_slice()),
+        settings=event_slice,
     log:
         "logs/{mine}/catalog.log",
     benchmark:

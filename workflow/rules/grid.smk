@@ -1,17 +1,17 @@
 rule grid:
     """Cells, nodes, hanging-node constraints, and the part of each cell inside each excavation."""
     input:
-        solids=MINE.solids(),
+        solids=solids,
         code=sources("mpm_core"),
     output:
         kept(f"{RESULTS}/grid.nc"),
     params:
-        scene=slice_of(MINE.grid_slice()),
+        scene=grid_slice,
     log:
         "logs/{mine}/grid.log",
     benchmark:
         "benchmarks/{mine}/grid.tsv"
-    threads: 64
+    threads: threads_of
     resources:
         mem_mb=4000,
         runtime=30,

@@ -1,0 +1,83 @@
+"""Study files: variants over a base scene over the default, and one line for each mistake."""
+
+import copy
+
+import pytest
+import yaml
+from running import DEFAULT, STUDIES
+
+from pipeline.errors import InputError
+from verification.studies import load_study, merge
+
+HOLE = {
+    "answer": "kirsch",
+    "title": "A hole",
+    "about": "One\n  line.",
+    "allowed": {"stress": 0.1},
+    "scene": {
+        "plane": "xy",
+        "frame": {"surface": "0 m"},
+        "domain": {"lower": ["-40 m", "-40 m"], "upper": ["40 m", "40 m"]},
+        "grid": {"coarse_cell": "8 m", "levels": 3},
+        "insitu_stress": {"constant": {"xx": "-30 MPa", "yy": "-30 MPa"}},
+        "materials": {
+            "host": {"model": "elastic", "youngs_modulus": "7 GPa", "poisson_ratio": 0.2, "density": "2700 kg/m^3"}
+        },
+        "excavations": [
+            {"name": "hole", "step": "history", "shape": "circle", "center": ["0 m", "0 m"], "radius": "9 m"}
+        ],
+    },
+    "variants": {"plain": None, "coarse": {"grid": {"levels": 1}}},
+}
+
+
+def write(folder, study: dict):
+    path = folder / "hole.yaml"
+    path.write_text(yaml.safe_dump(study))
+    return path
+
+
+def test_a_variant_changes_the_scene_and_nothing_else(tmp_path):
+    study = load_study(write(tmp_path, HOLE), DEFAULT)
+    plain, coarse = study.mines["plain"].values, study.mines["coarse"].values
+    assert (plain["name"], coarse["name"]) == ("hole-plain", "hole-coarse")
+    assert coarse["grid"] == plain["grid"] | {"levels": 1}
+    assert coarse | {"grid": plain["grid"], "name": plain["name"]} == plain
+    assert plain["solver"]["damping"] == DEFAULT["solver"]["damping"]
+    assert (study.about, study.threads, study.on_request) == ("One line.", 64, False)
+
+
+def test_merging_replaces_lists_and_leaves_both_sides_alone():
+    base, change = {"a": {"b": [1, 2], "c": 3}}, {"a": {"b": [4]}}
+    before = copy.deepcopy((base, change))
+    assert merge(base, change) == {"a": {"b": [4], "c": 3}}
+    assert (base, change) == before
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"answr": "kirsch"}, "answr: unknown key"),
+        ({"variants": {}}, "a scene needs variants"),
+        ({"variants": {"xy": None}}, "variants.xy: use three or more"),
+        ({"variants": {"bad": {"grid": {"level": 2}}}}, "variants.bad: grid.level: unknown key"),
+        ({"variants": {"bad": {"grid": {"coarse_cell": "8 s"}}}}, "variants.bad: grid.coarse_cell"),
+    ],
+)
+def test_a_mistake_is_one_line_with_file_and_key(tmp_path, change, message):
+    with pytest.raises(InputError) as error:
+        load_study(write(tmp_path, HOLE | change), DEFAULT)
+    assert "hole.yaml: " in str(error.value)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_study_that_is_not_there_is_one_line(tmp_path):
+    with pytest.raises(InputError, match="not a readable study"):
+        load_study(tmp_path / "none.yaml", DEFAULT)
+
+
+@pytest.mark.parametrize("path", sorted(STUDIES.glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_study_of_the_project_is_well_formed(path):
+    study = load_study(path, DEFAULT)
+    assert study.about

@@ -1,0 +1,76 @@
+"""Command lines of the verification: python -m verification answer | report | verdict."""
+
+import argparse
+import importlib
+import json
+import logging
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.stage import run_stage
+
+
+def answer(arguments: argparse.Namespace) -> None:
+    """rows.csv and figure.svg of one study."""
+    from catalogs.figures import style
+    from verification.results import read_results
+    from verification.rows import write_rows
+    from verification.studies import load_study
+
+    study = load_study(arguments.study, json.loads(arguments.default))
+    module = importlib.import_module(f"verification.answers.{study.answer}")
+    with style.applied():
+        rows, figure = module.answer(read_results(study, Path(arguments.results), Path(arguments.benchmarks)))
+        style.save(figure, Path(arguments.figure))
+    for row in rows:
+        logging.info("%s: expected %g, obtained %g, passed %s", row.quantity, row.expected, row.obtained, row.passed)
+    write_rows(arguments.rows, [(study.name, row) for row in rows])
+
+
+def report(arguments: argparse.Namespace) -> None:
+    """report.html and summary.csv of several studies."""
+    from verification.report import write_report
+    from verification.studies import load_study
+
+    studies = [load_study(path, json.loads(arguments.default)) for path in arguments.studies]
+    write_report(
+        studies, Path(arguments.results), Path(arguments.benchmarks), Path(arguments.page), Path(arguments.summary)
+    )
+
+
+def verdict(arguments: argparse.Namespace) -> None:
+    """Nothing but an error if a row fails."""
+    from verification.rows import VERDICTS, read_rows
+
+    rows = read_rows(arguments.summary)
+    failing = [f"{row['scene']}: {row['quantity']}" for row in rows if row["passed"] == VERDICTS[False]]
+    if failing:
+        first = "; ".join(failing[:3]) + ("; ..." if len(failing) > 3 else "")
+        raise InputError(f"{len(failing)} of {len(rows)} rows fail ({first}); see {arguments.page}")
+    logging.info("all of %d rows pass or are reported only", len(rows))
+
+
+def main() -> None:
+    """Parse the command line and run the stage."""
+    parser = argparse.ArgumentParser(prog="python -m verification", description=__doc__)
+    stages = parser.add_subparsers(dest="stage", required=True)
+    takes = {
+        "answer": ("study", "default", "results", "benchmarks", "rows", "figure"),
+        "report": ("default", "results", "benchmarks", "page", "summary"),
+        "verdict": ("summary", "page"),
+    }
+    for name, options in takes.items():
+        stage = stages.add_parser(name)
+        for option in options:
+            stage.add_argument(f"--{option}", required=True)
+        if name == "report":
+            stage.add_argument("--studies", required=True, nargs="+")
+        stage.add_argument("--log")
+    arguments = parser.parse_args()
+    run = {"answer": answer, "report": report, "verdict": verdict}[arguments.stage]
+    made = {"answer": "rows", "report": "page", "verdict": "summary"}[arguments.stage]
+    run_stage(f"{arguments.stage} {getattr(arguments, made)}", arguments.log, lambda: run(arguments))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""`report.html` of the verification: what was asked, what came out, what it cost, and one figure per study."""
+
+import base64
+import csv
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+
+from pipeline.datasets import atomic_path
+from pipeline.errors import InputError
+from verification.results import Variant, read_results
+from verification.rows import COLUMNS, VERDICTS, read_rows
+from verification.studies import Study
+
+TEMPLATES = Path(__file__).parent / "templates"
+POINTS_TO_PIXELS = 96 / 72
+MARKS = {VERDICTS[True]: "passed", VERDICTS[False]: "failed", VERDICTS[None]: "reported"}
+
+
+@dataclass(frozen=True)
+class Section:
+    """One study on the page. rows: as written in its table; costs: one line per variant."""
+
+    study: Study
+    rows: list[dict[str, str]]
+    costs: list[dict]
+    figure: str
+    width: int
+
+    def count(self, verdict: str) -> int:
+        """Number of rows that passed, failed or are reported only."""
+        return sum(MARKS[row["passed"]] == verdict for row in self.rows)
+
+
+def write_report(studies: list[Study], results: Path, benchmarks: Path, page: Path, summary: Path) -> None:
+    """Write the page and the table of all rows, atomically. Raises InputError where rows or a figure are missing."""
+    sections = [_section(study, results / study.name, benchmarks / study.name) for study in studies]
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    with atomic_path(summary) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        writer.writerows(row for section in sections for row in section.rows)
+    text = environment.get_template("report.html.j2").render(sections=sections, marks=MARKS)
+    with atomic_path(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _section(study: Study, folder: Path, benchmarks: Path) -> Section:
+    try:
+        figure = (folder / "figure.svg").read_bytes()
+        rows = read_rows(folder / "rows.csv")
+    except OSError as error:
+        raise InputError(f"{error.filename}: {error.strerror}; run the study again") from error
+    width = re.search(rb'<svg[^>]* width="([0-9.]+)pt"', figure)
+    return Section(
+        study=study,
+        rows=rows,
+        costs=[
+            {"variant": name, **_cost(variant)}
+            for name, variant in read_results(study, folder, benchmarks).variants.items()
+        ],
+        figure="data:image/svg+xml;base64," + base64.b64encode(figure).decode(),
+        width=round(float(width.group(1)) * POINTS_TO_PIXELS) if width else 1000,
+    )
+
+
+def _cost(variant: Variant) -> dict:
+    stages = ["grid", "elastic", *[f"steps/{name}" for name in variant.step_names]]
+    seconds = [variant.seconds(stage) or 0.0 for stage in stages]
+    return {
+        "cells": variant.grid.sizes["cell"],
+        "levels": variant.grid.attrs["levels"],
+        "finest": variant.grid.attrs["fine_cell"],
+        "steps": len(variant.step_names),
+        "seconds": sum(seconds),
+        "memory": max(variant.peak_memory(stage) or 0.0 for stage in stages),
+    }

@@ -1,0 +1,93 @@
+STUDY = "results/verification/{study}"
+
+
+def studies():
+    """Names of all studies that the target `verification` runs."""
+    names = sorted(path.stem for path in (BASE / "config/verification").glob("*.yaml"))
+    return [name for name in names if not study(name).on_request]
+
+
+def study_files(wildcards):
+    """The files of these studies."""
+    return [f"{BASE}/config/verification/{name}.yaml" for name in studies()]
+
+
+def study_results(wildcards):
+    """Results of all stages of all variants of a study."""
+    variants = study(wildcards.study).mines.items()
+    return [file for name, mine in variants for file in stage_results(f"verification/{wildcards.study}/{name}", mine)]
+
+
+def answers(wildcards):
+    """Rows and figures of all studies."""
+    return [f"results/verification/{name}/{file}" for name in studies() for file in ("rows.csv", "figure.svg")]
+
+
+rule answer:
+    """One study beside its known answer: rows of expected and obtained, and a figure."""
+    input:
+        results=study_results,
+        study=f"{BASE}/config/verification/{{study}}.yaml",
+        code=sources("verification", "mpm_core", "seismic", "catalogs"),
+    output:
+        rows=kept(f"{STUDY}/rows.csv"),
+        figure=kept(f"{STUDY}/figure.svg"),
+    params:
+        default=slice_of(DEFAULT),
+    log:
+        "logs/verification/{study}.log",
+    benchmark:
+        "benchmarks/verification/{study}.tsv"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage verification answer --study {input.study} --default {params.default:q}"
+        " --results results/verification/{wildcards.study} --benchmarks benchmarks/verification/{wildcards.study}"
+        " --rows {output.rows} --figure {output.figure} --log {log}"
+
+
+rule verification_report:
+    """All studies on one page, and all their rows in one table."""
+    input:
+        answers=answers,
+        code=sources("verification"),
+    output:
+        page=report(kept("results/verification/report.html"), caption="../report/verification.rst", category="verification"),
+        summary=kept("results/verification/summary.csv"),
+    params:
+        studies=study_files,
+        default=slice_of(DEFAULT),
+    log:
+        "logs/verification/report.log",
+    benchmark:
+        "benchmarks/verification/report.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage verification report --studies {params.studies:q} --default {params.default:q} --results results/verification"
+        " --benchmarks benchmarks/verification --page {output.page} --summary {output.summary} --log {log}"
+
+
+rule verification:
+    """Every scene that has a known answer; fails if a row of the summary fails."""
+    input:
+        summary="results/verification/summary.csv",
+        page="results/verification/report.html",
+    log:
+        "logs/verification/verdict.log",
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage verification verdict --summary {input.summary} --page {input.page} --log {log}"
