@@ -12,7 +12,7 @@ from mpm_core.datasets import grid_dataset
 from mpm_core.geometry.files import read_solid
 from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, contains, sample_mask
 from mpm_core.geometry.shapes import build_shape
-from mpm_core.geometry.solids import Solid
+from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.building import GridCount, build_grid
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.particles import FULL, HALF, SLIVER, Pieces
@@ -23,8 +23,12 @@ STAGE_BYTES_PER_CELL = (
 )
 
 
-def read_solids(entries: list[dict], section: str, dimension: int) -> list[Solid]:
-    """Solids of a section of the configuration ("excavations"), in order. Raises InputError naming the entry."""
+def read_solids(entries: list[dict], section: str, domain: "Domain") -> list[Solid | Outside]:
+    """Solids of a section of the configuration ("excavations"), in order; `outside`: what they leave of the domain.
+
+    Raises InputError naming the entry, also for one that lies outside the domain.
+    """
+    dimension = len(domain.lower)
     solids = []
     for entry in entries:
         try:
@@ -38,6 +42,9 @@ def read_solids(entries: list[dict], section: str, dimension: int) -> list[Solid
                 solids.append(build_shape(entry, dimension))
         except InputError as error:
             raise InputError(f"{section}.{entry['name']}: {str(error).removeprefix(entry['name'] + ': ')}") from error
+        check_inside(solids[-1], domain, section)
+        if entry.get("outside"):
+            solids[-1] = Outside(solids[-1], domain.lower, domain.upper)
     return solids
 
 
@@ -76,7 +83,7 @@ def _span(lower, upper) -> str:
     return ", ".join(f"{a:g} to {b:g} m" for a, b in zip(lower, upper, strict=True))
 
 
-def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid], whole: bool) -> Pieces:
+def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid | Outside], whole: bool) -> Pieces:
     """Parts of the finest cells inside each excavation, by excavation and cell. `whole`: in or out by the half."""
     finest = np.flatnonzero(grid.cell_level == grid.levels - 1).astype(np.int32)
     index = grid.cell_index[finest]
@@ -104,7 +111,7 @@ def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid], whole:
     return Pieces(cell.astype(np.int32), excavation.astype(np.int16), samples)
 
 
-def assign_bodies(grid: MultiLevelGrid, bodies: list[Solid]) -> np.ndarray:
+def assign_bodies(grid: MultiLevelGrid, bodies: list[Solid | Outside]) -> np.ndarray:
     """Rock body of each cell by its centre, later ones winning: (cell,) int16, -1 host."""
     body = np.full(len(grid.cell_level), -1, np.int16)
     for number, solid in enumerate(bodies):
@@ -130,11 +137,8 @@ def make_grid(values: dict, attributes: dict) -> xr.Dataset:
     lower, upper = (np.array(values["domain"][key], float) for key in ("lower", "upper"))
     coarse = values["grid"]["coarse_cell"]
     domain = Domain(lower, np.rint((upper - lower) / coarse).astype(np.int64), coarse, values["grid"]["levels"])
-    solids = read_solids(values["excavations"], "excavations", dimension)
-    bodies = read_solids(values["rock_bodies"], "rock_bodies", dimension)
-    for section, group in (("excavations", solids), ("rock_bodies", bodies)):
-        for solid in group:
-            check_inside(solid, domain, section)
+    solids = read_solids(values["excavations"], "excavations", domain)
+    bodies = read_solids(values["rock_bodies"], "rock_bodies", domain)
     features = [solid for solid, entry in zip(bodies, values["rock_bodies"], strict=True) if entry["refine"]]
 
     def classify(level: int, index: np.ndarray) -> np.ndarray:

@@ -5,19 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpm_core.constitutive.strength import elastic_row, strength_row
-from mpm_core.geometry.inside import contains
-from mpm_core.geometry.shapes import build_shape
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.blocks import Scatter, build_scatter
-from mpm_core.kernels.nodes import collect_to_parents, particle_loads
+from mpm_core.loading import external_force, virgin_stress
 from mpm_core.particles import Particles, Pieces, exclusive_pieces, rock_share, seed, volumes
-from mpm_core.scene import FACES, Load, Material, Scene
-from pipeline.errors import InputError
+from mpm_core.scene import FACES, Material, Scene
 
 BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # VTK corner at each bit-ordered place (an involution)
 STRENGTH_MARGIN = 1e-6  # of cohesion, design section 5: what a stress may exceed strength by
 STRENGTH_MARGIN_FLOOR = 1e3  # Pa
-BALANCE = 1e-6  # of the sum of all forces: what may be left of force and moment where nothing holds the model
 
 
 @dataclass
@@ -127,109 +123,14 @@ class Model:
         )
 
     def external_force(self, step: int) -> np.ndarray:
-        """Forces of all that was mined, filled and loaded up to `step`, relative to virgin: (node, d) N, on free nodes.
+        """Forces of all that was mined, filled and loaded up to `step`: see loading.external_force."""
+        return external_force(self, step)
 
-        Void: r lacks B^T sigma0 - N^T b over the mined volume (design section 5). Fill weighs its own density; free
-        faces lose their virgin traction, as do traction faces where rock is mined; loads are shared by volume.
-        Raises InputError for a load whose rock is mined.
-        """
-        particles, scene = self.particles, self.scene
-        axes = list(scene.axes)
-        volume = self.volumes(step)
-        rock = particles.is_rock
-        missing = np.where(rock, particles.full_volume - volume, 0.0)
-        body_force = virgin_body_force(scene)
-        force = -missing[:, None] * body_force
-        gravity = np.zeros(self.dimension)
-        if 2 in axes:
-            gravity[axes.index(2)] = body_force[axes.index(2)] / scene.materials["host"].density
-        density = np.array([material.density for material in scene.materials.values()])
-        weight = np.where(rock, 0.0, density[particles.material] * volume)
-        force += weight[:, None] * gravity
-        for load in scene.loads:
-            if load.since <= step:
-                share = np.where(self.load_particles(load) & rock, volume, 0.0)
-                if not share.any():
-                    raise InputError(f"loads.{load.name}: the rock inside its shape is mined; move it")
-                force += (share / share.sum())[:, None] * np.array(load.force)[axes] / scene.thickness
-        nodal = np.zeros((len(self.grid.node_index), self.dimension))
-        particle_loads(
-            self.cell_nodes,
-            self.grid.cell_size,
-            particles.cell,
-            particles.xi,
-            self.insitu * missing[:, None],
-            force,
-            nodal,
-        )
-        self._add_lost_traction(nodal, 1.0 - self.rock_share(step))
-        collect_to_parents(self.grid.node_parents, nodal)
-        nodal[self.held] = 0.0
-        if not self.held.any():
-            self._require_balance(nodal)
-        return nodal
-
-    def _require_balance(self, force: np.ndarray) -> None:
-        """Raise InputError if nodal forces (node, d) N would set a body that nothing holds in motion."""
-        position = self.grid.node_position - self.grid.node_position.mean(axis=0)
-        moments = [
-            position[:, i] * force[:, j] - position[:, j] * force[:, i] for i in range(self.dimension) for j in range(i)
-        ]
-        size = np.abs(force).sum()
-        reach = np.abs(position).max()
-        if (
-            np.abs(force.sum(axis=0)).max() > BALANCE * size
-            or np.abs(np.sum(moments, axis=1)).max() > BALANCE * size * reach
-        ):
-            raise InputError(
-                "domain.boundary: nothing holds this model, and the forces on it (loads, excavations) do not balance; "
-                "give a face fixed or roller, or balance the loads"
-            )
-
-    def load_particles(self, load: Load) -> np.ndarray:
-        """Particles inside a load's shape, (particle,) bool."""
-        chosen = contains(
-            build_shape({"name": f"loads.{load.name}", **load.shape}, self.dimension), self.particles.position
-        )
-        if not chosen.any():
-            raise InputError(
-                f"loads.{load.name}: no particle lies inside its shape; enlarge it or move it into the rock"
-            )
-        return chosen
-
-    def _add_lost_traction(self, nodal: np.ndarray, mined_share: np.ndarray) -> None:
-        """Take the virgin traction off free faces of the domain, and off traction faces where rock is mined."""
-        component = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-        grid = self.grid
-        for axis in range(self.dimension):
-            for side, name in enumerate(FACES[2 * self.scene.axes[axis] :][:2]):
-                condition = self.scene.boundary.get(name)
-                if condition not in ("free", "traction"):
-                    continue
-                edge = grid.cell_index[:, axis] + side * grid.cell_width
-                cells = np.flatnonzero(edge == side * grid.shape[axis])
-                center = grid.cell_center[cells].copy()
-                center[:, axis] += (side - 0.5) * grid.cell_size[cells]
-                traction = virgin_stress(self.scene, center)[:, component[axis, : self.dimension]] * (2 * side - 1)
-                area = grid.cell_size[cells] ** (self.dimension - 1)
-                corners = [corner for corner in range(1 << self.dimension) if (corner >> axis) & 1 == side]
-                lost = 1.0 if condition == "free" else mined_share[cells]
-                share = -traction * (lost * area / len(corners))[:, None]
-                for corner in corners:
-                    np.add.at(nodal, self.cell_nodes[cells, corner], share)
-
-
-def virgin_stress(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """Virgin stress (n, 6) Pa in the computation's axes at positions (n, d)."""
-    axes = list(scene.axes)
-    elevation = position[:, axes.index(2)] if 2 in axes else np.full(len(position), scene.insitu.surface)
-    return scene.insitu.at(elevation)[:, scene.voigt]
-
-
-def virgin_body_force(scene: Scene) -> np.ndarray:
-    """b = -div sigma0 (d,) N/m3 in the computation's axes; a plan section ("xy") is uniform and weightless."""
-    axes = list(scene.axes)
-    return scene.insitu.body_force[axes] if 2 in axes else np.zeros(len(axes))
+    def is_held(self, volume: np.ndarray) -> bool:
+        """Whether a fixed or roller face touches rock or fill of these volumes (particle,): else it may move freely."""
+        touched = np.zeros(len(self.held), bool)
+        touched[self.cell_nodes[self.particles.cell[volume > 0.0]]] = True
+        return bool(self.held[touched].any())
 
 
 def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:

@@ -56,12 +56,28 @@ class Excavation:
 
 @dataclass(frozen=True)
 class Load:
-    """A total force (3,) N shared by volume among the rock particles inside a shape, from step `since` on."""
+    """A total force N shared by volume among the rock particles inside a shape, from step `since` on.
+
+    force: its components (3,), or, with `toward` a point (d,) m, the sum of the sizes of forces that all point there.
+    """
 
     name: str
     since: int
-    force: tuple[float, float, float]
+    force: tuple[float, float, float] | float
+    toward: tuple[float, ...] | None
     shape: dict
+
+
+@dataclass(frozen=True)
+class BoundaryStrain:
+    """A homogeneous strain of the domain from step `since` on, (6,) in Voigt order, tensor shear.
+
+    Held components of the boundary move by strain . (x - lower corner of the domain); strains add up.
+    """
+
+    name: str
+    since: int
+    strain: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -95,6 +111,7 @@ class Scene:
     rock_bodies: tuple[str, ...]
     excavations: tuple[Excavation, ...]
     loads: tuple[Load, ...]
+    strains: tuple[BoundaryStrain, ...]
     steps: tuple[dict, ...]
     solver: Solver
 
@@ -173,14 +190,27 @@ def parse_scene(values: dict) -> Scene:
         materials=materials,
         rock_bodies=tuple(body["material"] for body in values["rock_bodies"]),
         excavations=tuple(Excavation(**entry) for entry in values["excavations"]),
-        loads=tuple(
-            Load(entry["name"], entry["since"], tuple(entry["force"]), entry["shape"]) for entry in values["loads"]
+        loads=tuple(_load(entry) for entry in values["loads"]),
+        strains=tuple(
+            BoundaryStrain(entry["name"], entry["since"], tuple(entry["strain"])) for entry in values.get("strains", [])
         ),
         steps=tuple(values["steps"]),
         solver=Solver(**values["solver"]),
     )
     check_boundary(scene)
+    check_strains(scene)
     return scene
+
+
+def _load(entry: dict) -> Load:
+    force, toward = entry["force"], entry.get("toward")
+    return Load(
+        entry["name"],
+        entry["since"],
+        force if toward else tuple(force),
+        tuple(toward) if toward else None,
+        entry["shape"],
+    )
 
 
 def check_boundary(scene: Scene) -> None:
@@ -198,6 +228,38 @@ def check_boundary(scene: Scene) -> None:
         )
 
 
+def check_strains(scene: Scene) -> None:
+    """Raise InputError for a boundary strain that moves no held face, or with particles that move."""
+    for entry in scene.strains:
+        if scene.solver.move:
+            raise InputError(
+                f"strains.{entry.name}: the boundary cannot be strained while particles move through the grid; "
+                "set solver.move: false"
+            )
+        tensor = tensor_from_voigt(entry.strain)
+        moves = False
+        for axis in scene.axes:
+            for side, face in enumerate(FACES[2 * axis : 2 * axis + 2]):
+                condition = scene.boundary.get(face)
+                held = {"fixed": list(scene.axes), "roller": [axis]}.get(condition, [])
+                # on a lower face x - lower has no component along its normal
+                along = [other for other in scene.axes if side == 1 or other != axis]
+                moves |= bool(tensor[np.ix_(held, along)].any())
+        if not moves:
+            raise InputError(
+                f"strains.{entry.name}: moves no face that is held; give faces fixed or roller (domain.boundary), "
+                "or a strain along what they hold"
+            )
+
+
+def tensor_from_voigt(components) -> np.ndarray:
+    """Symmetric tensor (3, 3) of six components xx, yy, zz, yz, xz, xy."""
+    tensor = np.zeros((3, 3))
+    for value, (i, j) in zip(components, VOIGT, strict=True):
+        tensor[i, j] = tensor[j, i] = value
+    return tensor
+
+
 def check_virgin_stress(scene: Scene, lowest: float, highest: float) -> None:
     """Raise InputError if virgin rock stands above its intact strength anywhere between two elevations, m.
 
@@ -210,10 +272,7 @@ def check_virgin_stress(scene: Scene, lowest: float, highest: float) -> None:
         strength = material.intact
         row = strength_row(strength.friction_angle, strength.dilation_angle, strength.cohesion, strength.tension_cutoff)
         for elevation in (lowest, highest):
-            tensor = np.zeros((3, 3))
-            for value, (i, j) in zip(scene.insitu.at(elevation), VOIGT, strict=True):
-                tensor[i, j] = tensor[j, i] = value
-            s3, _, s1 = np.linalg.eigvalsh(tensor)
+            s3, _, s1 = np.linalg.eigvalsh(tensor_from_voigt(scene.insitu.at(elevation)))
             excess = max(row[0] * s1 - s3 - row[2], s1 - row[3])
             if excess > 0.0:
                 raise InputError(

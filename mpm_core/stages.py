@@ -10,12 +10,13 @@ import xarray as xr
 from tqdm import tqdm
 
 from mpm_core.datasets import read_grid, read_state, state_dataset
-from mpm_core.equilibrium.cascade import above_strength, find_brittle, run_cascade
+from mpm_core.equilibrium.cascade import Ramp, above_strength, find_brittle, run_cascade
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.moving import MovingScheme
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels.failure import rate_strength
+from mpm_core.loading import boundary_strain, strain_reaction
 from mpm_core.model import Model, State, build_model
 from mpm_core.scene import Scene
 from pipeline.datasets import atomic_path
@@ -30,16 +31,18 @@ def make_scheme(model: Model, state: State, volume: np.ndarray) -> ExplicitSchem
 
 
 def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:
-    """Elastic equilibrium of the history: everything mined in step 0, nothing fails."""
+    """Elastic equilibrium of the history: everything mined, loaded and strained in step 0, nothing fails."""
     model = build_model(scene, *read_grid(grid))
     refuse_overstressed_virgin(model)
     state = model.virgin_state()
     volume = model.volumes(0)
     scheme = make_scheme(model, state, volume)
-    force = model.external_force(0)
-    reference = norm(force)
+    force, strain = model.external_force(0), boundary_strain(scene, 0)
+    reference = load_size(model, force, strain, 0)
     with following(scene, "elastic", state, failed_state) as history:
         history.increment = 1
+        if strain.any():
+            scheme.deform(strain)
         scheme.relax(force, scene.solver.tolerance, reference, history)
     return finish(scheme, history, 0, state.displacement, force, "elastic")
 
@@ -61,14 +64,27 @@ def mining_step(scene: Scene, grid: xr.Dataset, previous: xr.Dataset, failed_sta
     scheme.set_volume(volume)
     # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
     start = balance - scheme.internal_force()
-    target = model.external_force(step)
-    reference = norm(target)
+    target, strain = model.external_force(step), boundary_strain(scene, step)
+    more_strain = strain - boundary_strain(scene, before)
+    ramp = Ramp(
+        start,
+        target,
+        more_strain,
+        reference=load_size(model, target, strain, step),
+        change=load_size(model, target - start, more_strain, step),
+    )
     start_displacement = state.displacement.copy()
     brittle = find_brittle(model, volume, step, *face_neighbors(model.grid))
     with following(scene, scene.steps[step]["name"], state, failed_state) as history:
-        run_cascade(scheme, brittle, start, target, step, reference, history)
+        run_cascade(scheme, brittle, ramp, step, history)
     released = state.displacement - start_displacement
     return finish(scheme, history, step, released, target - start, "step")
+
+
+def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) -> float:
+    """What unbalanced forces are measured by, N: 2-norm of forces (node, d) at free nodes and, at held ones, of what
+    the strain (d, d) of the boundary asks of elastic rock. Rock that has failed carries less of it."""
+    return float(np.hypot(norm(force), norm(strain_reaction(model, strain, step))))
 
 
 def release_mined_hourglass(model: Model, state: State, old_volume: np.ndarray, volume: np.ndarray) -> None:

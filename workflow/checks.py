@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from workflow.configuration import Mine
 
 PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
-NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "force")
+NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "outside", "force", "toward")
+IN_PLANE = {"xz": ("xx", "zz", "xz"), "xy": ("xx", "yy", "xy"), None: ("xx", "yy", "zz", "yz", "xz", "xy")}
 CIRCLE = ({"center", "radius"}, set())
 SHAPES = {  # keys that a shape needs, and may have
     "box": ({"lower", "upper"}, set()),
@@ -64,7 +65,7 @@ def _check_steps(mine) -> None:
 def _check_names(mine) -> None:
     names = [step["name"] for step in mine.steps]
     materials = mine.values["materials"]
-    for section in ("rock_bodies", "loads"):
+    for section in ("rock_bodies", "loads", "strains"):
         listed = [entry["name"] for entry in mine.values.get(section, [])]
         for name in listed:
             if listed.count(name) > 1:
@@ -103,6 +104,32 @@ def _check_names(mine) -> None:
         if entry["step"] not in names:
             raise InputError(f"{where}.step: '{entry['step']}' is not one of the steps {', '.join(names)}")
         _check_shape(mine, where, entry)
+        if "file" in entry:
+            raise InputError(f"{where}.file: a load acts on a shape; give one instead")
+        _check_force(mine, where, entry)
+    for entry in mine.values.get("strains", []):
+        where = f"strains.{entry['name']}"
+        if entry["step"] not in names:
+            raise InputError(f"{where}.step: '{entry['step']}' is not one of the steps {', '.join(names)}")
+        for name in entry["strain"]:
+            if name not in IN_PLANE[mine.plane]:
+                raise InputError(
+                    f"{where}.strain.{name}: out of the plane, where plane strain has none; "
+                    f"give {', '.join(IN_PLANE[mine.plane])}"
+                )
+
+
+def _check_force(mine, where: str, entry: dict) -> None:
+    single = not isinstance(entry["force"], list)
+    if single and "toward" not in entry:
+        raise InputError(
+            f"{where}.force: a single magnitude needs the point it is directed to; add toward, or give three"
+        )
+    if "toward" in entry:
+        if not single:
+            raise InputError(f"{where}.force: with toward the force is a single magnitude, for example '1 kN'")
+        if len(entry["toward"]) != mine.dimension:
+            raise InputError(f"{where}.toward: {len(entry['toward'])} coordinates; this scene has {mine.dimension}")
 
 
 def _check_shape(mine, where: str, entry: dict) -> None:

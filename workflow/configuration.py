@@ -80,6 +80,8 @@ class Mine:
 
         def shape(entry: dict) -> dict:
             made = {key: value for key, value in entry.items() if key not in NOT_SHAPE}
+            if entry.get("outside"):
+                made["outside"] = True
             if "file" in made:
                 made["file"] = self.path(made["file"]).as_posix()
             return {"name": entry["name"], **made}
@@ -123,6 +125,23 @@ class Mine:
             given = values["insitu_stress"].get(key, {})
             return [given.get(name, 0.0) for name in VOIGT]
 
+        def load(entry: dict) -> dict:
+            toward = {"toward": entry["toward"]} if "toward" in entry else {}
+            shape = {key: value for key, value in entry.items() if key not in NOT_SHAPE}
+            since = self.step_index(entry["step"])
+            return {"name": entry["name"], "since": since, "force": entry["force"], **toward, "shape": shape}
+
+        def listed(section: str) -> list[dict]:
+            return [entry for entry in values.get(section, []) if self.step_index(entry["step"]) <= last]
+
+        strains = [
+            {
+                "name": entry["name"],
+                "since": self.step_index(entry["step"]),
+                "strain": [entry["strain"].get(name, 0.0) for name in VOIGT],
+            }
+            for entry in listed("strains")
+        ]
         excavations = [excavation(entry) for entry in self.excavations]
         used = {"host", *(entry["material"] for entry in values.get("rock_bodies", []))}
         used |= {entry["fill"] for entry in excavations if entry["fill"]}
@@ -138,16 +157,8 @@ class Mine:
             "materials": {name: entry for name, entry in values["materials"].items() if name in used},
             "rock_bodies": [{"material": entry["material"]} for entry in values.get("rock_bodies", [])],
             "excavations": excavations,
-            "loads": [
-                {
-                    "name": entry["name"],
-                    "since": self.step_index(entry["step"]),
-                    "force": entry["force"],
-                    "shape": {key: value for key, value in entry.items() if key not in NOT_SHAPE},
-                }
-                for entry in values.get("loads", [])
-                if self.step_index(entry["step"]) <= last
-            ],
+            "loads": [load(entry) for entry in listed("loads")],
+            **({"strains": strains} if strains else {}),
             "steps": [
                 {"name": step["name"], "start": step.get("start", ""), "end": step.get("end", "")}
                 for step in self.steps[: last + 1]

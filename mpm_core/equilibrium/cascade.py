@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpm_core.equilibrium.convergence import History, norm
+from mpm_core.equilibrium.convergence import History
 from mpm_core.kernels.failure import drop, overstressed
 from mpm_core.model import Model, State
 from pipeline.errors import InputError
@@ -28,6 +28,22 @@ class Brittle:
     sliver: np.ndarray
     neighbor_start: np.ndarray
     neighbors: np.ndarray
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """What a stage changes in solver.increments.
+
+    start, target (node, d) N: the external force; strain (d, d): of the boundary, from 0 to this; reference, change N:
+    what unbalanced forces are measured by, all that has acted since virgin rock and what this stage adds (see
+    stages.load_size).
+    """
+
+    start: np.ndarray
+    target: np.ndarray
+    strain: np.ndarray
+    reference: float
+    change: float
 
 
 def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, neighbors) -> Brittle:
@@ -92,19 +108,17 @@ def fail(model: Model, state: State, particles: np.ndarray, step: int, increment
     state.hourglass_force[model.particles.cell[particles]] = 0.0
 
 
-def run_cascade(
-    scheme, brittle: Brittle, start: np.ndarray, target: np.ndarray, step: int, reference: float, history: History
-) -> None:
-    """Ramp the external force (node, d) from start to target in solver.increments, with a cascade at each.
+def run_cascade(scheme, brittle: Brittle, ramp: Ramp, step: int, history: History) -> None:
+    """Ramp external force and boundary strain, with a cascade at each increment.
 
-    `scheme` offers relax(external, tolerance, reference, history) and set_failed(); reference in N.
+    `scheme` offers deform(strain), relax(external, tolerance, reference, history) and set_failed().
     Raises InputError when the cascade has not ended after solver.max_generations.
     """
     model, state, solver = scheme.model, scheme.state, scheme.model.scene.solver
+    reference = ramp.reference
     # What one stope changes may be small beside all that was ever mined: between generations the step itself counts.
-    change = norm(target - start)
-    mines = change > solver.tolerance * reference  # less is round-off: nothing new is mined
-    loose = solver.cascade_tolerance * (min(1.0, change / reference) if mines and reference > 0.0 else 1.0)
+    mines = ramp.change > solver.tolerance * reference  # less is round-off: nothing new is mined
+    loose = solver.cascade_tolerance * (min(1.0, ramp.change / reference) if mines and reference > 0.0 else 1.0)
     loose = max(loose, solver.tolerance)
 
     def look(increment: int) -> bool:
@@ -123,7 +137,9 @@ def run_cascade(
         return True
 
     for increment in range(1, solver.increments + 1):
-        external = start + (target - start) * (increment / solver.increments)
+        external = ramp.start + (ramp.target - ramp.start) * (increment / solver.increments)
+        if ramp.strain.any():
+            scheme.deform(ramp.strain / solver.increments)
         history.increment, history.generation = increment, 0
         last = increment == solver.increments
         more = True

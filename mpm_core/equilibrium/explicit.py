@@ -137,13 +137,29 @@ class ExplicitScheme:
         self._advance(np.zeros_like(self.unbalanced), 0.0)
         return self.unbalanced.copy()
 
+    def deform(self, strain: np.ndarray) -> None:
+        """Strain the whole mesh homogeneously by strain (d, d), from the lower corner of the domain.
+
+        Where the boundary is held this is its motion; elsewhere a first guess, exact for a homogeneous specimen.
+        """
+        model, state = self.model, self.state
+        kept = state.velocity.copy()
+        place = model.grid.node_index * model.grid.fine_cell
+        state.velocity[:] = np.sum(place[:, None, :] * strain, axis=2)
+        spread_to_hanging(self.hanging, model.grid.node_parents, state.velocity)
+        state.displacement += state.velocity
+        self.start += state.velocity
+        self._update(1.0)
+        state.velocity[:] = kept
+
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         """Step until the 2-norm of the unbalanced force at free nodes is at most tolerance * reference (N).
 
-        Raises InputError after solver.max_iterations, for NaN, and when a node moves farther than a finest cell.
+        Raises InputError after solver.max_iterations, for NaN, and when a node moves farther than a finest cell
+        from where `deform` has taken it.
         """
         solver = self.model.scene.solver
-        free = not self.model.held.any()
+        free = not self.model.is_held(self.volume)
         reference = reference or 1.0  # nothing was mined: any force at all counts
         self._update(0.0)
         for iteration in range(solver.max_iterations + 1):

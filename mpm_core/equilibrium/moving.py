@@ -56,6 +56,10 @@ class MovingScheme(ExplicitScheme):
         """Time step over the limit without damping and without the filter of the transfers."""
         return super().time_step_share / np.sqrt(2.0)
 
+    def deform(self, strain: np.ndarray) -> None:
+        """Refused: volumes and places of particles that move would have to follow (InputError)."""
+        raise InputError("strains: the boundary cannot be strained while particles move; set solver.move: false")
+
     def set_volume(self, volume: np.ndarray) -> None:
         """Take over changed particle volumes: mass and time step follow."""
         super().set_volume(volume)

@@ -6,12 +6,13 @@ shapes.py, files.py -> solids.py -> inside.py (winding.py: point inside; crossin
 from mpm_core.geometry.files import read_solid
 from mpm_core.geometry.inside import CROSSED, INSIDE, OUTSIDE, classify_cells, contains, popcount, sample_mask
 from mpm_core.geometry.shapes import build_shape
-from mpm_core.geometry.solids import Solid
+from mpm_core.geometry.solids import Outside, Solid
 
 __all__ = [
     "CROSSED",
     "INSIDE",
     "OUTSIDE",
+    "Outside",
     "Solid",
     "build_shape",
     "classify_cells",

@@ -3,7 +3,7 @@
 Inside is where the generalised winding number W exceeds 1/2 in size. So an inverted solid has the same inside
 (W = -1), facets repeated or solids overlapping change nothing (W = 2), and a hole is closed by the surface where W
 is 1/2. Not recoverable: patches that look outward beside patches that look inward, whose angles cancel.
-A point outside the bounding box is outside.
+A point outside the bounding box is outside. For `Outside`, what a solid leaves of a box, every answer is reversed.
 """
 
 import igl
@@ -11,7 +11,7 @@ import numpy as np
 
 from mpm_core.geometry.crossing import TOLERANCE, crossed_keys, mark_cells
 from mpm_core.geometry.nearby import sample_cells_nearby
-from mpm_core.geometry.solids import Solid
+from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.geometry.winding import BLOCK, inside_points, sample_cells
 
 OUTSIDE, CROSSED, INSIDE = 0, 1, 2
@@ -30,12 +30,14 @@ PLACES_2D = np.array([0, 4, 2, 6, 1, 5, 3, 7])
 PLACES_3D = 4 * np.array([2, 0, 3, 1])[:, None] + np.array([0, 2, 1, 3])
 
 
-def contains(solid: Solid, points: np.ndarray) -> np.ndarray:
+def contains(solid: Solid | Outside, points: np.ndarray) -> np.ndarray:
     """Whether each point (point, dimension) m lies inside the solid: (point,) bool. On the surface it may be either.
 
     Exact up to EXACT_FACETS facets and in 2-D; beyond, in 3-D, W by libigl's tree (Barill et al. 2018) is good to 0.5 %
     and coordinates to 1e-7 of the solid's size. Deterministic, whatever the number of threads.
     """
+    if isinstance(solid, Outside):
+        return ~contains(solid.solid, points)
     points = np.asarray(points, dtype=np.float64).reshape(-1, solid.dimension)
     center = solid.bounds.mean(axis=0)
     inside = np.zeros(len(points), dtype=bool)
@@ -63,13 +65,15 @@ def _winding_number(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     return igl.fast_winding_number(vertices, facets, np.ascontiguousarray(points))
 
 
-def classify_cells(solid: Solid, origin: np.ndarray, cell_size: float, index: np.ndarray) -> np.ndarray:
+def classify_cells(solid: Solid | Outside, origin: np.ndarray, cell_size: float, index: np.ndarray) -> np.ndarray:
     """Where each cell lies: OUTSIDE (0), CROSSED (1) by the surface, INSIDE (2), as (cell,) int8.
 
     Cell n covers origin + index[n] * cell_size to one cell_size more. origin (dimension,) m; cell_size m; index (cell,
     dimension) int32. A facet within 1e-6 of a cell from a cell's face lies in that face and crosses neither neighbour.
     A crossed cell need not hold any volume of the solid, nor need a cell in a hole of the surface be crossed.
     """
+    if isinstance(solid, Outside):
+        return INSIDE - classify_cells(solid.solid, origin, cell_size, index)
     index = np.asarray(index, dtype=np.int32).reshape(-1, solid.dimension)
     kind = np.zeros(len(index), dtype=np.int8)
     corners = solid.corners(origin) / cell_size
@@ -94,13 +98,15 @@ def classify_cells(solid: Solid, origin: np.ndarray, cell_size: float, index: np
     return kind
 
 
-def sample_mask(solid: Solid, origin: np.ndarray, cell_size: float, index: np.ndarray) -> np.ndarray:
+def sample_mask(solid: Solid | Outside, origin: np.ndarray, cell_size: float, index: np.ndarray) -> np.ndarray:
     """Which of 64 points of each cell lie inside, one bit each, as (cell,) uint64. Arguments as in classify_cells.
 
     One point in each of 4 x 4 x 4 sub-cells, bit i + 4 j + 16 k; in 2-D in each of 8 x 8, bit i + 8 j (i along the
     first axis). popcount(mask) / 64 is the share of the cell inside; `a & ~b` takes solid b out of solid a. A share is
     good to 1 or 2 % of the cell where a smooth surface passes; a sheet thinner than a sub-cell may miss all points.
     """
+    if isinstance(solid, Outside):
+        return ~sample_mask(solid.solid, origin, cell_size, index)
     index = np.asarray(index, dtype=np.int32).reshape(-1, solid.dimension)
     mask = np.zeros(len(index), dtype=np.uint64)
     corners = solid.corners(origin) / cell_size

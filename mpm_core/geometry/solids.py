@@ -1,4 +1,4 @@
-"""A volume of rock bounded by facets: what every shape and file becomes."""
+"""A volume of rock bounded by facets, or what such a volume leaves of a box: what every shape and file becomes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -66,6 +66,24 @@ class Solid:
         """Size of `signed_volume`. The union's volume where no part of the solid overlaps another, else more."""
         return abs(self.signed_volume)
 
+    def volume_within(self, lower: np.ndarray, upper: np.ndarray) -> float:
+        """Volume m3 (area m2 in 2-D) of the part inside the box from lower to upper (dimension,) m.
+
+        Gauss: the flux through the facets of the field (x clamped to the box, 0, 0) where y and z lie in the box.
+        """
+        center = self.bounds.mean(axis=0)
+        corners, lower, upper = self.corners(center), lower - center, upper - center
+        if self.dimension == 2:  # walls one metre high over the segments
+            a, b = (np.insert(corners[:, end], 2, 0.0, axis=1) for end in (0, 1))
+            top = np.array([0.0, 0.0, 1.0])
+            corners = np.concatenate([np.stack([a, b, b + top], axis=1), np.stack([a, b + top, a + top], axis=1)])
+        for axis in range(1, self.dimension):
+            corners = _clip(_clip(corners, axis, lower[axis], 1), axis, upper[axis], -1)
+        beyond, corners = _clip(corners, 0, upper[0], 1), _clip(corners, 0, upper[0], -1)
+        between = _clip(corners, 0, lower[0], 1)
+        flux = (_area_x(between) * (between[:, :, 0].mean(axis=1) - lower[0])).sum()
+        return abs(float(flux + _area_x(beyond).sum() * (upper[0] - lower[0])))
+
     @cached_property
     def is_closed(self) -> bool:
         """Whether the facets leave no edge open: each is passed as often one way as the other.
@@ -84,3 +102,71 @@ class Solid:
         forward = edges[:, 0] < edges[:, 1]
         _, which = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
         return not np.bincount(which.reshape(-1), weights=np.where(forward, 1.0, -1.0)).any()
+
+
+@dataclass(frozen=True, eq=False)
+class Outside:
+    """What a solid leaves of the box from lower to upper (dimension,) m: a body under load is a box less its outside.
+
+    inside.py treats it as any solid; beyond the box it may be either.
+    """
+
+    solid: Solid
+    lower: np.ndarray
+    upper: np.ndarray
+
+    @property
+    def name(self) -> str:
+        """The solid's."""
+        return self.solid.name
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.solid.dimension
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """Lower and upper corner of the box, (2, dimension) m."""
+        return np.stack([self.lower, self.upper])
+
+    @property
+    def volume(self) -> float:
+        """Volume m3 (area m2 in 2-D) of the box less the solid's part in it."""
+        return float(np.prod(self.upper - self.lower)) - self.solid.volume_within(self.lower, self.upper)
+
+
+def _clip(corners: np.ndarray, axis: int, bound: float, side: int) -> np.ndarray:
+    """Triangles (n, 3, 3) cut at the plane x[axis] = bound: what lies above (side 1) or below it (-1), as triangles.
+
+    What lies in the plane counts as above.
+    """
+    height = side * (corners[:, :, axis] - bound)
+    above = ((height >= 0.0) if side > 0 else (height > 0.0)).sum(axis=1)
+
+    def turned(chosen: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The chosen triangles, starting at their corner `first`, and where their edges from there meet the plane."""
+        order = (first[:, None] + np.arange(3)) % 3
+        place = np.take_along_axis(corners[chosen], order[:, :, None], axis=1)
+        level = np.take_along_axis(height[chosen], order, axis=1)
+        share = level[:, :1] / (level[:, :1] - level[:, 1:])
+        cut = place[:, :1] + share[:, :, None] * (place[:, 1:] - place[:, :1])
+        return place, cut[:, 0], cut[:, 1]
+
+    one, two = np.flatnonzero(above == 1), np.flatnonzero(above == 2)
+    tip, tip_b, tip_c = turned(one, height[one].argmax(axis=1))
+    base, base_b, base_c = turned(two, height[two].argmin(axis=1))
+    return np.concatenate(
+        [
+            corners[above == 3],
+            np.stack([tip[:, 0], tip_b, tip_c], axis=1),
+            np.stack([base_b, base[:, 1], base[:, 2]], axis=1),
+            np.stack([base_b, base[:, 2], base_c], axis=1),
+        ]
+    )
+
+
+def _area_x(corners: np.ndarray) -> np.ndarray:
+    """Area of each triangle (n, 3, 3) seen along x, (n,) m2, positive where it looks towards +x."""
+    b, c = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return 0.5 * (b[:, 1] * c[:, 2] - b[:, 2] * c[:, 1])

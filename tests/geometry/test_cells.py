@@ -10,6 +10,7 @@ from mpm_core.geometry import (
     CROSSED,
     INSIDE,
     OUTSIDE,
+    Outside,
     Solid,
     build_shape,
     classify_cells,
@@ -249,3 +250,43 @@ def test_broken_or_inverted_solid_fills_the_same_cells():
     assert sampled_volume(Solid("i", ball.vertices, ball.facets[:, ::-1]), ORIGIN, 0.5, index) == whole
     holed = Solid("h", ball.vertices, ball.facets[5:])
     assert sampled_volume(holed, ORIGIN, 0.5, index) == pytest.approx(whole, rel=1e-3)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_outside_of_a_solid_is_all_that_the_solid_is_not(dimension):
+    """Cell by cell, sample by sample and point by point; the volumes add up to the box."""
+    ball = build_shape({"name": "ball", "shape": "sphere", "center": [3.1] * dimension, "radius": 2.2}, dimension)
+    outside = Outside(ball, np.zeros(dimension), np.full(dimension, 6.0))
+    index, origin = cells(*[12] * dimension), np.zeros(dimension)
+    kind = classify_cells(ball, origin, 0.5, index)
+    reverse = {INSIDE: OUTSIDE, OUTSIDE: INSIDE, CROSSED: CROSSED}
+    assert classify_cells(outside, origin, 0.5, index).tolist() == [reverse[one] for one in kind]
+    assert set(kind) == {INSIDE, OUTSIDE, CROSSED}
+    np.testing.assert_array_equal(sample_mask(outside, origin, 0.5, index), ~sample_mask(ball, origin, 0.5, index))
+    points = np.random.default_rng(3).uniform(0, 6, (500, dimension))
+    np.testing.assert_array_equal(contains(outside, points), ~contains(ball, points))
+    assert outside.volume == pytest.approx(6.0**dimension - ball.volume, rel=1e-12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    lower=st.tuples(*[st.floats(-4.0, 1.0)] * 3),
+    size=st.tuples(*[st.floats(0.5, 5.0)] * 3),
+    dimension=st.sampled_from([2, 3]),
+)
+def test_volume_within_a_box_is_that_of_the_part_in_it(seed, lower, size, dimension):
+    """A box that is not turned against another: the product of overlaps; a turned one: both sides of a cut add up."""
+    lower, upper = np.array(lower[:dimension]), np.array(lower[:dimension]) + size[:dimension]
+    corners = {"lower": [-1, -2, -3][:dimension], "upper": [1, 2, 3][:dimension]}
+    block = build_shape({"name": "b", "shape": "box", **corners}, dimension)
+    overlap = np.minimum(upper, block.bounds[1]) - np.maximum(lower, block.bounds[0])
+    assert block.volume_within(lower, upper) == pytest.approx(np.prod(np.maximum(overlap, 0.0)), abs=1e-12)
+    turn = rotation(seed)[:dimension, :dimension]
+    turned = Solid("turned", block.vertices @ turn.T, block.facets)
+    middle = upper.copy()
+    middle[seed % dimension] = 0.5 * (lower + upper)[seed % dimension]
+    start = np.where(middle == upper, lower, middle)
+    parts = turned.volume_within(lower, middle) + turned.volume_within(start, upper)
+    assert parts == pytest.approx(turned.volume_within(lower, upper), abs=1e-12)
+    assert turned.volume_within(np.full(dimension, -9.0), np.full(dimension, 9.0)) == pytest.approx(turned.volume)

@@ -18,7 +18,7 @@ from mechanics.scenes import (
 )
 from mpm_core.constitutive.coulomb import overstress
 from mpm_core.constitutive.elastic import strain_from_stress
-from mpm_core.equilibrium.cascade import fail, find_brittle, new_failures, run_cascade
+from mpm_core.equilibrium.cascade import Ramp, fail, find_brittle, new_failures, run_cascade
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit import FAILED_HOURGLASS, ExplicitScheme
 from mpm_core.grid.adjacency import face_neighbors
@@ -45,7 +45,8 @@ def test_a_single_overstressed_cell_fails_once(dimension):
     hold = -scheme.internal_force()
     brittle = find_brittle(model, volume, 0, *face_neighbors(model.grid))
     history = History(1e-5)
-    run_cascade(scheme, brittle, hold, hold, 0, float(np.linalg.norm(hold)), history)
+    ramp = Ramp(hold, hold, np.zeros((dimension, dimension)), float(np.linalg.norm(hold)), 0.0)
+    run_cascade(scheme, brittle, ramp, 0, history)
 
     assert np.flatnonzero(state.failed >= 0).tolist() == [cell]
     assert state.failure_order[cell].tolist() == [1, 0]

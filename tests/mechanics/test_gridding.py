@@ -97,6 +97,39 @@ def test_later_rock_bodies_win_and_only_refined_ones_shape_the_grid():
     assert (refined.cell_level == 2).any()
 
 
+@pytest.mark.parametrize(("plane", "beyond"), [("xz", 0.0), (None, 0.0), (None, 3.0)])
+def test_what_a_solid_leaves_of_the_domain_is_mined(plane, beyond):
+    """A disc or a cylinder of 9 m radius in 24 m, its ends at or beyond the faces: the rest is the excavation, to 1 %,
+    in cells as fine as any excavation's, and with the ordinary cells of the cylinder it fills every cell."""
+    across = [12.0, 12.0]
+    if plane:
+        shape = {"name": "rest", "shape": "circle", "center": across, "radius": 9.0}
+    else:
+        shape = {"name": "rest", "shape": "cylinder", "start": [12.0, -beyond, 12.0], "radius": 9.0}
+        shape["end"] = [12.0, 24.0 + beyond, 12.0]
+    inside = make_grid(grid_slice(shape, plane=plane, buffer_cells=0), {})
+    outside = make_grid(grid_slice({**shape, "outside": True}, plane=plane, buffer_cells=0), {})
+    thick = 1.0 if plane else 24.0
+    expected = (24.0**2 - 81.0 * np.pi) * thick
+    assert json.loads(outside.attrs["excavation_volume"]) == pytest.approx([expected], rel=1e-9)
+    assert json.loads(outside.attrs["excavation_volume_grid"]) == pytest.approx([expected], rel=1e-2)
+    gridded = [json.loads(grid.attrs["excavation_volume_grid"])[0] for grid in (inside, outside)]
+    assert sum(gridded) == pytest.approx(24.0**2 * thick, rel=1e-2)  # less dropped slivers
+    corner = (outside.cell_origin.values[:, [0, 2]] < 4.0).all(axis=1)
+    assert (outside.cell_level.values[corner] == 1).all()
+
+
+def test_a_body_outside_a_shape_is_all_the_rest():
+    layer = block([0.0, 0.0, 8.0], [24.0, 24.0, 16.0], "walls", refine=False, outside=True)
+    dataset = make_grid(grid_slice(bodies=[layer]), {})
+    assert np.array_equal(dataset.cell_body == 0, np.abs(dataset.cell_origin.values[:, 2] + 4.0 - 12.0) > 4.0)
+
+
+def test_a_shape_that_leaves_nothing_outside_is_refused():
+    with pytest.raises(InputError, match="adds no volume"):
+        make_grid(grid_slice(block([-1.0] * 3, [25.0] * 3, outside=True)), {})
+
+
 def test_too_little_memory_is_said_before_anything_is_built(monkeypatch):
     monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=10_000))
     with pytest.raises(InputError, match="GB of memory"):

@@ -19,6 +19,7 @@ from mechanics.scenes import (
     uniform,
 )
 from mpm_core.equilibrium.explicit import ExplicitScheme
+from mpm_core.loading import load_force
 from mpm_core.stages import elastic_stage, mining_step
 from pipeline.errors import InputError
 
@@ -180,6 +181,37 @@ def test_loads_on_a_body_that_nothing_holds_must_balance():
     for push, pull in (([1e6, 0, 0], [0.0, 0, 0]), ([0, 1e6, 0], [0, -1e6, 0])):
         with pytest.raises(InputError, match="balance"):
             force(load(left, push), load(right, pull, "hold"))
+
+
+def directed(center, force, toward, name="press"):
+    return load(center, force, name) | {"toward": toward}
+
+
+@pytest.mark.parametrize(("plane", "dimension"), DIMENSIONS)
+def test_a_directed_load_points_to_its_point_and_its_sizes_add_up(plane, dimension):
+    """3 MN on two metres of thickness (2-D), particle by particle against the definition, and at the nodes in sum."""
+    center, toward = [12.0] * dimension, [24.0] * dimension
+    grid = grid_around([ball(center, 1.0)], [5] * dimension, 2, 8.0)
+    scene = make_scene(plane, loads=[directed(center, 3e6, toward)], thickness=2.0)
+    model = make_model(scene, grid)
+    force = load_force(model, scene.loads[0], model.volumes(0))
+    size = np.linalg.norm(force, axis=1)
+    loaded = size > 0.0
+    total = 1.5e6 if plane else 3e6
+    assert 1 < loaded.sum() < model.particles.count
+    assert size.sum() == pytest.approx(total, rel=1e-12)
+    np.testing.assert_allclose(size[loaded], total * (model.volumes(0) / model.volumes(0)[loaded].sum())[loaded])
+    way = np.array(toward) - model.particles.position[loaded]
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    np.testing.assert_allclose(force[loaded], size[loaded, None] * way, rtol=1e-12, atol=1e-6)
+    np.testing.assert_allclose(model.external_force(0).sum(axis=0), force.sum(axis=0), rtol=0, atol=1e-12 * size.sum())
+
+
+def test_a_directed_load_on_its_own_point_is_refused():
+    """The particle there has no direction."""
+    scene = make_scene("xz", loads=[directed([12.0, 12.0], 1e6, [12.0, 12.0])])
+    with pytest.raises(InputError, match=r"loads\.press\.toward"):
+        make_model(scene, grid_around([], [3, 3], 1, 8.0)).external_force(0)
 
 
 def test_unit_stress_of_virgin_rock_needs_no_iteration():

@@ -42,6 +42,9 @@ def accept(tmp_path):
 
 
 PUSH = box("push", "2019-08", [20, 20, 20], [30, 30, 30], force=["0 N", "0 N", "-1 MN"])
+DIRECTED = PUSH | {"force": "1 MN", "toward": ["40 m", "40 m", "40 m"]}
+IN_FILE = {key: DIRECTED[key] for key in ("name", "step", "force", "toward")} | {"file": "record.csv"}
+STRAIN = {"name": "press", "step": "2019-08", "strain": {"zz": -1e-4}}
 FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("grid.levles", 3, "grid.levles: unknown key", "did you mean levels?"),
     ("seismic.cluster.radius", 2, "seismic.cluster.radius: unknown key", "radius_cells"),
@@ -86,6 +89,20 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("record.filter", {"start": "2019-06-31"}, "record.filter.start: ", "not a date"),
     ("loads", [PUSH, PUSH], "loads.push: ", "twice"),
     ("loads", [PUSH | {"file": "push.stl"}], "loads.push: ", "either a shape or a file"),
+    ("loads", [PUSH | {"force": "1 MN"}], "loads.push.force: ", "add toward"),
+    ("loads", [PUSH | {"toward": ["0 m", "0 m", "0 m"]}], "loads.push.force: ", "single magnitude"),
+    ("loads", [DIRECTED | {"toward": ["0 m", "0 m"]}], "loads.push.toward: ", "2 coordinates; this scene has 3"),
+    ("loads", [DIRECTED | {"force": "-1 MN"}], "loads[0].force: ", "out of range"),
+    ("loads", [DIRECTED | {"force": "1 m"}], "loads[0].force: ", "not convertible to N"),
+    ("loads", [DIRECTED | {"step": "2019-13"}], "loads.push.step: ", "not one of the steps"),
+    ("loads", [IN_FILE], "loads.push.file: ", "a load acts on a shape"),
+    ("excavations.0.outside", "yes", "excavations[0].outside: ", "'yes'"),
+    ("strains", [STRAIN, STRAIN], "strains.press: ", "twice"),
+    ("strains", [STRAIN | {"step": "2019-13"}], "strains.press.step: ", "not one of the steps history, 2019-08"),
+    ("strains", [STRAIN | {"strain": {"xx": "1 MPa"}}], "strains[0].strain.xx: ", "'1 MPa'"),
+    ("strains", [STRAIN | {"strain": {"xx": 3.0}}], "strains[0].strain.xx: ", "0.5"),
+    ("strains", [STRAIN | {"strain": {}}], "strains[0].strain: ", "non-empty"),
+    ("strains", [STRAIN | {"strain": {"rr": 1e-4}}], "strains[0].strain.rr: unknown key", "known here: xx, yy"),
     ("record.file", "nowhere.csv", "record.file: ", "missing"),
     ("record.reader", "seiscomp", "record.reader: ", "not one of"),
     ("seismic.closeness", 1.5, "seismic.closeness: ", "1.5"),
@@ -273,6 +290,44 @@ def test_checking_changes_nothing_of_what_was_given(accept):
 def test_a_step_that_mines_nothing_is_legal(accept):
     """Time passes: no excavation need name a step."""
     assert accept(TINY, **{"excavations": [box("drive", "history", [20, 30, 40], [60, 40, 50])]}).mined_steps
+
+
+def test_loads_and_strains_reach_the_slices_of_their_steps_and_later_ones_alone(accept):
+    """Directed force in newton and metres, strain by Voigt order; a slice without strains is what it was before."""
+    mine = accept(TINY, loads=[DIRECTED], strains=[STRAIN])
+    early, late = mine.scene_slice(0), mine.scene_slice(1)
+    assert early["loads"] == []
+    assert "strains" not in early
+    assert late["strains"] == [{"name": "press", "since": 1, "strain": [0.0, 0.0, -1e-4, 0.0, 0.0, 0.0]}]
+    load = late["loads"][0]
+    assert (load["force"], load["toward"]) == (1e6, [40.0, 40.0, 40.0])
+    assert set(load["shape"]) == {"shape", "lower", "upper"}
+    assert accept(TINY).scene_slice(1) == {key: late[key] for key in late if key != "strains"} | {"loads": []}
+
+
+def test_the_outside_of_a_shape_is_another_grid(accept):
+    """`outside: false` is the same as not saying it."""
+    plain, inner = accept(TINY), accept(TINY, **{"excavations.0.outside": False})
+    outer = accept(TINY, **{"excavations.0.outside": True})
+    assert inner.grid_slice() == plain.grid_slice()
+    assert outer.grid_slice()["excavations"][0] == plain.grid_slice()["excavations"][0] | {"outside": True}
+
+
+def test_a_strain_out_of_the_plane_is_refused(refuse, accept):
+    """Plane strain has none."""
+    line = refuse(FLAT, strains=[STRAIN | {"strain": {"zz": -1e-4, "yy": 1e-4}}])
+    assert line.startswith("strains.press.strain.yy: ")
+    assert "xx, zz, xz" in line
+    assert accept(FLAT, strains=[STRAIN]).scene_slice(1)["strains"]
+
+
+def test_a_strain_with_particles_that_move_is_refused(refuse):
+    """Or one that moves no face that is held."""
+    moving = {"solver.move": True, "grid.particles_per_cell": 8}
+    assert refuse(TINY, strains=[STRAIN], **moving).startswith("strains.press: the boundary cannot be strained")
+    held = {"domain.boundary": {"x": "roller", "others": "free", "z_lower": "fixed"}}
+    line = refuse(TINY, strains=[STRAIN], **held)
+    assert line.startswith("strains.press: moves no face")
 
 
 def test_a_record_without_a_location_error_is_refused(refuse):

@@ -1,0 +1,157 @@
+"""What acts on a model from outside: mined rock, weight, lost tractions, configured loads, a strained boundary."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpm_core.geometry.inside import contains
+from mpm_core.geometry.shapes import build_shape
+from mpm_core.kernels.nodes import collect_to_parents, particle_loads
+from mpm_core.scene import FACES, Load, Scene, tensor_from_voigt
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    from mpm_core.model import Model
+
+BALANCE = 1e-6  # of the sum of all forces: what may be left of force and moment where nothing holds the model
+
+
+def external_force(model: "Model", step: int) -> np.ndarray:
+    """Forces of all that was mined, filled and loaded up to `step`, relative to virgin: (node, d) N, on free nodes.
+
+    Void: r lacks B^T sigma0 - N^T b over the mined volume (design section 5). Fill weighs its own density; free
+    faces lose their virgin traction, as do traction faces where rock is mined; loads are shared by volume.
+    Raises InputError for a load whose rock is mined.
+    """
+    particles, scene = model.particles, model.scene
+    axes = list(scene.axes)
+    volume = model.volumes(step)
+    rock = particles.is_rock
+    missing = np.where(rock, particles.full_volume - volume, 0.0)
+    body_force = virgin_body_force(scene)
+    force = -missing[:, None] * body_force
+    gravity = np.zeros(model.dimension)
+    if 2 in axes:
+        gravity[axes.index(2)] = body_force[axes.index(2)] / scene.materials["host"].density
+    density = np.array([material.density for material in scene.materials.values()])
+    weight = np.where(rock, 0.0, density[particles.material] * volume)
+    force += weight[:, None] * gravity
+    for load in scene.loads:
+        if load.since <= step:
+            force += load_force(model, load, np.where(rock, volume, 0.0))
+    nodal = np.zeros((len(model.grid.node_index), model.dimension))
+    _spread(model, model.insitu * missing[:, None], force, nodal)
+    _add_lost_traction(model, nodal, 1.0 - model.rock_share(step))
+    collect_to_parents(model.grid.node_parents, nodal)
+    nodal[model.held] = 0.0
+    if not model.is_held(volume):
+        _require_balance(model, nodal)
+    return nodal
+
+
+def load_force(model: "Model", load: Load, rock_volume: np.ndarray) -> np.ndarray:
+    """Forces (particle, d) N of one load, shared by volume among the rock (particle,) inside its shape.
+
+    Raises InputError if its shape holds no particle, no rock any more, or the point that the forces are directed to.
+    """
+    where, position = f"loads.{load.name}", model.particles.position
+    inside = contains(build_shape({"name": where, **load.shape}, model.dimension), position)
+    if not inside.any():
+        raise InputError(f"{where}: no particle lies inside its shape; enlarge it or move it into the rock")
+    share = np.where(inside, rock_volume, 0.0)
+    if not share.any():
+        raise InputError(f"{where}: the rock inside its shape is mined; move it")
+    share /= share.sum() * model.scene.thickness
+    if load.toward is None:
+        return share[:, None] * np.array(load.force)[list(model.scene.axes)]
+    way = np.array(load.toward) - position
+    distance = np.sqrt(np.sum(way**2, axis=1))
+    if (distance[share > 0.0] == 0.0).any():
+        raise InputError(f"{where}.toward: stands on a particle that is loaded, which has no direction to it; move it")
+    return (share * load.force / np.where(distance > 0.0, distance, 1.0))[:, None] * way
+
+
+def _spread(model: "Model", stress_volume: np.ndarray, force: np.ndarray, nodal: np.ndarray) -> None:
+    """Add B^T (sigma V) + N^T f to nodal (node, d) N: sigma V (particle, 6) N m, f (particle, d) N."""
+    particles = model.particles
+    particle_loads(model.cell_nodes, model.grid.cell_size, particles.cell, particles.xi, stress_volume, force, nodal)
+
+
+def _require_balance(model: "Model", force: np.ndarray) -> None:
+    """Raise InputError if nodal forces (node, d) N would set a body that nothing holds in motion."""
+    position = model.grid.node_position - model.grid.node_position.mean(axis=0)
+    moments = [
+        position[:, i] * force[:, j] - position[:, j] * force[:, i] for i in range(model.dimension) for j in range(i)
+    ]
+    size = np.abs(force).sum()
+    reach = np.abs(position).max()
+    if (
+        np.abs(force.sum(axis=0)).max() > BALANCE * size
+        or np.abs(np.sum(moments, axis=1)).max() > BALANCE * size * reach
+    ):
+        raise InputError(
+            "domain.boundary: nothing holds this model, and the forces on it (loads, excavations) do not balance; "
+            "give a face fixed or roller, or balance the loads"
+        )
+
+
+def _add_lost_traction(model: "Model", nodal: np.ndarray, mined_share: np.ndarray) -> None:
+    """Take the virgin traction off free faces of the domain, and off traction faces where rock is mined."""
+    component = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+    grid, scene = model.grid, model.scene
+    for axis in range(model.dimension):
+        for side, name in enumerate(FACES[2 * scene.axes[axis] :][:2]):
+            condition = scene.boundary.get(name)
+            if condition not in ("free", "traction"):
+                continue
+            edge = grid.cell_index[:, axis] + side * grid.cell_width
+            cells = np.flatnonzero(edge == side * grid.shape[axis])
+            center = grid.cell_center[cells].copy()
+            center[:, axis] += (side - 0.5) * grid.cell_size[cells]
+            traction = virgin_stress(scene, center)[:, component[axis, : model.dimension]] * (2 * side - 1)
+            area = grid.cell_size[cells] ** (model.dimension - 1)
+            corners = [corner for corner in range(1 << model.dimension) if (corner >> axis) & 1 == side]
+            lost = 1.0 if condition == "free" else mined_share[cells]
+            share = -traction * (lost * area / len(corners))[:, None]
+            for corner in corners:
+                np.add.at(nodal, model.cell_nodes[cells, corner], share)
+
+
+def boundary_strain(scene: Scene, step: int) -> np.ndarray:
+    """Strain of the domain's boundary from virgin rock up to `step`, (d, d) in the computation's axes."""
+    total = np.sum([entry.strain for entry in scene.strains if entry.since <= step] or [np.zeros(6)], axis=0)
+    return tensor_from_voigt(total)[np.ix_(scene.axes, scene.axes)]
+
+
+def strain_reaction(model: "Model", strain: np.ndarray, step: int) -> np.ndarray:
+    """Forces (node, d) N that the held boundary carries if the whole model takes the strain (d, d) elastically.
+
+    What is held moves, what is free does not carry: zero there. Linear in the strain, and the same whatever has failed:
+    a measure for unbalanced forces, not a result.
+    """
+    tensor = np.zeros((3, 3))
+    tensor[: model.dimension, : model.dimension] = strain
+    nodal = np.zeros((len(model.grid.node_index), model.dimension))
+    if tensor.any():
+        voigt = tensor[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
+        lame, shear = model.elastic_constants[model.particles.material].T
+        stress = 2.0 * shear[:, None] * voigt
+        stress[:, :3] += (lame * np.trace(tensor))[:, None]
+        volume = model.volumes(step)
+        _spread(model, stress * volume[:, None], np.zeros((len(volume), model.dimension)), nodal)
+        collect_to_parents(model.grid.node_parents, nodal)
+        nodal[~model.held] = 0.0
+    return nodal
+
+
+def virgin_stress(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """Virgin stress (n, 6) Pa in the computation's axes at positions (n, d)."""
+    axes = list(scene.axes)
+    elevation = position[:, axes.index(2)] if 2 in axes else np.full(len(position), scene.insitu.surface)
+    return scene.insitu.at(elevation)[:, scene.voigt]
+
+
+def virgin_body_force(scene: Scene) -> np.ndarray:
+    """b = -div sigma0 (d,) N/m3 in the computation's axes; a plan section ("xy") is uniform and weightless."""
+    axes = list(scene.axes)
+    return scene.insitu.body_force[axes] if 2 in axes else np.zeros(len(axes))
