@@ -1,0 +1,138 @@
+"""Kirsch's hole: the closed forms by what makes them right, and the study at 2 and 1 m."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from verification.closed_forms.kirsch import BoxedPlate, InfinitePlate
+
+RADIUS, SHEAR, POISSON = 10.0, 2.8e9, 0.2103448275862069
+ALL_ROUND = (-30e6, -30e6, 0.0)
+SKEW = (-30e6, -15e6, 6e6)
+AROUND = np.exp(2j * np.pi * np.arange(24) / 24)
+BOXES = [(stress, boundary) for stress in (ALL_ROUND, SKEW) for boundary in ("fixed", "traction")]
+
+
+@lru_cache
+def plate(stress, boundary=None, half_width=100.0):
+    """The plate of the paper; a box if a boundary is named."""
+    if boundary is None:
+        return InfinitePlate(RADIUS, stress, SHEAR, POISSON)
+    return BoxedPlate(RADIUS, stress, SHEAR, POISSON, half_width, boundary)
+
+
+def tensor(field):
+    return np.moveaxis(np.array([[field.xx, field.xy], [field.xy, field.yy]]), -1, 0)
+
+
+def differences(field_at, points, step=1e-3):
+    """Central differences of stress and displacement: d/dx, d/dy of (point, 2, 2) and of (point, 2)."""
+    result = []
+    for shift in (step, 1j * step):
+        high, low = field_at(points + shift), field_at(points - shift)
+        moved = np.stack([high.ux - low.ux, high.uy - low.uy], axis=1)
+        result.append(((tensor(high) - tensor(low)) / (2 * step), moved / (2 * step)))
+    return result
+
+
+def require_elastic_equilibrium(rock, stress):
+    """div sigma = 0, and the change of stress is Hooke's of the displacement's gradient, in plane strain."""
+    points = np.concatenate([11.0 * AROUND, 17.0 * AROUND + 1.0, 60.0 * AROUND - 2.0j])
+    (stress_x, moved_x), (stress_y, moved_y) = differences(rock.at, points)
+    divergence = stress_x[:, 0] + stress_y[:, 1]
+    np.testing.assert_allclose(divergence * RADIUS, 0.0, atol=1e-6 * 30e6)
+    gradient = np.stack([moved_x, moved_y], axis=2)
+    strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
+    trace = strain[:, 0, 0] + strain[:, 1, 1]
+    lame = 2 * SHEAR * POISSON / (1 - 2 * POISSON)
+    change = 2 * SHEAR * strain + lame * trace[:, None, None] * np.eye(2)
+    virgin = np.array([[stress[0], stress[2]], [stress[2], stress[1]]])
+    np.testing.assert_allclose(tensor(rock.at(points)) - virgin, change, atol=1e-6 * 30e6)
+
+
+@pytest.mark.parametrize("stress", [ALL_ROUND, SKEW])
+def test_kirsch_is_elastic_and_leaves_the_wall_free(stress):
+    """Equilibrium, Hooke's law, no traction on the wall, the virgin stress and no displacement far away."""
+    rock = plate(stress)
+    require_elastic_equilibrium(rock, stress)
+    radial, _, shear = rock.at(RADIUS * AROUND).polar_stress(np.angle(AROUND))
+    np.testing.assert_allclose([radial, shear], 0.0, atol=1e-6)
+    far = rock.at(1e6 * AROUND)
+    np.testing.assert_allclose(far.xx, stress[0], rtol=1e-8)
+    np.testing.assert_allclose(far.xy, stress[2], atol=1.0)
+    assert np.hypot(far.ux, far.uy).max() < 1e-6
+
+
+def test_kirsch_has_the_textbook_wall():
+    """Hoop stress 3 sx - sy and 3 sy - sx on the axes; all round, the wall closes by p a / (2 G)."""
+    hoop = plate((-30e6, -15e6, 0.0)).at(np.array([10.0, 10.0j])).polar_stress(np.array([0.0, np.pi / 2]))[1]
+    np.testing.assert_allclose(hoop, [3 * -15e6 + 30e6, 3 * -30e6 + 15e6])
+    outward, around = plate(ALL_ROUND).at(RADIUS * AROUND).polar_displacement(np.angle(AROUND))
+    np.testing.assert_allclose(outward, -30e6 * RADIUS / (2 * SHEAR))
+    np.testing.assert_allclose(around, 0.0, atol=1e-15)
+
+
+@given(st.tuples(*[st.floats(-60e6, 60e6)] * 3), st.floats(0.0, 2 * np.pi), st.floats(10.0, 90.0))
+def test_turning_the_stress_turns_the_field(stress, turn, distance):
+    """Kirsch has no preferred axis: with the virgin stress turned, the whole field turns."""
+    mean, half = 0.5 * (stress[0] + stress[1]), 0.5 * (stress[0] - stress[1]) + 1j * stress[2]
+    half *= np.exp(2j * turn)
+    turned = plate((mean + half.real, mean - half.real, half.imag))
+    point = np.array([distance * np.exp(0.3j)])
+    before, after = plate(stress).at(point), turned.at(point * np.exp(1j * turn))
+    angle = np.angle(point)
+    np.testing.assert_allclose(after.polar_stress(angle + turn), before.polar_stress(angle), atol=1e-6 * 60e6)
+    np.testing.assert_allclose(
+        after.polar_displacement(angle + turn), before.polar_displacement(angle), atol=1e-6 * 60e6 * RADIUS / SHEAR
+    )
+
+
+@pytest.mark.parametrize(("stress", "boundary"), BOXES)
+def test_box_is_elastic_and_meets_its_boundary(stress, boundary):
+    """Equilibrium, Hooke, a free wall; faces that do not move, or carry their virgin traction (but near corners)."""
+    rock = plate(stress, boundary)
+    assert rock.residual < {"fixed": 1e-5, "traction": 2e-7}[boundary]
+    require_elastic_equilibrium(rock, stress)
+    radial, _, shear = rock.at(RADIUS * AROUND).polar_stress(np.angle(AROUND))
+    np.testing.assert_allclose([radial, shear], 0.0, atol=1e-6)
+    place = np.linspace(-95.0, 95.0, 39)
+    right, top = rock.at(100.0 + 1j * place), rock.at(place + 100.0j)
+    if boundary == "fixed":
+        largest = 30e6 * RADIUS / SHEAR
+        np.testing.assert_allclose([right.ux, right.uy, top.ux, top.uy], 0.0, atol=1e-5 * largest)
+    else:
+        np.testing.assert_allclose([right.xx - stress[0], right.xy - stress[2]], 0.0, atol=1e-5 * 30e6)
+        np.testing.assert_allclose([top.yy - stress[1], top.xy - stress[2]], 0.0, atol=1e-5 * 30e6)
+
+
+@pytest.mark.parametrize(
+    ("boundary", "expected"), [("traction", (60.54, 37.83, 22.71)), ("fixed", (59.15, 36.98, 22.17))]
+)
+def test_box_of_200_m_changes_the_stress_as_an_independent_solution_says(boundary, expected):
+    """Hoop stress at the wall, hoop and radial stress at 2 a (MPa) of a 200 m box, found before by another method."""
+    wall, twice = plate(ALL_ROUND, boundary).at(np.array([10.0, 20.0])).polar_stress(np.zeros(2))[1]
+    radial = plate(ALL_ROUND, boundary).at(np.array([20.0])).xx[0]
+    np.testing.assert_allclose(-np.array([wall, twice, radial]) / 1e6, expected, atol=0.011)
+
+
+@pytest.mark.parametrize(("stress", "boundary"), BOXES)
+def test_wide_box_is_an_infinite_plate(stress, boundary):
+    """What a box adds falls with the square of its size: 4 times less for twice the width."""
+    points = np.concatenate([RADIUS * AROUND, 30.0 * AROUND])
+    exact = tensor(plate(stress).at(points))
+    added = [np.abs(tensor(plate(stress, boundary, width).at(points)) - exact).max() for width in (400.0, 800.0)]
+    assert added[1] < 2e-3 * 30e6
+    np.testing.assert_allclose(added[0] / added[1], 4.0, rtol=0.05)
+
+
+@pytest.mark.parametrize(("stress", "boundary"), BOXES)
+def test_more_terms_change_nothing_near_the_hole(stress, boundary):
+    """The series has converged to 1e-8 of the far stress within 4 radii; what is left sits in the corners."""
+    points = np.concatenate([RADIUS * AROUND, 40.0 * AROUND])
+    more = BoxedPlate(RADIUS, stress, SHEAR, POISSON, 100.0, boundary, terms=80).at(points)
+    field = plate(stress, boundary).at(points)
+    np.testing.assert_allclose(tensor(field), tensor(more), atol=1e-8 * 30e6)
+    np.testing.assert_allclose(field.ux, more.ux, atol=1e-8 * 30e6 * RADIUS / SHEAR)
