@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.stats import chi2, f, norm
+
+from catalogs.size_likelihood import Exponential, FilledLastBin
 
 B_MAGNITUDE_PER_B_POTENCY = 1.5
 LN10 = np.log(10.0)
@@ -18,7 +19,6 @@ CONFIDENCE = 0.95
 LEAST_EVENTS = 10  # fewer give no b worth printing
 STABILITY_WINDOW = 0.75  # of log P: half a unit of magnitude (Cao and Gao 2002)
 STABILITY_EVENTS = 100  # at the upper end of the window: b is known to 10 % there
-STEEPEST = 600.0  # largest |beta times range| searched: exp() stays finite
 
 
 @dataclass(frozen=True)
@@ -68,22 +68,26 @@ def estimate_b(
     bin_width: 0 for continuous sizes (Aki 1965, times (n - 1) / n, which removes its bias: Ogata and Yamashina 1986);
     else x are bin centres and `cut` the lowest of them, and the estimate is that of the geometric distribution (Tinti
     and Mulargia 1987), of which Utsu's half-bin correction is the first term. bound: largest size possible (Page
-    1968); "largest" conditions on the largest event, which is then left out: its size is the bound. None: no bound.
+    1968); "largest" conditions on the largest event, whose size is the bound: on a continuous scale it is then left
+    out, among bins, where others may share its bin, the likelihood is that of n events of which one at least fills the
+    last bin. None: no bound.
     Interval: exact (chi-square) for continuous, unbounded sizes, else where the likelihood ratio is below its
     chi-square quantile. error: from the Fisher information. b may be negative under a bound.
     """
     values = np.sort(above(x, cut, bin_width))
+    filled = bound == "largest" and bin_width > 0  # the last bin holds one event at least
     if bound == "largest" and values.size:
-        bound, values = float(values[-1]), values[:-1]
+        bound, values = float(values[-1]), values if filled else values[:-1]
     elif bound == "largest":
         bound = None
     elif bound is not None:
         values = values[values <= bound + 0.5 * bin_width]
     count, limit = values.size, np.inf if bound is None else float(bound)
     excess = float(np.mean(values - cut)) if count else 0.0
-    if count < LEAST_EVENTS or not 0 < excess < limit - cut:
+    least = (limit - cut) / count if filled and count else 0.0  # all but the largest in the lowest bin
+    if count < LEAST_EVENTS or not least * (1 + 1e-9) < excess < limit - cut:
         return BValue(np.nan, np.nan, np.nan, np.nan, count, cut, limit)
-    likelihood = _Exponential(bin_width, limit - cut)
+    likelihood = FilledLastBin(bin_width, limit - cut, count) if filled else Exponential(bin_width, limit - cut)
     beta = likelihood.solve(excess)
     error = 1 / np.sqrt(count * likelihood.variance(beta))
     if bin_width == 0 and np.isinf(limit):
@@ -94,85 +98,6 @@ def estimate_b(
     if np.isinf(limit):
         beta, error = beta * (count - 1) / count, error * (count - 1) / count
     return BValue(beta / LN10, error / LN10, lower / LN10, upper / LN10, count, cut, limit)
-
-
-class _Exponential:
-    """Likelihood of an exponential excess y over [0, range], or over bins: density exp(-beta y - A(beta))."""
-
-    def __init__(self, bin_width: float, span: float):
-        self.width = bin_width
-        self.span = span if bin_width == 0 else bin_width * (np.round(span / bin_width) + 1)  # bins, both ends included
-
-    def log_normaliser(self, beta: float) -> float:
-        """A(beta): log of the integral (or sum over bin centres) of exp(-beta y)."""
-        whole = _log_integral(beta, self.span)
-        return whole if self.width == 0 else whole - _log_integral(beta, self.width)
-
-    def mean(self, beta: float) -> float:
-        """Mean excess, -A'(beta)."""
-        whole = _mean(beta, self.span)
-        return whole if self.width == 0 else whole - _mean(beta, self.width)
-
-    def variance(self, beta: float) -> float:
-        """Variance of the excess, A''(beta): the Fisher information of one event."""
-        whole = _variance(beta, self.span)
-        return whole if self.width == 0 else whole - _variance(beta, self.width)
-
-    def solve(self, excess: float) -> float:
-        """beta at which the mean excess is the observed one: the maximum of the likelihood."""
-        if np.isinf(self.span):
-            return 1 / excess if self.width == 0 else np.log1p(self.width / excess) / self.width
-        steepest = STEEPEST / self.span
-        return brentq(lambda beta: self.mean(beta) - excess, -steepest, steepest, xtol=1e-12 * steepest)
-
-    def interval(self, beta: float, excess: float, count: int, confidence: float) -> tuple[float, float]:
-        """Where twice the drop of the log-likelihood from its maximum equals the chi-square quantile."""
-        best = beta * excess + self.log_normaliser(beta)
-        allowed = chi2.ppf(confidence, 1) / (2 * count)
-        step = 2 / np.sqrt(count * self.variance(beta))
-
-        def drop(other):
-            return other * excess + self.log_normaliser(other) - best - allowed
-
-        ends = []
-        for sign in (-1, 1):
-            far = beta + sign * step
-            if np.isinf(self.span):
-                far = max(far, beta * 1e-3)
-            while drop(far) < 0:
-                far = far * 0.5 if np.isinf(self.span) and sign < 0 else far + sign * step
-            ends.append(brentq(drop, *sorted((far, beta)), xtol=1e-12 * abs(step)))
-        return ends[0], ends[1]
-
-
-def _log_integral(beta: float, span: float) -> float:
-    """log of the integral of exp(-beta y) over [0, span]."""
-    if np.isinf(span):
-        return -np.log(beta)
-    u = beta * span
-    if abs(u) < 1e-6:
-        return np.log(span) - u / 2
-    return np.log(-np.expm1(-u) / beta) if u > 0 else np.log(np.expm1(-u) / -beta)
-
-
-def _mean(beta: float, span: float) -> float:
-    """Mean of y under that density: 1/beta - span / (exp(beta span) - 1)."""
-    if np.isinf(span):
-        return 1 / beta
-    u = beta * span
-    if abs(u) < 1e-4:
-        return span * (0.5 - u / 12)
-    return 1 / beta - span / np.expm1(u)
-
-
-def _variance(beta: float, span: float) -> float:
-    """Variance of y under that density."""
-    if np.isinf(span):
-        return 1 / beta**2
-    u = beta * span
-    if abs(u) < 1e-2:
-        return span**2 * (1 / 12 - u**2 / 240)
-    return 1 / beta**2 - span**2 / (4 * np.sinh(np.clip(u / 2, -300, 300)) ** 2)
 
 
 def shi_bolt_error(x: NDArray, b: float, cut: float, bin_width: float = 0.0) -> float:

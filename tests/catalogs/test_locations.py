@@ -4,15 +4,9 @@ from scipy.spatial.distance import cdist
 
 from catalogs.locations import block_labels, compare_locations, smear
 from pipeline.errors import InputError
+from verification.answers.statistics_samples import clustered_locations
 
 QUICK = {"resamplings": 199, "distances": np.array([20.0, 40.0])}
-
-
-def clustered(generator, clusters, sizes):
-    """Clusters with normal centres (30 m) of events spread 10 m: a new set of centres each time, one process."""
-    counts = np.maximum(1, generator.poisson(generator.choice(sizes, clusters)))
-    labels = np.repeat(np.arange(clusters), counts)
-    return 30 * generator.normal(size=(clusters, 3))[labels] + 10 * generator.normal(size=(len(labels), 3)), labels
 
 
 def rejections(make, repeats):
@@ -30,8 +24,8 @@ def test_false_alarms_on_clustered_catalogues_of_one_process(first, second):
     generator = np.random.default_rng(1)
 
     def make():
-        x, x_blocks = clustered(generator, *first)
-        y, y_blocks = clustered(generator, *second)
+        x, x_blocks = clustered_locations(generator, *first)
+        y, y_blocks = clustered_locations(generator, *second)
         return x, y, x_blocks, y_blocks
 
     assert 0.005 <= rejections(make, 200) <= 0.095
@@ -41,7 +35,7 @@ def test_taking_events_for_independent_would_reject_what_is_one_process():
     generator = np.random.default_rng(2)
 
     def make():
-        x, y = clustered(generator, 20, [10])[0], clustered(generator, 20, [10])[0]
+        x, y = clustered_locations(generator, 20, [10])[0], clustered_locations(generator, 20, [10])[0]
         return x, y, np.arange(len(x)), np.arange(len(y))
 
     assert rejections(make, 40) > 0.5

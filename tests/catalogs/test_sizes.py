@@ -4,14 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from catalogs import sizes
-
-LN10 = np.log(10.0)
-
-
-def simulated(generator, count, b, span=np.inf, bin_width=0.0):
-    """Sizes above 0 with slope b, cut off at `span`, put on bins: each value the lower edge of its bin."""
-    x = -np.log1p(-generator.random(count) * -np.expm1(-b * LN10 * span)) / (b * LN10)
-    return np.floor(x / bin_width) * bin_width if bin_width else x
+from verification.answers.statistics_samples import simulated_sizes
 
 
 @pytest.mark.parametrize(
@@ -23,6 +16,7 @@ def simulated(generator, count, b, span=np.inf, bin_width=0.0):
         (0.7, 150, 2.0, 0.0, 2.0),
         (0.7, 150, 2.0, 0.0, "largest"),
         (0.4, 150, 2.0, 0.2, 1.8),
+        (0.7, 60, 1.0, 0.25, "largest"),
     ],
 )
 def test_b_is_unbiased_and_its_interval_holds_the_truth_95_times_in_100(b, count, span, bin_width, bound):
@@ -30,7 +24,8 @@ def test_b_is_unbiased_and_its_interval_holds_the_truth_95_times_in_100(b, count
     standard errors (0.033) of 0.95; the stated error within 15 % of the scatter found."""
     generator = np.random.default_rng(count)
     found = [
-        sizes.estimate_b(simulated(generator, count, b, span, bin_width), 0.0, bin_width, bound) for _ in range(400)
+        sizes.estimate_b(simulated_sizes(generator, count, b, span, bin_width), 0.0, bin_width, bound)
+        for _ in range(400)
     ]
     values = np.array([one.b for one in found])
     scatter = values.std()
@@ -43,17 +38,40 @@ def test_ignoring_the_bound_or_the_bins_shows():
     """What the corrections are for: b 0.7 cut off at 2 reads 0.77 or more without the bound; bins of 0.5 with the
     continuous formula read above 0.9."""
     generator = np.random.default_rng(1)
-    assert sizes.estimate_b(simulated(generator, 20_000, 0.7, 2.0), 0.0).b > 0.77
-    binned = simulated(generator, 20_000, 0.7, bin_width=0.5)
+    assert sizes.estimate_b(simulated_sizes(generator, 20_000, 0.7, 2.0), 0.0).b > 0.77
+    binned = simulated_sizes(generator, 20_000, 0.7, bin_width=0.5)
     assert sizes.estimate_b(binned, 0.0).b > 0.9
     assert sizes.estimate_b(binned, 0.0, bin_width=0.5).b == pytest.approx(0.7, abs=0.02)
 
 
 def test_the_largest_event_is_the_bound_and_not_one_of_the_events():
     """Given the largest of n, the other n - 1 are independent below it: that conditional likelihood is exact."""
-    x = simulated(np.random.default_rng(2), 40, 0.7)
+    x = simulated_sizes(np.random.default_rng(2), 40, 0.7)
     rest = np.sort(x)[:-1]
     assert sizes.estimate_b(x, 0.0, bound="largest") == sizes.estimate_b(rest, 0.0, bound=float(x.max()))
+
+
+def test_binned_sizes_of_which_the_largest_is_the_bound_by_the_slow_likelihood():
+    """P(sizes | largest in bin M) = r^(sum of bins) / (S_M^n - S_(M-1)^n), r = 10^(-b width), maximised on a grid."""
+    x = simulated_sizes(np.random.default_rng(3), 30, 0.5, 1.0, 0.25)
+    bins = np.round(x / 0.25).astype(int)
+    grid = np.linspace(-2.0, 3.0, 500_001)
+    powers = 10.0 ** (-grid[:, None] * 0.25 * np.arange(bins.max() + 1))
+    possible = powers.sum(axis=1) ** 30 - powers[:, :-1].sum(axis=1) ** 30
+    likelihood = -grid * np.log(10) * 0.25 * bins.sum() - np.log(possible)
+    found = sizes.estimate_b(x, 0.0, 0.25, "largest")
+    assert found.b == pytest.approx(grid[likelihood.argmax()], abs=2e-5)
+    inside = grid[2 * (likelihood.max() - likelihood) <= 3.841459]
+    assert [found.lower, found.upper] == pytest.approx([inside[0], inside[-1]], abs=2e-5)
+    curvature = -np.diff(likelihood[likelihood.argmax() + np.array([-5000, 0, 5000])], 2).item() / 0.05**2
+    assert found.error == pytest.approx(curvature**-0.5, rel=1e-3)
+    assert found.events == 30
+
+
+def test_all_in_the_lowest_bin_but_the_largest_give_no_b():
+    """The likelihood then climbs without end."""
+    assert np.isnan(sizes.estimate_b(np.array([0.0] * 19 + [0.6]), 0.0, 0.2, "largest").b)
+    assert 0 < sizes.estimate_b(np.array([0.0] * 18 + [0.2, 0.6]), 0.0, 0.2, "largest").b < np.inf
 
 
 def test_by_hand_mean_excess_of_a_half():
@@ -67,7 +85,7 @@ def test_by_hand_mean_excess_of_a_half():
 
 @given(some.floats(-5, 5), some.integers(0, 1000))
 def test_b_does_not_depend_on_where_the_scale_begins(shift, seed):
-    x = simulated(np.random.default_rng(seed), 60, 0.8)
+    x = simulated_sizes(np.random.default_rng(seed), 60, 0.8)
     here, there = sizes.estimate_b(x, 0.0, bound="largest"), sizes.estimate_b(x + shift, shift, bound="largest")
     assert there.b == pytest.approx(here.b, rel=1e-6, abs=1e-9)
 
@@ -89,7 +107,7 @@ def test_difference_of_b_errs_five_times_in_a_hundred():
     generator = np.random.default_rng(3)
     found = []
     for _ in range(600):
-        first, second = (sizes.estimate_b(simulated(generator, count, 0.8), 0.0) for count in (60, 250))
+        first, second = (sizes.estimate_b(simulated_sizes(generator, count, 0.8), 0.0) for count in (60, 250))
         found.append(sizes.difference_b(first, second))
     assert np.mean([not one.lower <= 0 <= one.upper for one in found]) == pytest.approx(0.05, abs=0.027)
     assert np.mean([one.p_value < 0.05 for one in found]) == pytest.approx(0.05, abs=0.027)
@@ -98,7 +116,7 @@ def test_difference_of_b_errs_five_times_in_a_hundred():
 def test_completeness_is_found_where_detection_fails():
     """Detection falls off around -1.2 (a normal ramp, 0.15 wide): 1 of 20 events is lost at -0.95."""
     generator = np.random.default_rng(4)
-    x = simulated(generator, 60_000, 0.8) - 2.5
+    x = simulated_sizes(generator, 60_000, 0.8) - 2.5
     seen = x[generator.random(x.size) < 1 / (1 + np.exp(-(x + 1.2) / 0.09))]
     assert sizes.completeness_by_curvature(seen) == pytest.approx(-1.2, abs=0.15)
     assert -1.15 <= sizes.completeness_by_stability(seen) <= -0.7
@@ -123,6 +141,6 @@ def test_counts_per_bin_and_above_on_the_edges():
 
 
 def test_shi_bolt_error_agrees_with_fisher_where_the_law_holds():
-    x = simulated(np.random.default_rng(6), 5000, 0.9)
+    x = simulated_sizes(np.random.default_rng(6), 5000, 0.9)
     found = sizes.estimate_b(x, 0.0)
     assert sizes.shi_bolt_error(x, found.b, 0.0) == pytest.approx(found.error, rel=0.1)
