@@ -54,7 +54,7 @@ def test_every_bound_of_the_reduced_study_holds(study, reduced, tmp_path):
     assert found["elongated, k-means: adjusted Rand index"].obtained < 0.5
     assert found["chain, single linkage: adjusted Rand index"].obtained == 0.0
     assert found["chain, DBSCAN 3: adjusted Rand index"].obtained == 0.0  # a default that does not do it
-    assert "too slow" in found["time, k-means, 1e+03 particles, s"].remark
+    assert "too slow" in found["time, k-means, 1,000 particles, s"].remark
 
 
 @pytest.mark.parametrize(("samples", "same"), [(3, True), (4, False)])

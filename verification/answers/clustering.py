@@ -198,7 +198,7 @@ def time_rows(times: dict[str, list[tuple[int, float, str]]], settings: dict) ->
         for (count, seconds, why), asked in zip(line, settings["timing"]["counts"], strict=True):
             rows.append(
                 Row(
-                    f"time, {method}, {asked:.0e} particles, s",
+                    f"time, {method}, {asked:,} particles, s",
                     np.nan,
                     seconds,
                     np.nan,
