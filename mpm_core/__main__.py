@@ -18,7 +18,8 @@ def make_grid(arguments: argparse.Namespace) -> None:
 
     use_threads(arguments.threads)
     scene = json.loads(arguments.scene)
-    write_dataset(make_grid(scene, provenance(scene, "mpm_core")), arguments.output)
+    draft = read_dataset(arguments.draft) if arguments.draft else None
+    write_dataset(make_grid(scene, provenance(scene, "mpm_core"), draft), arguments.output)
 
 
 def solve(arguments: argparse.Namespace) -> None:
@@ -58,6 +59,8 @@ def main() -> None:
             stage.add_argument(f"--{option}", required=True)
         if name != "vtk":
             stage.add_argument("--scene", required=True, help="configuration slice, JSON, SI units")
+        if name == "grid":
+            stage.add_argument("--draft", help="last step of a draft run: fine cells where rock failed in it")
         stage.add_argument("--log")
         stage.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()

@@ -15,9 +15,13 @@ from mpm_core.geometry.shapes import build_shape
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.building import GridCount, build_grid
 from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.octree import RefinedVolume
 from mpm_core.particles import FULL, HALF, SLIVER, Pieces
+from mpm_core.scene import DRAFT_LEVELS, PLANES
 from pipeline.errors import InputError
 
+ZONE_RINGS = 2  # of the draft's finest cells around those that failed
+ROUND_OFF = 1e-6  # of a cell: positions are those of particles
 STAGE_BYTES_PER_CELL = (
     2600  # measured peak of a mechanics stage at one particle per cell, 3-D, dataset writing included
 )
@@ -83,8 +87,11 @@ def _span(lower, upper) -> str:
     return ", ".join(f"{a:g} to {b:g} m" for a, b in zip(lower, upper, strict=True))
 
 
-def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid | Outside], whole: bool) -> Pieces:
-    """Parts of the finest cells inside each excavation, by excavation and cell. `whole`: in or out by the half."""
+def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid | Outside], whole: bool, draft: bool) -> Pieces:
+    """Parts of the finest cells inside each excavation, by excavation and cell. `whole`: in or out by the half.
+
+    Raises InputError for an excavation that is too thin for these cells; a draft does without it.
+    """
     finest = np.flatnonzero(grid.cell_level == grid.levels - 1).astype(np.int32)
     index = grid.cell_index[finest]
     parts = []
@@ -99,7 +106,7 @@ def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid | Outsid
         if whole:
             samples = np.where(np.bitwise_count(samples) >= HALF, FULL, np.uint64(0))
         keep = np.bitwise_count(samples) >= SLIVER
-        if not keep.any():
+        if not keep.any() and not draft:
             raise InputError(
                 f"excavations.{solid.name}: adds no volume: it is thinner than a fraction of the finest cell, "
                 f"{grid.fine_cell:g} m; refine grid.levels or leave it out"
@@ -131,8 +138,30 @@ def require_memory(count: GridCount, dimension: int) -> None:
         )
 
 
-def make_grid(values: dict, attributes: dict) -> xr.Dataset:
-    """The dataset of grid.nc from the grid's configuration slice (SI); attributes: provenance."""
+def failure_zone(draft: xr.Dataset, domain: Domain, axes: tuple[int, ...]) -> RefinedVolume:
+    """Where rock failed in a draft's last step (see workflow/draft.py), with rings of the draft's finest cells.
+
+    A failed cell of any size counts with all of its volume.
+    """
+    level = max(domain.levels - DRAFT_LEVELS - 1, 0)
+    failed = draft.failed.values >= 0
+    position, spacing = draft.position.values[failed][:, axes], draft.spacing.values[failed]
+    lowest = np.floor((position - 0.5 * spacing[:, None] - domain.lower) / domain.cell(level) + ROUND_OFF).astype(int)
+    width = np.maximum(np.rint(spacing / domain.cell(level)).astype(int), 1)
+    index = [np.empty((0, len(axes)), int)]
+    for size in np.unique(width):
+        offsets = np.stack(np.meshgrid(*[np.arange(size)] * len(axes), indexing="ij"), axis=-1).reshape(-1, len(axes))
+        index.append((lowest[width == size][:, None] + offsets).reshape(-1, len(axes)))
+    index = np.unique(np.concatenate(index), axis=0)
+    logging.info("failure zone: %d draft cells of %g m", len(index), domain.cell(level))
+    return RefinedVolume(level, index.astype(np.int32), ZONE_RINGS)
+
+
+def make_grid(values: dict, attributes: dict, draft: xr.Dataset | None = None) -> xr.Dataset:
+    """The dataset of grid.nc from the grid's configuration slice (SI); attributes: provenance.
+
+    draft: state of the last step of the draft run, if there is one: fine cells where rock failed in it.
+    """
     dimension = 2 if values["plane"] else 3
     lower, upper = (np.array(values["domain"][key], float) for key in ("lower", "upper"))
     coarse = values["grid"]["coarse_cell"]
@@ -159,9 +188,12 @@ def make_grid(values: dict, attributes: dict) -> xr.Dataset:
         domain.levels,
         classify,
         values["grid"]["buffer_cells"],
+        extra_marks=[] if draft is None else [failure_zone(draft, domain, PLANES[values["plane"]])],
         before_allocation=lambda count: require_memory(count, dimension),
     )
-    pieces = cut_pieces(grid, domain, solids, values["grid"]["cut_cells"] == "whole")
+    pieces = cut_pieces(
+        grid, domain, solids, values["grid"]["cut_cells"] == "whole", values["grid"].get("draft", False)
+    )
     thickness = values["thickness"] if dimension == 2 else 1.0
     on_grid = np.bincount(pieces.excavation, np.bitwise_count(pieces.samples) / 64, minlength=len(solids))
     on_grid = on_grid * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined

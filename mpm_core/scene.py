@@ -9,6 +9,7 @@ from mpm_core.insitu import VOIGT, InsituStress
 from pipeline.errors import InputError
 
 FACES = ("x_lower", "x_upper", "y_lower", "y_upper", "z_lower", "z_upper")
+DRAFT_LEVELS = 2  # that a draft run's grid lacks (workflow/draft.py, gridding.failure_zone)
 PLANES = {"xz": (0, 2), "xy": (0, 1), None: (0, 1, 2)}  # axes of the computation in the mine's frame
 
 
@@ -114,6 +115,8 @@ class Scene:
     strains: tuple[BoundaryStrain, ...]
     steps: tuple[dict, ...]
     solver: Solver
+    draft: bool = False
+    """whether rock may fail in cells of any size: only to find out where"""
 
     @property
     def axes(self) -> tuple[int, ...]:
@@ -196,6 +199,7 @@ def parse_scene(values: dict) -> Scene:
         ),
         steps=tuple(values["steps"]),
         solver=Solver(**values["solver"]),
+        draft=values.get("draft", False),
     )
     check_boundary(scene)
     check_strains(scene)

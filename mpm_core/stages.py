@@ -188,7 +188,7 @@ def truncation(model: Model, state: State, volume: np.ndarray) -> dict:
     failed = (state.failed >= 0) & (volume > 0.0)
     above = above_strength(model, state, np.flatnonzero(model.is_coulomb() & ~failed & (volume > 0.0)))
     held = above[model.grid.cell_level[particles.cell[above]] < model.grid.levels - 1]
-    if not len(held):
+    if model.scene.draft or not len(held):
         return {"truncated": 0, "truncated_share": 0.0, "truncated_volume": 0.0, "truncated_where": ""}
     share = volume[held].sum() / (volume[above].sum() + volume[failed].sum())
     names = ["xyz"[axis] for axis in model.scene.axes]

@@ -29,8 +29,13 @@ def check_mine(mine: "Mine") -> None:
     _check_steps(mine)
     _check_names(mine)
     _check_domain(mine)
-    scene = parse_scene(mine.scene_slice(len(mine.steps) - 1) | {"materials": mine.values["materials"]})
     check_boundary_faces(mine.values["domain"]["boundary"])
+    check_virgin(mine, mine.values["materials"])
+
+
+def check_virgin(mine: "Mine", materials: dict) -> None:
+    """Raise InputError where virgin rock of these materials would fail before anything is mined."""
+    scene = parse_scene(mine.scene_slice(len(mine.steps) - 1) | {"materials": materials})
     domain = mine.values["domain"]
     if mine.plane == "xy":
         check_virgin_stress(scene, scene.insitu.surface, scene.insitu.surface)

@@ -44,6 +44,7 @@ class Mine:
     default: dict
     steps: list[dict] = field(init=False)
     excavations: list[dict] = field(init=False)
+    is_draft: bool = field(init=False, default=False)  # see workflow/draft.py
 
     def __post_init__(self):
         values = self.values
@@ -88,6 +89,10 @@ class Mine:
 
         values = self.values
         grid = {key: values["grid"][key] for key in ("coarse_cell", "levels", "buffer_cells", "cut_cells")}
+        if values["grid"]["failure_zone"] != "none":
+            grid["failure_zone"] = values["grid"]["failure_zone"]
+        if self.is_draft:
+            grid["draft"] = True
         return {
             "name": self.name,
             "plane": self.plane,
@@ -159,6 +164,7 @@ class Mine:
             "excavations": excavations,
             "loads": [load(entry) for entry in listed("loads")],
             **({"strains": strains} if strains else {}),
+            **({"draft": True} if self.is_draft else {}),
             "steps": [
                 {"name": step["name"], "start": step.get("start", ""), "end": step.get("end", "")}
                 for step in self.steps[: last + 1]

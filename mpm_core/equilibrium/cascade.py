@@ -47,10 +47,10 @@ class Ramp:
 
 
 def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, neighbors) -> Brittle:
-    """Coulomb rock of the finest level that is still there at `step`; neighbours: grid.adjacency of the cells."""
+    """Coulomb rock of the finest level (of any, in a draft) still there at `step`; neighbours: grid.adjacency."""
     particles = model.particles
-    finest = model.grid.cell_level[particles.cell] == model.grid.levels - 1
-    may_fail = model.is_coulomb() & finest & (volume > 0.0)
+    small = model.scene.draft | (model.grid.cell_level[particles.cell] == model.grid.levels - 1)
+    may_fail = model.is_coulomb() & small & (volume > 0.0)
     half = (model.rock_share(step)[particles.cell] >= 0.5) | (particles.sample >= 0)
     sound, sliver = np.flatnonzero(may_fail & half), np.flatnonzero(may_fail & ~half)
     return Brittle(volume > 0.0, sound, sliver, neighbor_start, neighbors)
@@ -111,7 +111,7 @@ def fail(model: Model, state: State, particles: np.ndarray, step: int, increment
 def run_cascade(scheme, brittle: Brittle, ramp: Ramp, step: int, history: History) -> None:
     """Ramp external force and boundary strain, with a cascade at each increment.
 
-    `scheme` offers deform(strain), relax(external, tolerance, reference, history) and set_failed().
+    `scheme` offers deform(strain), relax(external, tolerance, reference, history), set_failed() and settle().
     Raises InputError when the cascade has not ended after solver.max_generations.
     """
     model, state, solver = scheme.model, scheme.state, scheme.model.scene.solver
@@ -149,3 +149,4 @@ def run_cascade(scheme, brittle: Brittle, ramp: Ramp, step: int, history: Histor
             if last and not more:
                 scheme.relax(external, solver.tolerance, reference, history)
                 more = look(increment)
+        scheme.settle()

@@ -6,6 +6,7 @@ import shlex
 
 from pipeline.stage import name_parent_of_stages
 from verification.studies import load_study
+from workflow.draft import draft_of
 
 RESULTS = "results/{mine}"
 NAME = "[A-Za-z0-9][A-Za-z0-9_-]+"
@@ -21,7 +22,7 @@ shell.prefix(
 
 
 wildcard_constraints:
-    mine=f"{re.escape(MINE.name)}|verification/{NAME}/{NAME}",
+    mine=f"({re.escape(MINE.name)}|verification/{NAME}/{NAME})(/draft)?",
     study=NAME,
     step=NAME,
 
@@ -52,10 +53,14 @@ def study(name):
 
 
 def mine_of(wildcards):
-    """Configuration behind results/{mine}: the mine of this run, or a variant of a study."""
-    if wildcards.mine == MINE.name:
-        return MINE
-    _, name, variant = wildcards.mine.split("/")
+    """Configuration behind results/{mine}: the mine of this run or a variant of a study, or the draft of either."""
+    place = wildcards.mine.removesuffix("/draft")
+    mine = MINE if place == MINE.name else variant_of_study(*place.split("/")[1:])
+    return draft_of(mine) if wildcards.mine.endswith("/draft") else mine
+
+
+def variant_of_study(name, variant):
+    """Configuration of a study's variant."""
     mines = study(name).mines
     if variant not in mines:
         sys.exit(f"config/verification/{name}.yaml: variants: no '{variant}'; there are {', '.join(mines)}")
@@ -107,6 +112,17 @@ def previous_state(wildcards):
     return f"results/{wildcards.mine}/" + (f"steps/{before}.nc" if before else "elastic.nc")
 
 
+def draft_state(wildcards):
+    """The last step of the draft run that shows where rock will fail, if the grid is to know."""
+    draft = draft_of(mine_of(wildcards))
+    return f"results/{wildcards.mine}/draft/steps/{draft.mined_steps[-1]}.nc" if draft else []
+
+
+def draft_option(wildcards, input):
+    """The command line option for it."""
+    return f"--draft {input.draft}" if input.draft else ""
+
+
 def solids(wildcards):
     """Files that the grid is built from."""
     return mine_of(wildcards).solids()
@@ -134,7 +150,8 @@ def event_slice(wildcards):
 
 def threads_of(wildcards):
     """As many as there are, but one where a study's scenes are so small that two run better side by side."""
-    return 64 if wildcards.mine == MINE.name else study(wildcards.mine.split("/")[1]).threads
+    place = wildcards.mine.removesuffix("/draft")
+    return 64 if place == MINE.name else study(place.split("/")[1]).threads
 
 
 def record_files():

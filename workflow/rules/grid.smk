@@ -2,11 +2,13 @@ rule grid:
     """Cells, nodes, hanging-node constraints, and the part of each cell inside each excavation."""
     input:
         solids=solids,
+        draft=draft_state,
         code=sources("mpm_core"),
     output:
         kept(f"{RESULTS}/grid.nc"),
     params:
         scene=grid_slice,
+        draft=draft_option,
     log:
         "logs/{mine}/grid.log",
     benchmark:
@@ -18,7 +20,7 @@ rule grid:
     conda:
         "../envs/environment.yaml"
     shell:
-        "stage mpm_core grid --scene {params.scene:q} --output {output} --log {log} --threads {threads}"
+        "stage mpm_core grid --scene {params.scene:q} {params.draft} --output {output} --log {log} --threads {threads}"
 
 
 rule vtk:
