@@ -38,14 +38,14 @@ class Row:
         """Whether the error is finite and allowed; None where nothing is demanded."""
         if self.allowed is None:
             return None
-        return math.isfinite(self.error) and self.error <= self.allowed
+        return bool(math.isfinite(self.error) and self.error <= self.allowed)
 
 
 def write_rows(path: Path, rows: Iterable[tuple[str, Row]]) -> None:
     """Write (scene, row) pairs as CSV, atomically; numbers with six digits."""
 
     def text(value: float | None) -> str:
-        return "" if value is None else f"{value:.6g}"
+        return "" if value is None or math.isnan(value) else f"{value:.6g}"
 
     with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
