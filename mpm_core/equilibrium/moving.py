@@ -56,8 +56,8 @@ class MovingScheme(ExplicitScheme):
         """Time step over the limit without damping and without the filter of the transfers."""
         return super().time_step_share / np.sqrt(2.0)
 
-    def deform(self, strain: np.ndarray) -> None:
-        """Refused: volumes and places of particles that move would have to follow (InputError)."""
+    def displace(self, motion: np.ndarray) -> None:
+        """Refused: places and volumes of particles that move would have to follow (InputError)."""
         raise InputError("strains: the boundary cannot be strained while particles move; set solver.move: false")
 
     def set_volume(self, volume: np.ndarray) -> None:
@@ -136,6 +136,9 @@ class MovingScheme(ExplicitScheme):
         )
         for values in (state.velocity, self.acceleration):
             spread_to_hanging(self.hanging, model.grid.node_parents, values)
+
+    def settle(self) -> None:
+        """Nothing to do: particles that move flow as they go, in every step."""
 
     def _stop_drift(self) -> None:
         remove_rigid_motion(self._position(), self.particle_mass, self.velocity)
