@@ -7,16 +7,16 @@ Symmetry leaves one coordinate. With n = 1 (tunnel) or 2 (sphere) equal hoop dir
     failed rock   s_t = N s_r + sigma_c (residual),  so  s_r = k ((r/a)^m - 1),  k = sigma_c / (N - 1),  m = n (N - 1)
 
 and the front R is where the elastic hoop stress has come down to the peak strength: q = s_r(R) =
-((n + 1) p - n sigma_c) / (n N + 1), intact values. Where residual strength is below the peak, the hoop stress jumps at R
-and the radial one does not (Brown, Bray, Ladanyi & Hoek 1983, J. Geotech. Eng. 109, 15).
+((n + 1) p - n sigma_c) / (n N + 1), intact values. Where residual strength is below the peak, the hoop stress jumps at
+R and the radial one does not (Brown, Bray, Ladanyi & Hoek 1983, J. Geotech. Eng. 109, 15).
 
-Displacement in failed rock: the flow of each face that acts is (-N_psi, 1), so with elastic strains from the virgin state
+Displacement in failed rock: the flow of each face that acts is (-N_psi, 1), so with elastic strains since virgin
 
     du/dr + n N_psi u/r = e_r + N_psi (e_t + e_3),    u inward, all strains compression positive,
 
-where the third direction is the other hoop direction of a sphere, or the tunnel's axis: on the face of s_t and s_r alone
-plane strain makes its elastic strain zero. The right side is A (r/a)^m + B, and u follows zone by zone from the front
-inward.
+where the third direction is the other hoop direction of a sphere, or the tunnel's axis: on the face of s_t and s_r
+alone plane strain makes its elastic strain zero. The right side is A (r/a)^m + B, and u follows zone by zone from the
+front inward.
 
 Results are tension positive, displacement outward; the cavity bears no pressure. Friction must be above zero.
 """
@@ -118,9 +118,9 @@ class PlasticRing(ABC):
         """Third stress in elastic rock (compression positive) from the other two."""
 
     def stress(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Radial, hoop and third stress (the tunnel's axis; a sphere's other hoop) at r >= radius, Pa, tension positive."""
+        """Radial, hoop, third stress (along a tunnel, a sphere's other hoop), Pa, tension positive; r >= radius, m."""
         r = np.asarray(r, float)
-        n, decrease = self.hoop_directions, (self.pressure - self.front_pressure)
+        n, decrease = self.hoop_directions, self.pressure - self.front_pressure
         decay = (self.plastic_radius / r) ** (n + 1)
         radial, hoop = self.pressure - decrease * decay, self.pressure + decrease / n * decay
         parts = [radial, hoop, self.elastic_third(radial, hoop)]

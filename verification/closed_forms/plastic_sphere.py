@@ -1,8 +1,9 @@
 """A spherical cavity in Coulomb rock under all-round stress, perfectly plastic or brittle.
 
 Both hoop stresses fail together (an edge of the Coulomb surface), so no intermediate stress is in question. Perfectly
-plastic: Yu and Houlsby (1991, Geotechnique 41, 173) at small strains, for a cavity that contracts; brittle: Park and
-Kim (2006, Int. J. Numer. Anal. Methods Geomech. 30, 863). Elastic limit: Lame, or closed_forms.sphere.
+plastic: Yu and Houlsby (1991, Geotechnique 41, 173) at small strains, for a cavity that contracts (first Salencon 1969,
+Ann. Ponts Chauss. 4, 231); brittle: with a residual surface inside, as Park and Kim (2006, Int. J. Rock Mech. Min. Sci.
+43, 616) have it for a circular opening.
 """
 
 from dataclasses import dataclass

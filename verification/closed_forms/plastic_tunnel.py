@@ -1,6 +1,6 @@
 """A circular tunnel in Coulomb rock under all-round stress, plane strain, perfectly plastic or brittle.
 
-Perfectly plastic: Salencon (1969, Ann. Ponts Chauss. 139, 231); brittle: Brown, Bray, Ladanyi & Hoek (1983) and
+Perfectly plastic: Salencon (1969, Ann. Ponts Chauss. 4, 231); brittle: Brown, Bray, Ladanyi & Hoek (1983) and
 Carranza-Torres (2004, Int. J. Rock Mech. Min. Sci. 41, 480) with a residual Coulomb surface. They take the stress along
 the axis as intermediate. As hoop stress falls towards the wall, the axial one, p + nu (changes of the other two), may
 overtake it; from there inward both are major and rock flows on the edge between two faces (Reed 1988, Int. J. Numer.

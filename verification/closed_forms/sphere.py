@@ -7,8 +7,8 @@ in the virgin geometry, so with strains counted from the virgin state
     C_inclusion e = sigma_0 + C_rock (e - e*),    e = S e*    inside,
 
 which two numbers solve, since S of a sphere is isotropic: S = alpha (volumetric) + beta (deviatoric). A cavity is an
-inclusion without stiffness (Goodier 1933, J. Appl. Mech. 55, 39). Outside, a volumetric eigenstrain moves rock as x/r^3,
-a deviatoric one d as
+inclusion without stiffness (Goodier 1933, Trans. ASME 55, 39). Outside, a volumetric eigenstrain moves rock as x/r^3, a
+deviatoric one d as
 
     u = P (a/r)^3 [2 (1 - 2 nu) d.x + 3 x (n.d.n)] + Q (a/r)^5 [2 d.x - 5 x (n.d.n)],    n = x/r,
     P = 1 / (6 (1 - nu)),  Q = 1 / (10 (1 - nu)):
@@ -55,7 +55,7 @@ def split(tensor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class SphericalInclusion:
-    """A sphere of `radius` m in `rock` under `virgin_stress` (3, 3) Pa, filled with `inclusion`, stress-free at first."""
+    """A sphere of `radius` m in `rock` under `virgin_stress` (3, 3) Pa; its `inclusion` is placed without stress."""
 
     radius: float
     virgin_stress: np.ndarray
