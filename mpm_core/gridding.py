@@ -94,11 +94,19 @@ def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid | Outsid
     """
     finest = np.flatnonzero(grid.cell_level == grid.levels - 1).astype(np.int32)
     index = grid.cell_index[finest]
+    # Cells of one base cell stand together (Morton order): a solid looks at few base cells, not at all finest cells.
+    halvings = grid.levels - 1
+    base = index >> halvings
+    start = np.flatnonzero(np.append(True, (base[1:] != base[:-1]).any(axis=1))) if len(base) else np.empty(0, int)
+    end, base = np.append(start[1:], len(index)), base[start]
     parts = []
     for number, solid in enumerate(solids):
         lower = (solid.bounds[0] - domain.lower) / grid.fine_cell - 1
         upper = (solid.bounds[1] - domain.lower) / grid.fine_cell
-        near = np.flatnonzero(((index >= lower) & (index <= upper)).all(axis=1))
+        first, last = np.floor(lower / 2**halvings), np.floor(upper / 2**halvings)
+        blocks = np.flatnonzero(((base >= first) & (base <= last)).all(axis=1))
+        near = np.concatenate([np.arange(start[block], end[block]) for block in blocks] or [np.empty(0, int)])
+        near = near[((index[near] >= lower) & (index[near] <= upper)).all(axis=1)]
         kind = classify_cells(solid, domain.lower, grid.fine_cell, index[near])
         samples = np.where(kind == INSIDE, FULL, np.uint64(0))
         crossed = (kind != INSIDE) & (kind != OUTSIDE)
