@@ -24,20 +24,24 @@ def make_grid(arguments: argparse.Namespace) -> None:
 
 def solve(arguments: argparse.Namespace) -> None:
     """elastic.nc, or steps/<step>.nc from the state of the step before."""
+    from mpm_core.checkpoint import Checkpoint, key_of
     from mpm_core.scene import parse_scene
     from mpm_core.stages import elastic_stage, mining_step, use_threads
 
     use_threads(arguments.threads)
     values = json.loads(arguments.scene)
+    made_from = provenance(values, "mpm_core")
     scene, grid = parse_scene(values), read_dataset(arguments.grid)
     failed_state = Path(arguments.output).with_suffix(".failed.npz")
     if arguments.stage == "elastic":
         dataset, facts = elastic_stage(scene, grid, failed_state)
     else:
-        dataset, facts = mining_step(scene, grid, read_dataset(arguments.state), failed_state)
+        path = Path(arguments.output).with_suffix(".checkpoint.npz")
+        checkpoint = Checkpoint(path, key_of(made_from, arguments.grid, arguments.state))
+        dataset, facts = mining_step(scene, grid, read_dataset(arguments.state), failed_state, checkpoint)
     for name, value in facts.items():
         logging.info("%s: %s", name, value)
-    dataset.attrs |= provenance(values, "mpm_core")
+    dataset.attrs |= made_from
     write_dataset(dataset, arguments.output)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
+from mpm_core.checkpoint import Checkpoint
 from mpm_core.datasets import read_grid, read_state, state_dataset
 from mpm_core.equilibrium.cascade import Ramp, above_strength, find_brittle, run_cascade
 from mpm_core.equilibrium.convergence import History, norm
@@ -47,10 +48,14 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
     return finish(scheme, history, 0, state.displacement, force, "elastic")
 
 
-def mining_step(scene: Scene, grid: xr.Dataset, previous: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:
+def mining_step(
+    scene: Scene, grid: xr.Dataset, previous: xr.Dataset, failed_state: Path, checkpoint: Checkpoint | None = None
+) -> tuple[xr.Dataset, dict]:
     """Coulomb equilibrium after the last of the scene's steps, from the state of the step before.
 
     The first step starts from the elastic history, in which its rock is already mined: Coulomb is switched on.
+    checkpoint: goes on from it if it is of the same inputs, and keeps it up to date (not where particles move: they
+    have velocities of their own that no dataset holds).
     """
     step = len(scene.steps) - 1
     model = build_model(scene, *read_grid(grid))
@@ -76,7 +81,13 @@ def mining_step(scene: Scene, grid: xr.Dataset, previous: xr.Dataset, failed_sta
     start_displacement = state.displacement.copy()
     brittle = find_brittle(model, volume, step, *face_neighbors(model.grid))
     with following(scene, scene.steps[step]["name"], state, failed_state) as history:
-        run_cascade(scheme, brittle, ramp, step, history)
+        if checkpoint is None or scene.solver.move:
+            run_cascade(scheme, brittle, ramp, step, history)
+        else:
+            if checkpoint.load(state, history):
+                scheme = make_scheme(model, state, volume)
+            run_cascade(scheme, brittle, ramp, step, history, checkpoint.save)
+            checkpoint.remove()
     released = state.displacement - start_displacement
     return finish(scheme, history, step, released, target - start, "step")
 

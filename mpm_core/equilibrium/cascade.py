@@ -4,6 +4,7 @@ Between two generations of failure a loose tolerance is enough; the stage ends a
 Intact rock is elastic in between, so what fails does not depend on the scheme's way to rest.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,10 +109,18 @@ def fail(model: Model, state: State, particles: np.ndarray, step: int, increment
     state.hourglass_force[model.particles.cell[particles]] = 0.0
 
 
-def run_cascade(scheme, brittle: Brittle, ramp: Ramp, step: int, history: History) -> None:
+def run_cascade(
+    scheme,
+    brittle: Brittle,
+    ramp: Ramp,
+    step: int,
+    history: History,
+    save: Callable[[State, History], None] = lambda state, history: None,
+) -> None:
     """Ramp external force and boundary strain, with a cascade at each increment.
 
-    `scheme` offers deform(strain), relax(external, tolerance, reference, history), set_failed() and settle().
+    `scheme` offers deform(strain), relax(external, tolerance, reference, history), set_failed() and settle(). `save` is
+    called between generations; a history that stands within an increment (a saved one) goes on from there.
     Raises InputError when the cascade has not ended after solver.max_generations.
     """
     model, state, solver = scheme.model, scheme.state, scheme.model.scene.solver
@@ -134,13 +143,16 @@ def run_cascade(scheme, brittle: Brittle, ramp: Ramp, step: int, history: Histor
         fail(model, state, fresh, step, increment, history.generation)
         history.generation += 1
         scheme.set_failed()
+        save(state, history)
         return True
 
-    for increment in range(1, solver.increments + 1):
+    resumed = history.increment
+    for increment in range(max(resumed, 1), solver.increments + 1):
         external = ramp.start + (ramp.target - ramp.start) * (increment / solver.increments)
-        if ramp.strain.any():
-            scheme.deform(ramp.strain / solver.increments)
-        history.increment, history.generation = increment, 0
+        if increment != resumed:
+            if ramp.strain.any():
+                scheme.deform(ramp.strain / solver.increments)
+            history.increment, history.generation = increment, 0
         last = increment == solver.increments
         more = True
         while more:

@@ -1,0 +1,90 @@
+"""Where a stage is, beside its output: a stage that was killed goes on from there, to the same bytes.
+
+Written between two generations of failure, where nothing is under way. It is no output that Snakemake knows of, which
+deletes the outputs of a killed stage; a stage that ends removes it.
+"""
+
+import hashlib
+import logging
+import time
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from mpm_core.equilibrium.convergence import COLUMNS, History
+from mpm_core.model import State
+from pipeline.datasets import atomic_path
+
+PAUSE = 30.0  # s at least between two checkpoints
+SHARE = 0.03  # of the time that writing them may take
+
+
+def key_of(provenance: dict[str, str], *inputs: Path) -> str:
+    """What a checkpoint belongs to: configuration, sources and versions, and the bytes of the stage's input files."""
+    digest = hashlib.sha256(repr(sorted(provenance.items())).encode())
+    for path in inputs:
+        digest.update(Path(path).read_bytes())
+    return digest.hexdigest()
+
+
+@dataclass
+class Checkpoint:
+    """The file and what it belongs to (see key_of); `pause` s between two of them.
+
+    Which generations are saved depends on the clock; what follows from any of them does not.
+    """
+
+    path: Path
+    key: str
+    pause: float = PAUSE
+    last: float = field(default_factory=time.perf_counter)
+    cost: float = 0.0
+
+    def save(self, state: State, history: History) -> None:
+        """Write state and convergence table if it is time to."""
+        now = time.perf_counter()
+        if now - self.last < max(self.pause, self.cost / SHARE):
+            return
+        place = {"generation": history.generation, "increment": history.increment, "iteration": history.iteration}
+        with atomic_path(self.path) as temporary, temporary.open("wb") as file:
+            np.savez(file, key=self.key, **place, **vars(state), **_named("table_", history.table()))
+        self.last = time.perf_counter()
+        self.cost = self.last - now
+
+    def load(self, state: State, history: History) -> bool:
+        """Put state and table back, in place; False where there is none of this stage, whole."""
+        try:
+            with np.load(self.path, allow_pickle=False) as saved:
+                if str(saved["key"]) != self.key:
+                    logging.info("%s is of other inputs; the stage starts anew", self.path)
+                    return False
+                values = {name: saved[name] for name in saved.files}
+        except FileNotFoundError:
+            return False
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            logging.warning("%s is not readable (%s); the stage starts anew", self.path, error)
+            return False
+        for name, array in vars(state).items():
+            if isinstance(array, np.ndarray):
+                array[:] = values[name]
+            else:
+                setattr(state, name, values[name].item())
+        for name in ("generation", "increment", "iteration"):
+            setattr(history, name, int(values[name]))
+        columns = [values[f"table_{name}"].tolist() for name in COLUMNS]
+        history.rows = list(zip(*columns, strict=True))
+        logging.info(
+            "going on from increment %d, generation %d, iteration %d",
+            history.increment, history.generation, history.iteration,
+        )  # fmt: skip
+        return True
+
+    def remove(self) -> None:
+        """The stage has ended."""
+        self.path.unlink(missing_ok=True)
+
+
+def _named(prefix: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {prefix + name: array for name, array in arrays.items()}
