@@ -78,7 +78,7 @@ def inclusion_rows(name: str, cavity: Cavity, exact: SphericalInclusion, pressur
     size = float(np.sqrt(np.average(error, weights=cavity.volume[inside])))
     share = size / np.sqrt(6) / pressure
     own = size / float(np.linalg.norm(exact.stress_inside))
-    expected = exact.stress_inside[2, 2] / 1e6
+    expected = float(exact.stress_inside[2, 2]) / 1e6
     mean = float(np.average(cavity.stress[inside, 2, 2], weights=cavity.volume[inside])) / 1e6
     reason = (
         "A cut cell has one strain for rock and fill, so the stiff rock in it carries the displacement half a cell "

@@ -117,6 +117,9 @@ class PlasticRing(ABC):
     def elastic_third(self, radial: np.ndarray, hoop: np.ndarray) -> np.ndarray:
         """Third stress in elastic rock (compression positive) from the other two."""
 
+    def _failed_zones(self) -> list[Zone]:
+        return self.zones() if self.plastic_radius > self.radius else []
+
     def stress(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Radial, hoop, third stress (along a tunnel, a sphere's other hoop), Pa, tension positive; r >= radius, m."""
         r = np.asarray(r, float)
@@ -125,7 +128,7 @@ class PlasticRing(ABC):
         radial, hoop = self.pressure - decrease * decay, self.pressure + decrease / n * decay
         parts = [radial, hoop, self.elastic_third(radial, hoop)]
         x = (r / self.radius) ** self.exponent
-        for zone in self.zones():
+        for zone in self._failed_zones():
             inside = r <= zone.outer
             for i, (power, constant) in enumerate(zip(zone.power, zone.constant, strict=True)):
                 parts[i] = np.where(inside, self.pressure + power * x + constant, parts[i])
@@ -138,11 +141,11 @@ class PlasticRing(ABC):
         edge = (self.pressure - self.front_pressure) * front / (2 * n * self.rock.shear_modulus)
         inward = edge * (front / r) ** n
         beta = n * self.rock.dilation
-        for zone in self.zones():
+        for zone in self._failed_zones():
             particular, at_edge = self._particular(zone, r, beta), self._particular(zone, zone.outer, beta)
             value = particular + (edge - at_edge) * (zone.outer / r) ** beta
             inward = np.where(r <= zone.outer, value, inward)
-            following = [other.outer for other in self.zones() if other.outer < zone.outer]
+            following = [other.outer for other in self._failed_zones() if other.outer < zone.outer]
             if following:
                 inner = following[0]
                 edge = float(self._particular(zone, inner, beta) + (edge - at_edge) * (zone.outer / inner) ** beta)
