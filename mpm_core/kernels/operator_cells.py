@@ -1,0 +1,88 @@
+"""Cells whose particles follow no rule (samples of a cut cell): a full stiffness matrix each."""
+
+import numpy as np
+from numba import njit, prange
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def sum_cell_stiffness(particle_start, particles, cell_size, xi, lame_volume, shear_volume, stiffness):
+    """Stiffness sum B^T C B V over the particles of each cell: stiffness (cell, 2^d d, 2^d d), written.
+
+    particle_start (cell + 1,), particles: indices; cell_size (cell,) m; xi (particle, d) in -1..1; lame_volume,
+    shear_volume (particle,) lambda V and mu V. Row and column: corner * d + component, corners in bit order.
+    """
+    dimension = xi.shape[1]
+    corners = 1 << dimension
+    for cell in prange(len(cell_size)):
+        gradient = np.empty((corners, dimension))
+        stiffness[cell] = 0.0
+        for q in range(particle_start[cell], particle_start[cell + 1]):
+            p = particles[q]
+            lame, shear = lame_volume[p], shear_volume[p]
+            if shear == 0.0:
+                continue
+            for corner in range(corners):
+                for k in range(dimension):
+                    value = 1.0 / cell_size[cell]
+                    for axis in range(dimension):
+                        side = 1.0 if (corner >> axis) & 1 else -1.0
+                        value *= side if axis == k else 0.5 * (1.0 + side * xi[p, axis])
+                    gradient[corner, k] = value
+            for a in range(corners):
+                for b in range(corners):
+                    both = 0.0
+                    for k in range(dimension):
+                        both += gradient[a, k] * gradient[b, k]
+                    for i in range(dimension):
+                        stiffness[cell, a * dimension + i, b * dimension + i] += shear * both
+                        for j in range(dimension):
+                            stiffness[cell, a * dimension + i, b * dimension + j] += (
+                                lame * gradient[a, i] * gradient[b, j] + shear * gradient[a, j] * gradient[b, i]
+                            )
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def apply_cells(block_cells, cell_rows, stiffness, width, values, forces):
+    """Add the forces of these cells: forces (row * width,), in place, each block on its own rows.
+
+    block_cells (block + 1,): first cell of each block; cell_rows (cell, 2^d) rows of the corners; stiffness
+    (cell, 2^d d, 2^d d); values (row * width,).
+    """
+    corners = cell_rows.shape[1]
+    dimension = stiffness.shape[1] // corners
+    for block in prange(len(block_cells) - 1):
+        for cell in range(block_cells[block], block_cells[block + 1]):
+            for a in range(corners):
+                for i in range(dimension):
+                    total = values.dtype.type(0.0)
+                    for b in range(corners):
+                        for j in range(dimension):
+                            total += (
+                                stiffness[cell, a * dimension + i, b * dimension + j]
+                                * values[cell_rows[cell, b] * width + j]
+                            )
+                    forces[cell_rows[cell, a] * width + i] += total
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def add_row_sums(block_cells, cell_rows, stiffness, sums):
+    """Add to each corner the largest sum of sizes along its rows of K: sums (row * 4,), in place.
+
+    That much on the diagonal outweighs the cell (Gershgorin). Into places 0 and 1, its square into 2: see
+    multigrid.level.Operator.smoothing_diagonal.
+    """
+    corners = cell_rows.shape[1]
+    dimension = stiffness.shape[1] // corners
+    for block in prange(len(block_cells) - 1):
+        for cell in range(block_cells[block], block_cells[block + 1]):
+            for a in range(corners):
+                largest = 0.0
+                for i in range(dimension):
+                    total = 0.0
+                    for column in range(stiffness.shape[2]):
+                        total += abs(stiffness[cell, a * dimension + i, column])
+                    largest = max(largest, total)
+                element = 4 * cell_rows[cell, a]
+                sums[element] += largest
+                sums[element + 1] += largest
+                sums[element + 2] += largest * largest

@@ -1,0 +1,142 @@
+"""What the elastic operator and its solver do row by row: copies of nodes, transfer between levels, vector sums.
+
+Nodal arrays are flat: row r holds elements r width to r width + width - 1, width 4 in 3-D and 2 in 2-D. Every element
+is written by one thread, sums are made in one fixed order: the result does not depend on the number of threads.
+"""
+
+import numpy as np
+from numba import njit, prange
+
+CHUNK = 8192  # elements summed one after the other; the sums of chunks are then added in order
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def spread_to_copies(copies, copy_start, parents, width, values):
+    """Copies take the mean of their parents: values (row * width,), in place; see multigrid.families."""
+    for copy in prange(len(copies)):
+        first, last = copy_start[copy], copy_start[copy + 1]
+        weight = values.dtype.type(1.0 / (last - first))
+        for k in range(width):
+            total = values[parents[first] * width + k]
+            for link in range(first + 1, last):
+                total += values[parents[link] * width + k]
+            values[copies[copy] * width + k] = weight * total
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def collect_from_copies(targets, target_start, sources, source_weights, width, values):
+    """Rows take what their copies hold, by weight: values (row * width,), in place. Copies keep theirs, stale."""
+    for target in prange(len(targets)):
+        for link in range(target_start[target], target_start[target + 1]):
+            for k in range(width):
+                values[targets[target] * width + k] += source_weights[link] * values[sources[link] * width + k]
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def smooth_first(inverse_diagonal, factor, add, residual, step, solution):
+    """First step of a smoother: step = factor D^-1 residual, the solution itself or added to it. All (element,)."""
+    for i in prange(len(step)):
+        step[i] = factor * inverse_diagonal[i] * residual[i]
+        solution[i] = solution[i] + step[i] if add else step[i]
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def smooth_next(inverse_diagonal, keep, factor, change, residual, step, solution):
+    """Next step: residual -= change (0 where D^-1 is 0), step = keep step + factor D^-1 residual, solution += step."""
+    for i in prange(len(step)):
+        rest = residual[i] - change[i] if inverse_diagonal[i] != 0.0 else residual.dtype.type(0.0)
+        residual[i] = rest
+        step[i] = keep * step[i] + factor * inverse_diagonal[i] * rest
+        solution[i] += step[i]
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def subtract(inverse_diagonal, change, residual):
+    """residual -= change; 0 where D^-1 is 0 (held, copy, nothing attached). All (element,)."""
+    for i in prange(len(residual)):
+        residual[i] = residual[i] - change[i] if inverse_diagonal[i] != 0.0 else residual.dtype.type(0.0)
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def mask(inverse_diagonal, values):
+    """values (element,) = 0 where D^-1 is 0, in place."""
+    for i in prange(len(values)):
+        if inverse_diagonal[i] == 0.0:
+            values[i] = 0.0
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def restrict(rows, link_start, links, fine_weights, width, fine, coarse):
+    """Coarse rows take what the finer level holds, by the transpose of `prolong`: coarse (row * width,), written.
+
+    rows (row of coarse level, rank of the coarse node), -1 for copies: rank of each coarse row in link_start;
+    links: rows of the finer level; fine_weights (fine row,).
+    """
+    for row in prange(len(rows)):
+        for k in range(width):
+            coarse[row * width + k] = 0.0
+        rank = rows[row]
+        if rank >= 0:
+            for link in range(link_start[rank], link_start[rank + 1]):
+                for k in range(width):
+                    coarse[row * width + k] += fine_weights[links[link]] * fine[links[link] * width + k]
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def prolong(rows, parent_start, parents, inverse_diagonal, width, coarse, step, solution):
+    """Step of the finer level = mean of each row's coarse parents, 0 where D^-1 is 0; added to the solution.
+
+    rows (fine row,) rank in parent_start, -1 for copies; parents: coarse rows.
+    """
+    for row in prange(len(rows)):
+        rank = rows[row]
+        for k in range(width):
+            total = step.dtype.type(0.0)
+            i = row * width + k
+            if rank >= 0 and inverse_diagonal[i] != 0.0:
+                first, last = parent_start[rank], parent_start[rank + 1]
+                for link in range(first, last):
+                    total += coarse[parents[link] * width + k]
+                total *= step.dtype.type(1.0 / (last - first))
+            step[i] = total
+            solution[i] += total
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def scale_residual(inverse_diagonal, factor, residual, scaled):
+    """scaled = factor residual in the type of `scaled`, 0 where D^-1 is 0. All (element,)."""
+    for i in prange(len(scaled)):
+        scaled[i] = factor * residual[i] if inverse_diagonal[i] != 0.0 else 0.0
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def turn_direction(inverse_diagonal, factor, solution, keep, direction):
+    """direction = factor solution + keep direction, 0 where D^-1 is 0. All (element,)."""
+    for i in prange(len(direction)):
+        if inverse_diagonal[i] != 0.0:
+            direction[i] = factor * solution[i] + keep * direction[i]
+        else:
+            direction[i] = 0.0
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def add_scaled(factor, change, values):
+    """values += factor change. Both (element,)."""
+    for i in prange(len(values)):
+        values[i] += factor * change[i]
+
+
+@njit(parallel=True, error_model="numpy", cache=True, fastmath={"reassoc"})
+def _chunk_products(first, second, sums):
+    for chunk in prange(len(sums)):
+        total = 0.0
+        for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(first))):
+            total += first[i] * second[i]
+        sums[chunk] = total
+
+
+def product(first: np.ndarray, second: np.ndarray) -> float:
+    """Scalar product of two flat arrays, the same bits with any number of threads."""
+    sums = np.empty(-(-len(first) // CHUNK))
+    _chunk_products(first, second, sums)
+    return float(sums.sum())

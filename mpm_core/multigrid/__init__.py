@@ -1,0 +1,1 @@
+"""Elastic equilibrium by conjugate gradients with a geometric V-cycle over the grid's own levels."""

@@ -1,0 +1,91 @@
+"""The coarser grids under a multi-level grid: its finest leaves merged, level by level, then the base grid halved.
+
+Every grid counts in its own finest cells. An odd number of base cells is rounded up: the last cells reach past the
+domain.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.nodes import number_nodes
+from mpm_core.model import BIT_ORDER
+
+
+@dataclass(frozen=True)
+class LevelGrid:
+    """One grid of the hierarchy. Cells in Morton order; units: its finest cells.
+
+    cell_index (cell, d) int32, cell_width (cell,) int32; cell_nodes (cell, 2^d) int32 in bit order; node_index
+    (node, d) int32; node_parents (node, 2^(d-1)) int32, -1 padded; extent (d,) float64: where the domain ends, a
+    fraction where the last cell reaches past it.
+    """
+
+    cell_index: np.ndarray
+    cell_width: np.ndarray
+    cell_nodes: np.ndarray
+    node_index: np.ndarray
+    node_parents: np.ndarray
+    extent: np.ndarray
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.cell_index.shape[1]
+
+    @property
+    def inside_share(self) -> np.ndarray:
+        """(cell,) share of each cell's volume that lies in the domain."""
+        covered = np.minimum(self.extent - self.cell_index, self.cell_width[:, None]) / self.cell_width[:, None]
+        return covered.prod(axis=1)
+
+
+def finest_grid(grid: MultiLevelGrid) -> LevelGrid:
+    """The whole multi-level grid; its cells keep their order and its nodes their numbers."""
+    cell_nodes = np.ascontiguousarray(grid.cell_nodes[:, BIT_ORDER[grid.dimension]])
+    shift = int(np.log2(grid.cell_width.min()))  # not 0 where nothing is refined
+    return LevelGrid(
+        grid.cell_index >> shift,
+        grid.cell_width >> shift,
+        cell_nodes,
+        grid.node_index >> shift,
+        grid.node_parents,
+        grid.shape / (1 << shift),
+    )
+
+
+@njit(cache=True)
+def _merge(cell_index, cell_width, coarse_index, coarse_width, coarse_of_cell):
+    """Merge the cells of width 1; returns the number of coarse cells. Siblings of width 1 follow each other."""
+    cells, dimension = cell_index.shape
+    count = 0
+    home = np.full(dimension, -1, np.int32)
+    for cell in range(cells):
+        new = cell_width[cell] > 1
+        for axis in range(dimension):
+            new |= home[axis] != cell_index[cell, axis] >> 1
+        if new:
+            for axis in range(dimension):
+                coarse_index[count, axis] = cell_index[cell, axis] >> 1
+                home[axis] = cell_index[cell, axis] >> 1 if cell_width[cell] == 1 else -1
+            coarse_width[count] = max(cell_width[cell] >> 1, 1)
+            count += 1
+        coarse_of_cell[cell] = count - 1
+    return count
+
+
+def coarsen(fine: LevelGrid) -> tuple[LevelGrid, np.ndarray]:
+    """The next coarser grid, and which of its cells each cell of `fine` is (part of): (cell,) int32."""
+    cells, dimension = fine.cell_index.shape
+    coarse_index = np.empty((cells, dimension), np.int32)
+    coarse_width = np.empty(cells, np.int32)
+    coarse_of_cell = np.empty(cells, np.int32)
+    count = _merge(fine.cell_index, fine.cell_width, coarse_index, coarse_width, coarse_of_cell)
+    coarse_index, coarse_width = coarse_index[:count].copy(), coarse_width[:count].copy()
+    extent = fine.extent / 2
+    shape = (coarse_index + coarse_width[:, None]).max(axis=0)
+    cell_nodes, node_index, node_parents = number_nodes(coarse_index, coarse_width, shape)
+    cell_nodes = np.ascontiguousarray(cell_nodes[:, BIT_ORDER[dimension]])
+    return LevelGrid(coarse_index, coarse_width, cell_nodes, node_index, node_parents, extent), coarse_of_cell

@@ -1,0 +1,223 @@
+"""How the cells of one grid level lie in memory for the elastic operator: families, batches, blocks and rows.
+
+A *family* is the 2^d sibling cells of one parent, which share 3^d nodes; siblings that are split are missing from it.
+LANES families side by side are a *batch*, a run of batches is a *block*. A nodal array has *rows* of its own for every
+block, so blocks never write to the same place and the result does not depend on the number of threads::
+
+    block 0:  none | nodes in order of first touch ...     block 1:  none | nodes ...
+
+The first row of a block stands for nodes that a family lacks; it holds nothing. A node in several blocks has a row in
+each: the first is its own, the others are *copies*. A hanging node is a copy in every block. Copies take their value
+from the rows of their parents (its own row, or those of the 2 or 4 parents of a hanging node) before the operator is
+applied, and give them their part of the force afterwards: C and C^T in one, in a fixed order.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from mpm_core.kernels.lanes import LANES
+
+FAMILIES_PER_BLOCK = (64, 4096)  # fewest and most: large blocks have few copies, many blocks keep all threads busy
+BLOCKS = 32  # wanted if families per block allow
+
+
+@dataclass(frozen=True)
+class Families:
+    """Layout of one level. Rows are numbered through all blocks.
+
+    batch_start, row_start (block + 1,) int64; places (batch, 3^d, LANES) int32 row of each node; cell_place (cell,)
+    where a cell stands among (batch, 2^d, LANES); row_node (row,) int32, -1 none; node_row (node,) own row, the first
+    one for a hanging node; copies (copy,) rows, copy_start (copy + 1,), parents: rows they take the mean of;
+    targets (target,) rows with copies, target_start (target + 1,), sources: their copies, source_weights.
+    """
+
+    batch_start: np.ndarray
+    row_start: np.ndarray
+    places: np.ndarray
+    cell_place: np.ndarray
+    row_node: np.ndarray
+    node_row: np.ndarray
+    copies: np.ndarray
+    copy_start: np.ndarray
+    parents: np.ndarray
+    targets: np.ndarray
+    target_start: np.ndarray
+    sources: np.ndarray
+    source_weights: np.ndarray
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return int(self.row_start[-1])
+
+
+@njit(cache=True)
+def _gather_families(cell_index, cell_width):
+    """(families, family of each cell, place of each cell in it). Cells in Morton order; siblings meet in one family."""
+    cells, dimension = cell_index.shape
+    family = np.empty(cells, np.int32)
+    place = np.empty(cells, np.int8)
+    parent = np.full((32, dimension), -1, np.int64)  # the latest by level: Morton order visits a parent's cells at once
+    latest = np.empty(32, np.int32)
+    count = 0
+    for cell in range(cells):
+        level = 0
+        while (cell_width[cell] >> level) > 1:
+            level += 1
+        same = True
+        child = 0
+        for axis in range(dimension):
+            home = cell_index[cell, axis] >> (level + 1)
+            same &= parent[level, axis] == home
+            parent[level, axis] = home
+            child |= ((cell_index[cell, axis] >> level) & 1) << axis
+        if not same:
+            latest[level] = count
+            count += 1
+        family[cell] = latest[level]
+        place[cell] = child
+    return count, family, place
+
+
+@njit(cache=True)
+def _family_nodes(families, family, place, cell_nodes):
+    """(family, 3^d) int32: nodes at place x + 3 y + 9 z, -1 where no cell of the family has a corner."""
+    cells, corners = cell_nodes.shape
+    dimension = 2 if corners == 4 else 3
+    nodes = np.full((families, 3**dimension), -1, np.int32)
+    for cell in range(cells):
+        for corner in range(corners):
+            position = 0
+            step = 1
+            for axis in range(dimension):
+                position += step * (((place[cell] >> axis) & 1) + ((corner >> axis) & 1))
+                step *= 3
+            nodes[family[cell], position] = cell_nodes[cell, corner]
+    return nodes
+
+
+@njit(cache=True)
+def _number_rows(block_start, family_nodes, nodes, lanes):
+    """Rows by first touch, block by block: (row_start, places, row_node, node_row)."""
+    blocks = len(block_start) - 1
+    width = family_nodes.shape[1]
+    batches = 0
+    for block in range(blocks):
+        batches += (block_start[block + 1] - block_start[block] + lanes - 1) // lanes
+    row_start = np.zeros(blocks + 1, np.int64)
+    places = np.empty((batches, width, lanes), np.int32)
+    row_node = np.empty(blocks + family_nodes.size, np.int32)
+    node_row = np.full(nodes, -1, np.int32)
+    seen_in = np.full(nodes, -1, np.int32)
+    row_of = np.empty(nodes, np.int32)
+    rows = 0
+    batch = 0
+    for block in range(blocks):
+        nothing = rows
+        row_node[rows] = -1
+        rows += 1
+        first, last = block_start[block], block_start[block + 1]
+        for begin in range(first, last, lanes):
+            for lane in range(lanes):
+                for position in range(width):
+                    node = family_nodes[begin + lane, position] if begin + lane < last else -1
+                    if node < 0:
+                        places[batch, position, lane] = nothing
+                        continue
+                    if seen_in[node] != block:
+                        seen_in[node] = block
+                        row_of[node] = rows
+                        row_node[rows] = node
+                        if node_row[node] < 0:
+                            node_row[node] = rows
+                        rows += 1
+                    places[batch, position, lane] = row_of[node]
+            batch += 1
+        row_start[block + 1] = rows
+    return row_start, places, row_node[:rows].copy(), node_row
+
+
+@njit(cache=True)
+def _list_copies(row_node, node_row, node_parents):
+    """(copies, copy_start, parents) and (targets, target_start, sources, source_weights), both in ascending order."""
+    copies, links = 0, 0
+    uses = np.zeros(len(row_node) + 1, np.int32)
+    for row in range(len(row_node)):
+        node = row_node[row]
+        if node < 0:
+            continue
+        if node_parents[node, 0] >= 0:
+            copies += 1
+            for parent in node_parents[node]:
+                if parent >= 0:
+                    links += 1
+                    uses[node_row[parent]] += 1
+        elif row != node_row[node]:
+            copies += 1
+            links += 1
+            uses[node_row[node]] += 1
+    copy = np.empty(copies, np.int32)
+    copy_start = np.zeros(copies + 1, np.int64)
+    parents = np.empty(links, np.int32)
+    targets = np.flatnonzero(uses).astype(np.int32)
+    target_start = np.zeros(len(targets) + 1, np.int64)
+    next_source = np.empty(len(row_node), np.int64)
+    for target in range(len(targets)):
+        next_source[targets[target]] = target_start[target]
+        target_start[target + 1] = target_start[target] + uses[targets[target]]
+    sources = np.empty(links, np.int32)
+    weights = np.empty(links, np.float32)
+    copies, links = 0, 0
+    for row in range(len(row_node)):
+        node = row_node[row]
+        if node < 0 or (node_parents[node, 0] < 0 and row == node_row[node]):
+            continue
+        first = links
+        if node_parents[node, 0] >= 0:
+            for parent in node_parents[node]:
+                if parent >= 0:
+                    parents[links] = node_row[parent]
+                    links += 1
+        else:
+            parents[links] = node_row[node]
+            links += 1
+        for link in range(first, links):
+            target = parents[link]
+            sources[next_source[target]] = row
+            weights[next_source[target]] = 1.0 / (links - first)
+            next_source[target] += 1
+        copy[copies] = row
+        copies += 1
+        copy_start[copies] = links
+    return copy, copy_start, parents, targets, target_start, sources, weights
+
+
+def build_families(cell_index, cell_width, cell_nodes, node_parents) -> Families:
+    """Layout of a level whose cells are in Morton order.
+
+    cell_index (cell, d) lower corners and cell_width (cell,) powers of two, in any common unit that divides both;
+    cell_nodes (cell, 2^d) in bit order; node_parents (node, 2^(d-1)) with -1 padding.
+    """
+    families, family, place = _gather_families(cell_index, cell_width)
+    fewest, most = FAMILIES_PER_BLOCK
+    per_block = min(max(-(-families // BLOCKS), fewest), most)
+    per_block = -(-per_block // LANES) * LANES
+    block_start = np.append(np.arange(0, families, per_block), families)
+    family_nodes = _family_nodes(families, family, place, cell_nodes)
+    row_start, places, row_node, node_row = _number_rows(block_start, family_nodes, len(node_parents), LANES)
+    batches = -(-np.diff(block_start) // LANES)
+    batch_start = np.append(0, np.cumsum(batches)).astype(np.int64)
+    block, rank = family // per_block, family % per_block
+    corners = cell_nodes.shape[1]
+    cell_place = ((batch_start[block] + rank // LANES) * corners + place) * LANES + rank % LANES
+    return Families(
+        batch_start,
+        row_start,
+        places,
+        cell_place,
+        row_node,
+        node_row,
+        *_list_copies(row_node, node_row, node_parents),
+    )

@@ -1,0 +1,85 @@
+"""All levels under a multi-level grid, and the stiffness that each gets from the finer one.
+
+A coarse cell's l and m are those of its parts together (their lambda V and mu V, summed): with trilinear interpolation
+that is the Galerkin product exactly where rock is uniform, if the coarse cell counts as having the particles of its
+parts. Hence s of a merged cell is (1 + s) / 4, and of its parts' hourglass stiffness a sixteenth each remains.
+
+The base grid halved may reach past the domain. A free face is then a void in the coarse cell. A held face lies within
+the cell, but the coarse grid holds it only at the cell's far side: the stiffness there is that of the part inside over
+its share squared, which is the Galerkin product for a motion towards the face.
+"""
+
+import numpy as np
+
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.multigrid.coarsening import LevelGrid, coarsen, finest_grid
+from mpm_core.multigrid.cycle import MOST_UNKNOWNS, Cycle, slowness
+from mpm_core.multigrid.level import Level
+from mpm_core.multigrid.stiffness import ElasticCells
+from mpm_core.multigrid.transfer import build_transfer
+
+
+def held_faces(grid: MultiLevelGrid, held: np.ndarray) -> np.ndarray:
+    """(axis, side, component) bool: faces of the domain whose nodes are all held (node, d)."""
+    return np.array(
+        [[held[grid.boundary_nodes(axis, side)].all(axis=0) for side in range(2)] for axis in range(grid.dimension)]
+    )
+
+
+def held_nodes(grid: LevelGrid, faces: np.ndarray) -> np.ndarray:
+    """(node, d) bool: nodes on held faces, or past them."""
+    held = np.zeros((len(grid.node_index), grid.dimension), bool)
+    for axis in range(grid.dimension):
+        place = grid.node_index[:, axis]
+        held[place <= 0] |= faces[axis, 0]
+        held[place >= grid.extent[axis]] |= faces[axis, 1]
+    return held
+
+
+def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray) -> np.ndarray:
+    """Constants (coarse cell, 4) of the parts of each coarse cell together; constants (cell, 4) of the finer level."""
+    cell, cells = fine.coarse_of_cell, len(coarse.cell_index)
+    merged = fine.grid.cell_width == 1
+    quarter, sixteenth = np.where(merged, 1.0 / 4.0, 1.0), np.where(merged, 1.0 / 16.0, 1.0)
+    result = np.empty((cells, 4))
+    for column, share in enumerate((quarter, quarter, sixteenth)):
+        result[:, column] = np.bincount(cell, constants[:, column] * share, minlength=cells)
+    result[cell, 3] = np.where(merged, (1.0 + constants[:, 3]) / 4.0, constants[:, 3])
+    return result
+
+
+class Hierarchy:
+    """Levels, finest first. What depends on the grid alone is made once, stiffness is set as often as it changes."""
+
+    def __init__(self, grid: MultiLevelGrid, held: np.ndarray):
+        """held (node, d) bool."""
+        self.faces = held_faces(grid, held)
+        self.levels = [Level(finest_grid(grid), held)]
+        while self.levels[-1].unknowns > MOST_UNKNOWNS:
+            fine = self.levels[-1]
+            coarse_grid, coarse_of_cell = coarsen(fine.grid)
+            coarse_held = held_nodes(coarse_grid, self.faces)
+            if coarse_held.all() or len(coarse_of_cell) == len(coarse_grid.cell_index):
+                break
+            coarse = Level(coarse_grid, coarse_held)
+            fine.coarse_of_cell = coarse_of_cell
+            fine.transfer = build_transfer(fine.grid, fine.families, coarse_grid, coarse.families, coarse_of_cell)
+            self.levels.append(coarse)
+
+    def set_stiffness(self, cells: ElasticCells, hourglass: float, body_is_held: bool) -> Cycle:
+        """The V-cycle for this stiffness; hourglass: share kappa that holds single particles, inf if there are none."""
+        constants = cells.constants
+        self.levels[0].operator.set_cells(cells)
+        self.levels[0].set_diagonal()
+        for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
+            constants = merged_constants(fine, coarse.grid, constants)
+            coarse.operator.set_constants(self._filled(coarse.grid, constants))
+            coarse.set_diagonal()
+        return Cycle(self.levels, slowness(cells.wave_over_shear, hourglass), body_is_held)
+
+    def _filled(self, grid: LevelGrid, constants: np.ndarray) -> np.ndarray:
+        """Constants (cell, 4) with the stiffness of cells that reach past a held face."""
+        past = self.faces[:, 1].any(axis=1)
+        share = np.minimum(grid.extent - grid.cell_index, grid.cell_width[:, None]) / grid.cell_width[:, None]
+        scale = np.append(np.ones(3), 0.0) / np.where(past, share, 1.0).prod(axis=1)[:, None] ** 2
+        return np.where(scale > 0.0, constants * scale, constants)

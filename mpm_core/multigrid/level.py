@@ -1,0 +1,167 @@
+"""One level of the hierarchy: its elastic operator, its diagonal, its work arrays."""
+
+import numpy as np
+from numba import njit, prange
+
+from mpm_core.kernels.lanes import LANES, POINT_WIDTH
+from mpm_core.kernels.operator_2 import apply_families_2
+from mpm_core.kernels.operator_3 import apply_families_3
+from mpm_core.kernels.operator_cells import add_row_sums, apply_cells
+from mpm_core.kernels.operator_rows import collect_from_copies, spread_to_copies
+from mpm_core.multigrid.coarsening import LevelGrid
+from mpm_core.multigrid.families import Families, build_families
+from mpm_core.multigrid.stiffness import ElasticCells
+from mpm_core.multigrid.transfer import Transfer
+
+APPLY = {2: apply_families_2, 3: apply_families_3}
+
+
+@njit(parallel=True, cache=True)
+def _place_constants(cell_place, constants, placed):
+    """Constants (cell, 4) to their places (batch * 2^d, 4, LANES), in place."""
+    for cell in prange(len(cell_place)):
+        slot, lane = cell_place[cell] // placed.shape[2], cell_place[cell] % placed.shape[2]
+        for k in range(4):
+            placed[slot, k, lane] = constants[cell, k]
+
+
+@njit(parallel=True, cache=True)
+def _sum_at_corners(batch_start, row_start, places, placed, sums):
+    """Sums over the cells at each row: sums (row * 4,), written; copies hold their own part.
+
+    Of 2^d (l + 2 m), of 2^d (d l + 2 m), and of the square of the first; see `smoothing_diagonal`.
+    """
+    nodes, lanes = places.shape[1], places.shape[2]
+    dimension = 2 if nodes == 9 else 3
+    corners = 1 << dimension
+    for block in prange(len(batch_start) - 1):
+        sums[row_start[block] * 4 : row_start[block + 1] * 4] = 0.0
+        for batch in range(batch_start[block], batch_start[block + 1]):
+            for child in range(corners):
+                for lane in range(lanes):
+                    slot = batch * corners + child
+                    lame, shear = placed[slot, 0, lane], placed[slot, 1, lane]
+                    wave = corners * (lame + 2.0 * shear)
+                    for corner in range(corners):
+                        position = 0
+                        for axis in range(dimension - 1, -1, -1):
+                            position = 3 * position + ((child >> axis) & 1) + ((corner >> axis) & 1)
+                        element = 4 * places[batch, position, lane]
+                        sums[element] += wave
+                        sums[element + 1] += corners * (dimension * lame + 2.0 * shear)
+                        sums[element + 2] += wave * wave
+
+
+class Operator:
+    """C^T K C of a level in one precision, on flat nodal arrays of its rows."""
+
+    def __init__(self, families: Families, dimension: int, precision):
+        self.families, self.dimension, self.precision = families, dimension, precision
+        self.width = POINT_WIDTH[dimension]
+        self.places = families.places.reshape(-1)
+        self.constants = np.zeros((len(families.places) << dimension, 4, LANES), precision)
+        self.block_cells = np.zeros(len(families.row_start), np.int64)
+        self.cell_rows = np.empty((0, 1 << dimension), np.int32)
+        self.stiffness = np.empty((0, dimension << dimension, dimension << dimension), precision)
+
+    def set_constants(self, constants: np.ndarray) -> None:
+        """Take over l, m, g and s of each cell, (cell, 4)."""
+        _place_constants(self.families.cell_place, constants, self.constants)
+
+    def set_cells(self, cells: ElasticCells) -> None:
+        """Take over constants, and the matrices of irregular cells."""
+        families, corners = self.families, 1 << self.dimension
+        constants = cells.constants.copy()
+        constants[cells.irregular] = 0.0
+        self.set_constants(constants)
+        slot = families.cell_place[cells.irregular] // LANES
+        order = np.argsort(slot, kind="stable")
+        slot, lane = slot[order], families.cell_place[cells.irregular[order]] % LANES
+        child = slot % corners
+        position = np.zeros((len(slot), corners), np.int64)
+        for axis in range(self.dimension - 1, -1, -1):
+            position = 3 * position + (child[:, None] >> axis & 1) + (np.arange(corners) >> axis & 1)
+        self.cell_rows = families.places[slot[:, None] // corners, position, lane[:, None]]
+        self.block_cells = np.searchsorted(slot // corners, families.batch_start)
+        self.stiffness = cells.stiffness[order].astype(self.precision)
+
+    def in_double_precision(self) -> "Operator":
+        """The same operator in float64."""
+        other = Operator(self.families, self.dimension, np.float64)
+        other.constants[:] = self.constants
+        other.block_cells, other.cell_rows = self.block_cells, self.cell_rows
+        other.stiffness = self.stiffness.astype(np.float64)
+        return other
+
+    def zeros(self) -> np.ndarray:
+        """A nodal array of zeros."""
+        return np.zeros(self.families.rows * self.width, self.precision)
+
+    def spread(self, values: np.ndarray) -> None:
+        """Fill in the copies, hanging nodes included."""
+        f = self.families
+        spread_to_copies(f.copies, f.copy_start, f.parents, self.width, values)
+
+    def collect(self, values: np.ndarray) -> None:
+        """Add what copies hold to the nodes that they stand for; the copies' own values are then meaningless."""
+        f = self.families
+        collect_from_copies(f.targets, f.target_start, f.sources, f.source_weights, self.width, values)
+
+    def apply(self, values: np.ndarray, forces: np.ndarray) -> None:
+        """forces = C^T K C values; the copies of `values` are filled in, those of `forces` are meaningless."""
+        f = self.families
+        self.spread(values)
+        APPLY[self.dimension](f.batch_start, f.row_start, self.places, self.constants.reshape(-1), values, forces)
+        if len(self.stiffness):
+            apply_cells(self.block_cells, self.cell_rows, self.stiffness, self.width, values, forces)
+        self.collect(forces)
+
+    def smoothing_diagonal(self) -> np.ndarray:
+        """D of the smoother by row, (row,) float64, such that no eigenvalue of D^-1 A is above about 1.
+
+        In a uniform grid the stiffest motion is a plane compression wave of two cells' length: 2^d (l + 2 m) from each
+        cell at a node is then exact, for any hourglass stiffness and number of particles. A cell on its own would need
+        2^d (d l + 2 m), the stiffness of its dilation: D tends to that where one cell outweighs all others.
+        """
+        f = self.families
+        sums = np.zeros(f.rows * 4)
+        _sum_at_corners(f.batch_start, f.row_start, f.places, self.constants, sums)
+        add_row_sums(self.block_cells, self.cell_rows, self.stiffness, sums)
+        collect_from_copies(f.targets, f.target_start, f.sources, f.source_weights, 4, sums)
+        wave, dilation, squares, _ = sums.reshape(-1, 4).T
+        evenness = np.divide(wave * wave, squares, out=np.ones(len(wave)), where=squares > 0.0) / (1 << self.dimension)
+        alone = np.clip((0.5 - evenness) / (0.5 - 0.5**self.dimension), 0.0, 1.0)
+        return wave + alone * (dilation - wave)
+
+
+class Level:
+    """One level of the hierarchy: grid, operator in single precision, inverse of the smoother's D, work arrays.
+
+    `held` (node, d) bool; `transfer` leads to the next coarser level, `coarse_of_cell` (cell,) to its cells.
+    """
+
+    def __init__(self, grid: LevelGrid, held: np.ndarray):
+        self.grid, self.held = grid, held
+        self.families = build_families(grid.cell_index, grid.cell_width, grid.cell_nodes, grid.node_parents)
+        self.operator = Operator(self.families, grid.dimension, np.float32)
+        self.residual, self.solution, self.step, self.change = (self.operator.zeros() for _ in range(4))
+        self.inverse_diagonal = self.operator.zeros()
+        self.transfer: Transfer | None = None
+        self.coarse_of_cell: np.ndarray | None = None
+
+    @property
+    def unknowns(self) -> int:
+        """Components of free nodes that nothing holds."""
+        return int(np.count_nonzero(~self.held[self.grid.node_parents[:, 0] < 0]))
+
+    def set_diagonal(self) -> None:
+        """D^-1 by element, from the operator's constants; 0 on copies, where held and where nothing is attached."""
+        dimension = self.grid.dimension
+        diagonal = self.operator.smoothing_diagonal()
+        own = np.flatnonzero(self.grid.node_parents[:, 0] < 0)
+        rows = self.families.node_row[own]
+        attached = diagonal[rows] > 0.0
+        inverse = np.divide(1.0, diagonal[rows], out=np.zeros(len(rows)), where=attached)
+        self.inverse_diagonal.reshape(len(diagonal), -1)[rows, :dimension] = np.where(
+            self.held[own], 0.0, inverse[:, None]
+        )

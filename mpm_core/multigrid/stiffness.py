@@ -1,0 +1,51 @@
+"""What the elastic operator needs of a model: constants of each cell, in the discretisation of scheme `explicit`."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpm_core.kernels.operator_cells import sum_cell_stiffness
+from mpm_core.model import Model
+
+
+@dataclass(frozen=True)
+class ElasticCells:
+    """Elastic stiffness of a model's cells.
+
+    constants (cell, 4): l, m, g (N/m) and s of kernels.operator_3; 0 where nothing is left. irregular (k,) cells whose
+    particles are single samples: stiffness (k, 2^d d, 2^d d) N/m instead, their constants hold l and m all the same.
+    """
+
+    constants: np.ndarray
+    irregular: np.ndarray
+    stiffness: np.ndarray
+
+    @property
+    def wave_over_shear(self) -> float:
+        """Largest (l + 2 m) / m of any cell."""
+        lame, shear = self.constants[:, :2].T
+        present = shear > 0.0
+        return float((lame[present] / shear[present]).max(initial=0.0)) + 2.0
+
+
+def elastic_cells(model: Model, volume: np.ndarray, hourglass: np.ndarray) -> ElasticCells:
+    """Stiffness with these particle volumes (particle,) m3 and hourglass stiffnesses (cell,) N/m."""
+    particles, grid, dimension = model.particles, model.grid, model.dimension
+    cells, corners = len(model.cell_nodes), 1 << dimension
+    lame, shear = model.elastic_constants[particles.material].T
+    lame, shear = lame * volume, shear * volume
+    slope = 2.0 / grid.cell_size / corners  # of modal sums
+    constants = np.empty((cells, 4))
+    constants[:, 0] = np.bincount(particles.cell, lame, minlength=cells) * slope**2
+    constants[:, 1] = np.bincount(particles.cell, shear, minlength=cells) * slope**2
+    constants[:, 2] = hourglass / corners**2
+    constants[:, 3] = (1.0 - 1.0 / model.scene.particles_per_cell**2) / 3.0
+
+    single = np.flatnonzero((particles.sample >= 0) & (volume > 0.0))
+    single = single[np.argsort(particles.cell[single], kind="stable")]
+    irregular, start = np.unique(particles.cell[single], return_index=True)
+    stiffness = np.empty((len(irregular), corners * dimension, corners * dimension))
+    sum_cell_stiffness(
+        np.append(start, len(single)), single, grid.cell_size[irregular], particles.xi, lame, shear, stiffness
+    )
+    return ElasticCells(constants, irregular, stiffness)
