@@ -24,7 +24,7 @@ class MultigridScheme(ExplicitScheme):
     """Relaxes a state to equilibrium under given external forces; the same interface as ExplicitScheme."""
 
     def __init__(self, model: Model, state: State, volume: np.ndarray):
-        self.solver = ElasticSolver(model.grid, model.held)
+        self.solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
         super().__init__(model, state, volume)
 
     def set_volume(self, volume: np.ndarray) -> None:

@@ -69,7 +69,7 @@ def add_row_sums(block_cells, cell_rows, stiffness, sums):
     """Add to each corner the largest sum of sizes along its rows of K: sums (row * 4,), in place.
 
     That much on the diagonal outweighs the cell (Gershgorin). Into places 0 and 1, its square into 2: see
-    multigrid.level.Operator.smoothing_diagonal.
+    multigrid.level.
     """
     corners = cell_rows.shape[1]
     dimension = stiffness.shape[1] // corners

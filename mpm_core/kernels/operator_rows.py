@@ -7,29 +7,106 @@ is written by one thread, sums are made in one fixed order: the result does not 
 import numpy as np
 from numba import njit, prange
 
+from mpm_core.kernels.lanes import POINT_WIDTH
+
 CHUNK = 8192  # elements summed one after the other; the sums of chunks are then added in order
 
 
-@njit(parallel=True, error_model="numpy", cache=True)
-def spread_to_copies(copies, copy_start, parents, width, values):
-    """Copies take the mean of their parents: values (row * width,), in place; see multigrid.families."""
-    for copy in prange(len(copies)):
-        first, last = copy_start[copy], copy_start[copy + 1]
-        weight = values.dtype.type(1.0 / (last - first))
-        for k in range(width):
-            total = values[parents[first] * width + k]
-            for link in range(first + 1, last):
-                total += values[parents[link] * width + k]
-            values[copies[copy] * width + k] = weight * total
+def make_spread(width: int):
+    """The kernel for rows of this width."""
 
-
-@njit(parallel=True, error_model="numpy", cache=True)
-def collect_from_copies(targets, target_start, sources, source_weights, width, values):
-    """Rows take what their copies hold, by weight: values (row * width,), in place. Copies keep theirs, stale."""
-    for target in prange(len(targets)):
-        for link in range(target_start[target], target_start[target + 1]):
+    @njit(parallel=True, error_model="numpy", cache=True)
+    def spread_to_copies(copies, copy_start, parents, values):
+        """Copies take the mean of their parents: values (row * width,), in place; see multigrid.families."""
+        for copy in prange(len(copies)):
+            first, last = copy_start[copy], copy_start[copy + 1]
+            weight = values.dtype.type(1.0 / (last - first))
+            here = copies[copy] * width
             for k in range(width):
-                values[targets[target] * width + k] += source_weights[link] * values[sources[link] * width + k]
+                values[here + k] = values[parents[first] * width + k]
+            for link in range(first + 1, last):
+                for k in range(width):
+                    values[here + k] += values[parents[link] * width + k]
+            for k in range(width):
+                values[here + k] *= weight
+
+    return spread_to_copies
+
+
+def make_collect(width: int):
+    """The kernel for rows of this width."""
+
+    @njit(parallel=True, error_model="numpy", cache=True)
+    def collect_from_copies(targets, target_start, sources, source_weights, values):
+        """Rows take what their copies hold, by weight: values (row * width,), in place. Copies keep theirs, stale."""
+        for target in prange(len(targets)):
+            here = targets[target] * width
+            for link in range(target_start[target], target_start[target + 1]):
+                weight = values.dtype.type(source_weights[link])
+                there = sources[link] * width
+                for k in range(width):
+                    values[here + k] += weight * values[there + k]
+
+    return collect_from_copies
+
+
+def make_restrict(width: int):
+    """The kernel for rows of this width."""
+
+    @njit(parallel=True, error_model="numpy", cache=True)
+    def restrict(ranks, link_start, links, fine_weights, fine, coarse):
+        """Coarse rows take what the finer level holds, by the transpose of `prolong`: coarse (row * width,), written.
+
+        ranks (coarse row,) rank in link_start, -1 for copies; links: rows of the finer level; fine_weights (fine row,).
+        """
+        for row in prange(len(ranks)):
+            here = row * width
+            for k in range(width):
+                coarse[here + k] = 0.0
+            rank = ranks[row]
+            if rank >= 0:
+                for link in range(link_start[rank], link_start[rank + 1]):
+                    weight = fine_weights[links[link]]
+                    there = links[link] * width
+                    for k in range(width):
+                        coarse[here + k] += weight * fine[there + k]
+
+    return restrict
+
+
+def make_prolong(width: int):
+    """The kernel for rows of this width."""
+
+    @njit(parallel=True, error_model="numpy", cache=True)
+    def prolong(ranks, parent_start, parents, inverse_diagonal, coarse, step, solution):
+        """Step of the finer level = mean of each row's coarse parents, 0 where D^-1 is 0; added to the solution.
+
+        ranks (fine row,) rank in parent_start, -1 for copies; parents: coarse rows.
+        """
+        for row in prange(len(ranks)):
+            here = row * width
+            for k in range(width):
+                step[here + k] = 0.0
+            rank = ranks[row]
+            if rank >= 0:
+                first, last = parent_start[rank], parent_start[rank + 1]
+                for link in range(first, last):
+                    there = parents[link] * width
+                    for k in range(width):
+                        step[here + k] += coarse[there + k]
+                weight = step.dtype.type(1.0 / (last - first))
+                for k in range(width):
+                    step[here + k] = weight * step[here + k] if inverse_diagonal[here + k] != 0.0 else 0.0
+                    solution[here + k] += step[here + k]
+
+    return prolong
+
+
+SPREAD = {dimension: make_spread(width) for dimension, width in POINT_WIDTH.items()}
+COLLECT = {dimension: make_collect(width) for dimension, width in POINT_WIDTH.items()}
+RESTRICT = {dimension: make_restrict(width) for dimension, width in POINT_WIDTH.items()}
+PROLONG = {dimension: make_prolong(width) for dimension, width in POINT_WIDTH.items()}
+"""by dimension"""
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
@@ -66,43 +143,6 @@ def mask(inverse_diagonal, values):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def restrict(rows, link_start, links, fine_weights, width, fine, coarse):
-    """Coarse rows take what the finer level holds, by the transpose of `prolong`: coarse (row * width,), written.
-
-    rows (row of coarse level, rank of the coarse node), -1 for copies: rank of each coarse row in link_start;
-    links: rows of the finer level; fine_weights (fine row,).
-    """
-    for row in prange(len(rows)):
-        for k in range(width):
-            coarse[row * width + k] = 0.0
-        rank = rows[row]
-        if rank >= 0:
-            for link in range(link_start[rank], link_start[rank + 1]):
-                for k in range(width):
-                    coarse[row * width + k] += fine_weights[links[link]] * fine[links[link] * width + k]
-
-
-@njit(parallel=True, error_model="numpy", cache=True)
-def prolong(rows, parent_start, parents, inverse_diagonal, width, coarse, step, solution):
-    """Step of the finer level = mean of each row's coarse parents, 0 where D^-1 is 0; added to the solution.
-
-    rows (fine row,) rank in parent_start, -1 for copies; parents: coarse rows.
-    """
-    for row in prange(len(rows)):
-        rank = rows[row]
-        for k in range(width):
-            total = step.dtype.type(0.0)
-            i = row * width + k
-            if rank >= 0 and inverse_diagonal[i] != 0.0:
-                first, last = parent_start[rank], parent_start[rank + 1]
-                for link in range(first, last):
-                    total += coarse[parents[link] * width + k]
-                total *= step.dtype.type(1.0 / (last - first))
-            step[i] = total
-            solution[i] += total
-
-
-@njit(parallel=True, error_model="numpy", cache=True)
 def scale_residual(inverse_diagonal, factor, residual, scaled):
     """scaled = factor residual in the type of `scaled`, 0 where D^-1 is 0. All (element,)."""
     for i in prange(len(scaled)):
@@ -126,7 +166,7 @@ def add_scaled(factor, change, values):
         values[i] += factor * change[i]
 
 
-@njit(parallel=True, error_model="numpy", cache=True, fastmath={"reassoc"})
+@njit(parallel=True, error_model="numpy", cache=True)
 def _chunk_products(first, second, sums):
     for chunk in prange(len(sums)):
         total = 0.0

@@ -35,25 +35,21 @@ class LevelGrid:
         """2 or 3."""
         return self.cell_index.shape[1]
 
-    @property
-    def inside_share(self) -> np.ndarray:
-        """(cell,) share of each cell's volume that lies in the domain."""
-        covered = np.minimum(self.extent - self.cell_index, self.cell_width[:, None]) / self.cell_width[:, None]
-        return covered.prod(axis=1)
+    def inside_share(self, axes: np.ndarray) -> np.ndarray:
+        """(cell,) share of each cell that lies in the domain, as far as the chosen axes (d,) bool go."""
+        share = np.ones(len(self.cell_width))
+        for axis in np.flatnonzero(axes):
+            if self.extent[axis] % 1.0:
+                share *= np.minimum((self.extent[axis] - self.cell_index[:, axis]) / self.cell_width, 1.0)
+        return share
 
 
-def finest_grid(grid: MultiLevelGrid) -> LevelGrid:
-    """The whole multi-level grid; its cells keep their order and its nodes their numbers."""
-    cell_nodes = np.ascontiguousarray(grid.cell_nodes[:, BIT_ORDER[grid.dimension]])
-    shift = int(np.log2(grid.cell_width.min()))  # not 0 where nothing is refined
-    return LevelGrid(
-        grid.cell_index >> shift,
-        grid.cell_width >> shift,
-        cell_nodes,
-        grid.node_index >> shift,
-        grid.node_parents,
-        grid.shape / (1 << shift),
-    )
+def finest_grid(grid: MultiLevelGrid, cell_nodes: np.ndarray) -> LevelGrid:
+    """The whole multi-level grid, its cells and nodes as they are; cell_nodes (cell, 2^d) in bit order."""
+    width = grid.cell_width
+    shift = int(np.log2(width.min()))  # not 0 where nothing is refined
+    cell_index, node_index = (index >> shift if shift else index for index in (grid.cell_index, grid.node_index))
+    return LevelGrid(cell_index, width >> shift, cell_nodes, node_index, grid.node_parents, grid.shape / (1 << shift))
 
 
 @njit(cache=True)

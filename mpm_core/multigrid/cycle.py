@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-from mpm_core.kernels.operator_rows import mask, prolong, restrict, smooth_first, smooth_next, subtract
+from mpm_core.kernels.operator_rows import PROLONG, RESTRICT, mask, smooth_first, smooth_next, subtract
 from mpm_core.multigrid.level import Level
 
 DEGREE = {2: 2.4, 3: 1.2}
@@ -124,19 +124,19 @@ class Cycle:
             else:
                 self._smooth(level, self.long_steps)
             return
-        coarse, transfer, width = self.levels[index + 1], level.transfer, level.operator.width
+        coarse, transfer, dimension = self.levels[index + 1], level.transfer, level.grid.dimension
         self._smooth(level, self.steps)
         self._update_residual(level)
-        restrict(
-            transfer.coarse_ranks, transfer.link_start, transfer.links, transfer.fine_weights, width,
+        RESTRICT[dimension](
+            transfer.coarse_ranks, transfer.link_start, transfer.links, transfer.fine_weights,
             level.residual, coarse.residual,
         )  # fmt: skip
         coarse.operator.collect(coarse.residual)
         mask(coarse.inverse_diagonal, coarse.residual)
         self.run(index + 1)
         coarse.operator.spread(coarse.solution)
-        prolong(
-            transfer.fine_ranks, transfer.parent_start, transfer.parents, level.inverse_diagonal, width,
+        PROLONG[dimension](
+            transfer.fine_ranks, transfer.parent_start, transfer.parents, level.inverse_diagonal,
             coarse.solution, level.step, level.solution,
         )  # fmt: skip
         self._update_residual(level)

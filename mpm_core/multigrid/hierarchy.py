@@ -51,10 +51,10 @@ def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray) -> n
 class Hierarchy:
     """Levels, finest first. What depends on the grid alone is made once, stiffness is set as often as it changes."""
 
-    def __init__(self, grid: MultiLevelGrid, held: np.ndarray):
-        """held (node, d) bool."""
+    def __init__(self, grid: MultiLevelGrid, cell_nodes: np.ndarray, held: np.ndarray):
+        """cell_nodes (cell, 2^d) in bit order; held (node, d) bool."""
         self.faces = held_faces(grid, held)
-        self.levels = [Level(finest_grid(grid), held)]
+        self.levels = [Level(finest_grid(grid, cell_nodes), held)]
         while self.levels[-1].unknowns > MOST_UNKNOWNS:
             fine = self.levels[-1]
             coarse_grid, coarse_of_cell = coarsen(fine.grid)
@@ -79,7 +79,8 @@ class Hierarchy:
 
     def _filled(self, grid: LevelGrid, constants: np.ndarray) -> np.ndarray:
         """Constants (cell, 4) with the stiffness of cells that reach past a held face."""
-        past = self.faces[:, 1].any(axis=1)
-        share = np.minimum(grid.extent - grid.cell_index, grid.cell_width[:, None]) / grid.cell_width[:, None]
-        scale = np.append(np.ones(3), 0.0) / np.where(past, share, 1.0).prod(axis=1)[:, None] ** 2
-        return np.where(scale > 0.0, constants * scale, constants)
+        if not (grid.extent % 1.0).any():
+            return constants
+        filled = constants.copy()
+        filled[:, :3] /= grid.inside_share(self.faces[:, 1].any(axis=1))[:, None] ** 2
+        return filled

@@ -7,7 +7,7 @@ from mpm_core.kernels.lanes import LANES, POINT_WIDTH
 from mpm_core.kernels.operator_2 import apply_families_2
 from mpm_core.kernels.operator_3 import apply_families_3
 from mpm_core.kernels.operator_cells import add_row_sums, apply_cells
-from mpm_core.kernels.operator_rows import collect_from_copies, spread_to_copies
+from mpm_core.kernels.operator_rows import COLLECT, SPREAD
 from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.families import Families, build_families
 from mpm_core.multigrid.stiffness import ElasticCells
@@ -29,7 +29,7 @@ def _place_constants(cell_place, constants, placed):
 def _sum_at_corners(batch_start, row_start, places, placed, sums):
     """Sums over the cells at each row: sums (row * 4,), written; copies hold their own part.
 
-    Of 2^d (l + 2 m), of 2^d (d l + 2 m), and of the square of the first; see `smoothing_diagonal`.
+    Of 2^d (l + 2 m), of 2^d (d l + 2 m), and of the square of the first; see `_invert`.
     """
     nodes, lanes = places.shape[1], places.shape[2]
     dimension = 2 if nodes == 9 else 3
@@ -50,6 +50,32 @@ def _sum_at_corners(batch_start, row_start, places, placed, sums):
                         sums[element] += wave
                         sums[element + 1] += corners * (dimension * lame + 2.0 * shear)
                         sums[element + 2] += wave * wave
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def _invert(node_row, node_parents, held, sums, inverse_diagonal):
+    """Inverse of the smoother's D at free nodes: inverse_diagonal (row * width,), written there.
+
+    D is such that no eigenvalue of D^-1 A is above about 1. In a uniform grid the stiffest motion is a plane
+    compression wave of two cells' length: 2^d (l + 2 m) from each cell at a node is then exact, for any hourglass
+    stiffness and number of particles. A cell on its own would need 2^d (d l + 2 m), the stiffness of its dilation:
+    D tends to that where one cell outweighs all others. Hanging nodes hand their sums to their parents: no eigenvalue
+    of the whole is above the largest of its parts (Irons and Treharne 1971).
+    """
+    dimension = held.shape[1]
+    width = len(inverse_diagonal) // (len(sums) // 4)
+    even = 0.5**dimension
+    for node in prange(len(node_row)):
+        row = node_row[node]
+        wave, dilation, squares = sums[4 * row], sums[4 * row + 1], sums[4 * row + 2]
+        if node_parents[node, 0] >= 0 or wave == 0.0:
+            for k in range(dimension):
+                inverse_diagonal[row * width + k] = 0.0
+            continue
+        alone = (0.5 - wave * wave / squares * even) / (0.5 - even)  # 0 if half of the cells are alike, 1 for one
+        diagonal = wave + min(max(alone, 0.0), 1.0) * (dilation - wave)
+        for k in range(dimension):
+            inverse_diagonal[row * width + k] = 0.0 if held[node, k] else 1.0 / diagonal
 
 
 class Operator:
@@ -100,12 +126,12 @@ class Operator:
     def spread(self, values: np.ndarray) -> None:
         """Fill in the copies, hanging nodes included."""
         f = self.families
-        spread_to_copies(f.copies, f.copy_start, f.parents, self.width, values)
+        SPREAD[self.dimension](f.copies, f.copy_start, f.parents, values)
 
     def collect(self, values: np.ndarray) -> None:
         """Add what copies hold to the nodes that they stand for; the copies' own values are then meaningless."""
         f = self.families
-        collect_from_copies(f.targets, f.target_start, f.sources, f.source_weights, self.width, values)
+        COLLECT[self.dimension](f.targets, f.target_start, f.sources, f.source_weights, values)
 
     def apply(self, values: np.ndarray, forces: np.ndarray) -> None:
         """forces = C^T K C values; the copies of `values` are filled in, those of `forces` are meaningless."""
@@ -116,22 +142,14 @@ class Operator:
             apply_cells(self.block_cells, self.cell_rows, self.stiffness, self.width, values, forces)
         self.collect(forces)
 
-    def smoothing_diagonal(self) -> np.ndarray:
-        """D of the smoother by row, (row,) float64, such that no eigenvalue of D^-1 A is above about 1.
-
-        In a uniform grid the stiffest motion is a plane compression wave of two cells' length: 2^d (l + 2 m) from each
-        cell at a node is then exact, for any hourglass stiffness and number of particles. A cell on its own would need
-        2^d (d l + 2 m), the stiffness of its dilation: D tends to that where one cell outweighs all others.
-        """
+    def sum_stiffness(self) -> np.ndarray:
+        """Sums over the cells at each node that `_invert` needs, (row * 4,) float64."""
         f = self.families
         sums = np.zeros(f.rows * 4)
         _sum_at_corners(f.batch_start, f.row_start, f.places, self.constants, sums)
         add_row_sums(self.block_cells, self.cell_rows, self.stiffness, sums)
-        collect_from_copies(f.targets, f.target_start, f.sources, f.source_weights, 4, sums)
-        wave, dilation, squares, _ = sums.reshape(-1, 4).T
-        evenness = np.divide(wave * wave, squares, out=np.ones(len(wave)), where=squares > 0.0) / (1 << self.dimension)
-        alone = np.clip((0.5 - evenness) / (0.5 - 0.5**self.dimension), 0.0, 1.0)
-        return wave + alone * (dilation - wave)
+        COLLECT[3](f.targets, f.target_start, f.sources, f.source_weights, sums)  # rows of four, as in 3-D
+        return sums
 
 
 class Level:
@@ -156,12 +174,5 @@ class Level:
 
     def set_diagonal(self) -> None:
         """D^-1 by element, from the operator's constants; 0 on copies, where held and where nothing is attached."""
-        dimension = self.grid.dimension
-        diagonal = self.operator.smoothing_diagonal()
-        own = np.flatnonzero(self.grid.node_parents[:, 0] < 0)
-        rows = self.families.node_row[own]
-        attached = diagonal[rows] > 0.0
-        inverse = np.divide(1.0, diagonal[rows], out=np.zeros(len(rows)), where=attached)
-        self.inverse_diagonal.reshape(len(diagonal), -1)[rows, :dimension] = np.where(
-            self.held[own], 0.0, inverse[:, None]
-        )
+        sums = self.operator.sum_stiffness()
+        _invert(self.families.node_row, self.grid.node_parents, self.held, sums, self.inverse_diagonal)

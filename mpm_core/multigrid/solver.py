@@ -27,12 +27,12 @@ class ElasticSolver:
     Vectors between its methods are flat nodal arrays of rows (multigrid.families), float64.
     """
 
-    def __init__(self, grid: MultiLevelGrid, held: np.ndarray):
-        """held (node, d) bool."""
-        self.hierarchy = Hierarchy(grid, held)
+    def __init__(self, grid: MultiLevelGrid, cell_nodes: np.ndarray, held: np.ndarray):
+        """cell_nodes (cell, 2^d) in bit order; held (node, d) bool."""
+        self.grid = grid
+        self.hierarchy = Hierarchy(grid, cell_nodes, held)
         self.finest = self.hierarchy.levels[0]
         self.operator = Operator(self.finest.families, grid.dimension, np.float64)
-        self.position = grid.node_position
         self.rigid: list[np.ndarray] = []
 
     def set_stiffness(self, cells: ElasticCells, hourglass: float, body_is_held: bool) -> None:
@@ -55,17 +55,15 @@ class ElasticSolver:
         self.operator.spread(rows)
         return rows.reshape(families.rows, -1)[families.node_row, : self.finest.grid.dimension]
 
-    def precondition(self, residual: np.ndarray) -> tuple[np.ndarray, float]:
-        """One V-cycle: solution (float32, an array of the finest level) times a scale approximates A^-1 residual.
+    def precondition(self, residual: np.ndarray, size: float) -> np.ndarray:
+        """One V-cycle: the solution (float32, an array of the finest level) times `size` approximates A^-1 residual.
 
-        The residual is scaled to its largest component for single precision.
+        size: the residual's 2-norm, by which it is scaled for single precision.
         """
-        scale = float(np.abs(residual).max())
-        scale_residual(
-            self.finest.inverse_diagonal, 1.0 / scale if scale > 0.0 else 0.0, residual, self.finest.residual
-        )
+        scale_residual(self.finest.inverse_diagonal, 1.0 / size, residual, self.finest.residual)
         self.cycle.run()
-        return self.finest.solution, scale
+        self.project(self.finest.solution)
+        return self.finest.solution
 
     def project(self, values: np.ndarray) -> None:
         """Take rigid motions out of a flat array, in place, where nothing holds the body."""
@@ -90,10 +88,10 @@ class ElasticSolver:
         displacement, direction, change = (self.operator.zeros() for _ in range(3))
         ratio, before, iterations = (1.0 if whole > 0.0 else 0.0), 0.0, 0
         while ratio > tolerance and iterations < most_iterations:
-            solution, scale = self.precondition(residual)
-            self.project(solution)
-            now = scale * product(residual, solution)
-            turn_direction(self.finest.inverse_diagonal, scale, solution, now / before if before else 0.0, direction)
+            solution = self.precondition(residual, ratio * whole)
+            now = ratio * whole * product(residual, solution)
+            keep = now / before if before else 0.0
+            turn_direction(self.finest.inverse_diagonal, ratio * whole, solution, keep, direction)
             self.operator.apply(direction, change)
             mask(self.finest.inverse_diagonal, change)
             step = now / product(direction, change)
@@ -109,7 +107,7 @@ class ElasticSolver:
 
     def _rigid_motions(self) -> list[np.ndarray]:
         """Translations and rotations as orthonormal flat arrays."""
-        place = self.position - self.position.mean(axis=0)
+        place = self.grid.node_position - self.grid.node_position.mean(axis=0)
         dimension = place.shape[1]
         motions = [np.broadcast_to(np.eye(dimension)[k], place.shape) for k in range(dimension)]
         for i in range(dimension):

@@ -3,51 +3,55 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 
 from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.families import Families
 
 
 @njit(cache=True)
-def _interpolate(cell_index, cell_width, cell_nodes, node_parents, coarse_nodes, coarse_of_cell, parent_start, parents):
-    """Coarse parents of every free node: `parents` (link,) nodes, written; with no room in it, they are only counted.
+def _find_homes(cell_index, cell_width, cell_nodes, node_parents, home, upper, between, parent_start):
+    """Where free nodes lie in the coarser grid: in the first of their cells that comes; all arrays (node,) written.
 
-    parent_start (node + 1,): written while counting, read while writing. A merged cell's node lies between 1, 2, 4 or
-    8 corners of the coarse cell; other cells keep their corners.
+    home: that cell (finer grid), -1 for hanging nodes; upper: bits of the coarse corner; between: axes along which the
+    node is half-way to the next corner. parent_start (node + 1,): sums of the 1, 2, 4 or 8 corners it lies between.
     """
     cells, corners = cell_nodes.shape
     dimension = cell_index.shape[1]
-    counting = len(parents) == 0
-    done = np.zeros(len(node_parents), np.bool_)
+    home[:] = -1
     for cell in range(cells):
         for corner in range(corners):
             node = cell_nodes[cell, corner]
-            if done[node] or node_parents[node, 0] >= 0:
+            if home[node] >= 0 or node_parents[node, 0] >= 0:
                 continue
-            done[node] = True
-            between = 0  # axes along which the node is half-way
-            upper = corner
+            home[node] = cell
+            half = 0
+            high = corner
             if cell_width[cell] == 1:
-                upper = 0
+                high = 0
                 for axis in range(dimension):
                     steps = (cell_index[cell, axis] & 1) + ((corner >> axis) & 1)
-                    between |= (steps & 1) << axis
-                    upper |= (steps >> 1) << axis
-            if counting:
-                count = 1
-                for axis in range(dimension):
-                    count <<= (between >> axis) & 1
-                parent_start[node + 1] = count
-                continue
+                    half |= (steps & 1) << axis
+                    high |= (steps >> 1) << axis
+            upper[node], between[node] = high, half
+    for node in range(len(home)):
+        count = 1 if home[node] >= 0 else 0
+        for axis in range(dimension):
+            count <<= (between[node] >> axis) & 1
+        parent_start[node + 1] = parent_start[node] + count
+
+
+@njit(parallel=True, cache=True)
+def _link_parents(home, upper, between, parent_start, coarse_of_cell, coarse_nodes, parents):
+    """Coarse nodes that each node lies between: parents (link,), written."""
+    corners = coarse_nodes.shape[1]
+    for node in prange(len(home)):
+        if home[node] >= 0:
             link = parent_start[node]
-            for other in range(corners):
-                if other & ~between == upper:
-                    parents[link] = coarse_nodes[coarse_of_cell[cell], other]
+            for corner in range(corners):
+                if corner & ~between[node] == upper[node]:
+                    parents[link] = coarse_nodes[coarse_of_cell[home[node]], corner]
                     link += 1
-    if counting:
-        for node in range(len(node_parents)):
-            parent_start[node + 1] += parent_start[node]
 
 
 @njit(cache=True)
@@ -70,7 +74,7 @@ def _transpose(parent_start, parents, coarse_nodes, fine_row):
 
 @dataclass(frozen=True)
 class Transfer:
-    """Links between the rows of a level and of the next coarser one, for kernels.operator_rows.restrict and prolong.
+    """Links between the rows of a level and of the next coarser one, for restrict and prolong of kernels.operator_rows.
 
     fine_ranks (fine row,), coarse_ranks (coarse row,) int32: the node whose own row this is, -1 for copies;
     parent_start (fine node + 1,), parents: coarse rows between which each free node lies; link_start (coarse node +
@@ -90,27 +94,19 @@ def build_transfer(
     fine: LevelGrid, fine_families: Families, coarse: LevelGrid, coarse_families: Families, coarse_of_cell: np.ndarray
 ) -> Transfer:
     """Transfer between two grids of the hierarchy, `coarse` being that of `coarsening.coarsen(fine)`."""
-    parent_start = np.zeros(len(fine.node_parents) + 1, np.int64)
-    arguments = (
-        fine.cell_index,
-        fine.cell_width,
-        fine.cell_nodes,
-        fine.node_parents,
-        coarse.cell_nodes,
-        coarse_of_cell,
-        parent_start,
-    )
-    _interpolate(*arguments, np.empty(0, np.int32))
+    nodes = len(fine.node_parents)
+    parent_start = np.zeros(nodes + 1, np.int64)
+    home, upper, between = np.empty(nodes, np.int32), np.zeros(nodes, np.int8), np.zeros(nodes, np.int8)
+    _find_homes(
+        fine.cell_index, fine.cell_width, fine.cell_nodes, fine.node_parents, home, upper, between, parent_start
+    )  # fmt: skip
     parents = np.empty(parent_start[-1], np.int32)
-    _interpolate(*arguments, parents)
+    _link_parents(home, upper, between, parent_start, coarse_of_cell, coarse.cell_nodes, parents)
     link_start, links = _transpose(parent_start, parents, len(coarse.node_parents), fine_families.node_row)
-    count = np.diff(parent_start)
-    fine_ranks = own_nodes(fine_families, count > 0)
     weights = np.zeros(fine_families.rows, np.float32)
-    own = fine_ranks >= 0
-    weights[own] = 1.0 / count[fine_ranks[own]]
+    weights[fine_families.node_row] = 0.5 ** np.bitwise_count(between)
     return Transfer(
-        fine_ranks=fine_ranks,
+        fine_ranks=own_nodes(fine_families, home >= 0),
         coarse_ranks=own_nodes(coarse_families, np.ones(len(coarse.node_parents), bool)),
         parent_start=parent_start,
         parents=coarse_families.node_row[parents],
