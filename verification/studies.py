@@ -11,7 +11,7 @@ import yaml
 from pipeline.errors import InputError
 from workflow.configuration import Mine, load
 
-KEYS = ("answer", "title", "about", "on_request", "threads", "allowed", "settings", "scene", "variants")
+KEYS = ("answer", "title", "about", "on_request", "threads", "events", "allowed", "settings", "scene", "variants")
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{2,}\Z")
 
 
@@ -20,7 +20,7 @@ class Study:
     """What a study file says; `mines` holds the checked configuration of every variant, by its name.
 
     on_request: too long for the target `verification`, run by its own name. threads: of each stage, 64 for all there
-    are; with 1, small scenes run side by side.
+    are; with 1, small scenes run side by side. events: whether its steps' events are extracted too.
     """
 
     name: str
@@ -29,6 +29,7 @@ class Study:
     about: str
     on_request: bool
     threads: int
+    events: bool
     allowed: dict[str, float]
     settings: dict
     mines: dict[str, Mine]
@@ -74,6 +75,7 @@ def load_study(path: str | os.PathLike, default: dict) -> Study:
         about=" ".join(text.get("about", "").split()),
         on_request=bool(text.get("on_request", False)),
         threads=int(text.get("threads", 64)),
+        events=bool(text.get("events", False)),
         allowed=text.get("allowed", {}),
         settings=text.get("settings", {}),
         mines=mines,

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def study(name: str) -> Study:
-    return Study(name, name, f"The {name}", "About <it> & more.", False, 1, {}, {}, {})
+    return Study(name, name, f"The {name}", "About <it> & more.", False, 1, False, {}, {}, {})
 
 
 @pytest.fixture

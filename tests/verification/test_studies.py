@@ -44,7 +44,7 @@ def test_a_variant_changes_the_scene_and_nothing_else(tmp_path):
     assert coarse["grid"] == plain["grid"] | {"levels": 1}
     assert coarse | {"grid": plain["grid"], "name": plain["name"]} == plain
     assert plain["solver"]["damping"] == DEFAULT["solver"]["damping"]
-    assert (study.about, study.threads, study.on_request) == ("One line.", 64, False)
+    assert (study.about, study.threads, study.on_request, study.events) == ("One line.", 64, False, False)
 
 
 def test_merging_replaces_lists_and_leaves_both_sides_alone():

@@ -80,9 +80,9 @@ def result(path):
     return f"results/{MINE.name}/{path}"
 
 
-def stage_results(place, mine):
+def stage_results(place, mine, folders=("steps", "events")):
     """Files of all stages of a mine up to its events, below results/<place>."""
-    steps = [f"{folder}/{step}.nc" for folder in ("steps", "events") for step in mine.mined_steps]
+    steps = [f"{folder}/{step}.nc" for folder in folders for step in mine.mined_steps]
     return [f"results/{place}/{file}" for file in ["grid.nc", "elastic.nc", *steps]]
 
 

@@ -14,8 +14,9 @@ def study_files(wildcards):
 
 def study_results(wildcards):
     """Results of all stages of all variants of a study."""
-    variants = study(wildcards.study).mines.items()
-    return [file for name, mine in variants for file in stage_results(f"verification/{wildcards.study}/{name}", mine)]
+    place, chosen = f"verification/{wildcards.study}", study(wildcards.study)
+    folders = ("steps", "events") if chosen.events else ("steps",)
+    return [file for name, mine in chosen.mines.items() for file in stage_results(f"{place}/{name}", mine, folders)]
 
 
 def answers(wildcards):
