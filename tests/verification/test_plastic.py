@@ -177,7 +177,7 @@ def test_brittle_row_study(tmp_path):
 
 
 def test_perfectly_plastic_tunnel_and_sphere_on_coarse_cells(tmp_path):
-    """a/h = 4: plastic radius within a cell, stresses and closure within twice the study's bounds (first order in h)."""
+    """a/h = 4: plastic radius within a cell, stress and closure within twice the study's bounds (first order in h)."""
     smaller = {"excavations.0.radius": "4 m", "solver.increments": 4}
     tunnel = run_study(
         "plastic_tunnel",
