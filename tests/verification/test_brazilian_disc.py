@@ -2,9 +2,15 @@
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from running import STUDIES, run_study
 
+from seismic.potency import scalar_potency, tensor_from_voigt
+from verification.answers.brazilian_disc import answer, elastic_rows, events_mean
+from verification.answers.brazilian_disc_crack import read_crack
+from verification.answers.brazilian_disc_rock import PressedDisc
 from verification.closed_forms.brazilian_disc import Disc, PeakStrength, first_failure, plane_strain
 
 PAPER = Disc(radius=0.04, thickness=0.04, half_arc=np.radians(10.0))
@@ -115,3 +121,123 @@ def test_load_factors_by_hand():
     np.testing.assert_allclose(TABLE_1.load_factor(stress), [unconfined / 1e6, unconfined / 3e6, np.inf])
     cut = PeakStrength(np.radians(30.0), 4e6, 1.4e6)
     np.testing.assert_allclose(cut.load_factor(stress), [unconfined / 1e6, 1.4, np.inf])
+
+
+@pytest.fixture(scope="module")
+def coarse_variant():
+    """The variant of 2 mm cells, as the study file has it."""
+    return yaml.safe_load((STUDIES / "brazilian_disc.yaml").read_text())["variants"]["coarse"]
+
+
+def test_the_elastic_disc_at_2_mm(tmp_path, coarse_variant):
+    """Rows of the elastic field and of first failure keep the bounds of the study; the first failure is above the
+    centre, on the loaded diameter. 0.4 s."""
+    results = run_study("brazilian_disc", tmp_path, {"plane_strain": coarse_variant})
+    disc = PressedDisc("plane_strain", results["plane_strain"])
+    rows = elastic_rows(disc, results.allowed)
+    assert len(rows) == 6
+    assert all(row.passed for row in rows), rows
+    assert disc.loading.before == pytest.approx(9e3, rel=1e-6)
+    assert np.degrees(disc.disc.half_arc) == pytest.approx(10.0, abs=1e-3)
+    assert np.isclose(disc.volume.sum(), np.pi * 0.04**2 * 0.04, rtol=2e-3)
+    place = disc.first_failure()[0].place
+    assert place[0] < disc.cell_size
+    assert 0.6 < place[1] / disc.disc.radius < 0.72
+
+
+HARDLY_SOFTER = {  # residual rock that comes to rest under a load that stays
+    "friction_angle": {"intact": "30 deg", "residual": "30 deg"},
+    "dilation_angle": {"intact": "10 deg", "residual": "10 deg"},
+    "cohesion": {"intact": "4 MPa", "residual": "3.8 MPa"},
+}
+
+
+@pytest.fixture(scope="module")
+def hardly_softer(tmp_path_factory, coarse_variant):
+    """2 mm cells of rock that loses 5 % of its cohesion: at 10.8 kN some has failed, at rest. The results."""
+    loads = [
+        load | {"name": f"{load['name']}_more", "step": "failure", "force": "1809 N"}
+        for load in coarse_variant["loads"]
+        if load["step"] == "history"
+    ]
+    changes = {
+        "materials": {"host": HARDLY_SOFTER},
+        "loads": [load for load in coarse_variant["loads"] if load["step"] == "history"] + loads,
+        "steps": [{"name": "history"}, {"name": "failure"}],
+        "solver": {"increments": 6},
+    }
+    return run_study("brazilian_disc", tmp_path_factory.mktemp("disc"), {"plane_strain": coarse_variant | changes})
+
+
+def test_growth_is_what_the_generations_say(hardly_softer):
+    """Cells, span and potency after each generation against a slow count over the particles; corners connect."""
+    disc = PressedDisc("plane_strain", hardly_softer["plane_strain"])
+    crack = read_crack(disc)
+    assert crack.step == "failure"
+    assert len(crack.moments) > 1
+    state, grid = hardly_softer["plane_strain"].step("failure"), hardly_softer["plane_strain"].grid
+    order = [tuple(pair) for pair in state.failure_order.values]
+    for number, instant in enumerate(sorted({pair for pair in order if pair[0] >= 0})):
+        chosen = [p for p, pair in enumerate(order) if (0, -1) < pair <= instant and state.failed[p] >= 0]
+        places = {
+            tuple(np.rint(grid.cell_origin.values[cell, :2] / 2e-3).astype(int)) for cell in state.cell[chosen].values
+        }
+        tallest, left = 0, set(places)
+        while left:
+            body, edge = set(), [left.pop()]
+            while edge:
+                x, y = edge.pop()
+                body.add((x, y))
+                near = {(x + i, y + j) for i in (-1, 0, 1) for j in (-1, 0, 1)} & left
+                left -= near
+                edge += near
+            tallest = max(tallest, max(y for _, y in body) - min(y for _, y in body) + 1)
+        moment = crack.moments[number]
+        assert moment.generation == number
+        assert moment.failed_cells == len(places)
+        assert moment.span == pytest.approx(tallest / 40)
+    tensor = tensor_from_voigt(state.seismic_strain.values * state.volume.values[:, None])
+    assert moment.potency == pytest.approx(scalar_potency(tensor).sum(), rel=1e-12)
+    assert crack.load(0) == pytest.approx(9e3, rel=1e-6)
+    assert crack.load(6) == pytest.approx(10.8e3, rel=1e-4)
+    first = disc.first_failure()[0].resultant
+    assert crack.load(crack.first_part - 1) < first * 1.001 < crack.load(crack.first_part) * 1.002
+
+
+def test_stages_share_all_events_between_them(hardly_softer):
+    """Events of the six stages hold each particle once: their potency tensors add up to that of the whole step."""
+    crack = read_crack(PressedDisc("plane_strain", hardly_softer["plane_strain"]))
+    stages = crack.stages()
+    assert len(stages) == 6
+    assert stages[-1].generation == crack.moments[-1].generation
+    total, before = np.zeros((3, 3)), -1
+    for stage in stages:
+        assert stage.generation >= before
+        total += crack.events_between(before, stage.generation).potency_tensor.values.sum(axis=0)
+        before = stage.generation
+    whole = crack.events().potency_tensor.values.sum(axis=0)
+    np.testing.assert_allclose(total, whole, rtol=0, atol=1e-12 * np.abs(whole).max())
+
+
+def test_mechanisms_follow_the_dilation_angle(hardly_softer):
+    """Psi of 10 degrees: eigenvalues (N, 0, -1), double-couple share 1 / N = 0.704, whatever made the rock fail."""
+    disc = PressedDisc("plane_strain", hardly_softer["plane_strain"])
+    sine = np.sin(np.radians(10.0))
+    assert 1.0 / disc.dilation_factor == pytest.approx((1.0 - sine) / (1.0 + sine))
+    assert events_mean(read_crack(disc), "dc") == pytest.approx(1.0 / disc.dilation_factor, abs=0.03)
+
+
+def test_the_answer_draws_what_there_is(hardly_softer, tmp_path, coarse_variant):
+    """All rows and the figure, with failed rock and without; without a state of rest the crack's rows fail and say so."""
+    rows, figure = answer(hardly_softer)
+    assert len(figure.axes) == 9
+    assert sum("events" in row.quantity for row in rows) >= 4
+    lone = coarse_variant | {
+        "loads": [load for load in coarse_variant["loads"] if load["step"] == "history"],
+        "steps": [{"name": "history"}],
+    }
+    rows, figure = answer(run_study("brazilian_disc", tmp_path, {"plane_strain": lone}))
+    assert len(figure.axes) == 3
+    failing = [row for row in rows if row.passed is False]
+    assert len(failing) == 2
+    assert all("no state of rest" in row.remark for row in failing)
