@@ -187,7 +187,8 @@ def brittle_rows(name: str, members: list[Run], outer: float, allowed: dict[str,
 
 
 BANDS = (
-    "The ring breaks up into bands that reach beyond theory's smooth front and leave intact rock behind it: the outer "
-    "part is half failed on either side of it. The failed volume is that of theory; gentler loading or a tighter "
-    "cascade makes the bands sharper, not shorter."
+    "The ring breaks up into bands one cell wide that reach beyond theory's smooth front and leave intact rock behind "
+    "it; the failed volume is that of theory. Finer cells take the bands further (compare the groups by a/h): brittle "
+    "rock without a length of its own has no limit that theory's ring would be. Gentler loading and a tighter cascade "
+    "were tried and do not shorten them."
 )

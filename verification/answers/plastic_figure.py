@@ -34,7 +34,7 @@ def draw(perfect: list, groups: dict[str, list]) -> Figure:
 
 
 def profile(axes, title: str, run) -> None:
-    """Stresses of particles against distance, over theory."""
+    """Stresses of particles against distance, and theory as lines."""
     cavity, theory = run.cavity, run.theory
     reach = REACH * theory.plastic_radius
     near = np.flatnonzero((cavity.distance > theory.radius) & (cavity.distance < reach))
@@ -46,10 +46,11 @@ def profile(axes, title: str, run) -> None:
         look = {"color": COLOURS[number], "markersize": 1.6, "alpha": 0.5, "rasterized": True}
         axes.plot(cavity.distance[near], values, "o", **look)
         axes.plot(r, exact * MPA, color="black", linewidth=2.2)
-        axes.plot(r, exact * MPA, color=COLOURS[number], linewidth=1.2, label=f"{kind}, theory")
+        axes.plot(r, exact * MPA, color=COLOURS[number], linewidth=1.2)
+        end = {"xytext": (3, 0), "textcoords": "offset points", "va": "center", "color": COLOURS[number]}
+        axes.annotate(kind, (reach, exact[-1] * MPA), annotation_clip=False, fontsize=8, **end)
     axes.axvline(theory.plastic_radius, color=style.OUTLINE, linewidth=0.8, linestyle=":")
     axes.set(title=title, xlabel="distance from the centre (m)", ylabel="stress (MPa)")
-    axes.legend()
 
 
 def where_failed(figure, axes, runs: list) -> None:
@@ -82,7 +83,7 @@ def where_failed(figure, axes, runs: list) -> None:
         )
     names = "xyz"[across[0]], "xyz"[across[1]]
     axes.set(xlim=(0, reach), ylim=(0, reach), aspect="equal", xlabel=f"{names[0]} (m)", ylabel=f"{names[1]} (m)")
-    axes.set_title("failed; dashed: theory's front")
+    axes.set_title("failed (dashed: theory)")
     if len(runs) > 1:
         figure.colorbar(drawn, ax=axes, label=f"share of {len(runs)} runs", shrink=0.8)
 
