@@ -1,5 +1,6 @@
 """What must hold to round-off on any grid, and second order for a smooth field."""
 
+import json
 from itertools import pairwise
 
 import numpy as np
@@ -230,9 +231,8 @@ def space_rows(name: str, variant: Variant, settings: dict, allowed: float) -> l
     force, moment = resultants(model, random)
     rows.append(error_row(f"{name}: resultant of random stress, share of the forces' sum", force, allowed))
     rows.append(error_row(f"{name}: moment of random stress, share of its terms' sum", moment, allowed))
-    material = variant.values["materials"]
-    density = np.array([material[key]["density"] for key in variant.scene().materials])
-    state = variant.elastic
+    material, state = variant.values["materials"], variant.elastic
+    density = np.array([material[key]["density"] for key in json.loads(state.attrs["material_names"])])
     carried = density[state["material"].values] * state["volume"].values
     axes = list(variant.scene().axes)
     center = (carried[:, None] * state["position"].values[:, axes]).sum(axis=0) / carried.sum()
