@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 import subprocess
 
 import numpy as np
@@ -271,12 +272,22 @@ def test_vtk_of_a_stage_on_request(spoiled, tiny_file):
     assert (spoiled / target).stat().st_size > 1000
 
 
-def test_checkout_in_a_folder_with_a_space(tiny_file, tmp_path):
-    """The rules quote the checkout's own path."""
+def test_checkout_in_a_folder_with_a_space_whose_sources_change(tiny_file, tmp_path):
+    """The rules quote the checkout's own path; an edit re-runs the stages of its package and no other."""
     checkout = tmp_path / "my checkout"
     checkout.mkdir()
-    for name in ("Snakefile", "workflow", "config", "pipeline", "mpm_core", "seismic", "catalogs", "profiles"):
-        (checkout / name).symlink_to(ROOT / name)
-    line = command(tiny_file, tmp_path / "run", "results/tiny/record.nc", cores=1, checkout=checkout)
-    run = subprocess.run(line, capture_output=True, text=True, timeout=300)
-    assert run.returncode == 0, run.stderr
+    (checkout / "Snakefile").symlink_to(ROOT / "Snakefile")
+    for name in ("workflow", "config", "pipeline", "mpm_core", "seismic", "catalogs", "verification", "profiles"):
+        shutil.copytree(ROOT / name, checkout / name, ignore=shutil.ignore_patterns("__pycache__"))
+
+    def run(*options: str) -> str:
+        line = command(tiny_file, tmp_path / "run", *options, "results/tiny/record.nc", cores=1, checkout=checkout)
+        run = subprocess.run(line, capture_output=True, text=True, timeout=300)
+        assert run.returncode == 0, run.stderr
+        return run.stdout + run.stderr
+
+    run()
+    for package, again in (("seismic", {}), ("catalogs", {"record": 1})):
+        with (checkout / package / "schema.py").open("a") as file:
+            file.write("# an edit")
+        assert {rule: count for rule, count in jobs(run("--dry-run")).items() if rule != "all"} == again

@@ -1,9 +1,14 @@
-"""What the rules share: names, sources, slices of the configuration. Nothing is run here."""
+"""What the rules share: names, slices of the configuration. Nothing is run here.
+
+Rules depend on their package's sources by hash, a parameter. As input files they would be looked at, all of them, for
+every waiting job, every second: a third of a core for some 300 jobs.
+"""
 
 import functools
 import json
 import shlex
 
+from pipeline.provenance import source_hash
 from pipeline.stage import name_parent_of_stages
 from verification.studies import load_study
 from workflow.draft import draft_of
@@ -25,12 +30,6 @@ wildcard_constraints:
     mine=f"({re.escape(MINE.name)}|verification/{NAME}/{NAME})(/draft)?",
     study=NAME,
     step=NAME,
-
-
-def sources(*packages):
-    """Source files of packages and of the base that all stages share: an edit re-runs what it may change."""
-    kinds = ("*.py", "*.j2")
-    return sorted(path for part in (*packages, "pipeline") for kind in kinds for path in BASE.glob(f"{part}/**/{kind}"))
 
 
 def kept(path):

@@ -2,10 +2,10 @@ rule record:
     """The recorded catalogue, read and filtered."""
     input:
         data=record_files(),
-        code=sources("catalogs"),
     output:
         kept(f"{RESULTS}/record.nc"),
     params:
+        code=source_hash("catalogs"),
         settings=slice_of(MINE.record_slice() if HAS_RECORD else {}),
     log:
         "logs/{mine}/record.log",
@@ -25,9 +25,10 @@ rule quakeml:
     """The synthetic catalogue as QuakeML 1.2."""
     input:
         catalog=f"{RESULTS}/catalog.nc",
-        code=sources("catalogs"),
     output:
         kept(f"{RESULTS}/catalog.xml"),
+    params:
+        code=source_hash("catalogs"),
     log:
         "logs/{mine}/quakeml.log",
     benchmark:
@@ -47,10 +48,10 @@ rule compare:
     input:
         catalog=f"{RESULTS}/catalog.nc",
         record=f"{RESULTS}/record.nc",
-        code=sources("catalogs"),
     output:
         kept(f"{RESULTS}/comparison.nc"),
     params:
+        code=source_hash("catalogs"),
         settings=slice_of(MINE.values["comparison"]),
     log:
         "logs/{mine}/compare.log",
@@ -76,11 +77,11 @@ rule report:
         events=step_results("events"),
         catalog=result("catalog.nc") if HAS_CATALOG else [],
         matched=[result("record.nc"), result("comparison.nc")] if HAS_RECORD else [],
-        code=sources("catalogs"),
     output:
         page=report(kept(f"{RESULTS}/report.html"), caption="../report/report.rst", category="{mine}"),
         figures=directory(f"{RESULTS}/figures"),
     params:
+        code=source_hash("catalogs"),
         config=slice_of(MINE.text),
         default=slice_of(MINE.default),
         excavations=slice_of(MINE.schedule()),
@@ -110,10 +111,10 @@ rule twin:
     """A record for a mine that has none: this mine's catalogue with location noise and a completeness cut, as CSV."""
     input:
         catalog=result("catalog.nc"),
-        code=sources("catalogs"),
     output:
         result("twin.csv"),
     params:
+        code=source_hash("catalogs"),
         noise=10,  # m, root mean square
         cut=-2.5,  # log10 of potency in m3
     log:

@@ -2,10 +2,10 @@ rule elastic:
     """Elastic equilibrium of everything mined in history."""
     input:
         grid=f"{RESULTS}/grid.nc",
-        code=sources("mpm_core"),
     output:
         kept(f"{RESULTS}/elastic.nc"),
     params:
+        code=source_hash("mpm_core"),
         scene=elastic_slice,
     log:
         "logs/{mine}/elastic.log",
@@ -26,10 +26,10 @@ rule mining_step:
     input:
         grid=f"{RESULTS}/grid.nc",
         state=previous_state,
-        code=sources("mpm_core"),
     output:
         kept(f"{RESULTS}/steps/{{step}}.nc"),
     params:
+        code=source_hash("mpm_core"),
         scene=step_slice,
     log:
         "logs/{mine}/steps/{step}.log",

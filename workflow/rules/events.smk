@@ -2,10 +2,10 @@ rule events:
     """Seismic events of one step: potency tensors, families of like mechanisms, clusters in space."""
     input:
         step=f"{RESULTS}/steps/{{step}}.nc",
-        code=sources("seismic"),
     output:
         kept(f"{RESULTS}/events/{{step}}.nc"),
     params:
+        code=source_hash("seismic"),
         settings=event_slice,
     log:
         "logs/{mine}/events/{step}.log",
@@ -25,11 +25,11 @@ rule catalog:
     """The synthetic catalogue of all dated steps."""
     input:
         events=events_of,
-        code=sources("seismic"),
     output:
         catalog=kept(f"{RESULTS}/catalog.nc"),
         table=report(kept(f"{RESULTS}/catalog.csv"), caption="../report/catalog.rst", category="{mine}"),
     params:
+        code=source_hash("seismic"),
         settings=event_slice,
     log:
         "logs/{mine}/catalog.log",

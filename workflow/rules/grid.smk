@@ -3,10 +3,10 @@ rule grid:
     input:
         solids=solids,
         draft=draft_state,
-        code=sources("mpm_core"),
     output:
         kept(f"{RESULTS}/grid.nc"),
     params:
+        code=source_hash("mpm_core"),
         scene=grid_slice,
         draft=draft_option,
     log:
@@ -28,11 +28,12 @@ rule vtk:
     input:
         grid=f"{RESULTS}/grid.nc",
         state=f"{RESULTS}/{{stage}}.nc",
-        code=sources("mpm_core"),
     output:
         f"{RESULTS}/vtk/{{stage}}.vtu",
     wildcard_constraints:
         stage="elastic|steps/.+",
+    params:
+        code=source_hash("mpm_core"),
     log:
         "logs/{mine}/vtk/{stage}.log",
     benchmark:

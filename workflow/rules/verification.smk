@@ -29,11 +29,11 @@ rule answer:
     input:
         results=study_results,
         study=f"{BASE}/config/verification/{{study}}.yaml",
-        code=sources("verification", "mpm_core", "seismic", "catalogs"),
     output:
         rows=kept(f"{STUDY}/rows.csv"),
         figure=kept(f"{STUDY}/figure.svg"),
     params:
+        code=source_hash("verification", "mpm_core", "seismic", "catalogs"),
         default=slice_of(DEFAULT),
     log:
         "logs/verification/{study}.log",
@@ -55,11 +55,11 @@ rule verification_report:
     """All studies on one page, and all their rows in one table."""
     input:
         answers=answers,
-        code=sources("verification"),
     output:
         page=report(kept("results/verification/report.html"), caption="../report/verification.rst", category="verification"),
         summary=kept("results/verification/summary.csv"),
     params:
+        code=source_hash("verification"),
         studies=study_files,
         default=slice_of(DEFAULT),
     log:
