@@ -49,7 +49,8 @@ class Checkpoint:
             return
         place = {"generation": history.generation, "increment": history.increment, "iteration": history.iteration}
         with atomic_path(self.path) as temporary, temporary.open("wb") as file:
-            np.savez(file, key=self.key, **place, **vars(state), **_named("table_", history.table()))
+            beside = _named("table_", history.table()) | _named("rest_", history.rest)
+            np.savez(file, key=self.key, **place, **vars(state), **beside)
         self.last = time.perf_counter()
         self.cost = self.last - now
 
@@ -73,6 +74,7 @@ class Checkpoint:
                 setattr(state, name, values[name].item())
         for name in ("generation", "increment", "iteration"):
             setattr(history, name, int(values[name]))
+        history.rest = {name: values[f"rest_{name}"] for name in vars(state) if f"rest_{name}" in values}
         columns = [values[f"table_{name}"].tolist() for name in COLUMNS]
         history.rows = list(zip(*columns, strict=True))
         logging.info(

@@ -64,7 +64,11 @@ def load_force(model: "Model", load: Load, rock_volume: np.ndarray) -> np.ndarra
     share /= share.sum() * model.scene.thickness
     if load.toward is None:
         return share[:, None] * np.array(load.force)[list(model.scene.axes)]
-    way = np.array(load.toward) - position
+    points = np.atleast_2d(load.toward)
+    way = points[0] - position
+    if len(points) == 2:  # the nearest point of the line through both
+        axis = (points[1] - points[0]) / np.sqrt(np.sum((points[1] - points[0]) ** 2))
+        way -= np.sum(way * axis, axis=1)[:, None] * axis
     distance = np.sqrt(np.sum(way**2, axis=1))
     if (distance[share > 0.0] == 0.0).any():
         raise InputError(f"{where}.toward: stands on a particle that is loaded, which has no direction to it; move it")

@@ -59,13 +59,14 @@ class Excavation:
 class Load:
     """A total force N shared by volume among the rock particles inside a shape, from step `since` on.
 
-    force: its components (3,), or, with `toward` a point (d,) m, the sum of the sizes of forces that all point there.
+    force: its components (3,), or, with `toward` a point (d,) m or two points of a line (2, d) m, the sum of the sizes
+    of forces that all point there, to the line by the shortest way.
     """
 
     name: str
     since: int
     force: tuple[float, float, float] | float
-    toward: tuple[float, ...] | None
+    toward: tuple | None
     shape: dict
 
 
@@ -91,6 +92,8 @@ class Solver:
     increments: int
     max_iterations: int
     max_generations: int
+    weakest_first: float
+    collapse: str
     damping: float
     density_scaling: bool
     hourglass: float

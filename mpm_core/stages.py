@@ -58,6 +58,11 @@ def mining_step(
     have velocities of their own that no dataset holds).
     """
     step = len(scene.steps) - 1
+    if previous.attrs.get("collapsed"):
+        raise InputError(
+            f"steps.{scene.steps[step]['name']}: the step before ended in collapse, nothing can follow it; leave this "
+            "step out, or mine or load less in the one before"
+        )
     model = build_model(scene, *read_grid(grid))
     state = read_state(previous, model)
     before = max(step - 1, 0)
@@ -82,14 +87,15 @@ def mining_step(
     brittle = find_brittle(model, volume, step, *face_neighbors(model.grid))
     with following(scene, scene.steps[step]["name"], state, failed_state) as history:
         if checkpoint is None or scene.solver.move:
-            run_cascade(scheme, brittle, ramp, step, history)
+            collapsed = run_cascade(scheme, brittle, ramp, step, history)
         else:
             if checkpoint.load(state, history):
                 scheme = make_scheme(model, state, volume)
-            run_cascade(scheme, brittle, ramp, step, history, checkpoint.save)
+            collapsed = run_cascade(scheme, brittle, ramp, step, history, checkpoint.save)
             checkpoint.remove()
     released = state.displacement - start_displacement
-    return finish(scheme, history, step, released, target - start, "step")
+    reached = history.increment / scene.solver.increments  # all of it, unless it collapsed before
+    return finish(scheme, history, step, released, (target - start) * reached, "step", collapsed)
 
 
 def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) -> float:
@@ -129,7 +135,13 @@ class following:
 
 
 def finish(
-    scheme: ExplicitScheme, history: History, step: int, moved: np.ndarray, released_force: np.ndarray, stage: str
+    scheme: ExplicitScheme,
+    history: History,
+    step: int,
+    moved: np.ndarray,
+    released_force: np.ndarray,
+    stage: str,
+    collapsed: bool = False,
 ) -> tuple[xr.Dataset, dict]:
     """Rate the state against strength and put it into its dataset; the second value is what the log reports."""
     model, state, volume = scheme.model, scheme.state, scheme.volume
@@ -154,6 +166,7 @@ def finish(
         "energy_dissipated": float(np.sum(state.dissipated * volume)) * scene.thickness,
         **hourglass_energy(scheme),
         "cell_changes": state.cell_changes,
+        "collapsed": int(collapsed),
         **truncation(model, state, volume),
     }
     return state_dataset(model, state, volume, rating, table, facts), facts

@@ -133,8 +133,12 @@ def _check_force(mine, where: str, entry: dict) -> None:
     if "toward" in entry:
         if not single:
             raise InputError(f"{where}.force: with toward the force is a single magnitude, for example '1 kN'")
-        if len(entry["toward"]) != mine.dimension:
-            raise InputError(f"{where}.toward: {len(entry['toward'])} coordinates; this scene has {mine.dimension}")
+        line = isinstance(entry["toward"][0], list)
+        for point in entry["toward"] if line else [entry["toward"]]:
+            if len(point) != mine.dimension:
+                raise InputError(f"{where}.toward: {len(point)} coordinates; this scene has {mine.dimension}")
+        if line and (mine.dimension == 2 or entry["toward"][0] == entry["toward"][1]):
+            raise InputError(f"{where}.toward: two points are a line, in three dimensions; give one, or two different")
 
 
 def _check_shape(mine, where: str, entry: dict) -> None:

@@ -12,6 +12,10 @@ from pipeline.errors import InputError
 COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "new_failures")
 
 
+class NoRest(InputError):
+    """Rock under these forces does not come to rest: it runs away, or not within solver.max_iterations."""
+
+
 def norm(values: np.ndarray) -> float:
     """2-norm with numpy's own pairwise sum: the same bits with any number of threads (BLAS does not promise that)."""
     return float(np.sqrt(np.sum(values * values)))
@@ -27,6 +31,7 @@ class History:
     increment: int = 0
     generation: int = 0
     bar: tqdm | None = None
+    rest: dict[str, np.ndarray] = field(default_factory=dict)  # the last state of rest, where it may be the result
     since: tuple = (None, 0.0, 0.0)  # generation, clock and ratio from which the pace is taken
 
     def check(self, ratio: float, max_ratio: float) -> None:

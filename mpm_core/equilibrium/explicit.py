@@ -23,12 +23,11 @@ unbalanced force of 3e-4).
 
 import numpy as np
 
-from mpm_core.equilibrium.convergence import History, norm
+from mpm_core.equilibrium.convergence import History, NoRest, norm
 from mpm_core.kernels.flow import dissipate, take_back_flow
 from mpm_core.kernels.nodes import advance_nodes, collect_to_parents, spread_to_hanging
 from mpm_core.kernels.resting import UPDATE
 from mpm_core.model import Model, State
-from pipeline.errors import InputError
 
 CHECK_EVERY = 20  # iterations between two looks at the unbalanced force
 TIME_STEP_SHARE = 0.98  # of the damped limit, 1 / sqrt(1 + c) of the undamped one
@@ -102,6 +101,15 @@ class ExplicitScheme:
             state.later_strain[self.flowing],
             state.dissipated[self.flowing],
         )
+
+    def go_back(self, rest: dict[str, np.ndarray]) -> None:
+        """Return to a settled state kept earlier, its arrays by name; what has flowed since then is forgotten."""
+        for name, value in rest.items():
+            if isinstance(getattr(self.state, name), np.ndarray):
+                getattr(self.state, name)[...] = value
+        self.flowing = np.empty(0, np.int64)
+        self.flow_start = (np.empty((0, 6)), np.empty((0, 6)), np.empty(0))
+        self.set_failed()
 
     def _group_of_particle(self) -> np.ndarray:
         start = self.model.particles.group_start
@@ -200,8 +208,8 @@ class ExplicitScheme:
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         """Step until the 2-norm of the unbalanced force at free nodes is at most tolerance * reference (N).
 
-        Raises InputError after solver.max_iterations, for NaN, and when a node moves farther than a finest cell
-        from where `displace` has taken it.
+        Raises NoRest after solver.max_iterations and when a node moves farther than a finest cell
+        from where `displace` has taken it, InputError for NaN.
         """
         solver = self.model.scene.solver
         free = not self.model.is_held(self.volume)
@@ -224,7 +232,7 @@ class ExplicitScheme:
             if history.bar is not None:
                 history.bar.update()
         else:
-            raise InputError(
+            raise NoRest(
                 f"no convergence: unbalanced ratio {ratio:.3g} after {solver.max_iterations} iterations, tolerance "
                 f"{tolerance:g}; raise solver.max_iterations or solver.tolerance, or mine in smaller steps"
             )
@@ -241,7 +249,7 @@ class ExplicitScheme:
     def _check_reach(self, ratio: float) -> None:
         reach = float(np.abs(self.state.displacement - self.start).max())
         if reach > self.model.grid.fine_cell:
-            raise InputError(
+            raise NoRest(
                 f"rock moved {reach:.3g} m in this stage, more than a finest cell: it runs away (unbalanced ratio "
                 f"{ratio:.2g}); fill the excavation, raise residual strength, or mine it in more steps"
             )

@@ -13,11 +13,10 @@ from mpm_core.constitutive.strength import strength_of
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def overstressed(candidates, stress, insitu, material, rows, margin, above):
-    """Which candidates stand above strength by more than their material's margin: above (candidate,) bool, in place.
+def overstress_of(candidates, stress, insitu, material, rows, excess):
+    """How far candidates stand above strength, Pa: excess (candidate,), in place; 0 where bounds prove them below.
 
-    candidates (candidate,) particle indices; stress, insitu (particle, 6) Pa; rows (material, column) strength rows;
-    margin (material,) Pa.
+    candidates (candidate,) particle indices; stress, insitu (particle, 6) Pa; rows (material, column) strength rows.
     """
     for i in prange(len(candidates)):
         p = candidates[i]
@@ -29,9 +28,9 @@ def overstressed(candidates, stress, insitu, material, rows, margin, above):
         xy = stress[p, 5] + insitu[p, 5]
         row = strength_of(rows, material[p])
         if surely_admissible(xx, yy, zz, yz, xz, xy, row):
-            above[i] = False
+            excess[i] = 0.0
         else:
-            above[i] = overstress(xx, yy, zz, yz, xz, xy, row) > margin[material[p]]
+            excess[i] = overstress(xx, yy, zz, yz, xz, xy, row)
 
 
 @njit(error_model="numpy", cache=True)

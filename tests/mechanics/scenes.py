@@ -30,6 +30,8 @@ SOLVER = {
     "increments": 4,
     "max_iterations": 40000,
     "max_generations": 300,
+    "weakest_first": 0.0,
+    "collapse": "error",
     "damping": 0.8,
     "density_scaling": True,
     "hourglass": 0.05,

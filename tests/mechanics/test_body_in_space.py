@@ -16,7 +16,7 @@ HARDLY_SOFTER = COULOMB | {  # the usual residual strength would bring the whole
 }
 
 
-def run(plane, tmp_path, *, boundary="free", host=HOST, force=1e6, steps=0, sides=("top", "bottom")):
+def run(plane, tmp_path, *, boundary="free", host=HOST, force=1e6, steps=0, sides=("top", "bottom"), solver=None):
     """A disc (cylinder along y) of 9 m radius in a box of 24 m, pressed along z from both sides: last state, facts."""
     dimension = 2 if plane else 3
     if plane:
@@ -53,7 +53,7 @@ def run(plane, tmp_path, *, boundary="free", host=HOST, force=1e6, steps=0, side
         boundary=boundary,
         excavations=[{"name": "space", "mined": 0, "fill": None, "filled": -1}],
         loads=loads,
-        solver={"tolerance": 1e-6},
+        solver={"tolerance": 1e-6} | (solver or {}),
     )
     state, facts = elastic_stage(scene, grid, tmp_path / "failed.npz")
     for _ in range(steps):
@@ -91,6 +91,25 @@ def test_what_fails_in_a_disc_is_rest_again(tmp_path):
     volume, u = state.volume.values, state.displacement.values
     moved = np.abs(u[volume > 0.0]).max()
     np.testing.assert_allclose((volume[:, None] * u).sum(axis=0) / volume.sum(), 0.0, atol=5e-2 * moved)
+
+
+def test_a_collapse_is_an_error_or_its_last_rest(tmp_path):
+    """The usual residual strength: the disc comes down. Kept, the result is a state of rest in which rock has failed
+    and more stands above strength; what failed then is not in it, and no step can follow."""
+    with pytest.raises(InputError, match=r"runs away|no convergence"):
+        run("xz", tmp_path, host=COULOMB, force=36e6, steps=1, solver={"max_iterations": 3000})
+    keep = {"max_iterations": 3000, "weakest_first": 0.8, "collapse": "keep"}
+    state, facts = run("xz", tmp_path, host=COULOMB, force=36e6, steps=1, solver=keep)
+    assert facts["collapsed"] == 1
+    assert facts["unbalanced_ratio"] <= 3e-3
+    failed = state.failed.values >= 0
+    assert failed.any()
+    assert (state.strength_factor.values[~failed & (state.volume.values > 0.0)] < 1.0).any()
+    assert (state.seismic_strain.values[~failed] == 0.0).all()
+    generations = state.failure_order.values[failed, 1]
+    assert generations.max() < state.convergence_generation.values.max()
+    with pytest.raises(InputError, match="ended in collapse"):
+        run("xz", tmp_path, host=COULOMB, force=36e6, steps=2, solver=keep)
 
 
 def test_a_cylinder_under_load_comes_to_rest(tmp_path):

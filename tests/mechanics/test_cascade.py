@@ -18,7 +18,7 @@ from mechanics.scenes import (
 )
 from mpm_core.constitutive.coulomb import overstress
 from mpm_core.constitutive.elastic import strain_from_stress
-from mpm_core.equilibrium.cascade import Ramp, fail, find_brittle, new_failures, run_cascade
+from mpm_core.equilibrium.cascade import Ramp, above_strength, fail, find_brittle, new_failures, run_cascade, weakest
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit import FAILED_HOURGLASS, ExplicitScheme
 from mpm_core.grid.adjacency import face_neighbors
@@ -141,6 +141,34 @@ def test_slivers_fail_only_beside_failed_rock():
     assert (state.hourglass_force[model.particles.cell[rock]] == 0.0).all()
     assert (state.hourglass_force[model.particles.cell[sliver]] == 1.0).all()
     assert new_failures(model, state, brittle).tolist() == [sliver]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_the_weakest_fail_first(share):
+    """Three lone cells above strength by 1, 2 and 4 MPa: all, those of 2 and 4, or the last alone."""
+    model = make_model(make_scene("xz", host=COULOMB), grid_around([], [8, 2], 1, 2.0))
+    state = model.virgin_state()
+    above = np.array([3, 6, 9])
+    state.stress[above, 0] = -(model.intact_rows[0][2] + np.array([1e6, 2e6, 4e6]))
+    assert above_strength(model, state, np.arange(16)).tolist() == above.tolist()
+    expected = {0.0: above, 0.4: above[1:], 1.0: above[2:]}[share]
+    assert weakest(model, state, above, share).tolist() == expected.tolist()
+
+
+def test_whichever_fails_first_the_cascade_ends_at_rest(tmp_path):
+    """A tunnel, the weakest first: more generations, no more failures, and in the end nothing stands above strength."""
+    counts, generations = [], []
+    for share in (0.0, 0.9):
+        scene, grid, elastic, path = tunnel(tmp_path, solver={"weakest_first": share})
+        state, facts = mining_step(scene, grid, elastic, path)
+        assert facts["collapsed"] == 0
+        assert facts["unbalanced_ratio"] <= 1e-4
+        counts.append(facts["failed_particles"])
+        generations.append(state.failure_order.values[:, 1].max())
+        fine = (grid.cell_level.values == 1)[state.cell.values] & (state.volume.values > 0.9 * 16.0)
+        assert (state.strength_factor.values[fine & (state.failed.values < 0)] > 0.99).all()
+    assert 0 < counts[1] <= counts[0]
+    assert generations[1] > generations[0]
 
 
 def test_a_cascade_has_the_same_bits_on_one_thread_and_two(tmp_path, monkeypatch):

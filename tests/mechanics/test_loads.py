@@ -207,6 +207,21 @@ def test_a_directed_load_points_to_its_point_and_its_sizes_add_up(plane, dimensi
     np.testing.assert_allclose(model.external_force(0).sum(axis=0), force.sum(axis=0), rtol=0, atol=1e-12 * size.sum())
 
 
+def test_a_load_directed_to_a_line_has_nothing_along_it():
+    """A skew line in 3-D: forces are at right angles to it and no couple about it, and their sizes add up."""
+    center, line = [12.0, 12.0, 12.0], np.array([[24.0, 20.0, 4.0], [26.0, 23.0, 10.0]])
+    grid = grid_around([ball(center, 1.0)], [5, 5, 5], 2, 8.0)
+    scene = make_scene(None, loads=[directed(center, 3e6, line.tolist())])
+    model = make_model(scene, grid)
+    force = load_force(model, scene.loads[0], model.volumes(0))
+    axis = (line[1] - line[0]) / np.linalg.norm(line[1] - line[0])
+    assert np.linalg.norm(force, axis=1).sum() == pytest.approx(3e6, rel=1e-12)
+    np.testing.assert_allclose(force @ axis, 0.0, atol=1e-6)
+    np.testing.assert_allclose(np.cross(model.particles.position - line[0], force) @ axis, 0.0, atol=1e-3)
+    loaded = np.linalg.norm(force, axis=1) > 0.0
+    assert (np.sum(force * (line[0] - model.particles.position), axis=1)[loaded] > 0.0).all()
+
+
 def test_a_directed_load_on_its_own_point_is_refused():
     """The particle there has no direction."""
     scene = make_scene("xz", loads=[directed([12.0, 12.0], 1e6, [12.0, 12.0])])
