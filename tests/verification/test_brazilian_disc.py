@@ -240,3 +240,21 @@ def test_the_answer_draws_what_there_is(hardly_softer, tmp_path, coarse_variant)
     failing = [row for row in rows if row.passed is False]
     assert len(failing) == 2
     assert all("no state of rest" in row.remark for row in failing)
+
+
+def test_a_crack_splits_the_disc_if_the_weakest_fail_first(tmp_path, coarse_variant):
+    """2 mm cells: all rows keep the bounds of the study, the crack runs from arc to arc along the loaded diameter.
+
+    Failing all at once, what stands above strength is a crushed zone instead: wider, and not through.
+    """
+    together = coarse_variant | {"solver": {"weakest_first": 0}}
+    results = run_study("brazilian_disc", tmp_path, {"plane_strain": coarse_variant, "together": together})
+    rows, _ = answer(results)
+    assert not [row for row in rows if row.passed is False]
+    split, crushed = (read_crack(PressedDisc(name, variant)) for name, variant in results.variants.items())
+    assert split.state.attrs["collapsed"]
+    through = split.run_through(0.9)
+    assert split.near_share(5e-3, through) > 0.99
+    assert np.abs(split.place[split.rank <= through.generation, 0]).max() < 2 * split.disc.cell_size
+    assert crushed.run_through(0.9) is None
+    assert np.abs(crushed.place[:, 0]).max() > 3 * crushed.disc.cell_size
