@@ -1,0 +1,105 @@
+"""Scheme `multigrid` against scheme `explicit`: the same equilibrium."""
+
+import logging
+
+import numpy as np
+import pytest
+
+from mpm_core.equilibrium import explicit, multigrid
+from mpm_core.equilibrium.convergence import History, norm
+from mpm_core.equilibrium.explicit import ExplicitScheme
+from mpm_core.equilibrium.multigrid import MultigridScheme
+from tests.mechanics.scenes import COULOMB, ball, excavation, grid_around, make_model, make_scene, uniform
+from tests.multigrid.test_operator import scene_with_everything
+
+STRESS = 30e6  # Pa, largest in-situ stress of the scenes
+
+
+def at_rest(kind, model, volume, state, tolerance=1e-9, parts=1):
+    """The scheme after relaxation under all forces, put on in parts."""
+    scheme, history = kind(model, state, volume), History(tolerance)
+    force = model.external_force(0)
+    for part in range(1, parts + 1):
+        scheme.relax(force * part / parts, tolerance, norm(force), history)
+    return scheme, history
+
+
+def difference(one, other, volume) -> float:
+    """Root mean square of the difference in stress over all rock and fill, share of the in-situ stress."""
+    square = (one.state.stress - other.state.stress) ** 2
+    return float(np.sqrt(np.sum(square * volume[:, None]) / volume.sum()) / STRESS)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("boundary", ["fixed", "roller", "traction"])
+@pytest.mark.parametrize(("points", "cut_cells"), [(1, "fraction"), (2, "fraction"), (1, "subdivide")])
+def test_elastic_equilibrium_is_that_of_the_explicit_scheme(dimension, boundary, points, cut_cells):
+    """Filled and empty excavation, also where nothing holds the body; both to 1e-9 of the excavation forces."""
+    model, volume = scene_with_everything(dimension, points, cut_cells, boundary)
+    (one, _), (other, history) = (
+        at_rest(kind, model, volume, model.virgin_state()) for kind in (ExplicitScheme, MultigridScheme)
+    )
+    assert history.iteration <= 20
+    assert difference(one, other, volume) < 1e-8
+    moved = (one.mass > 0.0) | model.grid.is_hanging
+    gap = np.abs(one.state.displacement - other.state.displacement)[moved].max()
+    assert gap < 1e-7 * np.abs(one.state.displacement[moved]).max()
+
+
+def plastic_model(dimension: int):
+    """A tunnel or a spherical void in perfectly plastic rock; (model, volume, state with all fine rock failed)."""
+    strength = {key: {"intact": value["residual"], "residual": value["residual"]} for key, value in COULOMB.items()
+                if isinstance(value, dict)}  # fmt: skip
+    strength["cohesion"] = {"intact": 5e6, "residual": 5e6}
+    scene = make_scene(
+        "xy" if dimension == 2 else None,
+        host=COULOMB | strength,
+        stress=uniform(-STRESS, -0.7 * STRESS, -0.8 * STRESS),
+        excavations=[excavation()],
+    )
+    shapes = [ball([16.0] * dimension, 3.0)]
+    grid = grid_around(shapes, (8,) * dimension, levels=3, coarse=4.0, rings=2)
+    model = make_model(scene, grid, shapes)
+    volume, state = model.volumes(0), model.virgin_state()
+    finest = grid.cell_level[model.particles.cell] == 2
+    state.failed[finest & (volume > 0.0)] = 0
+    return model, volume, state
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_plastic_equilibrium_is_that_of_the_explicit_scheme(dimension, monkeypatch):
+    """Rock at residual strength flows around a void: same stress and flow, in far fewer steps, no explicit ones.
+
+    Flow is counted from the start by both; explicit steps otherwise count it anew on their way to rest.
+    """
+    monkeypatch.setattr(explicit, "FLOW_FROM", 10**9)
+    results = []
+    for kind in (ExplicitScheme, MultigridScheme):
+        model, volume, state = plastic_model(dimension)
+        results.append(at_rest(kind, model, volume, state, tolerance=1e-6))
+    (one, steps), (other, cycles) = results
+    flowed = (one.state.later_strain != 0.0).any(axis=1)
+    assert flowed.sum() > 20
+    assert difference(one, other, volume) < 1e-4
+    flow = np.sum(np.abs(one.state.later_strain), axis=1), np.sum(np.abs(other.state.later_strain), axis=1)
+    assert np.sum(np.abs(flow[0] - flow[1]) * volume) < 0.02 * np.sum(flow[0] * volume)
+    assert cycles.iteration < 0.4 * steps.iteration
+
+
+def test_explicit_steps_take_over_where_cycles_are_not_enough(monkeypatch, caplog):
+    """The state returned is at rest all the same, and the log says how."""
+    monkeypatch.setattr(multigrid, "FLOW_CYCLES", 3)
+    model, volume, state = plastic_model(2)
+    with caplog.at_level(logging.WARNING):
+        _, history = at_rest(MultigridScheme, model, volume, state, tolerance=1e-5)
+    assert "going on with explicit steps" in caplog.text
+    assert history.rows[-1][3] <= 1e-5
+
+
+def test_nothing_mined_is_at_rest():
+    """No force: no cycle, no motion."""
+    scene = make_scene(stress=uniform(-STRESS))
+    model = make_model(scene, grid_around([], (3, 3, 3), 1, 4.0))
+    scheme, history = at_rest(MultigridScheme, model, model.volumes(0), model.virgin_state())
+    assert history.iteration == 0
+    assert not scheme.state.displacement.any()
