@@ -195,7 +195,7 @@ def test_a_step_starts_from_the_rest_of_the_step_before(tmp_path, monkeypatch):
     def look_first(scheme, brittle, ramp, step, history):
         unbalanced = ramp.start + scheme.internal_force()
         starts.append((np.linalg.norm(unbalanced), np.linalg.norm(ramp.target - ramp.start), ramp.reference))
-        run_cascade(scheme, brittle, ramp, step, history)
+        return run_cascade(scheme, brittle, ramp, step, history)
 
     monkeypatch.setattr(stages, "run_cascade", look_first)
     states = chain(tmp_path, [(0, "fill", 1), (1, None, 1)], 2, host=COULOMB, solver={"hourglass": 0.3})
