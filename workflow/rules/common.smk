@@ -15,6 +15,8 @@ from workflow.draft import draft_of
 
 RESULTS = "results/{mine}"
 NAME = "[A-Za-z0-9][A-Za-z0-9_-]+"
+DRAFT = "draft"  # folder of a mine's draft run, beside its other results
+STUDY = "results/verification/{study}"
 HAS_CATALOG = bool(MINE.dated_steps)
 HAS_RECORD = HAS_CATALOG and "record" in MINE.values
 # `stage` in the rules below. exec: a stage is a child of this process, not of a shell between them, and ends with it
@@ -27,7 +29,7 @@ shell.prefix(
 
 
 wildcard_constraints:
-    mine=f"({re.escape(MINE.name)}|verification/{NAME}/{NAME})(/draft)?",
+    mine=f"({re.escape(MINE.name)}|verification/{NAME}/{NAME})(/{DRAFT})?",
     study=NAME,
     step=NAME,
 
@@ -53,9 +55,16 @@ def study(name):
 
 def mine_of(wildcards):
     """Configuration behind results/{mine}: the mine of this run or a variant of a study, or the draft of either."""
-    place = wildcards.mine.removesuffix("/draft")
+    place, is_draft = place_of(wildcards)
     mine = MINE if place == MINE.name else variant_of_study(*place.split("/")[1:])
-    return draft_of(mine) if wildcards.mine.endswith("/draft") else mine
+    return draft_of(mine) if is_draft else mine
+
+
+def place_of(wildcards):
+    """Folder of the mine below results, and whether its draft is meant."""
+    parts = wildcards.mine.split("/")
+    is_draft = parts[-1] == DRAFT and len(parts) in (2, 4)  # mine/draft, verification/study/variant/draft
+    return "/".join(parts[:-1] if is_draft else parts), is_draft
 
 
 def variant_of_study(name, variant):
@@ -114,7 +123,7 @@ def previous_state(wildcards):
 def draft_state(wildcards):
     """The last step of the draft run that shows where rock will fail, if the grid is to know."""
     draft = draft_of(mine_of(wildcards))
-    return f"results/{wildcards.mine}/draft/steps/{draft.mined_steps[-1]}.nc" if draft else []
+    return f"results/{wildcards.mine}/{DRAFT}/steps/{draft.mined_steps[-1]}.nc" if draft else []
 
 
 def draft_option(wildcards, input):
@@ -149,7 +158,7 @@ def event_slice(wildcards):
 
 def threads_of(wildcards):
     """As many as there are, but one where a study's scenes are so small that two run better side by side."""
-    place = wildcards.mine.removesuffix("/draft")
+    place, _ = place_of(wildcards)
     return 64 if place == MINE.name else study(place.split("/")[1]).threads
 
 
@@ -163,3 +172,26 @@ def record_files():
 def if_made(option, path, made):
     """A command line option for a result that this scene may not have."""
     return f"--{option} {result(path)}" if made else ""
+
+
+def studies():
+    """Names of all studies that the target `verification` runs."""
+    names = sorted(path.stem for path in (BASE / "config/verification").glob("*.yaml"))
+    return [name for name in names if not study(name).on_request]
+
+
+def study_files(wildcards):
+    """The files of these studies."""
+    return [f"{BASE}/config/verification/{name}.yaml" for name in studies()]
+
+
+def study_results(wildcards):
+    """Results of all stages of all variants of a study."""
+    place, chosen = f"verification/{wildcards.study}", study(wildcards.study)
+    folders = ("steps", "events") if chosen.events else ("steps",)
+    return [file for name, mine in chosen.mines.items() for file in stage_results(f"{place}/{name}", mine, folders)]
+
+
+def answers(wildcards):
+    """Rows and figures of all studies."""
+    return [f"results/verification/{name}/{file}" for name in studies() for file in ("rows.csv", "figure.svg")]

@@ -1,29 +1,3 @@
-STUDY = "results/verification/{study}"
-
-
-def studies():
-    """Names of all studies that the target `verification` runs."""
-    names = sorted(path.stem for path in (BASE / "config/verification").glob("*.yaml"))
-    return [name for name in names if not study(name).on_request]
-
-
-def study_files(wildcards):
-    """The files of these studies."""
-    return [f"{BASE}/config/verification/{name}.yaml" for name in studies()]
-
-
-def study_results(wildcards):
-    """Results of all stages of all variants of a study."""
-    place, chosen = f"verification/{wildcards.study}", study(wildcards.study)
-    folders = ("steps", "events") if chosen.events else ("steps",)
-    return [file for name, mine in chosen.mines.items() for file in stage_results(f"{place}/{name}", mine, folders)]
-
-
-def answers(wildcards):
-    """Rows and figures of all studies."""
-    return [f"results/verification/{name}/{file}" for name in studies() for file in ("rows.csv", "figure.svg")]
-
-
 rule answer:
     """One study beside its known answer: rows of expected and obtained, and a figure."""
     input:
