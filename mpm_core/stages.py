@@ -15,6 +15,7 @@ from mpm_core.equilibrium.cascade import Ramp, above_strength, find_brittle, run
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.moving import MovingScheme
+from mpm_core.equilibrium.multigrid import MultigridScheme
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels.failure import rate_strength
 from mpm_core.loading import boundary_strain, strain_reaction
@@ -27,8 +28,10 @@ STRENGTH_FACTOR_CAP = 10.0  # reported where nothing can fail
 
 
 def make_scheme(model: Model, state: State, volume: np.ndarray) -> ExplicitScheme:
-    """The scheme that the scene asks for: particles at rest in their cells, or moving through them."""
-    return (MovingScheme if model.scene.solver.move else ExplicitScheme)(model, state, volume)
+    """The scheme that the scene asks for; explicit steps for particles at rest in their cells or moving through them."""
+    solver = model.scene.solver
+    kind = MultigridScheme if solver.scheme == "multigrid" else MovingScheme if solver.move else ExplicitScheme
+    return kind(model, state, volume)
 
 
 def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:

@@ -180,6 +180,8 @@ def _check_domain(mine) -> None:
         raise InputError(
             "solver.move: a lone particle must rest at its cell's centre; take more grid.particles_per_cell"
         )
+    if mine.values["solver"]["move"] and mine.values["solver"]["scheme"] != "explicit":
+        raise InputError("solver.move: particles move with scheme explicit only; set solver.scheme: explicit")
     record = mine.values.get("record")
     for key in ("start", "end"):
         for part in ("filter", "orientations"):

@@ -334,6 +334,12 @@ def test_a_strain_with_particles_that_move_is_refused(refuse):
     assert line.startswith("strains.press: moves no face")
 
 
+def test_particles_that_move_need_explicit_steps(refuse):
+    """The other scheme solves for particles that rest."""
+    moving = {"solver.move": True, "grid.particles_per_cell": 8, "solver.scheme": "multigrid"}
+    assert refuse(TINY, **moving).startswith("solver.move: particles move with scheme explicit only")
+
+
 def test_a_record_without_a_location_error_is_refused(refuse):
     """No comparison of places means anything without it."""
     mine = copy.deepcopy(TINY)
