@@ -28,7 +28,7 @@ STRENGTH_FACTOR_CAP = 10.0  # reported where nothing can fail
 
 
 def make_scheme(model: Model, state: State, volume: np.ndarray) -> ExplicitScheme:
-    """The scheme that the scene asks for; explicit steps for particles at rest in their cells or moving through them."""
+    """The scheme that the scene asks for; explicit steps for particles at rest in their cells or moving."""
     solver = model.scene.solver
     kind = MultigridScheme if solver.scheme == "multigrid" else MovingScheme if solver.move else ExplicitScheme
     return kind(model, state, volume)
