@@ -120,6 +120,8 @@ class Scene:
     solver: Solver
     draft: bool = False
     """whether rock may fail in cells of any size: only to find out where"""
+    perturbation: int = 0
+    """number of the ensemble's member (see equilibrium.perturbation); 0: the mine's own run"""
 
     @property
     def axes(self) -> tuple[int, ...]:
@@ -203,6 +205,7 @@ def parse_scene(values: dict) -> Scene:
         steps=tuple(values["steps"]),
         solver=Solver(**values["solver"]),
         draft=values.get("draft", False),
+        perturbation=values.get("perturbation", 0),
     )
     check_boundary(scene)
     check_strains(scene)

@@ -16,6 +16,7 @@ from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.moving import MovingScheme
 from mpm_core.equilibrium.multigrid import MultigridScheme
+from mpm_core.equilibrium.perturbation import lateness
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels.failure import rate_strength
 from mpm_core.loading import boundary_strain, strain_reaction
@@ -97,7 +98,8 @@ def mining_step(
             collapsed = run_cascade(scheme, brittle, ramp, step, history, checkpoint.save)
             checkpoint.remove()
     released = state.displacement - start_displacement
-    reached = history.increment / scene.solver.increments  # all of it, unless it collapsed before
+    late = lateness(scene, step)[history.increment]
+    reached = (history.increment + late) / scene.solver.increments  # all of it, unless it collapsed before
     return finish(scheme, history, step, released, (target - start) * reached, "step", collapsed)
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpm_core.equilibrium.convergence import History, NoRest
+from mpm_core.equilibrium.perturbation import borne_overstress, lateness
 from mpm_core.kernels.failure import drop, overstress_of
 from mpm_core.model import Model, State
 from pipeline.errors import InputError
@@ -23,7 +24,8 @@ from pipeline.errors import InputError
 class Brittle:
     """Which particles may fail: on their own stress (`sound`), or once a neighbouring cell has failed (`sliver`).
 
-    present (particle,) bool: not mined; sound, sliver: particle indices. A cut cell that is less than half rock reads a
+    present (particle,) bool: not mined; sound, sliver: particle indices; borne (particle,) Pa: overstress without
+    failure, in a member of an ensemble (perturbation.borne_overstress). A cut cell that is less than half rock reads a
     stress that is 30 to 50 % wrong (measured on Kirsch's hole), so it fails only beside failed rock; kept elastic it
     would line the wall with steel for ever.
     """
@@ -33,6 +35,7 @@ class Brittle:
     sliver: np.ndarray
     neighbor_start: np.ndarray
     neighbors: np.ndarray
+    borne: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -58,12 +61,13 @@ def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, ne
     may_fail = model.is_coulomb() & small & (volume > 0.0)
     half = (model.rock_share(step)[particles.cell] >= 0.5) | (particles.sample >= 0)
     sound, sliver = np.flatnonzero(may_fail & half), np.flatnonzero(may_fail & ~half)
-    return Brittle(volume > 0.0, sound, sliver, neighbor_start, neighbors)
+    borne = borne_overstress(particles, model.scene)
+    return Brittle(volume > 0.0, sound, sliver, neighbor_start, neighbors, borne)
 
 
 def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
     """Intact particles that fail now, ascending."""
-    sound = above_strength(model, state, brittle.sound[state.failed[brittle.sound] < 0])
+    sound = above_strength(model, state, brittle.sound[state.failed[brittle.sound] < 0], brittle.borne)
     broken = np.zeros(len(model.cell_nodes), bool)
     broken[model.particles.cell[(state.failed >= 0) & brittle.present]] = True
     broken[model.particles.cell[sound]] = True
@@ -75,29 +79,34 @@ def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
         ],
         bool,
     )
-    sliver = above_strength(model, state, intact[beside])
+    sliver = above_strength(model, state, intact[beside], brittle.borne)
     return np.sort(np.concatenate([sound, sliver]))
 
 
-def above_strength(model: Model, state: State, candidates: np.ndarray) -> np.ndarray:
-    """Those of the candidates (particle indices) that stand above intact strength by more than the margin."""
+def above_strength(model: Model, state: State, candidates: np.ndarray, borne: np.ndarray | None = None) -> np.ndarray:
+    """Those of the candidates (particle indices) that stand above intact strength by more than the margin.
+
+    borne: see Brittle.borne; without it strength is the rock's own, as in all that rates a state.
+    """
     margin = model.strength_margin[model.particles.material[candidates]]
-    return candidates[_overstress(model, state, candidates) > margin]
+    return candidates[_overstress(model, state, candidates, borne) > margin]
 
 
-def weakest(model: Model, state: State, candidates: np.ndarray, share: float) -> np.ndarray:
+def weakest(
+    model: Model, state: State, candidates: np.ndarray, share: float, borne: np.ndarray | None = None
+) -> np.ndarray:
     """Those of the candidates (particle indices, above strength) with at least `share` of the largest overstress."""
     if share == 0.0 or len(candidates) < 2:
         return candidates
-    excess = _overstress(model, state, candidates)
+    excess = _overstress(model, state, candidates, borne)
     return candidates[excess >= share * excess.max()]
 
 
-def _overstress(model: Model, state: State, candidates: np.ndarray) -> np.ndarray:
+def _overstress(model: Model, state: State, candidates: np.ndarray, borne: np.ndarray | None) -> np.ndarray:
     """How far candidates (particle indices) stand above intact strength, Pa; at most 0 where they do not."""
     excess = np.zeros(len(candidates))
     overstress_of(candidates, state.stress, model.insitu, model.particles.material, model.intact_rows, excess)
-    return excess
+    return excess if borne is None else excess - borne[candidates]
 
 
 def fail(model: Model, state: State, particles: np.ndarray, step: int, increment: int, generation: int) -> None:
@@ -142,6 +151,10 @@ def run_cascade(
     mines = ramp.change > solver.tolerance * reference  # less is round-off: nothing new is mined
     loose = solver.cascade_tolerance * (min(1.0, ramp.change / reference) if mines and reference > 0.0 else 1.0)
     loose = max(loose, solver.tolerance)
+    late = lateness(model.scene, step)
+
+    def load_at(increment: int) -> np.ndarray:
+        return ramp.start + (ramp.target - ramp.start) * ((increment + late[increment]) / solver.increments)
 
     def keep_rest() -> None:
         if solver.collapse == "keep":
@@ -149,7 +162,8 @@ def run_cascade(
             history.rest = {name: np.copy(value) for name, value in vars(state).items()}
 
     def look(increment: int) -> bool:
-        fresh = weakest(model, state, new_failures(model, state, brittle), solver.weakest_first)
+        fresh = new_failures(model, state, brittle)
+        fresh = weakest(model, state, fresh, solver.weakest_first, brittle.borne)
         history.failures(len(fresh))
         if not len(fresh):
             return False
@@ -166,12 +180,12 @@ def run_cascade(
         return True
 
     resumed = history.increment
-    before = ramp.start + (ramp.target - ramp.start) * (max(resumed - 1, 0) / solver.increments)
+    before = load_at(max(resumed - 1, 0))
     for increment in range(max(resumed, 1), solver.increments + 1):
-        external = ramp.start + (ramp.target - ramp.start) * (increment / solver.increments)
+        external = load_at(increment)
         if increment != resumed:
             if ramp.strain.any():
-                scheme.deform(ramp.strain / solver.increments)
+                scheme.deform(ramp.strain * (1.0 + late[increment] - late[increment - 1]) / solver.increments)
             history.increment, history.generation = increment, 0
         last = increment == solver.increments
         more = True
