@@ -1,4 +1,4 @@
-"""Command lines of the catalogue stages: record, quakeml, compare, twin, report.
+"""Command lines of the catalogue stages: record, quakeml, compare, spread, twin, report.
 
 Each stage imports what it alone needs: ObsPy and matplotlib take seconds, and most stages use neither.
 """
@@ -40,6 +40,16 @@ def comparison(chosen: argparse.Namespace) -> None:
     write_dataset(result.assign_attrs(provenance(settings, "catalogs")), chosen.output)
 
 
+def spread(chosen: argparse.Namespace) -> None:
+    """The runs of an ensemble against each other."""
+    from catalogs.spread import gather
+
+    settings = json.loads(chosen.settings)
+    comparison = read_dataset(chosen.comparison) if chosen.comparison else None
+    result = gather(chosen.runs, read_dataset(chosen.catalog), comparison, settings)
+    write_dataset(result.assign_attrs(provenance(settings, "catalogs")), chosen.output)
+
+
 def twin(chosen: argparse.Namespace) -> None:
     """A modelled catalogue as a seismic system might have recorded it."""
     from catalogs.twin import write_twin
@@ -61,6 +71,7 @@ def report(chosen: argparse.Namespace) -> None:
         catalog=chosen.catalog,
         record=chosen.record,
         comparison=chosen.comparison,
+        spread=chosen.spread,
         benchmarks=chosen.benchmarks,
         output=chosen.output,
         figures=chosen.figures,
@@ -88,6 +99,9 @@ def parser() -> argparse.ArgumentParser:
     stage("record", record, "output", settings=True)
     stage("quakeml", quakeml, "catalog", "output")
     stage("compare", comparison, "catalog", "record", "output", settings=True)
+    gathered = stage("spread", spread, "catalog", "output", settings=True)
+    gathered.add_argument("--comparison", type=Path)
+    gathered.add_argument("--runs", type=Path, nargs="+", required=True, help="folders of steps and events, own first")
     made = stage("twin", twin, "catalog", "output")
     made.add_argument("--noise", type=float, required=True, help="root mean square location error, m")
     made.add_argument("--cut", type=float, required=True, help="smallest log10 of potency in m3")
@@ -96,7 +110,7 @@ def parser() -> argparse.ArgumentParser:
     shown.add_argument("--config", required=True, help="JSON")
     for name in ("default", "excavations", "expected-hashes"):
         shown.add_argument(f"--{name}", default="null", help="JSON")
-    for name in ("elastic", "catalog", "record", "comparison", "benchmarks"):
+    for name in ("elastic", "catalog", "record", "comparison", "spread", "benchmarks"):
         shown.add_argument(f"--{name}", type=Path)
     for name in ("steps", "events"):
         shown.add_argument(f"--{name}", type=Path, nargs="*", default=[])

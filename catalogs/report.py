@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from catalogs import report_match as match
+from catalogs import report_spread
 from catalogs import report_text as text
 from catalogs.figures import beachballs, convergence, events, rock, scene, sizes, stereonets, style, views
 from catalogs.mechanisms import mean_axis, trend_plunge
@@ -35,6 +36,7 @@ def write_report(
     catalog: str | os.PathLike | None = None,
     record: str | os.PathLike | None = None,
     comparison: str | os.PathLike | None = None,
+    spread: str | os.PathLike | None = None,
     benchmarks: str | os.PathLike | None = None,
     default: dict | None = None,
     excavations: list[dict] | None = None,
@@ -43,14 +45,15 @@ def write_report(
     """Write the page to `output` (atomically) and each of its figures as SVG into the folder `figures`.
 
     config: the resolved configuration as the user wrote it (units as text), default: config/default.yaml, for the marks
-    of what differs; grid, elastic, steps, events, catalog, record, comparison: datasets, absent stages None or empty;
-    benchmarks: folder of Snakemake's benchmark files of this mine; excavations: rows with name, step and fill, if not
-    those of `config`; expected_hashes: {dataset path: config_hash it should carry}, for the banner of stale results.
+    of what differs; grid, elastic, steps, events, catalog, record, comparison, spread: datasets, absent stages None or
+    empty; benchmarks: folder of Snakemake's benchmark files of this mine; excavations: rows with name, step and fill,
+    if not those of `config`; expected_hashes: {dataset path: config_hash it should carry}, for the banner of stale
+    results.
     Same inputs, same bytes. Raises InputError where a dataset is unreadable or is no catalogue.
     """
     evidence = read_evidence(
-        config, default, grid, elastic, list(steps), list(events), catalog, record, comparison, benchmarks,
-        expected_hashes, excavations,
+        config, default, grid, elastic, list(steps), list(events), catalog, record, comparison, spread,
+        benchmarks, expected_hashes, excavations,
     )  # fmt: skip
     gallery = Gallery(Path(figures))
     with style.applied():
@@ -60,6 +63,7 @@ def write_report(
             "rock": _rock(evidence, gallery),
             "events": _events(evidence, gallery),
             "sizes": _sizes(evidence, gallery),
+            "spread": report_spread.section(evidence, gallery.add),
             "axes": _axes(evidence, gallery),
             "balls": _balls(evidence, gallery),
             "budget": _budget(evidence),
@@ -68,7 +72,7 @@ def write_report(
     page = _environment().get_template("report.html.j2").render(
         evidence=evidence,
         mine=evidence.grid.attrs["mine"],
-        headline=text.headline(evidence),
+        headline=text.headline(evidence) + report_spread.headline(evidence),
         match=match.match_rows(evidence),
         banners=text.banners(evidence),
         config_lines=text.config_lines(config, default),

@@ -14,6 +14,7 @@ from pipeline.datasets import read_dataset
 
 CONVERGENCE = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "new_failures")
 SHOWN = ("position", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor")
+ENSEMBLE = "ensemble"  # folder of its members
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
 
 
@@ -35,7 +36,7 @@ class Evidence:
     """Everything the report tells of.
 
     stages: elastic, then the steps in order, each with its convergence table and attributes only; state: the last of
-    them in full; catalog, record, comparison: None where there is none; files: {path: attributes} of all read.
+    them in full; catalog, record, comparison, spread: None where there is none; files: {path: attributes} of all read.
     """
 
     config: dict
@@ -48,6 +49,7 @@ class Evidence:
     catalog: xr.Dataset | None
     record: xr.Dataset | None
     comparison: xr.Dataset | None
+    spread: xr.Dataset | None
     files: dict[str, dict]
     stale: list[str]
     resources: list[dict]
@@ -122,6 +124,7 @@ def read_evidence(
     catalog,
     record,
     comparison,
+    spread,
     benchmarks,
     expected_hashes: dict | None,
     excavations: list[dict] | None,
@@ -157,6 +160,7 @@ def read_evidence(
         catalog=read(catalog, check=True),
         record=read(record, check=True),
         comparison=read(comparison),
+        spread=read(spread),
         files=files,
         stale=_stale(files, expected_hashes or {}),
         resources=read_resources(benchmarks),
@@ -175,12 +179,23 @@ def _stale(files: dict[str, dict], expected: dict) -> list[str]:
 
 
 def read_resources(benchmarks) -> list[dict]:
-    """Seconds and peak memory (MiB) per stage from Snakemake's benchmark files below a folder; NaN: not measured."""
+    """Seconds and peak memory (MiB) per stage from Snakemake's benchmark files below a folder; NaN: not measured.
+
+    A member of an ensemble is one row: the sum of its times, the largest of its peaks.
+    """
     if benchmarks is None or not Path(benchmarks).is_dir():
         return []
-    rows = []
+    rows, members = [], {}
     for path in sorted(Path(benchmarks).rglob("*.tsv")):
         table = pd.read_csv(path, sep="\t", na_values=["-", "NA"])
         values = {name: float(table[name].mean()) if name in table else np.nan for name in ("s", "max_rss", "cpu_time")}
-        rows.append({"stage": path.relative_to(benchmarks).with_suffix("").as_posix(), **values})
+        stage = path.relative_to(benchmarks).with_suffix("").as_posix()
+        if stage.startswith(f"{ENSEMBLE}/"):
+            members.setdefault(int(stage.split("/")[1]), []).append(values)
+        else:
+            rows.append({"stage": stage, **values})
+    for number, stages in sorted(members.items()):
+        columns = {name: np.array([values[name] for values in stages]) for name in stages[0]}
+        total = {name: float(column.max() if name == "max_rss" else column.sum()) for name, column in columns.items()}
+        rows.append({"stage": f"{ENSEMBLE}/{number}, all stages", **total})
     return rows

@@ -29,6 +29,7 @@ def check_mine(mine: "Mine") -> None:
     _check_steps(mine)
     _check_names(mine)
     _check_domain(mine)
+    _check_ensemble(mine)
     check_boundary_faces(mine.values["domain"]["boundary"])
     check_virgin(mine, mine.values["materials"])
 
@@ -189,6 +190,21 @@ def _check_domain(mine) -> None:
                 _check_date(f"record.{part}.{key}", record[part][key])
     if record and record["reader"] != "elk_creek" and not mine.path(record["file"]).is_file():
         raise InputError(f"record.file: {mine.path(record['file'])} is missing; paths resolve from {mine.folder}")
+
+
+def _check_ensemble(mine) -> None:
+    if not mine.members:
+        return
+    if not mine.dated_steps:
+        raise InputError("ensemble: no step has dates, hence no catalogue to show the spread of; set it to 0")
+    bodies = {"host", *(entry["material"] for entry in mine.values.get("rock_bodies", []))}
+    if not any(mine.values["materials"][name]["model"] == "coulomb" for name in bodies):
+        raise InputError("ensemble: no rock can fail (materials), so all members are the same; set it to 0")
+    if mine.values["solver"]["increments"] == 1:
+        raise InputError(
+            "ensemble: members differ by the parts in which they take rock out, and solver.increments is 1; set that "
+            "to 2 or more, or ensemble to 0"
+        )
 
 
 def check_boundary_faces(boundary: dict | str) -> None:

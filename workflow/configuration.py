@@ -5,6 +5,7 @@ not mined yet looks the same in a slice whether it is planned or dated later: gi
 that month.
 """
 
+import copy
 import importlib
 import os
 from dataclasses import dataclass, field
@@ -45,6 +46,7 @@ class Mine:
     steps: list[dict] = field(init=False)
     excavations: list[dict] = field(init=False)
     is_draft: bool = field(init=False, default=False)  # see workflow/draft.py
+    perturbation: int = field(init=False, default=0)  # number of the ensemble's member, 0: the mine itself
 
     def __post_init__(self):
         values = self.values
@@ -165,12 +167,24 @@ class Mine:
             "loads": [load(entry) for entry in listed("loads")],
             **({"strains": strains} if strains else {}),
             **({"draft": True} if self.is_draft else {}),
+            **({"perturbation": self.perturbation} if self.perturbation else {}),
             "steps": [
                 {"name": step["name"], "start": step.get("start", ""), "end": step.get("end", "")}
                 for step in self.steps[: last + 1]
             ],
             "solver": values["solver"],
         }
+
+    @property
+    def members(self) -> int:
+        """How many perturbed members run beside the mine's own run; a draft and a member have none."""
+        return 0 if self.is_draft or self.perturbation else self.values["ensemble"]
+
+    def member(self, number: int) -> "Mine":
+        """A member of the ensemble: its steps and events are its own, grid and elastic state are the mine's."""
+        member = copy.copy(self)
+        member.perturbation = number
+        return member
 
     def step_slice(self, step: str) -> dict:
         """What steps/<step>.nc depends on, beside the state of the step before."""
@@ -203,6 +217,10 @@ class Mine:
         flat = {"thickness": self.values["thickness"]} if self.plane else {}
         return {"mine": self.name, "frame": self.values["frame"], **flat, **self.values["seismic"]}
 
+    def spread_slice(self) -> dict:
+        """What spread.nc depends on, beside the runs of the ensemble."""
+        return {"mine": self.name, "members": self.members, "steps": self.dated_steps}
+
     def hashes(self) -> dict[str, str]:
         """The config_hash that each dataset carries if it is up to date, by its path below results/<mine>."""
         hashes = {"grid.nc": self.grid_slice(), "elastic.nc": self.scene_slice(0)}
@@ -211,6 +229,8 @@ class Mine:
         hashes["catalog.nc"] = self.event_slice()
         if "record" in self.values:
             hashes |= {"record.nc": self.record_slice(), "comparison.nc": self.values["comparison"]}
+        if self.members:
+            hashes["spread.nc"] = self.spread_slice()
         return {path: config_hash(values) for path, values in hashes.items()}
 
     def record_slice(self) -> dict:

@@ -20,8 +20,8 @@ from pipeline.datasets import read_dataset, write_dataset
 
 SMALL = {"coarse": 16.0}  # 4 m in the finest of three levels: about 4,000 cells
 SECTIONS = (
-    "headline", "scene", "convergence", "rock", "events", "sizes", "axes", "balls", "budget", "truncated", "resources",
-    "config",
+    "headline", "scene", "convergence", "rock", "events", "sizes", "spread", "axes", "balls", "budget", "truncated",
+    "resources", "config",
 )  # fmt: skip
 
 
@@ -356,6 +356,18 @@ def test_events_outside_the_model_are_counted_not_hidden(mine, tmp_path):
 def test_config_lines_are_yaml_again():
     lines = config_lines(fixtures.CONFIG, fixtures.DEFAULT)
     assert yaml.safe_load("\n".join(line for line, _ in lines)) == fixtures.CONFIG
+
+
+def test_a_member_of_an_ensemble_is_one_row_of_the_resources(tmp_path):
+    """Times add up, the largest peak counts; members in order of their numbers, after the mine's own stages."""
+    for member, stage, seconds, peak in ((10, "a", 1, 5), (2, "steps/a", 3, 7), (2, "events/a", 4, 6)):
+        path = tmp_path / "ensemble" / str(member) / f"{stage}.tsv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"s\tmax_rss\tcpu_time\n{seconds}\t{peak}\t1\n")
+    (tmp_path / "spread.tsv").write_text("s\tmax_rss\tcpu_time\n1\t1\t1\n")
+    rows = read_resources(tmp_path)
+    assert [row["stage"] for row in rows] == ["spread", "ensemble/2, all stages", "ensemble/10, all stages"]
+    assert (rows[1]["s"], rows[1]["max_rss"], rows[1]["cpu_time"]) == (7, 7, 2)
 
 
 def test_resources_of_several_runs_are_averaged_and_gaps_stay_gaps(tmp_path):

@@ -8,10 +8,11 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiny_mines import DEFAULT, FLAT, HOST, NEXT_STEP, TINY, box, changed, merged, write_mine
+from tiny_mines import DEFAULT, FILL, FLAT, HOST, NEXT_STEP, TINY, box, changed, merged, write_mine
 
 from pipeline.errors import InputError
 from workflow.configuration import load
+from workflow.draft import draft_of
 
 
 @pytest.fixture
@@ -110,6 +111,9 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("record.file", "nowhere.csv", "record.file: ", "missing"),
     ("record.reader", "seiscomp", "record.reader: ", "not one of"),
     ("seismic.closeness", 1.5, "seismic.closeness: ", "1.5"),
+    ("ensemble", -1, "ensemble: ", "minimum of 0"),
+    ("ensemble", True, "ensemble: ", "not of type 'integer'"),
+    ("ensemble", "8", "ensemble: ", "not of type 'integer'"),
     ("solver.scheme", "implicit", "solver.scheme: ", "not one of"),
 ]
 
@@ -338,6 +342,33 @@ def test_particles_that_move_need_explicit_steps(refuse):
     """The other scheme solves for particles that rest."""
     moving = {"solver.move": True, "grid.particles_per_cell": 8, "solver.scheme": "multigrid"}
     assert refuse(TINY, **moving).startswith("solver.move: particles move with scheme explicit only")
+
+
+def test_an_ensemble_that_would_show_nothing_is_refused(refuse):
+    """No catalogue, rock that cannot fail, or all rock of a step taken out at once: the members would tell nothing."""
+    undated = {"steps": TINY["steps"][:1], "excavations.1.step": "planned", "ensemble": 2}
+    assert refuse(TINY, **undated).startswith("ensemble: no step has dates")
+    assert refuse(TINY, ensemble=2, **{"materials.host": FILL}).startswith("ensemble: no rock can fail")
+    assert refuse(TINY, ensemble=2, **{"solver.increments": 1}).startswith("ensemble: members differ by the parts")
+
+
+def test_an_ensemble_leaves_every_slice_of_the_mine_as_it_was(accept):
+    """Switched on it re-runs nothing; a member's slices are the mine's and its own number."""
+    without, mine = accept(TINY), accept(TINY, ensemble=2)
+    assert {path: mine.hashes()[path] for path in without.hashes()} == without.hashes()
+    assert set(mine.hashes()) - set(without.hashes()) == {"spread.nc"}
+    assert (without.members, mine.members, mine.member(2).members) == (0, 2, 0)
+    for step in mine.mined_steps:
+        assert "perturbation" not in mine.step_slice(step)
+        assert mine.member(2).step_slice(step) == without.step_slice(step) | {"perturbation": 2}
+    assert mine.member(2).event_slice() == without.event_slice()
+
+
+def test_the_draft_of_a_mine_has_no_members(accept):
+    """It shows where rock fails; one is enough."""
+    draft = draft_of(accept(TINY, ensemble=2, **{"grid.failure_zone": "auto"}))
+    assert draft.members == 0
+    assert draft.step_slice("draft-0") == draft_of(accept(TINY, **{"grid.failure_zone": "auto"})).step_slice("draft-0")
 
 
 def test_a_record_without_a_location_error_is_refused(refuse):

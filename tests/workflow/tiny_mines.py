@@ -12,7 +12,19 @@ import yaml
 
 ROOT = Path(__file__).parents[2]
 DEFAULT = ROOT / "config" / "default.yaml"
-STAGES = {"grid", "elastic", "mining_step", "events", "catalog", "quakeml", "record", "compare", "report", "all"}
+STAGES = {
+    "grid",
+    "elastic",
+    "mining_step",
+    "events",
+    "catalog",
+    "quakeml",
+    "record",
+    "compare",
+    "spread",
+    "report",
+    "all",
+}
 DATASETS = (".nc", ".csv", ".xml")
 
 HOST = {

@@ -16,6 +16,8 @@ from workflow.draft import draft_of
 RESULTS = "results/{mine}"
 NAME = "[A-Za-z0-9][A-Za-z0-9_-]+"
 DRAFT = "draft"  # folder of a mine's draft run, beside its other results
+ENSEMBLE = "ensemble"  # folder of its perturbed members, by number
+MINES = f"{re.escape(MINE.name)}|verification/{NAME}/{NAME}"  # with results of their own: this run's mine, variants
 STUDY = "results/verification/{study}"
 HAS_CATALOG = bool(MINE.dated_steps)
 HAS_RECORD = HAS_CATALOG and "record" in MINE.values
@@ -29,7 +31,7 @@ shell.prefix(
 
 
 wildcard_constraints:
-    mine=f"({re.escape(MINE.name)}|verification/{NAME}/{NAME})(/{DRAFT})?",
+    mine=f"({MINES})(/{DRAFT}|/{ENSEMBLE}/[1-9][0-9]*)?",
     study=NAME,
     step=NAME,
 
@@ -54,17 +56,23 @@ def study(name):
 
 
 def mine_of(wildcards):
-    """Configuration behind results/{mine}: the mine of this run or a variant of a study, or the draft of either."""
-    place, is_draft = place_of(wildcards)
+    """Configuration behind results/{mine}: this run's mine or a variant of a study, the draft or a member of either."""
+    place, part = place_of(wildcards)
     mine = MINE if place == MINE.name else variant_of_study(*place.split("/")[1:])
-    return draft_of(mine) if is_draft else mine
+    if part.startswith(ENSEMBLE):
+        return mine.member(int(part.split("/")[1]))
+    return draft_of(mine) if part else mine
 
 
 def place_of(wildcards):
-    """Folder of the mine below results, and whether its draft is meant."""
-    parts = wildcards.mine.split("/")
-    is_draft = parts[-1] == DRAFT and len(parts) in (2, 4)  # mine/draft, verification/study/variant/draft
-    return "/".join(parts[:-1] if is_draft else parts), is_draft
+    """Folder of the mine below results, and which part of it is meant: draft, ensemble/<number> or, empty, itself."""
+    return re.fullmatch(f"({MINES})/?({DRAFT}|{ENSEMBLE}/[0-9]+|)", wildcards.mine).groups()
+
+
+def shared(wildcards):
+    """Folder of the grid and the elastic state: a member of an ensemble has none of its own."""
+    place, part = place_of(wildcards)
+    return f"results/{place if part.startswith(ENSEMBLE) else wildcards.mine}"
 
 
 def variant_of_study(name, variant):
@@ -89,8 +97,9 @@ def result(path):
 
 
 def stage_results(place, mine, folders=("steps", "events")):
-    """Files of all stages of a mine up to its events, below results/<place>."""
-    steps = [f"{folder}/{step}.nc" for folder in folders for step in mine.mined_steps]
+    """Files of all stages of a mine and of its ensemble up to their events, below results/<place>."""
+    runs = ["", *(f"{ENSEMBLE}/{number}/" for number in range(1, mine.members + 1))]
+    steps = [f"{run}{folder}/{step}.nc" for run in runs for folder in folders for step in mine.mined_steps]
     return [f"results/{place}/{file}" for file in ["grid.nc", "elastic.nc", *steps]]
 
 
@@ -111,13 +120,20 @@ def all_results():
         files += ["catalog.nc", "catalog.csv", "catalog.xml"]
         if "record" in MINE.values:
             files += ["record.nc", "comparison.nc"]
+    if MINE.members:
+        files.append("spread.nc")
     return stage_results(MINE.name, MINE) + [result(file) for file in files]
+
+
+def grid_of(wildcards):
+    """The grid of a mine, of a draft, or that which the members of an ensemble share with their mine."""
+    return f"{shared(wildcards)}/grid.nc"
 
 
 def previous_state(wildcards):
     """The state that a step starts from: the step before, or the elastic history."""
     before = mine_of(wildcards).previous(step_of(wildcards))
-    return f"results/{wildcards.mine}/" + (f"steps/{before}.nc" if before else "elastic.nc")
+    return f"results/{wildcards.mine}/steps/{before}.nc" if before else f"{shared(wildcards)}/elastic.nc"
 
 
 def draft_state(wildcards):
@@ -154,6 +170,33 @@ def step_slice(wildcards):
 def event_slice(wildcards):
     """The configuration that events and catalogue depend on."""
     return slice_of(mine_of(wildcards).event_slice())
+
+
+def runs_of(wildcards):
+    """Folders of the runs of an ensemble: the mine's own, then the members."""
+    members = range(1, mine_of(wildcards).members + 1)
+    return [f"results/{wildcards.mine}", *(f"results/{wildcards.mine}/{ENSEMBLE}/{number}" for number in members)]
+
+
+def dated_results(wildcards):
+    """What the spread of an ensemble is read from: steps and events of all dated steps of all runs."""
+    steps = mine_of(wildcards).dated_steps
+    return [f"{run}/{folder}/{step}.nc" for run in runs_of(wildcards) for folder in ("steps", "events") for step in steps]
+
+
+def comparison_of(wildcards):
+    """The comparison with the record, if there is one."""
+    return result("comparison.nc") if HAS_RECORD and wildcards.mine == MINE.name else []
+
+
+def comparison_option(wildcards, input):
+    """The command line option for it."""
+    return f"--comparison {input.comparison}" if input.comparison else ""
+
+
+def spread_slice(wildcards):
+    """The configuration that the spread of an ensemble depends on, beside its runs."""
+    return slice_of(mine_of(wildcards).spread_slice())
 
 
 def threads_of(wildcards):

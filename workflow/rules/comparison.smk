@@ -68,6 +68,34 @@ rule compare:
         " --output {output} --log {log}"
 
 
+rule spread:
+    """How far the members of an ensemble are apart, and where the mine's own run lies among them."""
+    input:
+        runs=dated_results,
+        catalog=f"{RESULTS}/catalog.nc",
+        comparison=comparison_of,
+    output:
+        kept(f"{RESULTS}/spread.nc"),
+    params:
+        code=source_hash("catalogs"),
+        settings=spread_slice,
+        runs=runs_of,
+        comparison=comparison_option,
+    log:
+        "logs/{mine}/spread.log",
+    benchmark:
+        "benchmarks/{mine}/spread.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage catalogs spread --catalog {input.catalog} {params.comparison} --runs {params.runs}"
+        " --settings {params.settings:q} --output {output} --log {log}"
+
+
 rule report:
     """The page that a geotechnical engineer reads top to bottom, and its figures."""
     input:
@@ -77,6 +105,7 @@ rule report:
         events=step_results("events"),
         catalog=result("catalog.nc") if HAS_CATALOG else [],
         matched=[result("record.nc"), result("comparison.nc")] if HAS_RECORD else [],
+        spread=result("spread.nc") if MINE.members else [],
     output:
         page=report(kept(f"{RESULTS}/report.html"), caption="../report/report.rst", category="{mine}"),
         figures=directory(f"{RESULTS}/figures"),
@@ -89,6 +118,7 @@ rule report:
         catalog=if_made("catalog", "catalog.nc", HAS_CATALOG),
         record=if_made("record", "record.nc", HAS_RECORD),
         comparison=if_made("comparison", "comparison.nc", HAS_RECORD),
+        spread=if_made("spread", "spread.nc", MINE.members),
         benchmarks="benchmarks/{mine}",
     log:
         "logs/{mine}/report.log",
@@ -103,8 +133,8 @@ rule report:
     shell:
         "stage catalogs report --config {params.config:q} --default {params.default:q} --excavations {params.excavations:q}"
         " --expected-hashes {params.hashes:q} --grid {input.grid} --elastic {input.elastic} --steps {input.steps}"
-        " --events {input.events} {params.catalog} {params.record} {params.comparison} --benchmarks {params.benchmarks}"
-        " --output {output.page} --figures {output.figures} --log {log}"
+        " --events {input.events} {params.catalog} {params.record} {params.comparison} {params.spread}"
+        " --benchmarks {params.benchmarks} --output {output.page} --figures {output.figures} --log {log}"
 
 
 rule twin:

@@ -24,7 +24,7 @@ rule elastic:
 rule mining_step:
     """Coulomb equilibrium after one mining step, from the state of the step before."""
     input:
-        grid=f"{RESULTS}/grid.nc",
+        grid=grid_of,
         state=previous_state,
     output:
         kept(f"{RESULTS}/steps/{{step}}.nc"),

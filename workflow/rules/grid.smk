@@ -26,7 +26,7 @@ rule grid:
 rule vtk:
     """A stage for ParaView, on request: results/<mine>/vtk/elastic.vtu or vtk/steps/<step>.vtu."""
     input:
-        grid=f"{RESULTS}/grid.nc",
+        grid=grid_of,
         state=f"{RESULTS}/{{stage}}.nc",
     output:
         f"{RESULTS}/vtk/{{stage}}.vtu",

@@ -1,0 +1,67 @@
+"""How far runs of one mine are apart that differ at random: their sizes of events, and potency by step."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from catalogs.sizes import counts
+from catalogs.spread import ALL, SIZE_BIN
+
+MEMBER = "#8cb8d9"  # a light form of style.MODELLED
+ACROSS = 0.25  # of the distance between two steps: half the width over which the members' points lie side by side
+
+
+def spread(runs: xr.Dataset, record: tuple[str, np.ndarray] | None) -> Figure:
+    """Events at least so large in each run, and potency per step. record: its label and log10 P (event,), or None."""
+    figure = style.new_figure(width=style.WIDTH, height=4.0)
+    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+    _sizes(left, runs, record)
+    _potency(right, runs)
+    return figure
+
+
+def _sizes(axes: Axes, runs: xr.Dataset, record: tuple[str, np.ndarray] | None) -> None:
+    edges, cumulative = runs["size_bin_lower"].values, runs["cumulative"].values
+    axes.set_title("All dated steps")
+    axes.set_xlabel("log P (P in m³)")
+    axes.set_ylabel("events at least so large")
+    if not len(edges):
+        axes.text(0.5, 0.5, "no events", transform=axes.transAxes, ha="center", color=style.OUTLINE)
+        return
+
+    def line(at: np.ndarray, count: np.ndarray, **look) -> None:
+        axes.plot(at, np.where(count > 0, count, np.nan), drawstyle="steps-pre", **look)
+
+    for member, count in enumerate(cumulative[1:]):
+        line(edges, count, color=MEMBER, linewidth=0.8, label=None if member else "members")
+    line(edges, cumulative[0], color=style.MODELLED, linewidth=2.0, label="this catalogue")
+    if record is not None:
+        label, values = record
+        known = values[np.isfinite(values)]
+        line(edges, counts(known, edges, SIZE_BIN)[1], color=style.RECORDED, linewidth=1.4, label=label)
+    if np.isfinite(cut := float(runs.attrs["cut"])):
+        axes.axvline(cut, color="k", linewidth=0.9, linestyle="--", label=f"cut {cut:.2f}".replace("-", "−"))
+    axes.set_yscale("log")
+    axes.set_ylim(0.7, None)
+    axes.legend(loc="upper right")
+
+
+def _potency(axes: Axes, runs: xr.Dataset) -> None:
+    steps = [str(name) for name in runs["period"].values if name != ALL]
+    potency = runs["potency"].sel(period=steps).values
+    place = np.arange(len(steps))
+    aside = np.linspace(-ACROSS, ACROSS, len(potency) - 1) if len(potency) > 2 else np.zeros(1)
+    for member, values in enumerate(potency[1:]):
+        axes.plot(
+            place + aside[member], values, "o", color=MEMBER, markersize=5.5, markeredgecolor="white",
+            markeredgewidth=0.5, label=None if member else "members",
+        )  # fmt: skip
+    axes.hlines(potency[0], place - ACROSS, place + ACROSS, color=style.MODELLED, linewidth=2.0, label="this catalogue")
+    axes.set_xticks(place, steps, rotation=0 if len(steps) < 5 else 60)
+    axes.set_xlim(-0.6, len(steps) - 0.4)
+    axes.set_ylim(0.0, 1.25 * max(potency.max(), 1e-30))
+    axes.set_title("By step")
+    axes.set_ylabel("potency of all events (m³)")
+    axes.legend(loc="upper right", ncols=2)

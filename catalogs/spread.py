@@ -1,0 +1,142 @@
+"""How far the runs of an ensemble are apart: the mine's own and its perturbed members, in numbers.
+
+Brittle failure localises: which rock fails first decides what fails next, and one run is one realisation. Members
+differ from the mine's own run at random, within what nobody can know better (mpm_core/equilibrium/perturbation.py).
+
+Layout of spread.nc
+-------------------
+Dimensions: run (0: the mine's own, then the members by number), period (the dated steps, then "all" of them),
+statistic (mean, standard_deviation, minimum, maximum: of the members alone, NaN left out), size_bin. NaN where a number
+does not exist: b of too few events, the standard deviation of one member.
+
+  potency (run, period) m3             summed scalar potency of all events, as the catalogue has it
+  particle_potency (run, period) m3    summed over failed particles: it does not depend on how they make events
+  failed_volume (run, period) m3       rock that failed in the period
+  events (run, period)                 resolved events
+  events_above_cut (run, period)       of these those that b is counted from
+  b, b_error (run, period)             of log10 potency, resolved events at or above the cut: maximum likelihood without
+                                       upper bound (catalogs.sizes.estimate_b), as in comparison.nc
+  energy_released, energy_dissipated (run, period) J
+  <name>_statistics (period, statistic)   of each of these but b_error and events_above_cut
+  size_bin_lower (size_bin) log10 P;  cumulative (run, size_bin)   resolved events of all dated steps at least so large
+Attributes: mine, members, cut (log10 P in m3, that of the mine's own catalogue, for all runs alike), cut_text,
+config_hash, source_hash, versions.
+"""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from catalogs import sizes
+from pipeline.datasets import read_dataset
+from pipeline.errors import InputError
+
+ALL = "all"
+STATISTICS = ("mean", "standard_deviation", "minimum", "maximum")
+UNITS = {
+    "potency": "m3",
+    "particle_potency": "m3",
+    "failed_volume": "m3",
+    "events": "1",
+    "b": "1",
+    "energy_released": "J",
+    "energy_dissipated": "J",
+}
+SIZE_BIN = 0.1  # of log10 P, in plots
+
+
+def gather(
+    runs: list[str | os.PathLike], catalog: xr.Dataset, comparison: xr.Dataset | None, settings: Mapping
+) -> xr.Dataset:
+    """The spread of an ensemble; layout as at the head of this module.
+
+    runs: folders with steps/<step>.nc and events/<step>.nc, the mine's own first, then the members by number; catalog,
+    comparison (None without a record): the mine's own, for the cut. settings: mine, members, steps (the dated ones).
+    Raises InputError for a missing or unreadable file, another mine's, or without members.
+    """
+    if len(runs) < 2:
+        raise InputError("ensemble: there are no members, and nothing to compare; set ensemble to 1 or more")
+    steps = list(settings["steps"])
+    cut, cut_text = _cut(catalog, comparison)
+    found = [_read_run(Path(folder), steps, settings["mine"]) for folder in runs]
+    table = {name: np.array([_totals(run, name) for run in found]) for name in found[0] if name != "sizes"}
+    groups = [[*run["sizes"], np.concatenate(run["sizes"])] for run in found]
+    table["events"] = np.array([[len(x) for x in group] for group in groups])
+    fits = [[sizes.estimate_b(x, cut) for x in group] for group in groups]
+    fitted = {
+        key: np.array([[getattr(fit, name) for fit in row] for row in fits])
+        for key, name in (("b", "b"), ("b_error", "error"), ("events_above_cut", "events"))
+    }
+    edges = sizes.cut_grid(np.concatenate([group[-1] for group in groups]), SIZE_BIN)
+    result = {
+        name: (("run", "period"), values, {"units": UNITS.get(name, "1")}) for name, values in (table | fitted).items()
+    }
+    for name, unit in UNITS.items():
+        values = statistics(np.asarray(result[name][1], float)[1:])
+        result[f"{name}_statistics"] = (("period", "statistic"), values, {"units": unit})
+    result |= {
+        "size_bin_lower": ("size_bin", edges),
+        "cumulative": (("run", "size_bin"), np.array([sizes.counts(g[-1], edges, SIZE_BIN)[1] for g in groups])),
+    }
+    coordinates = {"run": np.arange(len(runs)), "period": [*steps, ALL], "statistic": list(STATISTICS)}
+    attributes = {"mine": settings["mine"], "members": len(runs) - 1, "cut": cut, "cut_text": cut_text}
+    return xr.Dataset(result, coords=coordinates, attrs=attributes)
+
+
+def statistics(values: NDArray) -> NDArray:
+    """Mean, standard deviation, least and largest of values (member, period) along members: (period, statistic)."""
+    result = np.full((values.shape[1], len(STATISTICS)), np.nan)
+    for period, column in enumerate(values.T):
+        known = column[np.isfinite(column)]
+        if known.size:
+            deviation = known.std(ddof=1) if known.size > 1 else np.nan
+            result[period] = known.mean(), deviation, known.min(), known.max()
+    return result
+
+
+def _cut(catalog: xr.Dataset, comparison: xr.Dataset | None) -> tuple[float, str]:
+    """The cut of the mine's own catalogue, log10 P, and where it comes from."""
+    if comparison is not None:
+        return float(comparison["cut"]), comparison.attrs["cut_text"]
+    floor = float(catalog.attrs["potency_floor"])
+    if not floor > 0:
+        return np.nan, "no cut, as the model has no failed rock to set a floor"
+    return float(np.log10(floor)), f"log P >= {np.log10(floor):.2f}, the model's floor"
+
+
+def _read_run(folder: Path, steps: list[str], mine: str) -> dict[str, list]:
+    """Numbers of each step of a run, and the sizes (log10 P) of its resolved events."""
+    found: dict[str, list] = {
+        name: []
+        for name in ("potency", "particle_potency", "failed_volume", "energy_released", "energy_dissipated", "sizes")
+    }
+    for step in steps:
+        state, events = _attributes(folder / "steps" / f"{step}.nc"), read_dataset(folder / "events" / f"{step}.nc")
+        for attributes, name in ((state, "steps"), (events.attrs, "events")):
+            if attributes.get("mine") != mine:
+                raise InputError(f"{folder / name / step}.nc: is of mine {attributes.get('mine')}, not of {mine}")
+        found["potency"].append(float(events["potency"].values.sum()))
+        found["particle_potency"].append(json.loads(events.attrs["budget"])["particle_scalars"])
+        for name in ("failed_volume", "energy_released", "energy_dissipated"):
+            found[name].append(float(state[name]))
+        found["sizes"].append(sizes.log_potency(events["potency"].values[events["resolved"].values == 1]))
+    return found
+
+
+def _attributes(path: Path) -> dict:
+    """Attributes of a dataset whose fields, gigabytes of a large mine, are not read. Raises InputError."""
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as dataset:
+            return dict(dataset.attrs)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(f"{path}: not a readable dataset ({error}); delete it and run again") from error
+
+
+def _totals(run: dict[str, list], name: str) -> list[float]:
+    """Values of a quantity by period: the steps, then their sum."""
+    return [*run[name], float(np.sum(run[name]))]
