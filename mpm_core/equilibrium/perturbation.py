@@ -1,8 +1,10 @@
 """What makes a member of an ensemble: a run as defensible as the mine's own, that differs from it at random.
 
-Brittle failure localises: which rock fails first decides what fails next. Each member bears a little more before it
-fails, by place, and takes the rock of a step out in other parts. In the demo on 2.5 m cells the first moves the seismic
-potency of a month by 0.03 % (ten times as much, by 0.6 %), the second by 5 % (standard deviation).
+Brittle failure localises: which rock fails first decides what fails next. In a member rock bears a little more before
+it fails, by place, and the rock of a step is taken out in other parts. Measured on the demo with 2.5 m cells, as
+standard deviation of a month's seismic potency: the first alone 0.02 % (0.3 % with ten times as much), both 4 to 5 %.
+How many parts there are (solver.increments) moves all members alike, and is not in their spread: 4 instead of 2 take
+8 % off their mean.
 """
 
 import numpy as np

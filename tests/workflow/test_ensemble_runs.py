@@ -1,10 +1,12 @@
 """`ensemble: n` for the tiny mine: members beside results that stand, and what is gathered from them."""
 
 import numpy as np
+import pytest
 import xarray as xr
 from tiny_mines import TINY, changed, hashes, jobs, snakemake, write_mine
 
 
+@pytest.mark.slow
 def test_members_run_beside_what_stands_and_are_gathered(spoiled, base):
     """Two members of two steps each: their own steps and events on the mine's grid and elastic state, the spread, the
     report; nothing of the mine itself is made again, nor anything at a second call."""
