@@ -3,10 +3,11 @@
 import argparse
 import json
 import logging
+from contextlib import ExitStack
 from pathlib import Path
 
 from mpm_core.datasets import read_grid
-from pipeline.datasets import read_dataset, write_dataset
+from pipeline.datasets import open_dataset, read_dataset, write_dataset
 from pipeline.provenance import provenance
 from pipeline.stage import run_stage
 
@@ -31,14 +32,17 @@ def solve(arguments: argparse.Namespace) -> None:
     use_threads(arguments.threads)
     values = json.loads(arguments.scene)
     made_from = provenance(values, "mpm_core")
-    scene, grid = parse_scene(values), read_dataset(arguments.grid)
+    scene = parse_scene(values)
     failed_state = Path(arguments.output).with_suffix(".failed.npz")
-    if arguments.stage == "elastic":
-        dataset, facts = elastic_stage(scene, grid, failed_state)
-    else:
-        path = Path(arguments.output).with_suffix(".checkpoint.npz")
-        checkpoint = Checkpoint(path, key_of(made_from, arguments.grid, arguments.state))
-        dataset, facts = mining_step(scene, grid, read_dataset(arguments.state), failed_state, checkpoint)
+    with ExitStack() as files:  # gigabytes in a large mine, read once each
+        grid = files.enter_context(open_dataset(arguments.grid))
+        if arguments.stage == "elastic":
+            dataset, facts = elastic_stage(scene, grid, failed_state)
+        else:
+            before = files.enter_context(open_dataset(arguments.state))
+            path = Path(arguments.output).with_suffix(".checkpoint.npz")
+            checkpoint = Checkpoint(path, key_of(made_from, arguments.grid, arguments.state))
+            dataset, facts = mining_step(scene, grid, before, failed_state, checkpoint)
     for name, value in facts.items():
         logging.info("%s: %s", name, value)
     dataset.attrs |= made_from

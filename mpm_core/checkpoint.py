@@ -19,13 +19,15 @@ from pipeline.datasets import atomic_path
 
 PAUSE = 30.0  # s at least between two checkpoints
 SHARE = 0.03  # of the time that writing them may take
+PLACE = ("increment", "generation", "iteration", "tightened")  # where the history stands
 
 
 def key_of(provenance: dict[str, str], *inputs: Path) -> str:
     """What a checkpoint belongs to: configuration, sources and versions, and the bytes of the stage's input files."""
     digest = hashlib.sha256(repr(sorted(provenance.items())).encode())
     for path in inputs:
-        digest.update(Path(path).read_bytes())
+        with Path(path).open("rb") as file:
+            digest.update(hashlib.file_digest(file, "sha256").digest())
     return digest.hexdigest()
 
 
@@ -47,7 +49,7 @@ class Checkpoint:
         now = time.perf_counter()
         if now - self.last < max(self.pause, self.cost / SHARE):
             return
-        place = {"generation": history.generation, "increment": history.increment, "iteration": history.iteration}
+        place = {name: getattr(history, name) for name in PLACE}
         with atomic_path(self.path) as temporary, temporary.open("wb") as file:
             beside = _named("table_", history.table()) | _named("rest_", history.rest)
             np.savez(file, key=self.key, **place, **vars(state), **beside)
@@ -72,7 +74,7 @@ class Checkpoint:
                 array[:] = values[name]
             else:
                 setattr(state, name, values[name].item())
-        for name in ("generation", "increment", "iteration"):
+        for name in PLACE:
             setattr(history, name, int(values[name]))
         history.rest = {name: values[f"rest_{name}"] for name in vars(state) if f"rest_{name}" in values}
         columns = [values[f"table_{name}"].tolist() for name in COLUMNS]

@@ -22,9 +22,16 @@ CONVENTIONS = {
 
 def embed(values: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
     """Vectors (n, d) of the computation's axes as (n, 3) of the mine's frame, 0 out of plane."""
+    if values.shape[-1] == 3:
+        return values
     result = np.zeros((*values.shape[:-1], 3))
     result[..., list(axes)] = values
     return result
+
+
+def reorder(tensors: np.ndarray, voigt: list[int]) -> np.ndarray:
+    """Components (n, 6) in another order; the array itself where it is the same."""
+    return tensors if voigt == sorted(voigt) else tensors[:, voigt]
 
 
 def grid_dataset(
@@ -119,14 +126,14 @@ def state_dataset(
         "material": particles.material,
         "excavation": particles.excavation,
         "displacement": embed(displacement, axes),
-        "stress": np.where(present, state.stress + model.insitu, 0.0)[:, voigt],
+        "stress": reorder(np.where(present, state.stress + model.insitu, 0.0), voigt),
         "failed": state.failed,
         "failure_order": state.failure_order,
-        "seismic_strain": state.seismic_strain[:, voigt],
-        "overshoot_strain": state.overshoot_strain[:, voigt],
-        "later_strain": state.later_strain[:, voigt],
-        "plastic_strain_step": step_strain[:, voigt],
-        "plastic_strain": (state.plastic_strain + step_strain)[:, voigt],
+        "seismic_strain": reorder(state.seismic_strain, voigt),
+        "overshoot_strain": reorder(state.overshoot_strain, voigt),
+        "later_strain": reorder(state.later_strain, voigt),
+        "plastic_strain_step": reorder(step_strain, voigt),
+        "plastic_strain": reorder(state.plastic_strain + step_strain, voigt),
         "strength_factor": rating[0],
         "excess_shear_stress": rating[1],
         "node_displacement": embed(state.displacement, axes),
@@ -163,10 +170,10 @@ def read_state(dataset: xr.Dataset, model: Model) -> State:
     if not same or not np.array_equal(dataset[seeded].values, getattr(particles, seeded)[:before]):
         raise InputError("the state of the step before belongs to another grid; run the pipeline from the grid")
     state = model.virgin_state()
-    state.stress[:before] = dataset.stress.values[:, voigt] - model.insitu[:before]
+    np.subtract(reorder(dataset.stress.values, voigt), model.insitu[:before], out=state.stress[:before])
     state.failed[:before] = dataset.failed.values
     state.failure_order[:before] = dataset.failure_order.values
-    state.plastic_strain[:before] = dataset.plastic_strain.values[:, voigt]
+    state.plastic_strain[:before] = reorder(dataset.plastic_strain.values, voigt)
     state.displacement[:] = dataset.node_displacement.values[:, axes]
     state.velocity[:] = dataset.node_velocity.values[:, axes]
     state.hourglass_force[:] = dataset.hourglass_force.values[..., axes]

@@ -40,7 +40,8 @@ def external_force(model: "Model", step: int) -> np.ndarray:
         if load.since <= step:
             force += load_force(model, load, np.where(rock, volume, 0.0))
     nodal = np.zeros((len(model.grid.node_index), model.dimension))
-    _spread(model, model.insitu * missing[:, None], force, nodal)
+    acting = np.flatnonzero((missing != 0.0) | force.any(axis=1))
+    _spread(model, acting, model.insitu[acting] * missing[acting, None], force[acting], nodal)
     _add_lost_traction(model, nodal, 1.0 - model.rock_share(step))
     collect_to_parents(model.grid.node_parents, nodal)
     nodal[model.held] = 0.0
@@ -75,10 +76,10 @@ def load_force(model: "Model", load: Load, rock_volume: np.ndarray) -> np.ndarra
     return (share * load.force / np.where(distance > 0.0, distance, 1.0))[:, None] * way
 
 
-def _spread(model: "Model", stress_volume: np.ndarray, force: np.ndarray, nodal: np.ndarray) -> None:
-    """Add B^T (sigma V) + N^T f to nodal (node, d) N: sigma V (particle, 6) N m, f (particle, d) N."""
-    particles = model.particles
-    particle_loads(model.cell_nodes, model.grid.cell_size, particles.cell, particles.xi, stress_volume, force, nodal)
+def _spread(model: "Model", chosen, stress_volume: np.ndarray, force: np.ndarray, nodal: np.ndarray) -> None:
+    """Add B^T (sigma V) + N^T f of chosen particles (k,) to nodal (node, d) N: sigma V (k, 6) N m, f (k, d) N."""
+    cell, xi = model.particles.cell[chosen], model.particles.xi[chosen]
+    particle_loads(model.cell_nodes, model.grid.cell_size, cell, xi, stress_volume, force, nodal)
 
 
 def _require_balance(model: "Model", force: np.ndarray) -> None:
@@ -142,7 +143,8 @@ def strain_reaction(model: "Model", strain: np.ndarray, step: int) -> np.ndarray
         stress = 2.0 * shear[:, None] * voigt
         stress[:, :3] += (lame * np.trace(tensor))[:, None]
         volume = model.volumes(step)
-        _spread(model, stress * volume[:, None], np.zeros((len(volume), model.dimension)), nodal)
+        every = np.arange(len(volume))
+        _spread(model, every, stress * volume[:, None], np.zeros((len(volume), model.dimension)), nodal)
         collect_to_parents(model.grid.node_parents, nodal)
         nodal[~model.held] = 0.0
     return nodal

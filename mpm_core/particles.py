@@ -172,14 +172,16 @@ def volumes(particles: Particles, pieces: Pieces, scene: Scene, cells: int, step
     """Volume of each particle's own material once `step` is mined and filled: (particle,) m3, 0 where there is none."""
     mined = mined_samples(pieces, scene, cells, step)
     owned = ~mined[particles.cell]
+    fill = np.flatnonzero(~particles.is_rock)
+    bits = np.zeros(cells, np.uint64)
     for index, excavation in enumerate(scene.excavations):
-        mine = particles.excavation == index
-        if mine.any():
-            bits = np.zeros(cells, np.uint64)
+        mine = fill[particles.excavation[fill] == index]
+        if len(mine):
             part = pieces.excavation == index
             bits[pieces.cell[part]] = pieces.samples[part]
             placed = 0 <= excavation.filled <= step
             owned[mine] = bits[particles.cell[mine]] if placed else np.uint64(0)
+            bits[pieces.cell[part]] = 0
     share = np.bitwise_count(owned) / SAMPLES
     single = particles.sample >= 0
     bit = (owned[single] >> particles.sample[single].astype(np.uint64)) & np.uint64(1)

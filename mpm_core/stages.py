@@ -150,6 +150,7 @@ def finish(
 ) -> tuple[xr.Dataset, dict]:
     """Rate the state against strength and put it into its dataset; the second value is what the log reports."""
     model, state, volume = scheme.model, scheme.state, scheme.volume
+    scheme.drop_work_arrays()  # as large as what is written now
     scene = model.scene
     rating = rate(model, state, volume)
     here = (state.failed == step) & (volume > 0.0) & (stage == "step")

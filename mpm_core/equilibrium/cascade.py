@@ -1,6 +1,9 @@
 """The brittle cascade: rock fails where it stands above strength at rest, comes to rest again, and so on.
 
-Between two generations of failure a loose tolerance is enough; the stage ends at full tolerance with a last look.
+Between two generations of failure a loose tolerance is enough. Once nothing fails at it any more, it is tightened by
+steps, with a look after each: what then still fails is little, and is at rest again soon. (Back to the loose tolerance
+after each late failure, and to the full one for another look: twice the iterations in the demo mine.) A stage ends
+with a look at full tolerance.
 Intact rock is elastic in between, so what fails does not depend on the scheme's way to rest.
 
 All rock above strength fails at once, or (solver.weakest_first) the weakest first: its failure may relieve the rest. A
@@ -15,9 +18,11 @@ import numpy as np
 
 from mpm_core.equilibrium.convergence import History, NoRest
 from mpm_core.equilibrium.perturbation import borne_overstress, lateness
-from mpm_core.kernels.failure import drop, overstress_of
+from mpm_core.kernels.failure import any_neighbor, drop, overstress_of
 from mpm_core.model import Model, State
 from pipeline.errors import InputError
+
+TIGHTER = 4.0  # between two tolerances of the last increment
 
 
 @dataclass(frozen=True)
@@ -72,13 +77,8 @@ def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
     broken[model.particles.cell[(state.failed >= 0) & brittle.present]] = True
     broken[model.particles.cell[sound]] = True
     intact = brittle.sliver[state.failed[brittle.sliver] < 0]
-    beside = np.array(
-        [
-            broken[brittle.neighbors[brittle.neighbor_start[cell] : brittle.neighbor_start[cell + 1]]].any()
-            for cell in model.particles.cell[intact]
-        ],
-        bool,
-    )
+    beside = np.empty(len(intact), bool)
+    any_neighbor(model.particles.cell[intact], brittle.neighbor_start, brittle.neighbors, broken, beside)
     sliver = above_strength(model, state, intact[beside], brittle.borne)
     return np.sort(np.concatenate([sound, sliver]))
 
@@ -186,16 +186,17 @@ def run_cascade(
         if increment != resumed:
             if ramp.strain.any():
                 scheme.deform(ramp.strain * (1.0 + late[increment] - late[increment - 1]) / solver.increments)
-            history.increment, history.generation = increment, 0
+            history.increment, history.generation, history.tightened = increment, 0, 0
         last = increment == solver.increments
-        more = True
         try:
-            while more:
-                scheme.relax(external, loose, reference, history)
-                more = look(increment)
-                if last and not more:
-                    scheme.relax(external, solver.tolerance, reference, history)
-                    more = look(increment)
+            while True:
+                tolerance = max(loose / TIGHTER**history.tightened, solver.tolerance)
+                scheme.relax(external, tolerance, reference, history)
+                if look(increment):
+                    continue
+                if not last or tolerance == solver.tolerance:
+                    break
+                history.tightened += 1
         except NoRest:
             if not history.rest:
                 raise

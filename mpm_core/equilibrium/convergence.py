@@ -30,6 +30,7 @@ class History:
     iteration: int = 0
     increment: int = 0
     generation: int = 0
+    tightened: int = 0  # how often the tolerance between generations has been tightened in this increment
     bar: tqdm | None = None
     rest: dict[str, np.ndarray] = field(default_factory=dict)  # the last state of rest, where it may be the result
     since: tuple = (None, 0.0, 0.0)  # generation, clock and ratio from which the pace is taken

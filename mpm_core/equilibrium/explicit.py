@@ -102,6 +102,10 @@ class ExplicitScheme:
             state.dissipated[self.flowing],
         )
 
+    def drop_work_arrays(self) -> None:
+        """Nothing more is to be relaxed."""
+        self.slot_force = np.empty((0, self.model.dimension))
+
     def go_back(self, rest: dict[str, np.ndarray]) -> None:
         """Return to a settled state kept earlier, its arrays by name; what has flowed since then is forgotten."""
         for name, value in rest.items():

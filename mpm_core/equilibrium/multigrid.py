@@ -15,7 +15,7 @@ import numpy as np
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.kernels.nodes import spread_to_hanging
-from mpm_core.kernels.operator_rows import add_scaled, product
+from mpm_core.kernels.operator_rows import product
 from mpm_core.model import Model, State
 from mpm_core.multigrid.anderson import Anderson
 from mpm_core.multigrid.solver import ElasticSolver
@@ -46,6 +46,11 @@ class MultigridScheme(ExplicitScheme):
         single = model.scene.particles_per_cell == 1
         kappa = model.scene.solver.hourglass if single else np.inf
         self.solver.set_stiffness(cells, kappa, model.is_held(volume))
+
+    def drop_work_arrays(self) -> None:
+        """Nothing more is to be relaxed."""
+        super().drop_work_arrays()
+        del self.solver, self.anderson
 
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         """Bring the 2-norm of the unbalanced force at free nodes to at most tolerance * reference (N).
@@ -97,10 +102,8 @@ class MultigridScheme(ExplicitScheme):
             if ratio > WORSE * smallest:
                 anderson.forget()
                 smallest = ratio
-            anderson.note(residual, step)
-            anderson.reduce(residual, step)
             size = np.sqrt(product(residual, residual))
-            add_scaled(size, solver.precondition(residual, size), step)
+            anderson.turn(residual, solver.precondition(residual, size), size, step)
             if not np.isfinite(product(step, step)):
                 return False
             self._move(solver.to_nodes(step))

@@ -61,22 +61,46 @@ def _assign_slots(block_start, cell_nodes, nodes):
     return cell_slots, slot_start, slot_node[:count].copy()
 
 
+@njit(cache=True)
+def _list_sums(slot_node, node_parents, free_nodes):
+    """(sum_start, sum_slots, sum_weights) of the free nodes, each one's slots ascending."""
+    rank = np.full(len(node_parents), -1, np.int64)
+    for i in range(len(free_nodes)):
+        rank[free_nodes[i]] = i
+    start = np.zeros(len(free_nodes) + 1, np.int64)
+    for node in slot_node:
+        if rank[node] >= 0:
+            start[rank[node] + 1] += 1
+        else:
+            for parent in node_parents[node]:
+                if parent >= 0:
+                    start[rank[parent] + 1] += 1
+    start = np.cumsum(start)
+    room = start[:-1].copy()
+    slots, weights = np.empty(start[-1], np.int32), np.empty(start[-1])
+    for slot in range(len(slot_node)):
+        node = slot_node[slot]
+        if rank[node] >= 0:
+            slots[room[rank[node]]], weights[room[rank[node]]] = slot, 1.0
+            room[rank[node]] += 1
+            continue
+        count = 0
+        for parent in node_parents[node]:
+            count += parent >= 0
+        for parent in node_parents[node]:
+            if parent >= 0:
+                slots[room[rank[parent]]], weights[room[rank[parent]]] = slot, 1.0 / count
+                room[rank[parent]] += 1
+    return start, slots, weights
+
+
 def build_scatter(cell_nodes: np.ndarray, node_parents: np.ndarray) -> Scatter:
     """Blocks and sums for a grid: cell_nodes (cell, corner), node_parents (node, parent) with -1 padding."""
     cells, nodes = len(cell_nodes), len(node_parents)
     block_start = np.append(np.arange(0, cells, CELLS_PER_BLOCK), cells).astype(np.int64)
     cell_slots, slot_start, slot_node = _assign_slots(block_start, cell_nodes, nodes)
 
-    parents = node_parents[slot_node]
-    hanging = parents[:, 0] >= 0
-    own = np.flatnonzero(~hanging)
-    child, which = np.nonzero(parents >= 0)
-    weight = 1.0 / np.maximum((node_parents >= 0).sum(1), 1)
-    target = np.concatenate([slot_node[own], parents[child, which]])
-    slot = np.concatenate([own, child]).astype(np.int32)
-    weights = np.concatenate([np.ones(len(own)), weight[slot_node[child]]])
-
-    order = np.lexsort((slot, target))
     free_nodes = np.flatnonzero(node_parents[:, 0] < 0).astype(np.int32)
-    sum_start = np.searchsorted(target[order], np.append(free_nodes, nodes)).astype(np.int64)
-    return Scatter(block_start, slot_start, cell_slots, free_nodes, sum_start, slot[order], weights[order])
+    return Scatter(
+        block_start, slot_start, cell_slots, free_nodes, *_list_sums(slot_node, node_parents, free_nodes)
+    )  # fmt: skip

@@ -33,6 +33,15 @@ def overstress_of(candidates, stress, insitu, material, rows, excess):
             excess[i] = overstress(xx, yy, zz, yz, xz, xy, row)
 
 
+@njit(parallel=True, cache=True)
+def any_neighbor(cells, neighbor_start, neighbors, chosen, found):
+    """Whether any neighbour of the cells (k,) is among the chosen (cell,) bool: found (k,) bool, written."""
+    for i in prange(len(cells)):
+        found[i] = False
+        for link in range(neighbor_start[cells[i]], neighbor_start[cells[i] + 1]):
+            found[i] |= chosen[neighbors[link]]
+
+
 @njit(error_model="numpy", cache=True)
 def drop(
     particles,

@@ -110,6 +110,26 @@ PROLONG = {dimension: make_prolong(width) for dimension, width in POINT_WIDTH.it
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
+def take_from_nodes(row_node, inverse_diagonal, width, values, rows):
+    """Values at nodes (node, d) to rows (row * width,), written; 0 on copies and where D^-1 is 0."""
+    for row in prange(len(row_node)):
+        for k in range(width):
+            element = row * width + k
+            if k < values.shape[1] and inverse_diagonal[element] != 0.0:
+                rows[element] = values[row_node[row], k]
+            else:
+                rows[element] = 0.0
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def give_to_nodes(node_row, width, rows, values):
+    """Own rows to values at nodes (node, d), written; hanging nodes get what stands in their copy."""
+    for node in prange(len(node_row)):
+        for k in range(values.shape[1]):
+            values[node, k] = rows[node_row[node] * width + k]
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
 def smooth_first(inverse_diagonal, factor, add, residual, step, solution):
     """First step of a smoother: step = factor D^-1 residual, the solution itself or added to it. All (element,)."""
     for i in prange(len(step)):

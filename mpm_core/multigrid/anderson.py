@@ -1,42 +1,70 @@
 """Anderson acceleration (Walker and Ni 2011): the next step from the residuals of the last few.
 
-Of the latest displacements, the combination is taken whose residual would be the smallest if the residual were linear
-in between; the preconditioner then sees only what is left. For a linear problem that is restarted GMRES with the
-preconditioner on the right (Saad 2003, section 9.3.2). Differences are kept in single precision.
+Of the latest displacements, the combination is taken whose residual r would be the smallest if the residual were linear
+in between, measured by r . M r with the preconditioner M: about twice the elastic energy of the displacement that is
+still missing. (The 2-norm of r instead takes up to twice the cycles in brittle rings: it counts stiff cells most.) For
+a linear symmetric problem that is the iterate of conjugate gradients, restarted. Differences are kept in single
+precision.
 """
 
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.kernels.operator_rows import product
+from mpm_core.kernels.operator_rows import CHUNK
 
 SMALLEST = 1e-7  # share of the largest: combinations of differences that are smaller than their rounding are left out
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def _keep_difference(after, before, kept):
-    """kept (element,) float32 = after - before, written."""
-    for i in prange(len(kept)):
-        kept[i] = after[i] - before[i]
+def _note(residual, correction, size, step, residual_before, correction_before, change, move):
+    """What the last step has changed in the residual, the preconditioned residual, and the way on from there.
+
+    All (element,). residual_before becomes the change of the residual, correction_before what size times correction is
+    now; change: of the latter; move: step plus change, both written.
+    """
+    for i in prange(len(change)):
+        residual_before[i] = residual[i] - residual_before[i]
+        now = size * correction[i]
+        change[i] = now - correction_before[i]
+        move[i] = step[i] + change[i]
+        correction_before[i] = now
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def _subtract_combination(kept, weights, values):
-    """values (element,) -= sum of weights (k,) times kept (k, element), in place."""
-    for i in prange(len(values)):
-        total = 0.0
+def _products(changes, difference, residual, sums):
+    """Sums (chunk, 2, k): of changes (k, element) times the residual's change, and times the residual (element,)."""
+    for chunk in prange(len(sums)):
+        first, last = chunk * CHUNK, min((chunk + 1) * CHUNK, len(residual))
+        for k in range(len(changes)):
+            with_difference, with_residual = 0.0, 0.0
+            for i in range(first, last):
+                with_difference += changes[k, i] * difference[i]
+                with_residual += changes[k, i] * residual[i]
+            sums[chunk, 0, k], sums[chunk, 1, k] = with_difference, with_residual
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def _combine(correction, weights, moves, residual, step, residual_before):
+    """step (element,) = correction - sum of weights (k,) times moves (k, element); residual_before = residual."""
+    for i in prange(len(step)):
+        total = correction[i]
         for k in range(len(weights)):
-            total += weights[k] * kept[k, i]
-        values[i] -= total
+            total -= weights[k] * moves[k, i]
+        step[i] = total
+        residual_before[i] = residual[i]
 
 
 class Anderson:
-    """Differences of the last `depth` steps and of their residuals, flat arrays of `size` elements."""
+    """The last `depth` steps and what they have changed; flat arrays of `size` elements.
+
+    changes: of the preconditioned residual; moves: steps plus those; gram (depth, depth): products of changes of the
+    residual with those of the preconditioned one.
+    """
 
     def __init__(self, size: int, depth: int):
-        self.steps = np.zeros((depth, size), np.float32)
         self.changes = np.zeros((depth, size), np.float32)
-        self.before = np.empty(size)
+        self.moves = np.zeros((depth, size), np.float32)
+        self.residual, self.correction = np.zeros(size), np.zeros(size)
         self.gram = np.zeros((depth, depth))
         self.forget()
 
@@ -44,29 +72,30 @@ class Anderson:
         """Begin anew."""
         self.count = 0
 
-    def note(self, residual: np.ndarray, step: np.ndarray) -> None:
-        """Take in the residual (element,) that a step has led to; the first residual since `forget` has no step."""
-        if self.count > 0:
-            depth = len(self.steps)
-            place = (self.count - 1) % depth
-            self.steps[place] = step
-            _keep_difference(residual, self.before, self.changes[place])
-            for other in range(min(self.count, depth)):
-                value = product(self.changes[place], self.changes[other])
-                self.gram[place, other] = self.gram[other, place] = value
-        self.before[:] = residual
+    def turn(self, residual: np.ndarray, correction: np.ndarray, size: float, step: np.ndarray) -> None:
+        """Replace the last step (element,) by the next one; after `forget` the last one does not matter.
+
+        residual: where the last step has led; correction times size: M residual.
+        """
+        depth = len(self.moves)
+        place, known = (self.count - 1) % depth, min(self.count, depth)
+        _note(
+            residual, correction, size, step, self.residual, self.correction, self.changes[place], self.moves[place]
+        )  # fmt: skip
+        sums = np.empty((-(-len(residual) // CHUNK), 2, known))
+        _products(self.changes[:known], self.residual, residual, sums)
+        with_difference, shares = sums.sum(axis=0)
+        if known:
+            self.gram[place, :known] = self.gram[:known, place] = with_difference
+        _combine(self.correction, self._weights(shares), self.moves[:known], residual, step, self.residual)
         self.count += 1
 
-    def reduce(self, residual: np.ndarray, step: np.ndarray) -> None:
-        """Replace residual and step (element,) by those of the best combination: what is left, and the way there."""
-        step[:] = 0.0
-        known = min(self.count - 1, len(self.steps))
-        if known <= 0:
-            return
-        size = np.sqrt(np.diag(self.gram)[:known])
+    def _weights(self, shares: np.ndarray) -> np.ndarray:
+        """How much of each of the latest moves to take back, from its products with the residual, both (k,)."""
+        known = len(shares)
+        if not known:
+            return shares
+        size = np.sqrt(np.maximum(np.diag(self.gram)[:known], 0.0))
         size = np.where(size > 0.0, size, 1.0)
-        shares = np.array([product(self.changes[k], residual) for k in range(known)]) / size
         gram = self.gram[:known, :known] / size[:, None] / size
-        weights = np.linalg.lstsq(gram, shares, rcond=SMALLEST)[0] / size
-        _subtract_combination(self.changes[:known], weights, residual)
-        _subtract_combination(self.steps[:known], weights, step)
+        return np.linalg.lstsq(gram, shares / size, rcond=SMALLEST)[0] / size

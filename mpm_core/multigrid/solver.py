@@ -6,7 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpm_core.grid.mesh import MultiLevelGrid
-from mpm_core.kernels.operator_rows import add_scaled, mask, product, scale_residual, turn_direction
+from mpm_core.kernels.operator_rows import (
+    add_scaled,
+    give_to_nodes,
+    mask,
+    product,
+    scale_residual,
+    take_from_nodes,
+    turn_direction,
+)
 from mpm_core.multigrid.hierarchy import Hierarchy
 from mpm_core.multigrid.level import Operator
 from mpm_core.multigrid.stiffness import ElasticCells
@@ -44,16 +52,16 @@ class ElasticSolver:
     def to_rows(self, values: np.ndarray) -> np.ndarray:
         """Values at nodes (node, d) as a flat array; 0 on copies, held components and where nothing is attached."""
         rows = self.operator.zeros()
-        families = self.finest.families
-        rows.reshape(families.rows, -1)[families.node_row, : values.shape[1]] = values
-        mask(self.finest.inverse_diagonal, rows)
+        take_from_nodes(self.finest.families.row_node, self.finest.inverse_diagonal, self.operator.width, values, rows)
         return rows
 
     def to_nodes(self, rows: np.ndarray) -> np.ndarray:
         """Values at nodes (node, d), hanging ones too, from a flat array, whose copies are filled in."""
-        families = self.finest.families
         self.operator.spread(rows)
-        return rows.reshape(families.rows, -1)[families.node_row, : self.finest.grid.dimension]
+        grid = self.finest.grid
+        values = np.empty((len(grid.node_parents), grid.dimension))
+        give_to_nodes(self.finest.families.node_row, self.operator.width, rows, values)
+        return values
 
     def precondition(self, residual: np.ndarray, size: float) -> np.ndarray:
         """One V-cycle: the solution (float32, an array of the finest level) times `size` approximates A^-1 residual.
