@@ -119,17 +119,22 @@ class ExplicitScheme:
         start = self.model.particles.group_start
         return np.repeat(np.arange(len(start) - 1), np.diff(start))
 
-    def _update(self, time_step: float) -> None:
-        model, particles, state, scatter = self.model, self.model.particles, self.state, self.model.scatter
+    def _take_back_flow(self) -> None:
+        """Stress of failed rock as if it had not flowed since flow was last counted anew."""
+        model, state = self.model, self.state
         take_back_flow(
             self.flowing,
             *self.flow_start[1:],
-            particles.material,
+            model.particles.material,
             model.elastic_constants,
             state.stress,
             state.later_strain,
             state.dissipated,
         )
+
+    def _update(self, time_step: float) -> None:
+        model, particles, state, scatter = self.model, self.model.particles, self.state, self.model.scatter
+        self._take_back_flow()
         UPDATE[model.dimension](
             scatter.block_start,
             scatter.slot_start,

@@ -15,9 +15,10 @@ import numpy as np
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.kernels.nodes import spread_to_hanging
-from mpm_core.kernels.operator_rows import product
+from mpm_core.kernels.operator_rows import balance, subtract, take_step
 from mpm_core.model import Model, State
 from mpm_core.multigrid.anderson import Anderson
+from mpm_core.multigrid.flow import FlowForces
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import elastic_cells
 
@@ -26,6 +27,7 @@ SOLUTIONS = 5  # elastic solutions, each for what round-off of the one before ha
 SHARE = 0.5  # of the tolerance that a solution is asked for: its residual is not the last word
 DEPTH = 8  # of Anderson acceleration; 4 takes a third more cycles, 16 a tenth fewer
 FLOW_CYCLES = 400  # V-cycles of one relaxation with flow, before explicit steps take over
+SAFE = 1.0 - 1e-6  # of the tolerance: the forces of the stress that follows differ by round-off
 WORSE = 10.0  # times the smallest residual so far: forget the way there
 
 
@@ -35,6 +37,8 @@ class MultigridScheme(ExplicitScheme):
     def __init__(self, model: Model, state: State, volume: np.ndarray):
         self.solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
         self.anderson: Anderson | None = None
+        self.flow: FlowForces | None = None
+        self.softened = np.empty(0, np.int32)  # cells whose hourglass stiffness is that of failed rock
         super().__init__(model, state, volume)
         state.velocity[:] = 0.0
 
@@ -47,10 +51,20 @@ class MultigridScheme(ExplicitScheme):
         kappa = model.scene.solver.hourglass if single else np.inf
         self.solver.set_stiffness(cells, kappa, model.is_held(volume))
 
+    def set_failed(self) -> None:
+        """Take over which particles have failed."""
+        super().set_failed()
+        self.flow = None
+        failed = self.model.particles.cell[self.flowing]
+        changed = np.union1d(failed, self.softened)  # those that a return to an earlier state makes whole, too
+        changed = changed[self.hourglass[changed] > 0.0]  # cells with lone particles only
+        self.solver.operator.set_hourglass(changed, self.hourglass[changed] / (1 << self.model.dimension) ** 2)
+        self.softened = failed
+
     def drop_work_arrays(self) -> None:
         """Nothing more is to be relaxed."""
         super().drop_work_arrays()
-        del self.solver, self.anderson
+        del self.solver, self.anderson, self.flow
 
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         """Bring the 2-norm of the unbalanced force at free nodes to at most tolerance * reference (N).
@@ -89,30 +103,67 @@ class MultigridScheme(ExplicitScheme):
         return False
 
     def _flow(self, external, ratio: float, tolerance: float, reference: float, history: History) -> bool:
-        """Rock that flows: Anderson acceleration. Whether the tolerance (ratio) is reached."""
-        solver = self.solver
-        step = solver.operator.zeros()
-        if self.anderson is None:
-            self.anderson = Anderson(len(step), DEPTH)
-        anderson = self.anderson
-        anderson.forget()
-        smallest = ratio
-        for _ in range(FLOW_CYCLES):
-            residual = solver.to_rows(self.unbalanced)
-            if ratio > WORSE * smallest:
-                anderson.forget()
-                smallest = ratio
-            size = np.sqrt(product(residual, residual))
-            anderson.turn(residual, solver.precondition(residual, size), size, step)
-            if not np.isfinite(product(step, step)):
+        """Rock that flows: Anderson acceleration. Whether the tolerance (ratio) is reached.
+
+        On the way only displacement and forces are kept, on the operator's rows: elastic ones, and what failed rock
+        does not carry of them. Stress is updated at the end.
+        """
+        for _ in range(SOLUTIONS):
+            displacement = self._flow_to_rest(ratio, tolerance, reference, history)
+            if displacement is None:
+                self._update(0.0)
                 return False
-            self._move(solver.to_nodes(step))
-            self._count(history)
+            self._move(self.solver.to_nodes(displacement))
             ratio = self._look(external, reference, history)
-            smallest = min(smallest, ratio)
             if ratio <= tolerance:
                 return True
         return False
+
+    def _flow_to_rest(self, ratio: float, tolerance: float, reference: float, history: History) -> np.ndarray | None:
+        """Displacement (element,) to where residuals are at most tolerance * reference; None where it is not found."""
+        solver, operator, flow = self.solver, self.solver.operator, self._flow_forces()
+        free = solver.finest.inverse_diagonal
+        displacement, step, force, residual = (operator.zeros() for _ in range(4))
+        elastic = solver.to_rows(self.unbalanced)
+        self._take_back_flow()
+        flow.begin(self.state)
+        flow.add(operator, displacement, force)
+        operator.collect(force)
+        subtract(free, force, elastic)  # as if nothing had flowed
+        size, _ = balance(free, elastic, force, residual)
+        anderson = self._anderson(len(step))
+        smallest = ratio
+        for _ in range(FLOW_CYCLES):
+            if ratio > WORSE * smallest:
+                anderson.forget()
+                smallest = ratio
+            anderson.turn(residual, solver.precondition(residual, size), size, step)
+            operator.apply(step, force)
+            take_step(free, step, displacement, force, elastic)
+            flow.add(operator, displacement, force)
+            operator.collect(force)
+            size, largest = balance(free, elastic, force, residual)
+            ratio = size / reference
+            if not np.isfinite(ratio):
+                return None
+            self._count(history)
+            history.check(ratio, largest / reference)
+            smallest = min(smallest, ratio)
+            if ratio <= SAFE * tolerance:
+                return displacement
+        return None
+
+    def _flow_forces(self) -> FlowForces:
+        """Of the rock that has failed by now."""
+        if self.flow is None:
+            self.flow = FlowForces(self.model, self.solver.finest.families, self.flowing, self.volume)
+        return self.flow
+
+    def _anderson(self, size: int) -> Anderson:
+        if self.anderson is None:
+            self.anderson = Anderson(size, DEPTH)
+        self.anderson.forget()
+        return self.anderson
 
     def _count(self, history: History) -> None:
         history.iteration += 1

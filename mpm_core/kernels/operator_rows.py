@@ -195,6 +195,37 @@ def _chunk_products(first, second, sums):
         sums[chunk] = total
 
 
+@njit(parallel=True, error_model="numpy", cache=True)
+def take_step(inverse_diagonal, step, displacement, force, elastic):
+    """displacement += step, and elastic -= force where D^-1 is not 0; force becomes 0. All (element,)."""
+    for i in prange(len(step)):
+        displacement[i] += step[i]
+        if inverse_diagonal[i] != 0.0:
+            elastic[i] -= force[i]
+        force[i] = 0.0
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def _balance(inverse_diagonal, elastic, flow, residual, sums, largest):
+    """residual = elastic + flow, 0 where D^-1 is 0; by chunk: its square, summed, and its largest size."""
+    for chunk in prange(len(sums)):
+        total, size = 0.0, 0.0
+        for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(residual))):
+            force = elastic[i] + flow[i] if inverse_diagonal[i] != 0.0 else 0.0
+            residual[i] = force
+            total += force * force
+            size = max(size, abs(force))
+        sums[chunk], largest[chunk] = total, size
+
+
+def balance(inverse_diagonal, elastic: np.ndarray, flow: np.ndarray, residual: np.ndarray) -> tuple[float, float]:
+    """residual (element,) = elastic + flow, 0 where D^-1 is 0, written; its 2-norm and its largest size."""
+    sums = np.empty(-(-len(residual) // CHUNK))
+    largest = np.empty_like(sums)
+    _balance(inverse_diagonal, elastic, flow, residual, sums, largest)
+    return float(np.sqrt(sums.sum())), float(largest.max())
+
+
 def product(first: np.ndarray, second: np.ndarray) -> float:
     """Scalar product of two flat arrays, the same bits with any number of threads."""
     sums = np.empty(-(-len(first) // CHUNK))

@@ -52,6 +52,17 @@ class Families:
         """Number of rows."""
         return int(self.row_start[-1])
 
+    def corner_rows(self, cells: np.ndarray) -> np.ndarray:
+        """Rows of the corners of some cells, in the blocks of these cells: (k, 2^d) int32, bit order."""
+        dimension = round(np.log(self.places.shape[1]) / np.log(3))
+        corners = 1 << dimension
+        slot, lane = self.cell_place[cells] // LANES, self.cell_place[cells] % LANES
+        child = slot % corners
+        position = np.zeros((len(cells), corners), np.int64)
+        for axis in range(dimension - 1, -1, -1):
+            position = 3 * position + (child[:, None] >> axis & 1) + (np.arange(corners) >> axis & 1)
+        return self.places[slot[:, None] // corners, position, lane[:, None]]
+
 
 @njit(cache=True)
 def _gather_families(cell_index, cell_width):

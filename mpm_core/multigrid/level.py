@@ -102,14 +102,14 @@ class Operator:
         self.set_constants(constants)
         slot = families.cell_place[cells.irregular] // LANES
         order = np.argsort(slot, kind="stable")
-        slot, lane = slot[order], families.cell_place[cells.irregular[order]] % LANES
-        child = slot % corners
-        position = np.zeros((len(slot), corners), np.int64)
-        for axis in range(self.dimension - 1, -1, -1):
-            position = 3 * position + (child[:, None] >> axis & 1) + (np.arange(corners) >> axis & 1)
-        self.cell_rows = families.places[slot[:, None] // corners, position, lane[:, None]]
-        self.block_cells = np.searchsorted(slot // corners, families.batch_start)
+        self.cell_rows = families.corner_rows(cells.irregular[order])
+        self.block_cells = np.searchsorted(slot[order] // corners, families.batch_start)
         self.stiffness = cells.stiffness[order].astype(self.precision)
+
+    def set_hourglass(self, cells: np.ndarray, constants: np.ndarray) -> None:
+        """Take over g (k,) of some cells (k,), regular ones."""
+        place = self.families.cell_place[cells]
+        self.constants[place // LANES, 2, place % LANES] = constants
 
     def in_double_precision(self) -> "Operator":
         """The same operator in float64."""
