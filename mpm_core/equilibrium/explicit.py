@@ -25,7 +25,7 @@ import numpy as np
 
 from mpm_core.equilibrium.convergence import History, NoRest, norm
 from mpm_core.kernels.flow import dissipate, take_back_flow
-from mpm_core.kernels.nodes import advance_nodes, collect_to_parents, spread_to_hanging
+from mpm_core.kernels.nodes import advance_nodes, collect_to_parents, largest_difference, spread_to_hanging
 from mpm_core.kernels.resting import UPDATE
 from mpm_core.model import Model, State
 
@@ -77,19 +77,29 @@ class ExplicitScheme:
         self.density = density
         self.particle_mass = density * volume
         self.mass = nodal_mass(model, self.particle_mass)
+        self.body_is_held = model.is_held(volume)
+        every = np.arange(particles.count)
+        self.intact_hourglass = np.bincount(particles.cell, self._hourglass_of(every), minlength=len(model.cell_nodes))
         self.set_failed()
 
     def set_failed(self) -> None:
         """Take over which particles have failed."""
-        model, particles = self.model, self.model.particles
         self.failed = self.state.failed >= 0
-        lame, shear = model.elastic_constants[particles.material].T
-        stiffness = 4.0 * model.scene.solver.hourglass * (lame + 2.0 * shear) * self.volume
-        stiffness /= model.grid.cell_size[particles.cell] ** 2
-        stiffness[self.failed] *= FAILED_HOURGLASS
-        alone = np.diff(particles.group_start)[self._group_of_particle()] == 1
-        self.hourglass = np.bincount(particles.cell[alone], stiffness[alone], minlength=len(model.cell_nodes))
         self.settle()
+        cell = self.model.particles.cell[self.flowing]
+        self.hourglass = self.intact_hourglass.copy()
+        np.subtract.at(self.hourglass, cell, (1.0 - FAILED_HOURGLASS) * self._hourglass_of(self.flowing))
+
+    def _hourglass_of(self, chosen: np.ndarray) -> np.ndarray:
+        """Hourglass stiffness that intact particles (k,), indices, give their cells, N/m; 0 where they have company."""
+        model, particles = self.model, self.model.particles
+        lame, shear = model.elastic_constants[particles.material[chosen]].T
+        size = model.grid.cell_size[particles.cell[chosen]]
+        group = np.searchsorted(particles.group_start, chosen, side="right") - 1
+        alone = np.diff(particles.group_start)[group] == 1
+        return np.where(
+            alone, 4.0 * model.scene.solver.hourglass * (lame + 2.0 * shear) * self.volume[chosen] / size**2, 0.0
+        )
 
     def settle(self) -> None:
         """What has flowed so far stays; from here on flow is counted anew."""
@@ -114,10 +124,6 @@ class ExplicitScheme:
         self.flowing = np.empty(0, np.int64)
         self.flow_start = (np.empty((0, 6)), np.empty((0, 6)), np.empty(0))
         self.set_failed()
-
-    def _group_of_particle(self) -> np.ndarray:
-        start = self.model.particles.group_start
-        return np.repeat(np.arange(len(start) - 1), np.diff(start))
 
     def _take_back_flow(self) -> None:
         """Stress of failed rock as if it had not flowed since flow was last counted anew."""
@@ -221,7 +227,7 @@ class ExplicitScheme:
         from where `displace` has taken it, InputError for NaN.
         """
         solver = self.model.scene.solver
-        free = not self.model.is_held(self.volume)
+        free = not self.body_is_held
         reference = reference or 1.0  # nothing was mined: any force at all counts
         self._update(0.0)
         for iteration in range(solver.max_iterations + 1):
@@ -256,7 +262,7 @@ class ExplicitScheme:
         remove_rigid_motion(self.model.grid.node_position, self.mass, self.state.velocity)
 
     def _check_reach(self, ratio: float) -> None:
-        reach = float(np.abs(self.state.displacement - self.start).max())
+        reach = largest_difference(self.state.displacement, self.start)
         if reach > self.model.grid.fine_cell:
             raise NoRest(
                 f"rock moved {reach:.3g} m in this stage, more than a finest cell: it runs away (unbalanced ratio "

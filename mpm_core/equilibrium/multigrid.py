@@ -38,6 +38,7 @@ class MultigridScheme(ExplicitScheme):
         self.solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
         self.anderson: Anderson | None = None
         self.flow: FlowForces | None = None
+        self.rows: list[np.ndarray] = []
         self.softened = np.empty(0, np.int32)  # cells whose hourglass stiffness is that of failed rock
         super().__init__(model, state, volume)
         state.velocity[:] = 0.0
@@ -49,7 +50,7 @@ class MultigridScheme(ExplicitScheme):
         cells = elastic_cells(model, volume, self.hourglass)
         single = model.scene.particles_per_cell == 1
         kappa = model.scene.solver.hourglass if single else np.inf
-        self.solver.set_stiffness(cells, kappa, model.is_held(volume))
+        self.solver.set_stiffness(cells, kappa, self.body_is_held)
 
     def set_failed(self) -> None:
         """Take over which particles have failed."""
@@ -64,7 +65,7 @@ class MultigridScheme(ExplicitScheme):
     def drop_work_arrays(self) -> None:
         """Nothing more is to be relaxed."""
         super().drop_work_arrays()
-        del self.solver, self.anderson, self.flow
+        del self.solver, self.anderson, self.flow, self.rows
 
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         """Bring the 2-norm of the unbalanced force at free nodes to at most tolerance * reference (N).
@@ -87,7 +88,7 @@ class MultigridScheme(ExplicitScheme):
                 self.state.velocity[:] = 0.0
                 return
         self._check_reach(ratio)
-        self._come_to_rest(not self.model.is_held(self.volume))
+        self._come_to_rest(not self.body_is_held)
 
     def _solve(self, external, ratio: float, tolerance: float, reference: float, history: History) -> bool:
         """Elastic rock: solve for the displacement. Whether the tolerance (ratio) is reached."""
@@ -123,8 +124,9 @@ class MultigridScheme(ExplicitScheme):
         """Displacement (element,) to where residuals are at most tolerance * reference; None where it is not found."""
         solver, operator, flow = self.solver, self.solver.operator, self._flow_forces()
         free = solver.finest.inverse_diagonal
-        displacement, step, force, residual = (operator.zeros() for _ in range(4))
-        elastic = solver.to_rows(self.unbalanced)
+        displacement, step, force, residual, elastic = self._row_arrays()
+        displacement[:], force[:] = 0.0, 0.0
+        solver.to_rows(self.unbalanced, elastic)
         self._take_back_flow()
         flow.begin(self.state)
         flow.add(operator, displacement, force)
@@ -158,6 +160,12 @@ class MultigridScheme(ExplicitScheme):
         if self.flow is None:
             self.flow = FlowForces(self.model, self.solver.finest.families, self.flowing, self.volume)
         return self.flow
+
+    def _row_arrays(self) -> list[np.ndarray]:
+        """Five work arrays (element,): to make them anew each time would cost as much as half a cycle."""
+        if not self.rows:
+            self.rows = [self.solver.operator.zeros() for _ in range(5)]
+        return self.rows
 
     def _anderson(self, size: int) -> Anderson:
         if self.anderson is None:

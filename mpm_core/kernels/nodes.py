@@ -50,6 +50,24 @@ def advance_nodes(
             displacement[node, j] += time_step * v
 
 
+@njit(parallel=True, error_model="numpy", cache=True)
+def _largest_differences(first, second, largest):
+    nodes = -(-len(first) // len(largest))
+    for part in prange(len(largest)):
+        size = 0.0
+        for node in range(part * nodes, min((part + 1) * nodes, len(first))):
+            for j in range(first.shape[1]):
+                size = max(size, abs(first[node, j] - second[node, j]))
+        largest[part] = size
+
+
+def largest_difference(first: np.ndarray, second: np.ndarray) -> float:
+    """Largest difference between any components of two nodal arrays (node, d)."""
+    largest = np.zeros(64)
+    _largest_differences(first, second, largest)
+    return float(largest.max())
+
+
 @njit(error_model="numpy", cache=True)
 def collect_to_parents(node_parents, values):
     """Move what hanging nodes hold to their parents, in equal parts: values (node, component), in place (C^T)."""

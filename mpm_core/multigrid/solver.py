@@ -49,9 +49,12 @@ class ElasticSolver:
         self.cycle = self.hierarchy.set_stiffness(cells, hourglass, body_is_held)
         self.rigid = [] if body_is_held else self._rigid_motions()
 
-    def to_rows(self, values: np.ndarray) -> np.ndarray:
-        """Values at nodes (node, d) as a flat array; 0 on copies, held components and where nothing is attached."""
-        rows = self.operator.zeros()
+    def to_rows(self, values: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+        """Values at nodes (node, d) as a flat array; 0 on copies, held components and where nothing is attached.
+
+        rows: the array to write, a new one without it.
+        """
+        rows = self.operator.zeros() if rows is None else rows
         take_from_nodes(self.finest.families.row_node, self.finest.inverse_diagonal, self.operator.width, values, rows)
         return rows
 

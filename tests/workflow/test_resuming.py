@@ -2,12 +2,29 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import psutil
 import pytest
 from tiny_mines import hashes, jobs, snakemake, start
 
+ROOT = Path(__file__).parents[2]
+# A stage that keeps every generation and is killed as it has kept the second: what a stage of hours comes to.
+KILLED_WITHIN = """
+import os, signal
+from mpm_core import __main__, checkpoint
+save = checkpoint.Checkpoint.save
+def save_and_die(self, state, history):
+    self.pause = self.cost = 0.0
+    save(self, state, history)
+    if history.generation == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+checkpoint.Checkpoint.save = save_and_die
+__main__.main()
+"""
 PATIENCE = 120  # s, for a slow machine; no result depends on it
 
 
@@ -56,6 +73,30 @@ def test_killed_in_a_mechanics_stage_and_resumed_gives_the_same_bytes(spoiled, t
     assert status == 0, text
     assert jobs(text)["mining_step"] == 2
     assert not {"grid", "elastic", "record"} & set(jobs(text))
+    assert hashes(results) == hashes(undisturbed[0] / "results/tiny")
+
+
+@pytest.mark.slow
+def test_killed_within_a_step_it_goes_on_inside_it_to_the_same_bytes(spoiled, tiny_file, undisturbed):
+    """kill -9 between two generations of failure: they are not repeated, and the result is that of one go."""
+    results, log = spoiled / "results/tiny", spoiled / "logs/tiny/steps/history.log"
+    (results / "steps/history.nc").unlink()
+    run = start(tiny_file, spoiled, "--rerun-incomplete")
+    command = await_(lambda: stage_of(psutil.Process(run.pid), "step")).cmdline()
+    os.kill(run.pid, signal.SIGKILL)
+    run.wait()
+    arguments = command[command.index("mpm_core") + 1 :]
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED_WITHIN, *arguments], cwd=spoiled, env={**os.environ, "PYTHONPATH": str(ROOT)}
+    )
+    assert killed.returncode == -signal.SIGKILL
+    assert (results / "steps/history.checkpoint.npz").exists()
+    assert not (results / "steps/history.nc").exists()
+    assert snakemake(tiny_file, spoiled, "--unlock")[0] == 0
+    status, text = snakemake(tiny_file, spoiled, "--rerun-incomplete")
+    assert status == 0, text
+    assert "going on from increment 1, generation 2" in log.read_text()
+    assert not (results / "steps/history.checkpoint.npz").exists()
     assert hashes(results) == hashes(undisturbed[0] / "results/tiny")
 
 
