@@ -18,7 +18,7 @@ import numpy as np
 
 from mpm_core.equilibrium.convergence import History, NoRest
 from mpm_core.equilibrium.perturbation import borne_overstress, lateness
-from mpm_core.kernels.failure import any_neighbor, drop, overstress_of
+from mpm_core.kernels.failure import any_neighbor, drop, overstress_of, stands_above
 from mpm_core.model import Model, State
 from pipeline.errors import InputError
 
@@ -40,7 +40,7 @@ class Brittle:
     sliver: np.ndarray
     neighbor_start: np.ndarray
     neighbors: np.ndarray
-    borne: np.ndarray
+    borne: np.ndarray | None
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, ne
     may_fail = model.is_coulomb() & small & (volume > 0.0)
     half = (model.rock_share(step)[particles.cell] >= 0.5) | (particles.sample >= 0)
     sound, sliver = np.flatnonzero(may_fail & half), np.flatnonzero(may_fail & ~half)
-    borne = borne_overstress(particles, model.scene)
+    borne = borne_overstress(particles, model.scene) if model.scene.perturbation else None
     return Brittle(volume > 0.0, sound, sliver, neighbor_start, neighbors, borne)
 
 
@@ -88,8 +88,13 @@ def above_strength(model: Model, state: State, candidates: np.ndarray, borne: np
 
     borne: see Brittle.borne; without it strength is the rock's own, as in all that rates a state.
     """
-    margin = model.strength_margin[model.particles.material[candidates]]
-    return candidates[_overstress(model, state, candidates, borne) > margin]
+    above = np.empty(len(candidates), bool)
+    borne = np.empty(0) if borne is None else borne
+    stands_above(
+        candidates, state.stress, model.insitu, model.particles.material, model.intact_rows, model.strength_margin,
+        borne, above,
+    )  # fmt: skip
+    return candidates[above]
 
 
 def weakest(

@@ -138,10 +138,12 @@ class ExplicitScheme:
             state.dissipated,
         )
 
-    def _update(self, time_step: float) -> None:
+    def _update(self, time_step: float, blocks: np.ndarray | None = None) -> None:
+        """Advance stress by time_step of nodal velocity, and its forces; in chosen blocks of cells, or in all."""
         model, particles, state, scatter = self.model, self.model.particles, self.state, self.model.scatter
         self._take_back_flow()
         UPDATE[model.dimension](
+            scatter.blocks if blocks is None else blocks,
             scatter.block_start,
             scatter.slot_start,
             model.cell_nodes,

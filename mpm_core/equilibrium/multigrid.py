@@ -38,6 +38,8 @@ class MultigridScheme(ExplicitScheme):
         self.solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
         self.anderson: Anderson | None = None
         self.flow: FlowForces | None = None
+        self.failed = np.zeros(model.particles.count, bool)
+        self.stale = model.scatter.blocks  # blocks of cells whose forces are not those of their stress
         self.rows: list[np.ndarray] = []
         self.softened = np.empty(0, np.int32)  # cells whose hourglass stiffness is that of failed rock
         super().__init__(model, state, volume)
@@ -46,6 +48,7 @@ class MultigridScheme(ExplicitScheme):
     def set_volume(self, volume: np.ndarray) -> None:
         """Take over changed particle volumes."""
         super().set_volume(volume)
+        self.stale, self.flow = self.model.scatter.blocks, None
         model = self.model
         cells = elastic_cells(model, volume, self.hourglass)
         single = model.scene.particles_per_cell == 1
@@ -54,13 +57,23 @@ class MultigridScheme(ExplicitScheme):
 
     def set_failed(self) -> None:
         """Take over which particles have failed."""
+        before = self.failed
         super().set_failed()
-        self.flow = None
-        failed = self.model.particles.cell[self.flowing]
+        fresh = self.flowing[~before[self.flowing]]
+        cells = self.model.particles.cell
+        self.stale = np.union1d(self.stale, self.model.scatter.blocks_of(cells[fresh]))
+        if self.flow is not None:
+            self.flow.take_in(fresh)
+        failed = cells[self.flowing]
         changed = np.union1d(failed, self.softened)  # those that a return to an earlier state makes whole, too
         changed = changed[self.hourglass[changed] > 0.0]  # cells with lone particles only
         self.solver.operator.set_hourglass(changed, self.hourglass[changed] / (1 << self.model.dimension) ** 2)
         self.softened = failed
+
+    def go_back(self, rest: dict[str, np.ndarray]) -> None:
+        """Return to a settled state kept earlier; see ExplicitScheme."""
+        super().go_back(rest)
+        self.stale, self.flow = self.model.scatter.blocks, None
 
     def drop_work_arrays(self) -> None:
         """Nothing more is to be relaxed."""
@@ -74,7 +87,9 @@ class MultigridScheme(ExplicitScheme):
         InputError as that scheme does.
         """
         reference = reference or 1.0  # nothing was mined: any force at all counts
-        self._update(0.0)
+        if len(self.stale):
+            self._update(0.0, self.stale)
+        self.stale = np.empty(0, np.int64)
         ratio = self._look(external, reference, history)
         if ratio > tolerance:
             before = history.iteration
@@ -158,7 +173,8 @@ class MultigridScheme(ExplicitScheme):
     def _flow_forces(self) -> FlowForces:
         """Of the rock that has failed by now."""
         if self.flow is None:
-            self.flow = FlowForces(self.model, self.solver.finest.families, self.flowing, self.volume)
+            self.flow = FlowForces(self.model, self.solver.finest.families, self.volume)
+            self.flow.take_in(self.flowing)
         return self.flow
 
     def _row_arrays(self) -> list[np.ndarray]:

@@ -36,6 +36,15 @@ class Scatter:
         """Number of force slots."""
         return int(self.slot_start[-1])
 
+    @property
+    def blocks(self) -> np.ndarray:
+        """All blocks."""
+        return np.arange(len(self.block_start) - 1)
+
+    def blocks_of(self, cells: np.ndarray) -> np.ndarray:
+        """Blocks that hold these cells, ascending."""
+        return np.unique(cells // CELLS_PER_BLOCK)
+
 
 @njit(cache=True)
 def _assign_slots(block_start, cell_nodes, nodes):

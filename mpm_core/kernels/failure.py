@@ -33,6 +33,28 @@ def overstress_of(candidates, stress, insitu, material, rows, excess):
             excess[i] = overstress(xx, yy, zz, yz, xz, xy, row)
 
 
+@njit(parallel=True, error_model="numpy", cache=True)
+def stands_above(candidates, stress, insitu, material, rows, margin, borne, above):
+    """Whether candidates stand above strength by more than a margin: above (candidate,) bool, written.
+
+    margin (material,) Pa; borne (particle,) Pa or (0,): more of it, by place; other arguments as in overstress_of.
+    """
+    for i in prange(len(candidates)):
+        p = candidates[i]
+        xx = stress[p, 0] + insitu[p, 0]
+        yy = stress[p, 1] + insitu[p, 1]
+        zz = stress[p, 2] + insitu[p, 2]
+        yz = stress[p, 3] + insitu[p, 3]
+        xz = stress[p, 4] + insitu[p, 4]
+        xy = stress[p, 5] + insitu[p, 5]
+        m = material[p]
+        row = strength_of(rows, m)
+        above[i] = False
+        if not surely_admissible(xx, yy, zz, yz, xz, xy, row):
+            more = borne[p] if len(borne) else 0.0
+            above[i] = overstress(xx, yy, zz, yz, xz, xy, row) > margin[m] + more
+
+
 @njit(parallel=True, cache=True)
 def any_neighbor(cells, neighbor_start, neighbors, chosen, found):
     """Whether any neighbour of the cells (k,) is among the chosen (cell,) bool: found (k,) bool, written."""

@@ -130,11 +130,11 @@ def give_to_nodes(node_row, width, rows, values):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def smooth_first(inverse_diagonal, factor, add, residual, step, solution):
-    """First step of a smoother: step = factor D^-1 residual, the solution itself or added to it. All (element,)."""
+def smooth_first(inverse_diagonal, factor, residual, step, solution):
+    """First step of a smoother: step = solution = factor D^-1 residual. All (element,)."""
     for i in prange(len(step)):
         step[i] = factor * inverse_diagonal[i] * residual[i]
-        solution[i] = solution[i] + step[i] if add else step[i]
+        solution[i] = step[i]
 
 
 @njit(parallel=True, error_model="numpy", cache=True)

@@ -139,14 +139,17 @@ class Cycle:
             transfer.fine_ranks, transfer.parent_start, transfer.parents, level.inverse_diagonal,
             coarse.solution, level.step, level.solution,
         )  # fmt: skip
-        self._update_residual(level)
-        self._smooth(level, self.steps, add=True)
+        self._go_on(level, self.steps)  # the first of them keeps nothing of the step from below
 
-    def _smooth(self, level: Level, steps, add: bool = False) -> None:
-        """Smooth the error that the residual shows: the solution is written, or added to."""
+    def _smooth(self, level: Level, steps) -> None:
+        """Smooth the error that the residual shows: the solution is written."""
         (_, factor), *following = steps
-        smooth_first(level.inverse_diagonal, factor, add, level.residual, level.step, level.solution)
-        for keep, factor in following:
+        smooth_first(level.inverse_diagonal, factor, level.residual, level.step, level.solution)
+        self._go_on(level, following)
+
+    def _go_on(self, level: Level, steps) -> None:
+        """Take the latest step out of the residual, then make these steps of the smoother."""
+        for keep, factor in steps:
             level.operator.apply(level.step, level.change)
             smooth_next(
                 level.inverse_diagonal, keep, factor, level.change, level.residual, level.step, level.solution

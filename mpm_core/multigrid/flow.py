@@ -12,21 +12,34 @@ from mpm_core.multigrid.level import Operator
 class FlowForces:
     """Forces by which failed rock differs from elastic rock of the same displacement.
 
-    particles (k,): failed particles, by block of the operator's rows.
+    By failed particle (k,), in order of the operator's blocks: see kernels.flow_rows.
     """
 
-    def __init__(self, model: Model, families: Families, particles: np.ndarray, volume: np.ndarray):
-        """particles: indices, any order; volume (particle,) m3."""
-        tables, corners = model.particles, 1 << model.dimension
-        slot = families.cell_place[tables.cell[particles]] // LANES
-        order = np.argsort(slot, kind="stable")
-        self.model, self.volume, self.particles = model, volume, particles[order]
-        cell, slot = tables.cell[self.particles], slot[order]
-        self.block_start = np.searchsorted(slot // corners, families.batch_start)
-        self.corner_rows = families.corner_rows(cell)
-        self.slope = 2.0 / corners / model.grid.cell_size[cell]
-        group = np.searchsorted(tables.group_start, self.particles, side="right") - 1
-        self.table_row = tables.group_table[group] + self.particles - tables.group_start[group]
+    def __init__(self, model: Model, families: Families, volume: np.ndarray):
+        """volume (particle,) m3."""
+        self.model, self.families, self.volume = model, families, volume
+        self.particles = self.block = np.empty(0, np.int64)
+        self.corner_rows = np.empty((0, 1 << model.dimension), np.int32)
+        self.slope, self.table_row = np.empty(0), np.empty(0, np.int64)
+
+    def take_in(self, particles: np.ndarray) -> None:
+        """Rock that has failed besides: indices, ascending. The order of entries is that of all taken in at once."""
+        tables, families, corners = self.model.particles, self.families, 1 << self.model.dimension
+        cell = tables.cell[particles]
+        batch = families.cell_place[cell] // (corners * LANES)
+        group = np.searchsorted(tables.group_start, particles, side="right") - 1
+        more = {
+            "particles": particles,
+            "block": np.searchsorted(families.batch_start, batch, side="right") - 1,
+            "corner_rows": families.corner_rows(cell),
+            "slope": 2.0 / corners / self.model.grid.cell_size[cell],
+            "table_row": tables.group_table[group] + particles - tables.group_start[group],
+        }
+        every = {name: np.concatenate([getattr(self, name), values]) for name, values in more.items()}
+        order = np.argsort(every["block"] * tables.count + every["particles"])
+        for name, values in every.items():
+            setattr(self, name, values[order])
+        self.block_start = np.searchsorted(self.block, np.arange(len(families.batch_start)))
         self.trial_stress = np.empty((len(self.particles), 6))
 
     def begin(self, state: State) -> None:
