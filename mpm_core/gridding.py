@@ -5,7 +5,6 @@ import logging
 from dataclasses import dataclass
 
 import numpy as np
-import psutil
 import xarray as xr
 
 from mpm_core.datasets import grid_dataset
@@ -16,15 +15,13 @@ from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.building import GridCount, build_grid
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.octree import RefinedVolume
+from mpm_core.memory import require, stage_bytes
 from mpm_core.particles import FULL, HALF, SLIVER, Pieces
 from mpm_core.scene import DRAFT_LEVELS, PLANES
 from pipeline.errors import InputError
 
 ZONE_RINGS = 2  # of the draft's finest cells around those that failed
 ROUND_OFF = 1e-6  # of a cell: positions are those of particles
-STAGE_BYTES_PER_CELL = (
-    2600  # measured peak of a mechanics stage at one particle per cell, 3-D, dataset writing included
-)
 
 
 def read_solids(entries: list[dict], section: str, domain: "Domain") -> list[Solid | Outside]:
@@ -135,15 +132,12 @@ def assign_bodies(grid: MultiLevelGrid, bodies: list[Solid | Outside]) -> np.nda
 
 
 def require_memory(count: GridCount, dimension: int) -> None:
-    """Raise InputError if the stages that follow would not fit into the memory that is free now."""
-    needed = count.cells * STAGE_BYTES_PER_CELL * (0.6 if dimension == 2 else 1.0)
-    free = psutil.virtual_memory().available
-    logging.info("%d cells, %d nodes; about %.2f GB for the mechanics", count.cells, count.nodes, needed / 1e9)
-    if needed > free:
-        raise InputError(
-            f"grid: {count.cells:,} cells need about {needed / 1e9:.1f} GB of memory, {free / 1e9:.1f} GB are free: "
-            "use fewer grid.levels, a larger grid.coarse_cell, fewer grid.buffer_cells or a smaller domain"
-        )
+    """Raise InputError if the stages that follow, one particle to a cell, would not fit into the free memory."""
+    require(
+        stage_bytes("multigrid", dimension, count.cells, count.cells),
+        f"grid: {count.cells:,} cells, {count.nodes:,} nodes, in the stages that follow",
+        "use fewer grid.levels, a larger grid.coarse_cell, fewer grid.buffer_cells or a smaller domain",
+    )
 
 
 def failure_zone(draft: xr.Dataset, domain: Domain, axes: tuple[int, ...]) -> RefinedVolume:

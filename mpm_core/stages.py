@@ -20,11 +20,13 @@ from mpm_core.equilibrium.perturbation import lateness
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels.failure import rate_strength
 from mpm_core.loading import boundary_strain, strain_reaction
+from mpm_core.memory import require, stage_bytes
 from mpm_core.model import Model, State, build_model
 from mpm_core.scene import Scene
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
 
+SMALLER = "use fewer grid.levels, grid.buffer_cells or grid.particles_per_cell, or free some"
 STRENGTH_FACTOR_CAP = 10.0  # reported where nothing can fail
 
 
@@ -37,6 +39,7 @@ def make_scheme(model: Model, state: State, volume: np.ndarray) -> ExplicitSchem
 
 def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:
     """Elastic equilibrium of the history: everything mined, loaded and strained in step 0, nothing fails."""
+    require_memory(scene, grid, elastic=True)
     model = build_model(scene, *read_grid(grid))
     refuse_overstressed_virgin(model)
     state = model.virgin_state()
@@ -67,6 +70,7 @@ def mining_step(
             f"steps.{scene.steps[step]['name']}: the step before ended in collapse, nothing can follow it; leave this "
             "step out, or mine or load less in the one before"
         )
+    require_memory(scene, grid)
     model = build_model(scene, *read_grid(grid))
     state = read_state(previous, model)
     before = max(step - 1, 0)
@@ -101,6 +105,13 @@ def mining_step(
     late = lateness(scene, step)[history.increment]
     reached = (history.increment + late) / scene.solver.increments  # all of it, unless it collapsed before
     return finish(scheme, history, step, released, (target - start) * reached, "step", collapsed)
+
+
+def require_memory(scene: Scene, grid: xr.Dataset, elastic: bool = False) -> None:
+    """Raise InputError if a stage on this grid would not fit into the memory that is free now."""
+    cells, dimension = grid.sizes["cell"], 2 if scene.plane else 3
+    needed = stage_bytes(scene.solver.scheme, dimension, cells, cells * scene.particles_per_cell, elastic)
+    require(needed, f"{cells:,} cells", SMALLER)
 
 
 def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) -> float:

@@ -88,10 +88,11 @@ def make_update(dimension: int):
 
         blocks (k,): which are updated; block_start, slot_start, cell_slots: see blocks.Scatter; cell_nodes, cell_slots
         (cell, 2^d) in bit order (bit k of the corner: side along axis k); cell_size (cell,) m; cell_groups_start,
-        cell_groups, group_start, group_table: see particles.Particles; mode_values (point row, 2^d); velocity (node, d) m/s; volume, material
-        (particle,); elastic_constants (material, 2) lambda and mu, Pa; residual_rows (material, column); failed
-        (particle,) bool; insitu (particle, 6) Pa; hourglass_stiffness (cell,) N/m. In place: stress, later_strain
-        (particle, 6), dissipated (particle,) J/m3, hourglass_force (cell, 2^d - 1 - d, d) N, slot_force (slot, d) N.
+        cell_groups, group_start, group_table: see particles.Particles; mode_values (point row, 2^d); velocity (node, d)
+        m/s; volume, material (particle,); elastic_constants (material, 2) lambda and mu, Pa; residual_rows (material,
+        column); failed (particle,) bool; insitu (particle, 6) Pa; hourglass_stiffness (cell,) N/m. In place: stress,
+        later_strain (particle, 6), dissipated (particle,) J/m3, hourglass_force (cell, 2^d - 1 - d, d) N, slot_force
+        (slot, d) N.
         """
         for which in prange(len(blocks)):
             block = blocks[which]

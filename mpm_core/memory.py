@@ -1,0 +1,33 @@
+"""What a mechanics stage will need, known before it starts.
+
+Measured peaks (resident memory), 3-D: the demo's grid of 127 k cells with one particle to a cell and its coarser one of
+43 k cells with eight, and renison_scale's of 6.5 M cells (multigrid: 9.0 GB elastic, 13.7 GB a mining step).
+"""
+
+import logging
+
+import psutil
+
+from pipeline.errors import InputError
+
+BASE = {"explicit": 0.35e9, "multigrid": 0.45e9}  # libraries and compiled kernels, bytes
+PER_CELL = {"explicit": 1160.0, "multigrid": 1640.0}
+PER_PARTICLE = 360.0
+ELASTIC_SAVES = {"explicit": 0.0, "multigrid": 700.0}  # per cell: nothing flows, no steps are remembered
+SHARE_2D = 0.6  # of the cells' part: fewer corners and components
+
+
+def stage_bytes(scheme: str, dimension: int, cells: int, particles: int, elastic: bool = False) -> float:
+    """Peak memory of a stage of the mechanics, bytes; `elastic`: of the elastic history, not of a mining step."""
+    per_cell = PER_CELL[scheme] - (ELASTIC_SAVES[scheme] if elastic else 0.0)
+    return BASE[scheme] + cells * per_cell * (SHARE_2D if dimension == 2 else 1.0) + particles * PER_PARTICLE
+
+
+def require(needed: float, what: str, advice: str) -> None:
+    """Log what is needed, bytes, and raise InputError if it is not free now."""
+    free = psutil.virtual_memory().available
+    logging.info("%s: about %.2f GB of memory, %.1f GB are free", what, needed / 1e9, free / 1e9)
+    if needed > free:
+        raise InputError(
+            f"{what}: about {needed / 1e9:.1f} GB of memory are needed, {free / 1e9:.1f} GB are free: {advice}"
+        )
