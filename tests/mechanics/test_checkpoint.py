@@ -29,8 +29,8 @@ class KilledAfter(Checkpoint):
             raise Killed
 
 
-@pytest.fixture(scope="module")
-def stage(tmp_path_factory):
+@pytest.fixture(scope="module", params=["explicit", "multigrid"])
+def stage(tmp_path_factory, request):
     """A brittle step in two increments, and its dataset's bytes."""
     folder = tmp_path_factory.mktemp("stage")
     scene = make_scene(
@@ -39,7 +39,7 @@ def stage(tmp_path_factory):
         stress=uniform(-30e6, -20e6, -18e6, 0.0, 3e6),
         excavations=[excavation(1)],
         steps=2,
-        solver={"tolerance": 1e-4, "increments": 2},
+        solver={"scheme": request.param, "tolerance": 1e-4, "increments": 2},
     )
     grid = make_dataset(scene, grid_around(HOLE, [5, 5], 3, 8.0, rings=2), HOLE)
     before, _ = elastic_stage(scene, grid, folder / "f.npz")

@@ -2,6 +2,7 @@
 
 import logging
 
+import numba
 import numpy as np
 import pytest
 
@@ -84,6 +85,24 @@ def test_plastic_equilibrium_is_that_of_the_explicit_scheme(dimension, monkeypat
     flow = np.sum(np.abs(one.state.later_strain), axis=1), np.sum(np.abs(other.state.later_strain), axis=1)
     assert np.sum(np.abs(flow[0] - flow[1]) * volume) < 0.02 * np.sum(flow[0] * volume)
     assert cycles.iteration < 0.4 * steps.iteration
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_threads_change_no_bit(dimension):
+    """Elastic solution and flow, on one thread and on two."""
+    before = numba.get_num_threads()
+    states = []
+    try:
+        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+            numba.set_num_threads(threads)
+            model, volume, state = plastic_model(dimension)
+            states.append(at_rest(MultigridScheme, model, volume, state, tolerance=1e-4)[0].state)
+    finally:
+        numba.set_num_threads(before)
+    one, other = states
+    assert one.later_strain.any()
+    for name in ("stress", "later_strain", "displacement", "hourglass_force"):
+        assert np.array_equal(getattr(one, name), getattr(other, name))
 
 
 def test_explicit_steps_take_over_where_cycles_are_not_enough(monkeypatch, caplog):
