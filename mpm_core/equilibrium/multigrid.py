@@ -50,10 +50,12 @@ class MultigridScheme(ExplicitScheme):
         super().set_volume(volume)
         self.stale, self.flow = self.model.scatter.blocks, None
         model = self.model
-        cells = elastic_cells(model, volume, self.hourglass)
+        # The V-cycle has the hourglass stiffness of intact rock: a killed stage that goes on finds the same one.
+        cells = elastic_cells(model, volume, self.intact_hourglass)
         single = model.scene.particles_per_cell == 1
         kappa = model.scene.solver.hourglass if single else np.inf
         self.solver.set_stiffness(cells, kappa, self.body_is_held)
+        self._soften()
 
     def set_failed(self) -> None:
         """Take over which particles have failed."""
@@ -64,7 +66,11 @@ class MultigridScheme(ExplicitScheme):
         self.stale = np.union1d(self.stale, self.model.scatter.blocks_of(cells[fresh]))
         if self.flow is not None:
             self.flow.take_in(fresh)
-        failed = cells[self.flowing]
+        self._soften()
+
+    def _soften(self) -> None:
+        """Give the operator that forces are computed with the hourglass stiffness of failed rock."""
+        failed = self.model.particles.cell[self.flowing]
         changed = np.union1d(failed, self.softened)  # those that a return to an earlier state makes whole, too
         changed = changed[self.hourglass[changed] > 0.0]  # cells with lone particles only
         self.solver.operator.set_hourglass(changed, self.hourglass[changed] / (1 << self.model.dimension) ** 2)
