@@ -1,4 +1,7 @@
-"""A study: one file of config/verification, that is a base scene, named variants of it, and what they must show."""
+"""A study: one file of config/verification, that is a base scene, named variants of it, and what they must show.
+
+The base scene stands in the study, or is that of a mine's file (scene_from) with what the study's scene changes in it.
+"""
 
 import copy
 import os
@@ -9,9 +12,22 @@ from pathlib import Path
 import yaml
 
 from pipeline.errors import InputError
+from workflow.checks import PLANNED
 from workflow.configuration import Mine, load
 
-KEYS = ("answer", "title", "about", "on_request", "threads", "events", "allowed", "settings", "scene", "variants")
+KEYS = (
+    "answer",
+    "title",
+    "about",
+    "on_request",
+    "threads",
+    "events",
+    "allowed",
+    "settings",
+    "scene_from",
+    "scene",
+    "variants",
+)
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{2,}\Z")
 
 
@@ -47,25 +63,31 @@ def merge(base: dict, changes: dict) -> dict:
 def load_study(path: str | os.PathLike, default: dict) -> Study:
     """Read and check a study file. Raises InputError, one line, naming file, variant and key."""
     path = Path(path)
-    try:
-        text = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError) as error:
-        raise InputError(f"{path}: not a readable study ({' '.join(str(error).split())})") from error
+    text = _read(path, "study")
     if not isinstance(text, dict) or not {"answer", "title"} <= set(text):
         raise InputError(f"{path}: a study needs the keys answer and title")
     unknown = sorted(set(text) - set(KEYS))
     if unknown:
         raise InputError(f"{path}: {unknown[0]}: unknown key; a study has {', '.join(KEYS)}")
     variants = text.get("variants") or {}
-    if bool(variants) != ("scene" in text):
+    if bool(variants) != ("scene" in text or "scene_from" in text):
         raise InputError(f"{path}: a scene needs variants (at least one, which may change nothing), and they a scene")
+    source, mine = path, {}
+    if "scene_from" in text:  # paths in it resolve from its own folder, and mistakes are told under its own name
+        source = Path(os.path.normpath(path.parent / text["scene_from"]))
+        mine = _read(source, "mine")
+        if not isinstance(mine, dict):
+            raise InputError(f"{source}: not a mine; scene_from of {path} takes a file of config/mines")
+        mine.pop("record", None)  # nothing here compares it
+    base = merge(mine, text.get("scene") or {})
     mines = {}
     for name, changes in variants.items():
         if not NAME.match(str(name)):
             raise InputError(f"{path}: variants.{name}: use three or more letters, digits, - or _")
-        scene = merge(text["scene"], changes or {}) | {"name": f"{path.stem}-{name}"}
+        scene = merge(base, changes or {}) | {"name": f"{path.stem}-{name}"}
+        _leave_planned(scene, mine)
         try:
-            mines[name] = load(merge(default, scene), path, default)
+            mines[name] = load(merge(default, scene), source, default)
         except InputError as error:
             raise InputError(f"{path}: variants.{name}: {str(error).removeprefix(f'{path}: ')}") from error
     return Study(
@@ -80,3 +102,21 @@ def load_study(path: str | os.PathLike, default: dict) -> Study:
         settings=text.get("settings", {}),
         mines=mines,
     )
+
+
+def _read(path: Path, what: str):
+    """A YAML file. Raises InputError, saying what it should be."""
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: not a readable {what} ({' '.join(str(error).split())})") from error
+
+
+def _leave_planned(scene: dict, mine: dict) -> None:
+    """Steps of the mine that a variant does not list are not run: what they mine is planned, in place."""
+    if not mine:
+        return
+    listed = {step.get("name") for step in scene.get("steps", [])} | {"history"}  # which is there without being listed
+    left_out = {step.get("name") for step in mine.get("steps", [])} - listed
+    for entry in scene.get("excavations", []):
+        entry |= {key: PLANNED for key in ("step", "filled") if entry.get(key) in left_out}

@@ -8,7 +8,7 @@ import trimesh
 from tiny_mines import FLAT, TINY, box, changed, hashes, merged, snakemake, write_mine
 
 from catalogs.records import read_record
-from mpm_core import gridding, stages
+from mpm_core import gridding, memory, stages
 from mpm_core.scene import parse_scene
 from pipeline.datasets import read_dataset
 from pipeline.errors import InputError
@@ -145,9 +145,9 @@ def test_solid_file_in_a_plane_strain_scene(refused, tmp_path):
 def test_too_little_memory_is_told_before_the_arrays_are_made(refused, monkeypatch):
     """With the figure, and the keys that make the grid smaller."""
     scarce = types.SimpleNamespace(virtual_memory=lambda: types.SimpleNamespace(available=10**6))
-    monkeypatch.setattr(gridding, "psutil", scarce)
+    monkeypatch.setattr(memory, "psutil", scarce)
     line = refused(TINY)
-    assert "cells need about 0.0 GB" in line
+    assert "GB of memory are needed, 0.0 GB are free" in line
     assert "grid.levels" in line
 
 
