@@ -98,8 +98,8 @@ def read_pairs(variants: tuple[Variant, Variant], increments: list[int]) -> Pair
 def read_runs(variant: Variant, increments: list[int]) -> Iterator[Run]:
     """Runs of a variant: the members of its ensemble, or, without one, one for each number of increments.
 
-    Those are computed here, from the variant's grid and elastic state: to start a process for each stage of each would
-    cost more than the stages of scenes so small.
+    One of those may be the variant's own. The others are computed here, from its grid and elastic state: to start a
+    process for each stage of each would cost more than the stages of scenes so small.
     """
     if variant.values["ensemble"]:
         for number in range(1, variant.mine.members + 1):
@@ -109,7 +109,9 @@ def read_runs(variant: Variant, increments: list[int]) -> Iterator[Run]:
     use_threads(1)
     for parts in increments:
         mine = with_increments(variant.mine, parts)
-        yield describe(compute(mine, variant), mine)
+        own = parts == variant.values["solver"]["increments"]
+        states = [variant.step(step) for step in variant.step_names] if own else compute(mine, variant)
+        yield describe(states, mine)
 
 
 def with_increments(mine: Mine, increments: int) -> Mine:
