@@ -3,6 +3,7 @@
 snakemake --cores all                                              the demo mine
 snakemake --cores all --configfile config/mines/elk_creek.yaml     another mine
 snakemake --cores all verification                                 every scene that has a known answer
+snakemake --cores all benchmarks                                   speed, beside other codes
 """
 
 import sys
@@ -45,6 +46,7 @@ include: "workflow/rules/equilibrium.smk"
 include: "workflow/rules/events.smk"
 include: "workflow/rules/comparison.smk"
 include: "workflow/rules/verification.smk"
+include: "workflow/rules/benchmarks.smk"
 
 
 rule all:

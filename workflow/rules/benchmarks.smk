@@ -1,0 +1,54 @@
+"""Speed beside other codes. `threads` is all there are: one case at a time, so that none disturbs another."""
+
+from tests.benchmarks.equilibrium import targets
+
+
+rule benchmark_case:
+    """One code, problem and size. The cases stand in one row, codes in turns, and run in that order."""
+    input:
+        before=targets.runs_before,
+    output:
+        targets.RUN,
+    params:
+        code=source_hash("mpm_core", "tests/benchmarks"),
+        settings=targets.settings_slice,
+        earlier=targets.smaller_runs,
+        environments=f"{targets.RESULTS}/environments",
+    log:
+        "logs/benchmarks/{problem}/{code}/{across}.log",
+    benchmark:
+        "benchmarks/benchmarks/{problem}/{code}/{across}.tsv"
+    threads: 64
+    resources:
+        mem_mb=18000,
+        runtime=60,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage tests.benchmarks.equilibrium measure {wildcards.problem} {wildcards.code} {wildcards.across}"
+        " --earlier {params.earlier} --environments {params.environments} --output {output} --threads {threads} --log {log}"
+
+
+rule benchmarks:
+    """Elastic and Coulomb equilibrium at growing size, both schemes beside OpenGeoSys and Kratos: table, plot, page."""
+    input:
+        runs=targets.all_runs,
+    output:
+        table=f"{targets.RESULTS}/table.csv",
+        figure=f"{targets.RESULTS}/figure.svg",
+        page=f"{targets.RESULTS}/report.html",
+    params:
+        settings=targets.settings_slice,
+    log:
+        "logs/benchmarks/report.log",
+    benchmark:
+        "benchmarks/benchmarks/report.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage tests.benchmarks.equilibrium report --runs {input.runs}"
+        " --table {output.table} --figure {output.figure} --page {output.page} --log {log}"
