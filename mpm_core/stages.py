@@ -11,7 +11,8 @@ from tqdm import tqdm
 
 from mpm_core.checkpoint import Checkpoint
 from mpm_core.datasets import read_grid, read_state, state_dataset
-from mpm_core.equilibrium.cascade import Ramp, above_strength, find_brittle, run_cascade
+from mpm_core.equilibrium.brittle import above_strength, find_brittle
+from mpm_core.equilibrium.cascade import Ramp, run_cascade
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.moving import MovingScheme

@@ -23,6 +23,7 @@ unbalanced force of 3e-4).
 
 import numpy as np
 
+from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.convergence import History, NoRest, norm
 from mpm_core.kernels.flow import dissipate, take_back_flow
 from mpm_core.kernels.nodes import advance_nodes, collect_to_parents, largest_difference, spread_to_hanging
@@ -47,8 +48,7 @@ class ExplicitScheme:
         self.hanging = model.hanging
         self.start = state.displacement.copy()
         self.unbalanced = np.zeros_like(state.displacement)
-        self.flowing = np.empty(0, np.int64)
-        self.flow_start = (np.empty((0, 6)), np.empty((0, 6)), np.empty(0))
+        self._count_flow_anew()
         self.slot_force = np.zeros((model.scatter.slots, model.dimension))
         self.set_volume(volume)
 
@@ -112,6 +112,9 @@ class ExplicitScheme:
             state.dissipated[self.flowing],
         )
 
+    def part_around(self, brittle: Brittle, fresh: np.ndarray) -> None:
+        """No part of the mine: by explicit steps the whole comes to rest at once."""
+
     def drop_work_arrays(self) -> None:
         """Nothing more is to be relaxed."""
         self.slot_force = np.empty((0, self.model.dimension))
@@ -121,9 +124,13 @@ class ExplicitScheme:
         for name, value in rest.items():
             if isinstance(getattr(self.state, name), np.ndarray):
                 getattr(self.state, name)[...] = value
+        self._count_flow_anew()
+        self.set_failed()
+
+    def _count_flow_anew(self) -> None:
+        """Nothing has flowed on the way to the present state."""
         self.flowing = np.empty(0, np.int64)
         self.flow_start = (np.empty((0, 6)), np.empty((0, 6)), np.empty(0))
-        self.set_failed()
 
     def _take_back_flow(self) -> None:
         """Stress of failed rock as if it had not flowed since flow was last counted anew."""

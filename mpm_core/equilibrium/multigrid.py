@@ -12,8 +12,10 @@ import logging
 
 import numpy as np
 
+from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
+from mpm_core.equilibrium.part import Part, cut_out
 from mpm_core.kernels.nodes import spread_to_hanging
 from mpm_core.kernels.operator_rows import balance, subtract, take_step
 from mpm_core.model import Model, State
@@ -39,22 +41,23 @@ class MultigridScheme(ExplicitScheme):
         self.anderson: Anderson | None = None
         self.flow: FlowForces | None = None
         self.failed = np.zeros(model.particles.count, bool)
-        self.stale = model.scatter.blocks  # blocks of cells whose forces are not those of their stress
+        self.stale = np.ones(len(model.scatter.blocks), bool)  # blocks whose forces are not those of their stress
         self.rows: list[np.ndarray] = []
-        self.softened = np.empty(0, np.int32)  # cells whose hourglass stiffness is that of failed rock
+        self.softened = np.zeros(len(model.cell_nodes), bool)  # hourglass stiffness is that of failed rock
         super().__init__(model, state, volume)
         state.velocity[:] = 0.0
 
     def set_volume(self, volume: np.ndarray) -> None:
         """Take over changed particle volumes."""
         super().set_volume(volume)
-        self.stale, self.flow = self.model.scatter.blocks, None
+        self.stale[:], self.flow = True, None
         model = self.model
         # The V-cycle has the hourglass stiffness of intact rock: a killed stage that goes on finds the same one.
         cells = elastic_cells(model, volume, self.intact_hourglass)
         single = model.scene.particles_per_cell == 1
         kappa = model.scene.solver.hourglass if single else np.inf
         self.solver.set_stiffness(cells, kappa, self.body_is_held)
+        self.softened[:] = False
         self._soften()
 
     def set_failed(self) -> None:
@@ -62,24 +65,42 @@ class MultigridScheme(ExplicitScheme):
         before = self.failed
         super().set_failed()
         fresh = self.flowing[~before[self.flowing]]
-        cells = self.model.particles.cell
-        self.stale = np.union1d(self.stale, self.model.scatter.blocks_of(cells[fresh]))
+        self.stale[self.model.scatter.blocks_of(self.model.particles.cell[fresh])] = True
         if self.flow is not None:
             self.flow.take_in(fresh)
         self._soften()
 
     def _soften(self) -> None:
         """Give the operator that forces are computed with the hourglass stiffness of failed rock."""
-        failed = self.model.particles.cell[self.flowing]
-        changed = np.union1d(failed, self.softened)  # those that a return to an earlier state makes whole, too
-        changed = changed[self.hourglass[changed] > 0.0]  # cells with lone particles only
+        failed = np.zeros(len(self.softened), bool)
+        failed[self.model.particles.cell[self.flowing]] = True
+        # Those that a return to an earlier state makes whole, too; others hold no lone particle.
+        changed = np.flatnonzero((failed != self.softened) & (self.hourglass > 0.0))
         self.solver.operator.set_hourglass(changed, self.hourglass[changed] / (1 << self.model.dimension) ** 2)
         self.softened = failed
 
     def go_back(self, rest: dict[str, np.ndarray]) -> None:
         """Return to a settled state kept earlier; see ExplicitScheme."""
         super().go_back(rest)
-        self.stale, self.flow = self.model.scatter.blocks, None
+        self.stale[:], self.flow = True, None
+
+    def part_around(self, brittle: Brittle, fresh: np.ndarray) -> Part | None:
+        """The part around rock that has just failed; None where that is too much of the mine."""
+        return cut_out(self.model, self.state, self.volume, brittle, fresh)
+
+    def scheme_of(self, part: Part) -> "MultigridScheme":
+        """The scheme that brings a part to rest."""
+        self.anderson, self.rows = None, []  # as much memory as a fair part takes
+        scheme = MultigridScheme(part.model, part.state, part.volume)
+        scheme.start = self.start[part.nodes]
+        return scheme
+
+    def take_back(self, part: Part) -> None:
+        """Take over what has happened in a part, which is at rest and settled."""
+        part.give_back(self.state)
+        self.stale[self.model.scatter.blocks_of(part.cells)] = True
+        self._count_flow_anew()
+        self.set_failed()
 
     def drop_work_arrays(self) -> None:
         """Nothing more is to be relaxed."""
@@ -93,9 +114,9 @@ class MultigridScheme(ExplicitScheme):
         InputError as that scheme does.
         """
         reference = reference or 1.0  # nothing was mined: any force at all counts
-        if len(self.stale):
-            self._update(0.0, self.stale)
-        self.stale = np.empty(0, np.int64)
+        if self.stale.any():
+            self._update(0.0, np.flatnonzero(self.stale))
+        self.stale[:] = False
         ratio = self._look(external, reference, history)
         if ratio > tolerance:
             before = history.iteration

@@ -42,8 +42,8 @@ class Scatter:
         return np.arange(len(self.block_start) - 1)
 
     def blocks_of(self, cells: np.ndarray) -> np.ndarray:
-        """Blocks that hold these cells, ascending."""
-        return np.unique(cells // CELLS_PER_BLOCK)
+        """The block that holds each of these cells."""
+        return cells // CELLS_PER_BLOCK
 
 
 @njit(cache=True)

@@ -35,6 +35,12 @@ class LevelGrid:
         """2 or 3."""
         return self.cell_index.shape[1]
 
+    @property
+    def inside_volume(self) -> np.ndarray:
+        """(cell,) volume of each cell that lies in the domain."""
+        upper = np.minimum(self.cell_index + self.cell_width[:, None], self.extent)
+        return np.prod(upper - self.cell_index, axis=1)
+
     def inside_share(self, axes: np.ndarray) -> np.ndarray:
         """(cell,) share of each cell that lies in the domain, as far as the chosen axes (d,) bool go."""
         share = np.ones(len(self.cell_width))

@@ -1,6 +1,7 @@
 """Failed rock on the rows of the elastic operator: what its flow takes off the elastic forces."""
 
 import numpy as np
+from numba import parallel_chunksize
 
 from mpm_core.kernels.flow_rows import add_flow_forces
 from mpm_core.kernels.lanes import LANES
@@ -49,19 +50,20 @@ class FlowForces:
     def add(self, operator: Operator, values: np.ndarray, forces: np.ndarray) -> None:
         """Add to `forces` what is not carried at displacement `values` (its copies filled in), both flat arrays."""
         model = self.model
-        add_flow_forces(
-            self.block_start,
-            self.particles,
-            self.corner_rows,
-            self.slope,
-            self.table_row,
-            model.mode_values,
-            operator.width,
-            values,
-            self.volume,
-            model.particles.material,
-            model.elastic_constants,
-            model.residual_rows,
-            self.trial_stress,
-            forces,
-        )
+        with parallel_chunksize(1):  # failed rock is in few of the blocks
+            add_flow_forces(
+                self.block_start,
+                self.particles,
+                self.corner_rows,
+                self.slope,
+                self.table_row,
+                model.mode_values,
+                operator.width,
+                values,
+                self.volume,
+                model.particles.material,
+                model.elastic_constants,
+                model.residual_rows,
+                self.trial_stress,
+                forces,
+            )

@@ -26,14 +26,26 @@ def held_faces(grid: MultiLevelGrid, held: np.ndarray) -> np.ndarray:
     )
 
 
-def held_nodes(grid: LevelGrid, faces: np.ndarray) -> np.ndarray:
-    """(node, d) bool: nodes on held faces, or past them."""
+def held_nodes(grid: LevelGrid, faces: np.ndarray, complete: np.ndarray) -> np.ndarray:
+    """(node, d) bool: nodes on held faces or past them, and those beside cells that are not complete (cell,).
+
+    Only a part of a mine has such cells, at its border: with the node held, no motion of the coarse grid reaches it.
+    """
     held = np.zeros((len(grid.node_index), grid.dimension), bool)
     for axis in range(grid.dimension):
         place = grid.node_index[:, axis]
         held[place <= 0] |= faces[axis, 0]
         held[place >= grid.extent[axis]] |= faces[axis, 1]
+    corners = np.bincount(grid.cell_nodes[complete].ravel(), minlength=len(held))
+    outside = (grid.node_index <= 0) | (grid.node_index >= grid.extent)
+    held[corners < 2.0 ** (grid.dimension - outside.sum(axis=1))] = True
     return held
+
+
+def complete_cells(fine: LevelGrid, complete: np.ndarray, coarse: LevelGrid, coarse_of_cell: np.ndarray) -> np.ndarray:
+    """(coarse cell,) bool: whether its parts fill it, as far as the domain goes; complete (cell,) bool: the parts."""
+    filled = np.bincount(coarse_of_cell, fine.inside_volume * complete, minlength=len(coarse.cell_width))
+    return filled == coarse.inside_volume * 2.0**fine.dimension
 
 
 def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray) -> np.ndarray:
@@ -55,10 +67,12 @@ class Hierarchy:
         """cell_nodes (cell, 2^d) in bit order; held (node, d) bool."""
         self.faces = held_faces(grid, held)
         self.levels = [Level(finest_grid(grid, cell_nodes), held)]
+        complete = np.ones(len(cell_nodes), bool)
         while self.levels[-1].unknowns > MOST_UNKNOWNS:
             fine = self.levels[-1]
             coarse_grid, coarse_of_cell = coarsen(fine.grid)
-            coarse_held = held_nodes(coarse_grid, self.faces)
+            complete = complete_cells(fine.grid, complete, coarse_grid, coarse_of_cell)
+            coarse_held = held_nodes(coarse_grid, self.faces, complete)
             if coarse_held.all() or len(coarse_of_cell) == len(coarse_grid.cell_index):
                 break
             coarse = Level(coarse_grid, coarse_held)

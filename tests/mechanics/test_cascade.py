@@ -18,7 +18,8 @@ from mechanics.scenes import (
 )
 from mpm_core.constitutive.coulomb import overstress
 from mpm_core.constitutive.elastic import strain_from_stress
-from mpm_core.equilibrium.cascade import Ramp, above_strength, fail, find_brittle, new_failures, run_cascade, weakest
+from mpm_core.equilibrium.brittle import above_strength, fail, find_brittle, new_failures, weakest
+from mpm_core.equilibrium.cascade import Ramp, run_cascade
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit import FAILED_HOURGLASS, ExplicitScheme
 from mpm_core.grid.adjacency import face_neighbors

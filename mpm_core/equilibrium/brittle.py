@@ -1,0 +1,101 @@
+"""Rock that may fail, what of it stands above its strength, and its brittle drop."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpm_core.equilibrium.perturbation import borne_overstress
+from mpm_core.kernels.failure import any_neighbor, drop, overstress_of, stands_above
+from mpm_core.model import Model, State
+
+
+@dataclass(frozen=True)
+class Brittle:
+    """Which particles may fail: on their own stress (`sound`), or once a neighbouring cell has failed (`sliver`).
+
+    present (particle,) bool: not mined; sound, sliver: particle indices; borne (particle,) Pa: overstress without
+    failure, in a member of an ensemble (perturbation.borne_overstress). A cut cell that is less than half rock reads a
+    stress that is 30 to 50 % wrong (measured on Kirsch's hole), so it fails only beside failed rock; kept elastic it
+    would line the wall with steel for ever.
+    """
+
+    present: np.ndarray
+    sound: np.ndarray
+    sliver: np.ndarray
+    neighbor_start: np.ndarray
+    neighbors: np.ndarray
+    borne: np.ndarray | None
+
+
+def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, neighbors) -> Brittle:
+    """Coulomb rock of the finest level (of any, in a draft) still there at `step`; neighbours: grid.adjacency."""
+    particles = model.particles
+    small = model.scene.draft | (model.grid.cell_level[particles.cell] == model.grid.levels - 1)
+    may_fail = model.is_coulomb() & small & (volume > 0.0)
+    half = (model.rock_share(step)[particles.cell] >= 0.5) | (particles.sample >= 0)
+    sound, sliver = np.flatnonzero(may_fail & half), np.flatnonzero(may_fail & ~half)
+    borne = borne_overstress(particles, model.scene) if model.scene.perturbation else None
+    return Brittle(volume > 0.0, sound, sliver, neighbor_start, neighbors, borne)
+
+
+def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
+    """Intact particles that fail now, ascending."""
+    sound = above_strength(model, state, brittle.sound[state.failed[brittle.sound] < 0], brittle.borne)
+    broken = np.zeros(len(model.cell_nodes), bool)
+    broken[model.particles.cell[(state.failed >= 0) & brittle.present]] = True
+    broken[model.particles.cell[sound]] = True
+    intact = brittle.sliver[state.failed[brittle.sliver] < 0]
+    beside = np.empty(len(intact), bool)
+    any_neighbor(model.particles.cell[intact], brittle.neighbor_start, brittle.neighbors, broken, beside)
+    sliver = above_strength(model, state, intact[beside], brittle.borne)
+    return np.sort(np.concatenate([sound, sliver]))
+
+
+def above_strength(model: Model, state: State, candidates: np.ndarray, borne: np.ndarray | None = None) -> np.ndarray:
+    """Those of the candidates (particle indices) that stand above intact strength by more than the margin.
+
+    borne: see Brittle.borne; without it strength is the rock's own, as in all that rates a state.
+    """
+    above = np.empty(len(candidates), bool)
+    borne = np.empty(0) if borne is None else borne
+    stands_above(
+        candidates, state.stress, model.insitu, model.particles.material, model.intact_rows, model.strength_margin,
+        borne, above,
+    )  # fmt: skip
+    return candidates[above]
+
+
+def weakest(
+    model: Model, state: State, candidates: np.ndarray, share: float, borne: np.ndarray | None = None
+) -> np.ndarray:
+    """Those of the candidates (particle indices, above strength) with at least `share` of the largest overstress."""
+    if share == 0.0 or len(candidates) < 2:
+        return candidates
+    excess = _overstress(model, state, candidates, borne)
+    return candidates[excess >= share * excess.max()]
+
+
+def _overstress(model: Model, state: State, candidates: np.ndarray, borne: np.ndarray | None) -> np.ndarray:
+    """How far candidates (particle indices) stand above intact strength, Pa; at most 0 where they do not."""
+    excess = np.zeros(len(candidates))
+    overstress_of(candidates, state.stress, model.insitu, model.particles.material, model.intact_rows, excess)
+    return excess if borne is None else excess - borne[candidates]
+
+
+def fail(model: Model, state: State, particles: np.ndarray, step: int, increment: int, generation: int) -> None:
+    """Drop these particles to residual strength and release the hourglass force of their cells."""
+    drop(
+        particles,
+        state.stress,
+        model.insitu,
+        model.particles.material,
+        model.elastic_constants,
+        model.intact_rows,
+        model.residual_rows,
+        state.overshoot_strain,
+        state.seismic_strain,
+        state.dissipated,
+    )
+    state.failed[particles] = step
+    state.failure_order[particles] = increment, generation
+    state.hourglass_force[model.particles.cell[particles]] = 0.0

@@ -1,0 +1,169 @@
+"""A part of the mine on its own: the base cells around rock that has just failed, held still at their border.
+
+A failure of one cell of a million is felt a few cells away. Where it spreads from there is found in the part alone; the
+whole mine comes to rest afterwards, with the part's border free again. What then fails, fails in the next part. So the
+part says only in which order rock fails, not where the mine is at rest: that is always asked of the whole.
+"""
+
+import logging
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from mpm_core.equilibrium.brittle import Brittle
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.kernels.blocks import build_scatter
+from mpm_core.model import Model, State
+from mpm_core.particles import Particles, Pieces
+
+REACHES = (3, 2, 1)  # base cells, corners too, on all sides of one in which rock has failed: the widest is tried first
+LARGEST = 0.2  # of all cells: a larger part would save little time, and take memory
+
+OF_PARTICLES = (
+    "stress", "failed", "failure_order", "seismic_strain", "overshoot_strain", "later_strain", "plastic_strain",
+    "dissipated", "position",
+)  # fmt: skip
+OF_NODES = ("displacement", "velocity")
+OF_CELLS = ("hourglass_force",)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part's own model, state (copies), volumes and rock that may fail, and where they stand in the whole mine.
+
+    cells (cell,), nodes (node,), particles (particle,): indices in the whole, ascending; volume (particle,) m3.
+    """
+
+    model: Model
+    state: State
+    volume: np.ndarray
+    brittle: Brittle
+    cells: np.ndarray
+    nodes: np.ndarray
+    particles: np.ndarray
+
+    def give_back(self, state: State) -> None:
+        """Write what has changed into the state of the whole mine."""
+        for names, index in ((OF_PARTICLES, self.particles), (OF_NODES, self.nodes), (OF_CELLS, self.cells)):
+            for name in names:
+                getattr(state, name)[index] = getattr(self.state, name)
+
+
+def cells_around(grid: MultiLevelGrid, cells: np.ndarray, most: float) -> np.ndarray | None:
+    """(cell,) bool: all in base cells within reach of those of the given cells (k,), indices; None if more than `most`.
+
+    most: a number of cells.
+    """
+    halvings = grid.levels - 1
+    base = tuple(np.ascontiguousarray((grid.cell_index >> halvings).T))
+    failed = np.zeros((grid.shape >> halvings) + 1, bool)
+    failed[tuple(axis[cells] for axis in base)] = True
+    for reach in REACHES:
+        chosen = ndimage.maximum_filter(failed, 2 * reach + 1)[base]
+        if np.count_nonzero(chosen) <= most:
+            return chosen
+    return None
+
+
+def cut_out(model: Model, state: State, volume: np.ndarray, brittle: Brittle, fresh: np.ndarray) -> Part | None:
+    """The part around rock that has just failed: fresh (k,), particles. None where it is much of the mine."""
+    chosen = cells_around(model.grid, model.particles.cell[fresh], LARGEST * len(model.cell_nodes))
+    if chosen is None:
+        return None
+    cells, number = _numbered(chosen)
+    grid, nodes, cell_nodes, held = _crop_grid(model, chosen, cells)
+    particles, indices = _crop_particles(model.particles, chosen, number)
+    ours = chosen[model.pieces.cell]
+    part = replace(
+        model,
+        grid=grid,
+        pieces=Pieces(number[model.pieces.cell[ours]], model.pieces.excavation[ours], model.pieces.samples[ours]),
+        particles=particles,
+        scatter=build_scatter(cell_nodes, grid.node_parents),
+        cell_nodes=cell_nodes,
+        insitu=model.insitu[indices],
+        held=held,
+    )
+    of = dict.fromkeys(OF_PARTICLES, indices) | dict.fromkeys(OF_NODES, nodes) | dict.fromkeys(OF_CELLS, cells)
+    copies = {name: getattr(state, name)[index] for name, index in of.items()}
+    logging.info("in a part of %d cells", len(cells))
+    return Part(
+        part,
+        State(**copies, cell=particles.cell.copy()),
+        volume[indices],
+        _crop_brittle(brittle, indices, cells, number),
+        cells,
+        nodes,
+        indices,
+    )
+
+
+def _numbered(chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of what is chosen (n,) bool, and the number (n,) int32 of each among them, -1 of the others."""
+    indices = np.flatnonzero(chosen)
+    number = np.full(len(chosen), -1, np.int32)
+    number[indices] = np.arange(len(indices), dtype=np.int32)
+    return indices, number
+
+
+def _crop_grid(model: Model, chosen: np.ndarray, cells: np.ndarray):
+    """Grid of the chosen cells, whole base cells; their nodes (node,), cell_nodes (bit order); (node, d) bool: held.
+
+    Nodes of other cells, too, are held. A hanging one of them has its parents among them: 2:1 balance sees to it.
+    """
+    grid = model.grid
+    touched, shared = np.zeros((2, len(model.held)), bool)
+    touched[model.cell_nodes[cells]] = True
+    shared[model.cell_nodes[~chosen]] = True
+    nodes, number = _numbered(touched)
+    parents = grid.node_parents[nodes]
+    part = replace(
+        grid,
+        cell_index=grid.cell_index[cells],
+        cell_level=grid.cell_level[cells],
+        cell_nodes=number[grid.cell_nodes[cells]],
+        node_index=grid.node_index[nodes],
+        node_parents=np.where(parents < 0, np.int32(-1), number[parents]),
+    )
+    return part, nodes, number[model.cell_nodes[cells]], model.held[nodes] | shared[nodes, None]
+
+
+def _crop_particles(particles: Particles, chosen: np.ndarray, number: np.ndarray) -> tuple[Particles, np.ndarray]:
+    """Particles of the chosen cells (cell,) bool, and their indices in the whole; number (cell,): the part's cells."""
+    groups = np.flatnonzero(chosen[particles.cell[particles.group_start[:-1]]])
+    indices = np.flatnonzero(chosen[particles.cell])
+    start = np.append(0, np.cumsum(np.diff(particles.group_start)[groups]))
+    cell = number[particles.cell[indices]]
+    group_cell = cell[start[:-1]]
+    counts = np.bincount(group_cell, minlength=np.count_nonzero(chosen))
+    per_particle = ("excavation", "material", "xi", "position", "spacing", "full_volume", "sample")
+    return Particles(
+        cell=cell,
+        **{name: getattr(particles, name)[indices] for name in per_particle},
+        group_start=start,
+        group_table=particles.group_table[groups],
+        cell_groups_start=np.append(0, np.cumsum(counts)),
+        cell_groups=np.argsort(group_cell, kind="stable").astype(np.int32),
+        points=particles.points,
+    ), indices
+
+
+def _crop_brittle(brittle: Brittle, indices: np.ndarray, cells: np.ndarray, number: np.ndarray) -> Brittle:
+    """Of the particles `indices` and the cells `cells`; number (cell,) of a cell in the part, -1 outside."""
+    place = np.full(len(brittle.present), -1, np.int32)
+    place[indices] = np.arange(len(indices), dtype=np.int32)
+    sound, sliver = (place[kind][place[kind] >= 0] for kind in (brittle.sound, brittle.sliver))
+    first, end = brittle.neighbor_start[cells], brittle.neighbor_start[cells + 1]
+    link_start = np.append(0, np.cumsum(end - first))
+    links = np.arange(link_start[-1]) + np.repeat(first - link_start[:-1], end - first)
+    neighbors = number[brittle.neighbors[links]]
+    inside = np.append(0, np.cumsum(neighbors >= 0))
+    return Brittle(
+        present=brittle.present[indices],
+        sound=sound.astype(np.int64),
+        sliver=sliver.astype(np.int64),
+        neighbor_start=inside[link_start],
+        neighbors=neighbors[neighbors >= 0],
+        borne=None if brittle.borne is None else brittle.borne[indices],
+    )

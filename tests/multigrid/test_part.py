@@ -1,0 +1,144 @@
+"""A part of the mine around fresh failures, the rest held still."""
+
+import logging
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from mpm_core.equilibrium import part as parts
+from mpm_core.equilibrium.brittle import fail, find_brittle, new_failures
+from mpm_core.equilibrium.convergence import History, norm
+from mpm_core.equilibrium.multigrid import MultigridScheme
+from mpm_core.grid.adjacency import face_neighbors
+from mpm_core.model import State
+from mpm_core.stages import elastic_stage, mining_step
+from tests.mechanics.scenes import (
+    COULOMB,
+    ball,
+    excavation,
+    grid_around,
+    make_dataset,
+    make_model,
+    make_scene,
+    uniform,
+)
+
+STRESS = uniform(-20e6, -14e6, -16e6)
+
+
+@pytest.fixture(autouse=True)
+def small_scenes(monkeypatch):
+    """A part may be half of them."""
+    monkeypatch.setattr(parts, "LARGEST", 0.5)
+
+
+def long_mine(dimension: int, **scene):
+    """Two voids far apart in brittle rock, one of them filled, on 3 levels: (scene, shapes, grid)."""
+    scene = make_scene(
+        "xy" if dimension == 2 else None,
+        host=COULOMB,
+        stress=STRESS,
+        excavations=[excavation(fill="fill"), excavation(name="other")],
+        **scene,
+    )
+    shapes = [ball([12.0] + [18.0] * (dimension - 1), 3.0), ball([74.0] + [18.0] * (dimension - 1), 2.5)]
+    return scene, shapes, grid_around(shapes, (22, *[9] * (dimension - 1)), levels=3, coarse=4.0, rings=2)
+
+
+def with_failure(dimension: int, **scene):
+    """That mine at rest, but for rock at the filled void that has just failed: (scheme, brittle, fresh, force)."""
+    scene, shapes, grid = long_mine(dimension, **scene)
+    model = make_model(scene, grid, shapes)
+    volume, state = model.volumes(0), model.virgin_state()
+    scheme, force = MultigridScheme(model, state, volume), model.external_force(0)
+    scheme.relax(force, 1e-9, norm(force), History(1e-9))
+    brittle = find_brittle(model, volume, 0, *face_neighbors(grid))
+    fresh = new_failures(model, state, brittle)
+    fresh = fresh[model.particles.position[fresh, 0] < 30.0][:7]
+    fail(model, state, fresh, 0, 1, 0)
+    scheme.set_failed()
+    return scheme, brittle, fresh, force
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize(("points", "boundary"), [(1, "traction"), (2, "fixed")])
+def test_a_part_at_rest_is_at_rest_in_the_mine_but_for_its_border(dimension, points, boundary):
+    """In the whole, only nodes that the part shares with other cells are unbalanced then; no other node has moved."""
+    scheme, brittle, fresh, force = with_failure(dimension, particles_per_cell=points, boundary=boundary)
+    before = scheme.state.displacement.copy()
+    part = scheme.part_around(brittle, fresh)
+    own = scheme.scheme_of(part)
+    assert len(part.cells) < 0.5 * len(scheme.model.cell_nodes)
+    own.relax(force[part.nodes], 1e-9, norm(force), History(1e-9))
+    own.settle()
+    scheme.take_back(part)
+
+    moved = np.flatnonzero((scheme.state.displacement != before).any(axis=1))
+    assert set(moved) <= set(part.nodes[~part.model.held.any(axis=1)])
+    assert len(moved) > 0.5 * len(part.nodes)
+    scheme._update(0.0, np.flatnonzero(scheme.stale))
+    scheme._advance(force, 0.0)
+    free = part.nodes[~part.model.held.any(axis=1)]
+    assert norm(scheme.unbalanced[free]) < 1.1e-9 * norm(force)
+    assert norm(scheme.unbalanced) > 1e-8 * norm(force)
+
+
+@pytest.mark.parametrize("cut_cells", ["fraction", "subdivide"])
+def test_tables_of_a_part_are_those_of_the_mine(cut_cells):
+    """Each cell has the same place, corners, particles, neighbours in the part, and rock that may fail."""
+    scheme, brittle, fresh, _ = with_failure(2, cut_cells=cut_cells)
+    whole, state = scheme.model, scheme.state
+    part = scheme.part_around(brittle, fresh)
+    model, tables = part.model, whole.particles
+    assert 0 < part.model.particles.count < tables.count
+    for name in ("cell_index", "cell_level"):
+        np.testing.assert_array_equal(getattr(model.grid, name), getattr(whole.grid, name)[part.cells])
+    np.testing.assert_array_equal(part.nodes[model.cell_nodes], whole.cell_nodes[part.cells])
+    hanging = model.grid.node_parents >= 0
+    np.testing.assert_array_equal(hanging, whole.grid.node_parents[part.nodes] >= 0)
+    np.testing.assert_array_equal(
+        part.nodes[model.grid.node_parents[hanging]], whole.grid.node_parents[part.nodes][hanging]
+    )
+    for name in ("excavation", "material", "xi", "position", "spacing", "full_volume", "sample"):
+        np.testing.assert_array_equal(getattr(model.particles, name), getattr(tables, name)[part.particles])
+    np.testing.assert_array_equal(part.cells[model.particles.cell], tables.cell[part.particles])
+    np.testing.assert_array_equal(model.volumes(0), part.volume)
+    for field in fields(State):
+        if field.name in parts.OF_PARTICLES:
+            np.testing.assert_array_equal(getattr(part.state, field.name), getattr(state, field.name)[part.particles])
+    for kind in ("sound", "sliver"):
+        mine = getattr(brittle, kind)
+        np.testing.assert_array_equal(part.particles[getattr(part.brittle, kind)], mine[np.isin(mine, part.particles)])
+    for cell in range(0, len(part.cells), 7):
+        first, end = part.brittle.neighbor_start[cell : cell + 2]
+        first_of_all, end_of_all = brittle.neighbor_start[part.cells[cell] : part.cells[cell] + 2]
+        beside = brittle.neighbors[first_of_all:end_of_all]
+        np.testing.assert_array_equal(
+            part.cells[part.brittle.neighbors[first:end]], beside[np.isin(beside, part.cells)]
+        )
+
+
+def test_no_part_of_most_of_a_mine():
+    """Rock that fails everywhere comes to rest in the whole."""
+    scheme, brittle, _, _ = with_failure(2)
+    assert scheme.part_around(brittle, brittle.sound) is None
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_failure_spreads_alike_with_and_without_parts(dimension, monkeypatch, tmp_path, caplog):
+    """Coulomb switched on: rest to the same tolerance with nothing above strength; failed volume within 2 %."""
+    caplog.set_level(logging.INFO)
+    scene, shapes, grid = long_mine(dimension, solver={"scheme": "multigrid", "tolerance": 1e-6})
+    grid = make_dataset(scene, grid, shapes)
+    elastic, _ = elastic_stage(scene, grid, tmp_path / "state.npz")
+    volumes = []
+    for largest in (0.5, 0.0):
+        monkeypatch.setattr(parts, "LARGEST", largest)
+        caplog.clear()
+        _, facts = mining_step(scene, grid, elastic, tmp_path / "state.npz")
+        assert ("in a part of" in caplog.text) == (largest > 0.0)
+        assert facts["unbalanced_ratio"] <= 1e-6
+        volumes.append(facts["failed_volume"])
+    assert volumes[0] == pytest.approx(volumes[1], rel=0.02)
+    assert volumes[0] > 0.0
