@@ -12,6 +12,19 @@ from mpm_core.constitutive.coulomb import (
 from mpm_core.constitutive.strength import strength_of
 
 
+@njit(cache=True)
+def total_stress(stress, insitu, particle):
+    """Six components of a particle's stress, Pa: its change since virgin and the virgin one, both (particle, 6)."""
+    return (
+        stress[particle, 0] + insitu[particle, 0],
+        stress[particle, 1] + insitu[particle, 1],
+        stress[particle, 2] + insitu[particle, 2],
+        stress[particle, 3] + insitu[particle, 3],
+        stress[particle, 4] + insitu[particle, 4],
+        stress[particle, 5] + insitu[particle, 5],
+    )
+
+
 @njit(parallel=True, error_model="numpy", cache=True)
 def overstress_of(candidates, stress, insitu, material, rows, excess):
     """How far candidates stand above strength, Pa: excess (candidate,), in place; 0 where bounds prove them below.
@@ -20,12 +33,7 @@ def overstress_of(candidates, stress, insitu, material, rows, excess):
     """
     for i in prange(len(candidates)):
         p = candidates[i]
-        xx = stress[p, 0] + insitu[p, 0]
-        yy = stress[p, 1] + insitu[p, 1]
-        zz = stress[p, 2] + insitu[p, 2]
-        yz = stress[p, 3] + insitu[p, 3]
-        xz = stress[p, 4] + insitu[p, 4]
-        xy = stress[p, 5] + insitu[p, 5]
+        xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
         row = strength_of(rows, material[p])
         if surely_admissible(xx, yy, zz, yz, xz, xy, row):
             excess[i] = 0.0
@@ -41,12 +49,7 @@ def stands_above(candidates, stress, insitu, material, rows, margin, borne, abov
     """
     for i in prange(len(candidates)):
         p = candidates[i]
-        xx = stress[p, 0] + insitu[p, 0]
-        yy = stress[p, 1] + insitu[p, 1]
-        zz = stress[p, 2] + insitu[p, 2]
-        yz = stress[p, 3] + insitu[p, 3]
-        xz = stress[p, 4] + insitu[p, 4]
-        xy = stress[p, 5] + insitu[p, 5]
+        xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
         m = material[p]
         row = strength_of(rows, m)
         above[i] = False
@@ -83,12 +86,7 @@ def drop(
     """
     for i in range(len(particles)):
         p = particles[i]
-        xx = stress[p, 0] + insitu[p, 0]
-        yy = stress[p, 1] + insitu[p, 1]
-        zz = stress[p, 2] + insitu[p, 2]
-        yz = stress[p, 3] + insitu[p, 3]
-        xz = stress[p, 4] + insitu[p, 4]
-        xy = stress[p, 5] + insitu[p, 5]
+        xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
         m = material[p]
         peak, residual, overshoot, seismic, _ = brittle_drop(
             xx,
