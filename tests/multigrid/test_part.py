@@ -3,9 +3,12 @@
 import logging
 from dataclasses import fields
 
+import numba
 import numpy as np
 import pytest
+import xarray as xr
 
+from mpm_core.checkpoint import Checkpoint
 from mpm_core.equilibrium import part as parts
 from mpm_core.equilibrium.brittle import fail, find_brittle, new_failures
 from mpm_core.equilibrium.convergence import History, norm
@@ -29,8 +32,12 @@ STRESS = uniform(-20e6, -14e6, -16e6)
 
 @pytest.fixture(autouse=True)
 def small_scenes(monkeypatch):
-    """A part may be half of them."""
+    """A part may be half of them; one thread, whatever another test left."""
     monkeypatch.setattr(parts, "LARGEST", 0.5)
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(before)
 
 
 def long_mine(dimension: int, **scene):
@@ -142,3 +149,43 @@ def test_failure_spreads_alike_with_and_without_parts(dimension, monkeypatch, tm
         volumes.append(facts["failed_volume"])
     assert volumes[0] == pytest.approx(volumes[1], rel=0.02)
     assert volumes[0] > 0.0
+
+
+class Killed(Exception):
+    """The stage is gone."""
+
+
+class Dying(Checkpoint):
+    """Saves whenever it may, and kills the stage at a save."""
+
+    saves, last_save = 0, np.inf
+
+    def save(self, state, history):
+        self.cost = 0.0
+        super().save(state, history)
+        self.saves += 1
+        if self.saves == self.last_save:
+            raise Killed
+
+
+def test_a_step_with_parts_is_the_same_on_two_threads_and_after_a_kill(tmp_path):
+    """Killed between two rounds of the whole mine; parts are begun anew only where none was under way."""
+    scene, shapes, grid = long_mine(2, solver={"scheme": "multigrid", "tolerance": 1e-6})
+    grid = make_dataset(scene, grid, shapes)
+    elastic, _ = elastic_stage(scene, grid, tmp_path / "state.npz")
+
+    def step(checkpoint):
+        return mining_step(scene, grid, elastic, tmp_path / "state.npz", checkpoint)[0]
+
+    counting = Dying(tmp_path / "step.npz", "key", pause=0.0)
+    once = step(counting)
+    assert counting.saves > 2
+    numba.set_num_threads(2)
+    xr.testing.assert_identical(once, step(None))
+    dying = Dying(tmp_path / "step.npz", "key", pause=0.0)
+    dying.last_save = counting.saves - 1
+    with pytest.raises(Killed):
+        step(dying)
+    going_on = Dying(tmp_path / "step.npz", "key", pause=0.0)
+    xr.testing.assert_identical(once, step(going_on))
+    assert going_on.saves == 1
