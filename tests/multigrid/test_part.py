@@ -77,7 +77,9 @@ def test_a_part_at_rest_is_at_rest_in_the_mine_but_for_its_border(dimension, poi
     part = scheme.part_around(brittle, fresh)
     own = scheme.scheme_of(part)
     assert len(part.cells) < 0.5 * len(scheme.model.cell_nodes)
-    own.relax(force[part.nodes], 1e-9, norm(force), History(1e-9))
+    history = History(1e-9)
+    own.relax(force[part.nodes], 1e-9, norm(force), history)
+    assert history.iteration <= 60  # 45, 20, 10, 10; up to 1671 if coarse grids move the border
     own.settle()
     scheme.take_back(part)
 
