@@ -1,4 +1,4 @@
-"""A part of the mine on its own: the base cells around rock that has just failed, held still at their border.
+"""A part of the mine on its own: the cells around rock that has just failed, held still at their border.
 
 A failure of one cell of a million is felt a few cells away. Where it spreads from there is found in the part alone; the
 whole mine comes to rest afterwards, with the part's border free again. What then fails, fails in the next part. So the
@@ -17,7 +17,8 @@ from mpm_core.kernels.blocks import build_scatter
 from mpm_core.model import Model, State
 from mpm_core.particles import Particles, Pieces
 
-REACHES = (3, 2, 1)  # base cells, corners too, on all sides of one in which rock has failed: the widest is tried first
+CUBE = 2  # halvings: parts are made of cubes four finest cells wide, and of larger cells
+REACHES = (6, 4, 2, 1)  # cubes, corners too, on all sides of one in which rock has failed: the widest is tried first
 LARGEST = 0.2  # of all cells: a larger part would save little time, and take memory
 
 OF_PARTICLES = (
@@ -51,16 +52,21 @@ class Part:
 
 
 def cells_around(grid: MultiLevelGrid, cells: np.ndarray, most: float) -> np.ndarray | None:
-    """(cell,) bool: all in base cells within reach of those of the given cells (k,), indices; None if more than `most`.
-
-    most: a number of cells.
-    """
-    halvings = grid.levels - 1
-    base = tuple(np.ascontiguousarray((grid.cell_index >> halvings).T))
-    failed = np.zeros((grid.shape >> halvings) + 1, bool)
-    failed[tuple(axis[cells] for axis in base)] = True
+    """(cell,) bool: cells within reach of the given ones (k,), indices. None if more than `most` at the shortest."""
+    finest = grid.levels - 1
+    cube = min(CUBE, finest)
+    failed = np.zeros(grid.shape >> cube, bool)
+    failed[tuple((grid.cell_index[cells] >> cube).T)] = True
+    levels = [grid.cell_level == level for level in range(finest - cube)] + [grid.cell_level >= finest - cube]
+    places = [tuple((grid.cell_index[at] >> finest - level).T) for level, at in enumerate(levels)]
+    chosen = np.empty(len(grid.cell_level), bool)
     for reach in REACHES:
-        chosen = ndimage.maximum_filter(failed, 2 * reach + 1)[base]
+        near = ndimage.maximum_filter(failed, 2 * reach + 1)
+        for at, place in zip(reversed(levels), reversed(places), strict=True):
+            chosen[at] = near[place]
+            for axis in range(grid.dimension if at is not levels[0] else 0):  # what the next larger cells hold
+                even, odd = (np.take(near, range(first, near.shape[axis], 2), axis) for first in range(2))
+                near = even | odd
         if np.count_nonzero(chosen) <= most:
             return chosen
     return None
@@ -108,9 +114,9 @@ def _numbered(chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _crop_grid(model: Model, chosen: np.ndarray, cells: np.ndarray):
-    """Grid of the chosen cells, whole base cells; their nodes (node,), cell_nodes (bit order); (node, d) bool: held.
+    """Grid of the chosen cells; their nodes (node,), cell_nodes (bit order); (node, d) bool: held.
 
-    Nodes of other cells, too, are held. A hanging one of them has its parents among them: 2:1 balance sees to it.
+    Nodes of other cells, too, are held, and the parents of hanging ones among them; some of those may lie outside.
     """
     grid = model.grid
     touched, shared = np.zeros((2, len(model.held)), bool)
@@ -118,13 +124,17 @@ def _crop_grid(model: Model, chosen: np.ndarray, cells: np.ndarray):
     shared[model.cell_nodes[~chosen]] = True
     nodes, number = _numbered(touched)
     parents = grid.node_parents[nodes]
+    of_shared = parents[shared[nodes]]
+    shared[of_shared[of_shared >= 0]] = True
+    own = np.where(parents < 0, np.int32(-1), number[parents])
+    own[((own < 0) & (parents >= 0)).any(axis=1)] = -1
     part = replace(
         grid,
         cell_index=grid.cell_index[cells],
         cell_level=grid.cell_level[cells],
         cell_nodes=number[grid.cell_nodes[cells]],
         node_index=grid.node_index[nodes],
-        node_parents=np.where(parents < 0, np.int32(-1), number[parents]),
+        node_parents=own,
     )
     return part, nodes, number[model.cell_nodes[cells]], model.held[nodes] | shared[nodes, None]
 
