@@ -331,7 +331,7 @@ def test_a_strain_out_of_the_plane_is_refused(refuse, accept):
 
 def test_a_strain_with_particles_that_move_is_refused(refuse):
     """Or one that moves no face that is held."""
-    moving = {"solver.move": True, "grid.particles_per_cell": 8}
+    moving = {"solver.move": True, "grid.particles_per_cell": 8, "solver.scheme": "explicit"}
     assert refuse(TINY, strains=[STRAIN], **moving).startswith("strains.press: the boundary cannot be strained")
     held = {"domain.boundary": {"x": "roller", "others": "free", "z_lower": "fixed"}}
     line = refuse(TINY, strains=[STRAIN], **held)
