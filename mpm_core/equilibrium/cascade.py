@@ -102,6 +102,7 @@ def relax_and_fail(
             )
             own.settle()
             scheme.take_back(part)
+            del part, own  # before the whole needs its memory again
         save(scheme.state, history)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
-from mpm_core.equilibrium.part import Part, cut_out
+from mpm_core.equilibrium.part import Part, cells_around, cut_out
 from mpm_core.kernels.nodes import spread_to_hanging
 from mpm_core.kernels.operator_rows import balance, subtract, take_step
 from mpm_core.model import Model, State
@@ -27,7 +27,8 @@ from mpm_core.multigrid.stiffness import elastic_cells
 CYCLES = 100  # V-cycles of one elastic solution; 20 are usual at most
 SOLUTIONS = 5  # elastic solutions, each for what round-off of the one before has left
 SHARE = 0.5  # of the tolerance that a solution is asked for: its residual is not the last word
-DEPTH = 6  # of Anderson acceleration; 4 takes a third more cycles than 8, 16 a tenth fewer, all in memory
+DEPTH = 8  # of Anderson acceleration; 4 takes a third more cycles, 16 a tenth fewer
+REMEMBERED = 1e9  # bytes at most for it, but for a depth of 4: a large mine's part has 8, the whole needs few cycles
 SPARING = 0.1  # of the cells: for a larger part work arrays are given up, and made again after it
 FLOW_CYCLES = 400  # V-cycles of one relaxation with flow, before explicit steps take over
 SAFE = 1.0 - 1e-6  # of the tolerance: the forces of the stress that follows differ by round-off
@@ -87,12 +88,15 @@ class MultigridScheme(ExplicitScheme):
 
     def part_around(self, brittle: Brittle, fresh: np.ndarray) -> Part | None:
         """The part around rock that has just failed; None where that is too much of the mine."""
-        return cut_out(self.model, self.state, self.volume, brittle, fresh)
+        chosen = cells_around(self.model, fresh)
+        if chosen is None:
+            return None
+        if np.count_nonzero(chosen) > SPARING * len(chosen):
+            self.anderson, self.rows = None, []  # as much memory as such a part takes
+        return cut_out(self.model, self.state, self.volume, brittle, chosen)
 
     def scheme_of(self, part: Part) -> "MultigridScheme":
         """The scheme that brings a part to rest."""
-        if len(part.cells) > SPARING * len(self.model.cell_nodes):
-            self.anderson, self.rows = None, []  # as much memory as such a part takes
         scheme = MultigridScheme(part.model, part.state, part.volume)
         scheme.start = self.start[part.nodes]
         return scheme
@@ -214,7 +218,7 @@ class MultigridScheme(ExplicitScheme):
 
     def _anderson(self, size: int) -> Anderson:
         if self.anderson is None:
-            self.anderson = Anderson(size, DEPTH)
+            self.anderson = Anderson(size, int(np.clip(REMEMBERED / (8 * size), DEPTH // 2, DEPTH)))
         self.anderson.forget()
         return self.anderson
 

@@ -12,7 +12,6 @@ import numpy as np
 from scipy import ndimage
 
 from mpm_core.equilibrium.brittle import Brittle
-from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.blocks import build_scatter
 from mpm_core.model import Model, State
 from mpm_core.particles import Particles, Pieces
@@ -51,8 +50,9 @@ class Part:
                 getattr(state, name)[index] = getattr(self.state, name)
 
 
-def cells_around(grid: MultiLevelGrid, cells: np.ndarray, most: float) -> np.ndarray | None:
-    """(cell,) bool: cells within reach of the given ones (k,), indices. None if more than `most` at the shortest."""
+def cells_around(model: Model, fresh: np.ndarray) -> np.ndarray | None:
+    """(cell,) bool: cells around rock that has just failed, particles (k,). None where they are much of the mine."""
+    grid, cells = model.grid, model.particles.cell[fresh]
     finest = grid.levels - 1
     cube = min(CUBE, finest)
     failed = np.zeros(grid.shape >> cube, bool)
@@ -67,16 +67,13 @@ def cells_around(grid: MultiLevelGrid, cells: np.ndarray, most: float) -> np.nda
             for axis in range(grid.dimension if at is not levels[0] else 0):  # what the next larger cells hold
                 even, odd = (np.take(near, range(first, near.shape[axis], 2), axis) for first in range(2))
                 near = even | odd
-        if np.count_nonzero(chosen) <= most:
+        if np.count_nonzero(chosen) <= LARGEST * len(chosen):
             return chosen
     return None
 
 
-def cut_out(model: Model, state: State, volume: np.ndarray, brittle: Brittle, fresh: np.ndarray) -> Part | None:
-    """The part around rock that has just failed: fresh (k,), particles. None where it is much of the mine."""
-    chosen = cells_around(model.grid, model.particles.cell[fresh], LARGEST * len(model.cell_nodes))
-    if chosen is None:
-        return None
+def cut_out(model: Model, state: State, volume: np.ndarray, brittle: Brittle, chosen: np.ndarray) -> Part:
+    """The part that the chosen cells (cell,) bool are."""
     cells, number = _numbered(chosen)
     grid, nodes, cell_nodes, held = _crop_grid(model, chosen, cells)
     particles, indices = _crop_particles(model.particles, chosen, number)
