@@ -17,7 +17,9 @@ from mpm_core.model import Model, State
 from mpm_core.particles import Particles, Pieces
 
 CUBE = 2  # halvings: parts are made of cubes four finest cells wide, and of larger cells
-REACHES = (6, 4, 2, 1)  # cubes, corners too, on all sides of one in which rock has failed: the widest is tried first
+# Cubes, corners too, on all sides of one in which rock has failed; the widest is tried first. A border one cube away
+# changed what fails: brittle tunnels failed up to 40 % more. With two and more the same cells fail as without parts.
+REACHES = (6, 4, 2)
 LARGEST = 0.2  # of all cells: a larger part would save little time, and take memory
 
 OF_PARTICLES = (

@@ -26,7 +26,7 @@ def spoken(text: str) -> list[str]:
 FAULTS = {  # values changed, the one line's parts
     "unknown key": ({"solver.tolerence": 1}, ("files/fault.yaml: solver.tolerence: unknown key", "tolerance?")),
     "no convergence": (
-        {"solver.max_iterations": 20},
+        {"solver.scheme": "explicit", "solver.max_iterations": 20},
         ("elastic results/tiny/elastic.nc: no convergence", "solver.max_iterations"),
     ),
     "outside the domain": (
@@ -173,7 +173,7 @@ def test_no_event_left_by_the_filter_and_spoiled_records(mine, tmp_path):
 
 def test_no_convergence_and_nan_leave_the_last_state_beside_the_output(mine, tmp_path, monkeypatch):
     """The line names what to raise; the state is there to look at."""
-    made = mine(TINY, **{"solver.max_iterations": 20})
+    made = mine(TINY, **{"solver.scheme": "explicit", "solver.max_iterations": 20})
     grid = gridding.make_grid(made.grid_slice(), {})
     failed = tmp_path / "elastic.failed.npz"
     with pytest.raises(InputError, match=r"no convergence: .* raise solver\.max_iterations"):
