@@ -12,7 +12,7 @@ import xarray as xr
 from catalogs.schema import check_catalog
 from pipeline.datasets import read_dataset
 
-CONVERGENCE = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "new_failures")
+CONVERGENCE = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 SHOWN = ("position", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor")
 ENSEMBLE = "ensemble"  # folder of its members
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}

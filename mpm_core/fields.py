@@ -87,6 +87,7 @@ FIELDS = {
             "convergence_unbalanced_ratio", ("iteration",), np.float64, "1", "unbalanced over excavation force, 2-norms"
         ),
         Field("convergence_max_ratio", ("iteration",), np.float64, "1", "largest unbalanced force over the same"),
+        Field("convergence_cells", ("iteration",), np.int32, "1", "cells relaxed: all, or a part of the mine alone"),
         Field("convergence_new_failures", ("iteration",), np.int32, "1", "particles that failed after this check"),
     )
 }

@@ -21,7 +21,7 @@ def running_iteration(iteration: np.ndarray) -> np.ndarray:
 
 
 def convergence(stages: list[xr.Dataset]) -> Figure:
-    """One panel per stage: unbalanced ratio (line), tolerance (dashed), new failures (bars), increments (grey)."""
+    """One panel per stage: unbalanced ratio of the whole mine (line), tolerance (dashed), new failures (bars)."""
     columns = min(COLUMNS, len(stages))
     rows = -(-len(stages) // columns)
     figure = style.new_figure(height=2.6 * rows + 0.4)
@@ -46,17 +46,17 @@ def _panel(axes, stage: xr.Dataset, first: bool) -> None:
         axes.text(0.5, 0.5, "nothing to solve", transform=axes.transAxes, ha="center", color=style.OUTLINE)
         return
     iteration = running_iteration(stage["convergence_iteration"].values)
-    shown = np.where(ratio > 0, ratio, np.nan)
-    every = -(-len(ratio) // MOST_POINTS)
+    cells = stage["convergence_cells"].values
+    whole = np.flatnonzero(cells == cells.max())  # a part of the mine at rest says nothing of the mine
+    whole = whole[:: -(-len(whole) // MOST_POINTS)]
+    shown = np.where(ratio > 0, ratio, np.nan)[whole]
     increment = stage["convergence_increment"].values
     for index in np.flatnonzero(np.diff(increment)) + 1:
         axes.axvline(iteration[index], color="#cccccc", linewidth=0.7, zorder=0)
     generation = stage["convergence_generation"].values
     for index in np.flatnonzero((np.diff(generation) != 0) & (np.diff(increment) == 0)) + 1:
         axes.axvline(iteration[index], ymax=0.03, color=style.OUTLINE, linewidth=0.5, zorder=0)
-    axes.plot(
-        iteration[::every], shown[::every], color=style.MODELLED, linewidth=1.0, marker="." if len(ratio) < 60 else None
-    )
+    axes.plot(iteration[whole], shown, color=style.MODELLED, linewidth=1.0, marker="." if len(whole) < 60 else None)
     axes.axhline(float(stage.attrs["tolerance"]), color="k", linestyle="--", linewidth=0.8)
     axes.set_xlim(-0.03 * max(iteration[-1], 1), 1.03 * max(iteration[-1], 1))
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))

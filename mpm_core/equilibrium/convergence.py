@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 from pipeline.errors import InputError
 
-COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "new_failures")
+COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 
 
 class NoRest(InputError):
@@ -30,6 +30,7 @@ class History:
     iteration: int = 0
     increment: int = 0
     generation: int = 0
+    cells: int = 0  # that are relaxed now: all, or those of a part of the mine
     tightened: int = 0  # how often the tolerance between generations has been tightened in this increment
     bar: tqdm | None = None
     rest: dict[str, np.ndarray] = field(default_factory=dict)  # the last state of rest, where it may be the result
@@ -37,7 +38,7 @@ class History:
 
     def check(self, ratio: float, max_ratio: float) -> None:
         """Note one check of the unbalanced force. Raises InputError if it is not a number."""
-        self.rows.append((self.increment, self.generation, self.iteration, ratio, max_ratio, 0))
+        self.rows.append((self.increment, self.generation, self.iteration, ratio, max_ratio, self.cells, 0))
         if not np.isfinite(ratio):
             raise InputError(
                 f"unbalanced force is not a number at iteration {self.iteration} (increment {self.increment}, "
@@ -69,5 +70,5 @@ class History:
     def table(self) -> dict[str, np.ndarray]:
         """Columns as arrays, by name."""
         columns = list(zip(*self.rows, strict=True)) or [()] * len(COLUMNS)
-        types = (np.int32, np.int32, np.int32, float, float, np.int32)
+        types = (np.int32, np.int32, np.int32, float, float, np.int32, np.int32)
         return {name: np.array(column, kind) for name, column, kind in zip(COLUMNS, columns, types, strict=True)}

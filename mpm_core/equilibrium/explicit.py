@@ -238,6 +238,7 @@ class ExplicitScheme:
         solver = self.model.scene.solver
         free = not self.body_is_held
         reference = reference or 1.0  # nothing was mined: any force at all counts
+        history.cells = len(self.model.cell_nodes)
         self._update(0.0)
         for iteration in range(solver.max_iterations + 1):
             if iteration % CHECK_EVERY == 0:

@@ -120,6 +120,7 @@ class MultigridScheme(ExplicitScheme):
         InputError as that scheme does.
         """
         reference = reference or 1.0  # nothing was mined: any force at all counts
+        history.cells = len(self.model.cell_nodes)
         if self.stale.any():
             self._update(0.0, np.flatnonzero(self.stale))
         self.stale[:] = False

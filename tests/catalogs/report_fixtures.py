@@ -181,6 +181,7 @@ def make_state(grid: xr.Dataset, index: int) -> xr.Dataset:
             "convergence_iteration": ("iteration", np.tile(np.arange(6), 4)),
             "convergence_unbalanced_ratio": ("iteration", history),
             "convergence_max_ratio": ("iteration", history * 3),
+            "convergence_cells": ("iteration", np.full(24, count)),
             "convergence_new_failures": ("iteration", new),
         },
         attrs={

@@ -43,7 +43,7 @@ excess_shear_stress particle float64 Pa | node_displacement node,xyz float64 m |
 hourglass_force cell,mode,xyz float64 N | convergence_increment iteration int32 1
 convergence_generation iteration int32 1 | convergence_iteration iteration int32 1
 convergence_unbalanced_ratio iteration float64 1 | convergence_max_ratio iteration float64 1
-convergence_new_failures iteration int32 1
+convergence_cells iteration int32 1 | convergence_new_failures iteration int32 1
 """
 EVENTS = """
 time event datetime64[ns] - | time_uncertainty event float64 s | location event,xyz float64 m

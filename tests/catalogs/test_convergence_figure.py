@@ -1,0 +1,26 @@
+"""The convergence panels: what the line shows."""
+
+import numpy as np
+import xarray as xr
+
+from catalogs.figures.convergence import convergence
+
+
+def test_line_is_of_the_whole_mine_and_bars_of_all_that_fails():
+    """A part of the mine comes to rest between two looks at the whole: its force is left out, its failures are not."""
+    columns = {
+        "increment": [1, 1, 1, 1, 1],
+        "generation": [0, 1, 2, 2, 2],
+        "iteration": [3, 5, 8, 9, 11],
+        "unbalanced_ratio": [1e-3, 1e-6, 1e-6, 2e-3, 1e-5],
+        "max_ratio": [1e-4] * 5,
+        "cells": [100, 20, 20, 100, 100],
+        "new_failures": [4, 2, 0, 0, 0],
+    }
+    stage = xr.Dataset(
+        {f"convergence_{name}": ("iteration", np.array(values)) for name, values in columns.items()},
+        attrs={"stage": "step", "step": "2019-08", "tolerance": 1e-4},
+    )
+    axes, bars = convergence([stage]).get_axes()
+    assert axes.get_lines()[2].get_xydata().tolist() == [[3, 1e-3], [9, 2e-3], [11, 1e-5]]
+    assert [path[1][1] for path in bars.collections[0].get_segments()] == [4, 2]
