@@ -22,10 +22,8 @@ CUBE = 2  # halvings: parts are made of cubes four finest cells wide, and of lar
 REACHES = (6, 4, 2)
 LARGEST = 0.2  # of all cells: a larger part would save little time, and take memory
 
-OF_PARTICLES = (
-    "stress", "failed", "failure_order", "seismic_strain", "overshoot_strain", "later_strain", "plastic_strain",
-    "dissipated", "position",
-)  # fmt: skip
+OF_FAILED = ("failure_order", "seismic_strain", "overshoot_strain", "later_strain", "dissipated")
+OF_PARTICLES = ("stress", "failed", *OF_FAILED, "plastic_strain", "position")
 OF_NODES = ("displacement", "velocity")
 OF_CELLS = ("hourglass_force",)
 
@@ -47,9 +45,16 @@ class Part:
 
     def give_back(self, state: State) -> None:
         """Write what has changed into the state of the whole mine."""
-        for names, index in ((OF_PARTICLES, self.particles), (OF_NODES, self.nodes), (OF_CELLS, self.cells)):
+        failed = np.flatnonzero(self.state.failed >= 0)
+        every = slice(None)
+        for names, index, own in (
+            (("stress", "failed"), self.particles, every),
+            (OF_FAILED, self.particles[failed], failed),  # elsewhere zeros, that take no memory until they are written
+            (("displacement",), self.nodes, every),
+            (OF_CELLS, self.cells, every),
+        ):
             for name in names:
-                getattr(state, name)[index] = getattr(self.state, name)
+                getattr(state, name)[index] = getattr(self.state, name)[own]
 
 
 def cells_around(model: Model, fresh: np.ndarray) -> np.ndarray | None:
