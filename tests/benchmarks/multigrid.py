@@ -73,7 +73,7 @@ def scale(source, target):
         target[i] = 3.0 * source[i]
 
 
-@njit(parallel=True, fastmath=True)
+@njit(parallel=True, fastmath={"contract"})
 def multiply_and_add(values, times):
     """32 operations on each value of a part that stays in the first-level cache, `times` over."""
     for part in prange(len(values)):
@@ -112,7 +112,7 @@ def uniform_rock(grid) -> ElasticCells:
 def yielding_particles(count: int):
     """Arguments of return_particles, all of which yield; stress is put back before each call."""
     generator = np.random.default_rng(1)
-    stress = generator.normal(0.0, 15e6, (count, 6)) * [1, 1, 1, 0.5, 0.5, 0.5] - [60e6, 25e6, 20e6, 0, 0, 0]
+    stress = generator.normal(0.0, 3e6, (count, 6)) - [90e6, 25e6, 20e6, 0, 0, 0]
     rows = np.array([strength_row(20.0, 10.0, 1e6, 0.0)])
     work, strain = np.empty_like(stress), np.zeros((count, 6))
     regions, index = np.zeros(count, np.int8), np.zeros(count, np.int64)
