@@ -78,6 +78,46 @@ def _merge(cell_index, cell_width, coarse_index, coarse_width, coarse_of_cell):
     return count
 
 
+@njit(cache=True)
+def _inherit_nodes(cell_width, cell_index, cell_nodes, node_index, node_parents, coarse_of_cell, coarse_cells):
+    """Nodes of the coarser grid if every merged cell has all its parts: corners of those, hanging as they did.
+
+    (cell_nodes, node_index, node_parents) in the coarser grid's numbers and units; nodes by first touch. A finer node
+    between cells of width 1 and 2 is no corner any more; one between larger cells keeps its parents.
+    """
+    corners = cell_nodes.shape[1]
+    dimension = cell_index.shape[1]
+    coarse_nodes = np.empty((coarse_cells, corners), np.int32)
+    for cell in range(len(cell_width)):
+        if cell_width[cell] == 1:
+            corner = 0
+            for axis in range(dimension):
+                corner |= (cell_index[cell, axis] & 1) << axis
+            coarse_nodes[coarse_of_cell[cell], corner] = cell_nodes[cell, corner]
+        else:
+            coarse_nodes[coarse_of_cell[cell]] = cell_nodes[cell]
+    number = np.full(len(node_index), -1, np.int32)
+    met = np.empty(len(node_index), np.int32)
+    count = 0
+    for cell in range(coarse_cells):
+        for corner in range(corners):
+            node = coarse_nodes[cell, corner]
+            if number[node] < 0:
+                number[node] = count
+                met[count] = node
+                count += 1
+            coarse_nodes[cell, corner] = number[node]
+    coarse_index = np.empty((count, dimension), np.int32)
+    coarse_parents = np.empty((count, node_parents.shape[1]), np.int32)
+    for node in range(count):
+        for axis in range(dimension):
+            coarse_index[node, axis] = node_index[met[node], axis] >> 1
+        for end in range(node_parents.shape[1]):
+            parent = node_parents[met[node], end]
+            coarse_parents[node, end] = number[parent] if parent >= 0 else -1
+    return coarse_nodes, coarse_index, coarse_parents
+
+
 def coarsen(fine: LevelGrid) -> tuple[LevelGrid, np.ndarray]:
     """The next coarser grid, and which of its cells each cell of `fine` is (part of): (cell,) int32."""
     cells, dimension = fine.cell_index.shape
@@ -87,7 +127,13 @@ def coarsen(fine: LevelGrid) -> tuple[LevelGrid, np.ndarray]:
     count = _merge(fine.cell_index, fine.cell_width, coarse_index, coarse_width, coarse_of_cell)
     coarse_index, coarse_width = coarse_index[:count].copy(), coarse_width[:count].copy()
     extent = fine.extent / 2
-    shape = (coarse_index + coarse_width[:, None]).max(axis=0)
-    cell_nodes, node_index, node_parents = number_nodes(coarse_index, coarse_width, shape)
-    cell_nodes = np.ascontiguousarray(cell_nodes[:, BIT_ORDER[dimension]])
-    return LevelGrid(coarse_index, coarse_width, cell_nodes, node_index, node_parents, extent), coarse_of_cell
+    merged = np.count_nonzero(fine.cell_width == 1)
+    if merged == (merged - cells + count) << dimension:
+        nodes = _inherit_nodes(
+            fine.cell_width, fine.cell_index, fine.cell_nodes, fine.node_index, fine.node_parents, coarse_of_cell, count
+        )
+    else:  # parts are missing: some corners are new
+        shape = (coarse_index + coarse_width[:, None]).max(axis=0)
+        cell_nodes, node_index, node_parents = number_nodes(coarse_index, coarse_width, shape)
+        nodes = np.ascontiguousarray(cell_nodes[:, BIT_ORDER[dimension]]), node_index, node_parents
+    return LevelGrid(coarse_index, coarse_width, *nodes, extent), coarse_of_cell

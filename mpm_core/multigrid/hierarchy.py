@@ -10,6 +10,7 @@ its share squared, which is the Galerkin product for a motion towards the face.
 """
 
 import numpy as np
+from numba import njit
 
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.multigrid.coarsening import LevelGrid, coarsen, finest_grid
@@ -26,20 +27,28 @@ def held_faces(grid: MultiLevelGrid, held: np.ndarray) -> np.ndarray:
     )
 
 
-def held_nodes(grid: LevelGrid, faces: np.ndarray, complete: np.ndarray) -> np.ndarray:
+def held_nodes(grid: LevelGrid, faces: np.ndarray, complete: np.ndarray | None) -> np.ndarray:
     """(node, d) bool: nodes on held faces or past them, and those beside cells that are not complete (cell,).
 
     Only a part of a mine has such cells, at its border: with the node held, no motion of the coarse grid reaches it.
+    None: all are complete.
     """
     held = np.zeros((len(grid.node_index), grid.dimension), bool)
     for axis in range(grid.dimension):
         place = grid.node_index[:, axis]
         held[place <= 0] |= faces[axis, 0]
         held[place >= grid.extent[axis]] |= faces[axis, 1]
+    if complete is None:
+        return held
     corners = np.bincount(grid.cell_nodes[complete].ravel(), minlength=len(held))
     outside = (grid.node_index <= 0) | (grid.node_index >= grid.extent)
     held[corners < 2.0 ** (grid.dimension - outside.sum(axis=1))] = True
     return held
+
+
+def fills_box(grid: LevelGrid) -> bool:
+    """Whether there is a cell everywhere in the domain; not in a part of a mine."""
+    return int(np.sum(grid.cell_width.astype(np.int64) ** grid.dimension)) == int(np.prod(grid.extent))
 
 
 def complete_cells(fine: LevelGrid, complete: np.ndarray, coarse: LevelGrid, coarse_of_cell: np.ndarray) -> np.ndarray:
@@ -48,15 +57,22 @@ def complete_cells(fine: LevelGrid, complete: np.ndarray, coarse: LevelGrid, coa
     return filled == coarse.inside_volume * 2.0**fine.dimension
 
 
+@njit(cache=True)
+def _merge_constants(coarse_of_cell, cell_width, constants, result):
+    for cell in range(len(coarse_of_cell)):
+        coarse = coarse_of_cell[cell]
+        merged = cell_width[cell] == 1
+        quarter, sixteenth = (0.25, 0.0625) if merged else (1.0, 1.0)
+        result[coarse, 0] += quarter * constants[cell, 0]
+        result[coarse, 1] += quarter * constants[cell, 1]
+        result[coarse, 2] += sixteenth * constants[cell, 2]
+        result[coarse, 3] = 0.25 * (1.0 + constants[cell, 3]) if merged else constants[cell, 3]
+
+
 def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray) -> np.ndarray:
     """Constants (coarse cell, 4) of the parts of each coarse cell together; constants (cell, 4) of the finer level."""
-    cell, cells = fine.coarse_of_cell, len(coarse.cell_index)
-    merged = fine.grid.cell_width == 1
-    quarter, sixteenth = np.where(merged, 1.0 / 4.0, 1.0), np.where(merged, 1.0 / 16.0, 1.0)
-    result = np.empty((cells, 4))
-    for column, share in enumerate((quarter, quarter, sixteenth)):
-        result[:, column] = np.bincount(cell, constants[:, column] * share, minlength=cells)
-    result[cell, 3] = np.where(merged, (1.0 + constants[:, 3]) / 4.0, constants[:, 3])
+    result = np.zeros((len(coarse.cell_index), 4))
+    _merge_constants(fine.coarse_of_cell, fine.grid.cell_width, constants, result)
     return result
 
 
@@ -67,11 +83,12 @@ class Hierarchy:
         """cell_nodes (cell, 2^d) in bit order; held (node, d) bool."""
         self.faces = held_faces(grid, held)
         self.levels = [Level(finest_grid(grid, cell_nodes), held)]
-        complete = np.ones(len(cell_nodes), bool)
+        complete = None if fills_box(self.levels[0].grid) else np.ones(len(cell_nodes), bool)
         while self.levels[-1].unknowns > MOST_UNKNOWNS:
             fine = self.levels[-1]
             coarse_grid, coarse_of_cell = coarsen(fine.grid)
-            complete = complete_cells(fine.grid, complete, coarse_grid, coarse_of_cell)
+            if complete is not None:
+                complete = complete_cells(fine.grid, complete, coarse_grid, coarse_of_cell)
             coarse_held = held_nodes(coarse_grid, self.faces, complete)
             if coarse_held.all() or len(coarse_of_cell) == len(coarse_grid.cell_index):
                 break

@@ -97,10 +97,10 @@ class Operator:
     def set_cells(self, cells: ElasticCells) -> None:
         """Take over constants, and the matrices of irregular cells."""
         families, corners = self.families, 1 << self.dimension
-        constants = cells.constants.copy()
-        constants[cells.irregular] = 0.0
-        self.set_constants(constants)
-        slot = families.cell_place[cells.irregular] // LANES
+        self.set_constants(cells.constants)
+        place = families.cell_place[cells.irregular]
+        slot = place // LANES
+        self.constants[slot, :, place % LANES] = 0.0
         order = np.argsort(slot, kind="stable")
         self.cell_rows = families.corner_rows(cells.irregular[order])
         self.block_cells = np.searchsorted(slot[order] // corners, families.batch_start)
