@@ -21,6 +21,7 @@ import numpy as np
 
 from mpm_core.equilibrium.brittle import Brittle, fail, new_failures, weakest
 from mpm_core.equilibrium.convergence import History, NoRest
+from mpm_core.equilibrium.part import Part
 from mpm_core.equilibrium.perturbation import lateness
 from mpm_core.model import State
 from pipeline.errors import InputError
@@ -79,16 +80,18 @@ def relax_and_fail(
     reference: float,
     step: int,
     history: History,
+    part_of_mine: Part | None = None,
     save: Callable[[State, History], None] = lambda state, history: None,
 ) -> None:
     """Relax, let fail what then stands above strength, and so on until nothing does.
 
     From fresh failures on, failure spreads in the part of the mine around them, if that is small, and there in a part
-    of that part. Not where the last state of rest or the weakest rock of the whole is asked for.
+    of that part. Not where the last state of rest or the weakest rock of the whole is asked for. In a part
+    (part_of_mine) this ends, before the last failures are at rest, once failure has come near the border.
     """
     solver = scheme.model.scene.solver
     whole = solver.collapse == "keep" or solver.weakest_first > 0.0
-    while True:
+    while part_of_mine is None or not part_of_mine.is_outgrown:
         scheme.relax(external, tolerance, reference, history)
         fresh = fail_next(scheme, brittle, step, history)
         if not len(fresh):
@@ -98,7 +101,7 @@ def relax_and_fail(
             own = scheme.scheme_of(part)
             share = len(part.cells) / len(scheme.model.cell_nodes)  # of what may be unbalanced
             relax_and_fail(
-                own, part.brittle, external[part.nodes], tolerance * np.sqrt(share), reference, step, history
+                own, part.brittle, external[part.nodes], tolerance * np.sqrt(share), reference, step, history, part
             )
             own.settle()
             scheme.take_back(part)
@@ -145,7 +148,7 @@ def run_cascade(
         try:
             while True:
                 tolerance = max(loose / TIGHTER**history.tightened, solver.tolerance)
-                relax_and_fail(scheme, brittle, external, tolerance, reference, step, history, save)
+                relax_and_fail(scheme, brittle, external, tolerance, reference, step, history, save=save)
                 if not last or tolerance == solver.tolerance:
                     break
                 history.tightened += 1

@@ -88,12 +88,13 @@ class MultigridScheme(ExplicitScheme):
 
     def part_around(self, brittle: Brittle, fresh: np.ndarray) -> Part | None:
         """The part around rock that has just failed; None where that is too much of the mine."""
-        chosen = cells_around(self.model, fresh)
-        if chosen is None:
+        around = cells_around(self.model, fresh)
+        if around is None:
             return None
+        chosen, core = around
         if np.count_nonzero(chosen) > SPARING * len(chosen):
             self.anderson, self.rows = None, []  # as much memory as such a part takes
-        return cut_out(self.model, self.state, self.volume, brittle, chosen)
+        return cut_out(self.model, self.state, self.volume, brittle, chosen, core)
 
     def scheme_of(self, part: Part) -> "MultigridScheme":
         """The scheme that brings a part to rest."""

@@ -11,6 +11,7 @@ import xarray as xr
 from mpm_core.checkpoint import Checkpoint
 from mpm_core.equilibrium import part as parts
 from mpm_core.equilibrium.brittle import fail, find_brittle, new_failures
+from mpm_core.equilibrium.cascade import relax_and_fail
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.multigrid import MultigridScheme
 from mpm_core.grid.adjacency import face_neighbors
@@ -32,8 +33,9 @@ STRESS = uniform(-20e6, -14e6, -16e6)
 
 @pytest.fixture(autouse=True)
 def small_scenes(monkeypatch):
-    """A part may be half of them; one thread, whatever another test left."""
+    """A part may be half of them, its border near; one thread, whatever another test left."""
     monkeypatch.setattr(parts, "LARGEST", 0.5)
+    monkeypatch.setattr(parts, "BORDER", 1.0)
     before = numba.get_num_threads()
     numba.set_num_threads(1)
     yield
@@ -132,6 +134,54 @@ def test_no_part_of_most_of_a_mine():
     """Rock that fails everywhere comes to rest in the whole."""
     scheme, brittle, _, _ = with_failure(2)
     assert scheme.part_around(brittle, brittle.sound) is None
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_patches_are_as_wide_as_their_cells(dimension):
+    """Half the widest of two patches: cells 5 to 12 along x, over three cubes that touch; a lone cell far away."""
+    place = np.zeros((9, dimension), np.int32)
+    place[:8, 0] = np.arange(5, 13)
+    place[4:8, 1] = 4  # in the cubes beside
+    place[8] = 30
+    failed = np.zeros((8,) * dimension, bool)
+    failed[tuple((place >> 2).T)] = True
+    assert parts._largest_patch(failed, place, 2) == 8 / 2 / 4
+    assert parts._largest_patch(failed, place[8:], 2) == 1 / 2 / 4
+
+
+def test_the_border_is_far_from_what_fails(monkeypatch):
+    """2-D, BORDER 2 %: R / a of 7. A lone cell's border may be 8 cells away, that of a ring 10 cells wide 30, too far;
+    beside a lone cell only its own cube may fail before the part is left."""
+    monkeypatch.setattr(parts, "BORDER", 0.02)
+    monkeypatch.setattr(parts, "REACHES", (2,))
+    scheme, brittle, fresh, _ = with_failure(2)
+    cell = scheme.model.particles.cell
+    ring = fresh[:1], brittle.sound[scheme.model.particles.position[brittle.sound, 0] < 20.0]
+    assert scheme.part_around(brittle, ring[1]) is None
+    part = scheme.part_around(brittle, ring[0])
+    cube = scheme.model.grid.cell_index >> 2
+    core = (cube == cube[cell[fresh[0]]]).all(axis=1)
+    np.testing.assert_array_equal(
+        np.setdiff1d(part.particles, part.particles[part.outside]), np.flatnonzero(core[cell])
+    )
+    assert not part.is_outgrown
+    part.state.failed[np.flatnonzero(core[cell[part.particles]])] = 0
+    assert not part.is_outgrown
+    part.state.failed[part.outside[-1]] = 0
+    assert part.is_outgrown
+
+
+def test_failure_near_the_border_ends_a_part(monkeypatch):
+    """It is given back without rest: nothing is relaxed after the failure outside its core."""
+    monkeypatch.setattr(parts, "BORDER", 0.02)
+    monkeypatch.setattr(parts, "REACHES", (2,))
+    scheme, brittle, fresh, force = with_failure(2)
+    part = scheme.part_around(brittle, fresh[:1])
+    own = scheme.scheme_of(part)
+    part.state.failed[part.outside[0]] = 0
+    history = History(1e-9)
+    relax_and_fail(own, part.brittle, force[part.nodes], 1e-9, norm(force), 0, history, part)
+    assert history.rows == []
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -46,7 +46,7 @@ def test_brittle_tunnel_fails_alike_on_average(tmp_path):
 
 
 def made_up(potency: float, sizes=(), failed=(True, False)) -> Run:
-    return Run(potency, 2.0 * potency, np.array(failed), np.array(sizes, float), 1e-3, 7)
+    return Run(potency, 2.0 * potency, np.array(failed), np.array(sizes, float), 1e-3, 7, 0)
 
 
 @given(st.lists(st.tuples(st.floats(1.0, 9.0), st.floats(1.0, 9.0)), min_size=3, max_size=9))

@@ -125,5 +125,7 @@ def brittle_rows(scene: str, pairs: Pairs, allowed: dict[str, float]) -> list[Ro
     taken = " and ".join(f"{np.mean([run.iterations for run in runs]):.0f}" for runs in pairs.runs.values())
     quantity = f"{scene}, brittle: pairs in which the very same rock fails"
     alike, count = pairs.alike, pairs.count
-    rows.append(Row(quantity, count, alike, count - alike, None, f"{taken} iterations a run"))
+    parts = " and ".join(f"{np.mean([run.in_parts for run in runs]):.0f}" for runs in pairs.runs.values())
+    remark = f"{taken} iterations a run; {parts} generations in parts of the mine"
+    rows.append(Row(quantity, count, alike, count - alike, None, remark))
     return rows

@@ -29,7 +29,7 @@ class Run:
 
     potency: sum over particles of the scalar of seismic strain times volume, m3; failed_volume m3; failed: particles
     that have failed by its end (bool); sizes: log10 potency (m3) of resolved events; floor: the smallest that can be
-    resolved, m3; iterations of all its steps.
+    resolved, m3; iterations of all its steps, and in how many generations failure spread in a part of the mine.
     """
 
     potency: float
@@ -38,6 +38,7 @@ class Run:
     sizes: np.ndarray
     floor: float
     iterations: int
+    in_parts: int
 
     @property
     def events(self) -> int:
@@ -147,4 +148,12 @@ def describe(states: list[xr.Dataset], mine: Mine) -> Run:
         sizes=log_potency(events.potency.values[events.resolved.values == 1]),
         floor=float(events.attrs["potency_floor"]),
         iterations=sum(int(state.attrs["iterations"]) for state in states),
+        in_parts=sum(_generations_in_parts(state) for state in states),
     )
+
+
+def _generations_in_parts(state: xr.Dataset) -> int:
+    """Generations of failure after which a part of the mine came to rest before the whole."""
+    part = state.convergence_cells.values < state.sizes["cell"]
+    generations = state.convergence_increment.values[part], state.convergence_generation.values[part]
+    return len(np.unique(np.stack(generations), axis=1).T)
