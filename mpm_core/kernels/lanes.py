@@ -12,6 +12,7 @@ import operator
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
@@ -105,6 +106,21 @@ def fill(typing, array, value):
         return _shuffle(builder, single, single, [0] * LANES)
 
     return kind(array, array.dtype), generate
+
+
+@intrinsic
+def prefetch(typing, array, index):
+    """Ask the processor to bring array[index] of a flat array into its cache; changes nothing."""
+
+    def generate(context, builder, sig, args):
+        pointer = _element_pointer(context, builder, sig.args[0], args[0], args[1])
+        pointer = builder.bitcast(pointer, ir.IntType(8).as_pointer())
+        kind = ir.FunctionType(ir.VoidType(), [pointer.type, _INDEX, _INDEX, _INDEX])
+        instruction = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
+        builder.call(instruction, [pointer, _INDEX(0), _INDEX(3), _INDEX(1)])  # to read, to stay, data
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp), generate
 
 
 def _point_pointers(context, builder, sig, args, width):

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit, prange
 
 from mpm_core.kernels.lanes import LANES as W
-from mpm_core.kernels.lanes import add_to_points_3, gather_points_3, load, store
+from mpm_core.kernels.lanes import add_to_points_3, gather_points_3, load, prefetch, store
 
 NODES = 27  # of a family, place x + 3 y + 9 z
 Y = 144  # first row of the half of the scratch that holds sums along z and y; forces use them the other way round
@@ -181,6 +181,9 @@ def apply_families_3(batch_start, row_start, places, constants, values, forces):
             forces[element] = 0.0
         for batch in range(batch_start[block], batch_start[block + 1]):
             start = batch * NODES * W
+            if batch + 1 < batch_start[block + 1]:  # without this the processor waits for memory half of the time
+                for place in range(start + NODES * W, start + 2 * NODES * W):
+                    prefetch(values, places[place] * 4)
             _sum_along_z(values, places, start, work)
             _sum_along_y(work)
             for row in range(4):

@@ -7,8 +7,9 @@ is written by one thread, sums are made in one fixed order: the result does not 
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.kernels.lanes import POINT_WIDTH
+from mpm_core.kernels.lanes import POINT_WIDTH, prefetch
 
+AHEAD = 128  # links: the rows of copies lie anywhere; waiting for each takes twice (float64) to three times the time
 CHUNK = 8192  # elements summed one after the other; the sums of chunks are then added in order
 
 
@@ -39,9 +40,11 @@ def make_collect(width: int):
     @njit(parallel=True, error_model="numpy", cache=True)
     def collect_from_copies(targets, target_start, sources, source_weights, values):
         """Rows take what their copies hold, by weight: values (row * width,), in place. Copies keep theirs, stale."""
+        last = len(sources) - 1
         for target in prange(len(targets)):
             here = targets[target] * width
             for link in range(target_start[target], target_start[target + 1]):
+                prefetch(values, sources[min(link + AHEAD, last)] * width)
                 weight = values.dtype.type(source_weights[link])
                 there = sources[link] * width
                 for k in range(width):
@@ -59,6 +62,7 @@ def make_restrict(width: int):
 
         ranks (coarse row,) rank in link_start, -1 for copies; links: rows of the finer level; fine_weights (fine row,).
         """
+        last = len(links) - 1
         for row in prange(len(ranks)):
             here = row * width
             for k in range(width):
@@ -66,6 +70,7 @@ def make_restrict(width: int):
             rank = ranks[row]
             if rank >= 0:
                 for link in range(link_start[rank], link_start[rank + 1]):
+                    prefetch(fine, links[min(link + AHEAD, last)] * width)
                     weight = fine_weights[links[link]]
                     there = links[link] * width
                     for k in range(width):
