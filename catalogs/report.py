@@ -18,6 +18,7 @@ from catalogs.report_inputs import Evidence, read_evidence
 from catalogs.report_text import fixed, number, percent, whole
 from catalogs.sizes import b_by_cut, cut_grid, estimate_b, log_potency
 from pipeline.datasets import atomic_path
+from pipeline.pages import page_templates
 
 BALLS = 10
 TEMPLATES = Path(__file__).parent / "templates"
@@ -105,10 +106,7 @@ class Gallery:
 
 
 def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )  # fmt: skip
+    environment = page_templates(TEMPLATES)
     filters: dict[str, Callable] = {
         "number": number,
         "percent": percent,

@@ -6,10 +6,9 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
-
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
+from pipeline.pages import page_templates
 from verification.results import Variant, read_results
 from verification.rows import COLUMNS, VERDICTS, read_rows
 from verification.studies import Study
@@ -37,13 +36,7 @@ class Section:
 def write_report(studies: list[Study], results: Path, benchmarks: Path, page: Path, summary: Path) -> None:
     """Write the page and the table of all rows, atomically. Raises InputError where rows or a figure are missing."""
     sections = [_section(study, results / study.name, benchmarks / study.name) for study in studies]
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
+    environment = page_templates(TEMPLATES)
     with atomic_path(summary) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-import jinja2
 import pandas as pd
 
 from catalogs.figures import style
 from pipeline.datasets import atomic_path
+from pipeline.pages import page_templates
 from tests.benchmarks.equilibrium.figure import draw
 from tests.benchmarks.equilibrium.measuring import DONE
 from tests.benchmarks.equilibrium.settings import REFERENCE, Settings
@@ -23,13 +23,7 @@ def write_report(settings: Settings, rows: list[dict], table_path: Path, figure_
         figure = style.save(draw(settings, table), figure_path)
     with atomic_path(table_path) as temporary:
         table.to_csv(temporary, index=False, float_format="%.6g")
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
+    environment = page_templates(TEMPLATES)
     environment.filters["number"] = number
     measured = table[table["outcome"] == DONE]
     text = environment.get_template("page.html.j2").render(

@@ -1,0 +1,16 @@
+"""HTML pages from templates."""
+
+from pathlib import Path
+
+import jinja2
+
+
+def page_templates(folder: Path) -> jinja2.Environment:
+    """The templates of a folder: text is escaped, and a name that a template lacks is an error."""
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
