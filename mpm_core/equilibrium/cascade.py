@@ -91,12 +91,16 @@ def relax_and_fail(
     """
     solver = scheme.model.scene.solver
     whole = solver.collapse == "keep" or solver.weakest_first > 0.0
-    while part_of_mine is None or not part_of_mine.is_outgrown:
+
+    def outgrown() -> bool:
+        return part_of_mine is not None and part_of_mine.is_outgrown
+
+    while not outgrown():
         scheme.relax(external, tolerance, reference, history)
         fresh = fail_next(scheme, brittle, step, history)
         if not len(fresh):
             return
-        part = None if whole else scheme.part_around(brittle, fresh)
+        part = None if whole or outgrown() else scheme.part_around(brittle, fresh)
         if part is not None:
             own = scheme.scheme_of(part)
             share = len(part.cells) / len(scheme.model.cell_nodes)  # of what may be unbalanced

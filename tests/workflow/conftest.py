@@ -1,10 +1,14 @@
-"""One run of a tiny mine that most tests look at, and copies of it that they may spoil."""
+"""One run of a tiny mine that most tests look at, copies of it that they may spoil, and its configuration checked."""
 
 import shutil
 from pathlib import Path
 
 import pytest
-from tiny_mines import TINY, finished, start, write_mine
+import yaml
+from tiny_mines import TINY, changed, finished, merged, start, write_mine
+
+from pipeline.errors import InputError
+from workflow.configuration import load
 
 
 @pytest.fixture(scope="session")
@@ -34,3 +38,30 @@ def spoiled(undisturbed, base, request) -> Path:
     folder = base / request.node.name.replace("[", "_").replace("]", "")
     shutil.copytree(undisturbed[0], folder)
     return folder
+
+
+@pytest.fixture
+def refuse(tmp_path):
+    """The line that a mine is refused with."""
+
+    def line(mine: dict, **values) -> str:
+        file = write_mine(changed(mine, **values), tmp_path / "mine.yaml")
+        with pytest.raises(InputError) as refused:
+            load(merged(yaml.safe_load(file.read_text())), file)
+        assert "\n" not in str(refused.value)
+        text = str(refused.value)
+        assert text.startswith(f"{file}: ")
+        return text.removeprefix(f"{file}: ")
+
+    return line
+
+
+@pytest.fixture
+def accept(tmp_path):
+    """The mine, checked and in SI."""
+
+    def mine(base: dict, **values):
+        file = write_mine(changed(base, **values), tmp_path / "mine.yaml")
+        return load(merged(yaml.safe_load(file.read_text())), file)
+
+    return mine

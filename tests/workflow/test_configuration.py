@@ -1,4 +1,4 @@
-"""A mine's configuration: every mistake is one line that names file and key, and a slice holds what its stage needs."""
+"""A mine's configuration: every mistake is one line that names file and key."""
 
 import copy
 import datetime
@@ -8,44 +8,13 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiny_mines import DEFAULT, FILL, FLAT, HOST, NEXT_STEP, TINY, box, changed, merged, write_mine
+from tiny_mines import DEFAULT, DIRECTED, FILL, FLAT, HOST, PUSH, STRAIN, TINY, merged
 
 from pipeline.errors import InputError
 from workflow.configuration import load
 from workflow.draft import draft_of
 
-
-@pytest.fixture
-def refuse(tmp_path):
-    """The line that a mine is refused with."""
-
-    def line(mine: dict, **values) -> str:
-        file = write_mine(changed(mine, **values), tmp_path / "mine.yaml")
-        with pytest.raises(InputError) as refused:
-            load(merged(yaml.safe_load(file.read_text())), file)
-        assert "\n" not in str(refused.value)
-        text = str(refused.value)
-        assert text.startswith(f"{file}: ")
-        return text.removeprefix(f"{file}: ")
-
-    return line
-
-
-@pytest.fixture
-def accept(tmp_path):
-    """The mine, checked and in SI."""
-
-    def mine(base: dict, **values):
-        file = write_mine(changed(base, **values), tmp_path / "mine.yaml")
-        return load(merged(yaml.safe_load(file.read_text())), file)
-
-    return mine
-
-
-PUSH = box("push", "2019-08", [20, 20, 20], [30, 30, 30], force=["0 N", "0 N", "-1 MN"])
-DIRECTED = PUSH | {"force": "1 MN", "toward": ["40 m", "40 m", "40 m"]}
 IN_FILE = {key: DIRECTED[key] for key in ("name", "step", "force", "toward")} | {"file": "record.csv"}
-STRAIN = {"name": "press", "step": "2019-08", "strain": {"zz": -1e-4}}
 FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("grid.levles", 3, "grid.levles: unknown key", "did you mean levels?"),
     ("seismic.cluster.radius", 2, "seismic.cluster.radius: unknown key", "radius_cells"),
@@ -218,107 +187,6 @@ def test_default_file_holds_no_mine():
     """Snakemake merges deeply: a material or excavation of the default would be in every mine."""
     default = yaml.safe_load(DEFAULT.read_text())
     assert not set(default) & {"materials", "excavations", "rock_bodies", "steps", "record", "loads", "insitu_stress"}
-
-
-def test_values_are_si(accept):
-    """Metres, pascals; angles stay degrees."""
-    values = accept(TINY, **{"materials.host.friction_angle.intact": "0.5 rad", "frame.surface": "1 km"}).values
-    assert values["materials"]["host"]["youngs_modulus"] == 57e9
-    assert values["materials"]["host"]["friction_angle"]["intact"] == pytest.approx(28.6479, abs=1e-4)
-    assert values["frame"]["surface"] == 1000.0
-    assert values["insitu_stress"]["gradient"]["yy"] == pytest.approx(-36300)
-    assert values["domain"]["upper"] == [80, 80, 80]
-
-
-def test_a_planned_stope_looks_like_one_dated_later(accept):
-    """Giving stope_2 its month, and a new fill, changes no slice that stands."""
-    before = accept(TINY)
-    dated = {"excavations.2.step": "2019-09", "excavations.2.fill": "paste", "steps": [*TINY["steps"], NEXT_STEP]}
-    after = accept(TINY, **dated, **{"materials.paste": {**TINY["materials"]["fill"], "youngs_modulus": "2 GPa"}})
-    assert after.grid_slice() == before.grid_slice()
-    assert [after.step_slice(step) for step in before.mined_steps] == [
-        before.step_slice(step) for step in before.mined_steps
-    ]
-    assert after.step_slice("2019-09")["excavations"][2] == {
-        "name": "stope_2",
-        "mined": 2,
-        "fill": "paste",
-        "filled": 2,
-    }
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "same"),
-    [
-        ("seismic.closeness", 0.7, {"grid_slice", "scene_slice", "record_slice"}),
-        ("solver.tolerance", 1e-4, {"grid_slice", "event_slice", "record_slice"}),
-        ("grid.levels", 3, {"scene_slice", "event_slice", "record_slice"}),
-        ("record.location_error", "9 m", {"grid_slice", "scene_slice", "event_slice"}),
-        ("comparison.seed", 2, {"grid_slice", "scene_slice", "event_slice", "record_slice"}),
-    ],
-)
-def test_a_slice_holds_only_what_its_stage_needs(accept, key, value, same):
-    """A changed value re-runs what depends on it and nothing else."""
-    before, after = accept(TINY), accept(TINY, **{key: value})
-    slices = {name: getattr(before, name) for name in ("grid_slice", "event_slice", "record_slice")}
-    slices["scene_slice"] = lambda: before.scene_slice(1)
-    others = {name: getattr(after, name) for name in ("grid_slice", "event_slice", "record_slice")}
-    others["scene_slice"] = lambda: after.scene_slice(1)
-    assert {name for name in slices if slices[name]() == others[name]()} == same
-
-
-def test_undated_scene_gets_a_history_of_its_own(accept):
-    """Dated steps alone: what is mined before them is nothing, and the first step is still the history."""
-    mine = accept(TINY, **{"steps": TINY["steps"][1:], "excavations.0.step": "2019-08"})
-    assert mine.mined_steps == ["history", "2019-08"]
-    assert mine.dated_steps == ["2019-08"]
-    assert mine.previous("2019-08") == "history"
-    assert mine.previous("history") == ""
-
-
-def test_boundary_by_axis_by_face_and_for_the_others(accept):
-    """`x: roller` is both faces; what is not named is `others`, or fixed."""
-    faces = accept(TINY, **{"domain.boundary": {"x": "roller", "z_upper": "free", "others": "fixed"}}).boundary()
-    assert faces == {
-        **dict.fromkeys(("x_lower", "x_upper"), "roller"),
-        **dict.fromkeys(("y_lower", "y_upper", "z_lower"), "fixed"),
-        "z_upper": "free",
-    }
-
-
-def test_checking_changes_nothing_of_what_was_given(accept):
-    """Snakemake's own config object stays as it was read: the report shows it."""
-    config = merged(TINY)
-    kept = copy.deepcopy(config)
-    with pytest.raises(InputError):
-        load(config, "mine.yaml")  # its record is not there
-    assert config == kept
-
-
-def test_a_step_that_mines_nothing_is_legal(accept):
-    """Time passes: no excavation need name a step."""
-    assert accept(TINY, **{"excavations": [box("drive", "history", [20, 30, 40], [60, 40, 50])]}).mined_steps
-
-
-def test_loads_and_strains_reach_the_slices_of_their_steps_and_later_ones_alone(accept):
-    """Directed force in newton and metres, strain by Voigt order; a slice without strains is what it was before."""
-    mine = accept(TINY, loads=[DIRECTED], strains=[STRAIN])
-    early, late = mine.scene_slice(0), mine.scene_slice(1)
-    assert early["loads"] == []
-    assert "strains" not in early
-    assert late["strains"] == [{"name": "press", "since": 1, "strain": [0.0, 0.0, -1e-4, 0.0, 0.0, 0.0]}]
-    load = late["loads"][0]
-    assert (load["force"], load["toward"]) == (1e6, [40.0, 40.0, 40.0])
-    assert set(load["shape"]) == {"shape", "lower", "upper"}
-    assert accept(TINY).scene_slice(1) == {key: late[key] for key in late if key != "strains"} | {"loads": []}
-
-
-def test_the_outside_of_a_shape_is_another_grid(accept):
-    """`outside: false` is the same as not saying it."""
-    plain, inner = accept(TINY), accept(TINY, **{"excavations.0.outside": False})
-    outer = accept(TINY, **{"excavations.0.outside": True})
-    assert inner.grid_slice() == plain.grid_slice()
-    assert outer.grid_slice()["excavations"][0] == plain.grid_slice()["excavations"][0] | {"outside": True}
 
 
 def test_a_strain_out_of_the_plane_is_refused(refuse, accept):

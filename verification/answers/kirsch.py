@@ -65,7 +65,7 @@ def displacement_rows(name: str, rock: Rock, closure: float, displacement: float
 
 
 def price_rows(results: Results, rocks: dict[str, Rock]) -> list[Row]:
-    """Error, cells and time of the multi-level grid over those of the regular one."""
+    """Error, cells and work of the multi-level grid over those of the regular one."""
     if "regular" not in rocks:
         return []
     names = ("multilevel", "regular")
@@ -79,10 +79,10 @@ def price_rows(results: Results, rocks: dict[str, Rock]) -> list[Row]:
     rows = [ratio("r.m.s. error of radial and hoop stress", "error_over_regular", *errors, remark)]
     cells = [rocks[name].grid.sizes["cell"] for name in names]
     rows.append(ratio("cells", "cells_over_regular", *cells, f"{cells[0]} and {cells[1]} cells"))
-    seconds = [results[name].seconds("elastic") for name in names]
-    if None not in seconds:
-        remark = f"{seconds[0]:.1f} and {seconds[1]:.1f} s, start of the process included"
-        rows.append(ratio("time of the elastic stage", "time_over_regular", *seconds, remark))
+    iterations = [int(results[name].elastic.attrs["iterations"]) for name in names]
+    work = [count * taken for count, taken in zip(cells, iterations, strict=True)]
+    remark = f"{iterations[0]} and {iterations[1]} iterations"
+    rows.append(ratio("cells times iterations", "work_over_regular", *work, remark))
     return rows
 
 
