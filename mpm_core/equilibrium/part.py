@@ -18,7 +18,7 @@ from mpm_core.particles import Particles, Pieces
 
 CUBE = 2  # halvings: parts are made of cubes four finest cells wide, and of larger cells
 REACHES = (10, 6, 4, 2)  # cubes, corners too, on all sides of one in which rock has failed: the widest first
-LARGEST = 0.4  # of all cells: a larger part would save little time, and take more memory than the whole gives up
+LARGEST = 0.25  # of all cells: a larger part would save little time, and take more memory than the whole gives up
 # What a failed patch of half-width a changes decays as (a / distance)^d. A border at distance R from its middle, held
 # still, carries (a / R)^d of it, and less rock fails: potency of 32 tunnels and 12 spheres whose whole ring fails at
 # once, against that without parts, was -18, -7 and -5 % at R / a of 2, 4 (tunnel) and 2.6 (sphere).
