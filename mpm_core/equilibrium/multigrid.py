@@ -91,10 +91,9 @@ class MultigridScheme(ExplicitScheme):
         around = cells_around(self.model, fresh)
         if around is None:
             return None
-        chosen, core = around
-        if np.count_nonzero(chosen) > SPARING * len(chosen):
+        if np.count_nonzero(around.cells) > SPARING * len(around.cells):
             self.anderson, self.rows = None, []  # as much memory as such a part takes
-        return cut_out(self.model, self.state, self.volume, brittle, chosen, core)
+        return cut_out(self.model, self.state, self.volume, brittle, around, fresh)
 
     def scheme_of(self, part: Part) -> "MultigridScheme":
         """The scheme that brings a part to rest."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.kernels.blocks import build_scatter
@@ -22,7 +23,7 @@ LARGEST = 0.25  # of all cells: a larger part would save little time, and take m
 # What a failed patch of half-width a changes decays as (a / distance)^d. A border at distance R from its middle, held
 # still, carries (a / R)^d of it, and less rock fails: potency of 32 tunnels and 12 spheres whose whole ring fails at
 # once, against that without parts, was -18, -7 and -5 % at R / a of 2, 4 (tunnel) and 2.6 (sphere).
-BORDER = 0.02  # at most: potency -1.5 +- 3.8, 0.3 +- 3.7 (tunnels), -0.8 +- 0.9 % (sphere); 0.05: -2.7 +- 3.8 %
+BORDER = 0.02  # at most: potency -0.8 +- 3.7, -0.7 +- 3.8 (tunnels), -0.7 +- 0.9 % (sphere); 0.05: -2.7 +- 3.8 %
 
 OF_FAILED = ("failure_order", "seismic_strain", "overshoot_strain", "later_strain", "dissipated")
 OF_PARTICLES = ("stress", "failed", *OF_FAILED, "plastic_strain", "position")
@@ -35,7 +36,7 @@ class Part:
     """A part's own model, state (copies), volumes and rock that may fail, and where they stand in the whole mine.
 
     cells (cell,), nodes (node,), particles (particle,): indices in the whole, ascending; volume (particle,) m3;
-    outside (k,): its particles outside its core, failed_outside: how many of them had failed when it was cut out.
+    failed_before (particle,) bool: whether rock had failed before the failures that it is cut out for.
     """
 
     model: Model
@@ -45,13 +46,14 @@ class Part:
     cells: np.ndarray
     nodes: np.ndarray
     particles: np.ndarray
-    outside: np.ndarray
-    failed_outside: int
+    surroundings: "Surroundings"
+    failed_before: np.ndarray
 
     @property
     def is_outgrown(self) -> bool:
-        """Whether rock outside its core has failed: its border is no longer far from what happens."""
-        return np.count_nonzero(self.state.failed[self.outside] >= 0) > self.failed_outside
+        """Whether its border is no longer far from what has failed since it was cut out."""
+        failed = np.flatnonzero((self.state.failed >= 0) & ~self.failed_before)
+        return not self.surroundings.are_wide(self.model.grid.cell_index[self.model.particles.cell[failed]])
 
     def give_back(self, state: State) -> None:
         """Write what has changed into the state of the whole mine."""
@@ -67,57 +69,71 @@ class Part:
                 getattr(state, name)[index] = getattr(self.state, name)[own]
 
 
-def cells_around(model: Model, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """(cell,) bool, twice: cells around rock that has just failed, particles (k,), and those in the middle of them.
+@dataclass(frozen=True)
+class Surroundings:
+    """Cells around rock that has just failed: (cell,) bool, those that are at most `reach` cubes away.
+
+    places (k, d): the cubes that it stands in; cube: halvings, see CUBE.
+    """
+
+    cells: np.ndarray
+    places: np.ndarray
+    reach: int
+    cube: int
+
+    def are_wide(self, failed: np.ndarray) -> bool:
+        """Whether a border held still carries at most the share BORDER of what any patch of failed cells changes.
+
+        failed (k, d): cell_index of finest cells. Those in cubes that touch, if only at corners, are one patch.
+        """
+        place = failed >> self.cube
+        lower = place.min(axis=0)
+        taken = np.zeros(np.ptp(place, axis=0) + 1, bool)
+        taken[tuple((place - lower).T)] = True
+        labels, patches = ndimage.label(taken, np.ones((3,) * taken.ndim))
+        patch = labels[tuple((place - lower).T)]
+        every = np.arange(1, patches + 1)
+        widths = [ndimage.maximum(along, patch, every) - ndimage.minimum(along, patch, every) for along in failed.T]
+        half = 0.5 * (np.max(widths, axis=0) + 1) / (1 << self.cube)
+        away = cKDTree(self.places).query(place, p=np.inf)[0]
+        border = half + self.reach - ndimage.maximum(away, patch, every)
+        return bool((half <= border * BORDER ** (1.0 / failed.shape[1])).all())
+
+
+def cells_around(model: Model, fresh: np.ndarray) -> Surroundings | None:
+    """Cells around rock that has just failed, particles (k,).
 
     None where they are much of the mine, or their border would be too near.
     """
-    grid, cells = model.grid, model.particles.cell[fresh]
+    grid = model.grid
     finest = grid.levels - 1
     cube = min(CUBE, finest)
-    place = grid.cell_index[cells]
+    cells = grid.cell_index[model.particles.cell[fresh]]
     failed = np.zeros(grid.shape >> cube, bool)
-    failed[tuple((place >> cube).T)] = True
-    size = _largest_patch(failed, place, cube)
+    failed[tuple((cells >> cube).T)] = True
     levels = [grid.cell_level == level for level in range(finest - cube)] + [grid.cell_level >= finest - cube]
     places = [tuple((grid.cell_index[at] >> finest - level).T) for level, at in enumerate(levels)]
-
-    def within(reach: int) -> np.ndarray:
+    chosen = np.empty(len(grid.cell_level), bool)
+    for reach in REACHES:
+        around = Surroundings(chosen, np.argwhere(failed), reach, cube)
+        if not around.are_wide(cells):
+            return None
         near = ndimage.maximum_filter(failed, 2 * reach + 1)
-        chosen = np.empty(len(grid.cell_level), bool)
         for at, place in zip(reversed(levels), reversed(places), strict=True):
             chosen[at] = near[place]
             for axis in range(grid.dimension if at is not levels[0] else 0):  # what the next larger cells hold
                 even, odd = (np.take(near, range(first, near.shape[axis], 2), axis) for first in range(2))
                 near = even | odd
-        return chosen
-
-    for reach in REACHES:
-        core = int(np.floor((size + reach) * BORDER ** (1.0 / grid.dimension) - size))
-        if core < 0:
-            return None
-        chosen = within(reach)
         if np.count_nonzero(chosen) <= LARGEST * len(chosen):
-            return chosen, within(core)
+            return around
     return None
 
 
-def _largest_patch(failed: np.ndarray, place: np.ndarray, cube: int) -> float:
-    """Half the width of the widest patch of failed rock, in cubes; failed: bool, by cube; place (cell, d) of the cells.
-
-    Cells in cubes that touch, if only at corners, are one patch.
-    """
-    labels, patches = ndimage.label(failed, np.ones((3,) * failed.ndim))
-    patch = labels[tuple((place >> cube).T)]
-    every = np.arange(1, patches + 1)
-    widths = [ndimage.maximum(along, patch, every) - ndimage.minimum(along, patch, every) for along in place.T]
-    return 0.5 * (np.max(widths) + 1) / (1 << cube)
-
-
 def cut_out(
-    model: Model, state: State, volume: np.ndarray, brittle: Brittle, chosen: np.ndarray, core: np.ndarray
+    model: Model, state: State, volume: np.ndarray, brittle: Brittle, around: Surroundings, fresh: np.ndarray
 ) -> Part:
-    """The part that the chosen cells (cell,) bool are; core (cell,) bool: those in its middle."""
+    """The part that the cells around failures are; fresh (k,): those particles."""
+    chosen = around.cells
     cells, number = _numbered(chosen)
     grid, nodes, cell_nodes, held = _crop_grid(model, chosen, cells)
     particles, indices = _crop_particles(model.particles, chosen, number)
@@ -134,7 +150,8 @@ def cut_out(
     )
     of = dict.fromkeys(OF_PARTICLES, indices) | dict.fromkeys(OF_NODES, nodes) | dict.fromkeys(OF_CELLS, cells)
     copies = {name: getattr(state, name)[index] for name, index in of.items()}
-    outside = np.flatnonzero(~core[model.particles.cell[indices]])
+    failed_before = copies["failed"] >= 0
+    failed_before[np.searchsorted(indices, fresh)] = False
     logging.info("in a part of %d cells", len(cells))
     return Part(
         part,
@@ -144,8 +161,8 @@ def cut_out(
         cells,
         nodes,
         indices,
-        outside,
-        np.count_nonzero(copies["failed"][outside] >= 0),
+        around,
+        failed_before,
     )
 
 

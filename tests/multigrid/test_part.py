@@ -136,52 +136,55 @@ def test_no_part_of_most_of_a_mine():
     assert scheme.part_around(brittle, brittle.sound) is None
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_patches_are_as_wide_as_their_cells(dimension):
-    """Half the widest of two patches: cells 5 to 12 along x, over three cubes that touch; a lone cell far away."""
-    place = np.zeros((9, dimension), np.int32)
-    place[:8, 0] = np.arange(5, 13)
-    place[4:8, 1] = 4  # in the cubes beside
-    place[8] = 30
-    failed = np.zeros((8,) * dimension, bool)
-    failed[tuple((place >> 2).T)] = True
-    assert parts._largest_patch(failed, place, 2) == 8 / 2 / 4
-    assert parts._largest_patch(failed, place[8:], 2) == 1 / 2 / 4
-
-
-def test_the_border_is_far_from_what_fails(monkeypatch):
-    """2-D, BORDER 2 %: R / a of 7. A lone cell's border may be 8 cells away, that of a ring 10 cells wide 30, too far;
-    beside a lone cell only its own cube may fail before the part is left."""
+@pytest.mark.parametrize(("dimension", "widest"), [(2, 10), (3, 23)])
+def test_the_border_is_far_from_every_patch_of_failed_cells(dimension, widest, monkeypatch):
+    """BORDER 2 %: R / a of 7.1 and 3.7. A row of n cells has a = n / 2; the border is 32 cells away, R = n / 2 + 32."""
     monkeypatch.setattr(parts, "BORDER", 0.02)
-    monkeypatch.setattr(parts, "REACHES", (2,))
-    scheme, brittle, fresh, _ = with_failure(2)
-    cell = scheme.model.particles.cell
-    ring = fresh[:1], brittle.sound[scheme.model.particles.position[brittle.sound, 0] < 20.0]
-    assert scheme.part_around(brittle, ring[1]) is None
-    part = scheme.part_around(brittle, ring[0])
-    cube = scheme.model.grid.cell_index >> 2
-    core = (cube == cube[cell[fresh[0]]]).all(axis=1)
-    np.testing.assert_array_equal(
-        np.setdiff1d(part.particles, part.particles[part.outside]), np.flatnonzero(core[cell])
-    )
-    assert not part.is_outgrown
-    part.state.failed[np.flatnonzero(core[cell[part.particles]])] = 0
-    assert not part.is_outgrown
-    part.state.failed[part.outside[-1]] = 0
-    assert part.is_outgrown
+
+    def row(cells: int, first: int = 100) -> np.ndarray:
+        place = np.full((cells, dimension), 100)
+        place[:, 0] = np.arange(first, first + cells)
+        return place
+
+    def are_wide(failed: np.ndarray) -> bool:
+        return parts.Surroundings(np.empty(0, bool), np.unique(failed >> 2, axis=0), 8, 2).are_wide(failed)
+
+    assert are_wide(row(widest))
+    assert not are_wide(row(widest + 1))
+    assert are_wide(np.concatenate([row(widest), row(widest, 200)]))  # two patches
+    touching = row(widest, 100 + 4 * -(-widest // 4))  # in the next cube: one patch
+    assert not are_wide(np.concatenate([row(widest), touching]))
 
 
-def test_failure_near_the_border_ends_a_part(monkeypatch):
-    """It is given back without rest: nothing is relaxed after the failure outside its core."""
+def test_a_part_is_left_once_failure_has_come_near_its_border(monkeypatch):
+    """2-D, a lone cell, border two cubes away: a neighbour may fail, a cell beside the border may not.
+
+    Failure there gives the part back without rest: nothing is relaxed after it.
+    """
     monkeypatch.setattr(parts, "BORDER", 0.02)
     monkeypatch.setattr(parts, "REACHES", (2,))
     scheme, brittle, fresh, force = with_failure(2)
     part = scheme.part_around(brittle, fresh[:1])
-    own = scheme.scheme_of(part)
-    part.state.failed[part.outside[0]] = 0
-    history = History(1e-9)
+    index, cell = part.model.grid.cell_index >> 2, part.model.particles.cell
+    away = np.abs(index - (scheme.model.grid.cell_index[scheme.model.particles.cell[fresh[0]]] >> 2)).max(axis=1)
+    intact = part.state.failed < 0
+    distance = np.linalg.norm(part.model.particles.position - scheme.model.particles.position[fresh[0]], axis=1)
+    assert not part.is_outgrown
+    part.state.failed[np.argmin(np.where(intact, distance, np.inf))] = 0
+    assert not part.is_outgrown
+    part.state.failed[np.flatnonzero(intact & (away[cell] == 2))[0]] = 0
+    assert part.is_outgrown
+    own, history = scheme.scheme_of(part), History(1e-9)
     relax_and_fail(own, part.brittle, force[part.nodes], 1e-9, norm(force), 0, history, part)
     assert history.rows == []
+
+
+def test_no_part_with_a_border_beside_a_ring_that_fails(monkeypatch):
+    """Rock all round a void, 10 cells wide: 2-D asks for a border 30 cells away."""
+    monkeypatch.setattr(parts, "BORDER", 0.02)
+    scheme, brittle, _, _ = with_failure(2)
+    ring = brittle.sound[scheme.model.particles.position[brittle.sound, 0] < 20.0]
+    assert scheme.part_around(brittle, ring) is None
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
