@@ -51,10 +51,15 @@ def keep_rest(scheme, history: History) -> None:
     history.rest = {name: np.copy(value) for name, value in vars(scheme.state).items()}
 
 
-def fail_next(scheme, brittle: Brittle, step: int, history: History) -> np.ndarray:
-    """Let fail what stands above strength at rest: its particles (k,), ascending; none if the cascade is at its end."""
+def fail_next(scheme, brittle: Brittle, step: int, history: History, part: Part | None = None) -> np.ndarray:
+    """Let fail what stands above strength at rest: its particles (k,), ascending; none if the cascade is at its end.
+
+    In a part of the mine rock near its border waits for the whole.
+    """
     model, state, solver = scheme.model, scheme.state, scheme.model.scene.solver
     fresh = new_failures(model, state, brittle)
+    if part is not None:
+        fresh = part.far_from_border(fresh)
     fresh = weakest(model, state, fresh, solver.weakest_first, brittle.borne)
     history.failures(len(fresh))
     if not len(fresh):
@@ -86,21 +91,17 @@ def relax_and_fail(
     """Relax, let fail what then stands above strength, and so on until nothing does.
 
     From fresh failures on, failure spreads in the part of the mine around them, if that is small, and there in a part
-    of that part. Not where the last state of rest or the weakest rock of the whole is asked for. In a part
-    (part_of_mine) this ends, before the last failures are at rest, once failure has come near the border.
+    of that part. Not where the last state of rest or the weakest rock of the whole is asked for. part_of_mine: the part
+    that the scheme is for.
     """
     solver = scheme.model.scene.solver
     whole = solver.collapse == "keep" or solver.weakest_first > 0.0
-
-    def outgrown() -> bool:
-        return part_of_mine is not None and part_of_mine.is_outgrown
-
-    while not outgrown():
+    while True:
         scheme.relax(external, tolerance, reference, history)
-        fresh = fail_next(scheme, brittle, step, history)
+        fresh = fail_next(scheme, brittle, step, history, part_of_mine)
         if not len(fresh):
             return
-        part = None if whole or outgrown() else scheme.part_around(brittle, fresh)
+        part = None if whole else scheme.part_around(brittle, fresh)
         if part is not None:
             own = scheme.scheme_of(part)
             share = len(part.cells) / len(scheme.model.cell_nodes)  # of what may be unbalanced

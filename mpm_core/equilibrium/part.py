@@ -2,7 +2,8 @@
 
 A failure of one cell of a million is felt a few cells away. Where it spreads from there is found in the part alone; the
 whole mine comes to rest afterwards, with the part's border free again. What then fails, fails in the next part. So the
-part says only in which order rock fails, not where the mine is at rest: that is always asked of the whole.
+part says only in which order rock fails, not where the mine is at rest: that is always asked of the whole. Rock so near
+the border that its failure would feel it waits for the whole.
 """
 
 import logging
@@ -22,8 +23,8 @@ REACHES = (10, 6, 4, 2)  # cubes, corners too, on all sides of one in which rock
 LARGEST = 0.25  # of all cells: a larger part would save little time, and take more memory than the whole gives up
 # What a failed patch of half-width a changes decays as (a / distance)^d. A border at distance R from its middle, held
 # still, carries (a / R)^d of it, and less rock fails: potency of 32 tunnels and 12 spheres whose whole ring fails at
-# once, against that without parts, was -18, -7 and -5 % at R / a of 2, 4 (tunnel) and 2.6 (sphere).
-BORDER = 0.02  # at most: potency -0.8 +- 3.7, -0.7 +- 3.8 (tunnels), -0.7 +- 0.9 % (sphere); 0.05: -2.7 +- 3.8 %
+# once, against the same ones without parts, was -18, -7 and -5 % at R / a of 2, 4 (tunnel) and 2.6 (sphere).
+BORDER = 0.02  # at most: potency -1.2 +- 0.5, -1.0 +- 0.5 (tunnels), -0.7 +- 0.4 (sphere), -0.05 +- 0.05 % (stope)
 
 OF_FAILED = ("failure_order", "seismic_strain", "overshoot_strain", "later_strain", "dissipated")
 OF_PARTICLES = ("stress", "failed", *OF_FAILED, "plastic_strain", "position")
@@ -49,11 +50,11 @@ class Part:
     surroundings: "Surroundings"
     failed_before: np.ndarray
 
-    @property
-    def is_outgrown(self) -> bool:
-        """Whether its border is no longer far from what has failed since it was cut out."""
+    def far_from_border(self, fresh: np.ndarray) -> np.ndarray:
+        """Those of its particles (k,) whose failure, with all since it was cut out, leaves its border far enough."""
         failed = np.flatnonzero((self.state.failed >= 0) & ~self.failed_before)
-        return not self.surroundings.are_wide(self.model.grid.cell_index[self.model.particles.cell[failed]])
+        cells = self.model.particles.cell[np.concatenate([fresh, failed])]
+        return fresh[self.surroundings.are_wide(self.model.grid.cell_index[cells])[: len(fresh)]]
 
     def give_back(self, state: State) -> None:
         """Write what has changed into the state of the whole mine."""
@@ -81,11 +82,13 @@ class Surroundings:
     reach: int
     cube: int
 
-    def are_wide(self, failed: np.ndarray) -> bool:
-        """Whether a border held still carries at most the share BORDER of what any patch of failed cells changes.
+    def are_wide(self, failed: np.ndarray) -> np.ndarray:
+        """(k,) bool: whether a border held still carries at most the share BORDER of what each one's patch changes.
 
         failed (k, d): cell_index of finest cells. Those in cubes that touch, if only at corners, are one patch.
         """
+        if not len(failed):
+            return np.empty(0, bool)
         place = failed >> self.cube
         lower = place.min(axis=0)
         taken = np.zeros(np.ptp(place, axis=0) + 1, bool)
@@ -97,7 +100,7 @@ class Surroundings:
         half = 0.5 * (np.max(widths, axis=0) + 1) / (1 << self.cube)
         away = cKDTree(self.places).query(place, p=np.inf)[0]
         border = half + self.reach - ndimage.maximum(away, patch, every)
-        return bool((half <= border * BORDER ** (1.0 / failed.shape[1])).all())
+        return (half <= border * BORDER ** (1.0 / failed.shape[1]))[patch - 1]
 
 
 def cells_around(model: Model, fresh: np.ndarray) -> Surroundings | None:
@@ -116,7 +119,7 @@ def cells_around(model: Model, fresh: np.ndarray) -> Surroundings | None:
     chosen = np.empty(len(grid.cell_level), bool)
     for reach in REACHES:
         around = Surroundings(chosen, np.argwhere(failed), reach, cube)
-        if not around.are_wide(cells):
+        if not around.are_wide(cells).all():
             return None
         near = ndimage.maximum_filter(failed, 2 * reach + 1)
         for at, place in zip(reversed(levels), reversed(places), strict=True):
