@@ -21,6 +21,8 @@ from pipeline.datasets import atomic_path
 from pipeline.pages import page_templates
 
 BALLS = 10
+MANY = 40  # excavations: a longer list is folded, or ends after the MOST that have most potency
+MOST = 20
 TEMPLATES = Path(__file__).parent / "templates"
 MODEL_LABEL = "Modelled"
 
@@ -140,6 +142,7 @@ def _scene(evidence: Evidence, gallery: Gallery) -> dict:
         else None,
         "table": scene.level_table(evidence.grid),
         "excavations": evidence.excavations,
+        "many": len(evidence.excavations) > MANY,
     }
 
 
@@ -184,13 +187,23 @@ def _events(evidence: Evidence, gallery: Gallery) -> dict | None:
     compared = evidence.comparison is not None
     return {
         "figure": gallery.add("events", events.locations(evidence.grid, shown, evidence.planned)),
-        "near": rows,
+        "near": _with_most_potency(rows),
         "nearness": gallery.add("nearness", events.nearness(evidence.comparison)) if compared else None,
         "rows": match.location_rows(evidence),
         "text": text.typeset(evidence.comparison.attrs.get("location_text", "")) if compared else "",
         "outside": text.outside_domain(evidence, shown),
         "beside": len(shown) > 1,
     }
+
+
+def _with_most_potency(rows: list[dict]) -> list[dict]:
+    """Rows of excavations with events beside them; where they are many, those with most potency and the others' sum."""
+    if len(rows) <= MANY:
+        return rows
+    rows = sorted(rows, key=lambda row: -row["potency"])
+    others = rows[MOST:]
+    sums = {name: sum(row[name] for row in others) for name in ("events", "potency", "potency_share")}
+    return [*rows[:MOST], {"name": f"{len(others)} others", "step": "", **sums, "distance": np.nan}]
 
 
 def _sizes(evidence: Evidence, gallery: Gallery) -> dict | None:

@@ -1,6 +1,7 @@
 """The report: complete, self-contained, honest about what is missing, the same bytes twice."""
 
 import base64
+import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 import report_fixtures as fixtures
 import yaml
 
+from catalogs import report
 from catalogs.figures import convergence, events, style
 from catalogs.report import write_report
 from catalogs.report_inputs import read_resources
@@ -93,6 +95,41 @@ def test_numbers_of_the_datasets_reach_the_page(page, mine):
     cells = read_dataset(mine.grid)["cell_level"].values
     for level in range(3):
         assert f"{(cells == level).sum():,}".replace(",", "\u202f") in page.sections["scene"]
+
+
+def test_many_excavations_are_folded_under_their_sums(page, mine, tmp_path, monkeypatch):
+    """Four here; a list of over a hundred would hide what follows."""
+    assert not any(tag == "details" for tag, _ in page.tags)
+    monkeypatch.setattr(report, "MANY", 2)
+    folded = make_page(mine, tmp_path)
+    assert [tag for tag, _ in folded.tags if tag in ("details", "summary")] == ["details", "summary"]
+    names = ("excavation_volume", "excavation_volume_grid")
+    volumes = [sum(json.loads(read_dataset(mine.grid).attrs[name])) for name in names]
+    expected = f"4 excavations, {number(volumes[0], 4)} m³ as solids, {number(volumes[1], 4)} m³ on the grid"
+    assert expected in folded.sections["scene"]
+
+
+def test_many_excavations_with_events_end_with_the_sum_of_the_others(monkeypatch):
+    """No event and no potency is lost."""
+    rows = [
+        {
+            "name": f"drive {n}",
+            "step": "history",
+            "events": n,
+            "potency": 0.1 * n,
+            "potency_share": n / 10,
+            "distance": 2.0,
+        }
+        for n in (1, 4, 2, 3)
+    ]
+    assert report._with_most_potency(rows) == rows
+    monkeypatch.setattr(report, "MANY", 3)
+    monkeypatch.setattr(report, "MOST", 2)
+    *most, others = report._with_most_potency(rows)
+    assert [row["name"] for row in (*most, others)] == ["drive 4", "drive 3", "2 others"]
+    assert others["events"] == 3
+    assert others["potency"] == pytest.approx(0.3)
+    assert others["potency_share"] == pytest.approx(0.3)
 
 
 def test_match_is_given_in_numbers_with_intervals(page, mine):
