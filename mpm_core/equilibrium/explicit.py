@@ -24,9 +24,16 @@ unbalanced force of 3e-4).
 import numpy as np
 
 from mpm_core.equilibrium.brittle import Brittle
-from mpm_core.equilibrium.convergence import History, NoRest, norm
+from mpm_core.equilibrium.convergence import History, NoRest
 from mpm_core.kernels.flow import dissipate, take_back_flow
-from mpm_core.kernels.nodes import advance_nodes, collect_to_parents, largest_difference, spread_to_hanging
+from mpm_core.kernels.nodes import (
+    advance_nodes,
+    collect_to_parents,
+    largest_difference,
+    particle_masses,
+    sizes,
+    spread_to_hanging,
+)
 from mpm_core.kernels.resting import UPDATE
 from mpm_core.model import Model, State
 
@@ -78,8 +85,11 @@ class ExplicitScheme:
         self.particle_mass = density * volume
         self.mass = nodal_mass(model, self.particle_mass)
         self.body_is_held = model.is_held(volume)
-        every = np.arange(particles.count)
-        self.intact_hourglass = np.bincount(particles.cell, self._hourglass_of(every), minlength=len(model.cell_nodes))
+        # stiffness that an intact particle gives its cell, N/m; 0 where it has company
+        alone = np.repeat(np.diff(particles.group_start) == 1, np.diff(particles.group_start))
+        hourglass = 4.0 * model.scene.solver.hourglass * (lame + 2.0 * shear) * volume / size**2
+        self.particle_hourglass = np.where(alone, hourglass, 0.0)
+        self.intact_hourglass = np.bincount(particles.cell, self.particle_hourglass, minlength=len(model.cell_nodes))
         self.set_failed()
 
     def set_failed(self) -> None:
@@ -88,18 +98,7 @@ class ExplicitScheme:
         self.settle()
         cell = self.model.particles.cell[self.flowing]
         self.hourglass = self.intact_hourglass.copy()
-        np.subtract.at(self.hourglass, cell, (1.0 - FAILED_HOURGLASS) * self._hourglass_of(self.flowing))
-
-    def _hourglass_of(self, chosen: np.ndarray) -> np.ndarray:
-        """Hourglass stiffness that intact particles (k,), indices, give their cells, N/m; 0 where they have company."""
-        model, particles = self.model, self.model.particles
-        lame, shear = model.elastic_constants[particles.material[chosen]].T
-        size = model.grid.cell_size[particles.cell[chosen]]
-        group = np.searchsorted(particles.group_start, chosen, side="right") - 1
-        alone = np.diff(particles.group_start)[group] == 1
-        return np.where(
-            alone, 4.0 * model.scene.solver.hourglass * (lame + 2.0 * shear) * self.volume[chosen] / size**2, 0.0
-        )
+        np.subtract.at(self.hourglass, cell, (1.0 - FAILED_HOURGLASS) * self.particle_hourglass[self.flowing])
 
     def settle(self) -> None:
         """What has flowed so far stays; from here on flow is counted anew."""
@@ -243,8 +242,8 @@ class ExplicitScheme:
         for iteration in range(solver.max_iterations + 1):
             if iteration % CHECK_EVERY == 0:
                 self._advance(external, 0.0)
-                ratio = norm(self.unbalanced) / reference
-                history.check(ratio, float(np.abs(self.unbalanced).max()) / reference)
+                ratio, largest = (size / reference for size in sizes(self.unbalanced))
+                history.check(ratio, largest)
                 if ratio <= tolerance:
                     break
                 if free:  # damping by component pushes a body that nothing holds
@@ -283,13 +282,7 @@ class ExplicitScheme:
 def nodal_mass(model: Model, mass: np.ndarray) -> np.ndarray:
     """Masses of particles (particle,) kg at the nodes by the shape functions; hanging nodes hand theirs on (Eq. 1)."""
     nodal = np.zeros((len(model.grid.node_index), 1))
-    particles = model.particles
-    for corner in range(1 << model.dimension):
-        shape = np.ones(particles.count)
-        for k in range(model.dimension):
-            shape *= 0.5 * (1.0 + (2 * ((corner >> k) & 1) - 1) * particles.xi[:, k])
-        nodes = model.cell_nodes[particles.cell, corner]
-        nodal[:, 0] += np.bincount(nodes, shape * mass, minlength=len(nodal))
+    particle_masses(model.cell_nodes, model.particles.cell, model.particles.xi, mass, nodal[:, 0])
     collect_to_parents(model.grid.node_parents, nodal)
     return nodal[:, 0]
 

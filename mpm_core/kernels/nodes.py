@@ -68,6 +68,40 @@ def largest_difference(first: np.ndarray, second: np.ndarray) -> float:
     return float(largest.max())
 
 
+@njit(parallel=True, error_model="numpy", cache=True)
+def _sizes(values, squares, largest):
+    size = (len(values) + len(squares) - 1) // len(squares)
+    for part in prange(len(squares)):
+        square = 0.0
+        most = 0.0
+        for i in range(part * size, min((part + 1) * size, len(values))):
+            for j in range(values.shape[1]):
+                square += values[i, j] ** 2
+                most = max(most, abs(values[i, j]))
+                if np.isnan(values[i, j]):
+                    most = np.nan
+        squares[part] = square
+        largest[part] = most
+
+
+def sizes(values: np.ndarray) -> tuple[float, float]:
+    """2-norm and largest component of a nodal array (node, d), the same bits with any number of threads."""
+    squares, largest = np.empty((2, 64))
+    _sizes(values, squares, largest)
+    return float(np.sqrt(squares.sum())), float(largest.max())
+
+
+@njit(error_model="numpy", cache=True)
+def mark_nodes(cell_nodes, chosen, touched, shared):
+    """Mark nodes (node,) bool in place: those of chosen cells (cell,) bool as touched, those of others as shared."""
+    for cell in range(len(chosen)):
+        for corner in range(cell_nodes.shape[1]):
+            if chosen[cell]:
+                touched[cell_nodes[cell, corner]] = True
+            else:
+                shared[cell_nodes[cell, corner]] = True
+
+
 @njit(error_model="numpy", cache=True)
 def collect_to_parents(node_parents, values):
     """Move what hanging nodes hold to their parents, in equal parts: values (node, component), in place (C^T)."""
@@ -128,6 +162,20 @@ def particle_loads(cell_nodes, cell_size, cell, xi, stress_volume, force, load):
                 for k in range(dimension):
                     total += stress_volume[particle, component[j, k]] * gradient[k]
                 load[node, j] += total
+
+
+@njit(error_model="numpy", cache=True)
+def particle_masses(cell_nodes, cell, xi, mass, nodal):
+    """Add N^T m of every particle to nodal (node,); hanging nodes keep their own part. mass (particle,) kg."""
+    for particle in range(len(cell)):
+        if mass[particle] == 0.0:
+            continue
+        for corner in range(cell_nodes.shape[1]):
+            shape = 1.0
+            for k in range(xi.shape[1]):
+                side = 1.0 if (corner >> k) & 1 else -1.0
+                shape *= 0.5 * (1.0 + side * xi[particle, k])
+            nodal[cell_nodes[cell[particle], corner]] += shape * mass[particle]
 
 
 @njit(error_model="numpy", cache=True)
