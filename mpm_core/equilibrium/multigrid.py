@@ -13,10 +13,11 @@ import logging
 import numpy as np
 
 from mpm_core.equilibrium.brittle import Brittle
-from mpm_core.equilibrium.convergence import History, norm
+from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit import ExplicitScheme
-from mpm_core.equilibrium.part import Part, cells_around, cut_out
-from mpm_core.kernels.nodes import spread_to_hanging
+from mpm_core.equilibrium.part import Part, cut_out
+from mpm_core.equilibrium.surroundings import Cubes
+from mpm_core.kernels.nodes import sizes, spread_to_hanging
 from mpm_core.kernels.operator_rows import balance, subtract, take_step
 from mpm_core.model import Model, State
 from mpm_core.multigrid.anderson import Anderson
@@ -29,7 +30,6 @@ SOLUTIONS = 5  # elastic solutions, each for what round-off of the one before ha
 SHARE = 0.5  # of the tolerance that a solution is asked for: its residual is not the last word
 DEPTH = 8  # of Anderson acceleration; 4 takes a third more cycles, 16 a tenth fewer
 REMEMBERED = 1e9  # bytes at most for it, but for a depth of 4: a large mine's part has 8, the whole needs few cycles
-SPARING = 0.1  # of the cells: for a larger part work arrays are given up, and made again after it
 FLOW_CYCLES = 400  # V-cycles of one relaxation with flow, before explicit steps take over
 SAFE = 1.0 - 1e-6  # of the tolerance: the forces of the stress that follows differ by round-off
 WORSE = 10.0  # times the smallest residual so far: forget the way there
@@ -45,6 +45,7 @@ class MultigridScheme(ExplicitScheme):
         self.failed = np.zeros(model.particles.count, bool)
         self.stale = np.ones(len(model.scatter.blocks), bool)  # blocks whose forces are not those of their stress
         self.rows: list[np.ndarray] = []
+        self.cubes: Cubes | None = None
         self.softened = np.zeros(len(model.cell_nodes), bool)  # hourglass stiffness is that of failed rock
         super().__init__(model, state, volume)
         state.velocity[:] = 0.0
@@ -88,12 +89,11 @@ class MultigridScheme(ExplicitScheme):
 
     def part_around(self, brittle: Brittle, fresh: np.ndarray) -> Part | None:
         """The part around rock that has just failed; None where that is too much of the mine."""
-        around = cells_around(self.model, fresh)
-        if around is None:
-            return None
-        if np.count_nonzero(around.cells) > SPARING * len(around.cells):
-            self.anderson, self.rows = None, []  # as much memory as such a part takes
-        return cut_out(self.model, self.state, self.volume, brittle, around, fresh)
+        grid = self.model.grid
+        if self.cubes is None:
+            self.cubes = Cubes(grid)
+        around = self.cubes.around(grid.cell_index[self.model.particles.cell[fresh]])
+        return None if around is None else cut_out(self.model, self.state, self.volume, brittle, around, fresh)
 
     def scheme_of(self, part: Part) -> "MultigridScheme":
         """The scheme that brings a part to rest."""
@@ -231,8 +231,8 @@ class MultigridScheme(ExplicitScheme):
     def _look(self, external: np.ndarray, reference: float, history: History) -> float:
         """Unbalanced force at free nodes, noted in the history."""
         self._advance(external, 0.0)
-        ratio = norm(self.unbalanced) / reference
-        history.check(ratio, float(np.abs(self.unbalanced).max()) / reference)
+        ratio, largest = (size / reference for size in sizes(self.unbalanced))
+        history.check(ratio, largest)
         return ratio
 
     def _move(self, motion: np.ndarray) -> None:

@@ -10,23 +10,14 @@ import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import ndimage
-from scipy.spatial import cKDTree
 
 from mpm_core.equilibrium.brittle import Brittle
+from mpm_core.equilibrium.surroundings import Surroundings
 from mpm_core.kernels.blocks import build_scatter
-from mpm_core.model import Model, State
+from mpm_core.kernels.nodes import mark_nodes
+from mpm_core.model import OF_FAILED, Model, State
 from mpm_core.particles import Particles, Pieces
 
-CUBE = 2  # halvings: parts are made of cubes four finest cells wide, and of larger cells
-REACHES = (10, 6, 4, 2)  # cubes, corners too, on all sides of one in which rock has failed: the widest first
-LARGEST = 0.25  # of all cells: a larger part would save little time, and take more memory than the whole gives up
-# What a failed patch of half-width a changes decays as (a / distance)^d. A border at distance R from its middle, held
-# still, carries (a / R)^d of it, and less rock fails: potency of 32 tunnels and 12 spheres whose whole ring fails at
-# once, against the same ones without parts, was -18, -7 and -5 % at R / a of 2, 4 (tunnel) and 2.6 (sphere).
-BORDER = 0.02  # at most: potency -1.2 +- 0.5, -1.0 +- 0.5 (tunnels), -0.7 +- 0.4 (sphere), -0.05 +- 0.05 % (stope)
-
-OF_FAILED = ("failure_order", "seismic_strain", "overshoot_strain", "later_strain", "dissipated")
 OF_PARTICLES = ("stress", "failed", *OF_FAILED, "plastic_strain", "position")
 OF_NODES = ("displacement", "velocity")
 OF_CELLS = ("hourglass_force",)
@@ -47,7 +38,7 @@ class Part:
     cells: np.ndarray
     nodes: np.ndarray
     particles: np.ndarray
-    surroundings: "Surroundings"
+    surroundings: Surroundings
     failed_before: np.ndarray
 
     def far_from_border(self, fresh: np.ndarray) -> np.ndarray:
@@ -70,74 +61,14 @@ class Part:
                 getattr(state, name)[index] = getattr(self.state, name)[own]
 
 
-@dataclass(frozen=True)
-class Surroundings:
-    """Cells around rock that has just failed: (cell,) bool, those that are at most `reach` cubes away.
-
-    places (k, d): the cubes that it stands in; cube: halvings, see CUBE.
-    """
-
-    cells: np.ndarray
-    places: np.ndarray
-    reach: int
-    cube: int
-
-    def are_wide(self, failed: np.ndarray) -> np.ndarray:
-        """(k,) bool: whether a border held still carries at most the share BORDER of what each one's patch changes.
-
-        failed (k, d): cell_index of finest cells. Those in cubes that touch, if only at corners, are one patch.
-        """
-        if not len(failed):
-            return np.empty(0, bool)
-        place = failed >> self.cube
-        lower = place.min(axis=0)
-        taken = np.zeros(np.ptp(place, axis=0) + 1, bool)
-        taken[tuple((place - lower).T)] = True
-        labels, patches = ndimage.label(taken, np.ones((3,) * taken.ndim))
-        patch = labels[tuple((place - lower).T)]
-        every = np.arange(1, patches + 1)
-        widths = [ndimage.maximum(along, patch, every) - ndimage.minimum(along, patch, every) for along in failed.T]
-        half = 0.5 * (np.max(widths, axis=0) + 1) / (1 << self.cube)
-        away = cKDTree(self.places).query(place, p=np.inf)[0]
-        border = half + self.reach - ndimage.maximum(away, patch, every)
-        return (half <= border * BORDER ** (1.0 / failed.shape[1]))[patch - 1]
-
-
-def cells_around(model: Model, fresh: np.ndarray) -> Surroundings | None:
-    """Cells around rock that has just failed, particles (k,).
-
-    None where they are much of the mine, or their border would be too near.
-    """
-    grid = model.grid
-    finest = grid.levels - 1
-    cube = min(CUBE, finest)
-    cells = grid.cell_index[model.particles.cell[fresh]]
-    failed = np.zeros(grid.shape >> cube, bool)
-    failed[tuple((cells >> cube).T)] = True
-    levels = [grid.cell_level == level for level in range(finest - cube)] + [grid.cell_level >= finest - cube]
-    places = [tuple((grid.cell_index[at] >> finest - level).T) for level, at in enumerate(levels)]
-    chosen = np.empty(len(grid.cell_level), bool)
-    for reach in REACHES:
-        around = Surroundings(chosen, np.argwhere(failed), reach, cube)
-        if not around.are_wide(cells).all():
-            return None
-        near = ndimage.maximum_filter(failed, 2 * reach + 1)
-        for at, place in zip(reversed(levels), reversed(places), strict=True):
-            chosen[at] = near[place]
-            for axis in range(grid.dimension if at is not levels[0] else 0):  # what the next larger cells hold
-                even, odd = (np.take(near, range(first, near.shape[axis], 2), axis) for first in range(2))
-                near = even | odd
-        if np.count_nonzero(chosen) <= LARGEST * len(chosen):
-            return around
-    return None
-
-
 def cut_out(
     model: Model, state: State, volume: np.ndarray, brittle: Brittle, around: Surroundings, fresh: np.ndarray
 ) -> Part:
     """The part that the cells around failures are; fresh (k,): those particles."""
-    chosen = around.cells
-    cells, number = _numbered(chosen)
+    cells = around.cells
+    chosen = np.zeros(len(model.cell_nodes), bool)
+    chosen[cells] = True
+    number = _numbers(cells, len(chosen))
     grid, nodes, cell_nodes, held = _crop_grid(model, chosen, cells)
     particles, indices = _crop_particles(model.particles, chosen, number)
     ours = chosen[model.pieces.cell]
@@ -169,12 +100,11 @@ def cut_out(
     )
 
 
-def _numbered(chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of what is chosen (n,) bool, and the number (n,) int32 of each among them, -1 of the others."""
-    indices = np.flatnonzero(chosen)
-    number = np.full(len(chosen), -1, np.int32)
+def _numbers(indices: np.ndarray, count: int) -> np.ndarray:
+    """The number (count,) int32 of each among indices (n,), -1 of the others."""
+    number = np.full(count, -1, np.int32)
     number[indices] = np.arange(len(indices), dtype=np.int32)
-    return indices, number
+    return number
 
 
 def _crop_grid(model: Model, chosen: np.ndarray, cells: np.ndarray):
@@ -184,9 +114,9 @@ def _crop_grid(model: Model, chosen: np.ndarray, cells: np.ndarray):
     """
     grid = model.grid
     touched, shared = np.zeros((2, len(model.held)), bool)
-    touched[model.cell_nodes[cells]] = True
-    shared[model.cell_nodes[~chosen]] = True
-    nodes, number = _numbered(touched)
+    mark_nodes(model.cell_nodes, chosen, touched, shared)
+    nodes = np.flatnonzero(touched)
+    number = _numbers(nodes, len(touched))
     parents = grid.node_parents[nodes]
     of_shared = parents[shared[nodes]]
     shared[of_shared[of_shared >= 0]] = True
@@ -225,8 +155,7 @@ def _crop_particles(particles: Particles, chosen: np.ndarray, number: np.ndarray
 
 def _crop_brittle(brittle: Brittle, indices: np.ndarray, cells: np.ndarray, number: np.ndarray) -> Brittle:
     """Of the particles `indices` and the cells `cells`; number (cell,) of a cell in the part, -1 outside."""
-    place = np.full(len(brittle.present), -1, np.int32)
-    place[indices] = np.arange(len(indices), dtype=np.int32)
+    place = _numbers(indices, len(brittle.present))
     sound, sliver = (place[kind][place[kind] >= 0] for kind in (brittle.sound, brittle.sliver))
     first, end = brittle.neighbor_start[cells], brittle.neighbor_start[cells + 1]
     link_start = np.append(0, np.cumsum(end - first))

@@ -3,8 +3,8 @@
 Of the latest displacements, the combination is taken whose residual r would be the smallest if the residual were linear
 in between, measured by r . M r with the preconditioner M: about twice the elastic energy of the displacement that is
 still missing. (The 2-norm of r instead takes up to twice the cycles in brittle rings: it counts stiff cells most.) For
-a linear symmetric problem that is the iterate of conjugate gradients, restarted. Differences are kept in single
-precision.
+a linear symmetric problem that is the iterate of conjugate gradients, restarted. Differences, and M r, are kept in
+single precision.
 """
 
 import numpy as np
@@ -47,7 +47,7 @@ def _products(changes, difference, residual, sums):
 def _combine(correction, weights, moves, residual, step, residual_before):
     """step (element,) = correction - sum of weights (k,) times moves (k, element); residual_before = residual."""
     for i in prange(len(step)):
-        total = correction[i]
+        total = np.float64(correction[i])
         for k in range(len(weights)):
             total -= weights[k] * moves[k, i]
         step[i] = total
@@ -64,7 +64,7 @@ class Anderson:
     def __init__(self, size: int, depth: int):
         self.changes = np.zeros((depth, size), np.float32)
         self.moves = np.zeros((depth, size), np.float32)
-        self.residual, self.correction = np.zeros(size), np.zeros(size)
+        self.residual, self.correction = np.zeros(size), np.zeros(size, np.float32)
         self.gram = np.zeros((depth, depth))
         self.forget()
 

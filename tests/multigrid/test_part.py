@@ -9,12 +9,12 @@ import pytest
 import xarray as xr
 
 from mpm_core.checkpoint import Checkpoint
-from mpm_core.equilibrium import cascade
-from mpm_core.equilibrium import part as parts
+from mpm_core.equilibrium import cascade, surroundings
 from mpm_core.equilibrium.brittle import fail, find_brittle, new_failures
 from mpm_core.equilibrium.cascade import relax_and_fail
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.multigrid import MultigridScheme
+from mpm_core.equilibrium.part import OF_PARTICLES
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.model import State
 from mpm_core.stages import elastic_stage, mining_step
@@ -35,8 +35,8 @@ STRESS = uniform(-20e6, -14e6, -16e6)
 @pytest.fixture(autouse=True)
 def small_scenes(monkeypatch):
     """A part may be half of them, its border near; one thread, whatever another test left."""
-    monkeypatch.setattr(parts, "LARGEST", 0.5)
-    monkeypatch.setattr(parts, "BORDER", 1.0)
+    monkeypatch.setattr(surroundings, "LARGEST", 0.5)
+    monkeypatch.setattr(surroundings, "BORDER", 1.0)
     before = numba.get_num_threads()
     numba.set_num_threads(1)
     yield
@@ -117,7 +117,7 @@ def test_tables_of_a_part_are_those_of_the_mine(dimension, cut_cells):
     np.testing.assert_array_equal(part.cells[model.particles.cell], tables.cell[part.particles])
     np.testing.assert_array_equal(model.volumes(0), part.volume)
     for field in fields(State):
-        if field.name in parts.OF_PARTICLES:
+        if field.name in OF_PARTICLES:
             np.testing.assert_array_equal(getattr(part.state, field.name), getattr(state, field.name)[part.particles])
     for kind in ("sound", "sliver"):
         mine = getattr(brittle, kind)
@@ -137,33 +137,13 @@ def test_no_part_of_most_of_a_mine():
     assert scheme.part_around(brittle, brittle.sound) is None
 
 
-@pytest.mark.parametrize(("dimension", "widest"), [(2, 10), (3, 23)])
-def test_the_border_is_far_from_every_patch_of_failed_cells(dimension, widest, monkeypatch):
-    """BORDER 2 %: R / a of 7.1 and 3.7. A row of n cells has a = n / 2; the border is 32 cells away, R = n / 2 + 32."""
-    monkeypatch.setattr(parts, "BORDER", 0.02)
-
-    def row(cells: int, first: int = 100) -> np.ndarray:
-        place = np.full((cells, dimension), 100)
-        place[:, 0] = np.arange(first, first + cells)
-        return place
-
-    def are_wide(failed: np.ndarray) -> bool:
-        return parts.Surroundings(np.empty(0, bool), np.unique(failed >> 2, axis=0), 8, 2).are_wide(failed).all()
-
-    assert are_wide(row(widest))
-    assert not are_wide(row(widest + 1))
-    assert are_wide(np.concatenate([row(widest), row(widest, 200)]))  # two patches
-    touching = row(widest, 100 + 4 * -(-widest // 4))  # in the next cube: one patch
-    assert not are_wide(np.concatenate([row(widest), touching]))
-
-
 def test_rock_near_the_border_of_a_part_waits_for_the_whole(monkeypatch):
     """2-D, a lone cell, border two cubes away: its neighbour may fail, a cell in the outermost cubes may not.
 
     With nothing else to fail the cascade in the part ends, and what waits has not failed.
     """
-    monkeypatch.setattr(parts, "BORDER", 0.02)
-    monkeypatch.setattr(parts, "REACHES", (2,))
+    monkeypatch.setattr(surroundings, "BORDER", 0.02)
+    monkeypatch.setattr(surroundings, "REACHES", (2,))
     scheme, brittle, fresh, force = with_failure(2)
     part = scheme.part_around(brittle, fresh[:1])
     index, cell = part.model.grid.cell_index >> 2, part.model.particles.cell
@@ -181,7 +161,7 @@ def test_rock_near_the_border_of_a_part_waits_for_the_whole(monkeypatch):
 
 def test_no_part_with_a_border_beside_a_ring_that_fails(monkeypatch):
     """Rock all round a void, 10 cells wide: 2-D asks for a border 30 cells away."""
-    monkeypatch.setattr(parts, "BORDER", 0.02)
+    monkeypatch.setattr(surroundings, "BORDER", 0.02)
     scheme, brittle, _, _ = with_failure(2)
     ring = brittle.sound[scheme.model.particles.position[brittle.sound, 0] < 20.0]
     assert scheme.part_around(brittle, ring) is None
@@ -196,7 +176,7 @@ def test_failure_spreads_alike_with_and_without_parts(dimension, monkeypatch, tm
     elastic, _ = elastic_stage(scene, grid, tmp_path / "state.npz")
     volumes = []
     for largest in (0.5, 0.0):
-        monkeypatch.setattr(parts, "LARGEST", largest)
+        monkeypatch.setattr(surroundings, "LARGEST", largest)
         caplog.clear()
         _, facts = mining_step(scene, grid, elastic, tmp_path / "state.npz")
         assert ("in a part of" in caplog.text) == (largest > 0.0)

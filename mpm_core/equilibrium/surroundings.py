@@ -1,0 +1,126 @@
+"""Cells around rock that has just failed, up to a border so far away that it may be held still.
+
+What a failed patch of half-width a changes decays as (a / distance)^d in d dimensions. A border at distance R from its
+middle, held still, carries (a / R)^d of it, and less rock fails: potency of 32 tunnels and 12 spheres whose whole ring
+fails at once, against the same ones without parts, was -18, -7 and -5 % at R / a of 2, 4 (tunnel) and 2.6 (sphere).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from mpm_core.grid.mesh import MultiLevelGrid
+
+CUBE = 2  # halvings: cells are taken by cubes four finest cells wide, larger ones that hold such cubes too
+BORDER = 0.02  # (a / R)^d at most, for every patch: potency -0.2 +- 0.2, 0.1 +- 0.2 (tunnels), -0.4 +- 0.4 % (sphere)
+REACHES = (10, 6, 4, 2)  # cubes, corners too, on all sides of rock that has failed: the widest that is not too much
+LARGEST = 0.25  # of all cells: history of the demo 39 s, with 0.1 of them 47 s
+MOST = 600_000  # cells: a million takes 2 GB beside what the whole takes
+# History of renison_scale, 6.5 million cells, from one of its generations on: 246 s so; with parts of a quarter of it,
+# for which work arrays of the whole had to be given up, 264 s.
+
+
+class Cubes:
+    """Which cells lie in, or hold, each cube of a box around a grid; where the domain goes on, the box has a margin.
+
+    lower (d,): the box's first cube; present (cubes along each axis) bool: those of the grid; levels: cells of a cube's
+    size and smaller, then those of each larger size: their indices and (flat) the cubes, or groups of cubes, they are.
+    """
+
+    def __init__(self, grid: MultiLevelGrid):
+        finest = grid.levels - 1
+        self.halvings = min(CUBE, finest)
+        larger = finest - self.halvings
+        first, last = (place(grid.cell_index, axis=0) >> finest for place in (np.min, np.max))
+        self.lower = np.maximum(first - 1, 0) << larger
+        self.shape = np.minimum((last + 2) << larger, grid.shape >> self.halvings) - self.lower
+        self.cells = len(grid.cell_level)
+        self.levels = []
+        for group in range(larger + 1):
+            level = larger - group
+            at = np.flatnonzero(grid.cell_level == level if group else grid.cell_level >= level).astype(np.int32)
+            place = (grid.cell_index[at] >> self.halvings + group) - (self.lower >> group)
+            self.levels.append((at, np.ravel_multi_index(tuple(place.T), self.shape >> group).astype(np.int32)))
+        self.present = np.zeros(self.shape >> larger, bool)
+        for group, (_, place) in reversed(list(enumerate(self.levels))):
+            self.present.reshape(-1)[place] = True
+            for axis in range(grid.dimension if group else 0):
+                self.present = np.repeat(self.present, 2, axis)
+
+    def around(self, failed: np.ndarray) -> "Surroundings | None":
+        """Cells around failed ones (k, d), cell_index of finest cells, each patch with a border far enough for it.
+
+        None where they are too many, or a patch is too wide.
+        """
+        places, _, patch, reach = self.patches(failed)
+        if reach.max() > REACHES[0]:
+            return None
+        for least in REACHES:
+            near = np.zeros(self.shape, bool)
+            for place, most in zip(places, np.maximum(reach, least)[patch], strict=True):
+                near[_within(place, most)] = True
+            near &= self.present
+            chosen = self._cells_of(near)
+            if len(chosen) <= min(LARGEST * self.cells, MOST):
+                return Surroundings(self, near, np.sort(chosen))
+        return None
+
+    def patches(self, failed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Cubes (cube, d) in the box that failed cells, cell_index (k, d), stand in, and the cube of each (k,); the
+        patch (cube,) that they belong to, and how many cubes there must be between it and its border (patch,).
+
+        Cells in cubes that touch, if only at corners, are one patch.
+        """
+        place = (failed >> self.halvings) - self.lower
+        flat, cube = np.unique(np.ravel_multi_index(tuple(place.T), self.shape), return_inverse=True)
+        places = np.stack(np.unravel_index(flat, self.shape), axis=1)
+        taken = np.zeros(np.ptp(places, axis=0) + 1, bool)
+        taken[tuple((places - places.min(axis=0)).T)] = True
+        labels, patches = ndimage.label(taken, np.ones((3,) * taken.ndim))
+        patch = labels[tuple((places - places.min(axis=0)).T)] - 1
+        every = np.arange(patches)
+        widths = [
+            ndimage.maximum(along, patch[cube], every) - ndimage.minimum(along, patch[cube], every)
+            for along in failed.T
+        ]
+        half = 0.5 * (np.max(widths, axis=0) + 1) / (1 << self.halvings)
+        reach = np.ceil(half * (BORDER ** (-1.0 / failed.shape[1]) - 1.0)).astype(int)
+        return places, cube, patch, reach
+
+    def _cells_of(self, near: np.ndarray) -> np.ndarray:
+        """Indices of the cells that lie in the cubes `near`, or hold one."""
+        chosen = []
+        for group, (at, place) in enumerate(self.levels):
+            for axis in range(near.ndim if group else 0):
+                even, odd = (np.take(near, range(first, near.shape[axis], 2), axis) for first in range(2))
+                near = even | odd
+            chosen.append(at[near.reshape(-1)[place]])
+        return np.concatenate(chosen)
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Cells (k,), indices, ascending, that lie in cubes, or hold one: near (cubes along each axis of the box) bool."""
+
+    cubes: Cubes
+    near: np.ndarray
+    cells: np.ndarray
+
+    def are_wide(self, failed: np.ndarray) -> np.ndarray:
+        """(k,) bool: whether a border held still carries at most the share BORDER of what each one's patch changes.
+
+        failed (k, d): cell_index of finest cells, all of them in these.
+        """
+        if not len(failed):
+            return np.empty(0, bool)
+        places, cube, patch, reach = self.cubes.patches(failed)
+        wide = np.ones(len(reach), bool)
+        for place, one in zip(places, patch, strict=True):
+            wide[one] &= self.near[_within(place, reach[one])].all()
+        return wide[patch[cube]]
+
+
+def _within(place: np.ndarray, reach: int) -> tuple[slice, ...]:
+    """Cubes at most `reach` away from one (d,), corners too."""
+    return tuple(slice(max(along - reach, 0), along + reach + 1) for along in place)
