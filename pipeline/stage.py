@@ -57,7 +57,7 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     except KeyboardInterrupt:
         logging.info("ended on the user's request")
         sys.exit(INTERRUPTED)
-    except Exception as error:
+    except Exception as error:  # a fault of ours: the user gets one line, the log the traceback
         logging.exception("stage failed unexpectedly")
         sys.exit(f"{name}: unexpected {type(error).__name__}: {error}; traceback in {log or 'the log above'}")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
