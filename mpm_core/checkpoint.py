@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from mpm_core.equilibrium.convergence import COLUMNS, History
-from mpm_core.model import State
+from mpm_core.model import OF_FAILED, State
 from pipeline.datasets import atomic_path
 
 PAUSE = 30.0  # s at least between two checkpoints
@@ -52,7 +52,9 @@ class Checkpoint:
         place = {name: getattr(history, name) for name in PLACE}
         with atomic_path(self.path) as temporary, temporary.open("wb") as file:
             beside = _named("table_", history.table()) | _named("rest_", history.rest)
-            np.savez(file, key=self.key, **place, **vars(state), **beside)
+            failed = np.flatnonzero(state.failed >= 0)
+            of_failed = {name: getattr(state, name)[failed] for name in OF_FAILED}
+            np.savez(file, key=self.key, **place, **(vars(state) | of_failed), **beside)
         self.last = time.perf_counter()
         self.cost = self.last - now
 
@@ -69,8 +71,11 @@ class Checkpoint:
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             logging.warning("%s is not readable (%s); the stage starts anew", self.path, error)
             return False
+        failed = np.flatnonzero(values["failed"] >= 0)
         for name, array in vars(state).items():
-            if isinstance(array, np.ndarray):
+            if name in OF_FAILED:
+                array[failed] = values[name]
+            elif isinstance(array, np.ndarray):
                 array[:] = values[name]
             else:
                 setattr(state, name, values[name].item())

@@ -162,7 +162,9 @@ def read_state(dataset: xr.Dataset, model: Model) -> State:
 
     Raises InputError if the dataset belongs to another grid.
     """
-    particles, axes, voigt = model.particles, list(model.scene.axes), model.scene.voigt
+    particles, voigt = model.particles, model.scene.voigt
+    first, *_, last = model.scene.axes
+    axes = slice(first, last + 1, (last - first) // (model.dimension - 1))  # a view of gigabytes, no copy
     before = dataset.sizes["particle"]
     # particles that move change their cells, but not the spacing they were seeded with
     seeded = "spacing" if model.scene.solver.move else "cell"
@@ -173,11 +175,12 @@ def read_state(dataset: xr.Dataset, model: Model) -> State:
     np.subtract(reorder(dataset.stress.values, voigt), model.insitu[:before], out=state.stress[:before])
     state.failed[:before] = dataset.failed.values
     state.failure_order[:before] = dataset.failure_order.values
-    state.plastic_strain[:before] = reorder(dataset.plastic_strain.values, voigt)
+    failed = np.flatnonzero(state.failed >= 0)  # elsewhere zeros, that take no memory until they are written
+    state.plastic_strain[failed] = reorder(dataset.plastic_strain.values[failed], voigt)
     state.displacement[:] = dataset.node_displacement.values[:, axes]
     state.velocity[:] = dataset.node_velocity.values[:, axes]
     state.hourglass_force[:] = dataset.hourglass_force.values[..., axes]
     if model.scene.solver.move:
-        state.position[:before] = dataset.position.values[:, axes]
-        state.cell[:before] = dataset.cell.values
+        state.position = np.concatenate([dataset.position.values[:, axes], state.position[before:]])
+        state.cell = np.concatenate([dataset.cell.values, state.cell[before:]])
     return state

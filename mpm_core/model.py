@@ -14,6 +14,8 @@ from mpm_core.scene import FACES, Material, Scene
 BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # VTK corner at each bit-ordered place (an involution)
 STRENGTH_MARGIN = 1e-6  # of cohesion, design section 5: what a stress may exceed strength by
 STRENGTH_MARGIN_FLOOR = 1e3  # Pa
+OF_FAILED = ("failure_order", "seismic_strain", "overshoot_strain", "later_strain", "dissipated")
+"""parts of a State that change only where rock has failed"""
 
 
 @dataclass
@@ -102,7 +104,7 @@ class Model:
         return self.particles.is_rock & can_fail[self.particles.material]
 
     def virgin_state(self) -> State:
-        """Nothing mined: all changes are zero."""
+        """Nothing mined: all changes are zero. Position, cell: the model's own; a scheme that moves them copies."""
         count, nodes = self.particles.count, len(self.grid.node_index)
         tensors = [np.zeros((count, 6)) for _ in range(5)]
         shape = (len(self.cell_nodes), (1 << self.dimension) - 1 - self.dimension, self.dimension)
@@ -118,8 +120,8 @@ class Model:
             displacement=np.zeros((nodes, self.dimension)),
             velocity=np.zeros((nodes, self.dimension)),
             hourglass_force=np.zeros(shape),
-            position=self.particles.position.copy(),
-            cell=self.particles.cell.copy(),
+            position=self.particles.position,
+            cell=self.particles.cell,
         )
 
     def external_force(self, step: int) -> np.ndarray:
@@ -128,9 +130,8 @@ class Model:
 
     def is_held(self, volume: np.ndarray) -> bool:
         """Whether a fixed or roller face touches rock or fill of these volumes (particle,): else it may move freely."""
-        touched = np.zeros(len(self.held), bool)
-        touched[self.cell_nodes[self.particles.cell[volume > 0.0]]] = True
-        return bool(self.held[touched].any())
+        touching = self.held.any(axis=1)[self.cell_nodes].any(axis=1)
+        return bool((touching[self.particles.cell] & (volume > 0.0)).any())
 
 
 def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:

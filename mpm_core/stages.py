@@ -75,15 +75,17 @@ def mining_step(
     model = build_model(scene, *read_grid(grid))
     state = read_state(previous, model)
     before = max(step - 1, 0)
-    old_volume, volume = model.volumes(before), model.volumes(step)
+    volume, target = model.volumes(before), model.external_force(before)
 
-    scheme = make_scheme(model, state, old_volume)
-    balance = model.external_force(before) + scheme.internal_force()
-    release_mined_hourglass(model, state, old_volume, volume)
-    scheme.set_volume(volume)
+    scheme = make_scheme(model, state, volume)
+    start = target + scheme.internal_force()
+    if step > before:
+        old_volume, volume, target = volume, model.volumes(step), model.external_force(step)
+        release_mined_hourglass(model, state, old_volume, volume)
+        scheme.set_volume(volume)
     # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
-    start = balance - scheme.internal_force()
-    target, strain = model.external_force(step), boundary_strain(scene, step)
+    start -= scheme.internal_force()
+    strain = boundary_strain(scene, step)
     more_strain = strain - boundary_strain(scene, before)
     ramp = Ramp(
         start,

@@ -39,6 +39,7 @@ class MovingScheme(ExplicitScheme):
 
     def __init__(self, model: Model, state: State, volume: np.ndarray):
         dimension, scatter = model.dimension, model.scatter
+        state.position, state.cell = state.position.copy(), state.cell.copy()  # until now they may be the model's own
         self.lookup = leaf_lookup(model.grid)
         self.cell_index, self.cell_width = model.grid.cell_index, model.grid.cell_width
         self.cell_size = model.grid.cell_size
