@@ -22,7 +22,10 @@ rule elastic:
 
 
 rule mining_step:
-    """Coulomb equilibrium after one mining step, from the state of the step before."""
+    """Coulomb equilibrium after one mining step, from the state of the step before.
+
+    Before the events of steps that are done: those take one core, so that steps on all cores would wait beside an idle one.
+    """
     input:
         grid=grid_of,
         state=previous_state,
@@ -35,6 +38,7 @@ rule mining_step:
         "logs/{mine}/steps/{step}.log",
     benchmark:
         "benchmarks/{mine}/steps/{step}.tsv"
+    priority: 1
     threads: threads_of
     resources:
         mem_mb=8000,
