@@ -12,7 +12,8 @@ import xarray as xr
 from catalogs.schema import check_catalog
 from pipeline.datasets import read_dataset
 
-CONVERGENCE = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
+COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
+CONVERGENCE = tuple(f"convergence_{name}" for name in COLUMNS)
 SHOWN = ("position", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor")
 ENSEMBLE = "ensemble"  # folder of its members
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
@@ -132,22 +133,19 @@ def read_evidence(
     """Read the files of one mine; paths that are None do not exist in this scene. Raises InputError (unreadable)."""
     files: dict[str, dict] = {}
 
-    def read(path, check: bool = False) -> xr.Dataset | None:
+    def read(path, check: bool = False, names: tuple[str, ...] | None = None) -> xr.Dataset | None:
         if path is None:
             return None
-        dataset = read_dataset(path)
+        dataset = read_dataset(path, names)
         files[os.fspath(path)] = dict(dataset.attrs)
         return check_catalog(dataset, os.fspath(path)) if check else dataset
 
-    stages, state = [], None
     found_grid = read(grid)
-    for path in [elastic, *steps]:
-        dataset = read(path)
-        if dataset is not None:
-            stages.append(dataset[[f"convergence_{name}" for name in CONVERGENCE]])
-            if state is None or _order(dataset) > _order(state):
-                state = dataset[list(SHOWN)]
-    stages.sort(key=_order)
+    paths = [path for path in (elastic, *steps) if path is not None]
+    found = [(read(path, names=CONVERGENCE), path) for path in paths]  # of states of gigabytes
+    found.sort(key=lambda stage: _order(stage[0]))
+    stages = [stage for stage, _ in found]
+    state = read(found[-1][1], names=SHOWN) if found else None
     budgets = [read(path).attrs for path in events]
     return Evidence(
         config=config,

@@ -35,11 +35,11 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _events(chosen: argparse.Namespace) -> None:
-    from seismic.events import extract_events  # here: the catalogue need not wait for numba and scikit-learn
+    from seismic.events import VARIABLES, extract_events  # here: the catalogue need not wait for numba and scikit-learn
 
     settings = _settings(chosen.settings)
     try:
-        dataset, _ = extract_events(read_dataset(chosen.step), settings)
+        dataset, _ = extract_events(read_dataset(chosen.step, VARIABLES), settings)
     except InputError as error:
         raise InputError(f"{chosen.step}: {error}") from error
     write_dataset(dataset.assign_attrs(provenance(settings, "seismic")), chosen.output)

@@ -40,11 +40,12 @@ def test_a_good_write_replaces_the_old_file_and_makes_its_folder(tmp_path):
 
 
 def dataset() -> xr.Dataset:
-    """Every kind of variable that a result holds, one of them long enough to be compressed."""
+    """Every kind of variable that a result holds, two of them long and empty enough to be compressed."""
     random = np.random.default_rng(5)
     values = {
-        "stress": (("particle", "voigt"), random.normal(size=(2000, 6))),
-        "failed": ("particle", random.integers(-1, 3, 2000).astype(np.int32)),
+        "stress": (("particle", "voigt"), random.normal(size=(5000, 6))),
+        "plastic_strain": (("particle", "voigt"), random.normal(size=(5000, 6)) * (random.random((5000, 1)) < 0.1)),
+        "failed": ("particle", random.integers(-1, 3, 5000).astype(np.int32)),
         "time": ("event", np.array(["2019-08-01", "NaT"], "datetime64[ns]")),
         "step": ("event", np.array(["2019-08", ""], object)),
     }
@@ -57,6 +58,12 @@ def test_bytes_depend_on_the_content_alone(tmp_path):
         write_dataset(dataset(), tmp_path / name)
     assert (tmp_path / "one.nc").read_bytes() == (tmp_path / "two.nc").read_bytes()
     xr.testing.assert_identical(read_dataset(tmp_path / "one.nc"), dataset())
+
+
+def test_some_variables_are_read_without_the_others(tmp_path):
+    """Those that there are; all attributes."""
+    write_dataset(dataset(), tmp_path / "one.nc")
+    xr.testing.assert_identical(read_dataset(tmp_path / "one.nc", ["failed", "none"]), dataset()[["failed"]])
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no netCDF", b"\x89HDF\r\n\x1a\n" + bytes(100)])
