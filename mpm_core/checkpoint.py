@@ -18,7 +18,8 @@ from mpm_core.model import OF_FAILED, State
 from pipeline.datasets import atomic_path
 
 PAUSE = 30.0  # s at least between two checkpoints
-SHARE = 0.03  # of the time that writing them may take
+SHARE = 0.015  # of the time that writing them may take
+OF_MODEL = ("position", "cell")  # where particles rest, and no others have checkpoints
 PLACE = ("increment", "generation", "iteration", "tightened")  # where the history stands
 
 
@@ -54,7 +55,8 @@ class Checkpoint:
             beside = _named("table_", history.table()) | _named("rest_", history.rest)
             failed = np.flatnonzero(state.failed >= 0)
             of_failed = {name: getattr(state, name)[failed] for name in OF_FAILED}
-            np.savez(file, key=self.key, **place, **(vars(state) | of_failed), **beside)
+            others = {name: value for name, value in vars(state).items() if name not in (*OF_FAILED, *OF_MODEL)}
+            np.savez(file, key=self.key, **place, **others, **of_failed, **beside)
         self.last = time.perf_counter()
         self.cost = self.last - now
 
@@ -73,6 +75,8 @@ class Checkpoint:
             return False
         failed = np.flatnonzero(values["failed"] >= 0)
         for name, array in vars(state).items():
+            if name in OF_MODEL:
+                continue
             if name in OF_FAILED:
                 array[failed] = values[name]
             elif isinstance(array, np.ndarray):
