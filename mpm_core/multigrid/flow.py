@@ -19,7 +19,7 @@ class FlowForces:
     def __init__(self, model: Model, families: Families, volume: np.ndarray):
         """volume (particle,) m3."""
         self.model, self.families, self.volume = model, families, volume
-        self.particles = self.block = np.empty(0, np.int64)
+        self.particles = self.block = self.order = np.empty(0, np.int64)
         self.corner_rows = np.empty((0, 1 << model.dimension), np.int32)
         self.slope, self.table_row = np.empty(0), np.empty(0, np.int64)
 
@@ -28,18 +28,20 @@ class FlowForces:
         tables, families, corners = self.model.particles, self.families, 1 << self.model.dimension
         cell = tables.cell[particles]
         batch = families.cell_place[cell] // (corners * LANES)
+        block = np.searchsorted(families.batch_start, batch, side="right") - 1
         group = np.searchsorted(tables.group_start, particles, side="right") - 1
         more = {
+            "order": block * tables.count + particles,
             "particles": particles,
-            "block": np.searchsorted(families.batch_start, batch, side="right") - 1,
+            "block": block,
             "corner_rows": families.corner_rows(cell),
             "slope": 2.0 / corners / self.model.grid.cell_size[cell],
             "table_row": tables.group_table[group] + particles - tables.group_start[group],
         }
-        every = {name: np.concatenate([getattr(self, name), values]) for name, values in more.items()}
-        order = np.argsort(every["block"] * tables.count + every["particles"])
-        for name, values in every.items():
-            setattr(self, name, values[order])
+        ascending = np.argsort(more["order"])
+        places = np.searchsorted(self.order, more["order"][ascending])
+        for name, values in more.items():
+            setattr(self, name, np.insert(getattr(self, name), places, values[ascending], axis=0))
         self.block_start = np.searchsorted(self.block, np.arange(len(families.batch_start)))
         self.trial_stress = np.empty((len(self.particles), 6))
 
