@@ -46,22 +46,14 @@ class MultigridScheme(ExplicitScheme):
         self.stale = np.ones(len(model.scatter.blocks), bool)  # blocks whose forces are not those of their stress
         self.rows: list[np.ndarray] = []
         self.cubes: Cubes | None = None
-        self.softened = np.zeros(len(model.cell_nodes), bool)  # hourglass stiffness is that of failed rock
+        self.softened: np.ndarray | None = None  # (cell,) bool: hourglass stiffness is that of failed rock
         super().__init__(model, state, volume)
         state.velocity[:] = 0.0
 
     def set_volume(self, volume: np.ndarray) -> None:
         """Take over changed particle volumes."""
         super().set_volume(volume)
-        self.stale[:], self.flow = True, None
-        model = self.model
-        # The V-cycle has the hourglass stiffness of intact rock: a killed stage that goes on finds the same one.
-        cells = elastic_cells(model, volume, self.intact_hourglass)
-        single = model.scene.particles_per_cell == 1
-        kappa = model.scene.solver.hourglass if single else np.inf
-        self.solver.set_stiffness(cells, kappa, self.body_is_held)
-        self.softened[:] = False
-        self._soften()
+        self.stale[:], self.flow, self.softened = True, None, None
 
     def set_failed(self) -> None:
         """Take over which particles have failed."""
@@ -71,10 +63,16 @@ class MultigridScheme(ExplicitScheme):
         self.stale[self.model.scatter.blocks_of(self.model.particles.cell[fresh])] = True
         if self.flow is not None:
             self.flow.take_in(fresh)
-        self._soften()
 
-    def _soften(self) -> None:
-        """Give the operator that forces are computed with the hourglass stiffness of failed rock."""
+    def _set_stiffness(self) -> None:
+        """Give the solver the stiffness of all cells, its operator the hourglass stiffness of failed rock."""
+        if self.softened is None:  # new volumes
+            # The V-cycle has the hourglass stiffness of intact rock: a killed stage that goes on finds the same one.
+            cells = elastic_cells(self.model, self.volume, self.intact_hourglass)
+            single = self.model.scene.particles_per_cell == 1
+            kappa = self.model.scene.solver.hourglass if single else np.inf
+            self.solver.set_stiffness(cells, kappa, self.body_is_held)
+            self.softened = np.zeros(len(self.hourglass), bool)
         failed = np.zeros(len(self.softened), bool)
         failed[self.model.particles.cell[self.flowing]] = True
         # Those that a return to an earlier state makes whole, too; others hold no lone particle.
@@ -121,6 +119,7 @@ class MultigridScheme(ExplicitScheme):
         """
         reference = reference or 1.0  # nothing was mined: any force at all counts
         history.cells = len(self.model.cell_nodes)
+        self._set_stiffness()
         if self.stale.any():
             self._update(0.0, np.flatnonzero(self.stale))
         self.stale[:] = False
