@@ -15,6 +15,7 @@ from mpm_core.equilibrium.cascade import relax_and_fail
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.multigrid import MultigridScheme
 from mpm_core.equilibrium.part import OF_PARTICLES
+from mpm_core.equilibrium.surroundings import CUBE
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.model import State
 from mpm_core.stages import elastic_stage, mining_step
@@ -143,11 +144,11 @@ def test_rock_near_the_border_of_a_part_waits_for_the_whole(monkeypatch):
     With nothing else to fail the cascade in the part ends, and what waits has not failed.
     """
     monkeypatch.setattr(surroundings, "BORDER", 0.02)
-    monkeypatch.setattr(surroundings, "REACHES", (2,))
+    monkeypatch.setattr(surroundings, "REACHES", (8,))
     scheme, brittle, fresh, force = with_failure(2)
     part = scheme.part_around(brittle, fresh[:1])
-    index, cell = part.model.grid.cell_index >> 2, part.model.particles.cell
-    away = np.abs(index - (scheme.model.grid.cell_index[scheme.model.particles.cell[fresh[0]]] >> 2)).max(axis=1)
+    index, cell = part.model.grid.cell_index >> CUBE[2], part.model.particles.cell
+    away = np.abs(index - (scheme.model.grid.cell_index[scheme.model.particles.cell[fresh[0]]] >> CUBE[2])).max(axis=1)
     intact = part.state.failed < 0
     distance = np.linalg.norm(part.model.particles.position - scheme.model.particles.position[fresh[0]], axis=1)
     near, far = np.argmin(np.where(intact, distance, np.inf)), np.flatnonzero(intact & (away[cell] == 2))[0]

@@ -18,7 +18,8 @@ WIDEST = {2: 3, 3: 7}  # cells, where a cube is one cell: 10 cubes beyond them R
 def cells_as_cubes(monkeypatch):
     """A part may be all of a scene but for a cell, and cubes are finest cells: scenes so small show the rule."""
     monkeypatch.setattr(surroundings, "LARGEST", 0.99)
-    monkeypatch.setattr(surroundings, "CUBE", 0)
+    monkeypatch.setattr(surroundings, "CUBE", {2: 0, 3: 0})
+    monkeypatch.setattr(surroundings, "REACHES", (10, 6, 4, 2))
 
 
 def layer(dimension: int, length: int, width: int = 24, first: int = 0):
@@ -117,7 +118,7 @@ def test_the_edge_of_the_domain_is_no_border_but_that_of_a_part_is():
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_cells_of_all_levels(dimension, monkeypatch):
     """Chosen are the cells, of any size, that reach into the cubes around the failed cell, and no others."""
-    monkeypatch.setattr(surroundings, "CUBE", 1)
+    monkeypatch.setattr(surroundings, "CUBE", {2: 1, 3: 1})
     grid = grid_around([ball([9.0] * dimension, 3.0)], (8,) * dimension, levels=4, coarse=4.0)
     finest = np.flatnonzero(grid.cell_level == 3)
     failed = grid.cell_index[finest[len(finest) // 2]][None]
@@ -125,7 +126,8 @@ def test_cells_of_all_levels(dimension, monkeypatch):
     size = 1 << (3 - grid.cell_level)[:, None]
     cube = failed[0] >> 1 << 1
     for reach in surroundings.REACHES:
-        lower, upper = cube - 2 * reach, cube + 2 * (reach + 1)
+        whole = reach >> 1 << 1  # cubes
+        lower, upper = cube - whole, cube + whole + 2
         meets = ((grid.cell_index < upper) & (grid.cell_index + size > lower)).all(axis=1)
         if meets.sum() <= 0.99 * len(meets):
             break
