@@ -8,17 +8,19 @@ from mpm_core.grid.mesh import MultiLevelGrid
 NO_CELL = -1
 
 
-def face_neighbors(grid: MultiLevelGrid) -> tuple[np.ndarray, np.ndarray]:
-    """Cells that share a face (2-D: an edge) with each cell, as compressed rows.
+def face_neighbors(grid: MultiLevelGrid, of: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Cells that share a face (2-D: an edge) with each cell, or with those `of` (k,), indices; as compressed rows.
 
     Returns indptr (cell + 1,) int64 and indices (pair,) int32: the neighbours of cell i are
-    ``indices[indptr[i]:indptr[i + 1]]``, ascending; a pair is in both rows. Needs the 2:1 balance and the Morton order
-    of the grid.
+    ``indices[indptr[i]:indptr[i + 1]]``, ascending; a pair is in both rows, but those of cells not in `of` are empty.
+    Needs the 2:1 balance and the Morton order of the grid.
     """
     width = grid.cell_width
+    asked = np.full(len(width), of is None)
+    asked[[] if of is None else of] = True
     tree = leaf_lookup(grid)
     across = np.empty((len(width), 2 * grid.dimension), dtype=np.int32)
-    _cells_across(grid.cell_index, width, *tree, across)
+    _cells_across(asked, grid.cell_index, width, *tree, across)
     indptr = np.zeros(len(width) + 1, dtype=np.int64)
     _count_neighbors(width, across, indptr[1:])
     np.cumsum(indptr, out=indptr)
@@ -95,10 +97,13 @@ def cell_at(place, code, halvings, base_shape, first, count):
 
 
 @njit(parallel=True, cache=True)
-def _cells_across(cell_index, width, code, halvings, base_shape, first, count, across):
-    """The leaf across each face, next to the face's lowest corner: across (cell, 2 d) int32, written; NO_CELL
-    outside."""
+def _cells_across(asked, cell_index, width, code, halvings, base_shape, first, count, across):
+    """The leaf across each face of the cells asked for, next to the face's lowest corner: across (cell, 2 d) int32,
+    written; NO_CELL outside, and for other cells."""
     for cell in prange(len(cell_index)):
+        if not asked[cell]:
+            across[cell] = NO_CELL
+            continue
         place = cell_index[cell].copy()
         for axis in range(len(base_shape)):
             place[axis] = cell_index[cell, axis] - 1
