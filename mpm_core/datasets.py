@@ -85,7 +85,10 @@ def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray, Pieces]:
     origin, fine = np.asarray(attributes["domain_lower"])[axes], float(attributes["fine_cell"])
 
     def index(positions: xr.DataArray) -> np.ndarray:
-        return np.rint((positions.values[:, axes] - origin) / fine).astype(np.int32)
+        values = positions.values[:, axes]
+        values -= origin
+        values /= fine
+        return np.rint(values, out=values).astype(np.int32)
 
     grid = MultiLevelGrid(
         origin=origin,

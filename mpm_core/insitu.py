@@ -21,7 +21,9 @@ class InsituStress:
     def at(self, elevation: np.ndarray) -> np.ndarray:
         """Virgin stress (..., 6) Pa at elevations z (...) m."""
         depth = self.surface - np.asarray(elevation, float)
-        return self.constant + self.gradient * depth[..., None]
+        stress = self.gradient * depth[..., None]
+        stress += self.constant
+        return stress
 
     @property
     def body_force(self) -> np.ndarray:

@@ -1,5 +1,6 @@
 """What acts on a model from outside: mined rock, weight, lost tractions, configured loads, a strained boundary."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,18 +30,19 @@ def external_force(model: "Model", step: int) -> np.ndarray:
     rock = particles.is_rock
     missing = np.where(rock, particles.full_volume - volume, 0.0)
     body_force = virgin_body_force(scene)
-    force = -missing[:, None] * body_force
     gravity = np.zeros(model.dimension)
     if 2 in axes:
         gravity[axes.index(2)] = body_force[axes.index(2)] / scene.materials["host"].density
     density = np.array([material.density for material in scene.materials.values()])
     weight = np.where(rock, 0.0, density[particles.material] * volume)
-    force += weight[:, None] * gravity
+    force = np.zeros((particles.count, model.dimension))
+    acting = np.flatnonzero((missing != 0.0) | (weight != 0.0))  # a small part of the mine
+    force[acting] = weight[acting, None] * gravity - missing[acting, None] * body_force
     for load in scene.loads:
         if load.since <= step:
             force += load_force(model, load, np.where(rock, volume, 0.0))
+            acting = np.flatnonzero((missing != 0.0) | force.any(axis=1))
     nodal = np.zeros((len(model.grid.node_index), model.dimension))
-    acting = np.flatnonzero((missing != 0.0) | force.any(axis=1))
     _spread(model, acting, model.insitu[acting] * missing[acting, None], force[acting], nodal)
     _add_lost_traction(model, nodal, 1.0 - model.rock_share(step))
     collect_to_parents(model.grid.node_parents, nodal)
@@ -152,9 +154,10 @@ def strain_reaction(model: "Model", strain: np.ndarray, step: int) -> np.ndarray
 
 def virgin_stress(scene: Scene, position: np.ndarray) -> np.ndarray:
     """Virgin stress (n, 6) Pa in the computation's axes at positions (n, d)."""
-    axes = list(scene.axes)
-    elevation = position[:, axes.index(2)] if 2 in axes else np.full(len(position), scene.insitu.surface)
-    return scene.insitu.at(elevation)[:, scene.voigt]
+    axes, insitu = list(scene.axes), scene.insitu
+    elevation = position[:, axes.index(2)] if 2 in axes else np.full(len(position), insitu.surface)
+    own = replace(insitu, constant=insitu.constant[scene.voigt], gradient=insitu.gradient[scene.voigt])
+    return own.at(elevation)
 
 
 def virgin_body_force(scene: Scene) -> np.ndarray:

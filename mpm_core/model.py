@@ -157,6 +157,8 @@ def build_model(scene: Scene, grid: MultiLevelGrid, body: np.ndarray, pieces: Pi
         [np.prod([particles.points[:, k] ** ((m >> k) & 1) for k in range(grid.dimension)], axis=0) for m in modes],
         axis=1,
     )
+    insitu = virgin_stress(scene, particles.position)
+    insitu[~particles.is_rock] = 0.0
     materials = scene.materials.values()
     rows = [_strength_rows(material) for material in materials]
     margin = [
@@ -171,7 +173,7 @@ def build_model(scene: Scene, grid: MultiLevelGrid, body: np.ndarray, pieces: Pi
         scatter=build_scatter(cell_nodes, grid.node_parents),
         cell_nodes=cell_nodes,
         mode_values=np.ascontiguousarray(mode_values),
-        insitu=np.where(particles.is_rock[:, None], virgin_stress(scene, particles.position), 0.0),
+        insitu=insitu,
         elastic_constants=np.array([(material.lame_lambda, material.shear_modulus) for material in materials]),
         intact_rows=np.array([intact for intact, _ in rows]),
         residual_rows=np.array([residual for _, residual in rows]),
