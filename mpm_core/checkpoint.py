@@ -19,7 +19,7 @@ from pipeline.datasets import atomic_path
 
 PAUSE = 30.0  # s at least between two checkpoints
 SHARE = 0.015  # of the time that writing them may take
-OF_MODEL = ("position", "cell")  # where particles rest, and no others have checkpoints
+UNCHANGED = ("position", "cell", "plastic_strain")  # by a stage; particles that move have no checkpoints
 PLACE = ("increment", "generation", "iteration", "tightened")  # where the history stands
 
 
@@ -52,10 +52,11 @@ class Checkpoint:
             return
         place = {name: getattr(history, name) for name in PLACE}
         with atomic_path(self.path) as temporary, temporary.open("wb") as file:
-            beside = _named("table_", history.table()) | _named("rest_", history.rest)
+            rest = {name: value for name, value in history.rest.items() if name not in UNCHANGED}
+            beside = _named("table_", history.table()) | _named("rest_", rest)
             failed = np.flatnonzero(state.failed >= 0)
             of_failed = {name: getattr(state, name)[failed] for name in OF_FAILED}
-            others = {name: value for name, value in vars(state).items() if name not in (*OF_FAILED, *OF_MODEL)}
+            others = {name: value for name, value in vars(state).items() if name not in (*OF_FAILED, *UNCHANGED)}
             np.savez(file, key=self.key, **place, **others, **of_failed, **beside)
         self.last = time.perf_counter()
         self.cost = self.last - now
@@ -75,7 +76,7 @@ class Checkpoint:
             return False
         failed = np.flatnonzero(values["failed"] >= 0)
         for name, array in vars(state).items():
-            if name in OF_MODEL:
+            if name in UNCHANGED:
                 continue
             if name in OF_FAILED:
                 array[failed] = values[name]

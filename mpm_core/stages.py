@@ -94,8 +94,8 @@ def mining_step(
         reference=load_size(model, target, strain, step),
         change=load_size(model, target - start, more_strain, step),
     )
-    start_displacement = state.displacement.copy()
-    brittle = find_brittle(model, volume, step, *face_neighbors(model.grid))
+    cut = face_neighbors(model.grid, model.pieces.cell)  # the only cells whose neighbours matter
+    brittle = find_brittle(model, volume, step, *cut)
     with following(scene, scene.steps[step]["name"], state, failed_state) as history:
         if checkpoint is None or scene.solver.move:
             collapsed = run_cascade(scheme, brittle, ramp, step, history)
@@ -104,7 +104,7 @@ def mining_step(
                 scheme = make_scheme(model, state, volume)
             collapsed = run_cascade(scheme, brittle, ramp, step, history, checkpoint.save)
             checkpoint.remove()
-    released = state.displacement - start_displacement
+    released = state.displacement - previous.node_displacement.values[:, list(scene.axes)]
     late = lateness(scene, step)[history.increment]
     reached = (history.increment + late) / scene.solver.increments  # all of it, unless it collapsed before
     return finish(scheme, history, step, released, (target - start) * reached, "step", collapsed)

@@ -91,11 +91,11 @@ def relax_and_fail(
     """Relax, let fail what then stands above strength, and so on until nothing does.
 
     From fresh failures on, failure spreads in the part of the mine around them, if that is small, and there in a part
-    of that part. Not where the last state of rest or the weakest rock of the whole is asked for. part_of_mine: the part
-    that the scheme is for.
+    of that part. Not where the last state of rest or the weakest rock of the whole is asked for, nor in a draft, where
+    cells of all sizes fail. part_of_mine: the part that the scheme is for.
     """
     solver = scheme.model.scene.solver
-    whole = solver.collapse == "keep" or solver.weakest_first > 0.0
+    whole = solver.collapse == "keep" or solver.weakest_first > 0.0 or scheme.model.scene.draft
     while True:
         scheme.relax(external, tolerance, reference, history)
         fresh = fail_next(scheme, brittle, step, history, part_of_mine)

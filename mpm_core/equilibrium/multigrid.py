@@ -54,6 +54,7 @@ class MultigridScheme(ExplicitScheme):
         """Take over changed particle volumes."""
         super().set_volume(volume)
         self.stale[:], self.flow, self.softened = True, None, None
+        del self.density, self.particle_mass  # for particles that move
 
     def set_failed(self) -> None:
         """Take over which particles have failed."""
@@ -109,7 +110,7 @@ class MultigridScheme(ExplicitScheme):
     def drop_work_arrays(self) -> None:
         """Nothing more is to be relaxed."""
         super().drop_work_arrays()
-        del self.solver, self.anderson, self.flow, self.rows
+        del self.solver, self.anderson, self.flow, self.rows, self.cubes
 
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         """Bring the 2-norm of the unbalanced force at free nodes to at most tolerance * reference (N).

@@ -18,7 +18,7 @@ from mpm_core.kernels.nodes import mark_nodes
 from mpm_core.model import OF_FAILED, Model, State
 from mpm_core.particles import Particles, Pieces
 
-OF_PARTICLES = ("stress", "failed", *OF_FAILED, "plastic_strain", "position")
+OF_PARTICLES = ("stress", "failed", *OF_FAILED, "plastic_strain")
 OF_NODES = ("displacement", "velocity")
 OF_CELLS = ("hourglass_force",)
 
@@ -89,7 +89,7 @@ def cut_out(
     logging.info("in a part of %d cells", len(cells))
     return Part(
         part,
-        State(**copies, cell=particles.cell.copy()),
+        State(**copies, position=particles.position, cell=particles.cell),
         volume[indices],
         _crop_brittle(brittle, indices, cells, number),
         cells,

@@ -18,7 +18,7 @@ Failed cells in cubes that touch, if only at corners, are one patch. In 2-D, whe
 of two cells took 1.4 +- 1.0 % of the potency (32 tunnels). In 3-D they save a fifth of the time of renison_scale's
 history, whose failures are scattered all over the mine."""
 BORDER = 0.02  # (a / R)^d at most, for every patch: potency -0.2 +- 0.2, 0.1 +- 0.2 (tunnels), -0.5 +- 0.4 % (sphere)
-REACHES = (40, 24, 16, 10, 6, 4)  # finest cells, on all sides of rock that has failed: the widest that is not too much
+REACHES = (40, 24, 16, 10, 6, 4)  # finest cells, in whole cubes, around failed rock: the widest that is not too much
 LARGEST = 0.25  # of all cells: history of the demo 39 s, with 0.1 of them 47 s
 MOST = 300_000  # cells: a month of renison_scale took as long with 600,000, and 0.6 GB more
 
@@ -26,16 +26,17 @@ MOST = 300_000  # cells: a month of renison_scale took as long with 600,000, and
 class Cubes:
     """Which cells lie in, or hold, each cube of a box around a grid; where the domain goes on, the box has a margin.
 
-    lower (d,): the box's first cube; present (cubes along each axis) bool: those of the grid; levels: cells of a cube's
-    size and smaller, then those of each larger size: their indices and (flat) the cubes, or groups of cubes, they are.
+    lower (d,): the box's first cube; present (cubes along each axis) bool: those of the grid; reaches: see REACHES;
+    levels: for cells of a cube's size and smaller, then for those of each larger size, their indices and (flat) in
+    which cube, or which group of 2^d, 4^d, ... cubes, they stand.
     """
 
     def __init__(self, grid: MultiLevelGrid):
         finest = grid.levels - 1
         self.halvings = min(CUBE[grid.dimension], finest)
-        self.reaches = [cells >> self.halvings for cells in REACHES]
+        self.reaches = sorted({cells >> self.halvings for cells in REACHES}, reverse=True)
         larger = finest - self.halvings
-        first, last = (place(grid.cell_index, axis=0) >> finest for place in (np.min, np.max))
+        first, last = grid.cell_index.min(axis=0) >> finest, grid.cell_index.max(axis=0) >> finest
         self.lower = np.maximum(first - 1, 0) << larger
         self.shape = np.minimum((last + 2) << larger, grid.shape >> self.halvings) - self.lower
         self.cells = len(grid.cell_level)
@@ -59,7 +60,7 @@ class Cubes:
         places, _, patch, reach = self.patches(failed)
         if reach.max() > self.reaches[0]:
             return None
-        within = np.zeros(self.shape, np.int8)  # how many of the reaches
+        within = np.zeros(self.shape, np.int8)  # how many of the reaches: the widest first, each holds the next
         for number, least in enumerate(self.reaches, 1):
             for place, most in zip(places, np.maximum(reach, least)[patch], strict=True):
                 within[_within(place, most)] = number
@@ -74,7 +75,6 @@ class Cubes:
     def patches(self, failed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Cubes (cube, d) in the box that failed cells, cell_index (k, d), stand in, and the cube of each (k,); the
         patch (cube,) that they belong to, and how many cubes there must be between it and its border (patch,).
-
         """
         place = (failed >> self.halvings) - self.lower
         flat, cube = np.unique(np.ravel_multi_index(tuple(place.T), self.shape), return_inverse=True)
