@@ -1,4 +1,4 @@
-"""What the report is made from: the datasets of one mine, read once, and what follows from them directly."""
+"""What the report is made from: of the datasets of one mine what it shows, and what follows from them directly."""
 
 import json
 import os
@@ -11,6 +11,7 @@ import xarray as xr
 
 from catalogs.schema import check_catalog
 from pipeline.datasets import read_dataset
+from pipeline.errors import InputError
 
 COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 CONVERGENCE = tuple(f"convergence_{name}" for name in COLUMNS)
@@ -36,8 +37,9 @@ class Excavation:
 class Evidence:
     """Everything the report tells of.
 
-    stages: elastic, then the steps in order, each with its convergence table and attributes only; state: the last of
-    them in full; catalog, record, comparison, spread: None where there is none; files: {path: attributes} of all read.
+    stages: elastic, then the steps in order, each with its convergence table and attributes only; state: what is
+    SHOWN of the last of them; catalog, record, comparison, spread: None where there is none; files: {path: attributes}
+    of all read.
     """
 
     config: dict
@@ -137,16 +139,19 @@ def read_evidence(
         if path is None:
             return None
         dataset = read_dataset(path, names)
+        missing = [name for name in names or () if name not in dataset.variables]
+        if missing:
+            raise InputError(f"{path}: lacks {', '.join(missing)}; delete it and run again")
         files[os.fspath(path)] = dict(dataset.attrs)
         return check_catalog(dataset, os.fspath(path)) if check else dataset
 
     found_grid = read(grid)
     paths = [path for path in (elastic, *steps) if path is not None]
-    found = [(read(path, names=CONVERGENCE), path) for path in paths]  # of states of gigabytes
+    found = [(read(path, names=CONVERGENCE), path) for path in paths]  # a state may take gigabytes
     found.sort(key=lambda stage: _order(stage[0]))
     stages = [stage for stage, _ in found]
     state = read(found[-1][1], names=SHOWN) if found else None
-    budgets = [read(path).attrs for path in events]
+    budgets = [read(path, names=()).attrs for path in events]
     return Evidence(
         config=config,
         default=default,

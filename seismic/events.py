@@ -50,10 +50,11 @@ def extract_events(step: xr.Dataset, settings: dict) -> tuple[xr.Dataset, dict]:
     where = _check_step(step, chosen)
     strain = {name: np.asarray(step[variable].values, dtype=np.float64) for name, variable in STRAINS.items()}
     strained = np.flatnonzero(np.any([np.any(values != 0.0, axis=1) for values in strain.values()], axis=0))
-    strain = {name: values[strained] for name, values in strain.items()}  # one particle in ten, or fewer
-    volume = np.asarray(step["volume"].values, dtype=np.float64)[strained]
+    strain = {name: values[strained] for name, values in strain.items()}  # most rock has none
+    volume = np.asarray(step["volume"].values, dtype=np.float64)
     if not all(np.all(np.isfinite(values)) for values in (*strain.values(), volume)):
         raise InputError(f"{where}: a strain or a volume is not finite: compute the step again")
+    volume = volume[strained]
 
     everything = particle_potency(strain["seismic"], volume, chosen.seismic_fraction)
     breaks = np.flatnonzero(scalar_potency(tensor_from_voigt(everything)) > 0.0)

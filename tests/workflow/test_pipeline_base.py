@@ -60,6 +60,16 @@ def test_bytes_depend_on_the_content_alone(tmp_path):
     xr.testing.assert_identical(read_dataset(tmp_path / "one.nc"), dataset())
 
 
+def test_what_shrinks_is_compressed(tmp_path):
+    """Tensors in chunks of whole rows; noise stays as it is."""
+    write_dataset(dataset(), tmp_path / "one.nc")
+    stored = {name: variable.encoding for name, variable in read_dataset(tmp_path / "one.nc").variables.items()}
+    assert stored["plastic_strain"]["zlib"]
+    assert stored["plastic_strain"]["chunksizes"] == (5000, 6)
+    assert stored["failed"]["zlib"]
+    assert not stored["stress"]["zlib"]
+
+
 def test_some_variables_are_read_without_the_others(tmp_path):
     """Those that there are; all attributes."""
     write_dataset(dataset(), tmp_path / "one.nc")
