@@ -1,7 +1,7 @@
 """What a mechanics stage will need, known before it starts.
 
 Measured peaks (resident memory), 3-D: the demo's grid of 127 k cells with one particle to a cell and its coarser one of
-43 k cells with eight, and renison_scale's of 6.5 M cells (multigrid: 9.0 GB elastic, 15.0 GB a mining step).
+43 k cells with eight, and renison_scale's of 6.5 M cells (multigrid: 8.8 GB elastic, 13.7 GB a mining step).
 """
 
 import logging
