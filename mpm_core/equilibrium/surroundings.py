@@ -17,7 +17,7 @@ CUBE = {2: 2, 3: 1}
 Failed cells in cubes that touch, if only at corners, are one patch. In 2-D, where a patch is felt farther off, cubes
 of two cells took 1.4 +- 1.0 % of the potency (32 tunnels). In 3-D they save a fifth of the time of renison_scale's
 history, whose failures are scattered all over the mine."""
-BORDER = 0.02  # (a / R)^d at most, for every patch: potency -0.2 +- 0.2, 0.1 +- 0.2 (tunnels), -0.5 +- 0.4 % (sphere)
+BORDER = 0.02  # (a / R)^d at most, for every patch: potency -0.2 +- 0.2, 0.1 +- 0.2 (tunnels), -0.4 +- 0.1 % (sphere)
 REACHES = (40, 24, 16, 10, 6, 4)  # finest cells, in whole cubes, around failed rock: the widest that is not too much
 LARGEST = 0.25  # of all cells: history of the demo 39 s, with 0.1 of them 47 s (cubes of four cells)
 MOST = 300_000  # cells: a month of renison_scale took as long with 600,000, and 0.6 GB more
