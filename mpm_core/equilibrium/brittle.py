@@ -40,27 +40,26 @@ def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, ne
 
 def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
     """Intact particles that fail now, ascending."""
-    sound = above_strength(model, state, brittle.sound[state.failed[brittle.sound] < 0], brittle.borne)
+    sound = above_strength(model, state, brittle.sound, brittle.borne)
     broken = np.zeros(len(model.cell_nodes), bool)
     broken[model.particles.cell[(state.failed >= 0) & brittle.present]] = True
     broken[model.particles.cell[sound]] = True
-    intact = brittle.sliver[state.failed[brittle.sliver] < 0]
-    beside = np.empty(len(intact), bool)
-    any_neighbor(model.particles.cell[intact], brittle.neighbor_start, brittle.neighbors, broken, beside)
-    sliver = above_strength(model, state, intact[beside], brittle.borne)
+    beside = np.empty(len(brittle.sliver), bool)
+    any_neighbor(model.particles.cell[brittle.sliver], brittle.neighbor_start, brittle.neighbors, broken, beside)
+    sliver = above_strength(model, state, brittle.sliver[beside], brittle.borne)
     return np.sort(np.concatenate([sound, sliver]))
 
 
 def above_strength(model: Model, state: State, candidates: np.ndarray, borne: np.ndarray | None = None) -> np.ndarray:
-    """Those of the candidates (particle indices) that stand above intact strength by more than the margin.
+    """Those of the candidates (particle indices) that are intact and stand above strength by more than the margin.
 
     borne: see Brittle.borne; without it strength is the rock's own, as in all that rates a state.
     """
     above = np.empty(len(candidates), bool)
     borne = np.empty(0) if borne is None else borne
     stands_above(
-        candidates, state.stress, model.insitu, model.particles.material, model.intact_rows, model.strength_margin,
-        borne, above,
+        candidates, state.failed, state.stress, model.insitu, model.particles.material, model.intact_rows,
+        model.strength_margin, borne, above,
     )  # fmt: skip
     return candidates[above]
 

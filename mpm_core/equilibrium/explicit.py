@@ -25,7 +25,7 @@ import numpy as np
 
 from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.convergence import History, NoRest
-from mpm_core.kernels.flow import dissipate, take_back_flow
+from mpm_core.kernels.flow import dissipate, note_flow_start, take_back_flow
 from mpm_core.kernels.nodes import (
     advance_nodes,
     collect_to_parents,
@@ -105,11 +105,9 @@ class ExplicitScheme:
         state = self.state
         dissipate(self.flowing, *self.flow_start, self.model.insitu, state.stress, state.later_strain, state.dissipated)
         self.flowing = np.flatnonzero(self.failed & (self.volume > 0.0))
-        self.flow_start = (
-            state.stress[self.flowing],
-            state.later_strain[self.flowing],
-            state.dissipated[self.flowing],
-        )
+        count = len(self.flowing)
+        self.flow_start = np.empty((count, 6)), np.empty((count, 6)), np.empty(count)
+        note_flow_start(self.flowing, state.stress, state.later_strain, state.dissipated, *self.flow_start)
 
     def part_around(self, brittle: Brittle, fresh: np.ndarray) -> None:
         """No part of the mine: by explicit steps the whole comes to rest at once."""

@@ -17,8 +17,8 @@ from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.part import Part, cut_out
 from mpm_core.equilibrium.surroundings import Cubes
-from mpm_core.kernels.nodes import sizes, spread_to_hanging
-from mpm_core.kernels.operator_rows import balance, subtract, take_step
+from mpm_core.kernels.nodes import sizes
+from mpm_core.kernels.operator_rows import balance, take_step
 from mpm_core.model import Model, State
 from mpm_core.multigrid.anderson import Anderson
 from mpm_core.multigrid.flow import FlowForces
@@ -163,7 +163,7 @@ class MultigridScheme(ExplicitScheme):
             if displacement is None:
                 self._update(0.0)
                 return False
-            self._move(self.solver.to_nodes(displacement))
+            self._move(displacement)
             ratio = self._look(external, reference, history)
             if ratio <= tolerance:
                 return True
@@ -176,11 +176,7 @@ class MultigridScheme(ExplicitScheme):
         displacement, step, force, residual, elastic = self._row_arrays()
         displacement[:], force[:] = 0.0, 0.0
         solver.to_rows(self.unbalanced, elastic)
-        self._take_back_flow()
-        flow.begin(self.state)
-        flow.add(operator, displacement, force)
-        operator.collect(force)
-        subtract(free, force, elastic)  # as if nothing had flowed
+        flow.begin(self.state, self._take_back_flow)
         size, _ = balance(free, elastic, force, residual)
         anderson = self._anderson(len(step))
         smallest = ratio
@@ -236,10 +232,9 @@ class MultigridScheme(ExplicitScheme):
         return ratio
 
     def _move(self, motion: np.ndarray) -> None:
-        """Move free nodes by motion (node, d) m; stress follows."""
+        """Move nodes by motion (element,) m, an array of the solver; stress follows."""
         state = self.state
-        state.velocity[:] = motion
-        spread_to_hanging(self.hanging, self.model.grid.node_parents, state.velocity)
+        self.solver.to_nodes(motion, state.velocity)
         state.displacement += state.velocity
         self._update(1.0)
         state.velocity[:] = 0.0

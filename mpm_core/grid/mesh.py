@@ -13,6 +13,7 @@ Hexahedron (VTK) and, in 2-D, quadrilateral: corners 0 1 2 3 with the grid's own
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -77,7 +78,7 @@ class MultiLevelGrid:
         """(cell,) int32, fine units: edge of each cell"""
         return np.int32(1) << (self.levels - 1 - self.cell_level).astype(np.int32)
 
-    @property
+    @cached_property
     def cell_size(self) -> np.ndarray:
         """(cell,) float64, m: edge of each cell"""
         return self.cell_width * self.fine_cell

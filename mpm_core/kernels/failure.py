@@ -42,17 +42,20 @@ def overstress_of(candidates, stress, insitu, material, rows, excess):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def stands_above(candidates, stress, insitu, material, rows, margin, borne, above):
-    """Whether candidates stand above strength by more than a margin: above (candidate,) bool, written.
+def stands_above(candidates, failed, stress, insitu, material, rows, margin, borne, above):
+    """Whether candidates, intact ones, stand above strength by more than a margin: above (candidate,) bool, written.
 
-    margin (material,) Pa; borne (particle,) Pa or (0,): more of it, by place; other arguments as in overstress_of.
+    failed (particle,) int32, -1 intact; margin (material,) Pa; borne (particle,) Pa or (0,): more, by place; other
+    arguments as in overstress_of.
     """
     for i in prange(len(candidates)):
         p = candidates[i]
+        above[i] = False
+        if failed[p] >= 0:
+            continue
         xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
         m = material[p]
         row = strength_of(rows, m)
-        above[i] = False
         if not surely_admissible(xx, yy, zz, yz, xz, xy, row):
             more = borne[p] if len(borne) else 0.0
             above[i] = overstress(xx, yy, zz, yz, xz, xy, row) > margin[m] + more

@@ -6,6 +6,17 @@ from mpm_core.constitutive.elastic import contraction, stress_increment
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
+def note_flow_start(particles, stress, later_strain, dissipated, stress_before, flow, dissipated_before):
+    """Copy what flow counts from, of particles (k,): stress_before, flow (k, 6), dissipated_before (k,), written."""
+    for i in prange(len(particles)):
+        p = particles[i]
+        for k in range(6):
+            stress_before[i, k] = stress[p, k]
+            flow[i, k] = later_strain[p, k]
+        dissipated_before[i] = dissipated[p]
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
 def take_back_flow(particles, flow, dissipated_before, material, elastic_constants, stress, later_strain, dissipated):
     """Undo what has flowed since the start: stress becomes the elastic trial stress of all strain since then.
 

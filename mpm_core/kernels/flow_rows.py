@@ -1,16 +1,23 @@
 """What failed rock no longer carries, on the rows of the elastic operator (multigrid.families).
 
-While equilibrium is sought, stress is thought to stay elastic everywhere, as the operator has it. Failed rock returns
-to its residual surface: what its trial stress exceeds the returned one by is a force that elastic rock would have had.
+While equilibrium is sought, stress is thought to change elastically everywhere, as the operator has it. Failed rock
+returns to its residual surface: what its stress changes less is a force that elastic rock would have had.
 """
 
 import numpy as np
 from numba import njit, prange
 
 from mpm_core.constitutive.coulomb import return_to_surface
-from mpm_core.constitutive.returning import ELASTIC
 from mpm_core.constitutive.strength import strength_of
 from mpm_core.kernels.modes import to_corners, to_modes
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def total_stresses(particles, stress, insitu, total):
+    """Total stress of some particles (k,), Pa: total (k, 6), written; stress, insitu (particle, 6)."""
+    for i in prange(len(particles)):
+        for k in range(6):
+            total[i, k] = stress[particles[i], k] + insitu[particles[i], k]
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
@@ -27,15 +34,17 @@ def add_flow_forces(
     material,
     elastic_constants,
     residual_rows,
+    carried,
     trial_stress,
     forces,
 ):
-    """Add the forces B^T (trial - returned stress) V of failed particles: forces (row * width,), in place.
+    """Add the forces B^T (elastic - true change of stress) V of failed particles: forces (row * width,), in place.
 
     block_start (block + 1,): first entry of each block; by entry (k,): particles, indices; corner_rows (k, 2^d); slope
-    1/m: 2 / 2^d over the cell's edge; table_row: of mode_values (point row, 2^d); trial_stress (k, 6) Pa: total stress
-    at values 0 had nothing flowed. values (row * width,) m: displacement, copies filled in. volume, material
-    (particle,); elastic_constants (material, 2) Pa; residual_rows (material, column).
+    1/m: 2 / 2^d over the cell's edge; table_row: of mode_values (point row, 2^d); carried (k, 6) Pa: total stress at
+    values 0; trial_stress (k, 6) Pa: the same had nothing flowed since it last counts. values (row * width,) m:
+    displacement, copies filled in. volume, material (particle,); elastic_constants (material, 2) Pa; residual_rows
+    (material, column).
     """
     corners = corner_rows.shape[1]
     dimension = 2 if corners == 4 else 3
@@ -66,12 +75,16 @@ def add_flow_forces(
             xz = trial_stress[entry, 4] + 0.5 * twice * (gradient[0, 2] + gradient[2, 0])
             xy = trial_stress[entry, 5] + 0.5 * twice * (gradient[0, 1] + gradient[1, 0])
             row = strength_of(residual_rows, material[particle])
-            rxx, ryy, rzz, ryz, rxz, rxy, region = return_to_surface(xx, yy, zz, yz, xz, xy, lame, 0.5 * twice, row)
-            if region == ELASTIC:
-                continue
+            rxx, ryy, rzz, ryz, rxz, rxy, _ = return_to_surface(xx, yy, zz, yz, xz, xy, lame, 0.5 * twice, row)
             weight = volume[particle] * slope[entry]
-            sx, sy, sz = (xx - rxx) * weight, (yy - ryy) * weight, (zz - rzz) * weight
-            syz, sxz, sxy = (yz - ryz) * weight, (xz - rxz) * weight, (xy - rxy) * weight
+            sx = (xx - rxx - (trial_stress[entry, 0] - carried[entry, 0])) * weight
+            sy = (yy - ryy - (trial_stress[entry, 1] - carried[entry, 1])) * weight
+            sz = (zz - rzz - (trial_stress[entry, 2] - carried[entry, 2])) * weight
+            syz = (yz - ryz - (trial_stress[entry, 3] - carried[entry, 3])) * weight
+            sxz = (xz - rxz - (trial_stress[entry, 4] - carried[entry, 4])) * weight
+            sxy = (xy - rxy - (trial_stress[entry, 5] - carried[entry, 5])) * weight
+            if sx == 0.0 and sy == 0.0 and sz == 0.0 and syz == 0.0 and sxz == 0.0 and sxy == 0.0:
+                continue  # elastic then as now
             for mode in range(1, corners):
                 for k in range(dimension):
                     if (mode >> k) & 1:

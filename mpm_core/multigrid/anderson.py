@@ -73,15 +73,18 @@ class Anderson:
         self.count = 0
 
     def turn(self, residual: np.ndarray, correction: np.ndarray, size: float, step: np.ndarray) -> None:
-        """Replace the last step (element,) by the next one; after `forget` the last one does not matter.
+        """Replace the last step (element,) by the next one; what the first one after `forget` replaces does not matter.
 
         residual: where the last step has led; correction times size: M residual.
         """
         depth = len(self.moves)
         place, known = (self.count - 1) % depth, min(self.count, depth)
-        _note(
-            residual, correction, size, step, self.residual, self.correction, self.changes[place], self.moves[place]
-        )  # fmt: skip
+        if self.count:
+            _note(
+                residual, correction, size, step, self.residual, self.correction, self.changes[place], self.moves[place]
+            )  # fmt: skip
+        else:
+            np.multiply(correction, np.float32(size), out=self.correction)
         sums = np.empty((-(-len(residual) // CHUNK), 2, known))
         _products(self.changes[:known], self.residual, residual, sums)
         with_difference, shares = sums.sum(axis=0)

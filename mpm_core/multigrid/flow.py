@@ -1,9 +1,11 @@
 """Failed rock on the rows of the elastic operator: what its flow takes off the elastic forces."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import parallel_chunksize
 
-from mpm_core.kernels.flow_rows import add_flow_forces
+from mpm_core.kernels.flow_rows import add_flow_forces, total_stresses
 from mpm_core.kernels.lanes import LANES
 from mpm_core.model import Model, State
 from mpm_core.multigrid.families import Families
@@ -43,14 +45,16 @@ class FlowForces:
         for name, values in more.items():
             setattr(self, name, np.insert(getattr(self, name), places, values[ascending], axis=0))
         self.block_start = np.searchsorted(self.block, np.arange(len(families.batch_start)))
-        self.trial_stress = np.empty((len(self.particles), 6))
+        self.carried, self.trial_stress = np.empty((2, len(self.particles), 6))
 
-    def begin(self, state: State) -> None:
-        """Displacements count from this state, whose stress is that of rock that has not flowed."""
-        self.trial_stress[:] = state.stress[self.particles] + self.model.insitu[self.particles]
+    def begin(self, state: State, take_back_flow: Callable[[], None]) -> None:
+        """Displacements count from this state; take_back_flow: makes its stress that of rock that has not flowed."""
+        total_stresses(self.particles, state.stress, self.model.insitu, self.carried)
+        take_back_flow()
+        total_stresses(self.particles, state.stress, self.model.insitu, self.trial_stress)
 
     def add(self, operator: Operator, values: np.ndarray, forces: np.ndarray) -> None:
-        """Add to `forces` what is not carried at displacement `values` (its copies filled in), both flat arrays."""
+        """Add to `forces` what falls short of elastic ones at displacement `values`, copies filled in; flat arrays."""
         model = self.model
         with parallel_chunksize(1):  # failed rock is in few of the blocks
             add_flow_forces(
@@ -66,6 +70,7 @@ class FlowForces:
                 model.particles.material,
                 model.elastic_constants,
                 model.residual_rows,
+                self.carried,
                 self.trial_stress,
                 forces,
             )

@@ -22,7 +22,7 @@ from mpm_core.multigrid.stiffness import ElasticCells
 
 @dataclass(frozen=True)
 class Solution:
-    """Displacement (node, d) m, what is left of the force (2-norm over that at the start), and iterations taken."""
+    """Displacement (element,) m, what is left of the force (2-norm over that at the start), and iterations taken."""
 
     displacement: np.ndarray
     ratio: float
@@ -58,13 +58,10 @@ class ElasticSolver:
         take_from_nodes(self.finest.families.row_node, self.finest.inverse_diagonal, self.operator.width, values, rows)
         return rows
 
-    def to_nodes(self, rows: np.ndarray) -> np.ndarray:
-        """Values at nodes (node, d), hanging ones too, from a flat array, whose copies are filled in."""
+    def to_nodes(self, rows: np.ndarray, values: np.ndarray) -> None:
+        """Write values at nodes (node, d), hanging ones too, from a flat array, whose copies are filled in."""
         self.operator.spread(rows)
-        grid = self.finest.grid
-        values = np.empty((len(grid.node_parents), grid.dimension))
         give_to_nodes(self.finest.families.node_row, self.operator.width, rows, values)
-        return values
 
     def precondition(self, residual: np.ndarray, size: float) -> np.ndarray:
         """One V-cycle: the solution (float32, an array of the finest level) times `size` approximates A^-1 residual.
@@ -114,7 +111,7 @@ class ElasticSolver:
             progress(ratio)
             if not np.isfinite(ratio):
                 break
-        return Solution(self.to_nodes(displacement), ratio, iterations)
+        return Solution(displacement, ratio, iterations)
 
     def _rigid_motions(self) -> list[np.ndarray]:
         """Translations and rotations as orthonormal flat arrays."""

@@ -47,7 +47,8 @@ def operator_force(solver, motion):
     values, forces = solver.to_rows(motion), solver.operator.zeros()
     solver.operator.apply(values, forces)
     forces[solver.finest.inverse_diagonal == 0.0] = 0.0
-    result = solver.to_nodes(forces)
+    result = np.empty_like(motion)
+    solver.to_nodes(forces, result)
     result[solver.finest.grid.node_parents[:, 0] >= 0] = 0.0
     return result
 
