@@ -9,7 +9,7 @@ from mpm_core.equilibrium.convergence import History
 from mpm_core.stages import elastic_stage, mining_step
 from pipeline.datasets import write_dataset
 
-HOLE = [ball([20.0, 20.0], 5.0)]
+HOLES = [ball([14.0, 20.0], 4.0), ball([25.0, 20.0], 4.0)]
 
 
 class Killed(Exception):
@@ -31,18 +31,24 @@ class KilledAfter(Checkpoint):
 
 @pytest.fixture(scope="module", params=["explicit", "multigrid"])
 def stage(tmp_path_factory, request):
-    """A brittle step in two increments, and its dataset's bytes."""
+    """A brittle step in two increments, among rock that an earlier step has let fail, and its dataset's bytes."""
     folder = tmp_path_factory.mktemp("stage")
-    scene = make_scene(
-        "xz",
-        host=COULOMB,
-        stress=uniform(-30e6, -20e6, -18e6, 0.0, 3e6),
-        excavations=[excavation(1)],
-        steps=2,
-        solver={"scheme": request.param, "tolerance": 1e-4, "increments": 2},
-    )
-    grid = make_dataset(scene, grid_around(HOLE, [5, 5], 3, 8.0, rings=2), HOLE)
-    before, _ = elastic_stage(scene, grid, folder / "f.npz")
+
+    def scene_of(*mined):
+        return make_scene(
+            "xz",
+            host=COULOMB,
+            stress=uniform(-30e6, -20e6, -18e6, 0.0, 3e6),
+            excavations=[excavation(step) for step in mined],
+            steps=max(mined) + 1,
+            solver={"scheme": request.param, "tolerance": 1e-4, "increments": 2},
+        )
+
+    first, scene = scene_of(1, -1), scene_of(1, 2)
+    grid = make_dataset(scene, grid_around(HOLES, [5, 5], 3, 8.0, rings=2), HOLES)
+    elastic, _ = elastic_stage(first, grid, folder / "f.npz")
+    before, facts = mining_step(first, grid, elastic, folder / "f.npz")
+    assert facts["failed_particles"] > 10
 
     def run(checkpoint):
         return mining_step(scene, grid, before, folder / "f.npz", checkpoint)[0]
