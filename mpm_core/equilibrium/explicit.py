@@ -16,9 +16,10 @@ Flow. On its way to rest the model swings past it, a cell that has just failed m
 with every step, the strain of each swing would stay: a single cell under 10 MPa came to rest 13 to 36 % below its
 residual strength, however short the time step. So what has flowed since a state near rest is taken back before each
 step, and all strain since then gets one return to the surface (backward Euler): only what lies between states near rest
-counts. Those are the ends of increments and generations and, in a long relaxation, every FLOW_FROM iterations: enough
-for the first swings to die, and it lets non-associated flow settle that would else circle (a tunnel did, at an
-unbalanced force of 3e-4).
+counts. Those are the ends of increments and generations and, where a relaxation does not end, every FLOW_FROM
+iterations: it lets non-associated flow settle that would else circle (a tunnel did, at an unbalanced force of 3e-4).
+No sooner: what flows by parts, on a way that is none of the rock's, is another flow. With every 200 iterations the
+demo's history dissipated 1.5 % less than with one return (and than scheme `multigrid`), and 0.5 % more rock failed.
 """
 
 import numpy as np
@@ -39,7 +40,7 @@ from mpm_core.model import Model, State
 
 CHECK_EVERY = 20  # iterations between two looks at the unbalanced force
 TIME_STEP_SHARE = 0.98  # of the damped limit, 1 / sqrt(1 + c) of the undamped one
-FLOW_FROM = 200  # iterations; after 100 a cell still swings by up to 3e-4 of its stress, after 200 by less than 1e-6
+FLOW_FROM = 2000  # iterations; a relaxation that ends takes up to 1,200 (the demo, to 3e-5)
 FAILED_HOURGLASS = 0.01  # of the intact hourglass stiffness: a stiff one props failed rock up (design section 5)
 
 
