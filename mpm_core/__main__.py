@@ -15,7 +15,7 @@ from pipeline.stage import run_stage
 def make_grid(arguments: argparse.Namespace) -> None:
     """grid.nc from the solids."""
     from mpm_core.gridding import make_grid
-    from mpm_core.stages import use_threads
+    from mpm_core.threads import use_threads
 
     use_threads(arguments.threads)
     scene = json.loads(arguments.scene)
@@ -27,7 +27,8 @@ def solve(arguments: argparse.Namespace) -> None:
     """elastic.nc, or steps/<step>.nc from the state of the step before."""
     from mpm_core.checkpoint import Checkpoint, key_of
     from mpm_core.scene import parse_scene
-    from mpm_core.stages import elastic_stage, mining_step, use_threads
+    from mpm_core.stages import elastic_stage, mining_step
+    from mpm_core.threads import use_threads
 
     use_threads(arguments.threads)
     values = json.loads(arguments.scene)

@@ -4,7 +4,6 @@ import logging
 import sys
 from pathlib import Path
 
-import numba
 import numpy as np
 import xarray as xr
 from tqdm import tqdm
@@ -257,8 +256,3 @@ def refuse_overstressed_virgin(model: Model) -> None:
             f"insitu_stress: virgin rock of materials.{name} stands above its intact strength, first at ({place}) m: "
             "it would fail before anything is mined; check stress, depth and strength"
         )
-
-
-def use_threads(threads: int) -> None:
-    """Let numba use so many threads, or all there are if fewer."""
-    numba.set_num_threads(max(1, min(threads, numba.config.NUMBA_NUM_THREADS)))

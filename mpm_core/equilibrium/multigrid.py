@@ -24,6 +24,7 @@ from mpm_core.multigrid.anderson import Anderson
 from mpm_core.multigrid.flow import FlowForces
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import elastic_cells
+from mpm_core.threads import threads_for
 
 CYCLES = 100  # V-cycles of one elastic solution; 20 are usual at most
 SOLUTIONS = 5  # elastic solutions, each for what round-off of the one before has left
@@ -120,6 +121,10 @@ class MultigridScheme(ExplicitScheme):
         """
         reference = reference or 1.0  # nothing was mined: any force at all counts
         history.cells = len(self.model.cell_nodes)
+        with threads_for(history.cells):
+            self._relax(external, tolerance, reference, history)
+
+    def _relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         self._set_stiffness()
         if self.stale.any():
             self._update(0.0, np.flatnonzero(self.stale))

@@ -14,6 +14,7 @@ from numba import njit
 
 from mpm_core.kernels.operator_rows import PROLONG, RESTRICT, mask, smooth_first, smooth_next, subtract
 from mpm_core.multigrid.level import Level
+from mpm_core.threads import threads_for
 
 DEGREE = {2: 2.4, 3: 1.2}
 """by dimension: degree of the polynomial over sqrt(c); in 2-D work is cheap and thin voids are harder"""
@@ -117,6 +118,10 @@ class Cycle:
 
     def run(self, index: int = 0) -> None:
         """Solution of level `index` from its residual (0 where D^-1 is 0); the residual is used up."""
+        with threads_for(len(self.levels[index].grid.cell_width)):
+            self._run(index)
+
+    def _run(self, index: int) -> None:
         level = self.levels[index]
         if index == len(self.levels) - 1:
             if self.direct:

@@ -15,7 +15,8 @@ import xarray as xr
 
 from catalogs.sizes import LEAST_EVENTS, BValue, estimate_b, log_potency
 from mpm_core.scene import parse_scene
-from mpm_core.stages import mining_step, use_threads
+from mpm_core.stages import mining_step
+from mpm_core.threads import use_threads
 from pipeline.errors import InputError
 from seismic.events import extract_events
 from seismic.potency import scalar_potency, tensor_from_voigt

@@ -11,7 +11,8 @@ import xarray as xr
 
 from mpm_core.gridding import make_grid
 from mpm_core.scene import parse_scene
-from mpm_core.stages import elastic_stage, mining_step, use_threads
+from mpm_core.stages import elastic_stage, mining_step
+from mpm_core.threads import use_threads
 from pipeline.provenance import source_hash
 from tests.benchmarks.equilibrium.settings import Case, Settings
 from tests.benchmarks.peers.stope import announce, closure, peak_memory
