@@ -53,10 +53,11 @@ def solve(grid, cells, kappa=0.05, points=1, held_faces=None, seed=1) -> Solutio
     return solver.solve(force, 1e-6, 40)
 
 
+@pytest.mark.parametrize(("base", "levels"), [((5, 6, 5), 4), ((37, 23), 3)])
 @pytest.mark.parametrize("contrast", [1.0, 1e2, 1e4, 1e8, np.inf])
-def test_stiffness_contrast(contrast):
+def test_stiffness_contrast(base, levels, contrast):
     """A filled excavation this much softer than the rock, down to an empty one."""
-    grid, inside = tunnel_and_stope((5, 6, 5), 4)
+    grid, inside = tunnel_and_stope(base, levels)
     cells = cells_of(grid, np.where(inside, MODULUS / contrast, MODULUS))
     solution = solve(grid, cells)
     assert solution.ratio <= 1e-6
@@ -66,14 +67,14 @@ def test_stiffness_contrast(contrast):
 @pytest.mark.parametrize(
     ("base", "levels"),
     [((16, 16, 16), 1), ((7, 11, 5), 2), ((13, 5, 7), 3), ((30, 3, 4), 3), ((3, 3, 3), 5), ((2, 3, 2), 6),
-     ((61, 67), 1), ((37, 23), 3), ((101, 7), 2), ((5, 5), 6)],
+     ((61, 67), 1), ((37, 23), 3), ((101, 7), 2), ((5, 5), 6), ((128, 128), 1)],
 )  # fmt: skip
 def test_base_dimensions_and_levels(base, levels):
-    """Odd, prime, long and thin bases; 1 to 6 levels; 2-D and 3-D."""
+    """Odd, prime, long and thin bases; 1 to 6 levels; 2-D, where the stope is a slot one cell thick, and 3-D."""
     grid, inside = tunnel_and_stope(base, levels)
     solution = solve(grid, cells_of(grid, np.where(inside, 0.0, MODULUS)))
     assert solution.ratio <= 1e-6
-    assert solution.iterations <= (12 if len(base) == 3 else 20)  # a thin void in 2-D cuts coarse cells through
+    assert solution.iterations <= 12
 
 
 @pytest.mark.parametrize(
