@@ -8,6 +8,10 @@ A void one cell thick leaves half of a coarse cell, a quarter of the next: rock 
 together, the more the coarser the grid, and its closure left to the fine grids. In 2-D that takes 17 iterations for 11
 (a slot of 76 cells), so a coarse cell there loses more stiffness than its void part. In 3-D neither tunnels nor slabs
 of 20 by 20 cells gain by it.
+
+The base grid halved may reach past the domain. A free face is then a void in the coarse cell. A held face lies within
+the cell, but the coarse grid holds it only at the cell's far side: the stiffness there is that of the part inside over
+its share squared, which is the Galerkin product for a motion towards the face.
 """
 
 import numpy as np
