@@ -8,9 +8,10 @@ state in which flow was last counted anew (ExplicitScheme.settle), whatever the 
 acceleration with the same V-cycle, whose stiffness stays elastic.
 
 Newton's method is far slower here. With the tangent of the return, GMRES and this V-cycle take a tenth of the linear
-residual in 10 to 25 cycles; but rock then changes faces of the strength surface all over, and a line search leaves an
-eighth to a half of most steps. In the demo's history, 13,631 cells failing at once, it takes 181 cycles from 0.093 to
-0.009 where Anderson takes 20. Nor is it memory that Anderson lacks: of depth 40 it takes as many to 1e-3 as of 8.
+residual in 10 to 25 cycles, but the true one is far from linear (within 12 cycles a quarter of the rock that flows goes
+from a face of the strength surface to an edge): a line search leaves an eighth to a half of most steps. In the demo's
+history, 13,631 cells failing at once, it takes 181 cycles from 0.093 to 0.009 where Anderson takes 20. Nor is it memory
+that Anderson lacks: of depth 40 it takes as many to 1e-3 as of 8.
 """
 
 import logging

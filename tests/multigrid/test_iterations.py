@@ -1,6 +1,7 @@
 """Conjugate gradients with the V-cycle: iterations to 1e-6 do not depend on stiffness, grid or quadrature.
 
-Small grids; the bounds are those that the scheme promises for grids of any size.
+Small grids; the bounds are those that the scheme promises for grids of any size, but for longer voids of one cell's
+thickness (see mpm_core.multigrid.hierarchy).
 """
 
 import numpy as np
