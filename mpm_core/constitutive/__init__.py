@@ -1,1 +1,1 @@
-"""Constitutive laws of rock, one stress at a time: numba kernels that know no grid."""
+"""Constitutive laws of rock, one stress or eight at a time: numba kernels that know no grid."""

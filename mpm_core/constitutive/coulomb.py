@@ -19,6 +19,7 @@ from mpm_core.constitutive.principal import (
 )
 from mpm_core.constitutive.returning import ADMISSIBLE_ROUND_OFF, ELASTIC, return_principal
 from mpm_core.constitutive.strength import FRICTION_FACTOR, TENSILE_STRENGTH, UNCONFINED_STRENGTH
+from mpm_core.simd.choices import choose
 
 STRENGTH_FACTOR_CAP = 10.0
 
@@ -93,6 +94,31 @@ def return_to_surface(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
         return xx, yy, zz, yz, xz, xy, ELASTIC
     rxx, ryy, rzz, ryz, rxz, rxy = tensor_from_principal(t1, t2, t3, n1, n3)
     return rxx, ryy, rzz, ryz, rxz, rxy, region
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def return_lanes(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
+    """`return_to_surface` of lanes (simd/lanes.py), all arguments such: the returned stress, without its region.
+
+    Nothing is left out for stress that is far from the surface, and products may be rounded together with sums: to
+    round-off the same.
+    """
+    mean, dx, dy, dz, j2 = split_deviator(xx, yy, zz, yz, xz, xy)
+    isotropic = j2 <= 0.0
+    bx, by, bz, byz, bxz, bxy, size, root = scaled_deviator(dx, dy, dz, yz, xz, xy, choose(isotropic, 1.0, j2))
+    size = choose(isotropic, 0.0, size)
+    s1, s2, s3, n1, n3 = directions_from_root(mean, size, root, bx, by, bz, byz, bxz, bxy)
+    t1, t2, t3, region = return_principal(s1, s2, s3, lame_lambda, shear_modulus, row)
+    rxx, ryy, rzz, ryz, rxz, rxy = tensor_from_principal(t1, t2, t3, n1, n3)
+    yields = region > ELASTIC
+    return (
+        choose(yields, rxx, xx),
+        choose(yields, ryy, yy),
+        choose(yields, rzz, zz),
+        choose(yields, ryz, yz),
+        choose(yields, rxz, xz),
+        choose(yields, rxy, xy),
+    )
 
 
 @njit(cache=True, error_model="numpy")

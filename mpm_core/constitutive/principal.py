@@ -1,8 +1,8 @@
 """Principal values and directions of symmetric 3 x 3 tensors, in closed form.
 
 Tensors are six numbers xx, yy, zz, yz, xz, xy (tensor shear). Values are ordered s1 >= s2 >= s3: tension positive, so
-s1 is the most tensile and s3 the most compressive. All kernels are scalar, allocate nothing and use no library function
-beyond the square root: the same bits on every machine.
+s1 is the most tensile and s3 the most compressive. All kernels allocate nothing and use no library function beyond the
+square root: with numbers, the same bits on every machine. Those without a branch take lanes, too (simd/lanes.py).
 
 The scheme is that of Scherzinger & Dohrmann (2008, Comput. Methods Appl. Mech. Eng. 197, 4007). Of the three roots of
 the characteristic cubic only the one farthest from the others is well conditioned, whatever the Lode angle: it is found
@@ -14,6 +14,8 @@ deviator smaller than that counts as zero.
 import math
 
 from numba import njit
+
+from mpm_core.simd.choices import choose
 
 # cos(arccos(r) / 3) on 0 <= r <= 1: Chebyshev interpolant of degree 3 (error 4e-5). Each Newton step about squares the
 # error (3e-9, then below round-off).
@@ -100,12 +102,10 @@ def directions_from_root(mean, size, root, dx, dy, dz, yz, xz, xy):
     ayz = xy * xz - bx * yz
     axz = xy * yz - by * xz
     axy = xz * yz - bz * xy
-    if axx >= ayy and axx >= azz:
-        vx, vy, vz = axx, axy, axz
-    elif ayy >= azz:
-        vx, vy, vz = axy, ayy, ayz
-    else:
-        vx, vy, vz = axz, ayz, azz
+    first, second = (axx >= ayy) & (axx >= azz), ayy >= azz
+    vx = choose(first, axx, choose(second, axy, axz))
+    vy = choose(first, axy, choose(second, ayy, ayz))
+    vz = choose(first, axz, choose(second, ayz, azz))
     length = 1.0 / math.sqrt(vx * vx + vy * vy + vz * vz)
     vx *= length
     vy *= length
@@ -130,24 +130,28 @@ def directions_from_root(mean, size, root, dx, dy, dz, yz, xz, xy):
     pq = px * wx + py * wy + pz * wz
     half_difference = 0.5 * (pp - qq)
     half_gap = math.sqrt(half_difference * half_difference + pq * pq)
-    cosine = 1.0
-    sine = 0.0
-    if half_gap > 0.0:
-        cosine = math.sqrt(0.5 * (1.0 + abs(half_difference) / half_gap))
-        sine = 0.5 * pq / (half_gap * cosine)
-        if half_difference < 0.0:
-            sine = -sine
+    apart = half_gap > 0.0
+    cosine = choose(apart, math.sqrt(0.5 * (1.0 + abs(half_difference) / half_gap)), 1.0)
+    sine = choose(apart, 0.5 * pq / (half_gap * cosine), 0.0)
+    sine = choose(half_difference < 0.0, -sine, sine)
     # (cosine, sine) belongs to the larger value of the plane where pp >= qq, else to the smaller
     cx, cy, cz = cosine * px + sine * qx, cosine * py + sine * qy, cosine * pz + sine * qz
     ex, ey, ez = cosine * qx - sine * px, cosine * qy - sine * py, cosine * qz - sine * pz
-    if half_difference < 0.0:
-        cx, cy, cz, ex, ey, ez = ex, ey, ez, cx, cy, cz
     middle = 0.5 * (pp + qq)
     high = mean + size * (middle + half_gap)
     low = mean + size * (middle - half_gap)
-    if root > 0.0:
-        return mean + size * root, high, low, (vx, vy, vz), (ex, ey, ez)
-    return high, low, mean + size * root, (cx, cy, cz), (vx, vy, vz)
+    farthest = mean + size * root
+    tensile = root > 0.0  # the farthest is the first; else it is the third, and the plane's larger one the first
+    turned = half_difference < 0.0
+    larger = choose(turned, ex, cx), choose(turned, ey, cy), choose(turned, ez, cz)
+    smaller = choose(turned, cx, ex), choose(turned, cy, ey), choose(turned, cz, ez)
+    return (
+        choose(tensile, farthest, high),
+        choose(tensile, high, low),
+        choose(tensile, low, farthest),
+        (choose(tensile, vx, larger[0]), choose(tensile, vy, larger[1]), choose(tensile, vz, larger[2])),
+        (choose(tensile, smaller[0], vx), choose(tensile, smaller[1], vy), choose(tensile, smaller[2], vz)),
+    )
 
 
 @njit(cache=True, error_model="numpy")

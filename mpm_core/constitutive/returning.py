@@ -21,6 +21,7 @@ from mpm_core.constitutive.strength import (
     TENSILE_STRENGTH,
     UNCONFINED_STRENGTH,
 )
+from mpm_core.simd.choices import choose
 
 # Where a return ended. TENSION: the tension cut-off acts, alone or together with Coulomb planes.
 ELASTIC, FACE, EDGE, APEX_REGION, TENSION = range(5)
@@ -35,7 +36,8 @@ def _above(s1, s3, row):
     """Whether principal stresses are above strength by more than round-off."""
     friction = row[FRICTION_FACTOR]
     size = ADMISSIBLE_ROUND_OFF * max(abs(s1), abs(s3))
-    return friction * s1 - s3 - row[UNCONFINED_STRENGTH] > (friction + 1.0) * size or s1 - row[TENSILE_STRENGTH] > size
+    beyond_cone = friction * s1 - s3 - row[UNCONFINED_STRENGTH] > (friction + 1.0) * size
+    return beyond_cone | (s1 - row[TENSILE_STRENGTH] > size)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -53,45 +55,50 @@ def _coulomb_return(s1, s2, s3, lame_lambda, shear_modulus, row):
     m = row[DILATION_FACTOR]
     strength = row[UNCONFINED_STRENGTH]
     apex = row[APEX]
-    excess = n * s1 - s3 - strength
-    if excess <= 0.0:
-        return s1, s2, s3, ELASTIC
     volumetric = lame_lambda * (m - 1.0)
     twice = 2.0 * shear_modulus
 
+    excess = n * s1 - s3 - strength
     multiplier = excess / (volumetric * (n - 1.0) + twice * (n * m + 1.0))
     t2 = s2 - multiplier * volumetric
     t3 = s3 - multiplier * (volumetric - twice)
     t1 = (t3 + strength) / n
     beyond_first = t2 > t1
     beyond_second = t2 < t3
-    if not beyond_first and not beyond_second:
-        return t1, t2, t3, FACE
-    if not beyond_second:
-        pair = 0.5 * (s1 + s2)
-        multiplier = (n * pair - s3 - strength) / (volumetric * (n - 1.0) + shear_modulus * (n * m + 2.0))
-        t3 = s3 - multiplier * (volumetric - twice)
-        t1 = (t3 + strength) / n
-        if t1 <= apex:
-            return t1, t1, min(t3, t1), EDGE
-    elif not beyond_first:
-        pair = 0.5 * (s2 + s3)
-        multiplier = (n * s1 - pair - strength) / (volumetric * (n - 1.0) + shear_modulus * (2.0 * n * m + 1.0))
-        t3 = pair - multiplier * (volumetric - shear_modulus)
-        t1 = (t3 + strength) / n
-        if t1 <= apex:
-            return t1, min(t3, t1), min(t3, t1), EDGE
-    return apex, apex, apex, APEX_REGION
+
+    pair = 0.5 * (s1 + s2)
+    multiplier = (n * pair - s3 - strength) / (volumetric * (n - 1.0) + shear_modulus * (n * m + 2.0))
+    first3 = s3 - multiplier * (volumetric - twice)
+    first1 = (first3 + strength) / n
+    pair = 0.5 * (s2 + s3)
+    multiplier = (n * s1 - pair - strength) / (volumetric * (n - 1.0) + shear_modulus * (2.0 * n * m + 1.0))
+    second3 = pair - multiplier * (volumetric - shear_modulus)
+    second1 = (second3 + strength) / n
+
+    edge1 = choose(beyond_first, first1, second1)
+    edge3 = min(choose(beyond_first, first3, second3), edge1)
+    edge2 = choose(beyond_first, edge1, edge3)
+    beyond_tip = (beyond_first & beyond_second) | (edge1 > apex)
+    on_face = (t2 <= t1) & (t2 >= t3)
+    inside = excess <= 0.0
+    region = choose(on_face, FACE, choose(beyond_tip, APEX_REGION, EDGE))
+    t1 = choose(on_face, t1, choose(beyond_tip, apex, edge1))
+    t2 = choose(on_face, t2, choose(beyond_tip, apex, edge2))
+    t3 = choose(on_face, t3, choose(beyond_tip, apex, edge3))
+    return choose(inside, s1, t1), choose(inside, s2, t2), choose(inside, s3, t3), choose(inside, ELASTIC, region)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _tension_return(s1, s2, s3, lame_lambda, shear_modulus, tension):
     """Return to s1 <= T alone (Rankine, associated), with s1 > T: onto one plane, the edge of two, or (T, T, T)."""
     drop = lame_lambda * (s1 - tension) / (lame_lambda + 2.0 * shear_modulus)
-    if s2 - drop <= tension:
-        return tension, s2 - drop, s3 - drop
-    drop = lame_lambda * (s1 + s2 - 2.0 * tension) / (2.0 * (lame_lambda + shear_modulus))
-    return tension, tension, min(s3 - drop, tension)
+    one_plane = s2 - drop <= tension
+    drop_of_two = lame_lambda * (s1 + s2 - 2.0 * tension) / (2.0 * (lame_lambda + shear_modulus))
+    return (
+        tension,
+        choose(one_plane, s2 - drop, tension),
+        choose(one_plane, s3 - drop, min(s3 - drop_of_two, tension)),
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -99,22 +106,24 @@ def return_principal(s1, s2, s3, lame_lambda, shear_modulus, row):
     """Return of principal trial stresses s1 >= s2 >= s3: (t1, t2, t3, region), Pa, in the same order.
 
     The cone alone, if that satisfies the cut-off; else the cut-off alone, if that satisfies the cone; else both act and
-    stress ends on the line where they meet, (T, t2, N T - sigma_c), or at one of its ends.
+    stress ends on the line where they meet, (T, t2, N T - sigma_c), or at one of its ends. Numbers or lanes.
     """
-    if not _above(s1, s3, row):
-        return s1, s2, s3, ELASTIC
     n = row[FRICTION_FACTOR]
     tension = row[TENSILE_STRENGTH]
-    t1, t2, t3, region = _coulomb_return(s1, s2, s3, lame_lambda, shear_modulus, row)
-    if t1 <= tension:
-        return t1, t2, t3, region
-    if s1 > tension:
-        t1, t2, t3 = _tension_return(s1, s2, s3, lame_lambda, shear_modulus, tension)
-        if n * t1 - t3 <= row[UNCONFINED_STRENGTH]:
-            return t1, t2, t3, TENSION
+    strength = row[UNCONFINED_STRENGTH]
+    above = _above(s1, s3, row)
+    c1, c2, c3, region = _coulomb_return(s1, s2, s3, lame_lambda, shear_modulus, row)
+    r1, r2, r3 = _tension_return(s1, s2, s3, lame_lambda, shear_modulus, tension)
     # On the line t1 and t3 are known, hence two components of the plastic strain (none along s2 while t2 lies between
     # them), hence its trace, hence t2: whatever the dilation angle.
-    t3 = min(n * tension - row[UNCONFINED_STRENGTH], tension)
-    trace = (s1 - tension + s3 - t3) / (2.0 * (lame_lambda + shear_modulus))
-    t2 = min(max(s2 - lame_lambda * trace, t3), tension)
-    return tension, t2, t3, TENSION
+    l3 = min(n * tension - strength, tension)
+    trace = (s1 - tension + s3 - l3) / (2.0 * (lame_lambda + shear_modulus))
+    l2 = min(max(s2 - lame_lambda * trace, l3), tension)
+
+    cone = c1 <= tension
+    cut_off = (s1 > tension) & (n * r1 - r3 <= strength)
+    t1 = choose(cone, c1, tension)
+    t2 = choose(cone, c2, choose(cut_off, r2, l2))
+    t3 = choose(cone, c3, choose(cut_off, r3, l3))
+    region = choose(cone, region, TENSION)
+    return choose(above, t1, s1), choose(above, t2, s2), choose(above, t3, s3), choose(above, region, ELASTIC)

@@ -198,7 +198,7 @@ class MultigridScheme(ExplicitScheme):
             anderson.turn(residual, solver.precondition(residual, size), size, step)
             operator.apply(step, force)
             take_step(free, step, displacement, force, elastic)
-            flow.add(operator, displacement, force)
+            flow.add(displacement, force)
             operator.collect(force)
             size, largest = balance(free, elastic, force, residual)
             ratio = size / reference

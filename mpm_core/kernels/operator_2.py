@@ -11,8 +11,8 @@ where l and m are sums of lambda V and mu V over the cell's particles times (2 /
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.kernels.lanes import LANES as W
-from mpm_core.kernels.lanes import add_to_points_2, gather_points_2, load, store
+from mpm_core.simd.lanes import LANES as W
+from mpm_core.simd.lanes import add_to_points_2, gather_points_2, load, store
 
 NODES = 9  # of a family, place x + 3 y
 ROWS = 24  # of the scratch: sums along y by layer, x, component, then differences

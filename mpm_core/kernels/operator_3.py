@@ -17,8 +17,8 @@ means of products vanish by symmetry: the form is exact, and the same for every 
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.kernels.lanes import LANES as W
-from mpm_core.kernels.lanes import add_to_points_3, gather_points_3, load, prefetch, store
+from mpm_core.simd.lanes import LANES as W
+from mpm_core.simd.lanes import add_to_points_3, gather_points_3, load, prefetch, store
 
 NODES = 27  # of a family, place x + 3 y + 9 z
 Y = 144  # first row of the half of the scratch that holds sums along z and y; forces use them the other way round

@@ -7,7 +7,7 @@ is written by one thread, sums are made in one fixed order: the result does not 
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.kernels.lanes import POINT_WIDTH, prefetch
+from mpm_core.simd.lanes import POINT_WIDTH, prefetch
 
 AHEAD = 128  # links: the rows of copies lie anywhere; waiting for each takes twice (float64) to three times the time
 CHUNK = 8192  # elements summed one after the other; the sums of chunks are then added in order

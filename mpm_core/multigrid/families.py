@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from mpm_core.kernels.lanes import LANES
+from mpm_core.simd.lanes import LANES
 
 FAMILIES_PER_BLOCK = (64, 4096)  # fewest and most: large blocks have few copies, many blocks keep all threads busy
 BLOCKS = 32  # wanted if families per block allow

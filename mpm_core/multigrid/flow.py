@@ -5,11 +5,10 @@ from collections.abc import Callable
 import numpy as np
 from numba import parallel_chunksize
 
-from mpm_core.kernels.flow_rows import add_flow_forces, total_stresses
-from mpm_core.kernels.lanes import LANES
+from mpm_core.kernels.flow_rows import ADD_FLOW_FORCES, total_stresses
 from mpm_core.model import Model, State
 from mpm_core.multigrid.families import Families
-from mpm_core.multigrid.level import Operator
+from mpm_core.simd.lanes import LANES
 
 
 class FlowForces:
@@ -53,18 +52,17 @@ class FlowForces:
         take_back_flow()
         total_stresses(self.particles, state.stress, self.model.insitu, self.trial_stress)
 
-    def add(self, operator: Operator, values: np.ndarray, forces: np.ndarray) -> None:
+    def add(self, values: np.ndarray, forces: np.ndarray) -> None:
         """Add to `forces` what falls short of elastic ones at displacement `values`, copies filled in; flat arrays."""
         model = self.model
         with parallel_chunksize(1):  # failed rock is in few of the blocks
-            add_flow_forces(
+            ADD_FLOW_FORCES[model.dimension](
                 self.block_start,
                 self.particles,
                 self.corner_rows,
                 self.slope,
                 self.table_row,
                 model.mode_values,
-                operator.width,
                 values,
                 self.volume,
                 model.particles.material,

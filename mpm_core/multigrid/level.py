@@ -3,7 +3,6 @@
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.kernels.lanes import LANES, POINT_WIDTH
 from mpm_core.kernels.operator_2 import apply_families_2
 from mpm_core.kernels.operator_3 import apply_families_3
 from mpm_core.kernels.operator_cells import add_row_sums, apply_cells
@@ -12,6 +11,7 @@ from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.families import Families, build_families
 from mpm_core.multigrid.stiffness import ElasticCells
 from mpm_core.multigrid.transfer import Transfer
+from mpm_core.simd.lanes import LANES, POINT_WIDTH
 
 APPLY = {2: apply_families_2, 3: apply_families_3}
 

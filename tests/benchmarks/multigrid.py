@@ -8,7 +8,7 @@ set up in a third of an elastic solution. Medians of alternating turns.
 Roofline: a kernel that does F operations on B bytes from memory takes at least F over the processor's speed and B over
 the memory's. Both are measured here by plain loops on as many threads. `of memory` and `of arithmetic` are what the
 kernel reaches of either; the larger one is its bound. Where both are small it is neither: latency, or instructions that
-only move numbers (gathering the rows of eight families, see kernels/lanes.py).
+only move numbers (gathering the rows of eight families, see simd/lanes.py).
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Eight numbers side by side in a vector register, as a type that numba kernels can add, subtract and multiply.
+"""Eight numbers side by side in a vector register, as a type that numba kernels can add, subtract, multiply, divide.
 
 LLVM turns a loop over a few places into vector instructions only if it can prove that no two arrays overlap, which it
 cannot in kernels as large as the elastic operator's: measured, half the speed. Here the instructions are asked for.
@@ -14,7 +14,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
 
 LANES = 8
 POINT_WIDTH = {2: 2, 3: 4}
@@ -37,11 +37,25 @@ class _LanesModel(models.PrimitiveModel):
         super().__init__(manager, kind, ir.VectorType(manager.lookup(kind.element).get_value_type(), LANES))
 
 
+@lower_cast(types.Number, Lanes)
+def _spread(context, builder, source, target, value):
+    """One number for all lanes."""
+    value = context.cast(builder, value, source, target.element)
+    single = builder.insert_element(ir.Constant(context.get_value_type(target), ir.Undefined), value, _INDEX(0))
+    return _shuffle(builder, single, single, [0] * LANES)
+
+
+def common_lanes(kinds) -> Lanes | None:
+    """The type of lanes among these types, where all others are that too or numbers for all lanes."""
+    lanes = {kind for kind in kinds if isinstance(kind, Lanes)}
+    others = [kind for kind in kinds if not isinstance(kind, Lanes | types.Number)]
+    return lanes.pop() if len(lanes) == 1 and not others else None
+
+
 class _Elementwise(AbstractTemplate):
     def generic(self, args, kws):
-        if len(args) == 2 and isinstance(args[0], Lanes) and args[0] == args[1]:
-            return signature(args[0], *args)
-        return None
+        kind = common_lanes(args)
+        return signature(kind, kind, kind) if kind and len(args) == 2 else None
 
 
 def _define(operation, instruction: str) -> None:
@@ -52,8 +66,14 @@ def _define(operation, instruction: str) -> None:
     lower_builtin(operation, Lanes, Lanes)(lower)
 
 
-for _operation, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
-    _define(_operation, _instruction)
+for _operations, _instruction in (
+    ((operator.add, operator.iadd), "fadd"),
+    ((operator.sub, operator.isub), "fsub"),
+    ((operator.mul, operator.imul), "fmul"),
+    ((operator.truediv, operator.itruediv), "fdiv"),
+):
+    for _operation in _operations:
+        _define(_operation, _instruction)
 
 
 def _element_pointer(context, builder, array_type, array, index):
