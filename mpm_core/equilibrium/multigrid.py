@@ -36,7 +36,7 @@ CYCLES = 100  # V-cycles of one elastic solution; 20 are usual at most
 SOLUTIONS = 5  # elastic solutions, each for what round-off of the one before has left
 SHARE = 0.5  # of the tolerance that a solution is asked for: its residual is not the last word
 DEPTH = 8  # of Anderson acceleration; 4 takes a third more cycles, 16 a tenth fewer
-REMEMBERED = 1e9  # bytes at most for it, but for a depth of 4: a large mine's part has 8, the whole needs few cycles
+REMEMBERED = 1e9  # bytes at most for it, but for a depth of 4: 5 million cells have 8
 FLOW_CYCLES = 400  # V-cycles of one relaxation with flow, before explicit steps take over
 SAFE = 1.0 - 1e-6  # of the tolerance: the forces of the stress that follows differ by round-off
 WORSE = 10.0  # times the smallest residual so far: forget the way there
@@ -60,7 +60,7 @@ class MultigridScheme(ExplicitScheme):
     def set_volume(self, volume: np.ndarray) -> None:
         """Take over changed particle volumes."""
         super().set_volume(volume)
-        self.stale[:], self.flow, self.softened = True, None, None
+        self.stale[:], self.flow, self.softened, self.anderson = True, None, None, None
         del self.density, self.particle_mass  # for particles that move
 
     def set_failed(self) -> None:
@@ -189,7 +189,7 @@ class MultigridScheme(ExplicitScheme):
         solver.to_rows(self.unbalanced, elastic)
         flow.begin(self.state, self._take_back_flow)
         size, _ = balance(free, elastic, force, residual)
-        anderson = self._anderson(len(step))
+        anderson = self._anderson(free)
         smallest = ratio
         for _ in range(FLOW_CYCLES):
             if ratio > WORSE * smallest:
@@ -224,9 +224,11 @@ class MultigridScheme(ExplicitScheme):
             self.rows = [self.solver.operator.zeros() for _ in range(5)]
         return self.rows
 
-    def _anderson(self, size: int) -> Anderson:
+    def _anderson(self, inverse_diagonal: np.ndarray) -> Anderson:
         if self.anderson is None:
-            self.anderson = Anderson(size, int(np.clip(REMEMBERED / (8 * size), DEPTH // 2, DEPTH)))
+            free = np.flatnonzero(inverse_diagonal).astype(np.int32)
+            depth = np.clip(REMEMBERED / (8 * max(1, len(free))), DEPTH // 2, DEPTH)
+            self.anderson = Anderson(free, int(depth))
         self.anderson.forget()
         return self.anderson
 

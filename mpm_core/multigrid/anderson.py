@@ -2,9 +2,8 @@
 
 Of the latest displacements, the combination is taken whose residual r would be the smallest if the residual were linear
 in between, measured by r . M r with the preconditioner M: about twice the elastic energy of the displacement that is
-still missing. (The 2-norm of r instead takes up to twice the cycles in brittle rings: it counts stiff cells most.) For
-a linear symmetric problem that is the iterate of conjugate gradients, restarted. Differences, and M r, are kept in
-single precision.
+still missing. (The 2-norm of r instead takes up to twice the cycles in brittle rings: it counts stiff cells most.) On a
+linear symmetric problem that is preconditioned MINRES, restarted. Differences, and M r, are kept in single precision.
 """
 
 import numpy as np
@@ -16,55 +15,67 @@ SMALLEST = 1e-7  # share of the largest: combinations of differences that are sm
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def _note(residual, correction, size, step, residual_before, correction_before, change, move):
+def _begin(free, residual, correction, size, residual_before, correction_before):
+    """Keep residual and size times correction, both (element,), of the unknowns."""
+    for i in prange(len(free)):
+        residual_before[i] = residual[free[i]]
+        correction_before[i] = size * correction[free[i]]
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def _note(free, residual, correction, size, step, residual_before, difference, correction_before, change, move):
     """What the last step has changed in the residual, the preconditioned residual, and the way on from there.
 
-    All (element,). residual_before becomes the change of the residual, correction_before what size times correction is
-    now; change: of the latter; move: step plus change, both written.
+    residual, correction, step (element,); by unknown (k,): residual_before and correction_before, which become those of
+    now (size times the correction), and, written, difference: change of the residual; change: of the preconditioned
+    one; move: step plus that.
     """
-    for i in prange(len(change)):
-        residual_before[i] = residual[i] - residual_before[i]
-        now = size * correction[i]
+    for i in prange(len(free)):
+        element = free[i]
+        difference[i] = residual[element] - residual_before[i]
+        residual_before[i] = residual[element]
+        now = size * correction[element]
         change[i] = now - correction_before[i]
-        move[i] = step[i] + change[i]
+        move[i] = step[element] + change[i]
         correction_before[i] = now
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
 def _products(changes, difference, residual, sums):
-    """Sums (chunk, 2, k): of changes (k, element) times the residual's change, and times the residual (element,)."""
+    """Sums (chunk, 2, m): of changes (m, k) times the residual's change, and times the residual, both (k,)."""
     for chunk in prange(len(sums)):
         first, last = chunk * CHUNK, min((chunk + 1) * CHUNK, len(residual))
-        for k in range(len(changes)):
+        for m in range(len(changes)):
             with_difference, with_residual = 0.0, 0.0
             for i in range(first, last):
-                with_difference += changes[k, i] * difference[i]
-                with_residual += changes[k, i] * residual[i]
-            sums[chunk, 0, k], sums[chunk, 1, k] = with_difference, with_residual
+                with_difference += changes[m, i] * difference[i]
+                with_residual += changes[m, i] * residual[i]
+            sums[chunk, 0, m], sums[chunk, 1, m] = with_difference, with_residual
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def _combine(correction, weights, moves, residual, step, residual_before):
-    """step (element,) = correction - sum of weights (k,) times moves (k, element); residual_before = residual."""
-    for i in prange(len(step)):
+def _combine(free, correction, weights, moves, step):
+    """step (element,) = correction - sum of weights (m,) times moves (m, k), at unknowns."""
+    for i in prange(len(free)):
         total = np.float64(correction[i])
-        for k in range(len(weights)):
-            total -= weights[k] * moves[k, i]
-        step[i] = total
-        residual_before[i] = residual[i]
+        for m in range(len(weights)):
+            total -= weights[m] * moves[m, i]
+        step[free[i]] = total
 
 
 class Anderson:
-    """The last `depth` steps and what they have changed; flat arrays of `size` elements.
+    """The last `depth` steps and what they have changed, kept of the unknowns alone: half of all elements.
 
-    changes: of the preconditioned residual; moves: steps plus those; gram (depth, depth): products of changes of the
-    residual with those of the preconditioned one.
+    free (k,) the elements that are unknowns; changes (depth, k): of the preconditioned residual; moves (depth, k):
+    steps plus those; gram (depth, depth): products of changes of the residual with those of the preconditioned one.
     """
 
-    def __init__(self, size: int, depth: int):
-        self.changes = np.zeros((depth, size), np.float32)
-        self.moves = np.zeros((depth, size), np.float32)
-        self.residual, self.correction = np.zeros(size), np.zeros(size, np.float32)
+    def __init__(self, free: np.ndarray, depth: int):
+        self.free = free
+        self.changes = np.zeros((depth, len(free)), np.float32)
+        self.moves = np.zeros((depth, len(free)), np.float32)
+        self.residual, self.difference = np.zeros((2, len(free)))
+        self.correction = np.zeros(len(free), np.float32)
         self.gram = np.zeros((depth, depth))
         self.forget()
 
@@ -73,24 +84,26 @@ class Anderson:
         self.count = 0
 
     def turn(self, residual: np.ndarray, correction: np.ndarray, size: float, step: np.ndarray) -> None:
-        """Replace the last step (element,) by the next one; what the first one after `forget` replaces does not matter.
+        """Replace the last step by the next one; what the first one after `forget` replaces does not matter.
 
-        residual: where the last step has led; correction times size: M residual.
+        All flat arrays (element,). residual: where the last step has led; correction times size: M residual; step: only
+        its unknowns are read and written.
         """
         depth = len(self.moves)
         place, known = (self.count - 1) % depth, min(self.count, depth)
         if self.count:
             _note(
-                residual, correction, size, step, self.residual, self.correction, self.changes[place], self.moves[place]
+                self.free, residual, correction, size, step, self.residual, self.difference, self.correction,
+                self.changes[place], self.moves[place],
             )  # fmt: skip
         else:
-            np.multiply(correction, np.float32(size), out=self.correction)
-        sums = np.empty((-(-len(residual) // CHUNK), 2, known))
-        _products(self.changes[:known], self.residual, residual, sums)
+            _begin(self.free, residual, correction, size, self.residual, self.correction)
+        sums = np.empty((-(-len(self.free) // CHUNK), 2, known))
+        _products(self.changes[:known], self.difference, self.residual, sums)
         with_difference, shares = sums.sum(axis=0)
         if known:
             self.gram[place, :known] = self.gram[:known, place] = with_difference
-        _combine(self.correction, self._weights(shares), self.moves[:known], residual, step, self.residual)
+        _combine(self.free, self.correction, self._weights(shares), self.moves[:known], step)
         self.count += 1
 
     def _weights(self, shares: np.ndarray) -> np.ndarray:

@@ -20,20 +20,24 @@ from dataclasses import dataclass, field
 
 import numba
 import numpy as np
-from numba import njit, prange
+from numba import njit, parallel_chunksize, prange
 
 from mpm_core.constitutive.arrays import return_particles
 from mpm_core.constitutive.strength import strength_row
 from mpm_core.grid import build_grid
+from mpm_core.kernels.flow_rows import ADD_FLOW_FORCES
 from mpm_core.model import BIT_ORDER
 from mpm_core.multigrid.anderson import Anderson
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import ElasticCells
+from mpm_core.simd.lanes import LANES
 from tests.benchmarks.grid import BASE_SHAPE, COARSE_CELL, LEVELS, mine, overlaps_a_box
 
 LAME, SHEAR, HOURGLASS = 22.8e9, 22.8e9, 0.05  # Pa: Poisson's ratio 0.25
 OPERATOR_OPERATIONS = 190  # additions and multiplications per cell of operator_3, counted in its source
 RETURN_OPERATIONS = 250  # about: eigenvalues, return and rotation of one yielding particle
+FLOW_OPERATIONS = RETURN_OPERATIONS + 360  # and, for eight corners, from displacement to strain and back to forces
+FLOW_BYTES = 8 * 32 * 2 + 8 * 4 + 12 * 8 + 6 * 8  # displacement and force of eight rows, stresses, tables
 
 
 @dataclass
@@ -127,6 +131,40 @@ def yielding_particles(count: int):
     return call
 
 
+def flowing_rock(solver, cell_size, count: int):
+    """Forces of failed rock, about `count` cells of one particle whose stress is above their strength throughout."""
+    families, generator = solver.finest.families, np.random.default_rng(3)
+    place = families.cell_place
+    cells = np.argsort(place, kind="stable")[:: max(1, len(place) // count)]
+    batch = place[cells] // (8 * LANES)
+    trial = generator.normal(0.0, 3e6, (len(cells), 6)) - [90e6, 25e6, 20e6, 0, 0, 0]
+    values, forces = (solver.operator.zeros() for _ in range(2))
+    arguments = (
+        np.searchsorted(batch, families.batch_start),
+        np.arange(len(cells)),
+        families.corner_rows(cells),
+        0.25 / cell_size[cells],
+        np.zeros(len(cells), np.int64),
+        np.eye(1, 8),
+        values,
+        cell_size[cells] ** 3,
+        np.zeros(len(cells), np.int64),
+        np.array([[LAME, SHEAR]]),
+        strength_row(20.0, 10.0, 1e6, 0.0)[None],
+        trial.copy(),
+        trial,
+        forces,
+    )
+
+    def call():
+        with parallel_chunksize(1):
+            ADD_FLOW_FORCES[3](*arguments)
+
+    call()
+    assert np.count_nonzero(forces) > len(cells)
+    return call, len(cells)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repetitions", type=int, default=7, help="turns of which the median is taken")
@@ -156,7 +194,8 @@ def main() -> None:
     generator = np.random.default_rng(2)
     values = {precision: generator.standard_normal(rows).astype(precision) for precision in (np.float64, np.float32)}
     forces = {precision: np.zeros(rows, precision) for precision in values}
-    anderson = Anderson(rows, 6)
+    unknowns = np.flatnonzero(finest.inverse_diagonal).astype(np.int32)
+    anderson = Anderson(unknowns, 6)
 
     def set_up():
         fresh = ElasticSolver(grid, cell_nodes, held)
@@ -175,8 +214,10 @@ def main() -> None:
                traffic(finest.operator, 4)),
         Kernel("one V-cycle", lambda: solver.precondition(values[np.float64], 1.0), cells),
         Kernel("Anderson, one step", lambda: anderson.turn(values[np.float64], values[np.float32], 1.0,
-               forces[np.float64]), cells, 4 * 6 * 3, rows / cells * (6 * 4 * 3 + 8 * 6)),
+               forces[np.float64]), cells, 4 * 6 * 3, len(unknowns) / cells * (6 * 4 * 3 + 8 * 10)),
         Kernel("return mapping, all yield", yielding_particles(yielding), yielding, RETURN_OPERATIONS, 6 * 8 * 6 + 41),
+        Kernel("forces of failed rock, all yields", *flowing_rock(solver, grid.cell_size, yielding), FLOW_OPERATIONS,
+               FLOW_BYTES),
         Kernel("elastic solution to 1e-6", lambda: solver.solve(load, 1e-6, 100), cells),
         Kernel("set-up of hierarchy and stiffness", set_up, cells),
     ]  # fmt: skip

@@ -1,0 +1,71 @@
+"""Anderson acceleration on a linear problem, where it takes the smallest residual there is."""
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import minres
+
+from mpm_core.multigrid.anderson import Anderson
+
+UNKNOWNS, ELEMENTS = 30, 50
+
+
+def problem():
+    """(matrix, forces, where the unknowns lie among all elements)."""
+    random = np.random.default_rng(6)
+    turned = np.linalg.qr(random.standard_normal((UNKNOWNS, UNKNOWNS)))[0]
+    matrix = turned * np.geomspace(1.0, 30.0, UNKNOWNS) @ turned.T
+    free = np.sort(random.choice(ELEMENTS, UNKNOWNS, replace=False)).astype(np.int32)
+    return matrix, random.standard_normal(UNKNOWNS), free
+
+
+def walk(matrix, forces, free, depth, turns):
+    """Displacements after each turn, (turn, unknown); the preconditioner is a multiple of the identity."""
+    anderson = Anderson(free, depth)
+    displacement, step, residual, correction = np.zeros((4, ELEMENTS))
+    way = []
+    for _ in range(turns):
+        residual[free] = forces - matrix @ displacement[free]
+        size = np.linalg.norm(residual[free])
+        correction[free] = 0.1 * residual[free] / size
+        anderson.turn(residual, correction.astype(np.float32), size, step)
+        displacement += step
+        way.append(displacement[free])
+    assert not np.delete(displacement, free).any()
+    return np.array(way)
+
+
+def test_linear_problem_is_solved_with_the_smallest_residuals():
+    """Turn n is one plain step beyond the displacement that has the smallest residual of n steps' combinations."""
+    matrix, forces, free = problem()
+    exact = np.linalg.solve(matrix, forces)
+    way = walk(matrix, forces, free, depth=20, turns=13)
+    for steps in (4, 8, 12):
+        best = minres(matrix, forces, rtol=0.0, maxiter=steps)[0]
+        plain = best + 0.1 * (forces - matrix @ best)
+        np.testing.assert_allclose(way[steps], plain, rtol=0, atol=2e-3 * np.abs(plain - exact).max())
+
+
+def test_what_was_forgotten_does_not_count():
+    _, forces, free = problem()
+    anderson = Anderson(free, 5)
+    fresh = Anderson(free, 5)
+    steps = []
+    for one in (anderson, fresh):
+        if one is anderson:
+            for turn in range(4):
+                one.turn(np.full(ELEMENTS, 3.0 + turn**2), np.full(ELEMENTS, 1.0, np.float32), 2.0, np.ones(ELEMENTS))
+            one.forget()
+        step, residual = np.zeros((2, ELEMENTS))
+        for turn in range(1, 4):
+            residual[free] = forces / turn**2
+            one.turn(residual, residual.astype(np.float32), 1.0, step)
+        steps.append(step)
+    np.testing.assert_array_equal(*steps)
+
+
+@pytest.mark.parametrize("depth", [2, 6])
+def test_more_turns_than_are_remembered_come_closer(depth):
+    matrix, forces, free = problem()
+    exact = np.linalg.solve(matrix, forces)
+    way = walk(matrix, forces, free, depth, 100)
+    assert np.linalg.norm(way[-1] - exact) < 1e-3 * np.linalg.norm(exact)
