@@ -16,8 +16,8 @@ from mpm_core.kernels.operator_rows import PROLONG, RESTRICT, mask, smooth_first
 from mpm_core.multigrid.level import Level
 from mpm_core.threads import threads_for
 
-DEGREE = {2: 3.0, 3: 1.2}
-"""by dimension: degree of the polynomial over sqrt(c); in 2-D work is cheap and thin voids are harder"""
+DEGREE = {2: 2.4, 3: 1.2}
+"""by dimension: degree of the polynomial over sqrt(c)"""
 SPREAD = 5.0  # the smoother works on eigenvalues down to 1 / (SPREAD c)
 MARGIN = 1.05  # over the largest eigenvalue of a uniform grid
 SLOW_HOURGLASS = 0.15

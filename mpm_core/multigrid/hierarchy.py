@@ -5,10 +5,10 @@ that is the Galerkin product exactly where rock is uniform, if the coarse cell c
 parts. Hence s of a merged cell is (1 + s) / 4, and of its parts' hourglass stiffness a sixteenth each remains.
 
 A void one cell thick leaves half of a coarse cell, a quarter of the next: rock on both sides of it would be tied
-together, the more the coarser the grid, and its closure left to the fine grids. In 2-D that takes 17 iterations for 11
-(a slot of 76 cells), so a coarse cell there loses more stiffness than its void part. Longer slots still take more (15
-at 154 cells, 19 at 308; five cells thick 8 and 10). In 3-D slabs do not gain by it: 11 iterations at 20 by 20 cells,
-one cell thick, 14 at 38 by 38.
+together, the more the coarser the grid, and its closure left to the fine grids. So a coarse cell there loses more
+stiffness than its void part, and nodes beside voids move with their rock (transfer.py). A slot of 76, 154 and 308 cells
+in 2-D then takes 7, 8 and 8 iterations (11, 15 and 19 with the loss alone), a slab of 20 by 20 and 38 by 38 cells 10
+and 11 (11 and 14 with neither).
 
 The base grid halved may reach past the domain. A free face is then a void in the coarse cell. A held face lies within
 the cell, but the coarse grid holds it only at the cell's far side: the stiffness there is that of the part inside over
@@ -23,10 +23,10 @@ from mpm_core.multigrid.coarsening import LevelGrid, coarsen, finest_grid
 from mpm_core.multigrid.cycle import MOST_UNKNOWNS, Cycle, slowness
 from mpm_core.multigrid.level import Level
 from mpm_core.multigrid.stiffness import ElasticCells
-from mpm_core.multigrid.transfer import build_transfer
+from mpm_core.multigrid.transfer import VOID, build_transfer
 
-VOID = 0.1  # of the stiffest part of a coarse cell: what has less is void
-BRIDGE = 3  # power of the share of a coarse cell's parts that are not void; 1: 15 iterations, 2: 14, 3 and 4: 11
+BRIDGE = {2: 6, 3: 3}
+"""by dimension: power of the share of a coarse cell's parts that are not void"""
 
 
 def held_faces(grid: MultiLevelGrid, held: np.ndarray) -> np.ndarray:
@@ -82,8 +82,9 @@ def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray) -> n
     """Constants (coarse cell, 4) of the parts of each coarse cell together; constants (cell, 4) of the finer level."""
     result = np.zeros((len(coarse.cell_index), 4))
     _merge_constants(fine.coarse_of_cell, fine.grid.cell_width, constants, result)
-    if coarse.dimension == 2:
-        result[:, :3] *= _solid_share(fine.coarse_of_cell, constants[:, 1], len(result))[:, None] ** BRIDGE
+    result[:, :3] *= (
+        _solid_share(fine.coarse_of_cell, constants[:, 1], len(result))[:, None] ** BRIDGE[coarse.dimension]
+    )
     return result
 
 
@@ -113,7 +114,6 @@ class Hierarchy:
                 break
             coarse = Level(coarse_grid, coarse_held)
             fine.coarse_of_cell = coarse_of_cell
-            fine.transfer = build_transfer(fine.grid, fine.families, coarse_grid, coarse.families, coarse_of_cell)
             self.levels.append(coarse)
 
     def set_stiffness(self, cells: ElasticCells, hourglass: float, body_is_held: bool) -> Cycle:
@@ -122,6 +122,9 @@ class Hierarchy:
         self.levels[0].operator.set_cells(cells)
         self.levels[0].set_diagonal()
         for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
+            fine.transfer = build_transfer(
+                fine.grid, fine.families, coarse.grid, coarse.families, fine.coarse_of_cell, constants[:, 1]
+            )
             constants = merged_constants(fine, coarse.grid, constants)
             coarse.operator.set_constants(self._filled(coarse.grid, constants))
             coarse.set_diagonal()

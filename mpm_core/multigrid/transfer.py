@@ -1,4 +1,9 @@
-"""Between a grid and the next coarser one: multilinear interpolation, and its transpose for forces."""
+"""Between a grid and the next coarser one: multilinear interpolation, and its transpose for forces.
+
+A node half-way between coarse ones moves as the mean of both, but not where one side of it is void: there it moves as
+the coarse node on the side of its rock. Otherwise rock beside a void one cell thick, which the coarse grid cannot show,
+would be torn by every motion that opens or closes the void (a slot of 308 cells: 19 iterations instead of 8).
+"""
 
 from dataclasses import dataclass
 
@@ -8,13 +13,15 @@ from numba import njit, prange
 from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.families import Families
 
+VOID = 0.1  # of the stiffest cell near by: a cell with less is void
+
 
 @njit(cache=True)
-def _find_homes(cell_index, cell_width, cell_nodes, node_parents, home, upper, between, parent_start):
+def _find_homes(cell_index, cell_width, cell_nodes, node_parents, home, upper, between):
     """Where free nodes lie in the coarser grid: in the first of their cells that comes; all arrays (node,) written.
 
     home: that cell (finer grid), -1 for hanging nodes; upper: bits of the coarse corner; between: axes along which the
-    node is half-way to the next corner. parent_start (node + 1,): sums of the 1, 2, 4 or 8 corners it lies between.
+    node is half-way to the next corner.
     """
     cells, corners = cell_nodes.shape
     dimension = cell_index.shape[1]
@@ -34,9 +41,44 @@ def _find_homes(cell_index, cell_width, cell_nodes, node_parents, home, upper, b
                     half |= (steps & 1) << axis
                     high |= (steps >> 1) << axis
             upper[node], between[node] = high, half
+
+
+@njit(cache=True)
+def _lean_on_rock(cell_nodes, shear, upper, between):
+    """Let nodes half-way between corners lie at the one on their rock's side where the other side is void, in place.
+
+    shear (cell,): m of the cells. What lies past the domain is void; where its face is held, the nodes are.
+    """
+    corners = cell_nodes.shape[1]
+    dimension = 2 if corners == 4 else 3
+    stiffest = np.zeros(len(between), np.float32)
+    for cell in range(len(cell_nodes)):
+        for corner in range(corners):
+            node = cell_nodes[cell, corner]
+            stiffest[node] = max(stiffest[node], np.float32(shear[cell]))
+    solid = np.zeros(len(between), np.uint8)  # bits: axis, low side; axis + 4, high side
+    for cell in range(len(cell_nodes)):
+        for corner in range(corners):
+            node = cell_nodes[cell, corner]
+            if between[node] and shear[cell] >= VOID * stiffest[node]:
+                solid[node] |= (~corner & 7) << 4 | corner  # a cell is on the low side of its high corners
+    for node in range(len(between)):
+        for axis in range(dimension):
+            low, high = 1 << axis, 16 << axis
+            if between[node] & low:
+                if not solid[node] & low:
+                    between[node] &= ~low
+                    upper[node] |= low
+                elif not solid[node] & high:
+                    between[node] &= ~low
+
+
+@njit(cache=True)
+def _count_parents(home, between, parent_start):
+    """parent_start (node + 1,), written: sums of the 1, 2, 4 or 8 corners that each free node lies between."""
     for node in range(len(home)):
         count = 1 if home[node] >= 0 else 0
-        for axis in range(dimension):
+        for axis in range(3):
             count <<= (between[node] >> axis) & 1
         parent_start[node + 1] = parent_start[node] + count
 
@@ -91,15 +133,24 @@ class Transfer:
 
 
 def build_transfer(
-    fine: LevelGrid, fine_families: Families, coarse: LevelGrid, coarse_families: Families, coarse_of_cell: np.ndarray
+    fine: LevelGrid,
+    fine_families: Families,
+    coarse: LevelGrid,
+    coarse_families: Families,
+    coarse_of_cell: np.ndarray,
+    shear: np.ndarray,
 ) -> Transfer:
-    """Transfer between two grids of the hierarchy, `coarse` being that of `coarsening.coarsen(fine)`."""
+    """Transfer between two grids of the hierarchy, `coarse` being that of `coarsening.coarsen(fine)`.
+
+    shear (cell,): m of the finer grid's cells.
+    """
     nodes = len(fine.node_parents)
     parent_start = np.zeros(nodes + 1, np.int64)
     home, upper, between = np.empty(nodes, np.int32), np.zeros(nodes, np.int8), np.zeros(nodes, np.int8)
-    _find_homes(
-        fine.cell_index, fine.cell_width, fine.cell_nodes, fine.node_parents, home, upper, between, parent_start
-    )  # fmt: skip
+    _find_homes(fine.cell_index, fine.cell_width, fine.cell_nodes, fine.node_parents, home, upper, between)
+    if shear.min() < VOID * shear.max() or (fine.extent % 2.0).any():
+        _lean_on_rock(fine.cell_nodes, shear, upper, between)
+    _count_parents(home, between, parent_start)
     parents = np.empty(parent_start[-1], np.int32)
     _link_parents(home, upper, between, parent_start, coarse_of_cell, coarse.cell_nodes, parents)
     link_start, links = _transpose(parent_start, parents, len(coarse.node_parents), fine_families.node_row)
