@@ -1,7 +1,8 @@
 """Coulomb failure with a tension cut-off: overstress, return to the strength surface, brittle drop, strength factors.
 
 Stress is xx, yy, zz, yz, xz, xy in Pa, tension positive, with principal values s1 >= s2 >= s3 (principal.py). `row` is
-a strength row of strength.py, as an array or a tuple. Kernels are scalar, allocate nothing and use no fastmath.
+a strength row of strength.py, as an array or a tuple. Kernels allocate nothing; but for `return_lanes` they are scalar
+and use no fastmath.
 """
 
 import math

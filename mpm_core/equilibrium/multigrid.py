@@ -32,7 +32,7 @@ from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import elastic_cells
 from mpm_core.threads import threads_for
 
-CYCLES = 100  # V-cycles of one elastic solution; 20 are usual at most
+CYCLES = 100  # V-cycles of one elastic solution; 12 are usual at most
 SOLUTIONS = 5  # elastic solutions, each for what round-off of the one before has left
 SHARE = 0.5  # of the tolerance that a solution is asked for: its residual is not the last word
 DEPTH = 8  # of Anderson acceleration; 4 takes a third more cycles, 16 a tenth fewer
@@ -185,7 +185,7 @@ class MultigridScheme(ExplicitScheme):
         solver, operator, flow = self.solver, self.solver.operator, self._flow_forces()
         free = solver.finest.inverse_diagonal
         displacement, step, force, residual, elastic = self._row_arrays()
-        displacement[:], force[:] = 0.0, 0.0
+        displacement[:], force[:], step[:] = 0.0, 0.0, 0.0
         solver.to_rows(self.unbalanced, elastic)
         flow.begin(self.state, self._take_back_flow)
         size, _ = balance(free, elastic, force, residual)

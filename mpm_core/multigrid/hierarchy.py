@@ -6,9 +6,9 @@ parts. Hence s of a merged cell is (1 + s) / 4, and of its parts' hourglass stif
 
 A void one cell thick leaves half of a coarse cell, a quarter of the next: rock on both sides of it would be tied
 together, the more the coarser the grid, and its closure left to the fine grids. So a coarse cell there loses more
-stiffness than its void part, and nodes beside voids move with their rock (transfer.py). A slot of 76, 154 and 308 cells
-in 2-D then takes 7, 8 and 8 iterations (11, 15 and 19 with the loss alone), a slab of 20 by 20 and 38 by 38 cells 10
-and 11 (11 and 14 with neither).
+stiffness than its void part, and nodes beside voids move with their rock (transfer.py). Slots of 76 to 614 cells in 2-D
+then take 7 to 9 iterations (18 to more than 33 without both, 12 to more than 21 and 17 to more than 30 with one of
+them), slabs of 20 by 20 and 38 by 38 cells 10 and 11 (11 and 14).
 
 The base grid halved may reach past the domain. A free face is then a void in the coarse cell. A held face lies within
 the cell, but the coarse grid holds it only at the cell's far side: the stiffness there is that of the part inside over
@@ -25,6 +25,7 @@ from mpm_core.multigrid.level import Level
 from mpm_core.multigrid.stiffness import ElasticCells
 from mpm_core.multigrid.transfer import VOID, build_transfer
 
+SOFTEST = 1e-9  # share of the stiffest part; what has less is empty
 BRIDGE = {2: 6, 3: 3}
 """by dimension: power of the share of a coarse cell's parts that are not void"""
 
@@ -82,22 +83,31 @@ def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray) -> n
     """Constants (coarse cell, 4) of the parts of each coarse cell together; constants (cell, 4) of the finer level."""
     result = np.zeros((len(coarse.cell_index), 4))
     _merge_constants(fine.coarse_of_cell, fine.grid.cell_width, constants, result)
-    result[:, :3] *= (
-        _solid_share(fine.coarse_of_cell, constants[:, 1], len(result))[:, None] ** BRIDGE[coarse.dimension]
-    )
+    remains = unbridged(fine.coarse_of_cell, constants[:, 1], len(result), BRIDGE[coarse.dimension])
+    result[:, :3] *= remains[:, None]
     return result
 
 
-def _solid_share(coarse_of_cell: np.ndarray, shear: np.ndarray, coarse_cells: int) -> np.ndarray:
-    """(coarse cell,) share of its parts that are not void; shear (cell,): m of the parts."""
+def unbridged(coarse_of_cell: np.ndarray, shear: np.ndarray, coarse_cells: int, power: int) -> np.ndarray:
+    """(coarse cell,) what remains of the stiffness of its parts where some are void; shear (cell,): m of the parts.
+
+    That of layers in series, the harmonic over the arithmetic mean, but not less than a floor: the share of parts that
+    are not void to a power. The floor is taken off the other: the next coarser grid would count it as stiffness again.
+    """
     stiffest = np.zeros(coarse_cells)
     np.maximum.at(stiffest, coarse_of_cell, shear)
-    solid = np.bincount(coarse_of_cell, shear >= VOID * stiffest[coarse_of_cell], minlength=coarse_cells)
-    return solid / np.bincount(coarse_of_cell, minlength=coarse_cells)
+    parts = np.bincount(coarse_of_cell, minlength=coarse_cells)
+    solid = np.bincount(coarse_of_cell, shear >= VOID * stiffest[coarse_of_cell], minlength=coarse_cells) / parts
+    relative = shear / np.where(stiffest > 0.0, stiffest, 1.0)[coarse_of_cell]
+    softness = np.bincount(coarse_of_cell, 1.0 / np.maximum(relative, SOFTEST), minlength=coarse_cells)
+    mean = np.bincount(coarse_of_cell, relative, minlength=coarse_cells) / parts
+    in_series = parts / softness / np.maximum(mean, SOFTEST)
+    floor = solid**power
+    return np.where(solid < 1.0, np.maximum(floor, in_series - floor), 1.0)
 
 
 class Hierarchy:
-    """Levels, finest first. What depends on the grid alone is made once, stiffness is set as often as it changes."""
+    """Levels, finest first. Grids are made once; stiffness, and how nodes beside voids move, as often as it changes."""
 
     def __init__(self, grid: MultiLevelGrid, cell_nodes: np.ndarray, held: np.ndarray):
         """cell_nodes (cell, 2^d) in bit order; held (node, d) bool."""

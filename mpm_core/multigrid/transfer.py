@@ -2,7 +2,7 @@
 
 A node half-way between coarse ones moves as the mean of both, but not where one side of it is void: there it moves as
 the coarse node on the side of its rock. Otherwise rock beside a void one cell thick, which the coarse grid cannot show,
-would be torn by every motion that opens or closes the void (a slot of 308 cells: 19 iterations instead of 8).
+would be torn by every motion that opens or closes the void (hierarchy.py says what that costs).
 """
 
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ def _find_homes(cell_index, cell_width, cell_nodes, node_parents, home, upper, b
 def _lean_on_rock(cell_nodes, shear, upper, between):
     """Let nodes half-way between corners lie at the one on their rock's side where the other side is void, in place.
 
-    shear (cell,): m of the cells. What lies past the domain is void; where its face is held, the nodes are.
+    shear (cell,): m of the cells. What lies past the domain is void.
     """
     corners = cell_nodes.shape[1]
     dimension = 2 if corners == 4 else 3

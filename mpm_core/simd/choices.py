@@ -84,23 +84,10 @@ for _operation, _instruction in ((operator.and_, "and_"), (operator.or_, "or_"))
 
 @intrinsic
 def choose(typing, question, yes, no):
-    """`yes` where the question is answered so, else `no`: numbers or lanes."""
+    """`yes` where the question is answered so, else `no`: numbers or lanes; two numbers become lanes of float64."""
     kind = common_lanes((yes, no)) or (Lanes(types.float64) if question == MASK else typing.unify_types(yes, no))
 
     def generate(context, builder, sig, args):
         return builder.select(*args)
 
     return kind(question, kind, kind), generate
-
-
-@intrinsic
-def everywhere(typing, question):
-    """Whether all answers are yes; of a single one: itself."""
-
-    def generate(context, builder, sig, args):
-        if sig.args[0] != MASK:
-            return args[0]
-        whole = ir.IntType(LANES)
-        return builder.icmp_unsigned("==", builder.bitcast(args[0], whole), whole(2**LANES - 1))
-
-    return types.boolean(question), generate

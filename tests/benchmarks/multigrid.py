@@ -37,7 +37,7 @@ LAME, SHEAR, HOURGLASS = 22.8e9, 22.8e9, 0.05  # Pa: Poisson's ratio 0.25
 OPERATOR_OPERATIONS = 190  # additions and multiplications per cell of operator_3, counted in its source
 RETURN_OPERATIONS = 250  # about: eigenvalues, return and rotation of one yielding particle
 FLOW_OPERATIONS = RETURN_OPERATIONS + 360  # and, for eight corners, from displacement to strain and back to forces
-FLOW_BYTES = 8 * 32 * 2 + 8 * 4 + 12 * 8 + 6 * 8  # displacement and force of eight rows, stresses, tables
+FLOW_BYTES = 8 * 32 * 3 + 8 * 4 + 12 * 8 + 6 * 8  # at most: displacement and force of eight rows, stresses, tables
 
 
 @dataclass

@@ -52,8 +52,8 @@ def test_what_was_forgotten_does_not_count():
     steps = []
     for one in (anderson, fresh):
         if one is anderson:
-            for turn in range(4):
-                one.turn(np.full(ELEMENTS, 3.0 + turn**2), np.full(ELEMENTS, 1.0, np.float32), 2.0, np.ones(ELEMENTS))
+            for residual in np.random.default_rng(7).standard_normal((4, ELEMENTS)):
+                one.turn(residual, residual.astype(np.float32), 2.0, np.ones(ELEMENTS))
             one.forget()
         step, residual = np.zeros((2, ELEMENTS))
         for turn in range(1, 4):

@@ -64,18 +64,34 @@ def test_stiffness_contrast(base, levels, contrast):
     assert solution.iterations <= 12
 
 
-@pytest.mark.parametrize(("dimension", "base"), [(2, 64), (2, 256), (2, 512), (3, 16), (3, 48)])
-def test_voids_of_one_cells_thickness(dimension, base):
-    """A slot or a slab over six tenths of the domain, up to 308 and 28 by 28 cells: coarser grids cannot show it."""
-    middle, reach = 4.0 * base, 2.4 * base
+@pytest.mark.parametrize("contrast", [8.0, 12.0, 100.0, np.inf])
+@pytest.mark.parametrize("shift", [0, 1])
+@pytest.mark.parametrize("pillars", [False, True])
+@pytest.mark.parametrize(("dimension", "base"), [(2, 256), (3, 24)])
+def test_voids_of_one_cells_thickness(dimension, base, pillars, shift, contrast):
+    """A slot or a slab over six tenths of the domain, whole or with pillars, empty or filled: 154 and 14 cells long."""
+    solve_thin_void(dimension, base, pillars, shift, contrast)
+
+
+@pytest.mark.parametrize(("dimension", "base"), [(2, 64), (2, 512), (3, 48)])
+def test_thin_voids_of_any_length(dimension, base):
+    """38 and 308 cells, 28 by 28 cells: coarser grids cannot show them."""
+    solve_thin_void(dimension, base, False, 0, np.inf)
+
+
+def solve_thin_void(dimension, base, pillars, shift, contrast):
+    """At most 12 iterations. shift: cells by which the void lies higher; contrast: of rock over its fill."""
+    middle, reach, size = 4.0 * base, 2.4 * base, 8.0
+    low, high = middle + 2.0 + size * shift, middle + 4.0 + size * shift
     shape = box(
-        np.array([middle - reach] * (dimension - 1) + [middle + 2.0]),
-        np.array([middle + reach] * (dimension - 1) + [middle + 4.0]),
+        np.array([middle - reach] * (dimension - 1) + [low]), np.array([middle + reach] * (dimension - 1) + [high])
     )
-    grid = grid_around([shape], (base,) * dimension, 1, 8.0)
+    grid = grid_around([shape], (base,) * dimension, 1, size)
     inside = shape(grid.cell_center)
     assert len(np.unique(grid.cell_index[inside, -1])) == 1
-    solution = solve(grid, cells_of(grid, np.where(inside, 0.0, MODULUS)))
+    if pillars:
+        inside &= grid.cell_index[:, 0] % 3 != 0
+    solution = solve(grid, cells_of(grid, np.where(inside, MODULUS / contrast, MODULUS)))
     assert solution.ratio <= 1e-6
     assert solution.iterations <= 12
 
