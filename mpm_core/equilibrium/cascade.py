@@ -6,7 +6,7 @@ after each late failure, and to the full one for another look: twice the iterati
 with a look at full tolerance.
 A failure is felt a few cells away. From fresh ones on it spreads in the part of the mine around them, the rest held
 still (part.py); what the whole mine at rest then lets fail is the next round. A month of renison_scale, 6.5 million
-cells, takes 4 to 5 minutes that way; with the whole mine at rest after each generation it had not ended after 10.
+cells, takes 3 to 4 minutes that way; with the whole mine at rest after each generation it had not ended after 10.
 Intact rock is elastic in between, so what fails does not depend on the scheme's way to rest.
 
 All rock above strength fails at once, or (solver.weakest_first) the weakest first: its failure may relieve the rest. A
