@@ -69,42 +69,49 @@ def complete_cells(fine: LevelGrid, complete: np.ndarray, coarse: LevelGrid, coa
 
 
 @njit(cache=True)
-def _merge_constants(coarse_of_cell, cell_width, constants, result):
-    for cell in range(len(coarse_of_cell)):
-        coarse = coarse_of_cell[cell]
-        merged = cell_width[cell] == 1
-        quarter, sixteenth = (0.25, 0.0625) if merged else (1.0, 1.0)
-        result[coarse, 0] += quarter * constants[cell, 0]
-        result[coarse, 1] += quarter * constants[cell, 1]
-        result[coarse, 2] += sixteenth * constants[cell, 2]
-        result[coarse, 3] = 0.25 * (1.0 + constants[cell, 3]) if merged else constants[cell, 3]
-
-
-def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray) -> np.ndarray:
-    """Constants (coarse cell, 4) of the parts of each coarse cell together; constants (cell, 4) of the finer level."""
-    result = np.zeros((len(coarse.cell_index), 4))
-    _merge_constants(fine.coarse_of_cell, fine.grid.cell_width, constants, result)
-    remains = unbridged(fine.coarse_of_cell, constants[:, 1], len(result), BRIDGE[coarse.dimension])
-    result[:, :3] *= remains[:, None]
-    return result
-
-
-def unbridged(coarse_of_cell: np.ndarray, shear: np.ndarray, coarse_cells: int, power: int) -> np.ndarray:
-    """(coarse cell,) what remains of the stiffness of its parts where some are void; shear (cell,): m of the parts.
+def unbridged(shear: np.ndarray, power: int) -> float:
+    """What remains of the stiffness of a coarse cell's parts, of m `shear` (part,), where some of them are void.
 
     That of layers in series, the harmonic over the arithmetic mean, but not less than a floor: the share of parts that
     are not void to a power. The floor is taken off the other: the next coarser grid would count it as stiffness again.
     """
-    stiffest = np.zeros(coarse_cells)
-    np.maximum.at(stiffest, coarse_of_cell, shear)
-    parts = np.bincount(coarse_of_cell, minlength=coarse_cells)
-    solid = np.bincount(coarse_of_cell, shear >= VOID * stiffest[coarse_of_cell], minlength=coarse_cells) / parts
-    relative = shear / np.where(stiffest > 0.0, stiffest, 1.0)[coarse_of_cell]
-    softness = np.bincount(coarse_of_cell, 1.0 / np.maximum(relative, SOFTEST), minlength=coarse_cells)
-    mean = np.bincount(coarse_of_cell, relative, minlength=coarse_cells) / parts
-    in_series = parts / softness / np.maximum(mean, SOFTEST)
-    floor = solid**power
-    return np.where(solid < 1.0, np.maximum(floor, in_series - floor), 1.0)
+    stiffest = shear.max()
+    solid = 0.0
+    for part in shear:  # most coarse cells have no void: no arrays for them
+        solid += part >= VOID * stiffest
+    if solid == len(shear):
+        return 1.0
+    relative = shear / stiffest
+    in_series = 1.0 / np.mean(1.0 / np.maximum(relative, SOFTEST)) / np.mean(relative)
+    floor = (solid / len(shear)) ** power
+    return max(floor, in_series - floor)
+
+
+@njit(cache=True)
+def _merge_constants(coarse_of_cell, cell_width, constants, power, result):
+    """Constants of each coarse cell: result (coarse cell, 4), written. Parts of a coarse cell follow each other."""
+    last = 0
+    for coarse in range(len(result)):
+        first = last
+        while last < len(coarse_of_cell) and coarse_of_cell[last] == coarse:
+            last += 1
+        if cell_width[first] > 1:
+            result[coarse] = constants[first]
+            continue
+        result[coarse] = 0.0
+        for cell in range(first, last):
+            result[coarse, 0] += 0.25 * constants[cell, 0]
+            result[coarse, 1] += 0.25 * constants[cell, 1]
+            result[coarse, 2] += 0.0625 * constants[cell, 2]
+            result[coarse, 3] = 0.25 * (1.0 + constants[cell, 3])
+        result[coarse, :3] *= unbridged(constants[first:last, 1], power)
+
+
+def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray) -> np.ndarray:
+    """Constants (coarse cell, 4) of the parts of each coarse cell together; constants (cell, 4) of the finer level."""
+    result = np.empty((len(coarse.cell_index), 4))
+    _merge_constants(fine.coarse_of_cell, fine.grid.cell_width, constants, BRIDGE[coarse.dimension], result)
+    return result
 
 
 class Hierarchy:

@@ -34,6 +34,11 @@ def _sum_at_corners(batch_start, row_start, places, placed, sums):
     nodes, lanes = places.shape[1], places.shape[2]
     dimension = 2 if nodes == 9 else 3
     corners = 1 << dimension
+    position = np.zeros((corners, corners), np.int64)
+    for child in range(corners):
+        for corner in range(corners):
+            for axis in range(dimension - 1, -1, -1):
+                position[child, corner] = 3 * position[child, corner] + ((child >> axis) & 1) + ((corner >> axis) & 1)
     for block in prange(len(batch_start) - 1):
         sums[row_start[block] * 4 : row_start[block + 1] * 4] = 0.0
         for batch in range(batch_start[block], batch_start[block + 1]):
@@ -43,10 +48,7 @@ def _sum_at_corners(batch_start, row_start, places, placed, sums):
                     lame, shear = placed[slot, 0, lane], placed[slot, 1, lane]
                     wave = corners * (lame + 2.0 * shear)
                     for corner in range(corners):
-                        position = 0
-                        for axis in range(dimension - 1, -1, -1):
-                            position = 3 * position + ((child >> axis) & 1) + ((corner >> axis) & 1)
-                        element = 4 * places[batch, position, lane]
+                        element = 4 * places[batch, position[child, corner], lane]
                         sums[element] += wave
                         sums[element + 1] += corners * (dimension * lame + 2.0 * shear)
                         sums[element + 2] += wave * wave
@@ -143,9 +145,9 @@ class Operator:
         self.collect(forces)
 
     def sum_stiffness(self) -> np.ndarray:
-        """Sums over the cells at each node that `_invert` needs, (row * 4,) float64."""
+        """Sums over the cells at each node that `_invert` needs, (row * 4,) float32: a smoother needs no more."""
         f = self.families
-        sums = np.zeros(f.rows * 4)
+        sums = np.zeros(f.rows * 4, np.float32)
         _sum_at_corners(f.batch_start, f.row_start, f.places, self.constants, sums)
         add_row_sums(self.block_cells, self.cell_rows, self.stiffness, sums)
         COLLECT[3](f.targets, f.target_start, f.sources, f.source_weights, sums)  # rows of four, as in 3-D

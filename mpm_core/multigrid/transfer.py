@@ -14,6 +14,8 @@ from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.families import Families
 
 VOID = 0.1  # of the stiffest cell near by: a cell with less is void
+SHARES = (0.5 ** np.bitwise_count(np.arange(8))).astype(np.float32)
+"""weight of a node in each of its parents, by bits of the axes along which it is half-way"""
 
 
 @njit(cache=True)
@@ -97,21 +99,18 @@ def _link_parents(home, upper, between, parent_start, coarse_of_cell, coarse_nod
 
 
 @njit(cache=True)
-def _transpose(parent_start, parents, coarse_nodes, fine_row):
-    """(link_start, links): rows of the free nodes that use each coarse node, ascending by node."""
-    link_start = np.zeros(coarse_nodes + 1, np.int64)
+def _transpose(parent_start, parents, fine_row, link_start, links):
+    """Rows of the free nodes that use each coarse node, ascending by node: link_start, zeros, and links, written."""
     for link in range(len(parents)):
         link_start[parents[link] + 1] += 1
-    for node in range(coarse_nodes):
+    for node in range(len(link_start) - 1):
         link_start[node + 1] += link_start[node]
     room = link_start[:-1].copy()
-    links = np.empty(len(parents), np.int32)
     for node in range(len(parent_start) - 1):
         for link in range(parent_start[node], parent_start[node + 1]):
             parent = parents[link]
             links[room[parent]] = fine_row[node]
             room[parent] += 1
-    return link_start, links
 
 
 @dataclass(frozen=True)
@@ -153,9 +152,10 @@ def build_transfer(
     _count_parents(home, between, parent_start)
     parents = np.empty(parent_start[-1], np.int32)
     _link_parents(home, upper, between, parent_start, coarse_of_cell, coarse.cell_nodes, parents)
-    link_start, links = _transpose(parent_start, parents, len(coarse.node_parents), fine_families.node_row)
+    link_start, links = np.zeros(len(coarse.node_parents) + 1, np.int64), np.empty(len(parents), np.int32)
+    _transpose(parent_start, parents, fine_families.node_row, link_start, links)
     weights = np.zeros(fine_families.rows, np.float32)
-    weights[fine_families.node_row] = 0.5 ** np.bitwise_count(between)
+    weights[fine_families.node_row] = SHARES[between]
     return Transfer(
         fine_ranks=own_nodes(fine_families, home >= 0),
         coarse_ranks=own_nodes(coarse_families, np.ones(len(coarse.node_parents), bool)),
