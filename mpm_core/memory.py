@@ -23,9 +23,14 @@ def stage_bytes(scheme: str, dimension: int, cells: int, particles: int, elastic
     return BASE[scheme] + cells * per_cell * (SHARE_2D if dimension == 2 else 1.0) + particles * PER_PARTICLE
 
 
+def usable() -> float:
+    """What this process may come to hold: what is free now and what it holds already, bytes."""
+    return psutil.virtual_memory().available + psutil.Process().memory_info().rss
+
+
 def require(needed: float, what: str, advice: str) -> None:
-    """Log what is needed, bytes, and raise InputError if it is not free now."""
-    free = psutil.virtual_memory().available
+    """Log what a process will hold at its peak, bytes, and raise InputError if that is more than is usable now."""
+    free = usable()
     logging.info("%s: about %.2f GB of memory, %.1f GB are free", what, needed / 1e9, free / 1e9)
     if needed > free:
         raise InputError(

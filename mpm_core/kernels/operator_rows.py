@@ -57,19 +57,19 @@ def make_restrict(width: int):
     """The kernel for rows of this width."""
 
     @njit(parallel=True, error_model="numpy", cache=True)
-    def restrict(ranks, link_start, links, fine_weights, fine, coarse):
+    def restrict(row_node, link_start, links, fine_weights, fine, coarse):
         """Coarse rows take what the finer level holds, by the transpose of `prolong`: coarse (row * width,), written.
 
-        ranks (coarse row,) rank in link_start, -1 for copies; links: rows of the finer level; fine_weights (fine row,).
+        row_node (coarse row,): see multigrid.families; links: rows of the finer level; fine_weights (fine row,).
         """
         last = len(links) - 1
-        for row in prange(len(ranks)):
+        for row in prange(len(row_node)):
             here = row * width
             for k in range(width):
                 coarse[here + k] = 0.0
-            rank = ranks[row]
-            if rank >= 0:
-                for link in range(link_start[rank], link_start[rank + 1]):
+            node = row_node[row]
+            if node >= 0:
+                for link in range(link_start[node], link_start[node + 1]):
                     prefetch(fine, links[min(link + AHEAD, last)] * width)
                     weight = fine_weights[links[link]]
                     there = links[link] * width
@@ -83,18 +83,18 @@ def make_prolong(width: int):
     """The kernel for rows of this width."""
 
     @njit(parallel=True, error_model="numpy", cache=True)
-    def prolong(ranks, parent_start, parents, inverse_diagonal, coarse, step, solution):
+    def prolong(row_node, parent_start, parents, inverse_diagonal, coarse, step, solution):
         """Step of the finer level = mean of each row's coarse parents, 0 where D^-1 is 0; added to the solution.
 
-        ranks (fine row,) rank in parent_start, -1 for copies; parents: coarse rows.
+        row_node (fine row,): see multigrid.families; parents: coarse rows. Hanging nodes have none; D^-1 is 0 there.
         """
-        for row in prange(len(ranks)):
+        for row in prange(len(row_node)):
             here = row * width
             for k in range(width):
                 step[here + k] = 0.0
-            rank = ranks[row]
-            if rank >= 0:
-                first, last = parent_start[rank], parent_start[rank + 1]
+            node = row_node[row]
+            if node >= 0:
+                first, last = parent_start[node], parent_start[node + 1]
                 for link in range(first, last):
                     there = parents[link] * width
                     for k in range(width):

@@ -133,7 +133,7 @@ class Cycle:
         self._smooth(level, self.steps)
         self._update_residual(level)
         RESTRICT[dimension](
-            transfer.coarse_ranks, transfer.link_start, transfer.links, transfer.fine_weights,
+            coarse.families.row_node, transfer.link_start, transfer.links, transfer.fine_weights,
             level.residual, coarse.residual,
         )  # fmt: skip
         coarse.operator.collect(coarse.residual)
@@ -141,7 +141,7 @@ class Cycle:
         self.run(index + 1)
         coarse.operator.spread(coarse.solution)
         PROLONG[dimension](
-            transfer.fine_ranks, transfer.parent_start, transfer.parents, level.inverse_diagonal,
+            level.families.row_node, transfer.parent_start, transfer.parents, level.inverse_diagonal,
             coarse.solution, level.step, level.solution,
         )  # fmt: skip
         self._go_on(level, self.steps)  # the first of them keeps nothing of the step from below

@@ -15,7 +15,7 @@ applied, and give them their part of the force afterwards: C and C^T in one, in 
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 
 from mpm_core.simd.lanes import LANES
 
@@ -28,9 +28,10 @@ class Families:
     """Layout of one level. Rows are numbered through all blocks.
 
     batch_start, row_start (block + 1,) int64; places (batch, 3^d, LANES) int32 row of each node; cell_place (cell,)
-    where a cell stands among (batch, 2^d, LANES); row_node (row,) int32, -1 none; node_row (node,) own row, the first
-    one for a hanging node; copies (copy,) rows, copy_start (copy + 1,), parents: rows they take the mean of;
-    targets (target,) rows with copies, target_start (target + 1,), sources: their copies, source_weights.
+    int32 where a cell stands among (batch, 2^d, LANES); node_row (node,) int32 own row, the first one for a hanging
+    node; row_node (row,) int32 the node whose own row this is, -1 for others; copies (copy,) rows, copy_start
+    (copy + 1,), parents: rows they take the mean of; targets (target,) rows with copies, target_start (target + 1,),
+    sources: their copies, source_weights.
     """
 
     batch_start: np.ndarray
@@ -147,12 +148,24 @@ def _number_rows(block_start, family_nodes, nodes, lanes):
                     places[batch, position, lane] = row_of[node]
             batch += 1
         row_start[block + 1] = rows
-    return row_start, places, row_node[:rows].copy(), node_row
+    return row_start, places, row_node[:rows], node_row
+
+
+@njit(parallel=True, cache=True)
+def _place_cells(family, place, families_per_block, batch_start, corners, lanes, cell_place):
+    """Places of cells among (batch, 2^d, LANES): cell_place (cell,), written."""
+    for cell in prange(len(family)):
+        block, rank = divmod(family[cell], families_per_block)
+        batch = batch_start[block] + rank // lanes
+        cell_place[cell] = (batch * corners + place[cell]) * lanes + rank % lanes
 
 
 @njit(cache=True)
 def _list_copies(row_node, node_row, node_parents):
-    """(copies, copy_start, parents) and (targets, target_start, sources, source_weights), both in ascending order."""
+    """(copies, copy_start, parents) and (targets, target_start, sources, source_weights), both in ascending order.
+
+    row_node (row,), in place: of all rows before, of nodes' own rows afterwards.
+    """
     copies, links = 0, 0
     uses = np.zeros(len(row_node) + 1, np.int32)
     for row in range(len(row_node)):
@@ -170,14 +183,14 @@ def _list_copies(row_node, node_row, node_parents):
             links += 1
             uses[node_row[node]] += 1
     copy = np.empty(copies, np.int32)
-    copy_start = np.zeros(copies + 1, np.int64)
+    copy_start = np.zeros(copies + 1, np.int32)
     parents = np.empty(links, np.int32)
     targets = np.flatnonzero(uses).astype(np.int32)
-    target_start = np.zeros(len(targets) + 1, np.int64)
-    next_source = np.empty(len(row_node), np.int64)
+    target_start = np.zeros(len(targets) + 1, np.int32)
+    next_source = uses  # in the same memory
     for target in range(len(targets)):
-        next_source[targets[target]] = target_start[target]
         target_start[target + 1] = target_start[target] + uses[targets[target]]
+        next_source[targets[target]] = target_start[target]
     sources = np.empty(links, np.int32)
     weights = np.empty(links, np.float32)
     copies, links = 0, 0
@@ -202,6 +215,8 @@ def _list_copies(row_node, node_row, node_parents):
         copy[copies] = row
         copies += 1
         copy_start[copies] = links
+        if row != node_row[node]:
+            row_node[row] = -1
     return copy, copy_start, parents, targets, target_start, sources, weights
 
 
@@ -220,9 +235,8 @@ def build_families(cell_index, cell_width, cell_nodes, node_parents) -> Families
     row_start, places, row_node, node_row = _number_rows(block_start, family_nodes, len(node_parents), LANES)
     batches = -(-np.diff(block_start) // LANES)
     batch_start = np.append(0, np.cumsum(batches)).astype(np.int64)
-    block, rank = family // per_block, family % per_block
-    corners = cell_nodes.shape[1]
-    cell_place = ((batch_start[block] + rank // LANES) * corners + place) * LANES + rank % LANES
+    cell_place = np.empty(len(family), np.int32)
+    _place_cells(family, place, per_block, batch_start, cell_nodes.shape[1], LANES, cell_place)
     return Families(
         batch_start,
         row_start,

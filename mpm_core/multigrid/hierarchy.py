@@ -59,7 +59,9 @@ def held_nodes(grid: LevelGrid, faces: np.ndarray, complete: np.ndarray | None) 
 
 def fills_box(grid: LevelGrid) -> bool:
     """Whether there is a cell everywhere in the domain; not in a part of a mine."""
-    return int(np.sum(grid.cell_width.astype(np.int64) ** grid.dimension)) == int(np.prod(grid.extent))
+    widths = (1 << power for power in range(int(grid.cell_width.max()).bit_length()))
+    volume = sum(np.count_nonzero(grid.cell_width == width) * width**grid.dimension for width in widths)
+    return volume == int(np.prod(grid.extent))
 
 
 def complete_cells(fine: LevelGrid, complete: np.ndarray, coarse: LevelGrid, coarse_of_cell: np.ndarray) -> np.ndarray:

@@ -144,14 +144,12 @@ class Operator:
             apply_cells(self.block_cells, self.cell_rows, self.stiffness, self.width, values, forces)
         self.collect(forces)
 
-    def sum_stiffness(self) -> np.ndarray:
-        """Sums over the cells at each node that `_invert` needs, (row * 4,) float32: a smoother needs no more."""
+    def sum_stiffness(self, sums: np.ndarray) -> None:
+        """Sums over the cells at each node that `_invert` needs: sums (row * 4,) float32, written."""
         f = self.families
-        sums = np.zeros(f.rows * 4, np.float32)
         _sum_at_corners(f.batch_start, f.row_start, f.places, self.constants, sums)
         add_row_sums(self.block_cells, self.cell_rows, self.stiffness, sums)
         COLLECT[3](f.targets, f.target_start, f.sources, f.source_weights, sums)  # rows of four, as in 3-D
-        return sums
 
 
 class Level:
@@ -176,5 +174,7 @@ class Level:
 
     def set_diagonal(self) -> None:
         """D^-1 by element, from the operator's constants; 0 on copies, where held and where nothing is attached."""
-        sums = self.operator.sum_stiffness()
+        size = 4 * self.families.rows  # in 3-D that of a work array: memory that a cycle needs anyway
+        sums = self.change if size == len(self.change) else np.empty(size, np.float32)
+        self.operator.sum_stiffness(sums)
         _invert(self.families.node_row, self.grid.node_parents, self.held, sums, self.inverse_diagonal)

@@ -99,8 +99,11 @@ def _link_parents(home, upper, between, parent_start, coarse_of_cell, coarse_nod
 
 
 @njit(cache=True)
-def _transpose(parent_start, parents, fine_row, link_start, links):
-    """Rows of the free nodes that use each coarse node, ascending by node: link_start, zeros, and links, written."""
+def _transpose(parent_start, parents, fine_row, coarse_row, link_start, links):
+    """Rows of the free nodes that use each coarse node, ascending by node: link_start, zeros, and links, written.
+
+    parents (link,), in place: coarse nodes before, their rows afterwards.
+    """
     for link in range(len(parents)):
         link_start[parents[link] + 1] += 1
     for node in range(len(link_start) - 1):
@@ -111,19 +114,18 @@ def _transpose(parent_start, parents, fine_row, link_start, links):
             parent = parents[link]
             links[room[parent]] = fine_row[node]
             room[parent] += 1
+            parents[link] = coarse_row[parent]
 
 
 @dataclass(frozen=True)
 class Transfer:
     """Links between the rows of a level and of the next coarser one, for restrict and prolong of kernels.operator_rows.
 
-    fine_ranks (fine row,), coarse_ranks (coarse row,) int32: the node whose own row this is, -1 for copies;
     parent_start (fine node + 1,), parents: coarse rows between which each free node lies; link_start (coarse node +
-    1,), links: rows of the free nodes that lie beside each coarse node; fine_weights (fine row,): 1 / parents.
+    1,), links: rows of the free nodes that lie beside each coarse node; fine_weights (fine row,): 1 / parents. All
+    int32 but the last, float32.
     """
 
-    fine_ranks: np.ndarray
-    coarse_ranks: np.ndarray
     parent_start: np.ndarray
     parents: np.ndarray
     link_start: np.ndarray
@@ -144,7 +146,7 @@ def build_transfer(
     shear (cell,): m of the finer grid's cells.
     """
     nodes = len(fine.node_parents)
-    parent_start = np.zeros(nodes + 1, np.int64)
+    parent_start = np.zeros(nodes + 1, np.int32)
     home, upper, between = np.empty(nodes, np.int32), np.zeros(nodes, np.int8), np.zeros(nodes, np.int8)
     _find_homes(fine.cell_index, fine.cell_width, fine.cell_nodes, fine.node_parents, home, upper, between)
     if shear.min() < VOID * shear.max() or (fine.extent % 2.0).any():
@@ -152,24 +154,8 @@ def build_transfer(
     _count_parents(home, between, parent_start)
     parents = np.empty(parent_start[-1], np.int32)
     _link_parents(home, upper, between, parent_start, coarse_of_cell, coarse.cell_nodes, parents)
-    link_start, links = np.zeros(len(coarse.node_parents) + 1, np.int64), np.empty(len(parents), np.int32)
-    _transpose(parent_start, parents, fine_families.node_row, link_start, links)
+    link_start, links = np.zeros(len(coarse.node_parents) + 1, np.int32), np.empty(len(parents), np.int32)
+    _transpose(parent_start, parents, fine_families.node_row, coarse_families.node_row, link_start, links)
     weights = np.zeros(fine_families.rows, np.float32)
     weights[fine_families.node_row] = SHARES[between]
-    return Transfer(
-        fine_ranks=own_nodes(fine_families, home >= 0),
-        coarse_ranks=own_nodes(coarse_families, np.ones(len(coarse.node_parents), bool)),
-        parent_start=parent_start,
-        parents=coarse_families.node_row[parents],
-        link_start=link_start,
-        links=links,
-        fine_weights=weights,
-    )
-
-
-def own_nodes(families: Families, wanted: np.ndarray) -> np.ndarray:
-    """(row,) int32: the node whose own row this is, -1 for others and for nodes that are not wanted."""
-    nodes = np.full(families.rows, -1, np.int32)
-    chosen = np.flatnonzero(wanted)
-    nodes[families.node_row[chosen]] = chosen
-    return nodes
+    return Transfer(parent_start, parents, link_start, links, weights)

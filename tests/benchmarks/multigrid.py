@@ -3,7 +3,7 @@
 Run ``python -m tests.benchmarks.multigrid`` on a quiet machine. The grid is that of tests.benchmarks.grid, a mine on
 four levels, 4.2 million cells with one particle each. Required: the elastic operator in float64 at 40 M cells/s on two
 cores, return mapping of yielding particles at 5 M/s on one, 1.7 times faster on two threads, hierarchy and stiffness
-set up in a third of an elastic solution. Medians of alternating turns.
+set up in a third of an elastic solution (see also tests.benchmarks.setup). Medians of alternating turns.
 
 Roofline: a kernel that does F operations on B bytes from memory takes at least F over the processor's speed and B over
 the memory's. Both are measured here by plain loops on as many threads. `of memory` and `of arithmetic` are what the
@@ -103,6 +103,25 @@ def machine_limits() -> tuple[dict[int, float], dict[int, float]]:
     )
 
 
+def scene(base_shape, levels: int):
+    """Grid, cells' nodes in bit order, held nodes, stiffness and a load at the mine's walls."""
+    lower, upper = mine()
+    grid = build_grid(
+        (0, 0, 0), COARSE_CELL, base_shape, levels,
+        lambda level, index: overlaps_a_box(index, COARSE_CELL / 2**level, lower, upper), 1,
+    )  # fmt: skip
+    held = np.zeros((len(grid.node_index), 3), bool)
+    for axis in range(3):
+        for side in range(2):
+            held[grid.boundary_nodes(axis, side)] = True
+    load = (
+        np.random.default_rng(0).normal(0.0, 1e6, held.shape)
+        * (overlaps_a_box(grid.node_index, 1.0, lower / grid.fine_cell - 1, upper / grid.fine_cell + 1)[:, None])
+    )
+    load[held] = 0.0
+    return grid, np.ascontiguousarray(grid.cell_nodes[:, BIT_ORDER[3]]), held, uniform_rock(grid), load
+
+
 def uniform_rock(grid) -> ElasticCells:
     """One particle per cell, everything intact."""
     size = grid.cell_size
@@ -169,23 +188,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repetitions", type=int, default=7, help="turns of which the median is taken")
     repetitions = parser.parse_args().repetitions
-    lower, upper = mine()
-    grid = build_grid(
-        (0, 0, 0), COARSE_CELL, BASE_SHAPE, LEVELS,
-        lambda level, index: overlaps_a_box(index, COARSE_CELL / 2**level, lower, upper), 1,
-    )  # fmt: skip
+    grid, cell_nodes, held, rock, load = scene(BASE_SHAPE, LEVELS)
     cells = len(grid.cell_level)
-    held = np.zeros((len(grid.node_index), 3), bool)
-    for axis in range(3):
-        for side in range(2):
-            held[grid.boundary_nodes(axis, side)] = True
-    cell_nodes = np.ascontiguousarray(grid.cell_nodes[:, BIT_ORDER[3]])
-    rock = uniform_rock(grid)
-    load = (
-        np.random.default_rng(0).normal(0.0, 1e6, held.shape)
-        * (overlaps_a_box(grid.node_index, 1.0, lower / grid.fine_cell - 1, upper / grid.fine_cell + 1)[:, None])
-    )
-    load[held] = 0.0
 
     solver = ElasticSolver(grid, cell_nodes, held)
     solver.set_stiffness(rock, HOURGLASS, True)

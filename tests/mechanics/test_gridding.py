@@ -10,9 +10,10 @@ import psutil
 import pytest
 
 from mechanics.scenes import ball, excavation, grid_around, make_dataset, make_scene, uniform
+from mpm_core import memory
 from mpm_core.datasets import grid_dataset, read_grid
 from mpm_core.gridding import make_grid
-from mpm_core.memory import stage_bytes
+from mpm_core.memory import stage_bytes, usable
 from mpm_core.particles import FULL
 from mpm_core.stages import elastic_stage
 from mpm_core.vtk import write_vtu
@@ -132,7 +133,7 @@ def test_a_shape_that_leaves_nothing_outside_is_refused():
 
 
 def test_too_little_memory_is_said_before_anything_is_built(monkeypatch):
-    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=10_000))
+    monkeypatch.setattr(memory, "usable", lambda: 10_000)
     with pytest.raises(InputError, match="GB of memory"):
         make_grid(grid_slice(block([4.0] * 3, [12.0] * 3)), {})
 
@@ -142,9 +143,16 @@ def test_too_little_memory_for_a_stage_is_said_before_it_starts(monkeypatch, tmp
     scene = make_scene(excavations=[excavation()], particles_per_cell=8)
     grid = make_dataset(scene, grid_around([ball([10.0] * 3, 3.0)], (5, 5, 5), 1, 4.0), [ball([10.0] * 3, 3.0)])
     needed = stage_bytes("explicit", 3, 125, 1000, elastic=True)
-    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=needed - 1.0))
+    monkeypatch.setattr(memory, "usable", lambda: needed - 1.0)
     with pytest.raises(InputError, match=r"grid\.particles_per_cell"):
         elastic_stage(scene, grid, tmp_path / "state.npz")
+
+
+def test_memory_that_a_process_holds_is_usable_by_it(monkeypatch):
+    """A stage's peak is foreseen with what it holds when it asks: the grid, the state before."""
+    held = psutil.Process().memory_info().rss
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=1e9))
+    assert usable() == pytest.approx(1e9 + held, rel=0.01)
 
 
 @pytest.mark.parametrize(("plane", "dimension"), [(None, 3), ("xz", 2), ("xy", 2)])

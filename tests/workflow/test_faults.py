@@ -1,7 +1,5 @@
 """Each fault ends with one line that says where and what to do, and leaves every result as it was."""
 
-import types
-
 import numpy as np
 import pytest
 import trimesh
@@ -144,8 +142,7 @@ def test_solid_file_in_a_plane_strain_scene(refused, tmp_path):
 
 def test_too_little_memory_is_told_before_the_arrays_are_made(refused, monkeypatch):
     """With the figure, and the keys that make the grid smaller."""
-    scarce = types.SimpleNamespace(virtual_memory=lambda: types.SimpleNamespace(available=10**6))
-    monkeypatch.setattr(memory, "psutil", scarce)
+    monkeypatch.setattr(memory, "usable", lambda: 10**6)
     line = refused(TINY)
     assert "GB of memory are needed, 0.0 GB are free" in line
     assert "grid.levels" in line
