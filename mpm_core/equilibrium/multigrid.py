@@ -40,6 +40,11 @@ REMEMBERED = 1e9  # bytes at most for it, but for a depth of 4: 5 million cells 
 FLOW_CYCLES = 400  # V-cycles of one relaxation with flow, before explicit steps take over
 SAFE = 1.0 - 1e-6  # of the tolerance: the forces of the stress that follows differ by round-off
 WORSE = 10.0  # times the smallest residual so far: forget the way there
+STALLED, STALL = (
+    0.97,
+    16,
+)  # of the residual so many cycles ago: the same. In 10 million perfectly plastic cells the steps
+# had shrunk to a hundredth while a residual of 1.07 times the tolerance stayed where it was, for good
 
 
 class MultigridScheme(ExplicitScheme):
@@ -190,11 +195,11 @@ class MultigridScheme(ExplicitScheme):
         flow.begin(self.state, self._take_back_flow)
         size, _ = balance(free, elastic, force, residual)
         anderson = self._anderson(free)
-        smallest = ratio
+        smallest, since = ratio, [ratio]
         for _ in range(FLOW_CYCLES):
-            if ratio > WORSE * smallest:
+            if ratio > WORSE * smallest or (len(since) > STALL and ratio > STALLED * since[-1 - STALL]):
                 anderson.forget()
-                smallest = ratio
+                smallest, since = ratio, [ratio]
             anderson.turn(residual, solver.precondition(residual, size), size, step)
             operator.apply(step, force)
             take_step(free, step, displacement, force, elastic)
@@ -207,6 +212,7 @@ class MultigridScheme(ExplicitScheme):
             self._count(history)
             history.check(ratio, largest / reference)
             smallest = min(smallest, ratio)
+            since.append(ratio)
             if ratio <= SAFE * tolerance:
                 return displacement
         return None

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import psutil
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,7 +18,7 @@ from pipeline.errors import InputError
 from tests.benchmarks.equilibrium import ours, targets
 from tests.benchmarks.equilibrium.measuring import DONE, FAILED, NOT_RUN, STOPPED, foreseen, watch
 from tests.benchmarks.equilibrium.page import number, write_report
-from tests.benchmarks.equilibrium.settings import PEERS, Case, parse, read_settings
+from tests.benchmarks.equilibrium.settings import FILE, PEERS, Case, parse, read_settings
 from tests.benchmarks.equilibrium.table import make_table, summary
 from tests.benchmarks.peers.stope import Block, sizes
 
@@ -147,16 +148,26 @@ def earlier(*measured: tuple[int, float, float]) -> list[dict]:
 
 def test_a_case_is_left_out_when_the_smaller_ones_show_that_it_would_exceed_a_limit():
     """Time grows by the power seen between the last two sizes, between 1 and 2; memory by what each cell added."""
-    limit, most = SETTINGS.time_limit, SETTINGS.memory_limit
-    assert foreseen(SETTINGS, 1000, []) == ""
-    assert foreseen(SETTINGS, 2000, earlier((1000, 0.49 * limit, 0.1))) == ""
-    assert "s foreseen" in foreseen(SETTINGS, 2000, earlier((1000, 0.51 * limit, 0.1)))
-    assert "s foreseen" in foreseen(SETTINGS, 2000, earlier((500, 0.1 * limit, 0.1), (1000, 0.4 * limit, 0.1)))
-    assert "GB foreseen" in foreseen(SETTINGS, 2000, earlier((1000, 1.0, 0.51 * most)))
-    assert "GB foreseen" in foreseen(SETTINGS, 3000, earlier((1000, 1.0, 0.3 * most), (2000, 2.0, 0.7 * most)))
-    assert foreseen(SETTINGS, 3000, earlier((1000, 1.0, 0.5 * most), (2000, 2.0, 0.7 * most))) == ""
+    limit, most = 100.0, 20.0
+    assert foreseen(1000, [], limit, most) == ""
+    assert foreseen(2000, earlier((1000, 0.49 * limit, 0.1)), limit, most) == ""
+    assert "s foreseen" in foreseen(2000, earlier((1000, 0.51 * limit, 0.1)), limit, most)
+    assert "s foreseen" in foreseen(2000, earlier((500, 0.1 * limit, 0.1), (1000, 0.4 * limit, 0.1)), limit, most)
+    assert "GB foreseen" in foreseen(2000, earlier((1000, 1.0, 0.51 * most)), limit, most)
+    assert "GB foreseen" in foreseen(3000, earlier((1000, 1.0, 0.3 * most), (2000, 2.0, 0.7 * most)), limit, most)
+    assert foreseen(3000, earlier((1000, 1.0, 0.5 * most), (2000, 2.0, 0.7 * most)), limit, most) == ""
     stopped = [{"cells": 1000, "outcome": STOPPED, "remark": "took more than 9 s"}]
-    assert foreseen(SETTINGS, 2000, stopped) == "1,000 cells: took more than 9 s"
+    assert foreseen(2000, stopped, limit, most) == "1,000 cells: took more than 9 s"
+
+
+def test_a_code_may_have_a_time_limit_of_its_own():
+    text = yaml.safe_load(FILE.read_text()) | {"time_limit": "70 s"}
+    text["codes"]["explicit"]["time_limit"] = "5 min"
+    settings = parse(text)
+    assert [settings.time_limit_of(code) for code in ("explicit", "ogs")] == [300.0, 70.0]
+    text["codes"]["explicit"]["time_limit"] = "5 GB"
+    with pytest.raises(InputError, match=r"codes\.explicit\.time_limit: .*GB"):
+        parse(text)
 
 
 BEGINS = 'print(json.dumps({"begins": True}), flush=True)'

@@ -111,6 +111,23 @@ def test_explicit_steps_take_over_where_cycles_are_not_enough(monkeypatch, caplo
     assert history.rows[-1][3] <= 1e-5
 
 
+def test_a_relaxation_that_stands_still_begins_anew(monkeypatch, caplog):
+    """Anderson's steps can die out short of rest, here after 8 of them each time that it begins."""
+    turn = multigrid.Anderson.turn
+
+    def dying(self, residual, correction, size, step):
+        turn(self, residual, correction, size, step)
+        if self.count > 8:
+            step[:] = 0.0
+
+    monkeypatch.setattr(multigrid.Anderson, "turn", dying)
+    model, volume, state = plastic_model(2)
+    with caplog.at_level(logging.WARNING):
+        _, history = at_rest(MultigridScheme, model, volume, state, tolerance=1e-5)
+    assert "explicit" not in caplog.text
+    assert history.rows[-1][3] <= 1e-5
+
+
 def test_nothing_mined_is_at_rest():
     """No force: no cycle, no motion."""
     scene = make_scene(stress=uniform(-STRESS))

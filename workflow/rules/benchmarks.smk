@@ -20,7 +20,7 @@ rule benchmark_case:
         "benchmarks/benchmarks/{problem}/{code}/{across}.tsv"
     threads: 64
     resources:
-        mem_mb=18000,
+        mem_mb=21000,
         runtime=60,
     conda:
         "../envs/environment.yaml"

@@ -40,7 +40,8 @@ def measure(settings: Settings, case: Case, threads: int, earlier: list[dict], e
     numbers = settings.numbers(case, threads)
     row = asdict(case) | sizes(numbers) | {"outcome": DONE, "remark": "", "threads": threads, "machine": machine()}
     row["begun"] = datetime.now(UTC).isoformat(sep=" ", timespec="seconds").removesuffix("+00:00")
-    remark = foreseen(settings, row["cells"], earlier)
+    time_limit = settings.time_limit_of(case.code)
+    remark = foreseen(row["cells"], earlier, time_limit, settings.memory_limit)
     if remark:
         return row | {"outcome": NOT_RUN, "remark": remark}
     answers = []
@@ -53,7 +54,7 @@ def measure(settings: Settings, case: Case, threads: int, earlier: list[dict], e
             return row | {"outcome": LEFT_OUT, "remark": str(error)}
         before = processor_time()
         while len(answers) < settings.repetitions:
-            outcome, more = watch(command, threads, settings.time_limit, settings.memory_limit)
+            outcome, more = watch(command, threads, time_limit, settings.memory_limit)
             if outcome != DONE:
                 return row | {"outcome": outcome, "remark": more[-1]["reason"]}
             answers += more
@@ -65,8 +66,8 @@ def measure(settings: Settings, case: Case, threads: int, earlier: list[dict], e
     return row | answers[-1] | middle | {"repetitions": len(answers), "others": others}
 
 
-def foreseen(settings: Settings, cells: int, earlier: list[dict]) -> str:
-    """Why a case would not end within its limits, by the smaller ones; empty if it would."""
+def foreseen(cells: int, earlier: list[dict], time_limit: float, memory_limit: float) -> str:
+    """Why a case would not end within its limits (s, GB), by the smaller ones; empty if it would."""
     if not earlier:
         return ""
     last = earlier[-1]
@@ -80,10 +81,10 @@ def foreseen(settings: Settings, cells: int, earlier: list[dict]) -> str:
         per_cell = (last["memory"] - before["memory"]) / (last["cells"] - before["cells"])  # libraries do not grow
     seconds = last["seconds"] * (cells / last["cells"]) ** power
     memory = last["memory"] + per_cell * (cells - last["cells"])
-    if seconds > settings.time_limit:
-        return f"about {seconds:.0f} s foreseen, {settings.time_limit:g} s allowed"
-    if memory > settings.memory_limit:
-        return f"about {memory:.0f} GB foreseen, {settings.memory_limit:g} GB allowed"
+    if seconds > time_limit:
+        return f"about {seconds:.0f} s foreseen, {time_limit:g} s allowed"
+    if memory > memory_limit:
+        return f"about {memory:.0f} GB foreseen, {memory_limit:g} GB allowed"
     return ""
 
 

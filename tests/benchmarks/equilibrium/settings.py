@@ -17,7 +17,7 @@ PEERS = ROOT / "tests" / "benchmarks" / "peers"
 REFERENCE = "multigrid"  # the code that ratios are taken to
 QUANTITIES = {"time_limit": "s", "memory_limit": "GB", "repeat_below": "s"}
 KEYS = (*QUANTITIES, "threads", "repetitions", "cells_across", "codes", "scene", "problems")
-CODE_KEYS = {"title", "scene", "script", "requirements", "agrees"}
+CODE_KEYS = {"title", "scene", "script", "requirements", "agrees", "time_limit"}
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,7 @@ class Code:
     """A code that is measured. Ours: `scene` changes the configuration. A peer: `script` and `requirements` in peers/.
 
     agrees_with, within: the code whose closure it must give on the same mesh, and the share by which it may differ.
+    time_limit: its own, s, in place of that of all.
     """
 
     title: str
@@ -33,6 +34,7 @@ class Code:
     requirements: str = ""
     agrees_with: str = ""
     within: float = 0.0
+    time_limit: float | None = None
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,10 @@ class Settings:
             for problem in self.problems
             for code in self.codes
         ]
+
+    def time_limit_of(self, code: str) -> float:
+        """Seconds that a solution by this code may take."""
+        return self.codes[code].time_limit or self.time_limit
 
     def mine(self, case: Case) -> Mine:
         """The checked configuration of a case, as a mine's file would give it; of a peer's, the scene it stands for."""
@@ -110,6 +116,13 @@ def _default() -> dict:
     return yaml.safe_load((ROOT / "config" / "default.yaml").read_text(encoding="utf-8"))
 
 
+def _quantity(text: dict, key: str, where: str = "") -> float:
+    try:
+        return parse_quantity(text[key], QUANTITIES[key])
+    except ValueError as error:
+        raise InputError(f"{FILE.name}: {where}{key}: {error}") from error
+
+
 def _code(name: str, text: dict) -> Code:
     unknown = sorted(set(text) - CODE_KEYS)
     if unknown:
@@ -118,6 +131,8 @@ def _code(name: str, text: dict) -> Code:
         raise InputError(f"{FILE.name}: codes.{name}: needs a title, and scene (a code of ours) or script (a peer)")
     partner = text.get("agrees", {"with": "", "within": 0.0})
     given = {key: text[key] for key in text if key != "agrees"}
+    if "time_limit" in text:
+        given["time_limit"] = _quantity(text, "time_limit", f"codes.{name}.")
     return Code(**given, agrees_with=partner["with"], within=float(partner["within"]))
 
 
@@ -132,11 +147,7 @@ def parse(text: dict) -> Settings:
         if partner and partner not in codes:
             raise InputError(f"{FILE.name}: codes: no '{partner}'; there are {', '.join(codes)}")
     checked = {"codes": codes, "cells_across": tuple(sorted(text["cells_across"]))}
-    for key, unit in QUANTITIES.items():
-        try:
-            checked[key] = parse_quantity(text[key], unit)
-        except ValueError as error:
-            raise InputError(f"{FILE.name}: {key}: {error}") from error
+    checked |= {key: _quantity(text, key) for key in QUANTITIES}
     return Settings(**(text | checked))
 
 
