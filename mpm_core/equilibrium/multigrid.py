@@ -40,11 +40,9 @@ REMEMBERED = 1e9  # bytes at most for it, but for a depth of 4: 5 million cells 
 FLOW_CYCLES = 400  # V-cycles of one relaxation with flow, before explicit steps take over
 SAFE = 1.0 - 1e-6  # of the tolerance: the forces of the stress that follows differ by round-off
 WORSE = 10.0  # times the smallest residual so far: forget the way there
-STALLED, STALL = (
-    0.97,
-    16,
-)  # of the residual so many cycles ago: the same. In 10 million perfectly plastic cells the steps
-# had shrunk to a hundredth while a residual of 1.07 times the tolerance stayed where it was, for good
+STALL = 16  # cycles without progress: forget, too. In 10 million perfectly plastic cells the steps had shrunk to a
+# hundredth while the residual stayed at 1.07 times the tolerance, for good
+STALLED = 0.97  # of the residual so many cycles ago: no progress
 
 
 class MultigridScheme(ExplicitScheme):
