@@ -41,7 +41,7 @@ FLOW_CYCLES = 400  # V-cycles of one relaxation with flow, before explicit steps
 SAFE = 1.0 - 1e-6  # of the tolerance: the forces of the stress that follows differ by round-off
 WORSE = 10.0  # times the smallest residual so far: forget the way there
 STALL = 16  # cycles without progress: forget, too. In 10 million perfectly plastic cells the steps had shrunk to a
-# hundredth while the residual stayed at 1.07 times the tolerance, for good
+# hundredth while the residual stayed at 1.07 times the tolerance, 60 cycles long and to the last allowed
 STALLED = 0.97  # of the residual so many cycles ago: no progress
 
 
