@@ -9,7 +9,7 @@ from mpm_core.fields import variable
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodes import interpolate
 from mpm_core.model import Model, State
-from mpm_core.particles import SAMPLES, Pieces
+from mpm_core.occupancy import SAMPLES, Pieces
 from mpm_core.scene import PLANES
 from pipeline.errors import InputError
 

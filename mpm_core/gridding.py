@@ -16,7 +16,7 @@ from mpm_core.grid.building import GridCount, build_grid
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.octree import RefinedVolume
 from mpm_core.memory import require, stage_bytes
-from mpm_core.particles import FULL, HALF, SLIVER, Pieces
+from mpm_core.occupancy import FULL, SAMPLES, SLIVER, Pieces
 from mpm_core.scene import DRAFT_LEVELS, PLANES
 from pipeline.errors import InputError
 
@@ -109,7 +109,7 @@ def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid | Outsid
         crossed = (kind != INSIDE) & (kind != OUTSIDE)
         samples[crossed] = sample_mask(solid, domain.lower, grid.fine_cell, index[near][crossed])
         if whole:
-            samples = np.where(np.bitwise_count(samples) >= HALF, FULL, np.uint64(0))
+            samples = np.where(np.bitwise_count(samples) >= SAMPLES // 2, FULL, np.uint64(0))
         keep = np.bitwise_count(samples) >= SLIVER
         if not keep.any() and not draft:
             raise InputError(

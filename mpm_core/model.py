@@ -8,7 +8,8 @@ from mpm_core.constitutive.strength import elastic_row, strength_row
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.blocks import Scatter, build_scatter
 from mpm_core.loading import external_force, virgin_stress
-from mpm_core.particles import Particles, Pieces, exclusive_pieces, rock_share, seed, volumes
+from mpm_core.occupancy import SAMPLES, Changes, Pieces, changes_of
+from mpm_core.particles import Particles, seed, volumes
 from mpm_core.scene import FACES, Material, Scene
 
 BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # VTK corner at each bit-ordered place (an involution)
@@ -61,7 +62,7 @@ class Model:
 
     scene: Scene
     grid: MultiLevelGrid
-    pieces: Pieces
+    changes: Changes
     particles: Particles
     scatter: Scatter
     cell_nodes: np.ndarray
@@ -92,11 +93,11 @@ class Model:
 
     def volumes(self, step: int) -> np.ndarray:
         """Volume of each particle once `step` is mined and filled, (particle,)."""
-        return volumes(self.particles, self.pieces, self.scene, len(self.cell_nodes), step)
+        return volumes(self.particles, self.changes, step)
 
     def rock_share(self, step: int) -> np.ndarray:
         """Share of each cell that is rock once `step` is mined, (cell,)."""
-        return rock_share(self.pieces, self.scene, len(self.cell_nodes), step)
+        return np.bitwise_count(self.changes.rock_samples(len(self.cell_nodes), step)) / SAMPLES
 
     def is_coulomb(self) -> np.ndarray:
         """(particle,) bool: rock whose material can fail."""
@@ -149,8 +150,8 @@ def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
 
 def build_model(scene: Scene, grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces) -> Model:
     """Seed the particles of a stage and tabulate what the kernels need. `pieces` as stored with the grid."""
-    exclusive = exclusive_pieces(pieces, scene)
-    particles = seed(grid, body, exclusive, scene, pieces)
+    changes = changes_of(pieces, scene.excavations)
+    particles = seed(grid, body, changes, scene, pieces)
     cell_nodes = np.ascontiguousarray(grid.cell_nodes[:, BIT_ORDER[grid.dimension]])
     modes = range(1 << grid.dimension)
     mode_values = np.stack(
@@ -168,7 +169,7 @@ def build_model(scene: Scene, grid: MultiLevelGrid, body: np.ndarray, pieces: Pi
     return Model(
         scene=scene,
         grid=grid,
-        pieces=exclusive,
+        changes=changes,
         particles=particles,
         scatter=build_scatter(cell_nodes, grid.node_parents),
         cell_nodes=cell_nodes,

@@ -9,21 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.occupancy import FULL, ROCK, SAMPLES, Changes, Pieces
 from mpm_core.scene import Scene
-
-SAMPLES = 64  # inside tests per cell, one bit each: 4 x 4 x 4 in 3-D, 8 x 8 in 2-D (geometry/inside.py)
-SLIVER = 2  # samples: a share of fewer than 2 / 64 (the design says 0.02) is dropped
-HALF = SAMPLES // 2
-FULL = np.uint64(2**64 - 1)
-
-
-@dataclass(frozen=True)
-class Pieces:
-    """Parts of cells inside excavations: cell, excavation (piece,) indices, samples (piece,) uint64, one bit each."""
-
-    cell: np.ndarray
-    excavation: np.ndarray
-    samples: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -70,50 +57,11 @@ def point_table(per_edge: int, dimension: int) -> np.ndarray:
     return np.stack([axis.ravel(order="F") for axis in mesh], axis=1)
 
 
-def exclusive_pieces(pieces: Pieces, scene: Scene) -> Pieces:
-    """Pieces of what is mined in this stage, each sample given to the excavation that mines it first.
-
-    Slivers are dropped; so is a remainder of rock thinner than that: its samples go to the piece that left it. No later
-    excavation changes the pieces of those before it.
-    """
-    rank = np.full(len(scene.excavations), -1)
-    order = sorted(
-        (index for index, excavation in enumerate(scene.excavations) if excavation.mined >= 0),
-        key=lambda index: (scene.excavations[index].mined, index),
-    )
-    rank[order] = np.arange(len(order))
-    mined = rank[pieces.excavation] >= 0
-    cell, excavation, samples = pieces.cell[mined], pieces.excavation[mined], pieces.samples[mined].copy()
-    sequence = np.lexsort((rank[excavation], cell))
-    cell, excavation, samples = cell[sequence], excavation[sequence], samples[sequence]
-    first = np.append(True, cell[1:] != cell[:-1])
-    position = np.arange(len(cell)) - np.maximum.accumulate(np.where(first, np.arange(len(cell)), 0))
-    taken = np.zeros(cell.max() + 1 if len(cell) else 0, np.uint64)
-    for turn in range(position.max() + 1 if len(cell) else 0):
-        now = np.flatnonzero(position == turn)
-        free = samples[now] & ~taken[cell[now]]
-        free = np.where(np.bitwise_count(free) >= SLIVER, free, np.uint64(0))
-        left = ~(taken[cell[now]] | free)
-        samples[now] = np.where((free > 0) & (np.bitwise_count(left) < SLIVER), free | left, free)
-        taken[cell[now]] |= samples[now]
-    keep = samples > 0
-    return Pieces(cell[keep], excavation[keep], samples[keep])
-
-
-def mined_samples(pieces: Pieces, scene: Scene, cells: int, step: int) -> np.ndarray:
-    """Samples of each cell mined up to and including `step`: (cell,) uint64."""
-    mined = np.array([excavation.mined for excavation in scene.excavations] or [0])
-    now = mined[pieces.excavation] <= step
-    result = np.zeros(cells, np.uint64)
-    np.bitwise_or.at(result, pieces.cell[now], pieces.samples[now])
-    return result
-
-
-def seed(grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, scene: Scene, ever: Pieces) -> Particles:
+def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene, ever: Pieces) -> Particles:
     """Particles of all rock, and of all fill placed up to this stage. `body` (cell,): index of the rock body, -1 host.
 
-    `pieces` are exclusive (see exclusive_pieces). With cut_cells "subdivide" a cut cell has one particle per sample; a
-    cell counts as cut if any excavation of the grid cuts it (`ever`), so that no later step changes its particles.
+    With cut_cells "subdivide" a cut cell has one particle per sample; a cell counts as cut if any excavation of the
+    grid cuts it (`ever`), so that no later step changes its particles.
     """
     dimension, cells = grid.dimension, len(grid.cell_level)
     names = list(scene.materials)
@@ -121,20 +69,16 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, scene: Scene, e
     fine = point_table(round(SAMPLES ** (1 / dimension)), dimension)
     points = np.concatenate([regular, fine])
 
-    fills = [
-        (excavation.filled, index, names.index(excavation.fill))
-        for index, excavation in enumerate(scene.excavations)
-        if excavation.fill and 0 <= excavation.filled < len(scene.steps)
-    ]
-    parts = [pieces.excavation == index for _, index, _ in sorted(fills)]
-    group_cell = np.concatenate([np.arange(cells), *(pieces.cell[part] for part in parts)]).astype(np.int32)
-    group_excavation = np.concatenate([np.full(cells, -1), *(pieces.excavation[part] for part in parts)]).astype(
-        np.int16
-    )
+    filled = np.array([excavation.filled if excavation.fill else -1 for excavation in scene.excavations] or [-1])
+    fills = np.flatnonzero(changes.owner != ROCK)
+    fills = fills[changes.step[fills] == filled[changes.owner[fills]]]  # placed, not mined again
+    fills = fills[np.lexsort((changes.cell[fills], changes.owner[fills], changes.step[fills]))]
+    group_cell = np.concatenate([np.arange(cells), changes.cell[fills]]).astype(np.int32)
+    group_excavation = np.concatenate([np.full(cells, ROCK), changes.owner[fills]]).astype(np.int16)
     body_material = np.array([names.index(name) for name in (*scene.rock_bodies, "host")])
-    fill_material = np.zeros(max(len(scene.excavations), 1), int)
-    for _, index, material in fills:
-        fill_material[index] = material
+    fill_material = np.array(
+        [names.index(excavation.fill) if excavation.fill else 0 for excavation in scene.excavations] or [0]
+    )
     group_material = np.where(group_excavation < 0, body_material[body[group_cell]], fill_material[group_excavation])
 
     cut = np.zeros(cells, bool)
@@ -168,27 +112,21 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, scene: Scene, e
     )
 
 
-def volumes(particles: Particles, pieces: Pieces, scene: Scene, cells: int, step: int) -> np.ndarray:
+def volumes(particles: Particles, changes: Changes, step: int) -> np.ndarray:
     """Volume of each particle's own material once `step` is mined and filled: (particle,) m3, 0 where there is none."""
-    mined = mined_samples(pieces, scene, cells, step)
-    owned = ~mined[particles.cell]
-    fill = np.flatnonzero(~particles.is_rock)
-    bits = np.zeros(cells, np.uint64)
-    for index, excavation in enumerate(scene.excavations):
-        mine = fill[particles.excavation[fill] == index]
-        if len(mine):
-            part = pieces.excavation == index
-            bits[pieces.cell[part]] = pieces.samples[part]
-            placed = 0 <= excavation.filled <= step
-            owned[mine] = bits[particles.cell[mine]] if placed else np.uint64(0)
-            bits[pieces.cell[part]] = 0
+    cells = len(particles.cell_groups_start) - 1
+    owned = np.zeros(len(particles.group_start) - 1, np.uint64)
+    owned[:cells] = changes.rock_samples(cells, step)
+    first = particles.group_start[cells:-1]  # of the groups of fill
+    key = particles.excavation[first].astype(np.int64) * cells + particles.cell[first]
+    order = np.argsort(key)
+    now = changes.until(step, owned_by_rock=False)
+    place = np.searchsorted(key[order], changes.owner[now].astype(np.int64) * cells + changes.cell[now])
+    np.bitwise_xor.at(owned, cells + order[place], changes.samples[now])
+
+    group = np.repeat(np.arange(len(owned)), np.diff(particles.group_start))
+    owned = owned[group]
     share = np.bitwise_count(owned) / SAMPLES
     single = particles.sample >= 0
-    bit = (owned[single] >> particles.sample[single].astype(np.uint64)) & np.uint64(1)
-    share[single] = bit
+    share[single] = (owned[single] >> particles.sample[single].astype(np.uint64)) & np.uint64(1)
     return particles.full_volume * share
-
-
-def rock_share(pieces: Pieces, scene: Scene, cells: int, step: int) -> np.ndarray:
-    """Share of each cell that is still rock once `step` is mined, (cell,)."""
-    return np.bitwise_count(~mined_samples(pieces, scene, cells, step)) / SAMPLES

@@ -93,7 +93,7 @@ def mining_step(
         reference=load_size(model, target, strain, step),
         change=load_size(model, target - start, more_strain, step),
     )
-    cut = face_neighbors(model.grid, model.pieces.cell)  # the only cells whose neighbours matter
+    cut = face_neighbors(model.grid, model.changes.cell)  # the only cells whose neighbours matter
     brittle = find_brittle(model, volume, step, *cut)
     with following(scene, scene.steps[step]["name"], state, failed_state) as history:
         if checkpoint is None or scene.solver.move:
@@ -123,12 +123,13 @@ def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) ->
 
 
 def release_mined_hourglass(model: Model, state: State, old_volume: np.ndarray, volume: np.ndarray) -> None:
-    """Hourglass forces of cells of which rock is mined go with it, in proportion."""
-    rock, cells = model.particles.is_rock, len(model.cell_nodes)
-    old = np.bincount(model.particles.cell[rock], old_volume[rock], minlength=cells)
-    new = np.bincount(model.particles.cell[rock], volume[rock], minlength=cells)
-    share = np.divide(new, old, out=np.ones(cells), where=old > 0.0)
-    state.hourglass_force *= np.where(new < old, share, 1.0)[:, None, None]
+    """Hourglass forces of cells of which rock or fill is mined go with it, in proportion to its stiffness."""
+    lame, shear = model.elastic_constants[model.particles.material].T
+    stiffness, cells = lame + 2.0 * shear, len(model.cell_nodes)
+    old = np.bincount(model.particles.cell, stiffness * old_volume, minlength=cells)
+    kept = np.bincount(model.particles.cell, stiffness * np.minimum(old_volume, volume), minlength=cells)
+    share = np.divide(kept, old, out=np.ones(cells), where=old > 0.0)
+    state.hourglass_force *= share[:, None, None]
 
 
 class following:

@@ -16,7 +16,8 @@ from mpm_core.equilibrium.surroundings import Surroundings
 from mpm_core.kernels.blocks import build_scatter
 from mpm_core.kernels.nodes import mark_nodes
 from mpm_core.model import OF_FAILED, Model, State
-from mpm_core.particles import Particles, Pieces
+from mpm_core.occupancy import Changes
+from mpm_core.particles import Particles
 
 OF_PARTICLES = ("stress", "failed", *OF_FAILED, "plastic_strain")
 OF_NODES = ("displacement", "velocity")
@@ -71,11 +72,12 @@ def cut_out(
     number = _numbers(cells, len(chosen))
     grid, nodes, cell_nodes, held = _crop_grid(model, chosen, cells)
     particles, indices = _crop_particles(model.particles, chosen, number)
-    ours = chosen[model.pieces.cell]
+    changes = model.changes
+    ours = chosen[changes.cell]
     part = replace(
         model,
         grid=grid,
-        pieces=Pieces(number[model.pieces.cell[ours]], model.pieces.excavation[ours], model.pieces.samples[ours]),
+        changes=Changes(number[changes.cell[ours]], changes.owner[ours], changes.step[ours], changes.samples[ours]),
         particles=particles,
         scatter=build_scatter(cell_nodes, grid.node_parents),
         cell_nodes=cell_nodes,

@@ -7,7 +7,8 @@ from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.grid import MultiLevelGrid, build_grid
 from mpm_core.model import Model, build_model
-from mpm_core.particles import SAMPLES, Pieces, point_table
+from mpm_core.occupancy import SAMPLES, Pieces
+from mpm_core.particles import point_table
 from mpm_core.scene import FACES, Scene, parse_scene
 
 HOST = {"model": "elastic", "youngs_modulus": 57e9, "poisson_ratio": 0.25, "density": 2850.0}

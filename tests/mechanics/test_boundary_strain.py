@@ -20,7 +20,7 @@ from mechanics.scenes import (
     uniform,
 )
 from mpm_core.datasets import grid_dataset
-from mpm_core.particles import Pieces
+from mpm_core.occupancy import Pieces
 from mpm_core.stages import elastic_stage, mining_step
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError

@@ -14,7 +14,7 @@ from mpm_core import memory
 from mpm_core.datasets import grid_dataset, read_grid
 from mpm_core.gridding import make_grid
 from mpm_core.memory import stage_bytes, usable
-from mpm_core.particles import FULL
+from mpm_core.occupancy import FULL
 from mpm_core.stages import elastic_stage
 from mpm_core.vtk import write_vtu
 from pipeline.errors import InputError

@@ -1,0 +1,144 @@
+"""What holds each part of a cell, step by step: rock, then void, fill, and void again where fill is mined.
+
+A cell's parts are its 64 samples (geometry/inside.py). In each step rock and fill are mined first; then fill is placed
+in all that stands open within its excavation's solid, whichever excavation opened it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from mpm_core.scene import Excavation
+
+SAMPLES = 64  # inside tests per cell, one bit each: 4 x 4 x 4 in 3-D, 8 x 8 in 2-D (geometry/inside.py)
+SLIVER = 2  # samples: a share of fewer than 2 / 64 (the design says 0.02) is dropped
+FULL = np.uint64(2**64 - 1)
+NOTHING = np.uint64(0)
+ROCK = -1  # owner of what no excavation has mined
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Parts of cells inside excavations: cell, excavation (piece,) indices, samples (piece,) uint64, one bit each."""
+
+    cell: np.ndarray
+    excavation: np.ndarray
+    samples: np.ndarray
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Samples that change hands, in the order of steps: cell, owner, step (change,) indices, samples (change,) uint64.
+
+    The owner, ROCK or the excavation whose fill it is, loses samples that it holds and gains those that it does not:
+    what it holds after a step is the exclusive or of all that it has had until then. Rock starts with all.
+    """
+
+    cell: np.ndarray
+    owner: np.ndarray
+    step: np.ndarray
+    samples: np.ndarray
+
+    def until(self, step: int, owned_by_rock: bool) -> np.ndarray:
+        """Indices of the changes of rock, or of fill, up to and including a step."""
+        return np.flatnonzero(((self.owner == ROCK) == owned_by_rock) & (self.step <= step))
+
+    def rock_samples(self, cells: int, step: int) -> np.ndarray:
+        """Samples of each cell that are rock once `step` is mined: (cell,) uint64."""
+        result = np.full(cells, FULL)
+        now = self.until(step, owned_by_rock=True)
+        np.bitwise_xor.at(result, self.cell[now], self.samples[now])
+        return result
+
+
+def changes_of(pieces: Pieces, excavations: tuple[Excavation, ...]) -> Changes:
+    """How the samples of all cells change hands while these excavations are mined and filled.
+
+    Rock that two solids share goes to the one that mines it first. Slivers are dropped; so is a remainder thinner than
+    that: its samples go with what leaves it. No later excavation alters the changes of those before it.
+    """
+    mined = np.array([excavation.mined for excavation in excavations] or [-1])
+    filled = np.array([excavation.filled if excavation.fill else -1 for excavation in excavations] or [-1])
+    cell, excavation, samples = pieces.cell, pieces.excavation.astype(np.int64), pieces.samples
+    digs, fills = np.flatnonzero(mined[excavation] >= 0), np.flatnonzero(filled[excavation] >= 0)
+    piece = np.concatenate([digs, fills])
+    places = np.repeat([False, True], [len(digs), len(fills)])
+    step = np.where(places, filled[excavation[piece]], mined[excavation[piece]])
+    order = np.lexsort((excavation[piece], places, step, cell[piece]))
+    piece, places, step = piece[order], places[order], step[order]
+    cells, start = np.unique(cell[piece], return_index=True)
+    start = np.append(start, len(piece))
+    filling = np.add.reduceat(places, start[:-1], dtype=np.int64) if len(cells) else np.zeros(0, np.int64)
+    most = np.sum((np.diff(start) - filling) * (1 + filling) + filling)  # every dig may take rock and all fill
+    owner, when, what = np.empty(most, np.int16), np.empty(most, np.int32), np.empty(most, np.uint64)
+    where = np.empty(most, np.int32)
+    held = np.zeros(len(piece), np.uint64)
+    count = _follow(cells, start, places, step, excavation[piece], samples[piece], held, where, owner, when, what)
+    order = np.argsort(when[:count], kind="stable")
+    return Changes(where[order], owner[order], when[order], what[order])
+
+
+@njit(cache=True)
+def _count(samples):
+    """Number of set bits."""
+    count = 0
+    while samples:
+        samples &= samples - np.uint64(1)
+        count += 1
+    return count
+
+
+@njit(cache=True)
+def _take(wanted, held):
+    """Of samples that are wanted and held those that go: none if they are a sliver, all held if they leave one."""
+    gone = wanted & held
+    if _count(gone) < SLIVER:
+        return NOTHING
+    return held if _count(held & ~gone) < SLIVER else gone
+
+
+@njit(cache=True)
+def _follow(cells, start, places, step, excavation, samples, held, where, owner, when, what):
+    """Follow the events of each cell, start (cell + 1,), in order; write its changes and return how many there are.
+
+    places, step, excavation, samples (event,): whether it places fill, when, of which solid, and what is inside that;
+    held (event,) uint64, zeros: what the fill of each event holds; where, owner, when, what (change,): see Changes.
+    """
+    count = 0
+    for i in range(len(cells)):
+        rock, void = FULL, NOTHING
+        for event in range(start[i], start[i + 1]):
+            inside = samples[event]
+            if places[event]:
+                placed = _take(inside, void)
+                held[event] = placed
+                void &= ~placed
+                if placed:
+                    where[count], owner[count], when[count], what[count] = (
+                        cells[i],
+                        excavation[event],
+                        step[event],
+                        placed,
+                    )
+                    count += 1
+                continue
+            gone = _take(inside, rock)
+            rock &= ~gone
+            void |= gone
+            if gone:
+                where[count], owner[count], when[count], what[count] = cells[i], ROCK, step[event], gone
+                count += 1
+            for before in range(start[i], event):
+                gone = _take(inside, held[before])
+                held[before] &= ~gone
+                void |= gone
+                if gone:
+                    where[count], owner[count], when[count], what[count] = (
+                        cells[i],
+                        excavation[before],
+                        step[event],
+                        gone,
+                    )
+                    count += 1
+    return count
