@@ -27,10 +27,16 @@ class Excavation:
     name: str
     step: str
     fill: str
+    filled: str
     solid: float
     drawn: float
     planned: bool
     dated: bool
+
+    @property
+    def filled_at_once(self) -> bool:
+        """Whether fill stands in it while its own step unloads the rock."""
+        return self.fill != "none" and self.filled == self.step
 
 
 @dataclass
@@ -99,9 +105,9 @@ class Evidence:
             step = str(row.get("step", ""))
             planned = bool(row) and step not in mined
             fill = str(row.get("fill") or "none")
-            rows.append(
-                Excavation(name, step, fill, volumes[0][index], volumes[1][index], planned, run.get(step, False))
-            )
+            filled = str(row.get("filled") or step)
+            dated = run.get(step, False)
+            rows.append(Excavation(name, step, fill, filled, volumes[0][index], volumes[1][index], planned, dated))
         return rows
 
     @property

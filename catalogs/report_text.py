@@ -13,6 +13,7 @@ from catalogs.report_inputs import Evidence
 from catalogs.sizes import log_potency
 
 MISSING = "–"
+NAMED = 5  # excavations named in one sentence
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BUDGET_ROWS = {
     "events": "events",
@@ -162,6 +163,14 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
                 f"Truncated in {name}: {share} of the overstressed volume lies in cells too coarse to fail ({where}); "
             )
             found.append(("truncated", text + "events are missing there. Refine the grid here."))
+    at_once = [row.name for row in evidence.excavations if row.dated and row.filled_at_once]
+    if at_once:
+        first, more = ", ".join(at_once[:NAMED]), len(at_once) - NAMED
+        text = f"Filled while being mined: {first}{f' and {more} more' if more > 0 else ''}. "
+        text += (
+            "Fill stands in them while their own step unloads the rock, and holds walls and failed rock in place: "
+        )
+        found.append(("note", text + "an opening that stands empty first (filled: a later step) makes more events."))
     if evidence.is_twin:
         text = "The record shown is a twin: a catalogue that this pipeline made itself with other settings. "
         found.append(("twin", text + "It was not measured."))

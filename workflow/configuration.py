@@ -196,9 +196,14 @@ class Mine:
         return self.steps[index - 1]["name"] if index > 0 else ""
 
     def schedule(self) -> list[dict]:
-        """Name, step and fill of every excavation, for the report."""
+        """Name, step, fill and step of filling of every excavation, for the report."""
         return [
-            {"name": entry["name"], "step": entry["step"], "fill": entry.get("fill", "none")}
+            {
+                "name": entry["name"],
+                "step": entry["step"],
+                "fill": entry.get("fill", "none"),
+                "filled": entry.get("filled", entry["step"]),
+            }
             for entry in self.excavations
         ]
 

@@ -41,7 +41,7 @@ CONFIG = {
     "excavations": [
         {"name": "drive", "step": "history", "shape": "box", "fill": "none"},
         {"name": "stope_1", "step": "2019-08", "file": "geometry/stope_1.stl", "fill": "fill"},
-        {"name": "stope_2", "step": "2019-09", "file": "geometry/stope_2.stl", "fill": "fill"},
+        {"name": "stope_2", "step": "2019-09", "file": "geometry/stope_2.stl", "fill": "fill", "filled": "planned"},
         {"name": "stope_9", "step": "planned", "file": "geometry/<stope_9>.stl", "fill": "fill"},
     ],
     "steps": [{"name": name, "start": start, "end": end} for name, start, end, _ in STEPS],

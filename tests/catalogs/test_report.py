@@ -170,6 +170,13 @@ def test_banners_name_truncation_and_stale_files(page):
     assert "grid.nc" not in page.sections["headline"]
 
 
+def test_stopes_filled_while_they_are_mined_are_named(page):
+    """Only stope_1 is mined in a dated step and filled in the same one; the table says of each when it is filled."""
+    assert "Filled while being mined: stope_1. " in page.sections["headline"]
+    assert "fill, at once" in page.sections["scene"]
+    assert "fill, in planned" in page.sections["scene"]
+
+
 def test_page_asks_nothing_of_the_network(page):
     """No scripts, no linked files; every image and every reference inside the drawings is data or local."""
     assert not {"script", "link", "iframe", "object"} & {tag for tag, _ in page.tags}
