@@ -167,9 +167,7 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
     if at_once:
         first, more = ", ".join(at_once[:NAMED]), len(at_once) - NAMED
         text = f"Filled while being mined: {first}{f' and {more} more' if more > 0 else ''}. "
-        text += (
-            "Fill stands in them while their own step unloads the rock, and holds walls and failed rock in place: "
-        )
+        text += "Fill stands in them while their own step unloads the rock, and holds walls and failed rock in place: "
         found.append(("note", text + "an opening that stands empty first (filled: a later step) makes more events."))
     if evidence.is_twin:
         text = "The record shown is a twin: a catalogue that this pipeline made itself with other settings. "
