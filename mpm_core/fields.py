@@ -84,7 +84,7 @@ FIELDS = {
         Field("convergence_generation", ("iteration",), np.int32, "1", "generation of failure within the increment"),
         Field("convergence_iteration", ("iteration",), np.int32, "1", "iteration of the stage at this check"),
         Field(
-            "convergence_unbalanced_ratio", ("iteration",), np.float64, "1", "unbalanced over excavation force, 2-norms"
+            "convergence_unbalanced_ratio", ("iteration",), np.float64, "1", "unbalanced over released force, 2-norms"
         ),
         Field("convergence_max_ratio", ("iteration",), np.float64, "1", "largest unbalanced force over the same"),
         Field("convergence_cells", ("iteration",), np.int32, "1", "cells relaxed: all, or a part of the mine alone"),

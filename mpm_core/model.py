@@ -13,8 +13,6 @@ from mpm_core.particles import Particles, seed, volumes
 from mpm_core.scene import FACES, Material, Scene
 
 BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # VTK corner at each bit-ordered place (an involution)
-STRENGTH_MARGIN = 1e-6  # of cohesion, design section 5: what a stress may exceed strength by
-STRENGTH_MARGIN_FLOOR = 1e3  # Pa
 OF_FAILED = ("failure_order", "seismic_strain", "overshoot_strain", "later_strain", "dissipated")
 """parts of a State that change only where rock has failed"""
 
@@ -76,8 +74,6 @@ class Model:
     intact_rows: np.ndarray
     residual_rows: np.ndarray
     """(material, column) strength rows of constitutive.strength"""
-    strength_margin: np.ndarray
-    """(material,) Pa"""
     held: np.ndarray
     """(node, d) bool: fixed or on a roller"""
 
@@ -162,10 +158,6 @@ def build_model(scene: Scene, grid: MultiLevelGrid, body: np.ndarray, pieces: Pi
     insitu[~particles.is_rock] = 0.0
     materials = scene.materials.values()
     rows = [_strength_rows(material) for material in materials]
-    margin = [
-        max(STRENGTH_MARGIN * material.intact.cohesion, STRENGTH_MARGIN_FLOOR) if material.intact else np.inf
-        for material in materials
-    ]
     return Model(
         scene=scene,
         grid=grid,
@@ -178,6 +170,5 @@ def build_model(scene: Scene, grid: MultiLevelGrid, body: np.ndarray, pieces: Pi
         elastic_constants=np.array([(material.lame_lambda, material.shear_modulus) for material in materials]),
         intact_rows=np.array([intact for intact, _ in rows]),
         residual_rows=np.array([residual for _, residual in rows]),
-        strength_margin=np.array(margin),
         held=_held(grid, scene),
     )

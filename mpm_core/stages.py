@@ -27,6 +27,7 @@ from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
 
 SMALLER = "use fewer grid.levels, grid.buffer_cells or grid.particles_per_cell, or free some"
+ROUND_OFF = 1e-12  # of all forces since virgin rock: unbalanced force that is none
 STRENGTH_FACTOR_CAP = 10.0  # reported where nothing can fail
 
 
@@ -90,8 +91,11 @@ def mining_step(
         start,
         target,
         more_strain,
-        reference=load_size(model, target, strain, step),
-        change=load_size(model, target - start, more_strain, step),
+        reference=measure(
+            load_size(model, target - start, more_strain, step),
+            load_size(model, target, strain, step),
+            scene.solver.tolerance,
+        ),
     )
     cut = face_neighbors(model.grid, model.changes.cell)  # the only cells whose neighbours matter
     brittle = find_brittle(model, volume, step, *cut)
@@ -114,6 +118,13 @@ def require_memory(scene: Scene, grid: xr.Dataset, elastic: bool = False) -> Non
     cells, dimension = grid.sizes["cell"], 2 if scene.plane else 3
     needed = stage_bytes(scene.solver.scheme, dimension, cells, cells * scene.particles_per_cell, elastic)
     require(needed, f"{cells:,} cells", SMALLER)
+
+
+def measure(change: float, whole: float, tolerance: float) -> float:
+    """What unbalanced forces of a stage are measured by, N: the load size of what it changes, however much has acted
+    since virgin rock (whole); that, where nothing changes. Never so little that the tolerance is the whole's round-off.
+    """
+    return max(change, ROUND_OFF * whole / tolerance) if change > ROUND_OFF * whole else whole
 
 
 def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) -> float:

@@ -58,9 +58,8 @@ def above_strength(model: Model, state: State, candidates: np.ndarray, borne: np
     above = np.empty(len(candidates), bool)
     borne = np.empty(0) if borne is None else borne
     stands_above(
-        candidates, state.failed, state.stress, model.insitu, model.particles.material, model.intact_rows,
-        model.strength_margin, borne, above,
-    )  # fmt: skip
+        candidates, state.failed, state.stress, model.insitu, model.particles.material, model.intact_rows, borne, above
+    )
     return candidates[above]
 
 

@@ -33,16 +33,14 @@ TIGHTER = 4.0  # between two tolerances of the last increment
 class Ramp:
     """What a stage changes in solver.increments.
 
-    start, target (node, d) N: the external force; strain (d, d): of the boundary, from 0 to this; reference, change N:
-    what unbalanced forces are measured by, all that has acted since virgin rock and what this stage adds (see
-    stages.load_size).
+    start, target (node, d) N: the external force; strain (d, d): of the boundary, from 0 to this; reference N: what
+    unbalanced forces are measured by, what this stage adds (see stages.measure).
     """
 
     start: np.ndarray
     target: np.ndarray
     strain: np.ndarray
     reference: float
-    change: float
 
 
 def keep_rest(scheme, history: History) -> None:
@@ -132,11 +130,7 @@ def run_cascade(
     Raises InputError when the cascade has not ended after solver.max_generations.
     """
     model, solver = scheme.model, scheme.model.scene.solver
-    reference = ramp.reference
-    # What one stope changes may be small beside all that was ever mined: between generations the step itself counts.
-    mines = ramp.change > solver.tolerance * reference  # less is round-off: nothing new is mined
-    loose = solver.cascade_tolerance * (min(1.0, ramp.change / reference) if mines and reference > 0.0 else 1.0)
-    loose = max(loose, solver.tolerance)
+    reference, loose = ramp.reference, max(solver.cascade_tolerance, solver.tolerance)
     late = lateness(model.scene, step)
 
     def load_at(increment: int) -> np.ndarray:

@@ -1,5 +1,7 @@
 """First failure: who stands above peak strength, and the brittle drop to residual strength."""
 
+import math
+
 from numba import njit, prange
 
 from mpm_core.constitutive.coulomb import (
@@ -9,7 +11,9 @@ from mpm_core.constitutive.coulomb import (
     strength_factor,
     surely_admissible,
 )
-from mpm_core.constitutive.strength import strength_of
+from mpm_core.constitutive.strength import UNCONFINED_STRENGTH, strength_of
+
+STRENGTH_MARGIN = 1e-5  # of strength and stress: how far above strength rock may stand, as its rest is no exact one
 
 
 @njit(cache=True)
@@ -41,12 +45,32 @@ def overstress_of(candidates, stress, insitu, material, rows, excess):
             excess[i] = overstress(xx, yy, zz, yz, xz, xy, row)
 
 
+@njit(cache=True)
+def size_of(xx, yy, zz, yz, xz, xy):
+    """Norm of a stress, Pa: root of the sum of its squared components."""
+    return math.sqrt(xx * xx + yy * yy + zz * zz + 2.0 * (yz * yz + xz * xz + xy * xy))
+
+
+@njit(error_model="numpy", cache=True)
+def strength_margin(stress, insitu, particle, row):
+    """How far a particle may stand above strength, Pa: in proportion to unconfined strength, virgin and present stress.
+
+    So a scene of other strengths and stresses, all scaled alike, fails alike.
+    """
+    virgin = size_of(
+        insitu[particle, 0], insitu[particle, 1], insitu[particle, 2],
+        insitu[particle, 3], insitu[particle, 4], insitu[particle, 5],
+    )  # fmt: skip
+    present = size_of(*total_stress(stress, insitu, particle))
+    return STRENGTH_MARGIN * (row[UNCONFINED_STRENGTH] + virgin + present)
+
+
 @njit(parallel=True, error_model="numpy", cache=True)
-def stands_above(candidates, failed, stress, insitu, material, rows, margin, borne, above):
+def stands_above(candidates, failed, stress, insitu, material, rows, borne, above):
     """Whether candidates, intact ones, stand above strength by more than a margin: above (candidate,) bool, written.
 
-    failed (particle,) int32, -1 intact; margin (material,) Pa; borne (particle,) Pa or (0,): more, by place; other
-    arguments as in overstress_of.
+    failed (particle,) int32, -1 intact; borne (particle,) Pa or (0,): more, by place; other arguments as in
+    overstress_of.
     """
     for i in prange(len(candidates)):
         p = candidates[i]
@@ -54,11 +78,10 @@ def stands_above(candidates, failed, stress, insitu, material, rows, margin, bor
         if failed[p] >= 0:
             continue
         xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
-        m = material[p]
-        row = strength_of(rows, m)
+        row = strength_of(rows, material[p])
         if not surely_admissible(xx, yy, zz, yz, xz, xy, row):
             more = borne[p] if len(borne) else 0.0
-            above[i] = overstress(xx, yy, zz, yz, xz, xy, row) > margin[m] + more
+            above[i] = overstress(xx, yy, zz, yz, xz, xy, row) > strength_margin(stress, insitu, p, row) + more
 
 
 @njit(parallel=True, cache=True)

@@ -40,6 +40,15 @@ SOLVER = {
 }
 
 
+def strength_margin(row, virgin, present) -> float:
+    """What intact rock at rest may stand above strength by, Pa: 1e-5 of strength and stresses (6,); slow twin."""
+
+    def size(stress):
+        return np.sqrt(np.dot(stress, np.array([1, 1, 1, 2, 2, 2]) * stress))
+
+    return 1e-5 * (row[2] + size(np.asarray(virgin)) + size(np.asarray(present)))
+
+
 def uniform(*stress) -> dict:
     """In-situ stress without gradient: xx, yy, zz, yz, xz, xy, Pa (missing ones 0)."""
     return {"constant": [*stress, *[0.0] * (6 - len(stress))], "gradient": [0.0] * 6}

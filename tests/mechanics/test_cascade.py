@@ -14,6 +14,7 @@ from mechanics.scenes import (
     make_dataset,
     make_model,
     make_scene,
+    strength_margin,
     uniform,
 )
 from mpm_core.constitutive.coulomb import overstress
@@ -46,7 +47,7 @@ def test_a_single_overstressed_cell_fails_once(dimension):
     hold = -scheme.internal_force()
     brittle = find_brittle(model, volume, 0, *face_neighbors(model.grid))
     history = History(1e-5)
-    ramp = Ramp(hold, hold, np.zeros((dimension, dimension)), float(np.linalg.norm(hold)), 0.0)
+    ramp = Ramp(hold, hold, np.zeros((dimension, dimension)), float(np.linalg.norm(hold)))
     run_cascade(scheme, brittle, ramp, 0, history)
 
     assert np.flatnonzero(state.failed >= 0).tolist() == [cell]
@@ -102,7 +103,8 @@ def test_after_the_cascade_no_rock_that_may_fail_is_above_strength(per_edge, tmp
     present = state.volume.values > 0.0
     eligible = present & (level == 2) & (share[state.cell.values] >= 0.5)
     for p in np.flatnonzero(eligible & (failed < 0)):
-        assert overstress(*stress[p], model.intact_rows[0]) <= model.strength_margin[0] + 1.0
+        row = model.intact_rows[0]
+        assert overstress(*stress[p], row) <= strength_margin(row, [-15e6] * 3 + [0.0] * 3, stress[p]) + 1.0
     for p in np.flatnonzero(present & (failed >= 0)):
         assert overstress(*stress[p], model.residual_rows[0]) <= 1.0
     assert (level[failed >= 0] == 2).all()
@@ -112,6 +114,27 @@ def test_after_the_cascade_no_rock_that_may_fail_is_above_strength(per_edge, tmp
     assert (state.plastic_strain.values[failed < 0] == 0.0).all()
     assert (state.failure_order.values[failed < 0] == -1).all()
     assert facts["energy_dissipated"] > 0.0
+
+
+@pytest.mark.parametrize("scale", [2.0**-13, 2.0**13])
+def test_rock_of_other_strength_and_stress_fails_alike(scale, tmp_path):
+    """Moduli, strengths and stress times a power of two: the same rock fails in the same order, and stress and
+    motion are those of the first scene, scaled, to the tolerance of the solution (1e-4)."""
+    scaled = COULOMB | {
+        "youngs_modulus": scale * COULOMB["youngs_modulus"],
+        **{
+            key: {state: scale * value for state, value in COULOMB[key].items()}
+            for key in ("cohesion", "tension_cutoff")
+        },
+    }
+    first, _ = mining_step(*tunnel(tmp_path, solver={"scheme": "multigrid"}))
+    other, _ = mining_step(*tunnel(tmp_path, solver={"scheme": "multigrid"}, stress=-15e6 * scale, host=scaled))
+    assert (first.failed.values >= 0).sum() > 20
+    for name in ("failed", "failure_order"):
+        np.testing.assert_array_equal(other[name], first[name], err_msg=name)
+    for name, factor in (("seismic_strain", 1.0), ("node_displacement", 1.0), ("stress", scale)):
+        expected = first[name].values * factor
+        np.testing.assert_allclose(other[name], expected, rtol=0, atol=1e-4 * np.abs(expected).max(), err_msg=name)
 
 
 def test_slivers_fail_only_beside_failed_rock():

@@ -18,6 +18,7 @@ from mechanics.scenes import (
     make_dataset,
     make_model,
     make_scene,
+    strength_margin,
     uniform,
 )
 from mpm_core.constitutive.coulomb import overstress
@@ -72,8 +73,9 @@ def test_a_member_fails_what_stands_above_its_own_threshold():
     model = make_model(scene, grid_around([], [8, 2], 1, 2.0))
     brittle = find_brittle(model, model.volumes(0), 0, *face_neighbors(model.grid))
     state, cells = model.virgin_state(), np.array([3, 6, 9])
-    borne = brittle.borne[cells] + model.strength_margin[0]
-    state.stress[cells, 0] = -(model.intact_rows[0][2] + np.array([0.0, 0.5, 1.5]) * borne)
+    row = model.intact_rows[0]
+    borne = brittle.borne[cells] + strength_margin(row, [0.0] * 6, [-row[2], 0, 0, 0, 0, 0])
+    state.stress[cells, 0] = -(row[2] + np.array([0.0, 0.5, 1.5]) * borne)
     assert new_failures(model, state, brittle).tolist() == [9]
     state.stress[cells, 0] -= 1e6
     assert above_strength(model, state, np.arange(16)).tolist() == cells.tolist()
@@ -160,9 +162,10 @@ def test_after_a_members_cascade_no_rock_stands_above_its_threshold_and_failed_r
     stress, failed = state.stress.values[:, [0, 2, 1, 3, 5, 4]], state.failed.values
     brittle = find_brittle(model, state.volume.values, 0, *face_neighbors(model.grid))
     assert facts["failed_particles"] > 20
-    borne = brittle.borne + model.strength_margin[0] + 1.0
+    row = model.intact_rows[0]
     for p in brittle.sound[failed[brittle.sound] < 0]:
-        assert overstress(*stress[p], model.intact_rows[0]) <= borne[p]
+        borne = brittle.borne[p] + strength_margin(row, model.insitu[p], stress[p]) + 1.0
+        assert overstress(*stress[p], row) <= borne
     for p in np.flatnonzero((failed >= 0) & (state.volume.values > 0.0)):
         assert overstress(*stress[p], model.residual_rows[0]) <= 1.0
 
