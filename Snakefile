@@ -1,7 +1,7 @@
 """From a mine's solids and mining plan to a synthetic seismic catalogue beside the recorded one.
 
 snakemake --cores all                                              the demo mine
-snakemake --cores all --configfile config/mines/elk_creek.yaml     another mine
+snakemake --cores all --configfile config/mines/elk_creek.yaml     another mine (a target stands before --configfile)
 snakemake --cores all verification                                 every scene that has a known answer
 snakemake --cores all benchmarks                                   speed, beside other codes
 """
@@ -17,6 +17,7 @@ sys.path.insert(0, str(BASE))
 
 from pipeline.errors import InputError
 from workflow.configuration import load
+from workflow.strict_yaml import check_files
 from workflow.terminal import tell_only_what_matters
 
 tell_only_what_matters()
@@ -35,6 +36,7 @@ else:
 
 
 try:
+    check_files(workflow.overwrite_configfiles or [MINE_FILE])
     MINE = load(config, os.path.relpath(MINE_FILE), DEFAULT)
 except InputError as error:
     sys.exit(str(error))

@@ -28,7 +28,7 @@ KEYS = (
     "scene",
     "variants",
 )
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{2,}\Z")
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*\Z")
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def load_study(path: str | os.PathLike, default: dict) -> Study:
     mines = {}
     for name, changes in variants.items():
         if not NAME.match(str(name)):
-            raise InputError(f"{path}: variants.{name}: use three or more letters, digits, - or _")
+            raise InputError(f"{path}: variants.{name}: use letters, digits, - or _")
         scene = merge(base, changes or {}) | {"name": f"{path.stem}-{name}"}
         _leave_planned(scene, mine)
         try:

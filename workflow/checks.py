@@ -1,36 +1,37 @@
-"""What the schema cannot say about a mine: steps in order, names that match, shapes, the domain, the virgin stress."""
+"""What the schema cannot say about a mine: steps in order, names that match, the domain, the virgin stress."""
 
 import datetime
+import math
 from typing import TYPE_CHECKING
 
 from mpm_core.scene import FACES, check_virgin_stress, parse_scene
 from pipeline.errors import InputError
+from workflow.shapes import check_repeated, check_shape
 
 if TYPE_CHECKING:
     from workflow.configuration import Mine
 
 PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
-NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "outside", "force", "toward")
 IN_PLANE = {"xz": ("xx", "zz", "xz"), "xy": ("xx", "yy", "xy"), None: ("xx", "yy", "zz", "yz", "xz", "xy")}
-CIRCLE = ({"center", "radius"}, set())
-SHAPES = {  # keys that a shape needs, and may have
-    "box": ({"lower", "upper"}, set()),
-    "tunnel": ({"path", "width", "height"}, {"profile"}),
-    "cylinder": (set(), {"start", "end", "center", "radius"}),  # in 2-D a circle
-    "sphere": CIRCLE,
-    "circle": CIRCLE,
-    "prism": ({"polygon"}, {"lower", "upper", "base", "top"}),
-    "polygon": ({"points"}, set()),
-}
+RESERVED = ("verification", "benchmarks")  # folders of results with other tenants
+LEAST_HOURGLASS = 0.001  # a thousandth of it makes a stage twenty times as long, zero has no answer
+YEARS = (1678, 2262)  # of times in nanoseconds
+MOST_CELLS = 10**9  # coarse ones; the finer come on top
 
 
 def check_mine(mine: "Mine") -> None:
     """What the schema cannot say. Raises InputError."""
+    if mine.name in RESERVED:
+        raise InputError(f"name: results/{mine.name} is a folder of the pipeline's own; take another name")
     _check_steps(mine)
-    _check_names(mine)
     _check_domain(mine)
+    _check_names(mine)
+    check_repeated(mine)
+    _check_solver(mine)
+    _check_record(mine)
     _check_ensemble(mine)
     check_boundary_faces(mine.values["domain"]["boundary"])
+    _check_compression(mine)
     check_virgin(mine, mine.values["materials"])
 
 
@@ -50,19 +51,21 @@ def _check_steps(mine) -> None:
         where = f"steps.{step['name']}"
         if names.index(step["name"]) != index:
             raise InputError(f"{where}: this name stands twice; steps need names of their own")
+        if step["name"].lower() in [name.lower() for name in names[:index]]:
+            raise InputError(
+                f"{where}: differs from another step in capitals alone, which some disks take for the same file"
+            )
         if step["name"] == PLANNED:
             raise InputError(f"{where}: '{PLANNED}' means not yet scheduled; give the step another name")
         if ("start" in step) != ("end" in step):
             raise InputError(f"{where}: a dated step needs both start and end")
         if "start" not in step and any("start" in earlier for earlier in mine.steps[:index]):
             raise InputError(f"{where}: an undated step is history and must stand before the first dated one")
-        for key in ("start", "end"):
-            if key in step:
-                _check_date(f"{where}.{key}", step[key])
-        if "start" in step and step["start"] >= step["end"]:
+        start, end = (read_date(f"{where}.{key}", step[key]) if key in step else None for key in ("start", "end"))
+        if start and start >= end:
             raise InputError(f"{where}.end: {step['end']} is not after start {step['start']}")
         earlier = [other for other in mine.steps[:index] if "end" in other]
-        if "start" in step and earlier and step["start"] < earlier[-1]["end"]:
+        if start and earlier and start < read_date(where, earlier[-1]["end"]):
             raise InputError(
                 f"{where}.start: {step['start']} is before the end of the step before, {earlier[-1]['end']}"
             )
@@ -92,7 +95,7 @@ def _check_names(mine) -> None:
             raise InputError(f"{where}.fill: '{fill}' is {materials[fill]['model']}; only elastic fill is supported")
         if "filled" in entry and fill == "none":
             raise InputError(f"{where}.filled: there is no fill to place; name a material in fill")
-        _check_shape(mine, where, entry)
+        check_shape(mine, where, entry)
         mined, filled = mine.step_index(entry["step"]), mine.step_index(entry.get("filled", entry["step"]))
         if -1 < filled < mined or (mined == -1 and filled > -1):
             raise InputError(
@@ -104,12 +107,12 @@ def _check_names(mine) -> None:
             raise InputError(
                 f"{where}.material: '{entry['material']}' is not one of the materials {', '.join(materials)}"
             )
-        _check_shape(mine, where, entry)
+        check_shape(mine, where, entry)
     for entry in mine.values.get("loads", []):
         where = f"loads.{entry['name']}"
         if entry["step"] not in names:
             raise InputError(f"{where}.step: '{entry['step']}' is not one of the steps {', '.join(names)}")
-        _check_shape(mine, where, entry)
+        check_shape(mine, where, entry)
         if "file" in entry:
             raise InputError(f"{where}.file: a load acts on a shape; give one instead")
         _check_force(mine, where, entry)
@@ -142,26 +145,6 @@ def _check_force(mine, where: str, entry: dict) -> None:
             raise InputError(f"{where}.toward: two points are a line, in three dimensions; give one, or two different")
 
 
-def _check_shape(mine, where: str, entry: dict) -> None:
-    if ("shape" in entry) == ("file" in entry):
-        raise InputError(f"{where}: give either a shape or a file")
-    given = {key for key in entry if key not in NOT_SHAPE}
-    if "shape" in entry:
-        needed, optional = SHAPES[entry["shape"]]
-        if missing := needed - given:
-            raise InputError(
-                f"{where}.{min(missing)}: missing; shape {entry['shape']} needs {', '.join(sorted(needed))}"
-            )
-    else:
-        needed, optional = {"file"}, {"layer", "element"}
-    if foreign := given - needed - optional - {"shape"}:
-        kind = entry.get("shape", "file")
-        known = ", ".join(sorted(needed | optional))
-        raise InputError(f"{where}.{min(foreign)}: not a key of {kind}; its keys are {known}")
-    if "file" in entry and not mine.path(entry["file"]).is_file():
-        raise InputError(f"{where}.file: {mine.path(entry['file'])} is missing; paths resolve from {mine.folder}")
-
-
 def _check_domain(mine) -> None:
     domain, coarse = mine.values["domain"], mine.values["grid"]["coarse_cell"]
     for key in ("lower", "upper"):
@@ -169,6 +152,8 @@ def _check_domain(mine) -> None:
             raise InputError(f"domain.{key}: {len(domain[key])} coordinates; this scene has {mine.dimension}")
     for axis, (low, high) in enumerate(zip(domain["lower"], domain["upper"], strict=True)):
         cells = (high - low) / coarse
+        if high <= low:
+            raise InputError(f"domain.upper[{axis}]: {high:g} m is not above domain.lower[{axis}], {low:g} m")
         if cells < 0.5 or abs(cells - round(cells)) > 1e-6:
             raise InputError(
                 f"domain.upper[{axis}]: the side of {high - low:g} m is not a whole multiple of "
@@ -177,17 +162,34 @@ def _check_domain(mine) -> None:
     count = mine.values["grid"]["particles_per_cell"]
     if round(count ** (1 / mine.dimension)) ** mine.dimension != count:
         raise InputError(f"grid.particles_per_cell: {count} is not n^{mine.dimension} in {mine.dimension}-D")
-    if mine.values["solver"]["move"] and count == 1:
+    cells = math.prod((high - low) / coarse for low, high in zip(domain["lower"], domain["upper"], strict=True))
+    if cells > MOST_CELLS:
+        raise InputError(
+            f"grid.coarse_cell: {coarse:g} m makes {cells:.1g} coarse cells of this domain; take larger ones"
+        )
+
+
+def _check_solver(mine) -> None:
+    solver, count = mine.values["solver"], mine.values["grid"]["particles_per_cell"]
+    if solver["hourglass"] < LEAST_HOURGLASS and count == 1:
+        raise InputError(
+            f"solver.hourglass: {solver['hourglass']:g} leaves cells of one particle without stiffness against "
+            f"hourglass patterns; take {LEAST_HOURGLASS:g} to 1, or more grid.particles_per_cell"
+        )
+    if solver["move"] and count == 1:
         raise InputError(
             "solver.move: a lone particle must rest at its cell's centre; take more grid.particles_per_cell"
         )
-    if mine.values["solver"]["move"] and mine.values["solver"]["scheme"] != "explicit":
+    if solver["move"] and solver["scheme"] != "explicit":
         raise InputError("solver.move: particles move with scheme explicit only; set solver.scheme: explicit")
+
+
+def _check_record(mine) -> None:
     record = mine.values.get("record")
     for key in ("start", "end"):
         for part in ("filter", "orientations"):
             if record and key in record.get(part, {}):
-                _check_date(f"record.{part}.{key}", record[part][key])
+                read_date(f"record.{part}.{key}", record[part][key])
     if record and record["reader"] != "elk_creek" and not mine.path(record["file"]).is_file():
         raise InputError(f"record.file: {mine.path(record['file'])} is missing; paths resolve from {mine.folder}")
 
@@ -215,8 +217,31 @@ def check_boundary_faces(boundary: dict | str) -> None:
                 raise InputError(f"domain.boundary.{face}: also given by '{face[0]}'; keep one of the two")
 
 
-def _check_date(where: str, text: str) -> None:
+def _check_compression(mine) -> None:
+    """Compression is negative: rock in place is under tension along an axis nowhere, at no depth of a mine."""
+    insitu = mine.values["insitu_stress"]
+    if insitu.get("gradient", {}).get("zz", 0.0) > 0.0:
+        raise InputError(
+            "insitu_stress.gradient.zz: positive, rock would weigh less than nothing; compression is negative, "
+            "and gradients are per metre of depth below frame.surface"
+        )
+    domain, surface = mine.values["domain"], mine.values["frame"]["surface"]
+    depths = [0.0] if mine.plane == "xy" else [surface - domain[key][-1] for key in ("lower", "upper")]
+    for name in ("xx", "yy", "zz"):
+        constant, gradient = (insitu.get(key, {}).get(name, 0.0) for key in ("constant", "gradient"))
+        if all(constant + gradient * depth > 0.0 for depth in depths):
+            raise InputError(
+                f"insitu_stress: {name} is positive, tension, in all of the domain; compression is negative "
+                f"(constant.{name}, and gradient.{name} per metre of depth below frame.surface)"
+            )
+
+
+def read_date(where: str, text: str) -> datetime.datetime:
+    """The instant that a date of the configuration means, UTC. Raises InputError for what is no date."""
     try:
-        datetime.datetime.fromisoformat(text)
+        date = datetime.datetime.fromisoformat(text)
     except ValueError as error:
         raise InputError(f"{where}: {text!r} is not a date ({error})") from error
+    if not YEARS[0] <= date.year < YEARS[1]:
+        raise InputError(f"{where}: {text}: give a year from {YEARS[0]} to {YEARS[1] - 1}")
+    return date if date.tzinfo else date.replace(tzinfo=datetime.UTC)

@@ -14,8 +14,9 @@ from pathlib import Path
 from mpm_core.scene import FACES, parse_scene
 from pipeline.errors import InputError
 from pipeline.provenance import config_hash
-from workflow.checks import NOT_SHAPE, check_mine
+from workflow.checks import check_mine
 from workflow.quantities import check, to_si
+from workflow.shapes import NOT_SHAPE
 
 VOIGT = ("xx", "yy", "zz", "yz", "xz", "xy")
 

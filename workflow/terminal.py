@@ -29,12 +29,21 @@ REPORTED_ITSELF = ("exit status 1.", "exit status 2.", "exit status 130.")  # a 
 
 
 class OneLine(logging.Filter):
-    """Drops Snakemake's chatter, and the echo of a failed command of which the stage has told the reason itself."""
+    """Drops Snakemake's chatter, and the echo of a failed command of which the stage has told the reason itself.
+
+    The table of jobs comes once: a dry run would show it before and after its list of jobs, which is left out.
+    """
+
+    table_is_told = False
 
     def filter(self, record: logging.LogRecord) -> bool:
         """False for a record that says nothing to the user."""
         event = getattr(getattr(record, "event", None), "value", None)
         text = str(record.msg)
+        if event == "run_info":
+            if self.table_is_told:
+                return False
+            self.table_is_told = True
         if event in QUIET_EVENTS or text.startswith(CHATTER):
             return False
         if event == "error" and "CalledProcessError" in text:

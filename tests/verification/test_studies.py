@@ -59,7 +59,7 @@ def test_merging_replaces_lists_and_leaves_both_sides_alone():
     [
         ({"answr": "kirsch"}, "answr: unknown key"),
         ({"variants": {}}, "a scene needs variants"),
-        ({"variants": {"xy": None}}, "variants.xy: use three or more"),
+        ({"variants": {"x y": None}}, "variants.x y: use letters, digits"),
         ({"variants": {"bad": {"grid": {"level": 2}}}}, "variants.bad: grid.level: unknown key"),
         ({"variants": {"bad": {"grid": {"coarse_cell": "8 s"}}}}, "variants.bad: grid.coarse_cell"),
     ],

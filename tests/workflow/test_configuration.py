@@ -8,13 +8,20 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiny_mines import DEFAULT, DIRECTED, FILL, FLAT, HOST, PUSH, STRAIN, TINY, merged
+from tiny_mines import DEFAULT, DIRECTED, FILL, FLAT, HOST, NEXT_STEP, PUSH, STRAIN, TINY, box, merged
 
 from pipeline.errors import InputError
 from workflow.configuration import load
 from workflow.draft import draft_of
 
 IN_FILE = {key: DIRECTED[key] for key in ("name", "step", "force", "toward")} | {"file": "record.csv"}
+ELEVATIONS = {"lower": "40 m", "upper": "50 m"}
+TRIANGLE = [["20 m", "30 m"], ["60 m", "30 m"], ["60 m", "40 m"]]
+PRISM = {"name": "drive", "step": "history", "shape": "prism", "polygon": TRIANGLE, **ELEVATIONS}
+ENDS = {"start": ["20 m", "30 m", "40 m"], "end": ["60 m", "30 m", "40 m"]}
+ROUND = {"name": "drive", "step": "history", "shape": "cylinder", "radius": "4 m", **ENDS}
+AGAIN = TINY["excavations"][1] | {"name": "stope_1_again"}
+BEYOND = box("stope_2", "planned", [145, 40, 25], [155, 55, 50])
 FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("grid.levles", 3, "grid.levles: unknown key", "did you mean levels?"),
     ("seismic.cluster.radius", 2, "seismic.cluster.radius: unknown key", "radius_cells"),
@@ -49,7 +56,37 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("steps.1.end", "2019-08-32", "steps.2019-08.end: ", "not a date"),
     ("steps.1.start", "August", "steps[1].start: ", "'August'"),
     ("steps.1.name", 201908, "steps[1].name: ", 'put the name in quotes: "201908"'),
-    ("name", "x", "name: ", "'x'"),
+    ("name", "x y", "name: ", "letters, digits"),
+    ("name", "x" * 300, "name: ", "up to 64 letters"),
+    ("name", "verification", "name: results/verification", "another name"),
+    ("materials.fill", "x", "materials.fill: ", "'object'"),
+    ("materials." + "m" * 65, FILL, "materials", "up to 64 letters"),
+    ("steps.1.name", "History", "steps.History: ", "capitals alone"),
+    ("steps.1.end", "2262-08-01", "steps.2019-08.end: ", "1678 to 2261"),
+    ("steps.1.start", "1677-12-31", "steps.2019-08.start: ", "1678 to 2261"),
+    ("steps.1.start", "2019-09-01 06:00", "steps.2019-08.end: ", "not after start"),
+    ("steps.1.end", "2019-08-01T00:00:00Z", "steps.2019-08.end: ", "not after start"),
+    ("domain.upper", ["80 m", "80 m", "-80 m"], "domain.upper[2]: ", "not above domain.lower[2]"),
+    ("domain.upper.0", "1e300 m", "domain.upper[0]: ", "out of range"),
+    ("grid.coarse_cell", "1e-5 m", "grid.coarse_cell: ", "5e+20 coarse cells"),
+    ("solver.hourglass", 0, "solver.hourglass: ", "0.001 to 1, or more grid.particles_per_cell"),
+    ("comparison.seed", "1e400", "comparison.seed: inf", "not a finite number"),
+    ("comparison.seed", 10**400, "comparison.seed: an integer of 20 digits or more", "not a finite number"),
+    ("comparison.block_days", "1e400", "comparison.block_days: inf", "not a finite number"),
+    ("materials.host.youngs_modulus", "57 GPa*9**9**9", "materials.host.youngs_modulus: ", "without arithmetic"),
+    ("materials.host.youngs_modulus", "5" * 500 + " Pa", "materials.host.youngs_modulus: ", "503 characters"),
+    ("insitu_stress.constant", {"xx": "30 MPa"}, "insitu_stress: xx is positive", "compression is negative"),
+    ("insitu_stress.gradient.zz", "0.0278 MPa/m", "insitu_stress.gradient.zz: ", "compression is negative"),
+    ("excavations.0.upper", ["60 m", "40 m", "30 m"], "excavations.drive.upper: upside down", "not above lower"),
+    ("excavations.0.upper", ["60 m", "40 m"], "excavations.drive.upper: ", "2 coordinates; this scene has 3"),
+    ("excavations.0", PRISM | {"upper": "30 m"}, "excavations.drive.upper: upside down", "not above lower"),
+    ("excavations.0", PRISM | {"base": ["40 m"] * 3}, "excavations.drive: ", "lower and upper, or base and top"),
+    ("excavations.0", ROUND | {"end": ["20 m", "30 m", "40 m"]}, "excavations.drive.end: ", "same point"),
+    ("excavations.0", ROUND | {"radius": "1e300 m"}, "excavations[0].radius: ", "out of range"),
+    ("excavations.0", ROUND | {"shape": "circle"}, "excavations.drive.shape: ", "not one of the 3-D shapes"),
+    ("excavations.0.file", "s" * 400, "excavations.drive: ", "either a shape or a file"),
+    ("excavations.2", AGAIN, "excavations.stope_1_again: ", "the same solid as excavations.stope_1"),
+    ("excavations.2", BEYOND, "excavations.stope_2: lies outside the domain", "(145 to 155 m, 40 to 55 m, 25 to 50 m"),
     ("domain.upper", ["80 m", "80 m", "85 m"], "domain.upper[2]: ", "not a whole multiple of grid.coarse_cell, 10 m"),
     ("domain.upper", ["80 m", "80 m"], "domain.upper: ", "2 coordinates; this scene has 3"),
     ("domain.boundary", "free", "domain.boundary: ", "no face holds the rock up"),
@@ -204,6 +241,35 @@ def test_a_strain_with_particles_that_move_is_refused(refuse):
     held = {"domain.boundary": {"x": "roller", "others": "free", "z_lower": "fixed"}}
     line = refuse(TINY, strains=[STRAIN], **held)
     assert line.startswith("strains.press: moves no face")
+
+
+def test_filled_rock_is_mined_again_and_rock_that_is_gone_is_not(refuse, accept):
+    """A later step mines the fill that stands there since an earlier one; without fill nothing is left to mine."""
+    dated = {"excavations.2": AGAIN | {"step": "2019-09"}, "steps": [*TINY["steps"], NEXT_STEP]}
+    assert accept(TINY, **dated).step_index("2019-09") == 2
+    empty = {"excavations.1.fill": "none"}
+    assert refuse(TINY, **dated, **empty).startswith("excavations.stope_1_again: the same solid as excavations.stope_1")
+    late = {"excavations.1.filled": "2019-09"}
+    assert refuse(TINY, **dated, **late).startswith("excavations.stope_1_again: the same solid")
+
+
+def test_no_stiffness_against_hourglass_patterns_is_needed_with_more_particles(accept):
+    """Eight of them hold their cell by themselves."""
+    assert accept(TINY, **{"solver.hourglass": 0, "grid.particles_per_cell": 8}).values["solver"]["hourglass"] == 0
+
+
+def test_short_names_and_whole_numbers_as_decimals_are_good(accept):
+    """A name of one letter; 2.0 is an integer to the schema and must be one to the stages."""
+    mine = accept(TINY, name="x", **{"grid.levels": 2.0, "excavations.2.name": "s"})
+    assert mine.name == "x"
+    assert isinstance(mine.values["grid"]["levels"], int)
+
+
+def test_tension_at_the_surface_alone_is_accepted(accept, refuse):
+    """A line fitted through measurements at depth may well leave some tension at the surface; rock under it is not."""
+    accept(TINY, **{"insitu_stress.constant.xx": "0.3 MPa"})
+    line = refuse(TINY, **{"insitu_stress.constant.xx": "40 MPa"})
+    assert line.startswith("insitu_stress: xx is positive, tension, in all of the domain")
 
 
 def test_particles_that_move_need_explicit_steps(refuse):

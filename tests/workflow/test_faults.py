@@ -29,7 +29,7 @@ FAULTS = {  # values changed, the one line's parts
     ),
     "outside the domain": (
         {"excavations.2": box("stope_2", "planned", [145, 40, 25], [155, 55, 50], fill="fill")},
-        ("grid results/tiny/grid.nc: excavations.stope_2: lies outside the domain", "check its coordinates"),
+        ("files/fault.yaml: excavations.stope_2: lies outside the domain", "check its coordinates"),
     ),
     "record without a column": (
         {"record.columns.log_potency": "magnitude"},
@@ -95,9 +95,10 @@ def refused(mine):
     return line
 
 
-def test_excavation_outside_the_domain(refused):
-    """Named, with its extent and the domain's."""
-    line = refused(TINY, **{"excavations.0": box("drive", "history", [200, 30, 40], [210, 40, 50])})
+def test_solid_outside_the_domain(refused, tmp_path):
+    """Named, with its extent and the domain's; what stands in a file is known when the grid stage has read it."""
+    far = trimesh.creation.box(bounds=[[200, 30, 40], [210, 40, 50]]).export(file_type="stl")
+    line = refused(TINY, **{"excavations.0": solid("far.stl", far, tmp_path)})
     assert line.startswith("excavations.drive: lies outside the domain (200 to 210 m")
 
 

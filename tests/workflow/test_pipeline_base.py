@@ -210,6 +210,12 @@ def test_terminal_drops_chatter_and_keeps_errors(message, event, shown):
     assert OneLine().filter(record(message, event)) == shown
 
 
+def test_the_table_of_jobs_is_told_once():
+    """A dry run of Snakemake shows it twice."""
+    one, table = OneLine(), record("Job stats:\njob  count", "run_info")
+    assert [one.filter(table), one.filter(table)] == [True, False]
+
+
 def test_a_killed_stage_is_told_without_its_command():
     """The out-of-memory killer leaves a stage no time for a line of its own."""
     one = record(FAILED + "died with <Signals.SIGKILL: 9>.", "error")

@@ -14,7 +14,7 @@ from verification.studies import load_study
 from workflow.draft import draft_of
 
 RESULTS = "results/{mine}"
-NAME = "[A-Za-z0-9][A-Za-z0-9_-]+"
+NAME = "[A-Za-z0-9][A-Za-z0-9_-]*"
 DRAFT = "draft"  # folder of a mine's draft run, beside its other results
 ENSEMBLE = "ensemble"  # folder of its perturbed members, by number
 MINES = f"{re.escape(MINE.name)}|verification/{NAME}/{NAME}"  # with results of their own: this run's mine, variants

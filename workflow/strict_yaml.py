@@ -1,0 +1,106 @@
+"""A configuration file as text, looked at before its values are used: what YAML allows and no mine needs is refused.
+
+Snakemake reads the files of --configfile before it reads the Snakefile, and evaluates Python in one that says
+`__use_yte__`. Only a profile comes earlier: ours (profiles/default) has them looked at here first. The Snakefile does
+so once more, for a run with another profile.
+"""
+
+from pathlib import Path
+
+import yaml
+
+from pipeline.errors import InputError
+
+LARGEST_FILE = 20_000_000  # bytes; 10,000 stopes of 30 corners are 10 MB
+DEEPEST = 30  # levels of nesting; a mine has 8
+LONGEST_KEY = 100  # characters
+MOST_ALIASED = 100_000  # values that aliases stand for; ours have none
+TEMPLATE = "__use_yte__"
+SWALLOWED = (
+    "--configfile takes all words up to the next option, so a target stands before it: "
+    "snakemake --cores all {target} --configfile <mine>.yaml"
+)
+
+
+def check_files(paths: list[Path]) -> None:
+    """Look at all files of --configfile. Raises InputError; a target among them is named as what it is."""
+    for number, path in enumerate(paths):
+        if number and not path.is_file():
+            raise InputError(f"{path}: no configuration file; {SWALLOWED.format(target=path)}")
+        read_yaml(path)
+
+
+def read_yaml(path: str | Path) -> dict:
+    """The mapping that a YAML file holds.
+
+    Raises InputError, naming file and line, for a file that is not UTF-8 or not YAML, keys that stand twice, aliases
+    that refer to themselves or grow without measure, deep nesting, Python to be evaluated, and what is no mapping.
+    """
+    path = Path(path)
+    try:
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path}: not a file; give a mine's YAML file")
+        if path.is_file() and path.stat().st_size > LARGEST_FILE:
+            raise InputError(f"{path}: over {LARGEST_FILE // 10**6} MB; give solids and records as files of their own")
+        text = path.read_text(encoding="utf-8")
+        _check_structure(path, text)
+        document = yaml.safe_load(text)
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 (byte {error.start}: {error.reason}); save it as UTF-8") from error
+    except OSError as error:
+        raise InputError(f"{path}: not readable ({error.strerror}); check its name and place") from error
+    except yaml.MarkedYAMLError as error:
+        place = f" line {error.problem_mark.line + 1}:" if error.problem_mark else ""
+        raise InputError(f"{path}:{place} not YAML ({error.problem}); check indents, brackets and quotes") from error
+    except (yaml.YAMLError, ValueError, OverflowError) as error:  # ValueError: a date of month 13, a number too long
+        raise InputError(f"{path}: not YAML ({str(error)[:200]})") from error
+    if not isinstance(document, dict):
+        raise InputError(f"{path}: not a configuration: it has no keys; start from config/mines/demo.yaml")
+    if TEMPLATE in document:
+        raise InputError(
+            f"{path}: {TEMPLATE}: a file that runs Python is refused; write its values out, and ask who sent it why"
+        )
+    return document
+
+
+def _check_structure(path: Path, text: str) -> None:
+    """Nesting, keys and aliases, from the parser's events: nothing is built, so nothing can grow."""
+
+    def refuse(event: yaml.Event, problem: str) -> InputError:
+        return InputError(f"{path}: line {event.start_mark.line + 1}: {problem}")
+
+    open_nodes = []  # of each level: [keys seen or None for a list, whether a key comes next, anchor, values before it]
+    values, aliased, size_of = 0, 0, {}  # values so far; those by aliases; how many an anchored node has
+    for event in yaml.parse(text, Loader=yaml.SafeLoader):
+        if isinstance(event, yaml.CollectionEndEvent):
+            *_, anchor, before = open_nodes.pop()
+            size_of[anchor] = values - before
+            continue
+        if not isinstance(event, yaml.NodeEvent):
+            continue
+        if open_nodes and open_nodes[-1][0] is not None:
+            keys, is_key, *_ = open_nodes[-1]
+            open_nodes[-1][1] = not is_key
+            if is_key and not isinstance(event, yaml.ScalarEvent):
+                raise refuse(event, "a key is a word here, not a list, a mapping or an alias")
+            if is_key and len(event.value) > LONGEST_KEY:
+                raise refuse(event, f"{event.value[:20]}...: a key of {len(event.value):,} characters; shorten it")
+            if is_key and event.value in keys:
+                raise refuse(event, f"{event.value}: this key stands twice; the second would replace the first")
+            if is_key:
+                keys.add(event.value)
+        if isinstance(event, yaml.AliasEvent):
+            if any(anchor == event.anchor for *_, anchor, _ in open_nodes):
+                raise refuse(event, f"the alias *{event.anchor[:80]} stands inside what it refers to; write it out")
+            values += size_of.get(event.anchor, 1)
+            aliased += size_of.get(event.anchor, 1)
+        else:
+            values += 1
+            size_of[event.anchor] = 1
+        if aliased > MOST_ALIASED:
+            raise refuse(event, f"its aliases stand for more than {MOST_ALIASED:,} values; use fewer of them")
+        if isinstance(event, yaml.CollectionStartEvent):
+            if len(open_nodes) == DEEPEST:
+                raise refuse(event, f"nested deeper than {DEEPEST} levels; check its brackets and indents")
+            keys = set() if isinstance(event, yaml.MappingStartEvent) else None
+            open_nodes.append([keys, True, event.anchor, values - 1])
