@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS, Transformer
-from pyproj.exceptions import CRSError
+from pyproj.exceptions import CRSError, ProjError
 
 from pipeline.errors import InputError
 
@@ -36,19 +36,31 @@ class MineFrame:
             )
         else:
             raise InputError("frame: give either latitude and longitude of its origin, or crs (EPSG code or WKT)")
+        use = projection.area_of_use if "crs" in given else None
+        self.area_of_use = use.bounds if use else None  # west, south, east, north in degrees, where the system says so
         self._to_globe = Transformer.from_crs(projection, GEOGRAPHIC, always_xy=True)
         self._to_mine = Transformer.from_crs(GEOGRAPHIC, projection, always_xy=True)
 
     def to_globe(self, location: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Latitude, longitude (degrees) and depth (m below sea level, = -z) of mine coordinates (event, 3) m."""
         location = np.asarray(location, float)
-        longitude, latitude = self._to_globe.transform(location[:, 0], location[:, 1], errcheck=True)
+        longitude, latitude = _transformed(self._to_globe, location[:, 0], location[:, 1])
         return np.asarray(latitude), np.asarray(longitude), -location[:, 2]
 
     def to_mine(self, latitude: NDArray, longitude: NDArray, depth: NDArray) -> NDArray:
         """Mine coordinates (event, 3) m from degrees and metres below sea level."""
-        x, y = self._to_mine.transform(np.asarray(longitude, float), np.asarray(latitude, float), errcheck=True)
+        x, y = _transformed(self._to_mine, np.asarray(longitude, float), np.asarray(latitude, float))
         return np.column_stack([x, y, -np.asarray(depth, float)])
+
+
+def _transformed(transformer: Transformer, first: NDArray, second: NDArray) -> tuple[NDArray, NDArray]:
+    """Coordinates in the other system; raises InputError for those that it cannot hold."""
+    try:
+        return transformer.transform(first, second, errcheck=True)
+    except ProjError as error:
+        raise InputError(
+            f"frame: coordinates such as {first[0]:g}, {second[0]:g} have no place in it ({error}); check frame"
+        ) from error
 
 
 def _parse_crs(text: str | int) -> CRS:

@@ -11,6 +11,7 @@ import json
 import os
 import re
 import warnings
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -32,7 +33,7 @@ from obspy.io.quakeml.core import _validate
 
 from catalogs.frame import MineFrame
 from catalogs.records.build import moment_from_potency
-from catalogs.schema import VARIABLES, check_catalog, new_catalog
+from catalogs.schema import VARIABLES, Variable, check_catalog, new_catalog
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
 
@@ -148,11 +149,13 @@ def _obspy_event(name: str, time, time_uncertainty, place, location_error, mw, s
 def read_quakeml(path: str | os.PathLike) -> Catalog:
     """ObsPy's catalogue of any QuakeML file. Raises InputError if it is missing or not QuakeML."""
     try:
+        content = Path(path).read_bytes()  # ObsPy would unpack a file by its name's ending alone
+    except OSError as error:
+        raise InputError(f"{path}: not readable ({error.strerror}); give a QuakeML file") from error
+    try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return read_events(str(path), format="QUAKEML")
-    except OSError as error:
-        raise InputError(f"{path}: not readable ({error}); give a QuakeML file") from error
+            return read_events(io.BytesIO(content), format="QUAKEML")
     except Exception as error:  # ObsPy lets through whatever its XML parser raises
         raise InputError(f"{path}: not QuakeML 1.2 ({type(error).__name__}: {error})") from error
 
@@ -170,17 +173,34 @@ def own_catalog(events: Catalog) -> xr.Dataset | None:
     extra = getattr(events, "extra", {})
     if ATTRIBUTES not in extra or extra[ATTRIBUTES]["namespace"] != NAMESPACE:
         return None
-    values = {}
-    for variable in VARIABLES:
-        texts = [event.extra[variable.name]["value"] or "" for event in events]
-        shape = (len(texts), *(3 for _ in variable.dims[1:]))
-        if variable.dtype.kind == "O":
-            values[variable.name] = np.array(texts, object)
-        elif variable.dtype.kind == "f":
-            values[variable.name] = np.array([float(word) for text in texts for word in text.split()]).reshape(shape)
-        else:
-            values[variable.name] = np.array(texts, dtype=variable.dtype).reshape(shape)
-    return new_catalog(len(events), json.loads(extra[ATTRIBUTES]["value"]), **values)
+    try:
+        attributes = json.loads(extra[ATTRIBUTES]["value"])
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{PREFIX}:{ATTRIBUTES}: not JSON ({error}); write the file again") from error
+    if not isinstance(attributes, dict):
+        raise InputError(f"{PREFIX}:{ATTRIBUTES}: not a mapping; write the file again")
+    return new_catalog(len(events), attributes, **{one.name: _values(events, one) for one in VARIABLES})
+
+
+def _values(events: Catalog, variable: Variable) -> np.ndarray:
+    """A variable of all events from the `mine` namespace. Raises InputError naming the event and what is wrong."""
+    shape = tuple(3 for _ in variable.dims[1:])
+    values = np.empty((len(events), *shape), variable.dtype)
+    for index, event in enumerate(events):
+        text = getattr(event, "extra", {}).get(variable.name, {}).get("value")
+        if text is None and variable.dtype.kind != "O":
+            raise InputError(f"event {index + 1}: {PREFIX}:{variable.name} is missing; write the file again")
+        try:
+            if variable.dtype.kind == "f":
+                values[index] = np.array([float(word) for word in text.split()]).reshape(shape)
+            else:
+                values[index] = (text or "") if variable.dtype.kind == "O" else np.array(text, dtype=variable.dtype)
+        except (ValueError, OverflowError, AttributeError) as error:
+            raise InputError(
+                f"event {index + 1}: {PREFIX}:{variable.name}: {str(text)[:60]!r} is not what was written there; write "
+                "the file again"
+            ) from error
+    return values
 
 
 def moment_tensor(event: Event) -> np.ndarray:

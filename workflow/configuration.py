@@ -243,12 +243,14 @@ class Mine:
         """What record.nc depends on, beside the recorded data."""
         host = parse_scene(self.scene_slice(0)).materials["host"]
         dated = [step for step in self.listed_steps if "start" in step]
-        # Only what was recorded while the model mines is comparable; the configuration may choose another time.
+        # Only what was recorded while the model mines, and where, is comparable; the configuration may choose another
+        # time.
         period = {"start": dated[0]["start"], "end": dated[-1]["end"]} if dated else {}
-        chosen = {**period, **self.values["record"].get("filter", {})}
+        domain = {key: self.values["domain"][key] for key in ("lower", "upper")}
         record = {
             **self.values["record"],
-            "filter": chosen,
+            "period": period,
+            "domain": domain | {"plane": self.plane},
             "file": self.path(self.values["record"]["file"]).as_posix(),
         }
         elastic = {"lame_lambda": host.lame_lambda, "shear_modulus": host.shear_modulus}

@@ -43,7 +43,7 @@ def read_record(settings: dict) -> xr.Dataset:
     """The recorded catalogue that `settings` (a mine's `record`, in SI) describes, in the form of catalogs.schema.
 
     settings: mine, reader (a name in READERS), file, location_error (m), twin (bool: the record is a model's own),
-    filter (see catalogs.records.filters), and what the reader asks for. Raises InputError.
+    filter, period, domain (see catalogs.records.filters), and what the reader asks for. Raises InputError.
     """
     name = settings.get("reader")
     if name not in READERS:

@@ -5,10 +5,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs.mechanisms import principal_axes, source_shares
+from catalogs.record_settings import SIZE_NAMES
 from catalogs.schema import new_catalog
 from pipeline.errors import InputError
 
-SIZE_NAMES = ("potency", "log_potency", "moment", "mw")
+SMALLEST, LARGEST = -12.0, 10.0  # Mw: below grains that break in a laboratory, above any earthquake
 
 
 def potency_from_moment(moment: NDArray, lame_lambda: float, shear_modulus: float) -> NDArray:
@@ -29,16 +30,24 @@ def magnitude(moment: NDArray) -> NDArray:
 
 
 def build_record(
-    settings: dict, time: NDArray, location: NDArray, sizes: dict[str, NDArray], tensor: NDArray | None, **other
+    settings: dict,
+    time: NDArray,
+    location: NDArray,
+    sizes: dict[str, NDArray],
+    tensor: NDArray | None,
+    source: str = "record",
+    **other,
 ) -> xr.Dataset:
     """A recorded catalogue with every derived variable filled in.
 
     settings: mine, twin, location_error (m), lame_lambda, shear_modulus (Pa). sizes: any of potency (m3), log_potency,
     moment (N m), mw, each (event,) with NaN where unknown; the first that an event has, in this order, counts, and the
     tensor where it has none. tensor (event, 3, 3): potency tensors m3, NaN where unknown. other: schema variables.
-    A scalar moment alone is read as shear: potency = moment / mu. Raises InputError without the moduli it needs.
+    A scalar moment alone is read as shear: potency = moment / mu. Raises InputError without the moduli it needs, and
+    naming `source` for a size that no event can have.
     """
     count = len(time)
+    check_sizes(np.asarray(sizes.get("mw", []), float), source)
     mu, lame = settings.get("shear_modulus"), settings.get("lame_lambda")
     if mu is None or not float(mu) > 0:
         raise InputError("record: shear_modulus is missing; give the host rock's, in Pa")
@@ -68,6 +77,7 @@ def build_record(
     moment = np.where(np.isnan(moment), mu * potency, moment)
     with np.errstate(divide="ignore", invalid="ignore"):
         values = {"potency": potency, "moment": moment, "mw": magnitude(moment)} | derived | other
+    check_sizes(values["mw"], source)
     attributes = {
         "mine": settings.get("mine", ""),
         "kind": "twin" if settings.get("twin") else "recorded",
@@ -78,13 +88,26 @@ def build_record(
     return new_catalog(count, attributes, time=time, location=location, potency_tensor=tensor, **values)
 
 
+def check_sizes(mw: NDArray, source: str) -> None:
+    """Raise InputError for a moment magnitude (event,) that no event has: a number of another column or unit."""
+    absurd = (mw < SMALLEST) | (mw > LARGEST)  # NaN is neither
+    if absurd.any():
+        event = int(np.flatnonzero(absurd)[0])
+        raise InputError(
+            f"{source}: event {event + 1}: Mw {mw[event]:.4g} is no event's size ({int(absurd.sum())} such): Mw runs "
+            f"from {SMALLEST:g} to {LARGEST:g}; check the column, its unit, and record.missing"
+        )
+
+
 def _potency_from(name: str, values: NDArray, shear_modulus: float) -> NDArray:
     """Scalar potency (m3) from a size of the named kind; shear where only the moment is known."""
     if name == "potency":
         return values
     if name == "log_potency":
-        return 10.0**values
-    moment = values if name == "moment" else 10.0 ** (1.5 * values + 9.1)
+        with np.errstate(over="ignore"):
+            return 10.0**values
+    with np.errstate(over="ignore"):
+        moment = values if name == "moment" else 10.0 ** (1.5 * values + 9.1)
     return moment / shear_modulus
 
 

@@ -4,146 +4,171 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
 from catalogs.frame import MineFrame
-from catalogs.records.build import SIZE_NAMES, build_record, potency_from_moment
+from catalogs.record_settings import (
+    GLOBE_COORDINATES,
+    MAGNITUDE,
+    MAGNITUDE_TYPE,
+    MINE_COORDINATES,
+    SIZE_NAMES,
+    TENSOR_KINDS,
+    TEXTS,
+    UNITS,
+    VOIGT,
+    check_columns,
+)
+from catalogs.records.build import build_record, potency_from_moment
+from catalogs.records.csv_table import Table, read_table
 from catalogs.records.filters import filter_events
+from catalogs.records.magnitudes import moment_magnitudes, sizes_text
+from catalogs.records.times import parse_times
 from pipeline.errors import InputError
 
-VOIGT = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
-MINE_COORDINATES = ("x", "y", "z")
-GLOBE_COORDINATES = ("latitude", "longitude", "depth")
-TENSOR_KINDS = ("potency", "moment")
-COLUMN_KEYS = (
-    "time",
-    *MINE_COORDINATES,
-    *GLOBE_COORDINATES,
-    *SIZE_NAMES,
-    *(f"{kind}_{name}" for kind in TENSOR_KINDS for name in VOIGT),
-    "time_uncertainty",
-    "step",
-)
+CODES = (-99.0, -999.0, -9999.0)  # written for a missing value, unless record.missing names others
 
 
 def read(settings: dict) -> xr.Dataset:
     """The events of a CSV file in the form of catalogs.schema, filtered (catalogs.records.filters).
 
     settings: file, mine, twin, location_error (m), lame_lambda, shear_modulus (Pa), frame (with latitude, longitude),
-    filter, and columns, which names the file's columns: time (one column, or a list of two: date and time of day; ISO
-    8601, UTC), x, y, z (m) or latitude, longitude (degrees), depth (m below sea level), at least one of potency (m3),
-    log_potency, moment (N m), mw, and optionally potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx
-    ... (N m), time_uncertainty (s), step. Lines that begin with # are comments. Raises InputError, naming file, column
-    and event, for what is missing, not a number, or not a date; tensors and sizes may be empty, an event needs one.
+    filter, period, domain, and columns, which names the file's columns: time (one column, or a list of two or three:
+    date, time of day, offset; see catalogs.records.times), x, y, z (m) or latitude, longitude (degrees), depth (m below
+    sea level), at least one of potency (m3), log_potency, moment (N m), mw, or magnitude with magnitude_type, and
+    optionally potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m), time_uncertainty (s),
+    step. units: {kind of column: unit}, where it is not the one above and not in the file; decimal, date_order,
+    time_zone: what cannot be found from the file; conversions: catalogs.records.magnitudes; missing: numbers that stand
+    for a missing value, else CODES. How the table is read: catalogs.records.csv_table.
+
+    Events without a time, a place or a size are left out, and rows that are there twice. Raises InputError, naming
+    file, column and event, for what is missing, not a number, or not a date.
     """
     path = Path(settings["file"])
-    columns = dict(settings.get("columns") or {})
-    table = _read_table(path)
-    _check_columns(columns, table, path)
-    time = _times(table, columns["time"], path)
-    sizes = {key: _numbers(table, columns[key], path) for key in SIZE_NAMES if key in columns}
-    tensor = _tensor(table, columns, settings, path)
-    present = [np.isfinite(values) for values in sizes.values()]
-    if tensor is not None:
-        present.append(np.isfinite(tensor).all(axis=(1, 2)))
-    _refuse(~np.logical_or.reduce(present), table, path, "an event without a size", "fill it in or remove the line")
-    if "potency" in sizes or "moment" in sizes:
-        for key in ("potency", "moment"):
-            if key in sizes:
-                _refuse(sizes[key] <= 0, table, path, f"column {columns[key]!r} is not positive", "remove the line")
-    other = {}
-    if "time_uncertainty" in columns:
-        other["time_uncertainty"] = _numbers(table, columns["time_uncertainty"], path)
+    columns = check_columns(settings.get("columns") or {})
+    names = {key: name for key, name in columns.items() if key not in TEXTS}
+    named = {name: f"record.columns.{key}" for key, value in columns.items() for name in _listed(value)}
+    table = read_table(path, named, list(names.values()), settings.get("decimal"))
+    table.decide_decimals(names.values())
+    codes = CODES if settings.get("missing") is None else tuple(map(float, settings["missing"]))
+    units = settings.get("units") or {}
+    if unknown := set(units) - (set(columns) & set(UNITS)):
+        raise InputError(f"record.units.{min(unknown)}: not a named column with a unit; such are {', '.join(UNITS)}")
+    numbers = {}
+    for key, name in names.items():
+        values = table.numbers(name)
+        factor = table.factor(name, UNITS[key], units.get(key)) if key in UNITS else 1.0
+        missing = np.isin(values, codes)
+        if settings.get("missing") is None:
+            _check_codes(key, values[missing], factor, settings)
+        numbers[key] = np.where(missing, np.nan, values) * factor
+    time = _times(table, columns["time"], settings)
+    place = _locations(table, columns, numbers, settings)
+    tensor = _tensor(numbers, settings)
+    sizes, told = _sizes(table, columns, numbers, tensor, settings)
+    other = {key: numbers[key] for key in ("time_uncertainty",) if key in columns}
     if "step" in columns:
-        other["step"] = table[columns["step"]].fillna("").astype(str).to_numpy(object)
-    record = build_record(settings, time, _locations(table, columns, settings, path), sizes, tensor, **other)
-    quality = {name: pd.to_numeric(table[name], errors="coerce").to_numpy(float) for name in table}
-    return filter_events(record, settings.get("filter") or {}, quality, source=str(path))
+        other["step"] = table.text(columns["step"]).to_numpy(object)
+    record = build_record(settings, time, place, sizes, tensor, source=str(path), **other)
+    record.attrs |= {"sizes_text": told} if told else {}
+    limits = settings.get("filter") or {}
+    quality = table.rows if limits.get("maximum") or limits.get("minimum") else ()
+    quality = {name: table.numbers(name, strict=False) for name in quality}
+    return filter_events(record, settings, quality, source=str(path), repeated=table.repeated)
 
 
-def _read_table(path: Path) -> pd.DataFrame:
-    """The file as text, one row per event."""
-    try:
-        table = pd.read_csv(path, dtype=str, comment="#", skipinitialspace=True)
-    except (OSError, ValueError) as error:  # pandas' parser errors are ValueErrors
-        raise InputError(f"{path}: not a readable CSV file ({error}); give a comma-separated table") from error
-    if table.empty:
-        raise InputError(f"{path}: no events in the file")
-    return table
+def _listed(value: str | list[str]) -> list[str]:
+    return [value] if isinstance(value, str) else value
 
 
-def _check_columns(columns: Mapping, table: pd.DataFrame, path: Path) -> None:
-    """Every key known, every column there, a time, a location and a size among them."""
-    where = "record.columns"
-    unknown = set(columns) - set(COLUMN_KEYS)
-    if unknown:
-        raise InputError(f"{where}.{sorted(unknown)[0]}: not a column kind; known are {', '.join(COLUMN_KEYS)}")
-    if "time" not in columns:
-        raise InputError(f"{where}.time: missing; name the column of {path} that holds the date and time")
-    if not any(set(names) <= set(columns) for names in (MINE_COORDINATES, GLOBE_COORDINATES)):
-        raise InputError(f"{where}: {path}: name the columns x, y and z, or latitude, longitude and depth")
-    kinds = [kind for kind in TENSOR_KINDS if all(f"{kind}_{name}" in columns for name in VOIGT)]
-    if not kinds and not any(key in columns for key in SIZE_NAMES):
-        raise InputError(f"{where}: {path}: name a column of sizes: {', '.join(SIZE_NAMES)}, or six of a tensor")
-    for kind in TENSOR_KINDS:
-        named = [f"{kind}_{name}" for name in VOIGT if f"{kind}_{name}" in columns]
-        if 0 < len(named) < len(VOIGT):
-            raise InputError(f"{where}: {path}: a tensor needs all six of {kind}_xx ... {kind}_xy")
-    for key, names in columns.items():
-        for name in [names] if isinstance(names, str) else names:
-            if name not in table:
-                raise InputError(f"{path}: column {name!r} ({where}.{key}) is missing; it has {', '.join(table)}")
+def _check_codes(key: str, codes: np.ndarray, factor: float, settings: Mapping) -> None:
+    """Raise InputError where usual codes of a missing value may as well be coordinates, of this domain.
+
+    Outside the domain the question does not arise: the event is left out either way.
+    """
+    axis, up = ("z", -1.0) if key == "depth" else (key, 1.0)
+    domain = settings.get("domain")
+    axes = {"xz": "xz", "xy": "xy"}.get(domain.get("plane"), "xyz") if domain else ""
+    if axis not in MINE_COORDINATES or axis not in axes:
+        return
+    low, high = (domain[end][axes.index(axis)] for end in ("lower", "upper"))
+    place = up * factor * codes
+    inside = (low <= place) & (place <= high)
+    if inside.any():
+        raise InputError(
+            f"{settings['file']}: column {settings['columns'][key]!r}: {codes[inside][0]:g} stands for a missing value "
+            f"in many files, and lies in this domain ({int(inside.sum())} such); say it with record.missing: a list of "
+            "the numbers that do, [] if none does"
+        )
 
 
-def _times(table: pd.DataFrame, names: str | list[str], path: Path) -> np.ndarray:
-    """UTC times (event,) datetime64[ns] from one column, or a date column and a time-of-day column."""
-    names = [names] if isinstance(names, str) else list(names)
-    text = table[names[0]].str.strip()
+def _times(table: Table, names: str | list[str], settings: Mapping) -> np.ndarray:
+    """UTC times (event,) datetime64[ns] of one column, or of date, time of day and offset; NaT if empty."""
+    names = _listed(names)
+    text = table.text(names[0])
+    there = text != ""
     for name in names[1:]:
-        text = text + "T" + table[name].str.strip()
-    time = pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")
-    bad = time.isna().to_numpy()
-    if bad.any():
-        value = text.iloc[int(np.flatnonzero(bad)[0])]
-        _refuse(
-            bad, table, path, f"column {names[0]!r}: {value!r} is not an ISO 8601 time", "write 2019-08-01T12:00:00"
+        text = text + " " + table.text(name)
+        there &= table.text(name) != ""
+    where = f"{table.source}: column {names[0]!r}"
+    time = parse_times(text.where(there, ""), settings.get("date_order"), settings.get("time_zone"), where)
+    wrong = np.isnat(time) & there.to_numpy()
+    if wrong.any():
+        table.refuse(wrong, names[0], f"({text[wrong].iloc[0]}) is not a date and time", "write 2019-08-01T12:00:00")
+    return time
+
+
+def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: Mapping) -> np.ndarray:
+    """Mine coordinates (event, 3) m, NaN where one is missing. Raises InputError for degrees off the globe."""
+    if set(MINE_COORDINATES) <= set(columns):
+        return np.column_stack([numbers[key] for key in MINE_COORDINATES])
+    for key, most in (("latitude", 90.0), ("longitude", 180.0)):
+        table.refuse(
+            np.abs(numbers[key]) > most, columns[key], f"is no {key}, which ends at {most:g} degrees", "correct it"
         )
-    return time.dt.tz_localize(None).to_numpy("datetime64[ns]")
+    globe = np.column_stack([numbers[key] for key in GLOBE_COORDINATES])
+    location = np.full(globe.shape, np.nan)
+    known = np.isfinite(globe).all(axis=1)
+    location[known] = MineFrame(settings.get("frame")).to_mine(*globe[known].T)
+    return location
 
 
-def _numbers(table: pd.DataFrame, name: str, path: Path) -> np.ndarray:
-    """A column of numbers, NaN where empty."""
-    values = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
-    wrong = (
-        np.isnan(values) & table[name].notna().to_numpy() & (table[name].str.strip().str.lower() != "nan").to_numpy()
-    )
-    _refuse(wrong, table, path, f"column {name!r} is not a number", "correct it")
-    return values
+def _sizes(
+    table: Table, columns: Mapping, numbers: Mapping, tensor: np.ndarray | None, settings: Mapping
+) -> tuple[dict[str, np.ndarray], str]:
+    """Sizes of every kind (event,), NaN where unknown, and a sentence on the magnitudes that were converted."""
+    sizes = {key: numbers[key] for key in SIZE_NAMES if key in columns}
+    for key in ("potency", "moment"):
+        if key in sizes:
+            sizes[key] = np.where(sizes[key] == 0, np.nan, sizes[key])  # what was never computed
+            table.refuse(
+                sizes[key] < 0,
+                columns[key],
+                "is not positive",
+                "if it is a logarithm, name it log_potency; else correct it",
+            )
+    if MAGNITUDE not in columns and MAGNITUDE_TYPE not in columns:
+        return sizes, ""
+    source = MAGNITUDE if MAGNITUDE in columns else "mw"
+    needed = np.ones(len(table.rows), bool) if tensor is None else ~np.isfinite(tensor).all(axis=(1, 2))
+    for key, values in sizes.items():
+        needed &= np.isnan(values) | (key == source)
+    kinds = table.text(columns[MAGNITUDE_TYPE]) if MAGNITUDE_TYPE in columns else [""] * len(table.rows)
+    conversions = settings.get("conversions") or {}
+    mw, used = moment_magnitudes(numbers[source], list(kinds), conversions, needed, table.source)
+    sizes["mw"] = np.where(np.isnan(mw), sizes.get("mw", np.nan), mw) if source == MAGNITUDE else mw
+    return sizes, sizes_text(used, conversions)
 
 
-def _locations(table: pd.DataFrame, columns: Mapping, settings: Mapping, path: Path) -> np.ndarray:
-    """Mine coordinates (event, 3) m, none of them NaN."""
-    own = set(MINE_COORDINATES) <= set(columns)
-    keys = MINE_COORDINATES if own else GLOBE_COORDINATES
-    values = [_numbers(table, columns[key], path) for key in keys]
-    for key, column in zip(keys, values, strict=True):
-        bad = ~np.isfinite(column)
-        _refuse(
-            bad, table, path, f"column {columns[key]!r}: NaN location", "an event needs a location: remove the line"
-        )
-    return np.column_stack(values) if own else MineFrame(settings.get("frame")).to_mine(*values)
-
-
-def _tensor(table: pd.DataFrame, columns: Mapping, settings: Mapping, path: Path) -> np.ndarray | None:
+def _tensor(numbers: Mapping, settings: Mapping) -> np.ndarray | None:
     """Potency tensors (event, 3, 3) m3, NaN where a component is empty; None if no columns are named."""
     for kind in TENSOR_KINDS:
-        if f"{kind}_xx" not in columns:
+        if f"{kind}_xx" not in numbers:
             continue
-        tensor = np.empty((len(table), 3, 3))
+        tensor = np.empty((len(numbers[f"{kind}_xx"]), 3, 3))
         for name, (i, j) in VOIGT.items():
-            tensor[:, i, j] = tensor[:, j, i] = _numbers(table, columns[f"{kind}_{name}"], path)
-        tensor[~np.isfinite(tensor).all(axis=(1, 2))] = np.nan
+            tensor[:, i, j] = tensor[:, j, i] = numbers[f"{kind}_{name}"]
+        tensor[~np.isfinite(tensor).all(axis=(1, 2)) | ~tensor.any(axis=(1, 2))] = np.nan  # zero: never computed
         if kind == "potency":
             return tensor
         moduli = [settings.get(name) for name in ("lame_lambda", "shear_modulus")]
@@ -151,10 +176,3 @@ def _tensor(table: pd.DataFrame, columns: Mapping, settings: Mapping, path: Path
             raise InputError("record: moment tensors need lame_lambda and shear_modulus of the host rock, in Pa")
         return potency_from_moment(tensor, *map(float, moduli))
     return None
-
-
-def _refuse(bad: np.ndarray, table: pd.DataFrame, path: Path, what: str, remedy: str) -> None:
-    """Raise InputError for the first bad row and say how many there are."""
-    if np.any(bad):
-        row = int(np.flatnonzero(bad)[0])
-        raise InputError(f"{path}: event {row + 1} of {len(table)}: {what} ({int(np.sum(bad))} such); {remedy}")

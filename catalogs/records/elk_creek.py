@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from catalogs.records.filters import filter_events, parse_time
+from catalogs.records.filters import distance_beyond, domain_box, filter_events, limits_of, parse_time
 from catalogs.schema import new_catalog
 from pipeline.errors import InputError
 
@@ -74,9 +74,9 @@ def data_path(folder: Path, name: str) -> Path:
 def read(settings: Mapping) -> xr.Dataset:
     """IMS events with sizes (dim event, tensors NaN) and, apart from them, orientations (dim orientation).
 
-    settings: file (the data folder), mine, filter (catalogs.records.filters; columns of the IMS files by their names),
-    rigidity (Pa, 33 GPa unless given; potency = Moment Total / rigidity), orientations (absent: none; see
-    read_orientations), location_error (m; absent: the median distance of pairs matched within match_within, 1 s).
+    settings: file (the data folder), mine, filter, period, domain (catalogs.records.filters; columns of the IMS files
+    by their names), rigidity (Pa, 33 GPa unless given; potency = Moment Total / rigidity), orientations (absent: none;
+    see read_orientations), location_error (m; absent: the median distance of pairs matched within match_within, 1 s).
 
     Beside the schema's variables: orientation_time, orientation_location (orientation, xyz) m, orientation_tensor
     (orientation, xyz, axis): moment tensor over its norm, axes taken as east, north, up (SOURCE: not documented).
@@ -107,23 +107,26 @@ def read(settings: Mapping) -> xr.Dataset:
         mw=2 / 3 * (np.log10(moment) - 9.1),
     )
     numbers = {name: frame[name].to_numpy() for name in frame.select_dtypes("number")}
-    limits = settings.get("filter", {})
-    events = filter_events(events, limits, numbers, source=str(folder))
+    events = filter_events(events, settings, numbers, source=str(folder))
 
     chosen = settings.get("orientations")
     if chosen:
-        events = events.merge(read_orientations(folder, chosen, limits), combine_attrs="drop_conflicts")
+        events = events.merge(
+            read_orientations(folder, chosen, limits_of(settings), settings.get("domain")),
+            combine_attrs="drop_conflicts",
+        )
     events.attrs |= _location_error(events, settings)
     logging.info("%s: %d events; %s", folder, events.sizes["event"], events.attrs["location_error_from"])
     return events
 
 
-def read_orientations(folder: Path, chosen: Mapping, limits: Mapping) -> xr.Dataset:
+def read_orientations(folder: Path, chosen: Mapping, limits: Mapping, domain: Mapping | None = None) -> xr.Dataset:
     """Orientations (dim orientation) of reprocessed events with `Location Error` below chosen["location_error"] (m).
 
     chosen: location_error, and lower, upper (corners of a box, m), start, end (ISO, UTC), each the record's own limit
-    where absent. A small location error alone selects ground near a sensor: most such events are in the mains, 700 m
-    from the face, so name the box that is to be compared. Raises InputError when none is left.
+    where absent; domain: as in catalogs.records.filters, none but its events count. A small location error alone
+    selects ground near a sensor: most such events are in the mains, 700 m from the face, so name the box that is to be
+    compared. Raises InputError when none is left.
     """
     frame = _read_parquet(data_path(folder, "rocksigma_events"), ROCKSIGMA_COLUMNS)
     location = frame[COORDINATES].to_numpy(float)
@@ -136,6 +139,8 @@ def read_orientations(folder: Path, chosen: Mapping, limits: Mapping) -> xr.Data
     for key, inside in (("start", np.greater_equal), ("end", np.less)):
         if limit[key]:
             kept &= inside(time, parse_time(limit[key], f"record.orientations.{key}"))
+    if domain:
+        kept &= distance_beyond(location, *domain_box(domain)) == 0
     if not kept.any():
         raise InputError(
             f"{folder}: record.orientations: none of {len(frame)} left; widen location_error, box or dates"

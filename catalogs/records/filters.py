@@ -1,4 +1,7 @@
-"""What part of a record is compared: a box, dates, sizes and quality columns, each with its count before and after."""
+"""What part of a record is compared: whole events, a box, dates, sizes, quality columns, the model's domain.
+
+Each takes its count before and after with it, so that the report can say what was left out.
+"""
 
 import json
 from collections.abc import Mapping
@@ -7,40 +10,145 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from catalogs.record_settings import FIRST_YEAR, LAST_YEAR
 from pipeline.errors import InputError
 
 KEYS = ("lower", "upper", "start", "end", "minimum_potency", "maximum", "minimum")
+DOMAIN = "domain"
+FARTHEST = 1e8  # m; more than twice round the Earth, hence no coordinate
+
+
+def limits_of(settings: Mapping) -> dict:
+    """The filters of a record: what the configuration names, and the modelled months where it names no dates."""
+    return {**(settings.get("period") or {}), **(settings.get("filter") or {})}
 
 
 def filter_events(
-    events: xr.Dataset, settings: Mapping, columns: Mapping[str, np.ndarray] | None = None, source: str = "record"
+    events: xr.Dataset,
+    settings: Mapping,
+    columns: Mapping[str, np.ndarray] | None = None,
+    source: str = "record",
+    repeated: np.ndarray | None = None,
 ) -> xr.Dataset:
-    """The events that pass every filter, and in attrs["filter"] what each took (JSON: filter, value, before, after).
+    """The whole events that pass every filter and lie in the domain; attrs["filter"]: what each took (JSON).
 
-    settings: lower, upper (3 numbers in m: a box, its faces included), start, end (ISO text; start <= time < end, UTC),
-    minimum_potency (m3), maximum and minimum ({column: value}: quality columns of the file, in the file's own units).
-    columns: name -> (event,) numbers of the file, for maximum and minimum. A missing value passes no filter.
-    Raises InputError naming `source` and the key for an unknown key or column, a bad date, or when no event is left.
+    attrs["rows"]: events of the file; attrs["dropped"] (JSON): how many of them lack a time, a place or a size, or are
+    `repeated` (event,) bool. Each entry of attrs["filter"] holds filter, value, before, after; the domain's, which is
+    the last, also potency_before and potency_after (m3) and farthest (m: of an event left out, from the domain; null if
+    there is none).
+
+    settings: filter (lower, upper: 3 numbers in m, a box, its faces included; start, end: ISO text, start <= time <
+    end, UTC; minimum_potency in m3; maximum and minimum: {column: value}, quality columns of the file in its own
+    units); period (start and end of the modelled months, where filter has none); domain (lower, upper in m, plane:
+    "xz", "xy" or null; absent: no crop). columns: name -> (event,) numbers of the file. A missing value passes no
+    filter.
+
+    Raises InputError naming `source` and the key for an unknown key or column, a bad date, when a filter of the
+    configuration leaves no event, or when none of the file lies in the domain: such a record is of other ground. None
+    left by the modelled months, or by the domain in them, is a record without events.
     """
     where = f"{source}: record.filter"
-    unknown = set(settings) - set(KEYS)
+    chosen, period = settings.get("filter") or {}, settings.get("period") or {}
+    unknown = set(chosen) - set(KEYS)
     if unknown:
         raise InputError(f"{where}.{sorted(unknown)[0]}: not a filter; known are {', '.join(KEYS)}")
+    if not events.sizes["event"]:
+        raise InputError(f"{source}: no events in the file")
+    check_places(events["location"].values, source)
     columns = columns or {}
+    whole, dropped = _whole_events(events, repeated, source)
+    attributes = {"rows": events.sizes["event"], "dropped": json.dumps(dropped)}
+    events = events.isel(event=np.flatnonzero(whole))
+    columns = {name: np.asarray(values)[whole] for name, values in columns.items()}
+    box = domain_box(settings[DOMAIN]) if settings.get(DOMAIN) else None
+    beyond = distance_beyond(events["location"].values, *box) if box else np.zeros(events.sizes["event"])
+    if not (beyond == 0).any():
+        raise InputError(_other_ground(events, box, source))
     kept = np.ones(events.sizes["event"], bool)
     account = []
-    for key, value, passes in _conditions(events, settings, columns, where):
+    for key, value, passes in _conditions(events, {**period, **chosen}, columns, where):
         before = int(kept.sum())
         kept &= passes
         after = int(kept.sum())
         account.append({"filter": key, "value": value, "before": before, "after": after})
-        if after == 0:
+        if after == 0 and before and key.partition(".")[0] in chosen:
             raise InputError(f"{where}.{key}: no event left ({before} before this filter); widen it")
-    if not kept.any():
-        raise InputError(f"{source}: no events in the file")
+    if box:
+        potency, inside = events["potency"].values, kept & (beyond == 0)
+        outside = beyond[kept & ~inside]
+        account.append(
+            {
+                "filter": DOMAIN,
+                "value": [settings[DOMAIN]["lower"], settings[DOMAIN]["upper"]],
+                "before": int(kept.sum()),
+                "after": int(inside.sum()),
+                "potency_before": float(potency[kept].sum()),
+                "potency_after": float(potency[inside].sum()),
+                "farthest": float(outside.max()) if outside.size else None,
+            }
+        )
+        kept = inside
     filtered = events.isel(event=np.flatnonzero(kept))
-    filtered.attrs["filter"] = json.dumps(account)
+    filtered.attrs |= attributes | {"filter": json.dumps(account)}
     return filtered
+
+
+def check_places(location: np.ndarray, source: str) -> None:
+    """Raise InputError for a coordinate (event, 3) m that can be none."""
+    absurd = np.abs(location) > FARTHEST
+    if absurd.any():
+        event, axis = np.argwhere(absurd)[0]
+        raise InputError(
+            f"{source}: event {event + 1}: {'xyz'[axis]} = {location[event, axis]:g} m is no place on Earth "
+            f"({int(absurd.any(axis=1).sum())} such); check the columns and their units"
+        )
+
+
+def _whole_events(events: xr.Dataset, repeated: np.ndarray | None, source: str) -> tuple[np.ndarray, dict[str, int]]:
+    """Which events (event,) have a time, a place and a size and stand there once; how many do not, by what lacks."""
+    has = {
+        "without a time": ~np.isnat(events["time"].values),
+        "without a place": np.isfinite(events["location"].values).all(axis=1),
+        "without a size": np.isfinite(events["potency"].values),
+        "there twice": np.ones(events.sizes["event"], bool) if repeated is None else ~repeated,
+    }
+    kept = np.ones(events.sizes["event"], bool)
+    dropped = {}
+    for what, there in has.items():
+        if count := int((kept & ~there).sum()):
+            dropped[what] = count
+        kept &= there
+    if not kept.any():
+        told = ", ".join(f"{count} {what}" for what, count in dropped.items())
+        raise InputError(f"{source}: none of its {len(kept)} events has a time, a place and a size ({told})")
+    return kept, dropped
+
+
+def distance_beyond(location: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """How far (event,) m locations (event, 3) m lie outside a box; 0 on its faces and inside."""
+    return np.linalg.norm(np.maximum(np.maximum(lower - location, location - upper), 0.0), axis=1)
+
+
+def domain_box(settings: Mapping) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner (3,) m of a domain; a section reaches through all of the direction that it has not."""
+    box = np.array([[-np.inf] * 3, [np.inf] * 3])
+    axes = {"xz": [0, 2], "xy": [0, 1]}.get(settings.get("plane"), [0, 1, 2])
+    box[:, axes] = settings["lower"], settings["upper"]
+    return box[0], box[1]
+
+
+def _other_ground(events: xr.Dataset, box: tuple[np.ndarray, np.ndarray], source: str) -> str:
+    """The line for a record of which no event lies in the domain."""
+    location = events["location"].values
+    ranges = [
+        f"{axis} {low:.0f} to {high:.0f}"
+        for axis, low, high in zip("xyz", location.min(axis=0), location.max(axis=0), strict=True)
+    ]
+    model = [f"{axis} {low:.0f} to {high:.0f}" for axis, low, high in zip("xyz", *box, strict=True) if low > -np.inf]
+    return (
+        f"{source}: none of its {len(location)} events lies in the model's domain ({', '.join(model)} m): they lie at "
+        f"{', '.join(ranges)} m; check record.columns, their units, and frame"
+    )
 
 
 def _conditions(events: xr.Dataset, settings: Mapping, columns: Mapping[str, np.ndarray], where: str):
@@ -76,6 +184,8 @@ def parse_time(text: str, where: str) -> np.datetime64:
         raise InputError(f"{where}: {text!r} is not an ISO date") from error
     if moment is pd.NaT:
         raise InputError(f"{where}: {text!r} is not an ISO date")
+    if not FIRST_YEAR <= moment.year <= LAST_YEAR:
+        raise InputError(f"{where}: {text!r}: years run from {FIRST_YEAR} to {LAST_YEAR} here")
     if moment.tzinfo is not None:
         moment = moment.tz_convert("UTC").tz_localize(None)
     return np.datetime64(moment.to_datetime64(), "ns")

@@ -4,36 +4,46 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from obspy.core.event import Catalog, Event
+from obspy.core.event import Catalog, Event, Magnitude
 
 from catalogs.frame import MineFrame
 from catalogs.quakeml import moment_tensor, own_catalog, read_quakeml
-from catalogs.records.build import build_record, potency_from_moment
+from catalogs.record_settings import FIRST_YEAR, LAST_YEAR
+from catalogs.records.build import build_record, check_sizes, potency_from_moment
 from catalogs.records.filters import filter_events
+from catalogs.records.magnitudes import is_convertible, is_moment_type, moment_magnitudes, sizes_text
 from pipeline.errors import InputError
+
+GLOBE = {"latitude": 90.0, "longitude": 180.0, "depth": np.inf}  # of an origin, and the most that it may be
 
 
 def read(settings: dict) -> xr.Dataset:
     """The events of a QuakeML file in the form of catalogs.schema, filtered (catalogs.records.filters).
 
-    settings: file, mine, twin, location_error (m), frame, lame_lambda, shear_modulus (Pa), filter. An event's preferred
-    origin, magnitude and mechanism count, else its first; its size is its moment tensor, else its magnitude read as Mw.
+    settings: file, mine, twin, location_error (m), frame, lame_lambda, shear_modulus (Pa), filter, period, domain,
+    conversions (catalogs.records.magnitudes). An event's preferred origin and mechanism count, else its first. Its size
+    is its moment tensor, else its moment magnitude, else a magnitude for which a conversion is stated; of several the
+    preferred one, else the first. Events without a time, a place or a size are left out and counted.
     A file written by catalogs.quakeml keeps its x, y, z and tensors bit for bit. Raises InputError, naming file and
-    event, for a missing or NaN location or time, or an event without magnitude and tensor.
+    event, for degrees off the globe, magnitudes of other types, sizes that no event has, and what is no QuakeML.
     """
     path = Path(settings["file"])
     events = read_quakeml(path)
     if len(events) == 0:
         raise InputError(f"{path}: no events in the file")
-    record = own_catalog(events)
-    record = _foreign(events, settings, path) if record is None else _relabelled(record, settings)
-    return filter_events(record, settings.get("filter") or {}, source=str(path))
+    try:
+        record = own_catalog(events)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    record = _foreign(events, settings, path) if record is None else _relabelled(record, settings, path)
+    return filter_events(record, settings, source=str(path))
 
 
-def _relabelled(record: xr.Dataset, settings: dict) -> xr.Dataset:
+def _relabelled(record: xr.Dataset, settings: dict, path: Path) -> xr.Dataset:
     """Our own file as this mine's record: what it is and how well located is the configuration's to say."""
     if settings.get("location_error") is None:
         raise InputError("record.location_error: missing; give the record's location error in m (0 if it is a model's)")
+    check_sizes(record["mw"].values, str(path))
     record.attrs |= {
         "mine": settings.get("mine", record.attrs["mine"]),
         "kind": "twin" if settings.get("twin") else "recorded",
@@ -44,42 +54,62 @@ def _relabelled(record: xr.Dataset, settings: dict) -> xr.Dataset:
 
 def _foreign(events: Catalog, settings: dict, path: Path) -> xr.Dataset:
     """A catalogue from what every QuakeML file holds."""
-    origins = [_origin(event, number, path) for number, event in enumerate(events, 1)]
-    time = np.array([origin.time.ns for origin in origins]).astype("datetime64[ns]")
-    uncertainty = [origin.time_errors.uncertainty if origin.time_errors else None for origin in origins]
-    location = MineFrame(settings.get("frame")).to_mine(
-        *(np.array([getattr(origin, name) for origin in origins], float) for name in ("latitude", "longitude", "depth"))
-    )
+    origins = [event.preferred_origin() or (event.origins or [None])[0] for event in events]
+    time = np.array([_time(origin, number, path) for number, origin in enumerate(origins, 1)], "datetime64[ns]")
+    uncertainty = [origin.time_errors.uncertainty if origin and origin.time_errors else None for origin in origins]
+    globe = np.array([[getattr(origin, name, None) for name in GLOBE] for origin in origins], float)
+    for column, (name, most) in enumerate(GLOBE.items()):
+        off = np.abs(globe[:, column]) > most
+        if off.any():
+            event = int(np.flatnonzero(off)[0])
+            raise InputError(
+                f"{path}: event {event + 1} of {len(events)}: {globe[event, column]:g} is no {name}, which ends at "
+                f"{most:g} degrees ({int(off.sum())} such); correct it"
+            )
+    location = np.full(globe.shape, np.nan)
+    known = np.isfinite(globe).all(axis=1)
+    if known.any():
+        location[known] = MineFrame(settings.get("frame")).to_mine(*globe[known].T)
     tensor = np.array([moment_tensor(event) for event in events])
-    magnitudes = np.array([_magnitude(event) for event in events], float)
+    tensor[~tensor.any(axis=(1, 2))] = np.nan  # never computed
     known = np.isfinite(tensor).all(axis=(1, 2))
-    without = np.isnan(magnitudes) & ~known
-    if without.any():
-        raise InputError(
-            f"{path}: event {int(np.flatnonzero(without)[0]) + 1} of {len(events)}: neither magnitude nor moment "
-            f"tensor ({int(without.sum())} such); remove it"
-        )
+    conversions = settings.get("conversions") or {}
+    magnitudes = [_magnitude(event, conversions) for event in events]
+    values = np.array([np.nan if one is None or one.mag is None else one.mag for one in magnitudes], float)
+    kinds = ["" if one is None else one.magnitude_type or "" for one in magnitudes]
+    # where there is a tensor the scalar potency is the tensor's own, not the rounded magnitude's
+    mw, used = moment_magnitudes(values, kinds, conversions, ~known, str(path))
     if known.any():
         moduli = [settings.get(name) for name in ("lame_lambda", "shear_modulus")]
         if None in moduli:
             raise InputError("record: moment tensors need lame_lambda and shear_modulus of the host rock, in Pa")
         tensor = potency_from_moment(tensor, *map(float, moduli))
-    # where there is a tensor the scalar potency is the tensor's own, not the rounded magnitude's
-    sizes = {"mw": np.where(known, np.nan, magnitudes)}
-    return build_record(settings, time, location, sizes, tensor, time_uncertainty=np.array(uncertainty, float))
+    record = build_record(
+        settings, time, location, {"mw": mw}, tensor, str(path), time_uncertainty=np.array(uncertainty, float)
+    )
+    text = sizes_text(used, conversions)
+    record.attrs |= {"sizes_text": text} if text else {}
+    return record
 
 
-def _origin(event: Event, number: int, path: Path):
-    origin = event.preferred_origin() or (event.origins or [None])[0]
+def _time(origin, number: int, path: Path) -> np.datetime64:
+    """Origin time, NaT where there is none. Raises InputError for a year that nanoseconds do not reach."""
     if origin is None or origin.time is None:
-        raise InputError(f"{path}: event {number}: no origin with a time; remove it")
-    for name in ("latitude", "longitude", "depth"):
-        value = getattr(origin, name)
-        if value is None or not np.isfinite(value):
-            raise InputError(f"{path}: event {number}: NaN location ({name}); remove it or fill it in")
-    return origin
+        return np.datetime64("NaT", "ns")
+    if not FIRST_YEAR <= origin.time.year <= LAST_YEAR:
+        raise InputError(
+            f"{path}: event {number}: {str(origin.time)!r}: years run from {FIRST_YEAR} to {LAST_YEAR} here"
+        )
+    return np.datetime64(origin.time.ns, "ns")
 
 
-def _magnitude(event: Event) -> float:
-    magnitude = event.preferred_magnitude() or (event.magnitudes or [None])[0]
-    return np.nan if magnitude is None or magnitude.mag is None else magnitude.mag
+def _magnitude(event: Event, conversions: dict) -> Magnitude | None:
+    """The magnitude that counts: a moment magnitude, else a convertible one, else any; the preferred one first."""
+    preferred = event.preferred_magnitude()
+    listed = ([preferred] if preferred else []) + list(event.magnitudes)
+    listed = [one for one in listed if one.mag is not None]
+    for fits in (is_moment_type, lambda kind: is_convertible(kind, conversions), lambda _: True):
+        for one in listed:
+            if fits(one.magnitude_type or ""):
+                return one
+    return None

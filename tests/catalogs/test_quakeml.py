@@ -1,10 +1,13 @@
 import io
+import json
+import re
 
 import numpy as np
 import pytest
 import xarray as xr
 from catalog_fixtures import FRAME, LAME, SETTINGS, SHEAR, made_up_catalog
-from obspy import read_events
+from obspy import UTCDateTime, read_events
+from obspy.core.event import Magnitude
 from obspy.io.quakeml.core import _validate
 from pyproj import CRS
 
@@ -100,6 +103,101 @@ def test_our_own_file_as_a_record_keeps_every_bit_and_takes_the_filter(catalog, 
     kept = catalog["potency"].values >= 1e-2
     assert record.attrs["kind"] == "twin"
     assert record["location"].values.tobytes() == catalog["location"].values[kept].tobytes()
+
+
+OWN_FAULTS = {  # what stands in the file, what is put there, what the line says
+    "text": (r"<mine:location>[^<]*", "<mine:location>here and there", "event 1: mine:location: 'here and there'"),
+    "short": (r"<mine:location>[^<]*", "<mine:location>1.0 2.0", "event 1: mine:location: '1.0 2.0'"),
+    "missing": (r"<mine:potency>[^<]*</mine:potency>", "", "event 1: mine:potency is missing"),
+    "no time": (r"<mine:time>[^<]*", "<mine:time>yesterday", "event 1: mine:time: 'yesterday'"),
+    "a number too large": (r"<mine:particles>[^<]*", "<mine:particles>99999999999999", "event 1: mine:particles"),
+    "attributes broken": (r"<mine:attributes>[^<]*", "<mine:attributes>{", "mine:attributes: not JSON"),
+    "attributes of another kind": (r"<mine:attributes>[^<]*", "<mine:attributes>[1]", "mine:attributes: not a mapping"),
+    "absurd": (r"<mine:mw>[^<]*", "<mine:mw>400.0", "event 1: Mw 400 is no event's size"),
+    "cut off": (r"<mine:location>(.|\n)*", "<mine:loc", "not QuakeML 1.2"),
+}
+
+
+@pytest.mark.parametrize("fault", OWN_FAULTS)
+def test_our_own_file_spoiled_is_one_line(catalog, tmp_path, fault):
+    """It was a traceback, or numbers of another event."""
+    pattern, text, says = OWN_FAULTS[fault]
+    write_quakeml(catalog, tmp_path / "own.xml")
+    content, count = re.subn(pattern, text, (tmp_path / "own.xml").read_text(), count=1)
+    assert count == 1
+    (tmp_path / "own.xml").write_text(content)
+    with pytest.raises(InputError) as error:
+        read_record(SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "own.xml")})
+    assert says in str(error.value)
+    assert "own.xml" in str(error.value)
+
+
+def foreign(catalog, path, change=lambda number, event: None):
+    """Our file as another program would write it, without tensors, each event changed."""
+    write_quakeml(catalog, path)
+    events = read_events(str(path))
+    del events.extra
+    for number, event in enumerate(events):
+        del event.extra
+        event.focal_mechanisms, event.preferred_focal_mechanism_id = [], None
+        change(number, event)
+    events.write(str(path), format="QUAKEML")
+    return SETTINGS | {"reader": "quakeml", "file": str(path)}
+
+
+def test_foreign_magnitudes_are_refused_by_name_or_converted_as_stated(catalog, tmp_path):
+    """Half of the events have ML alone, one of them a second magnitude in Mw, which then counts."""
+
+    def local(number, event):
+        if number % 2:
+            event.magnitudes[0].magnitude_type = "ML"
+        if number == 5:
+            event.magnitudes.append(Magnitude(mag=0.25, magnitude_type="Mww"))
+
+    settings = foreign(catalog, tmp_path / "foreign.xml", local)
+    with pytest.raises(InputError, match=r"14 of 30 events are of type ML: only Mw is a moment"):
+        read_record(settings)
+    record = read_record(settings | {"conversions": {"ML": {"slope": 0.5, "offset": 0.1}}})
+    expected = catalog["mw"].values.copy()
+    expected[1::2] = 0.5 * expected[1::2] + 0.1
+    expected[5] = 0.25
+    np.testing.assert_allclose(record["mw"], expected, atol=1e-9)
+    left_out = read_record(settings | {"conversions": {"ML": "none"}})
+    np.testing.assert_allclose(left_out["mw"], np.delete(expected, [n for n in range(1, 30, 2) if n != 5]), atol=1e-9)
+    assert json.loads(left_out.attrs["dropped"]) == {"without a size": 14}
+
+
+def test_events_without_origin_depth_or_magnitude_are_left_out_and_counted(catalog, tmp_path):
+    def spoil(number, event):
+        if number == 0:
+            event.origins, event.preferred_origin_id = [], None
+        if number == 1:
+            event.origins[0].depth = None
+        if number == 2:
+            event.magnitudes, event.preferred_magnitude_id = [], None
+
+    record = read_record(foreign(catalog, tmp_path / "foreign.xml", spoil))
+    assert record.sizes["event"] == 27
+    assert json.loads(record.attrs["dropped"]) == {"without a time": 1, "without a place": 1, "without a size": 1}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [("latitude", 95.0, "95 is no latitude"), ("time", UTCDateTime(2500, 1, 1), "years run from 1678 to 2261")],
+)
+def test_origins_that_are_nowhere_or_never_are_one_line(catalog, tmp_path, key, value, says):
+    settings = foreign(catalog, tmp_path / "foreign.xml", lambda _, event: setattr(event.origins[0], key, value))
+    with pytest.raises(InputError, match=says):
+        read_record(settings)
+
+
+def test_a_file_is_what_it_holds_not_what_it_is_called(catalog, tmp_path):
+    """ObsPy unpacks whatever is called .zip."""
+    write_quakeml(catalog, tmp_path / "own.zip")
+    assert read_record(SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "own.zip")}).sizes["event"] == 30
+    (tmp_path / "text.zip").write_text("no archive")
+    with pytest.raises(InputError, match=r"text.zip: not QuakeML"):
+        read_record(SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "text.zip")})
 
 
 @pytest.mark.parametrize(

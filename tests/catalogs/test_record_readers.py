@@ -9,7 +9,7 @@ from catalog_fixtures import FRAME, LAME, SETTINGS, SHEAR
 from catalogs.frame import MineFrame
 from catalogs.records import READERS, read_record
 from catalogs.records.filters import parse_time
-from pipeline.datasets import read_dataset
+from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
 
 TABLE = """# a comment
@@ -77,6 +77,52 @@ def test_end_is_outside_the_window_and_start_inside(tmp_path):
     assert record["location"].values[:, 0].tolist() == [110]
 
 
+DOMAIN = {"lower": [95, 100, 0], "upper": [115, 250, 400], "plane": None}
+
+
+def test_events_outside_the_domain_are_left_out_and_counted_with_their_potency(tmp_path):
+    """The third lies 5 m east of the domain; all three are counted before, and how far the farthest is."""
+    record = read_record(settings_for(tmp_path, domain=DOMAIN))
+    np.testing.assert_array_equal(record["location"][:, 0], [100, 110])
+    account = json.loads(record.attrs["filter"])[-1]
+    assert (account["filter"], account["before"], account["after"]) == ("domain", 3, 2)
+    assert account["farthest"] == 5.0
+    assert account["potency_before"] == pytest.approx(0.11 + 10**0.5)
+    assert account["potency_after"] == pytest.approx(0.11)
+
+
+@pytest.mark.parametrize(("plane", "count"), [("xz", 2), ("xy", 2)])
+def test_a_section_reaches_through_the_direction_that_it_has_not(tmp_path, plane, count):
+    """An x-z section takes every y, a plan every z."""
+    other = {"xz": 400, "xy": 250}[plane]
+    domain = {"lower": [95, 0], "upper": [115, other], "plane": plane}
+    assert read_record(settings_for(tmp_path, domain=domain)).sizes["event"] == count
+
+
+def test_a_record_of_other_ground_is_refused_with_both_places(tmp_path):
+    """No event of the whole file inside: a wrong frame, column or unit, told with what lies where."""
+    domain = {"lower": [500_000, 100, 0], "upper": [500_100, 250, 400], "plane": None}
+    with pytest.raises(InputError, match=r"none of its 3 events .*x 500000 to 500100.* x 100 to 120, .* frame"):
+        read_record(settings_for(tmp_path, domain=domain))
+
+
+@pytest.mark.parametrize("settings", [{"period": {"start": "2030-01-01", "end": "2030-02-01"}}, {}])
+def test_quiet_months_or_a_quiet_domain_are_a_record_without_events(tmp_path, settings):
+    """Nobody asked for these filters: the report says that there is nothing to compare."""
+    late = {"filter": {"start": "2019-09-01"}, "domain": DOMAIN} if not settings else settings
+    record = read_record(settings_for(tmp_path, **late))
+    assert record.sizes["event"] == 0
+    assert json.loads(record.attrs["filter"])[-1]["after"] == 0
+    write_dataset(record, tmp_path / "record.nc")
+    assert read_dataset(tmp_path / "record.nc").sizes["event"] == 0
+
+
+def test_a_filter_of_the_configuration_comes_before_the_modelled_months(tmp_path):
+    period = {"start": "2019-08-02", "end": "2019-09-01"}
+    assert read_record(settings_for(tmp_path, period=period)).sizes["event"] == 1
+    assert read_record(settings_for(tmp_path, period=period, filter={"end": "2019-09-02"})).sizes["event"] == 2
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -86,14 +132,16 @@ def test_end_is_outside_the_window_and_start_inside(tmp_path):
         ({"columns": {key: COLUMNS[key] for key in ("time", "x", "y", "z")}}, "name a column of sizes"),
         ({"columns": COLUMNS | {"colour": "x"}}, "record.columns.colour: not a column kind"),
         ({"columns": COLUMNS | {"potency_xx": "x"}}, "all six of potency_xx"),
-        ({"text": TABLE.replace("110,200", ",200")}, "event 2 of 3: column 'x': NaN location"),
-        ({"text": TABLE.replace("110,200", "far,200")}, "event 2 of 3: column 'x' is not a number"),
-        ({"text": TABLE.replace("2019-08-02", "2 August")}, "event 2 of 3: column 'date': '2 AugustT.*not an ISO 8601"),
-        ({"text": TABLE.replace("-2.0,50", ",50")}, "event 2 of 3: an event without a size"),
+        ({"text": TABLE.replace("110,200", "far,200")}, "event 2 of 3: column 'x': 'far' is not a number"),
+        (
+            {"text": TABLE.replace("2019-08-02", "2 August")},
+            "event 2 of 3: column 'date': '2 August' .2 August 00.*is not a date and time",
+        ),
         ({"text": "\n".join(TABLE.splitlines()[:2])}, "no events in the file"),
         ({"text": ""}, "not a readable CSV"),
         ({"filter": {"minimum_potency": 100.0}}, "record.filter.minimum_potency: no event left .3 before"),
         ({"filter": {"start": "2020-01-01"}}, "record.filter.start: no event left"),
+        ({"filter": {"start": "0001-01-01"}}, "record.filter.start: '0001-01-01': years run from 1678 to 2261"),
         ({"filter": {"start": "soon"}}, "record.filter.start: 'soon' is not an ISO date"),
         ({"filter": {"maximum": {"residual": 1}}}, "record.filter.maximum.residual: no such column"),
         ({"filter": {"box": 1}}, "record.filter.box: not a filter"),

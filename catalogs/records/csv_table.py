@@ -1,0 +1,225 @@
+"""A CSV file as mines export it, as a table of text and columns of numbers.
+
+Found from the file itself: its encoding, the separator and the line of the header (those with which the columns that
+the configuration names appear), a line of units below it, decimal commas. What cannot be told is asked for.
+"""
+
+import codecs
+import csv
+import io
+import logging
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pint
+
+from catalogs.record_settings import plain
+from pipeline.errors import InputError
+
+SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar"}
+PREAMBLE = 100  # lines in which the header is looked for
+EMPTY = ("", "nan", "na", "n/a", "null", "none", "-", "--", "nat", "#n/a")
+SIGNS = str.maketrans({"\u2212": "-", "\u00a0": "", "\u202f": "", "'": "", "\u2019": "", " ": ""})
+NUMBER = {  # by decimal mark; the other one may stand between thousands
+    "point": r"[-+]?(?:(?:\d{1,3}(?:,\d{3})+|\d+)\.?\d*|\.\d+)(?:[eE][-+]?\d+)?",
+    "comma": r"[-+]?(?:(?:[1-9]\d{0,2}(?:\.\d{3})+|\d+),?\d*|,\d+)(?:[eE][-+]?\d+)?",
+}
+WHOLE_COMMA = r"[-+]?[1-9]\d{0,2},\d{3}"  # 1,234: a decimal comma or thousands
+THOUSANDS = r"[-+]?[1-9]\d{0,2}(?:(?:,\d{3})+\.\d*|(?:,\d{3}){2,})"
+CONTAINERS = {  # first bytes of what is no text
+    b"PK": "a zip archive or an Excel workbook",
+    b"\xd0\xcf\x11\xe0": "an Excel workbook",
+    b"\x1f\x8b": "a gzip archive",
+}
+UNIT_IN_NAME = re.compile(r".*[\[(]\s*(?P<unit>[^\])]+?)\s*[\])]\s*$")
+
+
+@dataclass
+class Table:
+    """Rows of text as they stand in the file, one per event; `source` names the file in errors.
+
+    decimal: "comma", "point", or None: to be found. units: by column, from a line below the header. repeated (event,)
+    bool: rows that repeat an earlier one in every column.
+    """
+
+    rows: pd.DataFrame
+    source: str
+    decimal: str | None = None
+    units: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def repeated(self) -> np.ndarray:
+        return self.rows.duplicated().to_numpy()
+
+    def text(self, name: str) -> pd.Series:
+        """A column as text without surrounding blanks, empty where it holds nothing."""
+        text = self.rows[name].fillna("").str.strip()
+        return text.where(~text.str.lower().isin(EMPTY), "")
+
+    def numbers(self, name: str, strict: bool = True) -> np.ndarray:
+        """A column as numbers (event,), NaN where empty. Raises InputError for what is none (NaN if not strict)."""
+        text = self.text(name)
+        bare = text.str.translate(SIGNS)
+        known = bare.str.fullmatch(NUMBER[self.decimal or "point"])
+        if self.decimal == "comma":
+            bare = bare.str.replace(".", "", regex=False).str.replace(",", ".", regex=False)
+        values = pd.to_numeric(bare.str.replace(",", "", regex=False).where(known, None), errors="coerce")
+        values = values.to_numpy(float)
+        if strict:
+            self.refuse(np.isnan(values) & (text != "").to_numpy(), name, "is not a number", "correct it")
+        return values
+
+    def refuse(self, wrong: np.ndarray, name: str, what: str, remedy: str) -> None:
+        """Raise InputError for the first wrong row and say how many there are."""
+        if np.any(wrong):
+            row = int(np.flatnonzero(wrong)[0])
+            value = self.rows[name].iloc[row]
+            raise InputError(
+                f"{self.source}: event {row + 1} of {len(self.rows)}: column {name!r}: {value!r} {what} "
+                f"({int(np.sum(wrong))} such); {remedy}"
+            )
+
+    def decide_decimals(self, names: Iterable[str]) -> None:
+        """Tell decimal commas from commas between thousands by all the named columns together. Raises InputError."""
+        if self.decimal is not None:
+            return
+        text = pd.concat([self.text(name) for name in names]).str.translate(SIGNS)
+        text = text[text.str.contains(",", regex=False)]
+        comma = text.str.fullmatch(NUMBER["comma"]) & ~text.str.fullmatch(WHOLE_COMMA)
+        thousands = text.str.fullmatch(THOUSANDS)
+        if comma.any() and thousands.any():
+            raise InputError(
+                f"{self.source}: {text[comma].iloc[0]!r} has a decimal comma, {text[thousands].iloc[0]!r} a decimal "
+                "point; write one kind"
+            )
+        if len(text) and not comma.any() and not thousands.any():
+            raise InputError(
+                f"{self.source}: {text.iloc[0]!r}: a decimal comma, or thousands? say it with record.decimal: comma or "
+                "point"
+            )
+        self.decimal = "comma" if comma.any() else "point"
+
+    def take_units(self, names: list[str]) -> None:
+        """Take the first row out if it is a line of units: no number in any of the named columns, but text in one."""
+        if self.rows.empty:
+            return
+        first = {name: self.text(name).iloc[0].strip("[]() ") for name in self.rows}
+        told = [first[name] for name in names if first[name]]
+        if told and all(not re.match(r"[-+.,]?\d", text) and _quantity(text) is not None for text in told):
+            self.units = {name: text for name, text in first.items() if text}
+            self.rows = self.rows.iloc[1:].reset_index(drop=True)
+
+    def factor(self, name: str, unit: str, given: str | None) -> float:
+        """What a column's numbers are multiplied by to be in `unit`.
+
+        Its own unit is `given`, else what stands in brackets behind its name or in a line below the header, if that is
+        a unit of that kind; else it is taken to be `unit`. Raises InputError where the unit is of another kind.
+        """
+        in_name = UNIT_IN_NAME.fullmatch(name)
+        text = given or self.units.get(name)
+        quantity = _quantity(text) if text else None
+        if text and quantity is not None and not quantity.check(unit):
+            raise InputError(
+                f"{self.source}: column {name!r} is in {text}, which is not convertible to {unit}; name another "
+                "column, or its unit in record.units"
+            )
+        if given and quantity is None:
+            raise InputError(f"record.units: {given!r} is not a unit; expected one like {unit}")
+        if not text and (in_name := UNIT_IN_NAME.fullmatch(name)):
+            quantity = _quantity(in_name["unit"])
+        return float(quantity.to(unit).magnitude) if quantity is not None and quantity.check(unit) else 1.0
+
+
+def _quantity(text: str) -> pint.Quantity | None:
+    """One of the unit that a text names; None if it names none."""
+    try:
+        return _units().Quantity(1.0, re.sub(r"[.\u00b7]", "*", text))
+    except Exception:  # pint raises a dozen kinds for text that is not a unit
+        return None
+
+
+@cache
+def _units() -> pint.UnitRegistry:
+    return pint.UnitRegistry()
+
+
+def read_table(path: Path, named: Mapping[str, str], numeric: Iterable[str], decimal: str | None) -> Table:
+    """The table of a CSV file that has the columns `named` (by the key that names each); `numeric` hold numbers.
+
+    Lines that begin with # are comments. Raises InputError, one line: not readable, not text, a column missing or there
+    twice, no row.
+    """
+    lines = [line for line in _decoded(path).splitlines() if line.strip(" \t\r,;|") and not line.startswith("#")]
+    if not lines:
+        raise InputError(f"{path}: not a readable CSV file (it is empty); give a table with a header")
+    place, separator, header = _header(lines, set(named))
+    for name, key in named.items():
+        if name not in header:
+            raise InputError(f"{path}: column {name!r} ({key}) is missing; it has {', '.join(filter(None, header))}")
+        if header.count(name) > 1:
+            raise InputError(f"{path}: column {name!r} is there {header.count(name)} times; name each its own way")
+    try:
+        rows = pd.read_csv(
+            io.StringIO("\n".join(lines[place + 1 :])), sep=separator, names=_apart(header),
+            dtype=str, skipinitialspace=True, keep_default_na=False, index_col=False,
+        )  # fmt: skip
+    except pd.errors.EmptyDataError as error:
+        raise InputError(f"{path}: no events in the file") from error
+    except ValueError as error:  # pandas' parser errors are ValueErrors
+        raise InputError(f"{path}: not a readable CSV file ({error}); give a table with a header") from error
+    table = Table(rows, str(path), decimal)
+    table.take_units(numeric)
+    if table.rows.empty:
+        raise InputError(f"{path}: no events in the file")
+    logging.info("%s: %d rows, separated by %s", path, len(rows), SEPARATORS[separator])
+    return table
+
+
+def _decoded(path: Path) -> str:
+    """The text of a file in UTF-8, in UTF-16 with its mark, or else in the Windows code page of western Europe."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: not a readable CSV file ({error.strerror}); give a table as text") from error
+    for begins, what in CONTAINERS.items():
+        if content.startswith(begins):
+            raise InputError(f"{path}: {what}, not a CSV file; unpack it, or export the table as CSV")
+    encodings = (
+        ["utf-16"] if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else ["utf-8-sig", "cp1252"]
+    )
+    for encoding in [*encodings, "latin-1"]:
+        try:
+            text = content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        break
+    if "\0" in text:
+        raise InputError(f"{path}: not a readable CSV file (it holds zero bytes); export the table as text")
+    logging.info("%s: read as %s", path, encoding)
+    return text
+
+
+def _header(lines: list[str], named: set[str]) -> tuple[int, str, list[str]]:
+    """Place of the header, its separator and its names: where most of the named columns appear."""
+    best, found = -1, (0, ",", [])
+    for place, line in enumerate(lines[:PREAMBLE]):
+        for separator in SEPARATORS:
+            header = [plain(name) for name in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+            count = len(named & set(header))
+            # without any of them, the first line, separated by what parts it most
+            score = (len(header) - 1) / len(line) if not count and place == 0 else count
+            if score > best:
+                best, found = score, (place, separator, header)
+        if best == len(named):
+            break
+    return found
+
+
+def _apart(header: list[str]) -> list[str]:
+    """Names of their own for columns without one, or whose name is there before."""
+    return [name if name and name not in header[:place] else f"{name}#{place + 1}" for place, name in enumerate(header)]

@@ -1,0 +1,83 @@
+"""Magnitudes of every type as moment magnitudes: a stated conversion, or none.
+
+A potency follows from a moment magnitude alone. What another type (local, body wave, duration) means in moment differs
+from mine to mine by up to a unit, hence a factor of thirty in potency: the configuration says it, or it is refused.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+
+UNTYPED = "untyped"
+MOMENT_TYPES = ("mw", "mww", "mwc", "mwb", "mwr", "mwp")
+
+
+def is_moment_type(kind: str) -> bool:
+    """Whether a magnitude type is a moment magnitude, whichever way it was measured."""
+    return kind.strip().lower() in MOMENT_TYPES
+
+
+def is_convertible(kind: str, conversions: Mapping) -> bool:
+    """Whether magnitudes of this type become moment magnitudes by themselves or by a stated conversion."""
+    return is_moment_type(kind) or isinstance(_conversion(kind, conversions), Mapping)
+
+
+def moment_magnitudes(
+    values: NDArray, kinds: Sequence[str], conversions: Mapping, needed: NDArray, source: str
+) -> tuple[NDArray, dict[str, int]]:
+    """Moment magnitudes (event,) and how many are of each type; NaN where there is none or it is left out.
+
+    values (event,): magnitudes, NaN where unknown; kinds: their types, "" where the file has none; conversions: {type:
+    {slope, offset}} for Mw = slope M + offset, or {type: "none"} to leave events of that type out; "untyped" for those
+    without a type. needed (event,) bool: events that have no other size. Raises InputError naming the types for which
+    nothing is stated.
+    """
+    mw = np.full(len(values), np.nan)
+    names = np.array([kind.strip() or UNTYPED for kind in kinds], dtype=object)
+    known = np.isfinite(values)
+    foreign: Counter = Counter()
+    used: dict[str, int] = {}
+    for name in dict.fromkeys(names[known & needed]):
+        here = known & needed & (names == name)
+        conversion = _conversion(name, conversions)
+        if isinstance(conversion, Mapping):
+            mw[here] = float(conversion["slope"]) * values[here] + float(conversion["offset"])
+        elif is_moment_type(name):
+            mw[here] = values[here]
+        elif conversion is None:
+            foreign[name] += int(here.sum())
+            continue
+        used[name] = int(here.sum())
+    if foreign:
+        told = ", ".join(f"{count} of {int(needed.sum())} events are of type {name}" for name, count in foreign.items())
+        first = next(iter(foreign))
+        raise InputError(
+            f"{source}: {told}: only Mw is a moment; say how to convert, record.conversions: "
+            f"{{{first}: {{slope: ..., offset: ...}}}} for Mw = slope {first} + offset, or {{{first}: none}} to leave "
+            "them out"
+        )
+    return mw, used
+
+
+def sizes_text(used: Mapping[str, int], conversions: Mapping) -> str:
+    """How many magnitudes of each type were read, and as what."""
+    told = []
+    for name, count in used.items():
+        conversion = _conversion(name, conversions)
+        if isinstance(conversion, Mapping):
+            slope, offset = float(conversion["slope"]), float(conversion["offset"])
+            how = f" as Mw = {slope:g} {name} {'-' if offset < 0 else '+'} {abs(offset):g}"
+        else:
+            how = "" if is_moment_type(name) else " left out"
+        told.append(f"{count} {name}{how}")
+    return ", ".join(told)
+
+
+def _conversion(kind: str, conversions: Mapping) -> Mapping | str | None:
+    """What is stated for a type; upper and lower case are the same."""
+    wanted = (kind.strip() or UNTYPED).lower()
+    return next((value for name, value in conversions.items() if name.lower() == wanted), None)

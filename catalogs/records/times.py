@@ -1,0 +1,102 @@
+"""Dates and times as mines export them: ISO 8601, day or month first, months by name, local time, UTC offsets."""
+
+import re
+
+import numpy as np
+import pandas as pd
+
+from catalogs.record_settings import FIRST_YEAR, LAST_YEAR, check_zone
+from pipeline.errors import InputError
+
+MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+ORDERS = ("day", "month")  # which comes first in 01/02/2019
+CENTURY = 69  # two figures of a year from here on are of 1900, as in POSIX
+DATE = (
+    r"(?:(?P<year>\d{4})(?P<mark>[-/.]?)(?P<month>\d{1,2})(?P=mark)(?P<day>\d{1,2})"
+    r"|(?P<first>\d{1,2})[-/. ](?P<second>\d{1,2}|[A-Za-z]{3,9}\.?)[-/. ](?P<last>\d{4}|\d{2}(?!\d)))"
+)
+SECOND = r"(?::?(?P<whole>\d{2})(?:[.,](?P<fraction>\d+))?)?"
+CLOCK = r"(?:[T ,;]+(?P<hour>\d{1,2}):?(?P<minute>\d{2})" + SECOND + r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?)?"
+OFFSET = r"\s*(?:\(?(?:UTC|GMT)?(?P<sign>[-+])(?P<ahead>\d{1,2}):?(?P<minutes>\d{2})?\)?|(?P<zulu>Z|UTC|GMT))?"
+PATTERN = re.compile(f"{DATE}{CLOCK}{OFFSET}", re.IGNORECASE)
+NANOSECONDS = {"hour": 3_600_000_000_000, "minute": 60_000_000_000, "whole": 1_000_000_000}
+
+
+def parse_times(text: pd.Series, order: str | None, zone: str | None, source: str) -> np.ndarray:
+    """UTC times (event,) datetime64[ns] of a column of text; NaT where it is empty or no date.
+
+    order: "day" or "month", what 01/02/2019 begins with; None: found from days above 12. zone: of times without an
+    offset of their own, IANA name or offset such as "+10:00"; None: UTC. An hour that a clock set back shows twice is
+    taken as the later, one that it skips as its end. Raises InputError naming `source` where the order cannot
+    be told, for a year outside 1678 to 2261, and for a zone that is none.
+    """
+    parts = text.str.strip().str.extract(f"^{PATTERN.pattern}$", flags=re.IGNORECASE)
+    other = parts["first"].notna()  # day, month, year in this order or month before day
+    month_name = parts["second"].str.lower().str[:3]
+    named = other & month_name.isin(MONTHS)
+    bare = other & ~named
+    first = _numbers(parts["first"])
+    second = month_name.map({name: float(number) for number, name in enumerate(MONTHS, 1)}).astype(float)
+    second = second.where(named, _numbers(parts["second"]))
+    if bare.any() and not _day_first(first[bare], second[bare], text, order, source):
+        first, second = first.where(~bare, second), second.where(~bare, first)
+    short = _numbers(parts["last"])
+    year = short.where(short > 99, short + np.where(short < CENTURY, 2000, 1900)).where(other, _numbers(parts["year"]))
+    strange = (year < FIRST_YEAR) | (year > LAST_YEAR)
+    if strange.any():
+        raise InputError(f"{source}: {text[strange].iloc[0]!r}: years run from {FIRST_YEAR} to {LAST_YEAR} here")
+    dated = pd.DataFrame(
+        {
+            "year": year,
+            "month": second.where(other, _numbers(parts["month"])),
+            "day": first.where(other, _numbers(parts["day"])),
+        }
+    )
+    days = pd.to_datetime(dated, errors="coerce").to_numpy("datetime64[ns]")
+    time = days + _time_of_day(parts)
+    offset = (_numbers(parts["ahead"]) * 60 + _numbers(parts["minutes"]).fillna(0)).fillna(0).to_numpy()
+    time -= np.where(parts["sign"] == "-", -offset, offset).astype("timedelta64[m]").astype("timedelta64[ns]")
+    local = (parts["sign"].isna() & parts["zulu"].isna()).to_numpy()
+    if zone is not None:
+        time[local] = _to_utc(time[local], zone)
+    return time
+
+
+def _numbers(text: pd.Series) -> pd.Series:
+    """A column of digits as numbers, NaN where there are none."""
+    return pd.to_numeric(text, errors="coerce").astype(float)
+
+
+def _time_of_day(parts: pd.DataFrame) -> np.ndarray:
+    """Time since midnight (event,) timedelta64[ns]; NaT for an hour or minute that is none; 0 where not given."""
+    hour, minute, second = (_numbers(parts[name]).fillna(0).to_numpy() for name in NANOSECONDS)
+    half = parts["half"].str[0].str.lower().to_numpy(object)
+    twelve = pd.notna(half)
+    wrong = (hour > 23) | (minute > 59) | (second > 60) | (twelve & ((hour < 1) | (hour > 12)))
+    hour = np.where(twelve, hour % 12 + 12 * (half == "p"), hour)
+    whole = sum(
+        (value * scale).astype(np.int64)
+        for value, scale in zip((hour, minute, second), NANOSECONDS.values(), strict=True)
+    )
+    fraction = parts["fraction"].fillna("").str[:9].str.ljust(9, "0").astype(np.int64).to_numpy()
+    return np.where(wrong, np.timedelta64("NaT", "ns"), (whole + fraction).astype("timedelta64[ns]"))
+
+
+def _day_first(first: pd.Series, second: pd.Series, text: pd.Series, order: str | None, source: str) -> bool:
+    """Whether 01/02/2019 is the first of February: told, or found from a number that is no month."""
+    if order is not None:
+        return order == "day"
+    days, months = bool((first > 12).any()), bool((second > 12).any())
+    if days != months:
+        return days
+    example = text.loc[first.index[0]]
+    why = "both orders are in it" if days else "no day is above 12"
+    raise InputError(f"{source}: {example!r}: day or month first? {why}; say it with record.date_order: day or month")
+
+
+def _to_utc(time: np.ndarray, zone: str) -> np.ndarray:
+    """Local times (event,) datetime64[ns] as UTC."""
+    local = pd.DatetimeIndex(time).tz_localize(
+        check_zone(zone), ambiguous=np.zeros(len(time), bool), nonexistent="shift_forward"
+    )
+    return local.tz_convert("UTC").tz_localize(None).to_numpy("datetime64[ns]")

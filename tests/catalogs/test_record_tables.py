@@ -1,0 +1,211 @@
+"""CSV files as mines export them: what can be found from the file is, what cannot is asked for, nothing is guessed."""
+
+import json
+
+import numpy as np
+import pytest
+from catalog_fixtures import SETTINGS, SHEAR
+
+from catalogs.records import read_record
+from pipeline.errors import InputError
+
+COLUMNS = {"time": "time", "x": "x", "y": "y", "z": "z", "mw": "mw"}
+PLAIN = "time,x,y,z,mw\n2019-08-01T12:00:00,100.5,200,300,-1.0\n2019-08-13T00:00:00.5,110,1200,300,0.5\n"
+EXPECTED = {
+    "time": ["2019-08-01T12:00:00", "2019-08-13T00:00:00.500"],
+    "location": [[100.5, 200, 300], [110, 1200, 300]],
+    "mw": [-1.0, 0.5],
+}
+
+
+def read(folder, text: str | bytes, columns: dict | None = None, **others):
+    path = folder / others.pop("name", "record.csv")
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_record(SETTINGS | {"reader": "csv", "file": str(path), "columns": columns or COLUMNS} | others)
+
+
+def refused(folder, text, columns=None, **others) -> str:
+    with pytest.raises(InputError) as error:
+        read(folder, text, columns, **others)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+SEMICOLON = "time;x;y;z;mw\n01.08.2019 12:00;100,5;200;300;-1\n13.08.2019 00:00:00,5;110;1.200,0;300;0,5\n"
+FORMS = {  # one table in many forms: text, how its columns are named if not as in COLUMNS, other settings
+    "plain": (PLAIN, {}, {}),
+    "semicolons, decimal commas, day first": (SEMICOLON, {}, {}),
+    "byte order mark": (SEMICOLON.encode("utf-8-sig"), {}, {}),
+    "UTF-16, tabs": (PLAIN.replace(",", "\t").encode("utf-16"), {}, {}),
+    "bars and blanks": (PLAIN.replace(",", " | "), {}, {}),
+    "Windows line ends": (PLAIN.replace("\n", "\r\n"), {}, {}),
+    "lines before the header": ("Mine A; exported 2019-12-01\n\n" + SEMICOLON, {}, {}),
+    "comments": ("# x, y, z in m\n" + PLAIN + "# end\n", {}, {}),
+    "units below the header": (SEMICOLON.replace("mw\n", "mw\n;m;m;m;\n"), {}, {}),
+    "thousands": (PLAIN.replace("1200", '"1,200.0"'), {}, {}),
+    "latin-1 names": (PLAIN.replace("time,x", "durée é,x").encode("latin-1"), {"time": "durée é"}, {}),
+    "two columns of time": (
+        PLAIN.replace("time,x", "date,clock,x").replace("T12", ",12").replace("T00", ",00"),
+        {"time": ["date", "clock"]},
+        {},
+    ),
+    "local time with offset": (
+        PLAIN.replace("01T12:00:00", "01 22:00:00 +10:00").replace("13T00:00:00.5", "13 10:00:00.5 +10:00"), {}, {},
+    ),
+    "local time of a zone": (
+        PLAIN.replace("01T12:00:00", "01 22:00:00").replace("13T00:00:00.5", "13 10:00:00.5"), {},
+        {"time_zone": "Australia/Hobart"},
+    ),
+    "month first": (
+        PLAIN.replace("2019-08-01T12:00:00", "8/1/2019 12:00 PM").replace("2019-08-13T00:", "8/13/2019 12:")
+        .replace(".5,", ".5 AM,", 2).replace("100.5 AM", "100.5"), {}, {},
+    ),
+    "order told": (SEMICOLON.replace("13.08.2019", "1.8.2019"), {}, {"date_order": "day"}),
+    "months by name": (PLAIN.replace("2019-08-01T", "01-Aug-2019 ").replace("2019-08-13T", "13 AUG 19 "), {}, {}),
+    "feet, from the header": (
+        PLAIN.replace(",x,y,z", ",x (ft),y [m],z").replace("100.5", repr(100.5 / 0.3048))
+        .replace("110,", f"{110 / 0.3048!r},"),
+        {"x": "x (ft)", "y": "y [m]"}, {},
+    ),
+    "kilometres, told": (PLAIN.replace("1200", "1.2").replace(",200,", ",0.2,"), {}, {"units": {"y": "km"}}),
+    "a row there twice": (PLAIN + PLAIN.splitlines()[1] + "\n", {}, {}),
+    "one of ten columns": (PLAIN.replace("\n", ",,,a b;c,\n"), {}, {}),
+    "a zip by name only": (PLAIN, {}, {"name": "record.csv.zip"}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_one_table_in_many_forms_is_one_record(tmp_path, form):
+    text, names, others = FORMS[form]
+    record = read(tmp_path, text, COLUMNS | names, **others)
+    times = EXPECTED["time"] if form != "order told" else [EXPECTED["time"][0], "2019-08-01T00:00:00.500"]
+    np.testing.assert_array_equal(record["time"].values, np.array(times, "datetime64[ns]"))
+    np.testing.assert_allclose(record["location"], EXPECTED["location"], rtol=1e-12)
+    np.testing.assert_allclose(record["mw"], EXPECTED["mw"], rtol=1e-12)
+
+
+def test_sizes_are_read_in_the_units_that_the_header_says(tmp_path):
+    """A moment of 1e16 dyn cm is 1e9 N m."""
+    text = PLAIN.replace("mw\n", "M0 (dyn.cm)\n").replace(",-1.0\n", ",1e16\n").replace(",0.5\n", ",1e17\n")
+    columns = {key: COLUMNS[key] for key in ("time", "x", "y", "z")} | {"moment": "M0 (dyn.cm)"}
+    np.testing.assert_allclose(read(tmp_path, text, columns)["moment"], [1e9, 1e10])
+    assert "not convertible to N m" in refused(tmp_path, text, columns, units={"moment": "m"})
+    assert "'parrot' is not a unit" in refused(tmp_path, text, columns, units={"moment": "parrot"})
+    assert "record.units.mw: not a named column with a unit" in refused(tmp_path, text, columns, units={"mw": "m"})
+
+
+ROW = "2019-08-02,{x},{y},{z},{mw}\n"
+
+
+def test_what_has_no_time_place_or_size_is_left_out_and_counted(tmp_path):
+    """-99, -999, empty and NaN; a moment of 0, which no event has; once each, for its first lack."""
+    good = {"x": 1, "y": 2, "z": 3, "mw": -1}
+    bad = [{"mw": -99}, {"mw": -999.0}, {"mw": ""}, {"mw": "NaN"}, {"x": -999, "y": -999, "z": -999}, {"z": ""}]
+    text = PLAIN + "".join(ROW.format(**good | one) for one in bad) + ROW.format(**good).replace("2019-08-02", "")
+    record = read(tmp_path, text)
+    assert record.sizes["event"] == 2
+    assert record.attrs["rows"] == 9
+    dropped = {"without a time": 1, "without a place": 2, "without a size": 4}
+    assert json.loads(record.attrs["dropped"]) == dropped
+    moments = text.replace(",-1\n", ",0\n").replace(",-1.0\n", ",1e9\n").replace(",0.5\n", ",1e9\n")
+    columns = {key: COLUMNS[key] for key in ("time", "x", "y", "z")} | {"moment": "mw"}
+    assert read(tmp_path, moments, columns).sizes["event"] == 2
+
+
+def test_a_row_that_is_there_twice_counts_once(tmp_path):
+    record = read(tmp_path, PLAIN + PLAIN.split("\n", 1)[1])
+    assert record.sizes["event"] == 2
+    assert json.loads(record.attrs["dropped"]) == {"there twice": 2}
+
+
+def test_a_code_that_may_be_a_place_is_asked_for(tmp_path):
+    """z = -999 is an elevation in a domain from -1200 to -900 m, and a missing value in one from 0 to 400."""
+    text = PLAIN + ROW.format(x=100, y=200, z=-999, mw=-1)
+    shallow = {"lower": [0, 0, 0], "upper": [2000, 2000, 400], "plane": None}
+    deep = {"lower": [0, 0, -1200], "upper": [2000, 2000, 400], "plane": None}
+    assert json.loads(read(tmp_path, text, domain=shallow).attrs["dropped"]) == {"without a place": 1}
+    assert "say it with record.missing" in refused(tmp_path, text, domain=deep)
+    assert read(tmp_path, text, domain=deep, missing=[]).sizes["event"] == 3
+    assert read(tmp_path, text, domain=deep, missing=[-999]).sizes["event"] == 2
+
+
+POTENCY = {"time": "time", "x": "x", "y": "y", "z": "z", "potency": "mw"}
+FAULTS = {  # text, settings, what the line says
+    "day or month": (SEMICOLON.replace("13.08", "02.08"), {}, "record.date_order"),
+    "both orders": (SEMICOLON.replace("01.08", "08.14"), {}, "both orders are in it"),
+    "comma or thousands": (
+        SEMICOLON.replace("100,5", "1,500").replace("0,5\n", "5\n").replace("1.200,0", "1200"), {}, "record.decimal",
+    ),
+    "both decimals": (SEMICOLON.replace("100,5", "1,500.25"), {}, "write one kind"),
+    "year 3019": (PLAIN.replace("2019-08-13", "3019-08-13"), {}, "years run from 1678 to 2261"),
+    "year 1": (PLAIN.replace("2019-08-13", "0001-08-13"), {}, "years run from 1678 to 2261"),
+    "no such day": (PLAIN.replace("2019-08-13", "2019-02-30"), {}, "event 2 of 2: column 'time': '2019-02-30T"),
+    "no such hour": (PLAIN.replace("T12:", "T25:"), {}, "is not a date and time"),
+    "no such zone": (PLAIN, {"time_zone": "Mars/Olympus"}, "record.time_zone: 'Mars/Olympus'"),
+    "Mw 400": (PLAIN.replace(",0.5\n", ",400\n"), {}, "event 2: Mw 400 "),
+    "Mw 1e300": (PLAIN.replace(",0.5\n", ",1e300\n"), {}, "event 2: Mw"),
+    "x of 1e300": (PLAIN.replace("100.5", "1e300"), {}, "event 1: x = 1e+300 m is no place on Earth"),
+    "infinite x": (PLAIN.replace("100.5", "inf"), {}, "'inf' is not a number"),
+    "a workbook": (b"PK\x03\x04 more", {}, "a zip archive or an Excel workbook"),
+    "an old workbook": (b"\xd0\xcf\x11\xe0 more", {}, "an Excel workbook"),
+    "zero bytes": (b"time,x,y,z,mw\n\0\0\0\n", {}, "zero bytes"),
+    "no such column": (PLAIN.replace("y,z", "north,z"), {}, "column 'y' (record.columns.y) is missing; it has time"),
+    "x twice": (PLAIN.replace("mw\n", "mw,x\n").replace("0\n", "0,1\n"), {}, "column 'x' is there 2 times"),
+    "columns as a list": (PLAIN, {"columns": ["time", "x"]}, "record.columns"),
+    "a column as a map": (PLAIN, {"columns": COLUMNS | {"x": {"name": "x"}}}, "record.columns.x: {'name': 'x'}"),
+    "a column as a list": (PLAIN, {"columns": COLUMNS | {"x": ["x", "y"]}}, "record.columns.x: ['x', 'y']"),
+    "a time of four columns": (PLAIN, {"columns": COLUMNS | {"time": ["x"] * 4}}, "record.columns.time"),
+    "another magnitude": (PLAIN.replace("mw", "ML"), {"columns": COLUMNS | {"mw": "ML"}}, "'ML' is by its name"),
+    "negative potency": (PLAIN, {"columns": POTENCY}, "name it log_potency"),
+    "nothing whole": (PLAIN.replace(",300,", ",,"), {}, "has a time, a place and a size (2 without a place)"),
+    "more cells than names": (PLAIN.replace("0.5\n", "0.5,1,2,3\n"), {}, "not a readable CSV"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_cannot_be_told_or_cannot_be_is_one_line(tmp_path, fault):
+    text, others, says = FAULTS[fault]
+    columns = others.get("columns")
+    line = refused(tmp_path, text, columns, **{key: value for key, value in others.items() if key != "columns"})
+    assert says in line
+
+
+@pytest.mark.parametrize(("column", "value"), [("latitude", 95), ("longitude", 181)])
+def test_degrees_off_the_globe_are_one_line(tmp_path, column, value):
+    row = {"latitude": -41.8, "longitude": 145.4, "depth": -950} | {column: value}
+    text = "time,latitude,longitude,depth,mw\n2019-08-01," + ",".join(map(str, row.values())) + ",-1\n"
+    columns = {name: name for name in ("time", "latitude", "longitude", "depth", "mw")}
+    assert f"is no {column}, which ends at" in refused(tmp_path, text, columns)
+
+
+# ---- magnitudes of other types ----
+
+MIXED = "time,x,y,z,M,type\n2019-08-01,1,2,3,1.0,Mw\n2019-08-02,1,2,3,1.0,ML\n2019-08-03,1,2,3,0.0,ml\n"
+MIXED += "2019-08-04,1,2,3,2.0,Md\n"
+TYPED = {"time": "time", "x": "x", "y": "y", "z": "z", "magnitude": "M", "magnitude_type": "type"}
+
+
+def test_foreign_magnitudes_are_refused_by_name(tmp_path):
+    """Half a unit of magnitude between ML and Mw would be a factor of 5.6 in potency."""
+    line = refused(tmp_path, MIXED, TYPED)
+    assert "1 of 4 events are of type ML" in line
+    assert "Md" in line
+    assert "record.conversions: {ML: {slope: ..., offset: ...}}" in line
+    assert "untyped" in refused(tmp_path, MIXED, {key: name for key, name in TYPED.items() if key != "magnitude_type"})
+
+
+def test_a_stated_conversion_makes_them_moment_magnitudes_and_none_leaves_them_out(tmp_path):
+    """Mw = 0.8 ML - 0.5; the potency is that of the converted magnitude."""
+    record = read(tmp_path, MIXED, TYPED, conversions={"ML": {"slope": 0.8, "offset": -0.5}, "md": "none"})
+    np.testing.assert_allclose(record["mw"], [1.0, 0.3, -0.5])
+    np.testing.assert_allclose(record["potency"] * SHEAR, 10 ** (1.5 * np.array([1.0, 0.3, -0.5]) + 9.1))
+    assert json.loads(record.attrs["dropped"]) == {"without a size": 1}
+    assert record.attrs["sizes_text"] == "1 Mw, 1 ML as Mw = 0.8 ML - 0.5, 1 ml as Mw = 0.8 ml - 0.5, 1 Md left out"
+
+
+def test_a_foreign_magnitude_beside_a_known_potency_is_not_asked_for(tmp_path):
+    """The potency is the size; the other column says nothing of it."""
+    rows = [line + f",{0.1 * number}" for number, line in enumerate(MIXED.splitlines())]
+    text = "\n".join([MIXED.splitlines()[0] + ",P", *rows[1:]])
+    record = read(tmp_path, text, TYPED | {"potency": "P"})
+    np.testing.assert_allclose(record["potency"], [0.1, 0.2, 0.3, 0.4])
