@@ -1,4 +1,4 @@
-"""The three comparisons of two catalogues as variables of comparison.nc (their layout: catalogs.comparison).
+"""The three comparisons of two catalogues as variables of comparison.nc (their layout: catalogs.comparison_layout).
 
 `both` is (catalogue, record) in the form of catalogs.schema, `used` which of their events count, `blocks` the block of
 each event. Every function returns the variables, and the sentences that go with them.
@@ -79,12 +79,17 @@ def size_measures(x: list[NDArray], cut: float, settings: Mapping) -> tuple[dict
     }
     for name, key in (("b_by_cut", "b"), ("b_by_cut_error", "error")):
         result[name] = (("catalogue", "trial_cut"), np.array([column(values, key) for values in table], float))
-    said = [
-        f"{name}: b = {value.b:.2f} ({value.lower:.2f} to {value.upper:.2f}), n = {value.events}, "
-        + (f"stable from log P = {least:.1f}" if np.isfinite(least) else "no stable completeness")
-        for name, value, least in zip(CATALOGUES, plain, stable, strict=True)
-    ]
+    said = [_b_text(name, *found) for name, *found in zip(CATALOGUES, plain, stable, strict=True)]
     return result, "; ".join(said)
+
+
+def _b_text(name: str, value: sizes.BValue, stable: float) -> str:
+    """b of one catalogue in words."""
+    if not np.isfinite(value.b):
+        why = f"{sizes.LEAST_EVENTS} are needed" if value.events < sizes.LEAST_EVENTS else "all of one size"
+        return f"{name}: no b, n = {value.events} ({why})"
+    complete = f"stable from log P = {stable:.1f}" if np.isfinite(stable) else "no stable completeness"
+    return f"{name}: b = {value.b:.2f} ({value.lower:.2f} to {value.upper:.2f}), n = {value.events}, {complete}"
 
 
 def location_measures(both, used, blocks, settings: Mapping) -> tuple[dict, dict]:
@@ -107,32 +112,36 @@ def location_measures(both, used, blocks, settings: Mapping) -> tuple[dict, dict
             resamplings=settings["resamplings"],
         )
     shapes = {
-        "centroid": ("centroids", ("catalogue", "xyz"), (2, 3), "m"),
-        "centroid_offset": ("offset", ("xyz",), (3,), "m"),
-        "centroid_offset_interval": ("offset_interval", ("xyz", "interval"), (3, 2), "m"),
-        "centroid_distance": ("offset_distance", (), (), "m"),
-        "centroid_distance_interval": ("offset_distance_interval", ("interval",), (2,), "m"),
-        "energy_distance": ("energy_distance", (), (), "m"),
-        "energy_distance_interval": ("energy_interval", ("interval",), (2,), "m"),
-        "energy_distance_null": ("energy_null", ("interval",), (2,), "m"),
-        "energy_p_value": ("energy_p_value", (), (), "1"),
-        "nearest_distance": ("nearest", ("pair",), (3,), "m"),
-        "nearest_distance_interval": ("nearest_interval", ("pair", "interval"), (3, 2), "m"),
-        "distance": ("distance", ("distance",), (DISTANCES,), "m"),
-        "cross_k": ("cross_k", ("distance",), (DISTANCES,), "m3"),
-        "cross_k_interval": ("cross_k_interval", ("distance", "interval"), (DISTANCES, 2), "m3"),
-        "model_k": ("model_k", ("distance",), (DISTANCES,), "m3"),
-        "record_k": ("record_k", ("distance",), (DISTANCES,), "m3"),
-        "cross_ratio": ("cross_ratio", ("distance",), (DISTANCES,), "1"),
-        "cross_ratio_interval": ("cross_ratio_interval", ("distance", "interval"), (DISTANCES, 2), "1"),
+        "centroid": ("centroids", ("catalogue", "xyz"), (2, 3)),
+        "centroid_offset": ("offset", ("xyz",), (3,)),
+        "centroid_offset_interval": ("offset_interval", ("xyz", "interval"), (3, 2)),
+        "centroid_distance": ("offset_distance", (), ()),
+        "centroid_distance_interval": ("offset_distance_interval", ("interval",), (2,)),
+        "energy_distance": ("energy_distance", (), ()),
+        "energy_distance_interval": ("energy_interval", ("interval",), (2,)),
+        "energy_distance_null": ("energy_null", ("interval",), (2,)),
+        "energy_p_value": ("energy_p_value", (), ()),
+        "nearest_distance": ("nearest", ("pair",), (3,)),
+        "nearest_distance_interval": ("nearest_interval", ("pair", "interval"), (3, 2)),
+        "distance": ("distance", ("distance",), (DISTANCES,)),
+        "cross_k": ("cross_k", ("distance",), (DISTANCES,)),
+        "cross_k_interval": ("cross_k_interval", ("distance", "interval"), (DISTANCES, 2)),
+        "model_k": ("model_k", ("distance",), (DISTANCES,)),
+        "record_k": ("record_k", ("distance",), (DISTANCES,)),
+        "cross_ratio": ("cross_ratio", ("distance",), (DISTANCES,)),
+        "cross_ratio_interval": ("cross_ratio_interval", ("distance", "interval"), (DISTANCES, 2)),
     }
     variables = {
-        name: (dims, np.full(shape, np.nan) if found is None else np.asarray(getattr(found, key)), {"units": unit})
-        for name, (key, dims, shape, unit) in shapes.items()
+        name: (dims, np.full(shape, np.nan) if found is None else np.asarray(getattr(found, key)))
+        for name, (key, dims, shape) in shapes.items()
     }
     kind = settings["blocks"]
     if found is None:
-        text = "too few events above the cut to compare locations (each catalogue needs two blocks)"
+        count = [len(np.unique(labels[kept])) for labels, kept in zip(blocks, used, strict=True)]
+        text = (
+            f"locations cannot be compared: an interval needs two blocks ({kind}s) of events above the cut in each "
+            f"catalogue; the model has {count[0]}, the record {count[1]}"
+        )
     else:
         low, high = found.energy_interval
         text = (

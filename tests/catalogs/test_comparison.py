@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 from catalog_fixtures import made_up_catalog
 
-from catalogs import comparison
 from catalogs.comparison import compare
+from catalogs.comparison_layout import ENTRIES
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
 
@@ -116,15 +116,53 @@ def test_nothing_modelled_is_a_comparison_too():
     catalog = made_up_catalog(200)
     result = compare(catalog.isel(event=[]), as_record(catalog), QUICK)
     assert np.isnan(result["energy_distance"])
-    assert "too few events" in result.attrs["location_text"]
+    assert "locations cannot be compared" in result.attrs["location_text"]
+    assert "the model has 0" in result.attrs["location_text"]
     assert result["events_total"].values.tolist() == [0, 200]
 
 
-def test_layout_is_the_documented_one():
-    result = compare(made_up_catalog(200), as_record(made_up_catalog(200, seed=8)), QUICK)
-    layout = comparison.__doc__
-    for name in [*result.data_vars, *result.coords]:
-        assert re.search(rf"\b{name}\b", layout), f"{name} is not in the layout"
+@pytest.mark.parametrize("tensors", [True, False])
+def test_every_variable_has_its_unit_and_its_meaning(tensors, tmp_path):
+    """Of the layout, in the file, coordinates too; and nothing of the layout is missing."""
+    record = as_record(made_up_catalog(200, seed=8))
+    if not tensors:
+        record["potency_tensor"][:] = np.nan
+    write_dataset(compare(made_up_catalog(200), record, QUICK), tmp_path / "comparison.nc")
+    result = read_dataset(tmp_path / "comparison.nc")
+    layout = {entry.name: entry for entry in ENTRIES}
+    assert set(result.variables) == set(layout)
+    for name, variable in result.variables.items():
+        assert variable.dims == layout[name].dims, name
+        assert len(variable.attrs["long_name"]) > 10, name
+        assert variable.attrs.get("units", "") == layout[name].unit, name
+    assert result["centroid_distance"].attrs["units"] == "m"
+    assert result["summed_tensor"].attrs["units"] == "m3"
+    assert result["mean_trend"].attrs["units"] == "degree"
+
+
+@pytest.mark.parametrize("floor", [1e-3, np.nan])
+def test_an_empty_record_is_compared_and_the_sentences_say_why_nothing_came_out(floor):
+    """No event inside the domain in these months: every number NaN, no error, no 'nan' in a sentence."""
+    catalog = made_up_catalog(200)
+    catalog.attrs["potency_floor"] = floor
+    result = compare(catalog, as_record(catalog.isel(event=[])), QUICK)
+    both = compare(catalog.isel(event=[]), as_record(catalog.isel(event=[])), QUICK)
+    assert result["events_total"].values.tolist() == [200, 0]
+    assert np.isnan(result["potency_ratio"])
+    for one in (result, both):
+        said = " ".join(one.attrs[name] for name in ("cut_text", "size_text", "location_text", "axes_text"))
+        assert "nan" not in said
+        assert "record: no b, n = 0 (10 are needed)" in said
+    assert both.attrs["cut_is"] == ("model floor" if floor > 0 else "nothing")
+
+
+def test_few_events_give_no_b_and_say_so():
+    """'b = nan' was what the report printed."""
+    record = as_record(made_up_catalog(200, seed=8))
+    result = compare(made_up_catalog(200), record.isel(event=np.arange(9)), QUICK)
+    assert np.isnan(result["b"][1])
+    assert re.search(r"record: no b, n = \d \(10 are needed\)", result.attrs["size_text"])
+    assert "nan" not in result.attrs["size_text"]
 
 
 def test_faults_are_named():
