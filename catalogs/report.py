@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from catalogs import report_match as match
-from catalogs import report_spread
+from catalogs import report_record, report_spread
 from catalogs import report_text as text
 from catalogs.figures import beachballs, convergence, events, rock, scene, sizes, stereonets, style, views
 from catalogs.mechanisms import mean_axis, trend_plunge
@@ -77,6 +77,7 @@ def write_report(
         mine=evidence.grid.attrs["mine"],
         headline=text.headline(evidence) + report_spread.headline(evidence),
         match=match.match_rows(evidence),
+        beside=report_record.sentences(evidence),
         banners=text.banners(evidence),
         config_lines=text.config_lines(config, default),
         versions=_versions(evidence),
@@ -185,13 +186,13 @@ def _events(evidence: Evidence, gallery: Gallery) -> dict | None:
         return None
     rows, _ = text.near_excavations(evidence)
     compared = evidence.comparison is not None
+    located = compared and bool(np.isfinite(evidence.comparison["energy_distance"]))
     return {
         "figure": gallery.add("events", events.locations(evidence.grid, shown, evidence.planned)),
         "near": _with_most_potency(rows),
-        "nearness": gallery.add("nearness", events.nearness(evidence.comparison)) if compared else None,
-        "rows": match.location_rows(evidence),
+        "nearness": gallery.add("nearness", events.nearness(evidence.comparison)) if located else None,
+        "rows": match.location_rows(evidence) if located else [],
         "text": text.typeset(evidence.comparison.attrs.get("location_text", "")) if compared else "",
-        "outside": text.outside_domain(evidence, shown),
         "beside": len(shown) > 1,
     }
 

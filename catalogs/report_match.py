@@ -1,5 +1,6 @@
 """The comparison as rows of text: what is measured, modelled, recorded, their difference, its 95 % interval."""
 
+import numpy as np
 import xarray as xr
 
 from catalogs.figures.stereonets import direction
@@ -123,7 +124,9 @@ def match_rows(evidence: Evidence) -> list[dict]:
     """The few numbers of the headline: where, how large, how oriented."""
     if evidence.comparison is None or not evidence.comparison["events_above_cut"].values.all():
         return []
-    rows = size_rows(evidence)[:3] + location_rows(evidence)[:2]
+    rows = size_rows(evidence)[:3]
+    if np.isfinite(evidence.comparison["energy_distance"]):
+        rows += location_rows(evidence)[:2]
     if int(evidence.comparison.attrs.get("axes_present", 0)):
         rows += [row for row in axis_rows(evidence) if row["name"].startswith(("mean P", "mean T"))]
     return rows

@@ -8,7 +8,6 @@ import xarray as xr
 import yaml
 from scipy.spatial import cKDTree
 
-from catalogs.figures import views
 from catalogs.report_inputs import Evidence
 from catalogs.sizes import log_potency
 
@@ -172,11 +171,11 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
     if evidence.is_twin:
         text = "The record shown is a twin: a catalogue that this pipeline made itself with other settings. "
         found.append(("twin", text + "It was not measured."))
-    if evidence.record is None and evidence.steps:
+    if evidence.record is None and evidence.steps and "record" not in evidence.config:
         found.append(
             ("note", "No recorded catalogue was given: the model stands alone, nothing here says how well it fits.")
         )
-    if evidence.comparison is not None and evidence.comparison.attrs.get("cut_text"):
+    if evidence.comparison is not None and np.isfinite(evidence.comparison["cut"]):
         found.append(("note", f"Model and record are compared at {typeset(evidence.comparison.attrs['cut_text'])}."))
     return found
 
@@ -246,17 +245,3 @@ def ball_rows(events: xr.Dataset) -> list[dict]:
             }
         )
     return rows
-
-
-def outside_domain(evidence: Evidence, catalogs: dict[str, xr.Dataset]) -> list[str]:
-    """How many events of each catalogue lie outside the model, and so outside the pictures."""
-    lower, upper = views.domain(evidence.grid)
-    found = []
-    for label, catalog in catalogs.items():
-        location = catalog["location"].values
-        count = int(((location < lower) | (location > upper))[:, upper > lower].any(axis=1).sum())
-        if count:
-            found.append(
-                f"{label}: {plural(count, 'event')} of {whole(len(location))} outside the model's domain, not shown."
-            )
-    return found

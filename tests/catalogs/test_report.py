@@ -12,6 +12,7 @@ import report_fixtures as fixtures
 import yaml
 
 from catalogs import report
+from catalogs.comparison import compare
 from catalogs.figures import convergence, events, style
 from catalogs.report import write_report
 from catalogs.report_inputs import read_resources
@@ -279,13 +280,58 @@ def test_undated_events_are_drawn(mine):
     assert [axes.get_title(loc="left").split("\n")[0] for axes in figure.axes[:3]] == ["Recorded"] * 3
 
 
-def test_events_outside_the_model_are_counted_not_hidden(mine, tmp_path):
-    """Two of the record's events lie a kilometre away: said below the picture, whose limits stay those of the model."""
-    record = read_dataset(mine.record)
-    record["location"].values[:2] += 1000.0
-    write_dataset(record, tmp_path / "record.nc")
-    content = make_page(mine, tmp_path, record=tmp_path / "record.nc", comparison=None, steps=[], catalog=None)
-    assert "Recorded (twin): 2 events of 120 outside the model's domain" in content.sections["events"]
+def recorded(
+    mine: fixtures.Mine, folder: Path, *, keep: slice = slice(None), tensors: bool = True, **attributes
+) -> Page:
+    """The report with another record: some of its events, with or without tensors, and what its reader tells of it."""
+    record = read_dataset(mine.record).isel(event=keep).assign_attrs(attributes)
+    if not tensors:
+        for name in ("potency_tensor", "p_axis", "b_axis", "t_axis"):
+            record[name][:] = np.nan
+    write_dataset(record, folder / "record.nc")
+    made = compare(read_dataset(mine.catalog), record, {"resamplings": 49})
+    write_dataset(made, folder / "comparison.nc")
+    return make_page(mine, folder, record=folder / "record.nc", comparison=folder / "comparison.nc", steps=[])
+
+
+def test_result_counts_the_record_inside_and_outside_the_domain(mine, tmp_path):
+    """300 of 565 events, a few without a size, and what their potency was: in the first section."""
+    crop = {"filter": "domain", "before": 565, "after": 265, "potency_before": 4.0, "potency_after": 1.0}
+    dates = {"filter": "start", "before": 580, "after": 565}
+    content = recorded(
+        mine, tmp_path, rows=592, dropped=json.dumps({"without a size": 8, "there twice": 4}),
+        filter=json.dumps([dates, crop | {"farthest": 512.3}]), sizes_text="20 Mw, 560 ML as Mw = 0.9 ML - 0.2",
+    )  # fmt: skip
+    result = content.sections["headline"]
+    assert "holds 592 events, of which 8 without a size, 4 there twice are left out" in result
+    assert "Of 565 events in the modelled months, 265 lie inside the model's domain and 300 outside, up to" in result
+    assert "up to 512 m away, with 75 % of their potency" in result
+    assert "560 ML as Mw = 0.9 ML − 0.2" in result
+
+
+@pytest.mark.parametrize(
+    ("keep", "tensors", "says"),
+    [
+        (slice(0, 0), True, "Model and record cannot be compared (log P ≥ "),
+        (slice(0, 0), True, "the record has no event here"),
+        (slice(0, 7), True, "b cannot be compared: 10 events are needed in each, the record has "),
+        (slice(0, 1), True, "Locations cannot be compared: an interval needs two blocks"),
+        (slice(0, 40), False, "The record has no tensors: axes cannot be compared."),
+    ],
+)
+def test_a_comparison_that_is_impossible_is_said_in_the_result(mine, tmp_path, keep, tensors, says):
+    """It was left out without a word; and no number is 'nan'."""
+    content = recorded(mine, tmp_path, keep=keep, tensors=tensors)
+    assert says in content.sections["headline"]
+    assert not [name for name, section in content.sections.items() if re.search(r"\bnan\b", section)]
+
+
+def test_a_record_beside_a_mine_without_dates_is_not_denied(mine, tmp_path):
+    """The report said that no record was given."""
+    config = fixtures.CONFIG | {"record": {"file": "record.csv"}}
+    content = make_page(mine, tmp_path, config=config, catalog=None, record=None, comparison=None, events=[])
+    assert "No recorded catalogue was given" not in content.sections["headline"]
+    assert "The record is not compared: no step of this mine has dates" in content.sections["headline"]
 
 
 def test_config_lines_are_yaml_again():
