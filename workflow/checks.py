@@ -1,11 +1,12 @@
 """What the schema cannot say about a mine: steps in order, names that match, the domain, the virgin stress."""
 
-import datetime
 import math
 from typing import TYPE_CHECKING
 
 from mpm_core.scene import FACES, check_virgin_stress, parse_scene
 from pipeline.errors import InputError
+from workflow.dates import read_date
+from workflow.record_checks import check_record
 from workflow.shapes import check_repeated, check_shape
 
 if TYPE_CHECKING:
@@ -15,7 +16,6 @@ PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
 IN_PLANE = {"xz": ("xx", "zz", "xz"), "xy": ("xx", "yy", "xy"), None: ("xx", "yy", "zz", "yz", "xz", "xy")}
 RESERVED = ("verification", "benchmarks")  # folders of results with other tenants
 LEAST_HOURGLASS = 0.001  # a thousandth of it makes a stage twenty times as long, zero has no answer
-YEARS = (1678, 2262)  # of times in nanoseconds
 MOST_CELLS = 10**9  # coarse ones; the finer come on top
 
 
@@ -25,10 +25,10 @@ def check_mine(mine: "Mine") -> None:
         raise InputError(f"name: results/{mine.name} is a folder of the pipeline's own; take another name")
     _check_steps(mine)
     _check_domain(mine)
+    check_record(mine)
     _check_names(mine)
     check_repeated(mine)
     _check_solver(mine)
-    _check_record(mine)
     _check_ensemble(mine)
     check_boundary_faces(mine.values["domain"]["boundary"])
     _check_compression(mine)
@@ -184,16 +184,6 @@ def _check_solver(mine) -> None:
         raise InputError("solver.move: particles move with scheme explicit only; set solver.scheme: explicit")
 
 
-def _check_record(mine) -> None:
-    record = mine.values.get("record")
-    for key in ("start", "end"):
-        for part in ("filter", "orientations"):
-            if record and key in record.get(part, {}):
-                read_date(f"record.{part}.{key}", record[part][key])
-    if record and record["reader"] != "elk_creek" and not mine.path(record["file"]).is_file():
-        raise InputError(f"record.file: {mine.path(record['file'])} is missing; paths resolve from {mine.folder}")
-
-
 def _check_ensemble(mine) -> None:
     if not mine.members:
         return
@@ -234,14 +224,3 @@ def _check_compression(mine) -> None:
                 f"insitu_stress: {name} is positive, tension, in all of the domain; compression is negative "
                 f"(constant.{name}, and gradient.{name} per metre of depth below frame.surface)"
             )
-
-
-def read_date(where: str, text: str) -> datetime.datetime:
-    """The instant that a date of the configuration means, UTC. Raises InputError for what is no date."""
-    try:
-        date = datetime.datetime.fromisoformat(text)
-    except ValueError as error:
-        raise InputError(f"{where}: {text!r} is not a date ({error})") from error
-    if not YEARS[0] <= date.year < YEARS[1]:
-        raise InputError(f"{where}: {text}: give a year from {YEARS[0]} to {YEARS[1] - 1}")
-    return date if date.tzinfo else date.replace(tzinfo=datetime.UTC)

@@ -8,8 +8,10 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiny_mines import DEFAULT, DIRECTED, FILL, FLAT, HOST, NEXT_STEP, PUSH, STRAIN, TINY, box, merged
+from tiny_mines import DEFAULT, DIRECTED, FILL, FLAT, HOST, NEXT_STEP, PUSH, STRAIN, TINY, box, changed, merged
 
+from catalogs.record_settings import COLUMN_KEYS
+from catalogs.records.filters import limits_of
 from pipeline.errors import InputError
 from workflow.configuration import load
 from workflow.draft import draft_of
@@ -22,6 +24,9 @@ ENDS = {"start": ["20 m", "30 m", "40 m"], "end": ["60 m", "30 m", "40 m"]}
 ROUND = {"name": "drive", "step": "history", "shape": "cylinder", "radius": "4 m", **ENDS}
 AGAIN = TINY["excavations"][1] | {"name": "stope_1_again"}
 BEYOND = box("stope_2", "planned", [145, 40, 25], [155, 55, 50])
+BOX = {"lower": ["20 m", "20 m", "20 m"], "upper": ["60 m", "60 m", "60 m"]}
+FAR = {"lower": ["500 km", "5372 km", "0 m"], "upper": ["500080 m", "5372080 m", "80 m"]}  # eastings and northings
+UTM = {"crs": "EPSG:32755", "surface": "1000 m"}  # of a domain near zero
 FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("grid.levles", 3, "grid.levles: unknown key", "did you mean levels?"),
     ("seismic.cluster.radius", 2, "seismic.cluster.radius: unknown key", "radius_cells"),
@@ -115,6 +120,30 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("strains", [STRAIN | {"strain": {}}], "strains[0].strain: ", "non-empty"),
     ("strains", [STRAIN | {"strain": {"rr": 1e-4}}], "strains[0].strain.rr: unknown key", "known here: xx, yy"),
     ("record.file", "nowhere.csv", "record.file: ", "missing"),
+    ("record.filter", {"start": "0001-01-01"}, "record.filter.start: ", "a year from 1678 to 2261"),
+    ("record.filter", {"start": "2019-08-02", "end": "2019-08-02"}, "record.filter.end: ", "not after start"),
+    ("record.filter", {"lower": ["0 m", "0 m"]}, "record.filter.lower: ", "2 coordinates"),
+    (
+        "record.filter",
+        BOX | {"upper": ["60 m", "60 m", "10 m"]},
+        "record.filter.upper: ",
+        "z = 10 m is not above lower",
+    ),
+    ("record.filter", {"lower": ["0 m", "0 m", "90 m"]}, "record.filter: ", "outside the domain, z 0 to 80 m"),
+    ("record.filter", {"maximum": {"q": 1}, "minimum": {"q": 2}}, "record.filter.maximum.q: ", "below the minimum, 2"),
+    ("record.columns", ["date", "x"], "record.columns: ", "is not of type 'object'"),
+    ("record.columns.x", ["x", "y"], "record.columns.x: ", "is not of type 'string'"),
+    ("record.columns.x", {"name": "x"}, "record.columns.x: ", "is not of type 'string'"),
+    ("record.columns.time", ["a", "b", "c", "d"], "record.columns.time: ", "too long"),
+    ("record.columns.magnitud", "M", "record.columns.magnitud: unknown key", "magnitude"),
+    ("record.columns", {"time": "date", "x": "x", "y": "y", "mw": "M"}, "record.columns: ", "x, y and z"),
+    ("record.columns.mw", "ML", "record.columns.mw: ", "by its name no Mw"),
+    ("record.time_zone", "Mars/Olympus", "record.time_zone: ", "no zone"),
+    ("record.date_order", "year", "record.date_order: ", "not one of day, month"),
+    ("record.conversions", {"ML": {"slope": 1}}, "record.conversions.ML.offset: ", "missing"),
+    ("domain", FAR, "frame: the domain lies 5395 km from the frame's origin", "give crs"),
+    ("frame", UTM, "frame.crs: the domain lies at latitude -85.5, longitude 56.8, outside", "area of EPSG:32755"),
+    ("frame", UTM | {"crs": "nonsense"}, "frame.crs: ", "neither an EPSG code nor WKT"),
     ("record.reader", "seiscomp", "record.reader: ", "not one of"),
     ("seismic.closeness", 1.5, "seismic.closeness: ", "1.5"),
     ("ensemble", -1, "ensemble: ", "minimum of 0"),
@@ -196,7 +225,7 @@ def test_an_odd_value_is_accepted_or_refused_in_one_line_never_a_traceback(path,
     json.dumps([mine.grid_slice(), mine.scene_slice(1), mine.event_slice()], allow_nan=False)
 
 
-FREE_KEYS = {("materials",), ("record", "columns")}  # the user's own names stand here
+FREE_KEYS = {("materials",)}  # the user's own names stand here
 
 
 @given(st.sampled_from([path for path in parts(merged(TINY)) if path not in FREE_KEYS]))
@@ -314,6 +343,20 @@ def test_a_record_without_a_location_error_is_refused(refuse):
 
 def test_a_record_is_read_for_the_modelled_months_unless_told_otherwise(accept):
     """A record of years beside a model of one month would make every ratio of them wrong."""
-    assert accept(TINY).record_slice()["filter"] == {"start": "2019-08-01", "end": "2019-09-01"}
-    chosen = accept(TINY, **{"record.filter": {"start": "2019-08-10"}}).record_slice()["filter"]
+    assert limits_of(accept(TINY).record_slice()) == {"start": "2019-08-01", "end": "2019-09-01"}
+    chosen = limits_of(accept(TINY, **{"record.filter": {"start": "2019-08-10"}}).record_slice())
     assert chosen == {"start": "2019-08-10", "end": "2019-09-01"}
+
+
+def test_the_schema_knows_the_columns_that_the_reader_reads(accept):
+    """Each as a text, and no other."""
+    columns = dict.fromkeys(COLUMN_KEYS, "x")
+    assert accept(TINY, **{"record.columns": columns}).values["record"]["columns"] == columns
+
+
+def test_a_frame_of_map_coordinates_takes_a_domain_of_them(accept):
+    """And a projected system without an area of use, as a mine's own grid has none, is taken at its word."""
+    far = changed(TINY, domain=FAR, excavations=[], steps=[], frame=UTM)
+    assert accept(far).values["frame"]["crs"] == "EPSG:32755"
+    own = "+proj=lcc +lat_0=37.8 +lon_0=-105.5 +lat_1=39.75 +lat_2=38.45 +x_0=182926 +y_0=-121923 +datum=NAD83 +units=m"
+    assert accept(TINY, frame={"crs": own, "surface": "1000 m"}).values["frame"]["crs"] == own

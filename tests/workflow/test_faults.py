@@ -21,6 +21,7 @@ def spoken(text: str) -> list[str]:
     return [line for line in lines[last + bool(last) :] if line and not any(part in line for part in noise)]
 
 
+STOPE = {"name": "stope_1", "step": "2019-08", "fill": "fill"}
 FAULTS = {  # values changed, the one line's parts
     "unknown key": ({"solver.tolerence": 1}, ("files/fault.yaml: solver.tolerence: unknown key", "tolerance?")),
     "no convergence": (
@@ -48,6 +49,34 @@ def test_user_reads_one_line_and_all_results_stand(spoiled, base, fault):
     assert status != 0
     assert len(lines) == 1, text
     assert all(part in lines[0] for part in says), lines[0]
+    assert hashes(spoiled / "results/tiny") == before
+
+
+def test_a_record_that_cannot_be_read_ends_the_run_before_anything_is_solved(base):
+    """Hours of mechanics came first where files of solids are larger than the record; now not even the grid is made."""
+    folder = base / "files/unreadable"
+    solid = trimesh.creation.box(
+        extents=(10, 15, 25), transform=trimesh.transformations.translation_matrix([35, 47, 37])
+    )
+    values = {"record.columns.log_potency": "magnitude", "excavations.1": STOPE | {"file": "stope.stl"}}
+    file = write_mine(changed(TINY, **values), folder / "mine.yaml")
+    solid.subdivide_loop(4).export(folder / "stope.stl")
+    assert (folder / "stope.stl").stat().st_size > (folder / "record.csv").stat().st_size
+    status, text = snakemake(file, base / "unreadable")
+    assert status != 0
+    assert "record.csv: column 'magnitude' (record.columns.log_potency) is missing" in text
+    assert not list((base / "unreadable").glob("results/tiny/*.nc"))
+
+
+def test_a_record_spoiled_later_leaves_the_one_that_was_read(spoiled, base):
+    """A value that is no number, in a file that was good: record.nc, comparison and report stand as they were."""
+    file = write_mine(TINY, base / "files/spoiled/mine.yaml")
+    record = file.parent / "record.csv"
+    record.write_text(record.read_text().replace("2019-08-07T06:00:00,", "2019-08-07T06:00:00,north ", 1))
+    before = hashes(spoiled / "results/tiny")
+    status, text = snakemake(file, spoiled)
+    assert status != 0
+    assert "is not a number" in text
     assert hashes(spoiled / "results/tiny") == before
 
 
@@ -164,7 +193,8 @@ def test_no_event_left_by_the_filter_and_spoiled_records(mine, tmp_path):
     assert "column 'z' (record.columns.z) is missing" in line(text.replace(",z,", ",depth,"))
     rows = text.splitlines()
     rows[3] = rows[3].split(",")[0] + ",nan,1,1,-2"
-    assert "event 3 of 60" in line("\n".join(rows))
+    rows[4] = rows[4].split(",")[0] + ",far,1,1,-2"
+    assert "event 4 of 60: column 'x': 'far' is not a number" in line("\n".join(rows))
     assert "no events" in line(rows[0] + "\n")
     assert "record.csv" in line("")
 

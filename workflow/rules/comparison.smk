@@ -1,5 +1,8 @@
 rule record:
-    """The recorded catalogue, read and filtered."""
+    """The recorded catalogue, read and filtered.
+
+    Before the grid and what is solved on it: those take all cores, and one that cannot be read ends the run at once.
+    """
     input:
         data=record_files(),
     output:
@@ -11,6 +14,7 @@ rule record:
         "logs/{mine}/record.log",
     benchmark:
         "benchmarks/{mine}/record.tsv"
+    priority: 2
     threads: 1
     resources:
         mem_mb=2000,

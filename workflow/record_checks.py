@@ -1,0 +1,98 @@
+"""What can be said of a record and of the frame before anything is read: columns, boxes, dates, places on the globe."""
+
+import math
+from typing import TYPE_CHECKING
+
+from catalogs.record_settings import check_columns, check_zone
+from pipeline.errors import InputError
+from workflow.dates import read_date
+
+if TYPE_CHECKING:
+    from workflow.configuration import Mine
+
+FARTHEST_FROM_ORIGIN = 100e3  # m; no mine is as large, and no easting or northing of a map as small
+BEYOND_USE = 3.0  # degrees that a projected system may be used beyond its zone: half a zone of UTM
+
+
+def check_record(mine: "Mine") -> None:
+    """Frame and record of a mine. Raises InputError."""
+    _check_frame(mine)
+    record = mine.values.get("record")
+    if not record:
+        return
+    if record["reader"] != "elk_creek" and not mine.path(record["file"]).is_file():
+        raise InputError(f"record.file: {mine.path(record['file'])} is missing; paths resolve from {mine.folder}")
+    if "columns" in record:
+        check_columns(record["columns"])
+    if "time_zone" in record:
+        check_zone(record["time_zone"])
+    for part in ("filter", "orientations"):
+        _check_part(f"record.{part}", record.get(part, {}))
+    _check_filter_meets_domain(mine, record.get("filter", {}))
+
+
+def _check_part(where: str, part: dict) -> None:
+    """Dates that are some and in order; boxes of three coordinates, and bounds, that are not upside down."""
+    dates = {key: read_date(f"{where}.{key}", part[key]) for key in ("start", "end") if key in part}
+    if len(dates) == 2 and dates["start"] >= dates["end"]:
+        raise InputError(f"{where}.end: {part['end']} is not after start {part['start']}")
+    for key in ("lower", "upper"):
+        if key in part and len(part[key]) != 3:
+            raise InputError(f"{where}.{key}: {len(part[key])} coordinates; a record's box has three, x, y and z")
+    for axis, low, high in zip("xyz", part.get("lower", ()), part.get("upper", ()), strict=False):
+        if low >= high:
+            raise InputError(f"{where}.upper: {axis} = {high:g} m is not above lower, {low:g} m: upside down")
+    most, least = part.get("maximum", {}), part.get("minimum", {})
+    for column in set(most) & set(least):
+        if most[column] < least[column]:
+            raise InputError(f"{where}.maximum.{column}: {most[column]:g} is below the minimum, {least[column]:g}")
+
+
+def _check_filter_meets_domain(mine: "Mine", chosen: dict) -> None:
+    """The record is cropped to the domain: a box beside it would leave nothing."""
+    axes = {"xz": (0, 2), "xy": (0, 1)}.get(mine.plane, (0, 1, 2))
+    domain = mine.values["domain"]
+    for axis, lower, upper in zip(axes, domain["lower"], domain["upper"], strict=True):
+        low, high = chosen.get("lower", [-math.inf] * 3)[axis], chosen.get("upper", [math.inf] * 3)[axis]
+        if low >= upper or high <= lower:
+            raise InputError(
+                f"record.filter: the box lies outside the domain, {'xyz'[axis]} {lower:g} to {upper:g} m, to which the "
+                "record is cropped; correct it"
+            )
+
+
+def _check_frame(mine: "Mine") -> None:
+    """The domain's corners have a place on the globe, near where the frame says that it is."""
+    frame, domain = mine.values["frame"], mine.values["domain"]
+    axes = (0, 1) if mine.plane != "xz" else (0,)
+    corners = [[domain[end][axis] for axis in axes] + [0.0] * (2 - len(axes)) for end in ("lower", "upper")]
+    if "crs" not in frame:
+        farthest = max(math.hypot(*corner) for corner in corners)
+        if "latitude" in frame and farthest > FARTHEST_FROM_ORIGIN:
+            raise InputError(
+                f"frame: the domain lies {farthest / 1000:.0f} km from the frame's origin; x and y count from the "
+                "point of that latitude and longitude. For eastings and northings of a map give crs instead (EPSG code)"
+            )
+        return
+    from catalogs.frame import MineFrame  # takes a fifth of a second
+
+    system = MineFrame(frame)
+    latitude, longitude, _ = system.to_globe([[*corner, 0.0] for corner in corners])
+    use = system.area_of_use
+    if use is None:
+        return
+    west, south, east, north = use
+    away = max(max(south - y, y - north, _beside(x, west, east)) for x, y in zip(longitude, latitude, strict=True))
+    if away > BEYOND_USE:
+        raise InputError(
+            f"frame.crs: the domain lies at latitude {latitude[0]:.1f}, longitude {longitude[0]:.1f}, outside the area "
+            f"of {frame['crs'][:40]} (longitude {west:g} to {east:g}, latitude {south:g} to {north:g}); coordinates of "
+            "a mine grid need its own false origin, as PROJ text or WKT"
+        )
+
+
+def _beside(longitude: float, west: float, east: float) -> float:
+    """Degrees that a meridian lies beside a zone from west to east, which may cross 180 degrees."""
+    if (longitude - west) % 360 <= (east - west) % 360:
+        return 0.0
+    return min((west - longitude) % 360, (longitude - east) % 360)
