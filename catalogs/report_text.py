@@ -13,6 +13,7 @@ from catalogs.sizes import log_potency
 
 MISSING = "–"
 NAMED = 5  # excavations named in one sentence
+OFF_VOLUME = 0.05  # share of an excavation's volume that the grid may miss without a banner
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BUDGET_ROWS = {
     "events": "events",
@@ -162,6 +163,8 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
                 f"Truncated in {name}: {share} of the overstressed volume lies in cells too coarse to fail ({where}); "
             )
             found.append(("truncated", text + "events are missing there. Refine the grid here."))
+    if text := off_volume(evidence):
+        found.append(("volume", text))
     at_once = [row.name for row in evidence.excavations if row.dated and row.filled_at_once]
     if at_once:
         first, more = ", ".join(at_once[:NAMED]), len(at_once) - NAMED
@@ -178,6 +181,21 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
     if evidence.comparison is not None and np.isfinite(evidence.comparison["cut"]):
         found.append(("note", f"Model and record are compared at {typeset(evidence.comparison.attrs['cut_text'])}."))
     return found
+
+
+def off_volume(evidence: Evidence) -> str:
+    """Which mined excavations have another volume on the grid than as solids; empty if none has."""
+    rows = [row for row in evidence.excavations if not row.planned and row.solid > 0]
+    off = [(row.drawn / row.solid - 1, row.name) for row in rows if abs(row.drawn / row.solid - 1) > OFF_VOLUME]
+    if not off:
+        return ""
+    off.sort(key=lambda entry: -abs(entry[0]))
+    named = ", ".join(f"{name} {100 * error:+.0f} %".replace("-", "−") for error, name in off[:NAMED])
+    more = f" and {len(off) - NAMED} more" if len(off) > NAMED else ""
+    return (
+        f"The grid misses the volume of {plural(len(off), 'excavation')} by more than {percent(OFF_VOLUME)}: "
+        f"{named}{more}. Refine the grid, or look whether these solids are whole (section 2)."
+    )
 
 
 def budget_rows(evidence: Evidence) -> tuple[list[str], list[dict], dict]:

@@ -123,6 +123,21 @@ def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid | Outsid
     return Pieces(cell.astype(np.int32), excavation.astype(np.int16), samples)
 
 
+def compare_volumes(name: str, solid: float, gridded: float, allowed: float, cell: float) -> None:
+    """Log an excavation's volumes, m3; raise InputError if they differ by more than a share `allowed` of the solid's.
+
+    cell: edge of the finest cells, m.
+    """
+    error = gridded / solid - 1.0 if solid > 0 else np.inf
+    logging.info("%s: %.1f m3, on the grid %.1f m3 (%+.2f %%)", name, solid, gridded, 100 * error)
+    if abs(error) > allowed:
+        raise InputError(
+            f"excavations.{name}: {solid:.4g} m3 in the domain as a solid but {gridded:.4g} m3 on the grid "
+            f"({100 * error:+.0f} %): too thin for cells of {cell:g} m; refine grid.levels, mend the solid, or allow "
+            f"more by grid.volume_error (now {allowed:g})"
+        )
+
+
 def assign_bodies(grid: MultiLevelGrid, bodies: list[Solid | Outside]) -> np.ndarray:
     """Rock body of each cell by its centre, later ones winning: (cell,) int16, -1 host."""
     body = np.full(len(grid.cell_level), -1, np.int16)
@@ -199,11 +214,10 @@ def make_grid(values: dict, attributes: dict, draft: xr.Dataset | None = None) -
     thickness = values["thickness"] if dimension == 2 else 1.0
     on_grid = np.bincount(pieces.excavation, np.bitwise_count(pieces.samples) / 64, minlength=len(solids))
     on_grid = on_grid * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
-    volume = [solid.volume * thickness for solid in solids]
+    volume = [solid.volume_within(domain.lower, domain.upper) * thickness for solid in solids]
+    allowed = np.inf if values["grid"].get("draft") else values["grid"]["volume_error"]
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
-        logging.info(
-            "%s: %.1f m3, on the grid %.1f m3 (%+.2f %%)", solid.name, true, gridded, 100 * (gridded / true - 1)
-        )
+        compare_volumes(solid.name, true, float(gridded), allowed, grid.fine_cell)
     return grid_dataset(
         grid,
         assign_bodies(grid, bodies),

@@ -18,6 +18,7 @@ from workflow.checks import check_mine
 from workflow.quantities import check, to_si
 from workflow.shapes import NOT_SHAPE
 
+GRID_KEYS = ("coarse_cell", "levels", "buffer_cells", "cut_cells", "volume_error")
 VOIGT = ("xx", "yy", "zz", "yz", "xz", "xy")
 
 
@@ -91,7 +92,7 @@ class Mine:
             return {"name": entry["name"], **made}
 
         values = self.values
-        grid = {key: values["grid"][key] for key in ("coarse_cell", "levels", "buffer_cells", "cut_cells")}
+        grid = {key: values["grid"][key] for key in GRID_KEYS}
         if values["grid"]["failure_zone"] != "none":
             grid["failure_zone"] = values["grid"]["failure_zone"]
         if self.is_draft:

@@ -1,6 +1,7 @@
 """Excavations and rock bodies as triangle solids (segments in 2-D), and which cells lie inside. Knows no material.
 
-shapes.py, files.py -> solids.py -> inside.py (winding.py: point inside; crossing.py: cell crossed by the surface).
+shapes.py, files.py (orientation.py: which way facets look) -> solids.py (volume.py) -> inside.py (winding.py: point
+inside; crossing.py: cell crossed by the surface).
 """
 
 from mpm_core.geometry.files import read_solid

@@ -147,3 +147,36 @@ def mark_cells(index, lower, upper, keys, crossed, undecided):
             if place < keys.size and keys[place] == key:
                 crossed[n] = True
                 undecided[n] = False
+
+
+def cross_cells(corners: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which cells a surface crosses, and which it does not though they lie in its bounding box: (cell,) bool each.
+
+    corners (facet, corner, dimension) float64, in cells from the grid's origin; index (cell, dimension) int32.
+    """
+    crossed, undecided = np.zeros(len(index), dtype=bool), np.zeros(len(index), dtype=bool)
+    lower, upper = cell_box(corners, index)
+    if len(index) == 0 or (lower >= upper).any():
+        return crossed, undecided
+    if corners.shape[2] == 2:
+        as_triangles = np.full((len(corners), 3, 3), 0.5)
+        as_triangles[:, :, :2] = corners[:, [0, 1, 1]]
+        in_space = np.zeros((len(index), 3), dtype=np.int32)
+        in_space[:, :2] = index
+        lower, upper = np.append(lower, 0), np.append(upper, 1)
+    else:
+        as_triangles, in_space = corners, index
+    keys = crossed_keys(as_triangles, lower, upper)
+    mark_cells(np.ascontiguousarray(in_space), lower, upper, keys, crossed, undecided)
+    return crossed, undecided
+
+
+def cell_box(corners: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and one past the last cell, per axis int64, of those of `index` that the solid's bounding box meets."""
+    if len(index) == 0:
+        return np.zeros(corners.shape[2], dtype=np.int64), np.zeros(corners.shape[2], dtype=np.int64)
+    places = corners.reshape(-1, corners.shape[2])
+    first, last = index.min(axis=0), index.max(axis=0)
+    lower = np.clip(np.floor(places.min(axis=0) + TOLERANCE), first, last + 1.0).astype(np.int64)
+    upper = np.clip(np.ceil(places.max(axis=0) - TOLERANCE), first, last + 1.0).astype(np.int64)
+    return lower, upper

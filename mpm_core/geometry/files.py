@@ -3,11 +3,14 @@
 trimesh, ezdxf and omf are imported where a file is read: together they take 1.5 s, and most stages read none.
 """
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from mpm_core.geometry.edges import unique_rows
+from mpm_core.geometry.orientation import agree, check_bounds_volume, without_partitions
 from mpm_core.geometry.solids import Solid
 from pipeline.errors import InputError
 
@@ -49,24 +52,35 @@ def read_solid(path: str | Path, name: str, element: str | None = None, layer: s
         raise InputError(f"{path}: {name}: {error}") from error
     except Exception as error:  # the parsers raise whatever they stumble over
         raise InputError(f"{path}: {name}: unreadable as {ending[1:].upper()} ({error}): export it again") from error
+    if len(facets) and (np.min(facets) < 0 or np.max(facets) >= len(vertices)):
+        raise InputError(f"{path}: {name}: has triangles of vertices that it does not hold: export it again")
+    if not np.isfinite(vertices).all():
+        raise InputError(f"{path}: {name}: holds coordinates that are not finite: export it again")
     vertices, facets = _tidy(vertices, facets)
     if len(facets) == 0:
         raise InputError(f"{path}: {name}: holds no triangles: export the solid as a triangulated surface")
-    if not np.isfinite(vertices).all():
-        raise InputError(f"{path}: {name}: holds coordinates that are not finite: export it again")
+    try:
+        facets, turned = agree(vertices, facets)
+        check_bounds_volume(vertices, facets)
+    except InputError as error:
+        raise InputError(f"{path}: {name}: {error}") from error
+    if turned:
+        logging.warning("%s: %s: %d of %d triangles looked the other way; turned", path, name, turned, len(facets))
     return Solid(name, vertices, facets)
 
 
 def _tidy(vertices: np.ndarray, facets: np.ndarray) -> Mesh:
     """Merge equal vertices, drop triangles with a repeated corner and repeats of the same triangle, keep the order."""
     vertices, facets = np.reshape(vertices, (-1, 3)), np.reshape(facets, (-1, 3))
-    vertices, place = np.unique(vertices, axis=0, return_inverse=True)
-    facets = place.reshape(-1)[facets] if len(vertices) else facets
+    vertices, place = unique_rows(vertices)
+    facets = place[facets] if len(vertices) else facets
     facets = facets[(facets != np.roll(facets, 1, axis=1)).all(axis=1)]
+    facets = without_partitions(facets)
     # the same triangle may start at any of its corners: start it at the smallest, which keeps its orientation
     start = facets.argmin(axis=1, keepdims=True) if len(facets) else np.zeros((0, 1), dtype=np.int64)
     rolled = np.take_along_axis(facets, (start + np.arange(3)) % 3, axis=1)
-    _, first = np.unique(rolled, axis=0, return_index=True)
+    _, same = unique_rows(rolled)
+    _, first = np.unique(same, return_index=True)
     return vertices, facets[np.sort(first)]
 
 

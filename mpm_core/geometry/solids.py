@@ -5,6 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
+from mpm_core.geometry.edges import edges_of, unique_rows
+from mpm_core.geometry.volume import volume_within
 from pipeline.errors import InputError
 
 
@@ -13,7 +15,8 @@ class Solid:
     """A volume bounded by triangles (3-D) or line segments (2-D, plane strain: coordinates in the plane).
 
     The facets need not be watertight, nor all of them distinct: inside is where the generalised winding number
-    exceeds 1/2 in size (inside.py). Facets of one solid must agree in orientation, outward or inward, all of them.
+    exceeds 1/2 in size (inside.py). Neighbouring facets must agree in orientation; those of files are made to
+    (orientation.py).
 
     Raises InputError for a solid without facets, with coordinates that are not finite or indices out of range.
     """
@@ -61,28 +64,15 @@ class Solid:
         corners = self.corners(self.bounds.mean(axis=0))
         return float(np.linalg.det(corners).sum()) / (6 if self.dimension == 3 else 2)
 
-    @property
+    @cached_property
     def volume(self) -> float:
-        """Size of `signed_volume`. The union's volume where no part of the solid overlaps another, else more."""
-        return abs(self.signed_volume)
+        """Volume m3 (area m2 in 2-D) of what lies inside: see volume.py."""
+        return self.volume_within(*self.bounds)
 
     def volume_within(self, lower: np.ndarray, upper: np.ndarray) -> float:
-        """Volume m3 (area m2 in 2-D) of the part inside the box from lower to upper (dimension,) m.
-
-        Gauss: the flux through the facets of the field (x clamped to the box, 0, 0) where y and z lie in the box.
-        """
+        """Volume m3 (area m2 in 2-D) of what lies inside, in the box from lower to upper (dimension,) m."""
         center = self.bounds.mean(axis=0)
-        corners, lower, upper = self.corners(center), lower - center, upper - center
-        if self.dimension == 2:  # walls one metre high over the segments
-            a, b = (np.insert(corners[:, end], 2, 0.0, axis=1) for end in (0, 1))
-            top = np.array([0.0, 0.0, 1.0])
-            corners = np.concatenate([np.stack([a, b, b + top], axis=1), np.stack([a, b + top, a + top], axis=1)])
-        for axis in range(1, self.dimension):
-            corners = _clip(_clip(corners, axis, lower[axis], 1), axis, upper[axis], -1)
-        beyond, corners = _clip(corners, 0, upper[0], 1), _clip(corners, 0, upper[0], -1)
-        between = _clip(corners, 0, lower[0], 1)
-        flux = (_area_x(between) * (between[:, :, 0].mean(axis=1) - lower[0])).sum()
-        return abs(float(flux + _area_x(beyond).sum() * (upper[0] - lower[0])))
+        return volume_within(self.corners(center), self.is_closed, lower - center, upper - center)
 
     @cached_property
     def is_closed(self) -> bool:
@@ -90,18 +80,12 @@ class Solid:
 
         Vertices at the same place are one (STL repeats them). Then the winding number is a whole number everywhere.
         """
-        _, place = np.unique(self.vertices, axis=0, return_inverse=True)
-        facets = place.reshape(-1)[self.facets]
+        _, place = unique_rows(self.vertices)
+        facets = place[self.facets]
         if self.dimension == 2:
-            balance = np.zeros(facets.max() + 1, dtype=np.int64)
-            np.add.at(balance, facets[:, 0], -1)
-            np.add.at(balance, facets[:, 1], 1)
-            return not balance.any()
-        edges = np.concatenate([facets[:, [0, 1]], facets[:, [1, 2]], facets[:, [2, 0]]])
-        edges = edges[edges[:, 0] != edges[:, 1]]
-        forward = edges[:, 0] < edges[:, 1]
-        _, which = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
-        return not np.bincount(which.reshape(-1), weights=np.where(forward, 1.0, -1.0)).any()
+            passages = np.bincount(facets[:, 1], minlength=facets.max() + 1)
+            return bool((passages == np.bincount(facets[:, 0], minlength=facets.max() + 1)).all())
+        return not edges_of(facets).balance.any()
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,40 +117,8 @@ class Outside:
     @property
     def volume(self) -> float:
         """Volume m3 (area m2 in 2-D) of the box less the solid's part in it."""
-        return float(np.prod(self.upper - self.lower)) - self.solid.volume_within(self.lower, self.upper)
+        return self.volume_within(self.lower, self.upper)
 
-
-def _clip(corners: np.ndarray, axis: int, bound: float, side: int) -> np.ndarray:
-    """Triangles (n, 3, 3) cut at the plane x[axis] = bound: what lies above (side 1) or below it (-1), as triangles.
-
-    What lies in the plane counts as above.
-    """
-    height = side * (corners[:, :, axis] - bound)
-    above = ((height >= 0.0) if side > 0 else (height > 0.0)).sum(axis=1)
-
-    def turned(chosen: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The chosen triangles, starting at their corner `first`, and where their edges from there meet the plane."""
-        order = (first[:, None] + np.arange(3)) % 3
-        place = np.take_along_axis(corners[chosen], order[:, :, None], axis=1)
-        level = np.take_along_axis(height[chosen], order, axis=1)
-        share = level[:, :1] / (level[:, :1] - level[:, 1:])
-        cut = place[:, :1] + share[:, :, None] * (place[:, 1:] - place[:, :1])
-        return place, cut[:, 0], cut[:, 1]
-
-    one, two = np.flatnonzero(above == 1), np.flatnonzero(above == 2)
-    tip, tip_b, tip_c = turned(one, height[one].argmax(axis=1))
-    base, base_b, base_c = turned(two, height[two].argmin(axis=1))
-    return np.concatenate(
-        [
-            corners[above == 3],
-            np.stack([tip[:, 0], tip_b, tip_c], axis=1),
-            np.stack([base_b, base[:, 1], base[:, 2]], axis=1),
-            np.stack([base_b, base[:, 2], base_c], axis=1),
-        ]
-    )
-
-
-def _area_x(corners: np.ndarray) -> np.ndarray:
-    """Area of each triangle (n, 3, 3) seen along x, (n,) m2, positive where it looks towards +x."""
-    b, c = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    return 0.5 * (b[:, 1] * c[:, 2] - b[:, 2] * c[:, 1])
+    def volume_within(self, lower: np.ndarray, upper: np.ndarray) -> float:
+        """Volume m3 (area m2 in 2-D) of what the solid leaves of the box from lower to upper (dimension,) m."""
+        return float(np.prod(upper - lower)) - self.solid.volume_within(lower, upper)

@@ -5,7 +5,7 @@ level across: it never rolls. A bend is mitred: both stretches end in the plane 
 one ring of corners if the path bends in plan or in section alone. If it does both, a level profile cannot follow
 without a twist: unless the rings nearly agree, each stretch is a body of its own, and they abut. Where a bend is too
 sharp for a mitre, or a stretch too short for its bends, each ends squarely and a little beyond the corner: they
-overlap, which changes nothing inside (the winding number there is 2), but `Solid.volume` counts the overlap twice.
+overlap, which changes nothing inside (the winding number there is 2).
 """
 
 from collections.abc import Callable

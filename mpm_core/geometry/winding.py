@@ -11,9 +11,15 @@ arguments: the argument of the product of all z, if its passages through the neg
 |W| > 1/2 means that the sum is beyond +-pi, which means that this count is not zero.
 """
 
+from collections.abc import Callable
+
+import igl
 import numpy as np
 from numba import njit, prange
 
+# Measured on 2 cores: summed exactly 1.1 to 2.3 ns per point and facet; libigl's tree, for any number of facets, 1.3 us
+# per point, up to 7 us beside a surface of slender triangles.
+EXACT_FACETS = 1000
 BLOCK = 64  # points taken together: the inner loops run over them and become vector instructions
 
 
@@ -118,3 +124,45 @@ def sample_cells(corners, index, samples, mask):
             if turns[s] != 0.0:
                 bits |= np.uint64(1) << np.uint64(s)
         mask[n] = bits
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def sum_winding_number(corners, points, number):
+    """W at each point, by summing over all facets; arguments as in inside_points, number (point,) float64."""
+    count, dimension = points.shape
+    for block in prange((count + BLOCK - 1) // BLOCK):
+        first = block * BLOCK
+        here = min(BLOCK, count - first)
+        gathered = np.zeros((dimension, BLOCK))
+        for s in range(here):
+            for axis in range(dimension):
+                gathered[axis, s] = points[first + s, axis]
+        real, imaginary, turns = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+        inside_block(corners, gathered, real, imaginary, turns)
+        for s in range(here):
+            number[first + s] = turns[s] + np.arctan2(imaginary[s], real[s]) / (2.0 * np.pi)
+
+
+def winding_number_of(corners: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """A function that gives W at points (point, dimension): by the sum, or of many facets by libigl's tree.
+
+    corners (facet, corner, dimension), with the points near one local origin.
+    """
+
+    def by_sum(points: np.ndarray) -> np.ndarray:
+        number = np.empty(len(points))
+        sum_winding_number(corners, np.ascontiguousarray(points), number)
+        return number
+
+    return by_sum if corners.shape[2] == 2 or len(corners) <= EXACT_FACETS else winding_number_by_tree(corners)
+
+
+def winding_number_by_tree(corners: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """W by libigl's tree (Barill et al. 2018), in 3-D: good to 0.5 % and, in float32, to 1e-7 of the solid's size.
+
+    Arguments as in winding_number_of.
+    """
+    vertices = np.ascontiguousarray(corners.reshape(-1, 3))
+    tree = igl.FastWindingNumberBVH()
+    tree.init(vertices, np.arange(len(vertices), dtype=np.int64).reshape(-1, 3))
+    return lambda points: tree.winding_number(np.ascontiguousarray(points))

@@ -178,6 +178,19 @@ def test_stopes_filled_while_they_are_mined_are_named(page):
     assert "fill, in planned" in page.sections["scene"]
 
 
+def test_banner_names_excavations_whose_volume_the_grid_misses(mine, tmp_path):
+    """By more than 5 %, the worst first; a planned one does not count yet, and 4.9 % is no matter."""
+    grid = read_dataset(mine.grid)
+    solid = np.array(json.loads(grid.attrs["excavation_volume"]))
+    grid.attrs["excavation_volume_grid"] = json.dumps((solid * [1.049, 0.93, 1.18, 9.0]).tolist())
+    write_dataset(grid, tmp_path / "grid.nc")
+    wrong = make_page(mine, tmp_path, grid=tmp_path / "grid.nc").sections["headline"]
+    assert "misses the volume of 2 excavations by more than 5.0 %: stope_2 +18 %, stope_1 −7 %. Refine" in wrong
+    grid.attrs["excavation_volume_grid"] = json.dumps((solid * 1.049).tolist())
+    write_dataset(grid, tmp_path / "good.nc")
+    assert "misses the volume" not in make_page(mine, tmp_path, grid=tmp_path / "good.nc").sections["headline"]
+
+
 def test_page_asks_nothing_of_the_network(page):
     """No scripts, no linked files; every image and every reference inside the drawings is data or local."""
     assert not {"script", "link", "iframe", "object"} & {tag for tag, _ in page.tags}

@@ -28,7 +28,8 @@ def grid_slice(*excavations, plane=None, bodies=(), cut_cells="fraction", thickn
         "plane": plane,
         "thickness": thickness,
         "domain": {"lower": [0.0] * dimension, "upper": [24.0] * dimension},
-        "grid": {"coarse_cell": 8.0, "levels": 2, "buffer_cells": 1, "cut_cells": cut_cells} | grid,
+        "grid": {"coarse_cell": 8.0, "levels": 2, "buffer_cells": 1, "cut_cells": cut_cells, "volume_error": 0.2}
+        | grid,
         "excavations": list(excavations),
         "rock_bodies": list(bodies),
     }
@@ -188,3 +189,18 @@ def test_a_state_is_a_vtk_file_that_others_read(plane, dimension, tmp_path):
     np.testing.assert_allclose(mesh.cell_data["solid_fraction"][0], share, rtol=1e-12)
     far = np.argmax(np.abs(grid.cell_center - 12.0).sum(axis=1))
     assert mesh.cell_data["stress"][0][far] == pytest.approx(state.stress.values[far])
+
+
+def test_a_grid_that_misses_an_excavation_by_a_fifth_is_refused_unless_allowed():
+    """Whole cells of 4 m take a slot of 2.2 m for one of 4."""
+    slot = block([8.0] * 3, [10.2, 16.0, 16.0])
+    with pytest.raises(InputError, match=r"stope: 140\.8 m3 .* 256 m3 on the grid \(\+82 %\).*volume_error"):
+        make_grid(grid_slice(slot, cut_cells="whole"), {})
+    gridded = make_grid(grid_slice(slot, cut_cells="whole", volume_error=0.9), {})
+    assert json.loads(gridded.attrs["excavation_volume"]) == pytest.approx([140.8])
+    make_grid(grid_slice(slot, cut_cells="whole", draft=True), {})
+
+
+def test_the_solid_s_volume_is_that_of_its_part_in_the_domain():
+    dataset = make_grid(grid_slice(block([-4.0, 4.0, 4.0], [8.0, 12.0, 12.0])), {})
+    assert json.loads(dataset.attrs["excavation_volume"]) == pytest.approx([512.0])
