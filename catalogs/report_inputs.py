@@ -17,6 +17,7 @@ COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_rati
 CONVERGENCE = tuple(f"convergence_{name}" for name in COLUMNS)
 SHOWN = ("position", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor")
 ENSEMBLE = "ensemble"  # folder of its members
+UNDATED = {"start": "", "end": "", "dated": 0}
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
 
 
@@ -158,6 +159,10 @@ def read_evidence(
     stages = [stage for stage, _ in found]
     state = read(found[-1][1], names=SHOWN) if found else None
     budgets = [read(path, names=()).attrs for path in events]
+    # which the mechanics do not know
+    dates = {one["step"]: {key: one[key] for key in UNDATED} for one in budgets}
+    for stage in stages:
+        stage.attrs = UNDATED | stage.attrs | dates.get(stage.attrs["step"], {})
     return Evidence(
         config=config,
         default=default,

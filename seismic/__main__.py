@@ -23,7 +23,11 @@ def main(arguments: list[str] | None = None) -> None:
     catalog.add_argument("--events", required=True, nargs="+", help="events/<step>.nc of every step")
     catalog.add_argument("--csv", required=True, help="the same catalogue as a table")
     for stage in (events, catalog):
-        stage.add_argument("--settings", required=True, help="JSON: mine, closeness, cluster, seismic_fraction, frame")
+        stage.add_argument(
+            "--settings",
+            required=True,
+            help="JSON: mine, closeness, cluster, seismic_fraction, frame; start, end of a step",
+        )
         stage.add_argument("--output", required=True, help="netCDF written")
         stage.add_argument("--log", help="log file; standard error without it")
     chosen = parser.parse_args(arguments)
@@ -35,11 +39,16 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _events(chosen: argparse.Namespace) -> None:
-    from seismic.events import VARIABLES, extract_events  # here: the catalogue need not wait for numba and scikit-learn
+    # here: the catalogue need not wait for numba and scikit-learn
+    from seismic.events import VARIABLES, dated, extract_events
 
     settings = _settings(chosen.settings)
+    step = read_dataset(chosen.step, VARIABLES)
+    if dates := {key: settings[key] for key in ("start", "end") if key in settings}:
+        step = dated(step, **dates)
+    others = {key: value for key, value in settings.items() if key not in dates}
     try:
-        dataset, _ = extract_events(read_dataset(chosen.step, VARIABLES), settings)
+        dataset, _ = extract_events(step, others)
     except InputError as error:
         raise InputError(f"{chosen.step}: {error}") from error
     write_dataset(dataset.assign_attrs(provenance(settings, "seismic")), chosen.output)

@@ -32,7 +32,8 @@ STRAINS = {
     "plastic": "plastic_strain_step",
 }
 VARIABLES = (*STRAINS.values(), "position", "spacing", "volume", "failed", "failure_order")
-STEP_ATTRIBUTES = ("mine", "step", "step_index", "start", "end", "dated", "lame_lambda", "shear_modulus")
+STEP_ATTRIBUTES = ("mine", "step", "step_index", "lame_lambda", "shear_modulus")
+UNDATED = {"start": "", "end": "", "dated": 0}
 LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")
 
 
@@ -41,13 +42,15 @@ def extract_events(step: xr.Dataset, settings: dict) -> tuple[xr.Dataset, dict]:
 
     step: the dataset of a mining step (particles with seismic_strain, overshoot_strain, later_strain and
     plastic_strain_step of this step, position, spacing, volume, failed, failure_order; attributes mine, step,
-    step_index, start, end, dated, lame_lambda, shear_modulus, truncated*). settings: see EventSettings.from_dict.
+    step_index, lame_lambda, shear_modulus, truncated*, and start, end, dated where it has dates, which the mechanics do
+    not know: see dated). settings: see EventSettings.from_dict.
     Events stand in the order in which they begin. An undated step gives events without times, to be looked at; they
     enter no catalogue. Particles that failed without a drop (no seismic strain) have no mechanism and join no event.
     Raises InputError for a dataset that lacks something or contradicts itself.
     """
     chosen = EventSettings.from_dict(settings)
     where = _check_step(step, chosen)
+    step = step.assign_attrs(UNDATED | step.attrs)
     strain = {name: np.asarray(step[variable].values, dtype=np.float64) for name, variable in STRAINS.items()}
     strained = np.flatnonzero(np.any([np.any(values != 0.0, axis=1) for values in strain.values()], axis=0))
     strain = {name: values[strained] for name, values in strain.items()}  # most rock has none
@@ -100,6 +103,11 @@ def extract_events(step: xr.Dataset, settings: dict) -> tuple[xr.Dataset, dict]:
     )
     log_budget(budget)
     return event_dataset(values, attributes), budget
+
+
+def dated(step: xr.Dataset, start: str, end: str) -> xr.Dataset:
+    """A step with the ISO dates from which and to which it is mined; both empty for one before the record begins."""
+    return step.assign_attrs(start=start, end=end, dated=int(bool(start)))
 
 
 def _check_step(step: xr.Dataset, settings: EventSettings) -> str:
@@ -209,7 +217,7 @@ def _attributes(step: xr.Dataset, settings: EventSettings, strain: NDArray, spac
         full = location_error**settings.dimension * (settings.thickness or 1.0)
         drop = settings.seismic_fraction * np.median(scalar_potency(tensor_from_voigt(strain)))
         floor = float(settings.cluster["min_samples"] * drop * full)
-    kept = {name: step.attrs[name] for name in (*STEP_ATTRIBUTES, *LABEL_ATTRIBUTES)}
+    kept = {name: step.attrs[name] for name in (*STEP_ATTRIBUTES, *UNDATED, *LABEL_ATTRIBUTES)}
     return kept | {
         "kind": "synthetic",
         "potency_floor": floor,

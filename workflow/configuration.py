@@ -170,10 +170,7 @@ class Mine:
             **({"strains": strains} if strains else {}),
             **({"draft": True} if self.is_draft else {}),
             **({"perturbation": self.perturbation} if self.perturbation else {}),
-            "steps": [
-                {"name": step["name"], "start": step.get("start", ""), "end": step.get("end", "")}
-                for step in self.steps[: last + 1]
-            ],
+            "steps": [{"name": step["name"]} for step in self.steps[: last + 1]],  # rock knows no dates
             "solver": values["solver"],
         }
 
@@ -219,10 +216,11 @@ class Mine:
         """Names of the steps whose events enter the catalogue."""
         return [step["name"] for step in self.listed_steps if "start" in step]
 
-    def event_slice(self) -> dict:
-        """What events and catalogue depend on, beside the steps."""
+    def event_slice(self, step: str = "") -> dict:
+        """What events and catalogue depend on, beside the steps; of the events of one step, its dates too."""
         flat = {"thickness": self.values["thickness"]} if self.plane else {}
-        return {"mine": self.name, "frame": self.values["frame"], **flat, **self.values["seismic"]}
+        dates = {key: self.steps[self.step_index(step)].get(key, "") for key in ("start", "end")} if step else {}
+        return {"mine": self.name, "frame": self.values["frame"], **flat, **self.values["seismic"], **dates}
 
     def spread_slice(self) -> dict:
         """What spread.nc depends on, beside the runs of the ensemble."""
@@ -232,7 +230,7 @@ class Mine:
         """The config_hash that each dataset carries if it is up to date, by its path below results/<mine>."""
         hashes = {"grid.nc": self.grid_slice(), "elastic.nc": self.scene_slice(0)}
         for step in self.mined_steps:
-            hashes |= {f"steps/{step}.nc": self.step_slice(step), f"events/{step}.nc": self.event_slice()}
+            hashes |= {f"steps/{step}.nc": self.step_slice(step), f"events/{step}.nc": self.event_slice(step)}
         hashes["catalog.nc"] = self.event_slice()
         if "record" in self.values:
             hashes |= {"record.nc": self.record_slice(), "comparison.nc": self.values["comparison"]}

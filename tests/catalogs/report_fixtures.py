@@ -161,7 +161,7 @@ def make_state(grid: xr.Dataset, index: int) -> xr.Dataset:
     count = len(size)
     history = np.tile([3e-1, 4e-2, 5e-3, 1e-3, 1e-4, 9e-6], 4)
     new = np.where(np.arange(24) % 6 == 0, 50 // (1 + np.arange(24) // 6), 0) * (index >= 0)
-    name, start, end, dated = STEPS[index] if index >= 0 else ("", "", "", 0)
+    name = STEPS[index][0] if index >= 0 else ""
     now = failed == index if index >= 0 else np.zeros(count, bool)
     truncated = index == 2
     return xr.Dataset(
@@ -186,7 +186,7 @@ def make_state(grid: xr.Dataset, index: int) -> xr.Dataset:
         },
         attrs={
             "mine": "testmine", "stage": "step" if index >= 0 else "elastic", "step": name, "step_index": index,
-            "start": start, "end": end, "dated": dated, "tolerance": 1e-5, "scheme": "multigrid", "iterations": 24,
+            "tolerance": 1e-5, "scheme": "multigrid", "iterations": 24,
             "unbalanced_ratio": 9e-6, "truncated": int(truncated), "truncated_share": 0.034 * truncated,
             "truncated_where": "x 10050 to 10070, y 20050 to 20060, z -1030 to -1010 m" if truncated else "",
             "failed_particles": int((now & (fill < 0)).sum()), "failed_volume": float(volume[now].sum()),
@@ -273,10 +273,11 @@ def make_mine(folder: Path, events: int = 150, dimension: int = 3, **grid_option
         steps.append(folder / "steps" / f"{name}.nc")
         write_dataset(state, steps[-1])
     catalog = make_catalog(state, events)
-    for name, *_, dated in STEPS:
+    for name, start, end, dated in STEPS:
         if dated:
             event_files.append(folder / "events" / f"{name}.nc")
-            write_dataset(catalog.isel(event=np.flatnonzero(catalog["step"].values == name)), event_files[-1])
+            own = catalog.isel(event=np.flatnonzero(catalog["step"].values == name))
+            write_dataset(own.assign_attrs(step=name, start=start, end=end, dated=dated), event_files[-1])
     write_dataset(catalog, folder / "catalog.nc")
     record = make_catalog(state, round(0.8 * events), kind="twin", seed=4)
     write_dataset(record, folder / "record.nc")

@@ -56,6 +56,15 @@ def test_a_slice_holds_only_what_its_stage_needs(accept, key, value, same):
     assert {name for name in slices if slices[name]() == others[name]()} == same
 
 
+def test_dates_reach_the_events_of_their_step_alone(accept):
+    """No slice of the mechanics has them, nor have the events of another step."""
+    before, after = accept(TINY), accept(TINY, **{"steps.1.end": "2019-09-15"})
+    changed = {path for path, made_from in after.hashes().items() if made_from != before.hashes()[path]}
+    assert changed == {"events/2019-08.nc", "record.nc"}
+    assert after.event_slice("2019-08")["end"] == "2019-09-15"
+    assert after.event_slice("history")["start"] == ""
+
+
 def test_undated_scene_gets_a_history_of_its_own(accept):
     """Dated steps alone: what is mined before them is nothing, and the first step is still the history."""
     mine = accept(TINY, **{"steps": TINY["steps"][1:], "excavations.0.step": "2019-08"})

@@ -168,7 +168,12 @@ def step_slice(wildcards):
 
 
 def event_slice(wildcards):
-    """The configuration that events and catalogue depend on."""
+    """The configuration that the events of a step depend on, its dates included."""
+    return slice_of(mine_of(wildcards).event_slice(step_of(wildcards)))
+
+
+def catalog_slice(wildcards):
+    """The configuration that the catalogue of all steps depends on, beside their events."""
     return slice_of(mine_of(wildcards).event_slice())
 
 
