@@ -1,4 +1,4 @@
-"""Command lines of the catalogue stages: record, quakeml, compare, spread, twin, report.
+"""Command lines of the catalogue stages: scene, record, quakeml, compare, spread, twin, report.
 
 Each stage imports what it alone needs: ObsPy and matplotlib take seconds, and most stages use neither.
 """
@@ -12,6 +12,14 @@ from pathlib import Path
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.provenance import provenance
 from pipeline.stage import run_stage
+
+
+def scene(chosen: argparse.Namespace) -> None:
+    """A picture of what will be solved: cells, solids, record."""
+    from catalogs.figures.overview import write_overview
+
+    record = read_dataset(chosen.record) if chosen.record else None
+    write_overview(read_dataset(chosen.grid), json.loads(chosen.settings), record, chosen.output)
 
 
 def record(chosen: argparse.Namespace) -> None:
@@ -96,6 +104,8 @@ def parser() -> argparse.ArgumentParser:
         one.add_argument("--log", type=Path)
         return one
 
+    drawn = stage("scene", scene, "grid", "output", settings=True)
+    drawn.add_argument("--record", type=Path)
     stage("record", record, "output", settings=True)
     stage("quakeml", quakeml, "catalog", "output")
     stage("compare", comparison, "catalog", "record", "output", settings=True)

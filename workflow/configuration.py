@@ -206,6 +206,17 @@ class Mine:
             for entry in self.excavations
         ]
 
+    def excavations_by_step(self) -> list[dict]:
+        """Name, whether it has dates, and excavations of every step, in order."""
+        return [
+            {
+                "name": step["name"],
+                "dated": "start" in step,
+                "excavations": [entry["name"] for entry in self.excavations if entry["step"] == step["name"]],
+            }
+            for step in self.steps
+        ]
+
     @property
     def mined_steps(self) -> list[str]:
         """Names of the steps that the configuration lists, in order; without any the scene stops at elastic.nc."""

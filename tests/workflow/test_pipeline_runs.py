@@ -264,6 +264,15 @@ def test_a_planned_stope_gets_its_month_and_only_that_is_run(spoiled, base):
     assert steps == ["2019-08", "2019-09"]
 
 
+@pytest.mark.parametrize("zone", ["none", "auto"])
+def test_the_picture_of_the_scene_needs_nothing_solved(base, tmp_path, zone):
+    """Grid and record alone, also where the grid waits for a draft run: then the draft's cells are shown."""
+    file = write_mine(changed(TINY, **{"grid.failure_zone": zone}), base / "files" / zone / "tiny.yaml")
+    status, text = snakemake(file, tmp_path, "--dry-run", "scene")
+    assert status == 0, text
+    assert jobs(text) == {"grid": 1, "record": 1, "scene": 1}
+
+
 def test_lint_is_clean(tiny_file, tmp_path):
     """Snakemake's own style check has nothing to say."""
     status, text = snakemake(tiny_file, tmp_path, "--lint")

@@ -13,6 +13,7 @@ import yaml
 ROOT = Path(__file__).parents[2]
 DEFAULT = ROOT / "config" / "default.yaml"
 STAGES = {
+    "scene",
     "grid",
     "elastic",
     "mining_step",

@@ -1,3 +1,32 @@
+rule scene:
+    """A picture of the scene, before anything is solved, on request: cells, solids by step, record.
+
+    With grid.failure_zone: auto the cells are those of the draft run, which the grid itself waits for.
+    """
+    input:
+        grid=result(f"{DRAFT}/grid.nc" if draft_of(MINE) else "grid.nc"),
+        record=result("record.nc") if HAS_RECORD else [],
+    output:
+        result("scene.png"),
+    params:
+        code=source_hash("catalogs"),
+        settings=slice_of(MINE.excavations_by_step()),
+        record=if_made("record", "record.nc", HAS_RECORD),
+    log:
+        f"logs/{MINE.name}/scene.log",
+    benchmark:
+        f"benchmarks/{MINE.name}/scene.tsv"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=30,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage catalogs scene --settings {params.settings:q} --grid {input.grid} {params.record}"
+        " --output {output} --log {log}"
+
+
 rule record:
     """The recorded catalogue, read and filtered.
 

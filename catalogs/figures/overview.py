@@ -1,0 +1,138 @@
+"""One picture of a scene before anything is solved: cells, solids by step, record, and what lies beyond the domain."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+
+from catalogs.figures import style, views
+from pipeline.datasets import atomic_path
+
+BEYOND = 0.5  # of the domain's longest side: so far around it recorded events are shown
+BODY = "#b5651d"
+HISTORY = to_rgb(style.OUTLINE)  # the grey of the report's figures is a cell's here
+SHEER = 0.55  # opacity: solids lie behind each other
+DOTS_PER_INCH = 200
+
+
+def write_overview(grid: xr.Dataset, steps: list[dict], record: xr.Dataset | None, path: Path) -> None:
+    """Write the picture as PNG; arguments as for `overview`."""
+    with style.applied():
+        figure = overview(grid, steps, record)
+        with atomic_path(path) as temporary:
+            figure.savefig(temporary, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+
+
+def overview(grid: xr.Dataset, steps: list[dict], record: xr.Dataset | None) -> Figure:
+    """Plan and sections: cells cut through the excavations, all solids and events as seen along the same direction.
+
+    steps: in order, each with `name`, `dated` and the names of its `excavations`; what none of them lists is planned.
+    """
+    lower, upper = views.domain(grid)
+    place = np.empty((0, 3)) if record is None else record["location"].values
+    cuts = _cuts(grid)
+    figure, array, _ = views.panels(cuts, *_limits(lower, upper, place), columns=min(len(cuts), 2), tallest=13.0)
+    names = json.loads(grid.attrs["excavation_names"])
+    mined = [[names.index(name) for name in step["excavations"]] for step in steps]
+    planned = sorted(set(range(len(names))) - {number for numbers in mined for number in numbers})
+    dated = [step["dated"] for step in steps]
+    colours = [colour if flag else HISTORY for colour, flag in zip(style.step_colours(dated), dated, strict=True)]
+    level = ListedColormap(colormaps["Greys"](np.linspace(0.03, 0.4, int(grid.attrs["levels"]))))  # steps are coloured
+    for axes, view in zip(array, cuts, strict=True):
+        _draw_cells(axes, grid, view, level)
+        size = (upper - lower)[view.axes]
+        axes.add_patch(Rectangle(lower[view.axes], *size, fill=False, edgecolor="k", linewidth=1.0, zorder=2))
+        along = replace(view, at=None)
+        for numbers, colour in zip(mined, colours, strict=True):
+            _draw_solids(axes, grid, along, numbers, colour)
+        _draw_solids(axes, grid, along, planned, None)
+        axes.plot(*place[:, view.axes].T, ".", color=style.RECORDED, markersize=2.5, zorder=5, rasterized=True)
+        cut = "" if view.at is None else f"\ncells at {views.AXIS_NAMES[view.normal]} = {view.at:.10g} m"
+        axes.set_title(view.name + cut)
+    edge = float(grid.attrs["coarse_cell"])
+    handles = [
+        *(
+            Patch(facecolor=level(index), edgecolor="#cccccc", label=f"cells of {edge / 2**index:g} m")
+            for index in range(int(grid.attrs["levels"]))
+        ),
+        *([Patch(color=BODY, alpha=0.35, label="rock bodies")] if (grid["cell_body"].values >= 0).any() else []),
+        *(
+            Patch(facecolor=(*colour, SHEER), edgecolor=colour, label=step["name"])
+            for step, colour in zip(steps, colours, strict=True)
+            if step["excavations"]
+        ),
+        *([Patch(facecolor="none", edgecolor=style.OUTLINE, label="planned")] if planned else []),
+        *([_record_key(place, lower, upper)] if record is not None else []),
+    ]
+    if len(array) == 3:  # below the second, beside the third panel is paper
+        right, below = array[1].get_position(), array[2].get_position()
+        figure.legend(
+            handles=handles, loc="upper left", bbox_to_anchor=(right.x0, below.y1), ncols=1 + len(handles) // 20
+        )
+    else:
+        views.key(figure, handles, columns=5)
+    return figure
+
+
+def _cuts(grid: xr.Dataset) -> list[views.View]:
+    """Cuts through the fullest layers of all excavations."""
+    cell = grid["piece_cell"].values
+    size = grid["cell_size"].values[cell]
+    weight = grid["piece_fraction"].values * size ** int(grid.attrs["dimension"])
+    return views.cuts(grid, grid["cell_origin"].values[cell] + size[:, None] / 2, weight)
+
+
+def _limits(lower: np.ndarray, upper: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The domain with a margin, and so many events around it that the domain stays to be seen (m)."""
+    side = np.where(upper > lower, (upper - lower).max(), 0.0)
+    shown = np.concatenate([[lower - 0.02 * side, upper + 0.02 * side], place])
+    return (
+        np.maximum(np.nanmin(shown, axis=0), lower - BEYOND * side),
+        np.minimum(np.nanmax(shown, axis=0), upper + BEYOND * side),
+    )
+
+
+def _draw_cells(axes: Axes, grid: xr.Dataset, view: views.View, level) -> None:
+    """Cells of a cut by level, those of rock bodies shaded."""
+    cells = views.cut_cells(grid, view)
+    corner, size = grid["cell_origin"].values[cells][:, view.axes], grid["cell_size"].values[cells]
+    edges = {"edgecolors": "white", "linewidths": 0.3} if views.edges_help(axes, float(size.min())) else {}
+    views.draw_squares(axes, corner, size, facecolors=level(grid["cell_level"].values[cells]), zorder=0.1, **edges)
+    body = grid["cell_body"].values[cells] >= 0
+    views.draw_squares(axes, corner[body], size[body], facecolors=BODY, alpha=0.35, zorder=0.2)
+
+
+def _draw_solids(axes: Axes, grid: xr.Dataset, along: views.View, numbers: list[int], colour) -> None:
+    """Silhouettes of the excavations of one step; without a colour, of planned ones, as outlines."""
+    lower, size, share = views.silhouette(grid, along, numbers)
+    lower, size = lower[share >= views.INSIDE], size[share >= views.INSIDE]
+    if not len(size):
+        return
+    if colour is not None:
+        views.draw_squares(axes, lower, size, facecolors=colour, alpha=SHEER, zorder=3)
+    axes.add_collection(
+        LineCollection(
+            views.outline_segments(lower, size),
+            colors=style.OUTLINE if colour is None else [colour],
+            linewidths=0.8,
+            zorder=4,
+        ),
+        autolim=False,
+    )
+
+
+def _record_key(place: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> Line2D:
+    """Key of the recorded events, with the number of those outside the domain."""
+    axes = upper > lower
+    outside = int((~((place >= lower) & (place <= upper))[:, axes].all(axis=1)).sum())
+    label = f"{len(place)} recorded events" + (f", {outside} outside the domain" if outside else "")
+    return Line2D([], [], color=style.RECORDED, marker=".", linestyle="none", label=label)

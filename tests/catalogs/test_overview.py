@@ -1,0 +1,70 @@
+"""The picture of a scene before anything is solved: what it shows of grid, solids and record."""
+
+import numpy as np
+import pytest
+from report_fixtures import NAMES, STEPS, make_catalog, make_grid, make_state
+
+from catalogs.figures import views
+from catalogs.figures.overview import overview, write_overview
+
+MINED = [
+    {"name": name, "dated": bool(dated), "excavations": [excavation]}
+    for (name, *_, dated), excavation in zip(STEPS, NAMES, strict=False)
+][:2]  # the last is planned
+
+
+@pytest.fixture(scope="module")
+def grid():
+    return make_grid(dimension=3)
+
+
+@pytest.fixture(scope="module")
+def record(grid):
+    """Events in the domain, a tenth of them moved a kilometre east of it and one far beyond."""
+    events = make_catalog(make_state(grid, len(STEPS) - 1), 60, kind="twin", seed=4)
+    events["location"].values[:6, 0] += 1000.0
+    events["location"].values[0, 0] += 1e6
+    return events
+
+
+def labels(figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_key_names_cells_steps_and_events_outside_the_domain(grid, record):
+    """What a user looks for before a run of hours: does all of it lie where it should?"""
+    found = labels(overview(grid, MINED, record))
+    assert found[0] == f"cells of {grid.attrs['coarse_cell']:g} m"
+    assert [label for label in found if label in dict.fromkeys(name for name, *_ in STEPS)] == ["history", "2019-08"]
+    assert "planned" in found
+    assert found[-1] == "60 recorded events, 6 outside the domain"
+
+
+def test_events_far_away_do_not_shrink_the_domain_to_a_dot(grid, record):
+    """The picture reaches half the domain's side around it at most."""
+    lower, upper = views.domain(grid)
+    side = (upper - lower).max()
+    for axes in overview(grid, MINED, record).axes:
+        left, right = axes.get_xlim()
+        assert right - left <= 2.0 * side * 1.001
+
+
+def test_a_section_and_a_scene_without_record_or_steps(tmp_path):
+    """One panel in two dimensions; nothing but planned solids; the file is a picture, twice the same."""
+    flat = make_grid(dimension=2)
+    figure = overview(flat, [], None)
+    assert len(figure.axes) == 1
+    assert labels(figure)[-1] == "planned"
+    for name in ("one.png", "two.png"):
+        write_overview(flat, [], None, tmp_path / name)
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+    assert (tmp_path / "one.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_every_mined_solid_is_drawn_in_its_step_colour(grid):
+    """A solid of a step has a filled silhouette in every view; what is planned has an outline only."""
+    filled = [
+        sum(np.isclose(collection.get_alpha() or 1.0, 0.55) for collection in axes.collections)
+        for axes in overview(grid, MINED, None).axes
+    ]
+    assert filled == [len(MINED)] * 3
