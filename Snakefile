@@ -17,6 +17,7 @@ sys.path.insert(0, str(BASE))
 
 from pipeline.errors import InputError
 from workflow.configuration import load
+from workflow.owners import check_owner, note_owner
 from workflow.strict_yaml import check_files
 from workflow.terminal import tell_only_what_matters
 
@@ -38,6 +39,7 @@ else:
 try:
     check_files(workflow.overwrite_configfiles or [MINE_FILE])
     MINE = load(config, os.path.relpath(MINE_FILE), DEFAULT)
+    check_owner(MINE.name, MINE_FILE)
 except InputError as error:
     sys.exit(str(error))
 
@@ -49,6 +51,12 @@ include: "workflow/rules/events.smk"
 include: "workflow/rules/comparison.smk"
 include: "workflow/rules/verification.smk"
 include: "workflow/rules/benchmarks.smk"
+
+
+onstart:
+    note_owner(MINE.name, MINE_FILE)
+    if HAS_CATALOG and not HAS_QUAKEML:
+        print(f"{MINE.name}: frame has no place on Earth: no catalog.xml, catalog.csv in mine coordinates", file=sys.stderr)
 
 
 rule all:

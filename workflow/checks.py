@@ -23,6 +23,7 @@ def check_mine(mine: "Mine") -> None:
     """What the schema cannot say. Raises InputError."""
     if mine.name in RESERVED:
         raise InputError(f"name: results/{mine.name} is a folder of the pipeline's own; take another name")
+    _check_place(mine.values["frame"])
     _check_steps(mine)
     _check_domain(mine)
     check_record(mine)
@@ -43,6 +44,15 @@ def check_virgin(mine: "Mine", materials: dict) -> None:
         check_virgin_stress(scene, scene.insitu.surface, scene.insitu.surface)
     else:
         check_virgin_stress(scene, domain["lower"][-1], domain["upper"][-1])
+
+
+def _check_place(frame: dict) -> None:
+    given = sorted(set(frame) - {"surface"})
+    if given not in ([], ["crs"], ["latitude", "longitude"]):
+        raise InputError(
+            f"frame: {' and '.join(given)}: give latitude and longitude of its origin, or crs, or none of them (then "
+            "results are in mine coordinates only)"
+        )
 
 
 def _check_steps(mine) -> None:

@@ -69,6 +69,11 @@ class Mine:
         """A path of the configuration, relative to the working directory."""
         return Path(os.path.relpath(self.folder / name))
 
+    @property
+    def has_place(self) -> bool:
+        """Whether the frame says where on Earth the mine is: QuakeML cannot do without, all else can."""
+        return bool(set(self.values["frame"]) - {"surface"})
+
     def step_index(self, name: str) -> int:
         """Place of a step in order, -1 for one that is not listed."""
         return next((index for index, step in enumerate(self.steps) if step["name"] == name), -1)

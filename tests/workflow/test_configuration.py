@@ -74,6 +74,8 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("domain.upper", ["80 m", "80 m", "-80 m"], "domain.upper[2]: ", "not above domain.lower[2]"),
     ("domain.upper.0", "1e300 m", "domain.upper[0]: ", "out of range"),
     ("grid.coarse_cell", "1e-5 m", "grid.coarse_cell: ", "5e+20 coarse cells"),
+    ("frame", {"surface": "1000 m", "latitude": 1}, "frame: latitude: give latitude and longitude", "or none"),
+    ("frame.crs", "EPSG:28355", "frame: crs and latitude and longitude: give", "or crs"),
     ("solver.hourglass", 0, "solver.hourglass: ", "0.001 to 1, or more grid.particles_per_cell"),
     ("comparison.seed", "1e400", "comparison.seed: inf", "not a finite number"),
     ("comparison.seed", 10**400, "comparison.seed: an integer of 20 digits or more", "not a finite number"),

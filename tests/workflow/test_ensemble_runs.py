@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
-from tiny_mines import TINY, changed, hashes, jobs, snakemake, write_mine
+from tiny_mines import TINY, changed, edited, hashes, jobs, snakemake
 
 
 @pytest.mark.slow
@@ -12,8 +12,10 @@ def test_members_run_beside_what_stands_and_are_gathered(spoiled, base):
     report; nothing of the mine itself is made again, nor anything at a second call."""
     results = spoiled / "results/tiny"
     before = hashes(results)
-    file = write_mine(changed(TINY, ensemble=2), base / "files" / "ensemble.yaml")
-    status, text = snakemake(file, spoiled)
+    with edited(base / "files" / "tiny.yaml", changed(TINY, ensemble=2)) as file:
+        status, text = snakemake(file, spoiled)
+        again = snakemake(file, spoiled, "--dry-run")
+        drawn = snakemake(file, spoiled, "--dry-run", "results/tiny/ensemble/1/vtk/steps/2019-08.vtu")
     assert status == 0, text
     assert jobs(text) == {"mining_step": 4, "events": 4, "spread": 1, "report": 1, "all": 1}
     after = hashes(results)
@@ -37,8 +39,6 @@ def test_members_run_beside_what_stands_and_are_gathered(spoiled, base):
     assert "in 2 perturbed members of its ensemble" in page
     assert "Older than the configuration" not in page
 
-    status, text = snakemake(file, spoiled, "--dry-run")
-    assert "Nothing to be done" in text
-    status, text = snakemake(file, spoiled, "--dry-run", "results/tiny/ensemble/1/vtk/steps/2019-08.vtu")
-    assert status == 0, text
-    assert jobs(text) == {}  # drawn on the mine's own grid
+    assert "Nothing to be done" in again[1]
+    assert drawn[0] == 0, drawn[1]
+    assert jobs(drawn[1]) == {}  # drawn on the mine's own grid

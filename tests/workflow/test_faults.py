@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from tiny_mines import FLAT, TINY, box, changed, hashes, merged, snakemake, write_mine
+from tiny_mines import FLAT, TINY, box, changed, edited, hashes, merged, snakemake, write_mine
 
 from catalogs.records import read_record
 from mpm_core import gridding, memory, stages
@@ -23,14 +23,14 @@ def spoken(text: str) -> list[str]:
 
 STOPE = {"name": "stope_1", "step": "2019-08", "fill": "fill"}
 FAULTS = {  # values changed, the one line's parts
-    "unknown key": ({"solver.tolerence": 1}, ("files/fault.yaml: solver.tolerence: unknown key", "tolerance?")),
+    "unknown key": ({"solver.tolerence": 1}, ("files/tiny.yaml: solver.tolerence: unknown key", "tolerance?")),
     "no convergence": (
         {"solver.scheme": "explicit", "solver.max_iterations": 20},
         ("elastic results/tiny/elastic.nc: no convergence", "solver.max_iterations"),
     ),
     "outside the domain": (
         {"excavations.2": box("stope_2", "planned", [145, 40, 25], [155, 55, 50], fill="fill")},
-        ("files/fault.yaml: excavations.stope_2: lies outside the domain", "check its coordinates"),
+        ("files/tiny.yaml: excavations.stope_2: lies outside the domain", "check its coordinates"),
     ),
     "record without a column": (
         {"record.columns.log_potency": "magnitude"},
@@ -44,7 +44,8 @@ def test_user_reads_one_line_and_all_results_stand(spoiled, base, fault):
     """On the terminal, as the profile shows it: no traceback, no shell command, no configuration as JSON."""
     values, says = FAULTS[fault]
     before = hashes(spoiled / "results/tiny")
-    status, text = snakemake(write_mine(changed(TINY, **values), base / "files/fault.yaml"), spoiled)
+    with edited(base / "files/tiny.yaml", changed(TINY, **values)) as file:
+        status, text = snakemake(file, spoiled)
     lines = spoken(text)
     assert status != 0
     assert len(lines) == 1, text
@@ -78,6 +79,27 @@ def test_a_record_spoiled_later_leaves_the_one_that_was_read(spoiled, base):
     assert status != 0
     assert "is not a number" in text
     assert hashes(spoiled / "results/tiny") == before
+
+
+def test_results_of_another_file_are_not_replaced(spoiled, base, tiny_file):
+    """A copy of a mine file with other values and the old name: refused while both are there, fine once one is not."""
+    before = hashes(spoiled / "results/tiny")
+    copy = write_mine(changed(TINY, **{"seismic.closeness": 0.7}), base / "files/copies/other.yaml")
+    status, text = snakemake(copy, spoiled)
+    assert status != 0
+    (line,) = spoken(text)
+    assert line.startswith("../files/copies/other.yaml: name: results/tiny was made from ")
+    assert str(tiny_file) in line
+    assert hashes(spoiled / "results/tiny") == before
+    away = tiny_file.rename(tiny_file.with_suffix(".away"))
+    try:
+        status, text = snakemake(copy, spoiled, "--dry-run")
+    finally:
+        away.rename(tiny_file)
+    assert status == 0, text
+    same = write_mine(TINY, base / "files/copies/same.yaml")
+    status, text = snakemake(same, spoiled, "--dry-run")
+    assert status == 0, text
 
 
 def test_missing_mine_file_is_named(tmp_path):

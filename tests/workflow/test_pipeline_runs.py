@@ -17,6 +17,7 @@ from tiny_mines import (
     TINY,
     changed,
     command,
+    edited,
     finished,
     hashes,
     jobs,
@@ -198,8 +199,8 @@ def test_plane_strain_scene_reaches_its_report(side_by_side):
 
 def dry(mine: dict, base, folder, *options) -> dict[str, int]:
     """Jobs that a changed mine would run over existing results."""
-    file = write_mine(mine, base / "files" / "changed.yaml")
-    status, text = snakemake(file, folder, "--dry-run", *options)
+    with edited(base / "files" / "tiny.yaml", mine) as file:
+        status, text = snakemake(file, folder, "--dry-run", *options)
     assert status == 0, text
     return jobs(text)
 
@@ -245,8 +246,8 @@ def test_a_planned_stope_gets_its_month_and_only_that_is_run(spoiled, base):
     results = spoiled / "results/tiny"
     before = hashes(results)
     mine = changed(TINY, **{"excavations.2.step": NEXT_STEP["name"], "steps": [*TINY["steps"], NEXT_STEP]})
-    file = write_mine(mine, base / "files" / "next.yaml")
-    status, text = snakemake(file, spoiled)
+    with edited(base / "files" / "tiny.yaml", mine) as file:
+        status, text = snakemake(file, spoiled)
     assert status == 0, text
     once = ("mining_step", "events", "catalog", "quakeml", "record", "compare", "report", "all")
     assert jobs(text) == dict.fromkeys(once, 1)
@@ -262,6 +263,16 @@ def test_a_planned_stope_gets_its_month_and_only_that_is_run(spoiled, base):
     }
     steps = json.loads(xr.open_dataset(results / "catalog.nc").attrs["steps"])
     assert steps == ["2019-08", "2019-09"]
+
+
+def test_a_mine_without_a_place_on_earth_has_all_but_quakeml(base, tmp_path):
+    """Local coordinates are all that its catalogue needs; QuakeML cannot do without latitude and longitude."""
+    mine = changed(TINY, frame={"surface": "1000 m"})
+    file = write_mine(mine, base / "files" / "nowhere" / "tiny.yaml")
+    status, text = snakemake(file, tmp_path, "--dry-run")
+    assert status == 0, text
+    assert "quakeml" not in jobs(text)
+    assert {"catalog", "compare", "report"} <= set(jobs(text))
 
 
 @pytest.mark.parametrize("zone", ["none", "auto"])

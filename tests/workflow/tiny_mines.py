@@ -5,6 +5,8 @@ import hashlib
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +131,16 @@ def merged(mine: dict) -> dict:
         return base | top | {key: over(base[key], top[key]) for key in both}
 
     return over(yaml.safe_load(DEFAULT.read_text()), copy.deepcopy(mine))
+
+
+@contextmanager
+def edited(file: Path, mine: dict) -> Iterator[Path]:
+    """A mine's own file with other contents for a while: two files of one name must not share results."""
+    before = file.read_text()
+    try:
+        yield write_mine(mine, file)
+    finally:
+        file.write_text(before)
 
 
 def command(mine_file: Path, folder: Path, *options: str, cores: int = 2, checkout: Path = ROOT) -> list[str]:

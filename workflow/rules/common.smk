@@ -20,6 +20,7 @@ ENSEMBLE = "ensemble"  # folder of its perturbed members, by number
 MINES = f"{re.escape(MINE.name)}|verification/{NAME}/{NAME}"  # with results of their own: this run's mine, variants
 STUDY = "results/verification/{study}"
 HAS_CATALOG = bool(MINE.dated_steps)
+HAS_QUAKEML = HAS_CATALOG and MINE.has_place
 HAS_RECORD = HAS_CATALOG and "record" in MINE.values
 # `stage` in the rules below. exec: a stage is a child of this process, not of a shell between them, and ends with it
 # (pipeline.stage).
@@ -117,7 +118,9 @@ def all_results():
     """Every stage's file: a missing intermediate is made again, not overlooked behind a standing report."""
     files = ["report.html"]
     if MINE.dated_steps:
-        files += ["catalog.nc", "catalog.csv", "catalog.xml"]
+        files += ["catalog.nc", "catalog.csv"]
+        if HAS_QUAKEML:
+            files.append("catalog.xml")
         if "record" in MINE.values:
             files += ["record.nc", "comparison.nc"]
     if MINE.members:

@@ -1,0 +1,36 @@
+"""Whose results/<name> is: two mine files of one name in one folder would replace each other's results."""
+
+from pathlib import Path
+
+from pipeline.errors import InputError
+from workflow.strict_yaml import read_yaml
+
+NOTES = Path(".snakemake/mine_files")  # beside Snakemake's own notes of what results were made from
+
+
+def check_owner(name: str, mine_file: Path) -> None:
+    """Raise InputError if results/<name> was made from another file, which is still there and has this name, too.
+
+    A file that was moved, renamed or copied as it is takes its results along.
+    """
+    note, own = NOTES / name, Path(mine_file).resolve()
+    if not note.is_file() or not Path("results", name).is_dir():
+        return
+    other = Path(note.read_text(encoding="utf-8"))
+    if other == own or not other.is_file() or other.read_bytes() == own.read_bytes():
+        return
+    try:
+        claims = read_yaml(other).get("name") == name
+    except InputError:
+        return
+    if claims:
+        raise InputError(
+            f"name: results/{name} was made from {other}, which has this name, too; give one of them another name, or "
+            f"move results/{name} away"
+        )
+
+
+def note_owner(name: str, mine_file: Path) -> None:
+    """Remember the file that results/<name> is made from."""
+    NOTES.mkdir(parents=True, exist_ok=True)
+    (NOTES / name).write_text(str(Path(mine_file).resolve()), encoding="utf-8")
