@@ -1,5 +1,6 @@
 """Whose results/<name> is: two mine files of one name in one folder would replace each other's results."""
 
+import os
 from pathlib import Path
 
 from pipeline.errors import InputError
@@ -25,8 +26,8 @@ def check_owner(name: str, mine_file: Path) -> None:
         return
     if claims:
         raise InputError(
-            f"name: results/{name} was made from {other}, which has this name, too; give one of them another name, or "
-            f"move results/{name} away"
+            f"{os.path.relpath(own)}: name: results/{name} was made from {other}, which has this name, too; give one of "
+            f"them another name, or move results/{name} away"
         )
 
 
