@@ -26,8 +26,8 @@ def check_owner(name: str, mine_file: Path) -> None:
         return
     if claims:
         raise InputError(
-            f"{os.path.relpath(own)}: name: results/{name} was made from {other}, which has this name, too; give one of "
-            f"them another name, or move results/{name} away"
+            f"{os.path.relpath(own)}: name: results/{name} was made from {other}, which has this name, too; give one "
+            f"of them another name, or move results/{name} away"
         )
 
 

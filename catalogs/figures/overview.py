@@ -1,4 +1,4 @@
-"""One picture of a scene before anything is solved: cells, solids by step, record, and what lies beyond the domain."""
+"""One picture of a scene before anything is solved: cells, solids by step, record."""
 
 import json
 from dataclasses import replace
@@ -17,7 +17,7 @@ from matplotlib.patches import Patch, Rectangle
 from catalogs.figures import style, views
 from pipeline.datasets import atomic_path
 
-BEYOND = 0.5  # of the domain's longest side: so far around it recorded events are shown
+MARGIN = 0.02  # of the domain's longest side, around it
 BODY = "#b5651d"
 HISTORY = to_rgb(style.OUTLINE)  # the grey of the report's figures is a cell's here
 SHEER = 0.55  # opacity: solids lie behind each other
@@ -39,8 +39,10 @@ def overview(grid: xr.Dataset, steps: list[dict], record: xr.Dataset | None) -> 
     """
     lower, upper = views.domain(grid)
     place = np.empty((0, 3)) if record is None else record["location"].values
-    cuts = _cuts(grid)
-    figure, array, _ = views.panels(cuts, *_limits(lower, upper, place), columns=min(len(cuts), 2), tallest=13.0)
+    cuts, side = _cuts(grid), (upper - lower).max() * (upper > lower)
+    figure, array, _ = views.panels(
+        cuts, lower - MARGIN * side, upper + MARGIN * side, columns=min(len(cuts), 2), tallest=13.0
+    )
     names = json.loads(grid.attrs["excavation_names"])
     mined = [[names.index(name) for name in step["excavations"]] for step in steps]
     planned = sorted(set(range(len(names))) - {number for numbers in mined for number in numbers})
@@ -71,7 +73,7 @@ def overview(grid: xr.Dataset, steps: list[dict], record: xr.Dataset | None) -> 
             if step["excavations"]
         ),
         *([Patch(facecolor="none", edgecolor=style.OUTLINE, label="planned")] if planned else []),
-        *([_record_key(place, lower, upper)] if record is not None else []),
+        *([_record_key(record)] if record is not None else []),
     ]
     if len(array) == 3:  # below the second, beside the third panel is paper
         right, below = array[1].get_position(), array[2].get_position()
@@ -89,16 +91,6 @@ def _cuts(grid: xr.Dataset) -> list[views.View]:
     size = grid["cell_size"].values[cell]
     weight = grid["piece_fraction"].values * size ** int(grid.attrs["dimension"])
     return views.cuts(grid, grid["cell_origin"].values[cell] + size[:, None] / 2, weight)
-
-
-def _limits(lower: np.ndarray, upper: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The domain with a margin, and so many events around it that the domain stays to be seen (m)."""
-    side = np.where(upper > lower, (upper - lower).max(), 0.0)
-    shown = np.concatenate([[lower - 0.02 * side, upper + 0.02 * side], place])
-    return (
-        np.maximum(np.nanmin(shown, axis=0), lower - BEYOND * side),
-        np.minimum(np.nanmax(shown, axis=0), upper + BEYOND * side),
-    )
 
 
 def _draw_cells(axes: Axes, grid: xr.Dataset, view: views.View, level) -> None:
@@ -130,9 +122,11 @@ def _draw_solids(axes: Axes, grid: xr.Dataset, along: views.View, numbers: list[
     )
 
 
-def _record_key(place: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> Line2D:
-    """Key of the recorded events, with the number of those outside the domain."""
-    axes = upper > lower
-    outside = int((~((place >= lower) & (place <= upper))[:, axes].all(axis=1)).sum())
-    label = f"{len(place)} recorded events" + (f", {outside} outside the domain" if outside else "")
+def _record_key(record: xr.Dataset) -> Line2D:
+    """Key of the recorded events, with the number of those that lie outside the domain and are not compared."""
+    crops = [one for one in json.loads(record.attrs.get("filter", "[]")) if one["filter"] == "domain"]
+    outside = sum(crop["before"] - crop["after"] for crop in crops)
+    farthest = max((crop["farthest"] for crop in crops if outside), default=0.0)
+    label = f"{record.sizes['event']} recorded events"
+    label += f"\n{outside} more outside the domain, up to {farthest:,.0f} m away" if outside else ""
     return Line2D([], [], color=style.RECORDED, marker=".", linestyle="none", label=label)
