@@ -13,6 +13,7 @@ from pathlib import Path
 import psutil
 
 from pipeline.errors import InputError
+from pipeline.warnings import ToTerminal
 
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
 PIPELINE_PROCESS = "PIPELINE_PROCESS"  # environment variable: the process that starts the stages
@@ -45,6 +46,8 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     logging.basicConfig(
         level=logging.INFO, handlers=[handler], format="%(asctime)s %(levelname)s %(message)s", force=True
     )
+    if log:
+        logging.getLogger().addHandler(ToTerminal(name))
     started = time.perf_counter()
     try:
         function()

@@ -1,9 +1,13 @@
 """Each fault ends with one line that says where and what to do, and leaves every result as it was."""
 
+import json
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import trimesh
-from tiny_mines import FLAT, TINY, box, changed, edited, hashes, merged, snakemake, write_mine
+from tiny_mines import FLAT, ROOT, TINY, box, changed, edited, hashes, merged, snakemake, write_mine
 
 from catalogs.records import read_record
 from mpm_core import gridding, memory, stages
@@ -151,6 +155,16 @@ def test_solid_outside_the_domain(refused, tmp_path):
     far = trimesh.creation.box(bounds=[[200, 30, 40], [210, 40, 50]]).export(file_type="stl")
     line = refused(TINY, **{"excavations.0": solid("far.stl", far, tmp_path)})
     assert line.startswith("excavations.drive: lies outside the domain (200 to 210 m")
+
+
+def test_solid_that_reaches_beyond_the_domain_is_told(mine, tmp_path):
+    """On the terminal, when the grid is made: a coordinate typed wrong, or a drive that goes on."""
+    made = mine(TINY, **{"excavations.0": box("drive", "history", [20, 30, 40], [99, 40, 50])})
+    output = ["--output", str(tmp_path / "grid.nc"), "--log", str(tmp_path / "grid.log"), "--threads", "1"]
+    line = [sys.executable, "-m", "mpm_core", "grid", "--scene", json.dumps(made.grid_slice()), *output]
+    run = subprocess.run(line, cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert "excavations.drive reaches beyond the domain; the part inside is used" in run.stderr
 
 
 def test_excavation_that_adds_no_volume(refused):

@@ -170,6 +170,19 @@ def test_a_stage_says_one_line_and_logs_the_rest(tmp_path, body, status, line):
     assert ("Traceback" in log.read_text()) == (status == 1)
 
 
+def test_a_warning_is_told_on_the_terminal_and_in_the_log(tmp_path):
+    """Ours; not what a library thinks worth a word."""
+    log = tmp_path / "grid.log"
+    body = "import logging; logging.getLogger('fonts').warning('none'); logging.warning('drive reaches %s', 'beyond')"
+    run = subprocess.run(
+        [sys.executable, "-c", STAGE.format(body=body), str(log)], cwd=ROOT, capture_output=True, text=True
+    )
+    told, done = run.stderr.splitlines()
+    assert told == "elastic tiny: drive reaches beyond"
+    assert done.endswith(" MiB")
+    assert "drive reaches beyond" in log.read_text()
+
+
 def test_a_stage_whose_pipeline_is_gone_does_not_start(tmp_path):
     """The parent named in the environment ended before the stage could ask to end with it."""
     with subprocess.Popen([sys.executable, "-c", ""]) as parent:
