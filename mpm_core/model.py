@@ -10,6 +10,7 @@ from mpm_core.kernels.blocks import Scatter, build_scatter
 from mpm_core.loading import external_force, virgin_stress
 from mpm_core.occupancy import SAMPLES, Changes, Pieces, changes_of
 from mpm_core.particles import Particles, seed, volumes
+from mpm_core.rigid import RigidMotions, free_motions
 from mpm_core.scene import FACES, Material, Scene
 
 BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # VTK corner at each bit-ordered place (an involution)
@@ -125,10 +126,15 @@ class Model:
         """Forces of all that was mined, filled and loaded up to `step`: see loading.external_force."""
         return external_force(self, step)
 
-    def is_held(self, volume: np.ndarray) -> bool:
-        """Whether a fixed or roller face touches rock or fill of these volumes (particle,): else it may move freely."""
-        touching = self.held.any(axis=1)[self.cell_nodes].any(axis=1)
-        return bool((touching[self.particles.cell] & (volume > 0.0)).any())
+    def free_motions(self, volume: np.ndarray) -> RigidMotions:
+        """Rigid motions that fixed and roller faces leave to rock and fill of these volumes (particle,)."""
+        present = np.zeros(len(self.cell_nodes), bool)
+        present[self.particles.cell[volume > 0.0]] = True
+        touched = present[:, None] & self.held.any(axis=1)[self.cell_nodes]
+        nodes = np.unique(self.cell_nodes[touched])
+        if not len(nodes):
+            nodes = np.unique(self.cell_nodes[present])
+        return free_motions(self.grid.node_position[nodes], self.held[nodes])
 
 
 def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:

@@ -85,7 +85,7 @@ class ExplicitScheme:
         self.density = density
         self.particle_mass = density * volume
         self.mass = nodal_mass(model, self.particle_mass)
-        self.body_is_held = model.is_held(volume)
+        self.free = model.free_motions(volume)
         # stiffness that an intact particle gives its cell, N/m; 0 where it has company
         alone = np.repeat(np.diff(particles.group_start) == 1, np.diff(particles.group_start))
         hourglass = 4.0 * model.scene.solver.hourglass * (lame + 2.0 * shear) * volume / size**2
@@ -234,7 +234,6 @@ class ExplicitScheme:
         from where `displace` has taken it, InputError for NaN.
         """
         solver = self.model.scene.solver
-        free = not self.body_is_held
         reference = reference or 1.0  # nothing was mined: any force at all counts
         history.cells = len(self.model.cell_nodes)
         self._update(0.0)
@@ -245,8 +244,7 @@ class ExplicitScheme:
                 history.check(ratio, largest)
                 if ratio <= tolerance:
                     break
-                if free:  # damping by component pushes a body that nothing holds
-                    self._stop_drift()
+                self._stop_drift()
                 self._check_reach(ratio)
                 if iteration > 0 and iteration % FLOW_FROM == 0:
                     self.settle()
@@ -259,15 +257,15 @@ class ExplicitScheme:
                 f"no convergence: unbalanced ratio {ratio:.3g} after {solver.max_iterations} iterations, tolerance "
                 f"{tolerance:g}; raise solver.max_iterations or solver.tolerance, or mine in smaller steps"
             )
-        self._come_to_rest(free)
+        self._come_to_rest()
 
-    def _come_to_rest(self, free: bool) -> None:
-        if free:
-            remove_rigid_motion(self.model.grid.node_position, self.mass, self.state.displacement)
+    def _come_to_rest(self) -> None:
+        self.free.remove_from(self.state.displacement, self.model.grid.node_position, self.mass)
         spread_to_hanging(self.hanging, self.model.grid.node_parents, self.state.displacement)
 
     def _stop_drift(self) -> None:
-        remove_rigid_motion(self.model.grid.node_position, self.mass, self.state.velocity)
+        """Damping by component pushes a body along what nothing holds."""
+        self.free.remove_from(self.state.velocity, self.model.grid.node_position, self.mass)
 
     def _check_reach(self, ratio: float) -> None:
         reach = largest_difference(self.state.displacement, self.start)
@@ -284,20 +282,3 @@ def nodal_mass(model: Model, mass: np.ndarray) -> np.ndarray:
     particle_masses(model.cell_nodes, model.particles.cell, model.particles.xi, mass, nodal[:, 0])
     collect_to_parents(model.grid.node_parents, nodal)
     return nodal[:, 0]
-
-
-def remove_rigid_motion(position: np.ndarray, mass: np.ndarray, motion: np.ndarray) -> None:
-    """Take the mass-weighted best rigid translation and rotation out of motion (node, d), in place."""
-    nodes, dimension = position.shape
-    center = (mass[:, None] * position).sum(axis=0) / mass.sum()
-    x = position - center
-    modes = [np.tile(np.eye(dimension)[k], (nodes, 1)) for k in range(dimension)]
-    for i in range(dimension):
-        for j in range(i):
-            spin = np.zeros((nodes, dimension))
-            spin[:, i], spin[:, j] = x[:, j], -x[:, i]
-            modes.append(spin)
-    gram = np.array([[np.sum(mass[:, None] * a * b) for b in modes] for a in modes])
-    share = np.linalg.solve(gram, [np.sum(mass[:, None] * a * motion) for a in modes])
-    for weight, mode in zip(share, modes, strict=True):
-        motion -= weight * mode

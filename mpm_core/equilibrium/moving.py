@@ -21,7 +21,7 @@ density scaling a particle that changes level takes the density of its new cell,
 
 import numpy as np
 
-from mpm_core.equilibrium.explicit import ExplicitScheme, remove_rigid_motion
+from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.grid.adjacency import leaf_lookup
 from mpm_core.kernels.moving import CYCLE, move_nodes
 from mpm_core.kernels.nodes import spread_to_hanging
@@ -142,8 +142,9 @@ class MovingScheme(ExplicitScheme):
         """Nothing to do: particles that move flow as they go, in every step."""
 
     def _stop_drift(self) -> None:
-        remove_rigid_motion(self._position(), self.particle_mass, self.velocity)
-        self._update(0.0)
+        if self.free.count:
+            self.free.remove_from(self.velocity, self._position(), self.particle_mass)
+            self._update(0.0)
 
     def _check_reach(self, ratio: float) -> None:
         """Particles may go far; out of the domain they may not, and _relocate sees to that."""
@@ -152,6 +153,6 @@ class MovingScheme(ExplicitScheme):
         cell = self.state.cell
         return self.model.grid.cell_center[cell] + 0.5 * self.cell_size[cell][:, None] * self.xi
 
-    def _come_to_rest(self, free: bool) -> None:
-        super()._come_to_rest(free)
+    def _come_to_rest(self) -> None:
+        super()._come_to_rest()
         self.state.position[:] = self._position()

@@ -82,7 +82,7 @@ class MultigridScheme(ExplicitScheme):
             cells = elastic_cells(self.model, self.volume, self.intact_hourglass)
             single = self.model.scene.particles_per_cell == 1
             kappa = self.model.scene.solver.hourglass if single else np.inf
-            self.solver.set_stiffness(cells, kappa, self.body_is_held)
+            self.solver.set_stiffness(cells, kappa, self.free)
             self.softened = np.zeros(len(self.hourglass), bool)
         failed = np.zeros(len(self.softened), bool)
         failed[self.model.particles.cell[self.flowing]] = True
@@ -151,7 +151,7 @@ class MultigridScheme(ExplicitScheme):
                 self.state.velocity[:] = 0.0
                 return
         self._check_reach(ratio)
-        self._come_to_rest(not self.body_is_held)
+        self._come_to_rest()
 
     def _solve(self, external, ratio: float, tolerance: float, reference: float, history: History) -> bool:
         """Elastic rock: solve for the displacement. Whether the tolerance (ratio) is reached."""

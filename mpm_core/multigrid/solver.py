@@ -18,6 +18,7 @@ from mpm_core.kernels.operator_rows import (
 from mpm_core.multigrid.hierarchy import Hierarchy
 from mpm_core.multigrid.level import Operator
 from mpm_core.multigrid.stiffness import ElasticCells
+from mpm_core.rigid import RigidMotions
 
 
 @dataclass(frozen=True)
@@ -43,11 +44,14 @@ class ElasticSolver:
         self.operator = Operator(self.finest.families, grid.dimension, np.float64)
         self.rigid: list[np.ndarray] = []
 
-    def set_stiffness(self, cells: ElasticCells, hourglass: float, body_is_held: bool) -> None:
-        """Take over stiffness; hourglass: share kappa of it at single particles (inf where there are none)."""
+    def set_stiffness(self, cells: ElasticCells, hourglass: float, free: RigidMotions | None = None) -> None:
+        """Take over stiffness; hourglass: share kappa of it at single particles (inf where there are none).
+
+        free: rigid motions that the held nodes leave, the operator's null space; None: there are none.
+        """
         self.operator.set_cells(cells)
-        self.cycle = self.hierarchy.set_stiffness(cells, hourglass, body_is_held)
-        self.rigid = [] if body_is_held else self._rigid_motions()
+        self.cycle = self.hierarchy.set_stiffness(cells, hourglass, free is None or not free.count)
+        self.rigid = [] if free is None else self._orthonormal(free)
 
     def to_rows(self, values: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
         """Values at nodes (node, d) as a flat array; 0 on copies, held components and where nothing is attached.
@@ -74,7 +78,7 @@ class ElasticSolver:
         return self.finest.solution
 
     def project(self, values: np.ndarray) -> None:
-        """Take rigid motions out of a flat array, in place, where nothing holds the body."""
+        """Take the rigid motions that nothing holds out of a flat array, in place."""
         for motion in self.rigid:
             add_scaled(-product(motion, values), motion, values)
 
@@ -113,23 +117,13 @@ class ElasticSolver:
                 break
         return Solution(displacement, ratio, iterations)
 
-    def _rigid_motions(self) -> list[np.ndarray]:
-        """Translations and rotations as orthonormal flat arrays."""
-        place = self.grid.node_position - self.grid.node_position.mean(axis=0)
-        dimension = place.shape[1]
-        motions = [np.broadcast_to(np.eye(dimension)[k], place.shape) for k in range(dimension)]
-        for i in range(dimension):
-            for j in range(i):
-                spin = np.zeros_like(place)
-                spin[:, i], spin[:, j] = place[:, j], -place[:, i]
-                motions.append(spin)
+    def _orthonormal(self, motions: RigidMotions) -> list[np.ndarray]:
+        """Rigid motions as orthonormal flat arrays."""
         found: list[np.ndarray] = []
-        for motion in motions:
+        for motion in motions.at(self.grid.node_position) if motions.count else ():
             rows = self.to_rows(motion)
             for _ in range(2):  # once more against round-off
                 for other in found:
                     add_scaled(-product(other, rows), other, rows)
-            size = np.sqrt(product(rows, rows))
-            if size > 0.0:
-                found.append(rows / size)
+            found.append(rows / np.sqrt(product(rows, rows)))
         return found

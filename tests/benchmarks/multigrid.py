@@ -192,7 +192,7 @@ def main() -> None:
     cells = len(grid.cell_level)
 
     solver = ElasticSolver(grid, cell_nodes, held)
-    solver.set_stiffness(rock, HOURGLASS, True)
+    solver.set_stiffness(rock, HOURGLASS)
     finest, double = solver.finest, solver.operator
     rows = len(double.zeros())
     generator = np.random.default_rng(2)
@@ -203,7 +203,7 @@ def main() -> None:
 
     def set_up():
         fresh = ElasticSolver(grid, cell_nodes, held)
-        fresh.set_stiffness(rock, HOURGLASS, True)
+        fresh.set_stiffness(rock, HOURGLASS)
 
     def apply(operator, precision):
         return lambda: operator.apply(values[precision], forces[precision])

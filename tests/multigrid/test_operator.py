@@ -39,7 +39,7 @@ def explicit_force(model, volume, motion):
 def solver_of(model, volume, scheme) -> ElasticSolver:
     solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
     hourglass = model.scene.solver.hourglass if model.scene.particles_per_cell == 1 else np.inf
-    solver.set_stiffness(elastic_cells(model, volume, scheme.hourglass), hourglass, model.is_held(volume))
+    solver.set_stiffness(elastic_cells(model, volume, scheme.hourglass), hourglass, model.free_motions(volume))
     return solver
 
 
