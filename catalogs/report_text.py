@@ -165,6 +165,12 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
             found.append(("truncated", text + "events are missing there. Refine the grid here."))
     if text := off_volume(evidence):
         found.append(("volume", text))
+    for step in evidence.steps or [stage.attrs for stage in evidence.stages]:
+        if int(step.get("loose_pieces", 0)):
+            text = f"Loose rock in step {step['step']}: {plural(int(step['loose_pieces']), 'piece')}, "
+            text += f"{number(step['loose_volume'])} m³, "
+            text += f"{typeset(step['loose_where']).replace(' m3 ', ' m³ ')}, taken as excavated"
+            found.append(("truncated", text + " from then on: nothing held it. Check the solids there."))
     at_once = [row.name for row in evidence.excavations if row.dated and row.filled_at_once]
     if at_once:
         first, more = ", ".join(at_once[:NAMED]), len(at_once) - NAMED

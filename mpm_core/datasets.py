@@ -9,7 +9,7 @@ from mpm_core.fields import variable
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodes import interpolate
 from mpm_core.model import Model, State
-from mpm_core.occupancy import SAMPLES, Pieces
+from mpm_core.occupancy import SAMPLES, Loose, Pieces
 from mpm_core.scene import PLANES
 from pipeline.errors import InputError
 
@@ -142,6 +142,7 @@ def state_dataset(
         "node_displacement": embed(state.displacement, axes),
         "node_velocity": embed(state.velocity, axes),
         "hourglass_force": embed(state.hourglass_force, axes),
+        **{f"loose_{name}": column for name, column in vars(model.loose).items()},
         **{f"convergence_{name}": column for name, column in table.items()},
     }
     dataset = xr.Dataset({name: variable(name, array) for name, array in values.items()})
@@ -158,6 +159,11 @@ def state_dataset(
         **attributes,
     }
     return dataset
+
+
+def read_loose(dataset: xr.Dataset) -> Loose:
+    """What has come loose until the end of a stage, from its dataset."""
+    return Loose(**{name: dataset[f"loose_{name}"].values for name in vars(Loose.none())})
 
 
 def read_state(dataset: xr.Dataset, model: Model) -> State:

@@ -71,6 +71,10 @@ FIELDS = {
         Field(
             "excess_shear_stress", PARTICLES, np.float64, "Pa", "largest shear stress above strength over all planes"
         ),
+        Field("loose_cell", ("loose",), np.int32, "1", "cell of each part that has come loose so far, and fallen"),
+        Field("loose_samples", ("loose",), np.uint64, "1", "64 points of the cell, one bit each: loose or not"),
+        Field("loose_step", ("loose",), np.int32, "1", "index of the step in which it came loose"),
+        Field("loose_piece", ("loose",), np.int32, "1", "piece among those of that step, 0 the largest"),
         Field("node_displacement", ("node", "xyz"), np.float64, "m", "displacement since virgin"),
         Field("node_velocity", ("node", "xyz"), np.float64, "m/s", "velocity of the scheme, for restart"),
         Field(

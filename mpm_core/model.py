@@ -8,7 +8,8 @@ from mpm_core.constitutive.strength import elastic_row, strength_row
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.blocks import Scatter, build_scatter
 from mpm_core.loading import external_force, virgin_stress
-from mpm_core.occupancy import SAMPLES, Changes, Pieces, changes_of
+from mpm_core.loose import find_loose
+from mpm_core.occupancy import SAMPLES, Changes, Loose, Pieces, changes_of
 from mpm_core.particles import Particles, seed, volumes
 from mpm_core.rigid import RigidMotions, free_motions
 from mpm_core.scene import FACES, Material, Scene
@@ -77,6 +78,8 @@ class Model:
     """(material, column) strength rows of constitutive.strength"""
     held: np.ndarray
     """(node, d) bool: fixed or on a roller"""
+    loose: Loose
+    """what has fallen so far"""
 
     @property
     def dimension(self) -> int:
@@ -137,22 +140,37 @@ class Model:
         return free_motions(self.grid.node_position[nodes], self.held[nodes])
 
 
-def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
-    held = np.zeros((len(grid.node_index), grid.dimension), bool)
-    for axis in range(grid.dimension):
+def held_faces(scene: Scene) -> dict[tuple[int, int], list[int]]:
+    """Components that fixed and roller faces of the domain hold, by axis and side, in the computation's axes."""
+    held = {}
+    for axis in range(len(scene.axes)):
         for side, name in enumerate(FACES[2 * scene.axes[axis] :][:2]):
             condition = scene.boundary.get(name)
-            nodes = grid.boundary_nodes(axis, side)
-            if condition == "fixed":
-                held[nodes] = True
-            elif condition == "roller":
-                held[nodes, axis] = True
+            if condition in ("fixed", "roller"):
+                held[axis, side] = [axis] if condition == "roller" else list(range(len(scene.axes)))
     return held
 
 
-def build_model(scene: Scene, grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces) -> Model:
-    """Seed the particles of a stage and tabulate what the kernels need. `pieces` as stored with the grid."""
-    changes = changes_of(pieces, scene.excavations)
+def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
+    held = np.zeros((len(grid.node_index), grid.dimension), bool)
+    for (axis, side), components in held_faces(scene).items():
+        held[np.ix_(grid.boundary_nodes(axis, side), components)] = True
+    return held
+
+
+def build_model(
+    scene: Scene, grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, loose: Loose | None = None
+) -> Model:
+    """Seed the particles of a stage and tabulate what the kernels need. `pieces` as stored with the grid.
+
+    loose: what has fallen in the steps before. What comes loose in the last step of the scene falls here.
+    """
+    step = len(scene.steps) - 1
+    changes = changes_of(pieces, scene.excavations, loose or Loose.none())
+    fallen = find_loose(grid, changes.solid_samples(len(grid.cell_level), step), held_faces(scene), step)
+    loose = (loose or Loose.none()).and_then(fallen)
+    if len(fallen.cell):
+        changes = changes_of(pieces, scene.excavations, loose)
     particles = seed(grid, body, changes, scene, pieces)
     cell_nodes = np.ascontiguousarray(grid.cell_nodes[:, BIT_ORDER[grid.dimension]])
     modes = range(1 << grid.dimension)
@@ -177,4 +195,5 @@ def build_model(scene: Scene, grid: MultiLevelGrid, body: np.ndarray, pieces: Pi
         intact_rows=np.array([intact for intact, _ in rows]),
         residual_rows=np.array([residual for _, residual in rows]),
         held=_held(grid, scene),
+        loose=loose,
     )

@@ -1,7 +1,7 @@
 """What holds each part of a cell, step by step: rock, then void, fill, and void again where fill is mined.
 
 A cell's parts are its 64 samples (geometry/inside.py). In each step rock and fill are mined first; then fill is placed
-in all that stands open within its excavation's solid, whichever excavation opened it.
+in all that stands open within its excavation's solid, whichever excavation opened it; last, what is loose then falls.
 """
 
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ SLIVER = 2  # samples: a share of fewer than 2 / 64 (the design says 0.02) is dr
 FULL = np.uint64(2**64 - 1)
 NOTHING = np.uint64(0)
 ROCK = -1  # owner of what no excavation has mined
+DIG, PLACE, FALL = range(3)  # kinds of events, in their order within a step
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,29 @@ class Pieces:
     cell: np.ndarray
     excavation: np.ndarray
     samples: np.ndarray
+
+
+@dataclass(frozen=True)
+class Loose:
+    """Parts of cells that nothing holds from a step on, rock and fill alike (loose.py): they are void from then on.
+
+    cell, step (part,) indices, samples (part,) uint64; piece (part,): number of the piece among those of its step,
+    largest first.
+    """
+
+    cell: np.ndarray
+    samples: np.ndarray
+    step: np.ndarray
+    piece: np.ndarray
+
+    @classmethod
+    def none(cls) -> "Loose":
+        """Nothing is loose."""
+        return cls(np.empty(0, np.int32), np.empty(0, np.uint64), np.empty(0, np.int32), np.empty(0, np.int32))
+
+    def and_then(self, other: "Loose") -> "Loose":
+        """These and those of a later step."""
+        return Loose(**{name: np.concatenate([own, getattr(other, name)]) for name, own in vars(self).items()})
 
 
 @dataclass(frozen=True)
@@ -51,9 +75,16 @@ class Changes:
         np.bitwise_xor.at(result, self.cell[now], self.samples[now])
         return result
 
+    def solid_samples(self, cells: int, step: int) -> np.ndarray:
+        """Samples of each cell that are rock or fill once `step` is mined and filled: (cell,) uint64."""
+        result = np.full(cells, FULL)
+        now = np.flatnonzero(self.step <= step)  # no two owners hold a sample: their exclusive or is all that is held
+        np.bitwise_xor.at(result, self.cell[now], self.samples[now])
+        return result
 
-def changes_of(pieces: Pieces, excavations: tuple[Excavation, ...]) -> Changes:
-    """How the samples of all cells change hands while these excavations are mined and filled.
+
+def changes_of(pieces: Pieces, excavations: tuple[Excavation, ...], loose: Loose) -> Changes:
+    """How the samples of all cells change hands while these excavations are mined and filled, and loose parts fall.
 
     Rock that two solids share goes to the one that mines it first. Slivers are dropped; so is a remainder thinner than
     that: its samples go with what leaves it. No later excavation alters the changes of those before it.
@@ -63,18 +94,20 @@ def changes_of(pieces: Pieces, excavations: tuple[Excavation, ...]) -> Changes:
     cell, excavation, samples = pieces.cell, pieces.excavation.astype(np.int64), pieces.samples
     digs, fills = np.flatnonzero(mined[excavation] >= 0), np.flatnonzero(filled[excavation] >= 0)
     piece = np.concatenate([digs, fills])
-    places = np.repeat([False, True], [len(digs), len(fills)])
-    step = np.where(places, filled[excavation[piece]], mined[excavation[piece]])
-    order = np.lexsort((excavation[piece], places, step, cell[piece]))
-    piece, places, step = piece[order], places[order], step[order]
-    cells, start = np.unique(cell[piece], return_index=True)
-    start = np.append(start, len(piece))
-    filling = np.add.reduceat(places, start[:-1], dtype=np.int64) if len(cells) else np.zeros(0, np.int64)
+    kind = np.repeat([DIG, PLACE, FALL], [len(digs), len(fills), len(loose.cell)])
+    step = np.concatenate([mined[excavation[digs]], filled[excavation[fills]], loose.step])
+    cell, excavation = np.append(cell[piece], loose.cell), np.append(excavation[piece], np.full(len(loose.cell), ROCK))
+    samples = np.append(samples[piece], loose.samples)
+    order = np.lexsort((excavation, kind, step, cell))
+    cell, kind, step, excavation, samples = (column[order] for column in (cell, kind, step, excavation, samples))
+    cells, start = np.unique(cell, return_index=True)
+    start = np.append(start, len(cell))
+    filling = np.add.reduceat(kind == PLACE, start[:-1], dtype=np.int64) if len(cells) else np.zeros(0, np.int64)
     most = np.sum((np.diff(start) - filling) * (1 + filling) + filling)  # every dig may take rock and all fill
     owner, when, what = np.empty(most, np.int16), np.empty(most, np.int32), np.empty(most, np.uint64)
     where = np.empty(most, np.int32)
-    held = np.zeros(len(piece), np.uint64)
-    count = _follow(cells, start, places, step, excavation[piece], samples[piece], held, where, owner, when, what)
+    held = np.zeros(len(cell), np.uint64)
+    count = _follow(cells, start, kind, step, excavation, samples, held, where, owner, when, what)
     order = np.argsort(when[:count], kind="stable")
     return Changes(where[order], owner[order], when[order], what[order])
 
@@ -90,19 +123,20 @@ def _count(samples):
 
 
 @njit(cache=True)
-def _take(wanted, held):
-    """Of samples that are wanted and held those that go: none if they are a sliver, all held if they leave one."""
+def _take(wanted, held, least):
+    """Of samples that are wanted and held those that go: none if they are fewer than least, all held if they leave a
+    sliver."""
     gone = wanted & held
-    if _count(gone) < SLIVER:
+    if _count(gone) < least:
         return NOTHING
     return held if _count(held & ~gone) < SLIVER else gone
 
 
 @njit(cache=True)
-def _follow(cells, start, places, step, excavation, samples, held, where, owner, when, what):
+def _follow(cells, start, kind, step, excavation, samples, held, where, owner, when, what):
     """Follow the events of each cell, start (cell + 1,), in order; write its changes and return how many there are.
 
-    places, step, excavation, samples (event,): whether it places fill, when, of which solid, and what is inside that;
+    kind, step, excavation, samples (event,): DIG, PLACE or FALL, when, of which solid, and what is inside that;
     held (event,) uint64, zeros: what the fill of each event holds; where, owner, when, what (change,): see Changes.
     """
     count = 0
@@ -110,8 +144,8 @@ def _follow(cells, start, places, step, excavation, samples, held, where, owner,
         rock, void = FULL, NOTHING
         for event in range(start[i], start[i + 1]):
             inside = samples[event]
-            if places[event]:
-                placed = _take(inside, void)
+            if kind[event] == PLACE:
+                placed = _take(inside, void, SLIVER)
                 held[event] = placed
                 void &= ~placed
                 if placed:
@@ -123,14 +157,15 @@ def _follow(cells, start, places, step, excavation, samples, held, where, owner,
                     )
                     count += 1
                 continue
-            gone = _take(inside, rock)
+            least = 1 if kind[event] == FALL else SLIVER
+            gone = _take(inside, rock, least)
             rock &= ~gone
             void |= gone
             if gone:
                 where[count], owner[count], when[count], what[count] = cells[i], ROCK, step[event], gone
                 count += 1
             for before in range(start[i], event):
-                gone = _take(inside, held[before])
+                gone = _take(inside, held[before], least)
                 held[before] &= ~gone
                 void |= gone
                 if gone:

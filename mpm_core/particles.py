@@ -69,9 +69,9 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene,
     fine = point_table(round(SAMPLES ** (1 / dimension)), dimension)
     points = np.concatenate([regular, fine])
 
-    filled = np.array([excavation.filled if excavation.fill else -1 for excavation in scene.excavations] or [-1])
     fills = np.flatnonzero(changes.owner != ROCK)
-    fills = fills[changes.step[fills] == filled[changes.owner[fills]]]  # placed, not mined again
+    _, first = np.unique(np.stack([changes.owner[fills], changes.cell[fills]]), axis=1, return_index=True)
+    fills = fills[first]  # where it is placed, not mined again
     fills = fills[np.lexsort((changes.cell[fills], changes.owner[fills], changes.step[fills]))]
     group_cell = np.concatenate([np.arange(cells), changes.cell[fills]]).astype(np.int32)
     group_excavation = np.concatenate([np.full(cells, ROCK), changes.owner[fills]]).astype(np.int16)

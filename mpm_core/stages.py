@@ -9,7 +9,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from mpm_core.checkpoint import Checkpoint
-from mpm_core.datasets import read_grid, read_state, state_dataset
+from mpm_core.datasets import read_grid, read_loose, read_state, state_dataset
 from mpm_core.equilibrium.brittle import above_strength, find_brittle
 from mpm_core.equilibrium.cascade import Ramp, run_cascade
 from mpm_core.equilibrium.convergence import History, norm
@@ -20,6 +20,7 @@ from mpm_core.equilibrium.perturbation import lateness
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels.failure import rate_strength
 from mpm_core.loading import boundary_strain, strain_reaction
+from mpm_core.loose import describe_loose
 from mpm_core.memory import require, stage_bytes
 from mpm_core.model import Model, State, build_model
 from mpm_core.scene import Scene
@@ -72,7 +73,7 @@ def mining_step(
             "step out, or mine or load less in the one before"
         )
     require_memory(scene, grid)
-    model = build_model(scene, *read_grid(grid))
+    model = build_model(scene, *read_grid(grid), read_loose(previous))
     state = read_state(previous, model)
     before = max(step - 1, 0)
     volume, target = model.volumes(before), model.external_force(before)
@@ -196,6 +197,7 @@ def finish(
         "cell_changes": state.cell_changes,
         "collapsed": int(collapsed),
         **truncation(model, state, volume),
+        **describe_loose(model.grid, model.loose, step, scene.thickness, scene.axes),
     }
     return state_dataset(model, state, volume, rating, table, facts), facts
 

@@ -98,6 +98,13 @@ def test_numbers_of_the_datasets_reach_the_page(page, mine):
         assert f"{(cells == level).sum():,}".replace(",", "\u202f") in page.sections["scene"]
 
 
+def test_loose_rock_is_named_before_anything_else(page):
+    """Count, volume and place of the step's attributes, once: steps without loose rock say nothing."""
+    assert page.sections["headline"].count("Loose rock in step") == 1
+    expected = "2019-09: 3 pieces, 1.20 m³, largest 0.7 m³ at (x, y, z) = (10052.0, 20051.5, −1020.2) m, taken as"
+    assert expected in page.sections["headline"]
+
+
 def test_many_excavations_are_folded_under_their_sums(page, mine, tmp_path, monkeypatch):
     """Four here; a list of over a hundred would hide what follows."""
     assert not any(tag == "details" for tag, _ in page.tags)
