@@ -70,7 +70,7 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene,
     points = np.concatenate([regular, fine])
 
     fills = np.flatnonzero(changes.owner != ROCK)
-    _, first = np.unique(np.stack([changes.owner[fills], changes.cell[fills]]), axis=1, return_index=True)
+    _, first = np.unique(changes.owner[fills].astype(np.int64) * cells + changes.cell[fills], return_index=True)
     fills = fills[first]  # where it is placed, not mined again
     fills = fills[np.lexsort((changes.cell[fills], changes.owner[fills], changes.step[fills]))]
     group_cell = np.concatenate([np.arange(cells), changes.cell[fills]]).astype(np.int32)

@@ -81,8 +81,8 @@ def free_motions(position: np.ndarray, held: np.ndarray) -> RigidMotions:
     dimension = position.shape[1]
     some = held.any(axis=1)
     chosen = position[some] if some.any() else position
-    center = chosen.mean(axis=0)
-    reach = float(np.abs(chosen - center).max()) or 1.0
+    center = chosen.mean(axis=0) if len(chosen) else np.zeros(dimension)
+    reach = float(np.abs(chosen - center).max(initial=0.0)) or 1.0
     gram = np.zeros((dimension * (dimension + 1) // 2,) * 2)
     if some.any():
         motions = unit_motions((chosen - center) / reach)

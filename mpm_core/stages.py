@@ -28,6 +28,7 @@ from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
 
 SMALLER = "use fewer grid.levels, grid.buffer_cells or grid.particles_per_cell, or free some"
+LEAST_STAYS = 1e-5  # of virgin stress: what is less counts as this much; the default tolerance then asks for 1e-10
 ROUND_OFF = 1e-12  # of all forces since virgin rock: unbalanced force that is none
 STRENGTH_FACTOR_CAP = 10.0  # reported where nothing can fail
 
@@ -54,7 +55,17 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
         if strain.any():
             scheme.deform(strain)
         scheme.relax(force, scene.solver.tolerance, reference, history)
+        # Where free faces unload rock, the forces that do so measure a stress that has gone: what stays measures again.
+        scheme.relax(force, scene.solver.tolerance, reference * share_that_stays(model, state, volume), history)
     return finish(scheme, history, 0, state.displacement, force, "elastic")
+
+
+def share_that_stays(model: Model, state: State, volume: np.ndarray) -> float:
+    """Stress over virgin stress, root mean squares over the rock of these volumes (particle,); LEAST_STAYS to 1."""
+    rock = model.particles.is_rock & (volume > 0.0)
+    virgin = np.sum(model.insitu[rock] ** 2 * volume[rock, None])
+    now = np.sum((model.insitu[rock] + state.stress[rock]) ** 2 * volume[rock, None])
+    return float(np.sqrt(np.clip(now / virgin, LEAST_STAYS**2, 1.0))) if virgin > 0.0 else 1.0
 
 
 def mining_step(

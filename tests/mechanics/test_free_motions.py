@@ -8,8 +8,9 @@ from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.multigrid import MultigridScheme
 from mpm_core.rigid import free_motions, unit_motions
 from mpm_core.scene import FACES
+from mpm_core.stages import elastic_stage
 from pipeline.errors import InputError
-from tests.mechanics.scenes import ball, excavation, grid_around, make_model, make_scene, uniform
+from tests.mechanics.scenes import ball, excavation, grid_around, make_dataset, make_model, make_scene, uniform
 
 CONDITIONS = ("fixed", "roller", "traction", "free")
 WEIGHT = {"constant": [-10e6, -8e6, -12e6, 0, 0, 0], "gradient": [-0.02e6, -0.02e6, -0.028e6, 0, 0, 0]}
@@ -125,3 +126,32 @@ def test_everything_mined_is_refused_in_one_line():
     model = make_model(scene, grid_around([], (3, 3), 1, 4.0), [ball([6.0, 6.0], 100.0)])
     with pytest.raises(InputError, match=r"^steps.step_0: nothing is left of the model"):
         model.external_force(0)
+
+
+@pytest.mark.parametrize("scheme", ["explicit", "multigrid"])
+@pytest.mark.parametrize("force", [0.0, 1e3])
+def test_a_free_body_keeps_the_stress_of_its_loads_alone(scheme, force, tmp_path):
+    """30 MPa are unloaded by free faces; two balanced loads of 1 kN leave some pascals, right at the default tolerance:
+    on any plane across, the mean stress is - force / area. Without loads nothing stays."""
+    ends = (([2.0, 2.0, 0.0], [10.0, 10.0, 2.0], 1.0), ([2.0, 2.0, 10.0], [10.0, 10.0, 12.0], -1.0))
+    loads = [
+        {"name": f"end_{k}", "since": 0, "force": [0.0, 0.0, sign * force]}
+        | {"shape": {"shape": "box", "lower": low, "upper": high}}
+        for k, (low, high, sign) in enumerate(ends)
+    ]
+    scene = make_scene(
+        boundary="free",
+        stress=uniform(-30e6, -20e6, -10e6, 0.0, 0.0, 3e6),
+        loads=loads if force else [],
+        excavations=[excavation()],
+        solver={"scheme": scheme},
+    )
+    shapes = [ball([6.0, 6.0, 6.0], 0.9)]
+    grid = grid_around(shapes, (6, 6, 6), 2, 2.0)
+    state, _ = elastic_stage(scene, make_dataset(scene, grid, shapes), tmp_path / "failed.npz")
+    place, volume, stress = (state[name].values for name in ("position", "volume", "stress"))
+    assert np.abs(stress[volume > 0.0]).max() < (1e-8 * 30e6 if force == 0.0 else 100.0)
+    across = (np.abs(place[:, 2] - 3.0) < 1.0) & (volume > 0.0)  # a layer 2 m thick below the void
+    assert np.isclose(volume[across].sum(), 2.0 * 144.0)
+    mean = (stress[across, 2] * volume[across]).sum() / volume[across].sum()
+    assert mean == pytest.approx(-force / 144.0, abs=0.01 if force == 0.0 else 0.01 * force / 144.0)
