@@ -220,16 +220,14 @@ def describe_loose(grid: MultiLevelGrid, loose: Loose, step: int, thickness: flo
     center = np.stack([np.bincount(piece, volume * along) / size for along in grid.cell_center[cell].T], axis=1)
     names = ", ".join("xyz"[axis] for axis in axes)
     places = [f"({names}) = ({', '.join(f'{value:.1f}' for value in place)}) m" for place in center[:NAMED]]
-    for number, place in enumerate(places):
-        logging.warning(
-            "loose rock or fill: %.3g m3 at %s, taken as excavated", size[number] * thickness, place
-        )  # fmt: skip
-    if len(size) > NAMED:
-        logging.warning(
-            "loose rock or fill: %d smaller pieces, %.3g m3", len(size) - NAMED, size[NAMED:].sum() * thickness
-        )
+    for volume_of, place in zip(size * thickness, places, strict=False):
+        logging.info("loose: %.3g m3 at %s", volume_of, place)
+    where = f"largest {size[0] * thickness:.3g} m3 at {places[0]}"
+    logging.warning(
+        "loose rock or fill: %d pieces, %.3g m3, %s, taken as excavated", len(size), size.sum() * thickness, where
+    )
     return {
         "loose_pieces": len(size),
         "loose_volume": float(size.sum() * thickness),
-        "loose_where": f"largest {size[0] * thickness:.3g} m3 at {places[0]}",
+        "loose_where": where,
     }

@@ -156,8 +156,8 @@ def outcome(seed: int, folder: Path) -> tuple[str, str]:
 
 
 def elastic_difference(seed: int, folder: Path) -> float | None:
-    """Largest difference in stress, share of the largest one (or of LEAST_STAYS of the largest virgin one), between this
-    scene's elastic stage by its own scheme at the default tolerance and by the other at 1e-9; None if it is refused."""
+    """Largest difference in stress between this scene's elastic stage by its own scheme at the default tolerance and by
+    the other at 1e-9, share of the largest stress, or of LEAST_STAYS of the virgin one; None if it is refused."""
     made = replace(make(seed), steps=0)
     other = {"explicit": "multigrid", "multigrid": "explicit"}[made.keywords["solver"]["scheme"]]
     try:
