@@ -9,6 +9,7 @@ import csv
 import io
 import logging
 import re
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -36,6 +37,8 @@ CONTAINERS = {  # first bytes of what is no text
     b"\xd0\xcf\x11\xe0": "an Excel workbook",
     b"\x1f\x8b": "a gzip archive",
 }
+UNIT = r"[^\W\d_]+(?:\^?-?\d)?(?:[ */.\u00b7]+[^\W\d_]+(?:\^?-?\d)?)*"  # m, m3, N m, dyn.cm
+LONGEST_UNIT = 30  # characters
 UNIT_IN_NAME = re.compile(r".*[\[(]\s*(?P<unit>[^\])]+?)\s*[\])]\s*$")
 
 
@@ -136,9 +139,12 @@ class Table:
 
 
 def _quantity(text: str) -> pint.Quantity | None:
-    """One of the unit that a text names; None if it names none."""
+    """One of the unit that a text names; None if it names none. Arithmetic (9**9**9) is no unit."""
+    if len(text) > LONGEST_UNIT or not re.fullmatch(UNIT, text):
+        return None
+    plain = re.sub(r"(?<=[^\W\d_])\^?(-?\d)", r"**\1", re.sub(r"[.\u00b7]", "*", text))
     try:
-        return _units().Quantity(1.0, re.sub(r"[.\u00b7]", "*", text))
+        return _units().Quantity(1.0, plain)
     except Exception:  # pint raises a dozen kinds for text that is not a unit
         return None
 
@@ -164,13 +170,15 @@ def read_table(path: Path, named: Mapping[str, str], numeric: Iterable[str], dec
         if header.count(name) > 1:
             raise InputError(f"{path}: column {name!r} is there {header.count(name)} times; name each its own way")
     try:
-        rows = pd.read_csv(
-            io.StringIO("\n".join(lines[place + 1 :])), sep=separator, names=_apart(header),
-            dtype=str, skipinitialspace=True, keep_default_na=False, index_col=False,
-        )  # fmt: skip
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # a row with more cells than names
+            rows = pd.read_csv(
+                io.StringIO("\n".join(lines[place + 1 :])), sep=separator, names=_apart(header),
+                dtype=str, skipinitialspace=True, keep_default_na=False, index_col=False,
+            )  # fmt: skip
     except pd.errors.EmptyDataError as error:
         raise InputError(f"{path}: no events in the file") from error
-    except ValueError as error:  # pandas' parser errors are ValueErrors
+    except (ValueError, pd.errors.ParserWarning) as error:  # pandas' parser errors are ValueErrors
         raise InputError(f"{path}: not a readable CSV file ({error}); give a table with a header") from error
     table = Table(rows, str(path), decimal)
     table.take_units(numeric)
