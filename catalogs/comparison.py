@@ -110,7 +110,7 @@ def _cut(catalog: xr.Dataset, recorded: NDArray, settings: Mapping) -> tuple[dic
     how = "b is stable above it" if np.isfinite(stable) else "no stable completeness: the fullest bin instead"
     if np.isnan(floor) and np.isnan(complete):
         cut, which = np.nan, "nothing"
-        text = "no cut: the model has no failed rock to set a floor, and the record no event"
+        text = "no cut, as the model has no failed rock to set a floor, and the record no event"
     elif np.isnan(complete) or floor >= complete:
         cut, which = floor, "model floor"
         record = f"complete from {complete:.2f}: {how}" if np.isfinite(complete) else "without enough events to tell"

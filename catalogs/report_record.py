@@ -64,7 +64,7 @@ def _impossible(evidence: Evidence) -> list[str]:
     ]
     if without:
         cut = typeset(str(attributes.get("cut_text", "")))
-        return [f"Model and record cannot be compared ({cut}): {', and '.join(without)}."]
+        return [f"Model and record cannot be compared: {', and '.join(without)}. Counted are events of {cut}."]
     found = []
     if not np.isfinite(comparison["energy_distance"]):
         found.append(_sentence(attributes["location_text"]))

@@ -184,7 +184,7 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
         found.append(
             ("note", "No recorded catalogue was given: the model stands alone, nothing here says how well it fits.")
         )
-    if evidence.comparison is not None and np.isfinite(evidence.comparison["cut"]):
+    if evidence.comparison is not None and evidence.comparison["events_above_cut"].values.all():
         found.append(("note", f"Model and record are compared at {typeset(evidence.comparison.attrs['cut_text'])}."))
     return found
 

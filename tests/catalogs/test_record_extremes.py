@@ -22,7 +22,7 @@ TABLE = """time,x,y,z,mw
 COLUMNS = {name: name for name in ("time", "x", "y", "z", "mw")}
 CELLS = (
     '|-99|-999|nan|inf|-inf|1e300|1e-400|0|400|x|é|\0|#|\'|"|"a|1,5|1.500,2|1,500.2|95|2019-08-01|1/2/2019|0001-01-01|'
-    "9999-12-31|2019-13-45|12:61|١٢|  7 |+5|--5|1_000|0x10|1e5e5|NULL|;|\t|=1+1|\u22123|½|1e|.|-|2019-08-01T12:00+99:00|"
+    "9999-12-31|2019-13-45|12:61|١٢|  7 |+5|--5|1_000|0x10|1e5e5|NULL|;|\t|=1+1|\u22123|½|1e|.|-|2019-08-01T12:00+99|"
     "2019-08-01 24:00|20190801T120000Z|1564617600|Aug|13/13/2019|1 000,5"
 ).split("|")
 KINDS = (
@@ -109,10 +109,13 @@ def spoiled_quakeml(text: str, generator: random.Random) -> str:
 
 def read_or_line(settings: dict) -> bool:
     """Whether the record is read; if it is, its numbers are sound."""
+    line = ""
     try:
         record = read_record(SETTINGS | settings)
     except InputError as error:
-        assert len(str(error)) < 600
+        line = str(error)
+    if line:
+        assert len(line) < 600
         return False
     assert np.isfinite(record["location"]).all()
     assert (record["potency"] > 0).all()
