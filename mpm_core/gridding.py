@@ -2,13 +2,13 @@
 
 import json
 import logging
-from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
 from mpm_core.datasets import grid_dataset
-from mpm_core.geometry.files import read_solid
+from mpm_core.domain import Domain, base_cells
+from mpm_core.geometry.files import Picked, read_outline, read_solid
 from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, contains, sample_mask
 from mpm_core.geometry.shapes import build_shape
 from mpm_core.geometry.solids import Outside, Solid
@@ -24,7 +24,7 @@ ZONE_RINGS = 2  # of the draft's finest cells around those that failed
 ROUND_OFF = 1e-6  # of a cell: positions are those of particles
 
 
-def read_solids(entries: list[dict], section: str, domain: "Domain") -> list[Solid | Outside]:
+def read_solids(entries: list[dict], section: str, domain: Domain) -> list[Solid | Outside]:
     """Solids of a section of the configuration ("excavations"), in order; `outside`: what they leave of the domain.
 
     Raises InputError naming the entry, also for one that lies outside the domain.
@@ -33,48 +33,39 @@ def read_solids(entries: list[dict], section: str, domain: "Domain") -> list[Sol
     solids = []
     for entry in entries:
         try:
-            if "file" in entry:
-                if dimension == 2:
-                    raise InputError(
-                        f"{entry['name']}: file: a plane strain scene needs a shape in its plane, not a solid"
-                    )
-                solids.append(read_solid(entry["file"], entry["name"], entry.get("element"), entry.get("layer")))
+            if "file" in entry and dimension == 2:
+                raise InputError(f"{entry['name']}: file: a plane strain scene needs a shape in its plane, not a solid")
+            if "file" in entry and "shape" in entry:
+                solids.append(build_shape(with_outline(entry), dimension))
+            elif "file" in entry:
+                solids.append(read_solid(entry["file"], entry["name"], Picked.of(entry)))
             else:
                 solids.append(build_shape(entry, dimension))
         except InputError as error:
             raise InputError(f"{section}.{entry['name']}: {str(error).removeprefix(entry['name'] + ': ')}") from error
-        check_inside(solids[-1], domain, section)
+        check_inside(solids[-1], domain, section, "file" in entry)
         if entry.get("outside"):
             solids[-1] = Outside(solids[-1], domain.lower, domain.upper)
     return solids
 
 
-@dataclass(frozen=True)
-class Domain:
-    """The box that is modelled: lower corner (d,) m, base cells (d,), edge of a base cell m, number of levels."""
-
-    lower: np.ndarray
-    base_shape: np.ndarray
-    coarse_cell: float
-    levels: int
-
-    @property
-    def upper(self) -> np.ndarray:
-        """Upper corner (d,) m."""
-        return self.lower + self.base_shape * self.coarse_cell
-
-    def cell(self, level: int) -> float:
-        """Edge of a cell of a level, m."""
-        return self.coarse_cell / 2**level
+def with_outline(entry: dict) -> dict:
+    """A prism's keys with the polygon of its drawing; `height` stands on the polyline's own elevations."""
+    outline = read_outline(entry["file"], entry["name"], Picked.of(entry))
+    made = entry | {"polygon": outline[:, :2].tolist()}
+    if "height" in entry:
+        made |= {"base": outline[:, 2].tolist(), "top": (outline[:, 2] + entry["height"]).tolist()}
+    return made
 
 
-def check_inside(solid: Solid, domain: Domain, section: str) -> None:
+def check_inside(solid: Solid, domain: Domain, section: str, from_file: bool = False) -> None:
     """Raise InputError for a solid outside the domain; one that is partly outside is cut off at the boundary."""
     lower, upper = solid.bounds
     if (upper <= domain.lower).any() or (lower >= domain.upper).any():
         raise InputError(
             f"{section}.{solid.name}: lies outside the domain ({_span(lower, upper)}; "
-            f"domain {_span(domain.lower, domain.upper)}): check its coordinates and domain.lower, domain.upper"
+            f"domain {_span(domain.lower, domain.upper)}): check its coordinates"
+            f"{', its units, scale and offset' if from_file else ''} and domain.lower, domain.upper"
         )
     if (lower < domain.lower).any() or (upper > domain.upper).any():
         logging.warning("%s.%s reaches beyond the domain; the part inside is used", section, solid.name)
@@ -182,7 +173,7 @@ def make_grid(values: dict, attributes: dict, draft: xr.Dataset | None = None) -
     dimension = 2 if values["plane"] else 3
     lower, upper = (np.array(values["domain"][key], float) for key in ("lower", "upper"))
     coarse = values["grid"]["coarse_cell"]
-    domain = Domain(lower, np.rint((upper - lower) / coarse).astype(np.int64), coarse, values["grid"]["levels"])
+    domain = Domain(lower, base_cells(lower, upper, coarse), coarse, values["grid"]["levels"])
     solids = read_solids(values["excavations"], "excavations", domain)
     bodies = read_solids(values["rock_bodies"], "rock_bodies", domain)
     features = [solid for solid, entry in zip(bodies, values["rock_bodies"], strict=True) if entry["refine"]]

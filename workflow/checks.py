@@ -3,6 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
+from mpm_core.domain import base_cells
 from mpm_core.scene import FACES, check_virgin_stress, parse_scene
 from pipeline.errors import InputError
 from workflow.dates import read_date
@@ -161,14 +162,9 @@ def _check_domain(mine) -> None:
         if len(domain[key]) != mine.dimension:
             raise InputError(f"domain.{key}: {len(domain[key])} coordinates; this scene has {mine.dimension}")
     for axis, (low, high) in enumerate(zip(domain["lower"], domain["upper"], strict=True)):
-        cells = (high - low) / coarse
         if high <= low:
             raise InputError(f"domain.upper[{axis}]: {high:g} m is not above domain.lower[{axis}], {low:g} m")
-        if cells < 0.5 or abs(cells - round(cells)) > 1e-6:
-            raise InputError(
-                f"domain.upper[{axis}]: the side of {high - low:g} m is not a whole multiple of "
-                f"grid.coarse_cell, {coarse:g} m"
-            )
+    base_cells(domain["lower"], domain["upper"], coarse)
     count = mine.values["grid"]["particles_per_cell"]
     if round(count ** (1 / mine.dimension)) ** mine.dimension != count:
         raise InputError(f"grid.particles_per_cell: {count} is not n^{mine.dimension} in {mine.dimension}-D")

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from workflow.configuration import Mine
 
 NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "outside", "force", "toward")
+PLACED = {"units", "scale", "offset"}  # of what a file holds
+HEIGHTS = {"lower", "upper", "height"}
 CIRCLE = ({"center", "radius"}, set())
 BOX = ({"lower", "upper"}, set())
 SHAPES = {  # by dimension, keys that a shape needs, and may have
@@ -30,13 +32,18 @@ SHAPES = {  # by dimension, keys that a shape needs, and may have
 
 def check_shape(mine: "Mine", where: str, entry: dict) -> None:
     """Raise InputError for an entry whose shape lacks keys, is upside down, or lies outside the domain."""
-    if ("shape" in entry) == ("file" in entry):
+    if ("shape" in entry) == ("file" in entry) and entry.get("shape") != "prism":
         raise InputError(f"{where}: give either a shape or a file")
     given = {key for key in entry if key not in NOT_SHAPE}
     if "file" in entry:
         if mine.dimension == 2:
             raise InputError(f"{where}.file: a plane strain scene needs a shape in its plane, not a solid")
-        _check_keys(where, "file", given, {"file"}, {"layer", "element"})
+        if entry.get("shape") == "prism":
+            _check_keys(where, "prism from a file", given - {"shape"}, {"file"}, {"layer", *PLACED, *HEIGHTS})
+            if given & HEIGHTS not in ({"lower", "upper"}, {"height"}):
+                raise InputError(f"{where}: a prism from a file needs lower and upper, or height above its polyline")
+        else:
+            _check_keys(where, "file", given, {"file"}, {"layer", "element", *PLACED})
         if not is_file(mine.path(entry["file"])):
             raise InputError(f"{where}.file: {mine.path(entry['file'])} is missing; paths resolve from {mine.folder}")
         return

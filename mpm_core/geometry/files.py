@@ -1,61 +1,90 @@
-"""Solids from files that mine planning packages write: STL, OBJ, PLY, DXF, OMF. Coordinates are taken as metres.
+"""Solids from files that mine planning packages write: STL, OBJ, PLY, DXF, OMF.
 
 trimesh, ezdxf and omf are imported where a file is read: together they take 1.5 s, and most stages read none.
 """
 
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from mpm_core.geometry.bodies import Mesh, choose, join
 from mpm_core.geometry.edges import unique_rows
+from mpm_core.geometry.meshes import read_obj, read_omf, read_ply, read_stl
 from mpm_core.geometry.orientation import agree, check_bounds_volume, without_partitions
 from mpm_core.geometry.solids import Solid
 from pipeline.errors import InputError
 
-EVERYTHING = "*"  # as element or layer: all of them, together one solid
-Mesh = tuple[np.ndarray, np.ndarray]  # vertices (v, 3) m, triangles (f, 3)
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": 0.3048, "us_ft": 1200 / 3937, "inch": 0.0254}
+FARTHEST = 1e8  # m: no mine's coordinates are beyond, and float64 keeps 1e-8 m there
 
 
-def read_solid(path: str | Path, name: str, element: str | None = None, layer: str | None = None) -> Solid:
-    """Read the solid `name` from a file; the file's ending says which format it is.
+@dataclass(frozen=True)
+class Picked:
+    """What of a file is meant, and where it lies: metres = coordinate x unit x scale + offset."""
 
-    element: which surface of an OMF project; layer: which layer of a DXF drawing; "*" for all of them together. Needed
-    only if the file has several. Vertices at exactly the same place become one; triangles without area or said twice
-    are dropped. Binary STL holds float32: at 1e6 m it is good to 6 cm, and nothing here can mend that.
+    layer: str | None = None
+    """of a DXF drawing"""
+    element: str | None = None
+    """surface of an OMF project, object or group of an OBJ file, solid of a text STL file"""
+    units: str | None = None
+    """one of METRES; None: what a DXF says of itself, else metres"""
+    scale: float = 1.0
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """m"""
 
-    Raises InputError naming the file if it is missing, unreadable, of another format, or holds no triangle.
+    @classmethod
+    def of(cls, entry: dict) -> "Picked":
+        """From the keys of an excavation or rock body."""
+        return cls(**{key: entry[key] for key in cls.__dataclass_fields__ if key in entry})
+
+    def place(self, vertices: np.ndarray, own_unit: float | None = None) -> np.ndarray:
+        """Vertices (v, 3) of a file, in m; own_unit: metres of the unit that the file names, if it does, or NaN.
+
+        Raises InputError for a unit that is not known.
+        """
+        unit = METRES[self.units] if self.units else own_unit or 1.0
+        if np.isnan(unit):
+            raise InputError(f"is drawn in a unit that no mine is drawn in: say `units`, one of {', '.join(METRES)}")
+        if self.units and own_unit and not np.isclose(unit, own_unit, rtol=1e-9):
+            logging.warning("the file says that its unit is %g m; taken as %s", own_unit, self.units)
+        return vertices * (unit * self.scale) + np.asarray(self.offset, dtype=np.float64)
+
+
+def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys) -> Solid:
+    """Read the solid `name` from a file; the file's ending says which format it is. `keys` are those of Picked.
+
+    `layer` and `element` are needed only if a DXF or OMF file has several; "*" stands for any text in them. Vertices at
+    exactly the same place become one; triangles without area or said twice are dropped, those that look the wrong way
+    are turned (orientation.py). Binary STL holds float32: at 1e6 m it is good to 6 cm, and nothing here can mend that.
+
+    Raises InputError naming the file if it is missing, unreadable, of another format, or bounds no volume.
     """
-    path = Path(path)
-    readers: dict[str, Callable[[], Mesh]] = {
-        ".stl": lambda: _read_mesh(path),
-        ".obj": lambda: _read_mesh(path),
-        ".ply": lambda: _read_mesh(path),
-        ".dxf": lambda: _read_dxf(path, layer),
-        ".omf": lambda: _read_omf(path, element),
+    path, picked = Path(path), replace(picked or Picked(), **keys)
+    readers: dict[str, Callable[[], tuple[Mesh, float | None]]] = {
+        ".stl": lambda: (read_stl(path, picked.element), None),
+        ".obj": lambda: (read_obj(path, picked.element), None),
+        ".ply": lambda: (read_ply(path), None),
+        ".dxf": lambda: _read_dxf(path, picked.layer),
+        ".omf": lambda: (read_omf(path, picked.element), None),
     }
     ending = path.suffix.lower()
     if ending not in readers:
         raise InputError(f"{path}: {name}: not one of the formats {', '.join(readers)}: export it as one of these")
-    if (element and ending != ".omf") or (layer and ending != ".dxf"):
+    if (picked.element and ending in (".dxf", ".ply")) or (picked.layer and ending != ".dxf"):
         raise InputError(
-            f"{path}: {name}: `element` is for OMF files and `layer` for DXF: remove it or convert the file"
+            f"{path}: {name}: `element` is for OMF, OBJ and STL files, `layer` for DXF: remove it or convert the file"
         )
-    if not path.is_file():
-        raise InputError(
-            f"{path}: {name}: no such file; relative paths start at the folder of the mine's configuration"
-        )
-    try:
-        vertices, facets = readers[ending]()
-    except InputError as error:
-        raise InputError(f"{path}: {name}: {error}") from error
-    except Exception as error:  # the parsers raise whatever they stumble over
-        raise InputError(f"{path}: {name}: unreadable as {ending[1:].upper()} ({error}): export it again") from error
+    (vertices, facets), own_unit = _read(path, name, readers[ending])
     if len(facets) and (np.min(facets) < 0 or np.max(facets) >= len(vertices)):
         raise InputError(f"{path}: {name}: has triangles of vertices that it does not hold: export it again")
+    vertices = _placed(path, name, picked, vertices, own_unit)
     if not np.isfinite(vertices).all():
         raise InputError(f"{path}: {name}: holds coordinates that are not finite: export it again")
+    if np.abs(vertices).max(initial=0.0) > FARTHEST:
+        raise InputError(f"{path}: {name}: coordinates up to {np.abs(vertices).max():.3g} m are no mine's: see `units`")
     vertices, facets = _tidy(vertices, facets)
     if len(facets) == 0:
         raise InputError(f"{path}: {name}: holds no triangles: export the solid as a triangulated surface")
@@ -69,104 +98,66 @@ def read_solid(path: str | Path, name: str, element: str | None = None, layer: s
     return Solid(name, vertices, facets)
 
 
+def read_outline(path: str | Path, name: str, picked: Picked) -> np.ndarray:
+    """Corners (point, 3) m of the one closed polyline of a DXF drawing, or of its layer; arcs as chords.
+
+    Raises InputError naming the file.
+    """
+    from mpm_core.geometry.dxf import read_outlines
+
+    path = Path(path)
+    if path.suffix.lower() != ".dxf" or picked.element:
+        raise InputError(f"{path}: {name}: a prism takes its outline from a DXF polyline, by `layer`: export it as DXF")
+    outlines, own_unit = _read(path, name, lambda: read_outlines(path))
+    try:
+        found = choose(outlines, picked.layer, "layer")
+    except InputError as error:
+        raise InputError(f"{path}: {name}: {error}") from error
+    if len(found) != 1:
+        raise InputError(f"{path}: {name}: has {len(found)} closed polylines there; a prism needs one: name its layer")
+    return _placed(path, name, picked, found[0], own_unit)
+
+
+def _placed(path: Path, name: str, picked: Picked, vertices: np.ndarray, own_unit: float | None) -> np.ndarray:
+    try:
+        return picked.place(vertices, own_unit)
+    except InputError as error:
+        raise InputError(f"{path}: {name}: {error}") from error
+
+
+def _read(path: Path, name: str, reader: Callable):
+    """What the reader makes of the file; whatever it stumbles over becomes one line."""
+    if not path.is_file():
+        raise InputError(
+            f"{path}: {name}: no such file; relative paths start at the folder of the mine's configuration"
+        )
+    try:
+        return reader()
+    except InputError as error:
+        raise InputError(f"{path}: {name}: {error}") from error
+    except Exception as error:  # the parsers raise whatever they stumble over
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(
+            f"{path}: {name}: unreadable as {path.suffix[1:].upper()} ({reason}): export it again"
+        ) from error
+
+
+def _read_dxf(path: Path, layer: str | None) -> tuple[Mesh, float | None]:
+    from mpm_core.geometry.dxf import read_faces
+
+    faces, own_unit = read_faces(path, layer)
+    return join(choose(faces, layer, "layer")), own_unit
+
+
 def _tidy(vertices: np.ndarray, facets: np.ndarray) -> Mesh:
     """Merge equal vertices, drop triangles with a repeated corner and repeats of the same triangle, keep the order."""
     vertices, facets = np.reshape(vertices, (-1, 3)), np.reshape(facets, (-1, 3))
     vertices, place = unique_rows(vertices)
     facets = place[facets] if len(vertices) else facets
-    facets = facets[(facets != np.roll(facets, 1, axis=1)).all(axis=1)]
-    facets = without_partitions(facets)
+    facets = without_partitions(facets[(facets != np.roll(facets, 1, axis=1)).all(axis=1)])
     # the same triangle may start at any of its corners: start it at the smallest, which keeps its orientation
     start = facets.argmin(axis=1, keepdims=True) if len(facets) else np.zeros((0, 1), dtype=np.int64)
     rolled = np.take_along_axis(facets, (start + np.arange(3)) % 3, axis=1)
     _, same = unique_rows(rolled)
     _, first = np.unique(same, return_index=True)
     return vertices, facets[np.sort(first)]
-
-
-def _read_mesh(path: Path) -> Mesh:
-    """STL, OBJ, PLY: every body in the file together."""
-    import trimesh
-
-    # process=False: trimesh would merge vertices that are near, not equal
-    mesh = trimesh.load_mesh(path, process=False)
-    if not hasattr(mesh, "faces"):
-        mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else None
-    if mesh is None:
-        raise InputError("holds points but no triangles: export the solid as a triangulated surface")
-    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
-
-
-def _read_dxf(path: Path, layer: str | None) -> Mesh:
-    """3DFACE, MESH and polyface or polygon-mesh POLYLINE of the model space, inserted blocks included."""
-    import ezdxf
-    from ezdxf.disassemble import recursive_decompose
-    from ezdxf.render import MeshBuilder
-
-    faces: dict[str, list[Mesh]] = {}
-    outlines = 0
-    for entity in recursive_decompose(ezdxf.readfile(path).modelspace()):
-        kind, found = entity.dxftype(), None
-        if kind == "3DFACE":
-            corners = np.array(entity.wcs_vertices(), dtype=np.float64)
-            found = corners, [range(len(corners))]
-        elif kind == "MESH":
-            builder = MeshBuilder.from_mesh(entity)
-            found = builder.vertices, builder.faces
-        elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
-            builder = MeshBuilder.from_polyface(entity)
-            found = builder.vertices, builder.faces
-        elif kind in ("LWPOLYLINE", "POLYLINE"):
-            outlines += bool(entity.is_closed)
-        if found is not None and layer in (None, EVERYTHING, entity.dxf.layer):
-            faces.setdefault(entity.dxf.layer, []).append(_triangles(*found))
-        elif found is not None:
-            faces.setdefault(entity.dxf.layer, [])
-    if not faces and outlines:
-        raise InputError(
-            f"holds {outlines} closed polylines but no faces: extrude them, or use shape prism with their points"
-        )
-    return _join(_choose(faces, layer, "layer"))
-
-
-def _triangles(vertices, faces) -> Mesh:
-    """Vertices and faces of any number of corners as vertices and triangles."""
-    fans = [[face[0], face[i], face[i + 1]] for face in faces for i in range(1, len(face) - 1)]
-    places = np.array([tuple(vertex) for vertex in vertices], dtype=np.float64)
-    return places.reshape(-1, 3), np.array(fans, dtype=np.int64).reshape(-1, 3)
-
-
-def _read_omf(path: Path, element: str | None) -> Mesh:
-    """Triangulated surfaces of an OMF 1 project, each moved by its own origin and the project's."""
-    import omf
-
-    project = omf.OMFReader(str(path)).get_project()
-    surfaces: dict[str, list[Mesh]] = {}
-    for surface in project.elements:
-        geometry = surface.geometry
-        if isinstance(surface, omf.SurfaceElement) and isinstance(geometry, omf.SurfaceGeometry):
-            origin = np.asarray(geometry.origin, dtype=np.float64) + np.asarray(project.origin, dtype=np.float64)
-            vertices = np.asarray(geometry.vertices.array, dtype=np.float64) + origin
-            mesh = vertices, np.asarray(geometry.triangles.array, dtype=np.int64)
-            surfaces.setdefault(surface.name, []).append(mesh)
-    return _join(_choose(surfaces, element, "element"))
-
-
-def _choose(parts: dict[str, list[Mesh]], wanted: str | None, what: str) -> list[Mesh]:
-    """The meshes of the layer or element wanted; of the only one, if none is named. Raises InputError otherwise."""
-    if not parts:
-        raise InputError("holds no triangulated surface: export the solid as one")
-    if wanted is None and len(parts) > 1:
-        raise InputError(
-            f'has {len(parts)} {what}s: name one by `{what}`, or "{EVERYTHING}" for all: {", ".join(parts)}'
-        )
-    if wanted not in (None, EVERYTHING) and wanted not in parts:
-        raise InputError(f"{what} {wanted!r} is not one of {', '.join(parts)}")
-    return [mesh for name, meshes in parts.items() if wanted in (None, EVERYTHING, name) for mesh in meshes]
-
-
-def _join(meshes: list[Mesh]) -> Mesh:
-    """Several meshes as one."""
-    before = np.cumsum([0] + [len(vertices) for vertices, _ in meshes])
-    facets = [facets + start for (_, facets), start in zip(meshes, before, strict=False)]
-    return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(facets)

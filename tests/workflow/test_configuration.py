@@ -27,6 +27,8 @@ BEYOND = box("stope_2", "planned", [145, 40, 25], [155, 55, 50])
 BOX = {"lower": ["20 m", "20 m", "20 m"], "upper": ["60 m", "60 m", "60 m"]}
 FAR = {"lower": ["500 km", "5372 km", "0 m"], "upper": ["500080 m", "5372080 m", "80 m"]}  # eastings and northings
 UTM = {"crs": "EPSG:32755", "surface": "1000 m"}  # of a domain near zero
+IN_DRAWING = {"name": "stope_1", "step": "2019-08", "file": "record.csv"}
+BALL = {"name": "stope_1", "step": "2019-08", "shape": "sphere", "center": ["40 m", "40 m", "40 m"]}
 FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("grid.levles", 3, "grid.levles: unknown key", "did you mean levels?"),
     ("seismic.cluster.radius", 2, "seismic.cluster.radius: unknown key", "radius_cells"),
@@ -147,6 +149,15 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("frame", UTM, "frame.crs: the domain lies at latitude -85.5, longitude 56.8, outside", "area of EPSG:32755"),
     ("frame", UTM | {"crs": "nonsense"}, "frame.crs: ", "neither an EPSG code nor WKT"),
     ("record.reader", "seiscomp", "record.reader: ", "not one of"),
+    ("excavations.1", IN_DRAWING | {"units": "feet"}, "excavations[1].units: ", "not one of m, cm, mm, km, ft"),
+    ("excavations.1", IN_DRAWING | {"offset": ["1 m"]}, "excavations[1].offset: ", "too short"),
+    ("excavations.1", IN_DRAWING | {"scale": 0}, "excavations[1].scale: ", "minimum"),
+    ("excavations.1", IN_DRAWING | {"height": "3 m"}, "excavations.stope_1.height: ", "not a key of file; its keys"),
+    ("excavations.1", IN_DRAWING | {"shape": "box"}, "excavations.stope_1: ", "either a shape or a file"),
+    ("excavations.1", IN_DRAWING | {"shape": "prism"}, "excavations.stope_1: ", "lower and upper, or height"),
+    ("excavations.1", IN_DRAWING | {"shape": "prism", "radius": "3 m"}, "excavations.stope_1.radius: ", "not a key"),
+    ("excavations.1", BALL | {"radius": "1e300 m"}, "excavations[1].radius: ", "out of range"),
+    ("domain.upper", ["80 m", "80 m", "80.00000008 m"], "domain.upper[2]: the side of 80.00000008 m", "not a whole"),
     ("seismic.closeness", 1.5, "seismic.closeness: ", "1.5"),
     ("ensemble", -1, "ensemble: ", "minimum of 0"),
     ("ensemble", True, "ensemble: ", "not of type 'integer'"),
@@ -362,3 +373,16 @@ def test_a_frame_of_map_coordinates_takes_a_domain_of_them(accept):
     assert accept(far).values["frame"]["crs"] == "EPSG:32755"
     own = "+proj=lcc +lat_0=37.8 +lon_0=-105.5 +lat_1=39.75 +lat_2=38.45 +x_0=182926 +y_0=-121923 +datum=NAD83 +units=m"
     assert accept(TINY, frame={"crs": own, "surface": "1000 m"}).values["frame"]["crs"] == own
+
+
+def test_keys_of_a_file_reach_the_grid_in_metres(accept):
+    """Units, scale, offset and the body picked; a prism of a drawing keeps its heights."""
+    entry = {"name": "stope_1", "step": "2019-08", "file": "record.csv", "layer": "S1", "units": "ft", "scale": 2.0}
+    mine = accept(TINY, **{"excavations.1": entry | {"offset": ["1 km", "0 m", "-5 m"]}})
+    made = mine.grid_slice()["excavations"][1]
+    assert {key: made[key] for key in ("layer", "units", "scale")} == {"layer": "S1", "units": "ft", "scale": 2.0}
+    assert made["offset"] == [1000.0, 0.0, -5.0]
+    prism = accept(TINY, **{"excavations.1": entry | {"shape": "prism", "height": "20 m"}})
+    assert prism.grid_slice()["excavations"][1]["height"] == 20.0
+    assert prism.solids() == mine.solids()
+    assert len(mine.solids()) == 1

@@ -1,0 +1,154 @@
+"""Faces and closed polylines of DXF drawings, by layer, inserted blocks included, and the unit that the drawing names.
+
+Imports ezdxf, which takes half a second: only files.py imports this, where a drawing is read.
+"""
+
+import logging
+import math
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import ezdxf
+import numpy as np
+from ezdxf.disassemble import recursive_decompose
+from ezdxf.document import Drawing
+from ezdxf.entities import DXFEntity
+from ezdxf.path import make_path
+from ezdxf.render import MeshBuilder
+
+from mpm_core.geometry.bodies import EVERYTHING, Mesh, triangles
+from pipeline.errors import InputError
+
+# $INSUNITS: metres of each unit that a mine could be drawn in
+UNITS = {
+    1: 0.0254, 2: 0.3048, 3: 1609.344, 4: 0.001, 5: 0.01, 6: 1.0, 7: 1000.0, 10: 0.9144, 14: 0.1, 15: 10.0, 16: 100.0,
+    21: 1200 / 3937, 22: 100 / 3937, 23: 3600 / 3937, 24: 5280 * 1200 / 3937,
+}  # fmt: skip
+ACIS = {
+    "3DSOLID", "BODY", "REGION", "SURFACE", "PLANESURFACE", "EXTRUDEDSURFACE", "REVOLVEDSURFACE", "LOFTEDSURFACE",
+    "SWEPTSURFACE", "NURBSURFACE",
+}  # fmt: skip
+FLAT = {"SOLID", "TRACE", "HATCH"}
+OUTLINES = ("LWPOLYLINE", "POLYLINE")
+MOST_INSERTED = 300_000  # entities that blocks unfold to: half a minute
+CHORD = 1e-3  # of an outline's size: the greatest distance of an arc from its chords
+
+
+def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], float | None]:
+    """3DFACE, MESH and polyface or polygon-mesh POLYLINE by layer, and metres of the drawing's unit, if any.
+
+    layer: what will be chosen; the meshes of others may be left empty. Raises InputError for a drawing without any.
+    """
+    drawing, unit = _open(path)
+    faces: dict[str, list[Mesh]] = {}
+    others: Counter[str] = Counter()
+    outlines = 0
+    for entity in _entities(drawing):
+        kind, found = entity.dxftype(), None
+        on_layer = entity.dxf.get("layer", "0")
+        wanted = layer is None or EVERYTHING in layer or on_layer == layer
+        if kind == "3DFACE":
+            corners = entity.wcs_vertices()
+            found = corners, [range(len(corners))]
+        elif kind == "MESH":
+            builder = MeshBuilder.from_mesh(entity)
+            found = builder.vertices, builder.faces
+        elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
+            builder = MeshBuilder.from_polyface(entity)
+            found = builder.vertices, builder.faces
+        elif kind in OUTLINES:
+            outlines += wanted and _is_closed(entity)
+        elif kind in ACIS | FLAT:
+            others[kind] += wanted
+        if found is not None:
+            on_it = faces.setdefault(on_layer, [])
+            if wanted:
+                on_it.append((np.array([tuple(v) for v in found[0]], dtype=np.float64), triangles(found[1])))
+    others = +others
+    if not faces:
+        _refuse(others, outlines)
+    elif others:
+        left_out = ", ".join(f"{count} {kind}" for kind, count in others.items())
+        logging.warning("%s: also holds %s, of which no faces are read: left out", path, left_out)
+    return faces, unit
+
+
+def _refuse(others: Counter[str], outlines: int) -> None:
+    """Say what the drawing holds instead of faces."""
+    for kinds, what in ((ACIS, "ACIS bodies"), (FLAT, "flat faces that bound no volume")):
+        here = {kind: others[kind] for kind in sorted(kinds) if others[kind]}
+        if here:
+            named = ", ".join(f"{count} {kind}" for kind, count in here.items())
+            raise InputError(f"holds {what} ({named}), no mesh: export it as 3DFACE, polyface or MESH, or as STL")
+    if outlines:
+        raise InputError(
+            f"holds {outlines} closed polylines but no faces: extrude them, or use shape prism with this file"
+        )
+
+
+def read_outlines(path: Path) -> tuple[dict[str, list[np.ndarray]], float | None]:
+    """Closed polylines by layer, their corners (point, 3) with arcs as chords, and metres of the drawing's unit."""
+    drawing, unit = _open(path)
+    outlines: dict[str, list[np.ndarray]] = {}
+    for entity in _entities(drawing):
+        is_outline = entity.dxftype() in OUTLINES and not getattr(entity, "is_poly_face_mesh", False)
+        if is_outline and not getattr(entity, "is_polygon_mesh", False) and _is_closed(entity):
+            line = make_path(entity)
+            corners = np.array([tuple(point) for point in line.control_vertices()])
+            size = np.ptp(corners, axis=0).max(initial=0.0)
+            points = np.array([tuple(point) for point in line.flattening(max(CHORD * size, 1e-9))])
+            outlines.setdefault(entity.dxf.get("layer", "0"), []).append(points[:-1])
+    if not outlines:
+        raise InputError("holds no closed polyline: close the outline, or give the prism its polygon")
+    return outlines, unit
+
+
+def _is_closed(polyline: DXFEntity) -> bool:
+    """By its flag, or because it ends where it starts."""
+    if polyline.is_closed:
+        return True
+    points = list(polyline.vertices() if polyline.dxftype() == "LWPOLYLINE" else polyline.points())
+    return len(points) > 3 and tuple(points[0]) == tuple(points[-1])
+
+
+def _open(path: Path) -> tuple[Drawing, float | None]:
+    """The drawing, and metres of its unit: None if it names none, NaN if that is not known. Raises InputError."""
+    raw = path.read_bytes()
+    if raw.count(b"\nINSERT\r\n") + raw.count(b"\nINSERT\n") > MOST_INSERTED:
+        raise InputError(f"inserts blocks more than {MOST_INSERTED:,} times: export the solid alone, as plain faces")
+    drawing = ezdxf.readfile(path)
+    unfolded = _unfolded(drawing, drawing.modelspace(), {})
+    if unfolded > MOST_INSERTED:
+        raise InputError(
+            f"its inserted blocks unfold to {unfolded:.3g} entities, more than {MOST_INSERTED:,}: export the solid "
+            "alone, as plain faces"
+        )
+    code = drawing.header.get("$INSUNITS", 0)
+    if code == 0:
+        logging.info("%s: names no unit ($INSUNITS): metres, unless `units` says otherwise", path)
+        return drawing, None
+    unit = UNITS.get(code, math.nan)
+    if unit != 1.0:
+        logging.warning("%s: drawn in units of %g m ($INSUNITS %d), and read so", path, unit, code)
+    return drawing, unit
+
+
+def _unfolded(drawing: Drawing, layout, known: dict[str, int]) -> int:
+    """How many entities the inserts of a layout or block unfold to. Raises InputError for a block within itself."""
+    total = 0
+    for insert in layout.query("INSERT"):
+        name = insert.dxf.name
+        if name not in known:
+            known[name] = -1
+            block = drawing.blocks.get(name)
+            inner = _unfolded(drawing, block, known) if block is not None else 0
+            known[name] = inner + sum(1 for _ in block or ())
+        if known[name] < 0:
+            raise InputError(f"its block {name!r} is inserted into itself: export the solid alone, as plain faces")
+        total += known[name] * max(insert.mcount, 1)
+    return total
+
+
+def _entities(drawing: Drawing) -> Iterator[DXFEntity]:
+    return recursive_decompose(drawing.modelspace())

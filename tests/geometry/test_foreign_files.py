@@ -1,0 +1,296 @@
+"""Files as other programs write them: units, places, several bodies, blocks, odd headers, and what bounds no volume."""
+
+import logging
+import time
+
+import ezdxf
+import numpy as np
+import omf
+import pytest
+import trimesh
+
+from mpm_core.domain import Domain
+from mpm_core.geometry import Solid, build_shape, read_solid
+from mpm_core.gridding import read_solids
+from pipeline.errors import InputError
+from tests.geometry.test_files import write_dxf, write_omf
+
+BOX = build_shape({"name": "b", "shape": "box", "lower": [0, 0, 0], "upper": [8, 4, 2]}, 3)
+OTHER = Solid("o", BOX.vertices * 2 + [100, 0, 0], BOX.facets)
+DOMAIN = Domain(np.zeros(3), np.array([10, 10, 10]), 20.0, 3)
+
+
+def drawing(path, add, units=None, version="R2018"):
+    """A DXF whose model space `add` fills."""
+    document = ezdxf.new(version)
+    if units is not None:
+        document.header["$INSUNITS"] = units
+    add(document, document.modelspace())
+    document.saveas(path)
+    return path
+
+
+def solid_of(entry: dict) -> Solid:
+    """By the way of a configuration."""
+    return read_solids([{"name": "stope", **entry}], "excavations", DOMAIN)[0]
+
+
+def add_box(document, space):
+    for facet in BOX.facets:
+        space.add_3dface(BOX.vertices[facet])
+
+
+# ---- units and places ----
+
+
+@pytest.mark.parametrize(
+    ("code", "metres"), [(0, 1.0), (1, 0.0254), (2, 0.3048), (4, 0.001), (6, 1.0), (21, 1200 / 3937)]
+)
+def test_a_drawing_is_read_in_its_own_units(tmp_path, code, metres):
+    """Feet were taken for metres."""
+    path = drawing(tmp_path / "stope.dxf", add_box, code)
+    assert read_solid(path, "stope").volume == pytest.approx(64 * metres**3, rel=1e-9)
+    assert read_solid(path, "stope", units="m").volume == pytest.approx(64, rel=1e-9)
+
+
+def test_a_unit_that_no_mine_is_drawn_in_needs_another(tmp_path):
+    path = drawing(tmp_path / "stope.dxf", add_box, 20)  # parsecs
+    with pytest.raises(InputError, match=r"stope\.dxf: stope: .*no mine is drawn in: say `units`"):
+        read_solid(path, "stope")
+    assert read_solid(path, "stope", units="ft").volume == pytest.approx(64 * 0.3048**3)
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj", "ply", "omf", "dxf"])
+def test_units_scale_and_offset_place_any_file(tmp_path, ending):
+    """metres = coordinate x unit x scale + offset, so local grids in feet meet mine coordinates."""
+    path = tmp_path / f"stope.{ending}"
+    if ending == "omf":
+        write_omf(path, {"s": BOX})
+    elif ending == "dxf":
+        write_dxf(path, {"S": BOX}, "3DFACE")
+    else:
+        trimesh.Trimesh(BOX.vertices, BOX.facets).export(path)
+    solid = solid_of({"file": str(path), "units": "ft", "scale": 2.0, "offset": [50.0, 60.0, 70.0]})
+    np.testing.assert_allclose(solid.bounds, np.array([[0, 0, 0], [8, 4, 2]]) * 0.6096 + [50, 60, 70], rtol=1e-12)
+
+
+def test_what_lands_outside_the_domain_asks_for_its_units(tmp_path):
+    """Millimetres are what many programs write who drew in metres."""
+    path = drawing(tmp_path / "stope.dxf", lambda d, s: [s.add_3dface(BOX.vertices[f] - 100) for f in BOX.facets], 4)
+    with pytest.raises(InputError, match=r"excavations\.stope: lies outside .*check its coordinates, its units, scale"):
+        solid_of({"file": str(path)})
+
+
+def test_coordinates_beyond_any_mine_are_refused(tmp_path):
+    path = tmp_path / "stope.ply"
+    trimesh.Trimesh(BOX.vertices * 1e300, BOX.facets, process=False).export(path)
+    with pytest.raises(InputError, match=r"are no mine's|not finite"):
+        read_solid(path, "stope")
+
+
+# ---- several bodies ----
+
+OBJ = """# quads, negative and slashed indices, objects and groups, a line that goes on
+o Level 1
+v 0 0 0
+v 8 0 0
+v 8 4 0
+v 0 4 0
+v 0 0 2
+v 8 0 2
+v 8 4 2
+v 0 4 2
+g skin
+f 4/1/1 3/1/1 2/1/1 1/1/1
+f -4 -3 -2 -1
+f 1 2 6 5
+g ends
+f 2 3 7 6
+f 3 4 \\
+8 7
+f 4//3 1//3 5//3 8//3
+o Level 2
+g skin
+v 100 0 0
+v 101 0 0
+v 100 1 0
+v 100 0 1
+f 9 11 10
+f 9 10 12
+f 10 11 12
+f 11 9 12
+"""
+
+
+def test_bodies_of_an_obj_are_picked_by_object_or_group(tmp_path):
+    path = tmp_path / "stope.obj"
+    path.write_text(OBJ)
+    assert read_solid(path, "stope").volume == pytest.approx(64 + 1 / 6)
+    assert read_solid(path, "stope", element="Level 1").volume == pytest.approx(64)
+    assert read_solid(path, "stope", element="Level 2").volume == pytest.approx(1 / 6)
+    assert read_solid(path, "stope", element="Level*").volume == pytest.approx(64 + 1 / 6)
+    with pytest.raises(InputError, match="'Level 3' is not one of Level 1"):
+        read_solid(path, "stope", element="Level 3")
+
+
+def test_solids_of_a_text_stl_are_picked_by_name(tmp_path):
+    path = tmp_path / "stope.stl"
+    text = ""
+    for name, solid in (("Stope A", BOX), ("Stope B", OTHER)):
+        corners = solid.vertices[solid.facets]
+        facets = "".join(
+            "facet normal 0 0 0\nouter loop\n" + "".join("vertex {} {} {}\n".format(*v) for v in facet)
+            + "endloop\nendfacet\n" for facet in corners
+        )  # fmt: skip
+        text += f"solid {name}\n{facets}endsolid {name}\n"
+    path.write_text(text)
+    assert read_solid(path, "stope").volume == pytest.approx(64 * 9)
+    assert read_solid(path, "stope", element="Stope B").volume == pytest.approx(512)
+    with pytest.raises(InputError, match="'C' is not one of Stope A, Stope B"):
+        read_solid(path, "stope", element="C")
+
+
+@pytest.mark.parametrize("header", [b"solid COLOR=" + bytes(range(200, 255)), b"\x00" * 80, b"solid facet vertex"])
+@pytest.mark.parametrize("after", [b"", b"\x00\x01 left over"])
+def test_binary_stl_with_an_odd_header(tmp_path, header, after):
+    path = tmp_path / "stope.stl"
+    trimesh.Trimesh(BOX.vertices, BOX.facets).export(path)
+    if after and b"vertex" in header:
+        pytest.skip("that is a text file cut off, as far as anyone can tell")
+    path.write_bytes(header.ljust(80)[:80] + path.read_bytes()[80:] + after)
+    assert read_solid(path, "stope").volume == pytest.approx(64)
+    with pytest.raises(InputError, match="no names: remove `element`"):
+        read_solid(path, "stope", element="Stope A")
+
+
+def test_elements_of_omf_that_are_no_surfaces_are_named(tmp_path):
+    project = omf.Project(name="mine")
+    project.elements = [omf.PointSetElement(name="collars", geometry=omf.PointSetGeometry(vertices=BOX.vertices))]
+    omf.OMFWriter(project, str(tmp_path / "mine.omf"))
+    with pytest.raises(InputError, match=r"mine\.omf: stope: collars: no triangulated surface"):
+        read_solid(tmp_path / "mine.omf", "stope")
+    (tmp_path / "two.omf").write_bytes(b"PK\x03\x04" + b"\x00" * 99)
+    with pytest.raises(InputError, match=r"two\.omf: stope: is of OMF 2, .* export it as OMF 1"):
+        read_solid(tmp_path / "two.omf", "stope")
+
+
+# ---- drawings ----
+
+
+def test_acis_bodies_and_flat_faces_are_named(tmp_path, caplog):
+    """No mesh is in them; beside faces they are left out and said."""
+
+    def acis(document, space):
+        for body in (space.add_3dsolid(), space.add_region()):
+            body.sat = ["400 0 1 0", "End-of-ACIS-data"]
+
+    def add_both(document, space):
+        acis(document, space)
+        add_box(document, space)
+
+    def flat(document, space):
+        space.add_solid([(0, 0), (1, 0), (1, 1)])
+
+    with pytest.raises(InputError, match=r"holds ACIS bodies \(1 3DSOLID, 1 REGION\), no mesh: export it as 3DFACE"):
+        read_solid(drawing(tmp_path / "a.dxf", acis, version="R2000"), "stope")
+    with pytest.raises(InputError, match=r"flat faces that bound no volume \(1 SOLID\)"):
+        read_solid(drawing(tmp_path / "b.dxf", flat), "stope")
+    both = drawing(tmp_path / "c.dxf", add_both, version="R2000")
+    with caplog.at_level(logging.WARNING):
+        assert read_solid(both, "stope").volume == pytest.approx(64)
+    assert "also holds 1 3DSOLID, 1 REGION" in caplog.text
+
+
+def test_blocks_scaled_turned_mirrored_and_in_rows(tmp_path):
+    """Mirrored blocks are inside out."""
+
+    def add(document, space):
+        add_box(None, document.blocks.new("STOPE"))
+        space.add_blockref("STOPE", (0, 0, 0), {"xscale": 2.0, "rotation": 30})
+        space.add_blockref("STOPE", (50, 0, 0), {"xscale": -1.0})
+        space.add_blockref("STOPE", (100, 0, 0), {"column_count": 3, "column_spacing": 20})
+
+    solid = read_solid(drawing(tmp_path / "stope.dxf", add), "stope")
+    assert solid.volume == pytest.approx(64 * (2 + 1 + 3), rel=5e-3)
+
+
+@pytest.mark.parametrize("kind", ["nested", "rows", "itself"])
+def test_blocks_by_the_million_are_refused_at_once(tmp_path, kind):
+    def add(document, space):
+        add_box(None, document.blocks.new("B0"))
+        for level in range(1, 8):
+            block = document.blocks.new(f"B{level}")
+            for place in range(10):
+                block.add_blockref(f"B{level - 1}", (place, 0, 0))
+        if kind == "itself":
+            document.blocks.get("B0").add_blockref("B1", (0, 0, 0))
+        rows = {"row_count": 30000, "column_count": 30000, "row_spacing": 9, "column_spacing": 9}
+        space.add_blockref("B0" if kind == "rows" else "B7", (0, 0, 0), rows if kind == "rows" else None)
+
+    path = drawing(tmp_path / "stope.dxf", add)
+    start = time.process_time()
+    with pytest.raises(InputError, match=r"unfold to 1\.\d*e\+\d+ entities|inserted into itself"):
+        read_solid(path, "stope")
+    assert time.process_time() - start < 10.0
+
+
+def test_a_triangle_of_a_vertex_that_is_not_there_is_one_line(tmp_path):
+    """In a PLY, and in an OBJ."""
+    ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    ply += "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 99\n"
+    for name, text in (
+        ("a.ply", ply),
+        ("b.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"),
+        ("c.obj", "v 0 0 0\nf 0 1 2\n"),
+    ):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(InputError, match=rf"{name}: stope: .*export it again") as caught:
+            read_solid(tmp_path / name, "stope")
+        assert "\n" not in str(caught.value)
+
+
+# ---- outlines ----
+
+
+@pytest.mark.parametrize("kind", ["flag", "repeated", "3-D"])
+def test_a_prism_takes_its_outline_from_a_drawing(tmp_path, kind):
+    """With heights of its own, or standing on the polyline; in feet; another layer's outline beside it."""
+    corners = [(100, 100), (200, 100), (200, 150), (100, 150)]
+
+    def add(document, space):
+        space.add_lwpolyline([(0, 0), (1, 0), (1, 1)], close=True, dxfattribs={"layer": "OTHER"})
+        on = {"layer": "STOPE"}
+        if kind == "3-D":
+            space.add_polyline3d([(*corner, 80) for corner in corners], close=True, dxfattribs=on)
+        elif kind == "repeated":
+            space.add_lwpolyline([*corners, corners[0]], dxfattribs={**on, "elevation": 80})
+        else:
+            space.add_lwpolyline(corners, close=True, dxfattribs={**on, "elevation": 80})
+
+    path = drawing(tmp_path / "level.dxf", add, units=2)
+    entry = {"shape": "prism", "file": str(path), "layer": "STOPE"}
+    foot = 0.3048
+    for keys, levels in (({"lower": 20.0, "upper": 30.0}, (20, 30)), ({"height": 10.0}, (80 * foot, 80 * foot + 10))):
+        solid = solid_of(entry | keys)
+        np.testing.assert_allclose(solid.bounds[:, :2], np.array([[100, 100], [200, 150]]) * foot)
+        np.testing.assert_allclose(solid.bounds[:, 2], levels)
+        assert solid.volume == pytest.approx(5000 * foot**2 * 10)
+    with pytest.raises(InputError, match=r"level\.dxf: stope: has 2 layers: name one by `layer`"):
+        solid_of({"shape": "prism", "file": str(path), "height": 10.0})
+
+
+def test_arcs_of_an_outline_are_chords(tmp_path):
+    """Two half circles of 20 m."""
+    path = drawing(
+        tmp_path / "shaft.dxf", lambda d, s: s.add_lwpolyline([(50, 50, 1), (90, 50, 1)], format="xyb", close=True)
+    )
+    solid = solid_of({"shape": "prism", "file": str(path), "lower": 0.0, "upper": 1.0})
+    assert solid.volume == pytest.approx(np.pi * 400, rel=2e-3)
+
+
+def test_a_prism_of_a_drawing_without_one_outline_is_refused(tmp_path):
+    path = drawing(tmp_path / "a.dxf", add_box)
+    with pytest.raises(InputError, match=r"excavations\.stope: .*a\.dxf: stope: holds no closed polyline"):
+        solid_of({"shape": "prism", "file": str(path), "height": 10.0})
+    with pytest.raises(InputError, match="takes its outline from a DXF polyline"):
+        solid_of({"shape": "prism", "file": "b.obj", "height": 10.0})
