@@ -15,7 +15,7 @@ import numpy as np
 
 from mpm_core.equilibrium.convergence import COLUMNS, History
 from mpm_core.model import OF_FAILED, State
-from pipeline.datasets import atomic_path
+from pipeline.datasets import atomic_path, clear_parts
 
 PAUSE = 30.0  # s at least between two checkpoints
 SHARE = 0.015  # of the time that writing them may take
@@ -96,8 +96,9 @@ class Checkpoint:
         return True
 
     def remove(self) -> None:
-        """The stage has ended."""
+        """The stage has ended: nothing of it stays, nor what a kill has left of one half written."""
         self.path.unlink(missing_ok=True)
+        clear_parts(self.path)
 
 
 def _named(prefix: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -169,9 +169,12 @@ class following:
     def __exit__(self, kind, error, traceback) -> None:
         self.history.bar.close()
         if isinstance(error, InputError):
-            with atomic_path(self.path) as temporary, temporary.open("wb") as file:
-                np.savez(file, **vars(self.state), **self.history.table())
-            logging.info("last state in %s", self.path)
+            try:
+                with atomic_path(self.path) as temporary, temporary.open("wb") as file:
+                    np.savez(file, **vars(self.state), **self.history.table())
+                logging.info("last state in %s", self.path)
+            except InputError as full:  # the user is to read why the stage failed, not this
+                logging.warning("the last state is not kept: %s", full)
         elif kind is None:
             self.path.unlink(missing_ok=True)
 
@@ -273,7 +276,7 @@ def refuse_overstressed_virgin(model: Model) -> None:
     if len(above):
         first = above[0]
         name = list(model.scene.materials)[model.particles.material[first]]
-        place = ", ".join(f"{value:g}" for value in model.particles.position[first])
+        place = ", ".join(f"{value:.10g}" for value in model.particles.position[first])
         raise InputError(
             f"insitu_stress: virgin rock of materials.{name} stands above its intact strength, first at ({place}) m: "
             "it would fail before anything is mined; check stress, depth and strength"

@@ -1,5 +1,6 @@
 """netCDF files that are either whole or absent, with the same bytes for the same content."""
 
+import glob
 import os
 import zlib
 from collections.abc import Collection, Iterator
@@ -7,10 +8,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import psutil
 import xarray as xr
 
+from pipeline.disk import no_room
 from pipeline.errors import InputError
 
+PART = ".part"  # ending of a file that is being written
 COMPRESS_ABOVE = 4096  # values; smaller arrays grow when compressed
 WORTH_IT = 0.7  # compressed over plain size of a sample; stresses and forces shrink to 0.9 only, at 50 MB/s
 SAMPLE = 1 << 16  # values of a sample, in runs of RUN all over the array
@@ -20,15 +24,35 @@ TENSORS = 1 << 16  # of six components in a chunk: a third faster than the libra
 
 @contextmanager
 def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
-    """Give a temporary path beside `path`, unique to the process; rename it to `path` if the body succeeds."""
+    """Give a temporary path beside `path`, unique to the process; rename it to `path` if the body succeeds.
+
+    Raises InputError if the disk has no room for it.
+    """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    clear_parts(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{PART}")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         os.replace(temporary, path)
+    except Exception as error:
+        if told := no_room(error, path.parent, temporary):
+            raise told from error
+        raise
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def clear_parts(path: str | os.PathLike) -> None:
+    """Remove what processes that were killed as they wrote `path` have left beside it.
+
+    One process writes a file at a time (Snakemake locks it); what belongs to a process that lives is left alone.
+    """
+    path = Path(path)
+    for part in path.parent.glob(f".{glob.escape(path.name)}.*{PART}"):
+        writer = part.name.removeprefix(f".{path.name}.").removesuffix(PART)
+        if writer.isdigit() and not psutil.pid_exists(int(writer)):
+            part.unlink(missing_ok=True)
 
 
 def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:

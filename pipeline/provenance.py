@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import sys
+import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
@@ -48,12 +49,33 @@ def _last_use(path: Path) -> float:
     return path.stat().st_mtime if path.exists() else 0.0
 
 
+def _user_cache() -> Path:
+    """The user's folder for kernels, where the XDG base directory specification has it."""
+    home = os.environ.get("XDG_CACHE_HOME") or Path("~").expanduser() / ".cache"
+    return Path(home) / "rockburst-mpm" / "numba"
+
+
+def _writable(folders: list[Path]) -> Path:
+    """The first of these folders that can be made and written to; its time stamp becomes now."""
+    for folder in folders:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                os.utime(folder)
+            return folder
+        except OSError:  # read-only, another user's, no home
+            continue
+    tried = " nor ".join(str(folder.parent) for folder in folders)
+    sys.exit(f"no folder for compiled kernels: neither {tried} can be written to; set NUMBA_CACHE_DIR to one that can")
+
+
 def use_numba_cache() -> None:
     """Point numba at a cache folder named by the hash of all sources with kernels; call before kernels are defined.
 
     numba's own index looks at the time stamp of the file that holds a kernel, and so misses an edit of a function
     which that kernel calls in another file. A new hash means a new folder; all but the latest few are removed.
-    Only files that mention numba count: constants of kernels belong there too.
+    Only files that mention numba count: constants of kernels belong there too. The folder is in the checkout or, where
+    nothing can be written there, in the user's cache.
     """
     if "NUMBA_CACHE_DIR" in os.environ:
         return
@@ -63,13 +85,10 @@ def use_numba_cache() -> None:
             source = path.read_bytes()
             if b"numba" in source:
                 digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + source)
-    base = ROOT / ".numba_cache"
-    folder = base / digest.hexdigest()[:16]
-    folder.mkdir(parents=True, exist_ok=True)
-    os.utime(folder)
+    folder = _writable([base / digest.hexdigest()[:16] for base in (ROOT / ".numba_cache", _user_cache())])
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:  # it has read its environment already
         sys.modules["numba"].config.CACHE_DIR = str(folder)
-    others = sorted((entry for entry in base.iterdir() if entry != folder), key=_last_use)
+    others = sorted((entry for entry in folder.parent.iterdir() if entry != folder), key=_last_use)
     for path in others[: 1 - CACHES_KEPT]:
         shutil.rmtree(path, ignore_errors=True)

@@ -8,11 +8,14 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import psutil
 
+from pipeline.disk import no_room
 from pipeline.errors import InputError
+from pipeline.progress import Progress
 from pipeline.warnings import ToTerminal
 
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
@@ -37,20 +40,43 @@ def die_with_parent() -> None:
             os._exit(1)
 
 
-def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], None]) -> None:
-    """Run `function` as stage `name`: tracebacks to `log`, one line to stderr, exit status 1 on error."""
-    die_with_parent()
+class LogFile(logging.FileHandler):
+    """A log that a full disk cuts short without a word for each line; `lost` is the reason."""
+
+    lost: BaseException | None = None
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Remember why a line is missing."""
+        self.lost = sys.exc_info()[1]
+
+
+def start_log(log: str | os.PathLike | None, progress: Progress) -> LogFile | None:
+    """Lines go to the file `log` and to `progress`, warnings to the terminal too; to stderr where there is no file."""
     if log:
         Path(log).parent.mkdir(parents=True, exist_ok=True)
-    handler = logging.FileHandler(log, mode="w") if log else logging.StreamHandler(sys.stderr)
+    file = LogFile(log, mode="w") if log else None
     logging.basicConfig(
-        level=logging.INFO, handlers=[handler], format="%(asctime)s %(levelname)s %(message)s", force=True
+        level=logging.INFO,
+        handlers=[file, progress, ToTerminal(progress.name)] if file else [logging.StreamHandler(sys.stderr)],
+        format="%(asctime)s %(levelname)s %(message)s",
+        force=True,
     )
-    if log:
-        logging.getLogger().addHandler(ToTerminal(name))
+    return file
+
+
+def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], None], does: str = "at work") -> None:
+    """Run `function` as stage `name`: tracebacks to `log`, one line to stderr, exit status 1 on error.
+
+    does: what it does, in words, which the terminal shows if it takes longer than a moment.
+    """
+    die_with_parent()
     started = time.perf_counter()
+    progress = Progress(name, f"{does}; log: {log}")
+    file = None
     try:
-        function()
+        file = start_log(log, progress)
+        with progress if log else nullcontext():
+            function()
     except InputError as error:
         logging.exception("stage failed")
         sys.exit(f"{name}: {error}")
@@ -61,10 +87,14 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
         logging.info("ended on the user's request")
         sys.exit(INTERRUPTED)
     except Exception as error:  # a fault of ours: the user gets one line, the log the traceback
-        logging.exception("stage failed unexpectedly")
+        if file or not log:
+            logging.exception("stage failed unexpectedly")
+        if full := no_room(error, Path(getattr(error, "filename", None) or log or ".").parent):
+            sys.exit(f"{name}: {full}")
         sys.exit(f"{name}: unexpected {type(error).__name__}: {error}; traceback in {log or 'the log above'}")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     seconds = time.perf_counter() - started
     logging.info("%s done in %.1f s, peak memory %.0f MiB", name, seconds, peak)
-    if log:
-        print(f"{name}: {seconds:.1f} s, {peak:.0f} MiB", file=sys.stderr)
+    if file:
+        cut = f"; its log {log} is cut short: {file.lost}" if file.lost else ""
+        print(f"{name}: {seconds:.1f} s, {peak:.0f} MiB{cut}", file=sys.stderr)

@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
+from pipeline.progress import log_compilation
 from pipeline.provenance import provenance
 from pipeline.stage import run_stage
 from seismic.catalog import merge, write_csv
@@ -31,17 +32,18 @@ def main(arguments: list[str] | None = None) -> None:
         stage.add_argument("--output", required=True, help="netCDF written")
         stage.add_argument("--log", help="log file; standard error without it")
     chosen = parser.parse_args(arguments)
-    run_stage(
-        f"{chosen.stage} {chosen.output}",
-        chosen.log,
-        lambda: {"events": _events, "catalog": _catalog}[chosen.stage](chosen),
-    )
+    run, does = {
+        "events": (_events, "seismic events of one step, from its plastic strain"),
+        "catalog": (_catalog, "the catalogue of all dated steps"),
+    }[chosen.stage]
+    run_stage(f"{chosen.stage} {chosen.output}", chosen.log, lambda: run(chosen), does)
 
 
 def _events(chosen: argparse.Namespace) -> None:
     # here: the catalogue need not wait for numba and scikit-learn
     from seismic.events import VARIABLES, dated, extract_events
 
+    log_compilation()
     settings = _settings(chosen.settings)
     step = read_dataset(chosen.step, VARIABLES)
     if dates := {key: settings[key] for key in ("start", "end") if key in settings}:

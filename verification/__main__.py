@@ -69,7 +69,9 @@ def main() -> None:
     arguments = parser.parse_args()
     run = {"answer": answer, "report": report, "verdict": verdict}[arguments.stage]
     made = {"answer": "rows", "report": "page", "verdict": "summary"}[arguments.stage]
-    run_stage(f"{arguments.stage} {getattr(arguments, made)}", arguments.log, lambda: run(arguments))
+    run_stage(
+        f"{arguments.stage} {getattr(arguments, made)}", arguments.log, lambda: run(arguments), run.__doc__.rstrip(".")
+    )
 
 
 if __name__ == "__main__":

@@ -6,6 +6,10 @@ shell command with its whole configuration. Its log file (.snakemake/log) keeps 
 
 import logging
 import re
+from pathlib import Path
+
+from pipeline.disk import NO_ROOM as NO_ROOM_ERRORS
+from pipeline.disk import disk_full
 
 CHATTER = (
     "Config file ",
@@ -21,10 +25,13 @@ CHATTER = (
     "Elapsed time",
     "Shutting down",
     "Restored previous version",
+    "Cannot restore ",  # a result that failed had no earlier version
     "Exiting because a job",
     "WorkflowError:\nAt least one job did not complete",
 )
 QUIET_EVENTS = ("workflow_started", "job_finished", "resources_info")
+UNFINISHED_NOTE = "Ignore corrupted or currently written metadata"  # of a job that a full disk cut off; it is run again
+NO_ROOM = re.compile(rf"\[Errno (?:{'|'.join(str(number) for number in NO_ROOM_ERRORS)})\] ([^:)\n]*)")
 REPORTED_ITSELF = ("exit status 1.", "exit status 2.", "exit status 130.")  # a stage's error; argparse's; Ctrl-C
 
 
@@ -36,6 +43,8 @@ class OneLine(logging.Filter):
 
     table_is_told = False
 
+    full = False  # whether the user has been told that the disk is full
+
     def filter(self, record: logging.LogRecord) -> bool:
         """False for a record that says nothing to the user."""
         event = getattr(getattr(record, "event", None), "value", None)
@@ -45,6 +54,13 @@ class OneLine(logging.Filter):
                 return False
             self.table_is_told = True
         if event in QUIET_EVENTS or text.startswith(CHATTER):
+            return False
+        if full := NO_ROOM.search(text):
+            said, self.full = self.full, True
+            folder = re.search(r"directory (/.*)|: '(/[^'\n]*)'", text)
+            record.msg = disk_full(full[1], Path.cwd() if folder is None else folder[1] or Path(folder[2]).parent)
+            return not said
+        if self.full and text.startswith(UNFINISHED_NOTE):
             return False
         if event == "error" and "CalledProcessError" in text:
             if text.rstrip().endswith(REPORTED_ITSELF):

@@ -9,6 +9,7 @@ from tqdm import tqdm
 
 from pipeline.errors import InputError
 
+PAUSE = 20.0  # s between two lines of the log on where a relaxation stands; the terminal shows the latest of them
 COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 
 
@@ -35,6 +36,7 @@ class History:
     bar: tqdm | None = None
     rest: dict[str, np.ndarray] = field(default_factory=dict)  # the last state of rest, where it may be the result
     since: tuple = (None, 0.0, 0.0)  # generation, clock and ratio from which the pace is taken
+    logged: float = field(default_factory=time.perf_counter)  # when the log was last told where it stands
 
     def check(self, ratio: float, max_ratio: float) -> None:
         """Note one check of the unbalanced force. Raises InputError if it is not a number."""
@@ -44,11 +46,12 @@ class History:
                 f"unbalanced force is not a number at iteration {self.iteration} (increment {self.increment}, "
                 f"generation {self.generation}): the state is beside the output as .failed.npz; check moduli and loads"
             )
+        where = f"increment {self.increment}, generation {self.generation}, unbalanced {ratio:.1e}{self._left(ratio)}"
         if self.bar is not None:
-            self.bar.set_postfix_str(
-                f"increment {self.increment}, generation {self.generation}, unbalanced {ratio:.1e}{self._left(ratio)}",
-                refresh=False,
-            )
+            self.bar.set_postfix_str(where, refresh=False)
+        if time.perf_counter() - self.logged > PAUSE:
+            logging.info(where)
+            self.logged = time.perf_counter()
 
     def _left(self, ratio: float) -> str:
         """Seconds to full tolerance at the pace since this generation began, as text for the progress bar."""

@@ -1,5 +1,8 @@
 """A stage that was killed goes on from its checkpoint, to the same bytes."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -93,6 +96,16 @@ def test_a_checkpoint_of_other_inputs_or_a_broken_one_is_left_aside(stage, tmp_p
     for broken in (b"", b"PK\x03\x04 cut short"):
         path.write_bytes(broken)
         assert not Checkpoint(path, "inputs").load(None, History(1e-5))
+
+
+def test_a_stage_that_ends_clears_what_a_kill_left_of_a_checkpoint(stage, tmp_path):
+    """Killed as it wrote one; the next run ends before it is time for another."""
+    run, _ = stage
+    with subprocess.Popen([sys.executable, "-c", ""]) as dead:
+        dead.wait()
+    (tmp_path / f".step.checkpoint.npz.{dead.pid}.part").write_bytes(b"half")
+    run(Checkpoint(tmp_path / "step.checkpoint.npz", "inputs"))
+    assert not list(tmp_path.iterdir())
 
 
 def test_writing_takes_a_small_share_of_the_time(stage, tmp_path):

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import shutil
 import subprocess
 import sys
 
@@ -37,6 +38,23 @@ def test_a_good_write_replaces_the_old_file_and_makes_its_folder(tmp_path):
             temporary.write_text(text)
         assert path.read_text() == text
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_the_next_write_clears_what_a_killed_one_left(tmp_path):
+    """A process killed as it wrote leaves its part; a part whose writer lives, and those of other files, stay."""
+    with subprocess.Popen([sys.executable, "-c", ""]) as dead:
+        dead.wait()
+    parts = {
+        name: tmp_path / f".{name}.{process}.part"
+        for name, process in (("a[1].nc", dead.pid), ("b.nc", dead.pid), ("a[1].nc.npz", dead.pid))
+    }
+    living = tmp_path / f".a[1].nc.{os.getppid()}.part"
+    for part in (*parts.values(), living):
+        part.write_text("half")
+    with atomic_path(tmp_path / "a[1].nc") as temporary:
+        temporary.write_text("whole")
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {"a[1].nc", living.name, parts["b.nc"].name, parts["a[1].nc.npz"].name}
 
 
 def dataset() -> xr.Dataset:
@@ -136,6 +154,45 @@ def test_users_own_cache_folder_is_respected(tmp_path, monkeypatch):
     assert os.environ["NUMBA_CACHE_DIR"] == str(tmp_path / "mine")
 
 
+def run_on_read_only_checkout(tmp_path, **environment) -> subprocess.CompletedProcess:
+    """A kernel compiled twice by a checkout in which no folder can be made (a file has its name)."""
+    checkout = tmp_path / "checkout"
+    shutil.copytree(ROOT / "pipeline", checkout / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
+    (checkout / ".numba_cache").write_text("")
+    (checkout / "mpm_core").mkdir()
+    (checkout / "mpm_core/__init__.py").write_text(
+        "from pipeline.provenance import use_numba_cache\nuse_numba_cache()\n"
+    )
+    kernel = "from numba import njit\n@njit(cache=True)\ndef double(x):\n    return 2 * x\n"
+    (checkout / "mpm_core/kernel.py").write_text(kernel)
+    program = "from mpm_core.kernel import double; print(double(2), sum(double.stats.cache_hits.values()))"
+    inherited = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
+    command = [sys.executable, "-B", "-c", program]
+    for _ in range(2):
+        run = subprocess.run(
+            command, cwd=checkout, env=inherited | environment, capture_output=True, text=True, check=False
+        )
+    return run
+
+
+@pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "HOME"])
+def test_a_read_only_checkout_keeps_its_kernels_with_the_user(tmp_path, variable):
+    """The second process finds what the first compiled."""
+    run = run_on_read_only_checkout(tmp_path, **{variable: str(tmp_path / "user")})
+    assert run.stdout.split() == ["4", "1"], run.stderr
+    folder = tmp_path / "user" / ("" if variable == "XDG_CACHE_HOME" else ".cache") / "rockburst-mpm/numba"
+    assert list(folder.rglob("kernel.double*.nbc"))
+
+
+def test_nowhere_to_keep_kernels_is_one_line(tmp_path):
+    """Neither in the checkout nor at home: what to set."""
+    (tmp_path / "user").write_text("")
+    run = run_on_read_only_checkout(tmp_path, HOME=str(tmp_path / "user"))
+    assert run.returncode == 1
+    assert len(run.stderr.splitlines()) == 1, run.stderr
+    assert "set NUMBA_CACHE_DIR" in run.stderr
+
+
 STAGE = """
 import sys
 from pipeline.errors import InputError
@@ -183,6 +240,29 @@ def test_a_warning_is_told_on_the_terminal_and_in_the_log(tmp_path):
     assert "drive reaches beyond" in log.read_text()
 
 
+SLOW_STAGE = """
+import logging, sys, time
+from pipeline import progress
+from pipeline.stage import run_stage
+progress.FIRST, progress.PAUSE = 0.1, 0.5
+def body():
+    logging.info("increment 1 of 2\\nand more")
+    time.sleep(1.4)
+run_stage("elastic tiny", sys.argv[1], body, "elastic equilibrium")
+"""
+
+
+def test_a_stage_that_takes_long_says_what_it_does_and_where_it_stands(tmp_path):
+    """Without a terminal's progress bar: a line at its start, the latest line of its log now and then, and its end."""
+    log = tmp_path / "elastic.log"
+    run = subprocess.run([sys.executable, "-c", SLOW_STAGE, str(log)], cwd=ROOT, capture_output=True, text=True)
+    first, *between, last = run.stderr.splitlines()
+    assert first == f"elastic tiny: elastic equilibrium; log: {log}"
+    assert 1 <= len(between) <= 2
+    assert all(line.startswith("elastic tiny: increment 1 of 2 (") for line in between), between
+    assert last.endswith(" MiB")
+
+
 def test_a_stage_whose_pipeline_is_gone_does_not_start(tmp_path):
     """The parent named in the environment ended before the stage could ask to end with it."""
     with subprocess.Popen([sys.executable, "-c", ""]) as parent:
@@ -212,6 +292,7 @@ def record(message: str, event: str | None = None) -> logging.LogRecord:
         ("Nothing to be done (all requested files are present and up to date).", None, True),
         ("3 of 12 steps (25%) done", "progress", True),
         ("Finished jobid: 1", "job_finished", False),
+        ("Cannot restore results/tiny/elastic.nc: no backup found.", None, False),
         (FAILED + "returned non-zero exit status 1.", "error", False),
         (FAILED + "died with <Signals.SIGKILL: 9>.", "error", True),
         ("LockException:\nDirectory cannot be locked.", "error", True),

@@ -1,0 +1,65 @@
+"""What a stage says on the terminal while it runs: what it does, and now and then where it stands."""
+
+import logging
+import sys
+import threading
+import time
+
+from tqdm import tqdm
+
+from pipeline.provenance import KERNEL_PACKAGES
+
+FIRST = 1.0  # s until a stage says what it does: one that is done by then says only that
+PAUSE = 30.0  # s between two words of where it stands
+
+
+class Progress(logging.Handler):
+    """Says what the stage `name` does, and then, where no progress bar can, the latest line of its log.
+
+    A thread of its own: a stage is silent while it reads, compiles or writes.
+    """
+
+    def __init__(self, name: str, does: str):
+        super().__init__(logging.INFO)
+        self.name, self.does, self.latest = name, does, "at work"
+        self.started, self.ended = time.perf_counter(), threading.Event()
+        self.thread = threading.Thread(target=self._tell, daemon=True)
+
+    def __enter__(self) -> "Progress":
+        self.thread.start()
+        return self
+
+    def __exit__(self, kind, error, traceback) -> None:
+        self.ended.set()
+        self.thread.join()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a line of the log, to be told when it is time to."""
+        self.latest = record.getMessage().partition("\n")[0]
+
+    def _tell(self) -> None:
+        if not self.ended.wait(FIRST):
+            self._say(self.does)
+        while not self.ended.wait(PAUSE):
+            if not sys.stderr.isatty():
+                self._say(f"{self.latest} ({time.perf_counter() - self.started:.0f} s)")
+
+    def _say(self, text: str) -> None:
+        tqdm.write(f"{self.name}: {text}", file=sys.stderr)  # above a bar, if there is one
+        sys.stderr.flush()
+
+
+def log_compilation() -> None:
+    """Let the log name each kernel that is compiled: a first run takes minutes over it."""
+    from numba.core import event  # a second's import, for the stages alone that have kernels
+
+    class Named(event.Listener):
+        def on_start(self, event) -> None:
+            kernel = event.data["dispatcher"].py_func
+            if kernel.__module__.partition(".")[0] in KERNEL_PACKAGES:  # not numba's own
+                logging.info("compiling %s, for the first run of this version", kernel.__name__)
+
+        def on_end(self, event) -> None:
+            pass
+
+    event.register("numba:compile", Named())
