@@ -1,4 +1,4 @@
-"""Command lines of the catalogue stages: scene, record, quakeml, compare, spread, twin, report.
+"""Command lines of the catalogue stages: scene, record, quakeml, compare, spread, twin, vtk, report.
 
 Each stage imports what it alone needs: ObsPy and matplotlib take seconds, and most stages use neither.
 """
@@ -66,6 +66,13 @@ def twin(chosen: argparse.Namespace) -> None:
     logging.info("%d events", count)
 
 
+def vtk(chosen: argparse.Namespace) -> None:
+    """A catalogue's events for ParaView."""
+    from catalogs.vtk import write_events
+
+    write_events(read_dataset(chosen.catalog), chosen.output)
+
+
 def report(chosen: argparse.Namespace) -> None:
     """The report a geotechnical engineer reads, and its figures."""
     from catalogs.report import write_report
@@ -108,6 +115,7 @@ def parser() -> argparse.ArgumentParser:
     drawn.add_argument("--record", type=Path)
     stage("record", record, "output", settings=True)
     stage("quakeml", quakeml, "catalog", "output")
+    stage("vtk", vtk, "catalog", "output")
     stage("compare", comparison, "catalog", "record", "output", settings=True)
     gathered = stage("spread", spread, "catalog", "output", settings=True)
     gathered.add_argument("--comparison", type=Path)
@@ -129,4 +137,5 @@ def parser() -> argparse.ArgumentParser:
 
 if __name__ == "__main__":
     arguments = parser().parse_args()
-    run_stage(f"{arguments.stage} {arguments.output}", arguments.log, lambda: arguments.function(arguments))
+    stage, run = arguments.stage, arguments.function
+    run_stage(f"{stage} {arguments.output}", arguments.log, lambda: run(arguments), run.__doc__.rstrip("."))

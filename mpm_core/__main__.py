@@ -1,4 +1,4 @@
-"""Command lines of the mechanics: python -m mpm_core grid | elastic | step | vtk."""
+"""Command lines of the mechanics: python -m mpm_core grid | elastic | step | vtk | solids."""
 
 import argparse
 import json
@@ -8,8 +8,17 @@ from pathlib import Path
 
 from mpm_core.datasets import read_grid
 from pipeline.datasets import open_dataset, read_dataset, write_dataset
+from pipeline.progress import log_compilation
 from pipeline.provenance import provenance
 from pipeline.stage import run_stage
+
+DOES = {
+    "grid": "cells and nodes from the solids",
+    "elastic": "elastic equilibrium of everything mined in history",
+    "step": "Coulomb equilibrium after this mining step",
+    "vtk": "a state for ParaView",
+    "solids": "the solids for ParaView",
+}
 
 
 def make_grid(arguments: argparse.Namespace) -> None:
@@ -17,6 +26,7 @@ def make_grid(arguments: argparse.Namespace) -> None:
     from mpm_core.gridding import make_grid
     from mpm_core.threads import use_threads
 
+    log_compilation()
     use_threads(arguments.threads)
     scene = json.loads(arguments.scene)
     draft = read_dataset(arguments.draft) if arguments.draft else None
@@ -30,6 +40,7 @@ def solve(arguments: argparse.Namespace) -> None:
     from mpm_core.stages import elastic_stage, mining_step
     from mpm_core.threads import use_threads
 
+    log_compilation()
     use_threads(arguments.threads)
     values = json.loads(arguments.scene)
     made_from = provenance(values, "mpm_core")
@@ -54,14 +65,31 @@ def write_vtk(arguments: argparse.Namespace) -> None:
     """vtk/<stage>.vtu for ParaView."""
     from mpm_core.vtk import write_vtu
 
-    write_vtu(read_grid(read_dataset(arguments.grid))[0], read_dataset(arguments.state), arguments.output)
+    grid, _, pieces = read_grid(read_dataset(arguments.grid))
+    write_vtu(grid, pieces, read_dataset(arguments.state), arguments.output)
+
+
+def write_solids(arguments: argparse.Namespace) -> None:
+    """vtk/solids.vtm for ParaView."""
+    from mpm_core.gridding import domain_of, read_solids
+    from mpm_core.vtk import INDEX, write_solids
+
+    scene = json.loads(arguments.scene)
+    groups = {group: read_solids(scene[group], group, domain_of(scene)) for group in INDEX}
+    write_solids(groups, scene["plane"], json.loads(arguments.mined), arguments.output)
 
 
 def main() -> None:
     """Parse the command line and run the stage."""
     parser = argparse.ArgumentParser(prog="python -m mpm_core", description=__doc__)
     stages = parser.add_subparsers(dest="stage", required=True)
-    takes = {"grid": (), "elastic": ("grid",), "step": ("grid", "state"), "vtk": ("grid", "state")}
+    takes = {
+        "grid": (),
+        "elastic": ("grid",),
+        "step": ("grid", "state"),
+        "vtk": ("grid", "state"),
+        "solids": ("mined",),
+    }
     for name, inputs in takes.items():
         stage = stages.add_parser(name)
         for option in (*inputs, "output"):
@@ -73,8 +101,9 @@ def main() -> None:
         stage.add_argument("--log")
         stage.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()
-    run = {"grid": make_grid, "elastic": solve, "step": solve, "vtk": write_vtk}[arguments.stage]
-    run_stage(f"{arguments.stage} {arguments.output}", arguments.log, lambda: run(arguments))
+    runs = {"grid": make_grid, "elastic": solve, "step": solve, "vtk": write_vtk, "solids": write_solids}
+    stage, run = arguments.stage, runs[arguments.stage]
+    run_stage(f"{stage} {arguments.output}", arguments.log, lambda: run(arguments), DOES[stage])
 
 
 if __name__ == "__main__":

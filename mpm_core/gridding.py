@@ -58,6 +58,13 @@ def with_outline(entry: dict) -> dict:
     return made
 
 
+def domain_of(values: dict) -> Domain:
+    """The domain of the grid's configuration slice (SI)."""
+    lower, upper = (np.array(values["domain"][key], float) for key in ("lower", "upper"))
+    coarse = values["grid"]["coarse_cell"]
+    return Domain(lower, base_cells(lower, upper, coarse), coarse, values["grid"]["levels"])
+
+
 def check_inside(solid: Solid, domain: Domain, section: str, from_file: bool = False) -> None:
     """Raise InputError for a solid outside the domain; one that is partly outside is cut off at the boundary."""
     lower, upper = solid.bounds
@@ -72,7 +79,7 @@ def check_inside(solid: Solid, domain: Domain, section: str, from_file: bool = F
 
 
 def _span(lower, upper) -> str:
-    return ", ".join(f"{a:g} to {b:g} m" for a, b in zip(lower, upper, strict=True))
+    return ", ".join(f"{a:.10g} to {b:.10g} m" for a, b in zip(lower, upper, strict=True))
 
 
 def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid | Outside], whole: bool, draft: bool) -> Pieces:
@@ -171,9 +178,7 @@ def make_grid(values: dict, attributes: dict, draft: xr.Dataset | None = None) -
     draft: state of the last step of the draft run, if there is one: fine cells where rock failed in it.
     """
     dimension = 2 if values["plane"] else 3
-    lower, upper = (np.array(values["domain"][key], float) for key in ("lower", "upper"))
-    coarse = values["grid"]["coarse_cell"]
-    domain = Domain(lower, base_cells(lower, upper, coarse), coarse, values["grid"]["levels"])
+    domain = domain_of(values)
     solids = read_solids(values["excavations"], "excavations", domain)
     bodies = read_solids(values["rock_bodies"], "rock_bodies", domain)
     features = [solid for solid, entry in zip(bodies, values["rock_bodies"], strict=True) if entry["refine"]]

@@ -286,7 +286,7 @@ def check_virgin_stress(scene: Scene, lowest: float, highest: float) -> None:
             excess = max(row[0] * s1 - s3 - row[2], s1 - row[3])
             if excess > 0.0:
                 raise InputError(
-                    f"insitu_stress: at elevation {elevation:g} m virgin stress is {excess / 1e6:.3g} MPa above the "
+                    f"insitu_stress: at elevation {elevation:.10g} m virgin stress is {excess / 1e6:.3g} MPa above the "
                     f"intact strength of materials.{name}: it would fail before anything is mined; check stress, depth "
                     "and strength"
                 )

@@ -26,6 +26,7 @@ CHATTER = (
     "Shutting down",
     "Restored previous version",
     "Cannot restore ",  # a result that failed had no earlier version
+    "Removing output files of failed job",  # the stage has said why it failed
     "Exiting because a job",
     "WorkflowError:\nAt least one job did not complete",
 )

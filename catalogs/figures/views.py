@@ -15,8 +15,10 @@ AXIS_LABELS = ("east x (m)", "north y (m)", "elevation z (m)")
 AXIS_NAMES = ("x", "y", "z")
 EDGES_ABOVE = 5.0  # points: smaller cells are drawn without edges, which would hide their colour
 LEFT, RIGHT, TOP, BOTTOM, KEY, BAR = 0.85, 0.15, 0.5, 0.55, 0.35, 0.95  # inches: labels of a panel, key, colour bar
+DIGIT = 0.075  # inches
 NARROWEST = 1.65  # inches: a column's title fits
 SHORT = 1.2  # inches: no room for a long axis label
+WHOLE_FROM = 1e4  # m: grid coordinates; half a cell more or less does not help to find a place
 NEARLY = 0.75  # of the largest scale
 INSIDE = 0.5  # a cell belongs to an excavation's outline from this share
 
@@ -37,7 +39,10 @@ class View:
 
     @property
     def title(self) -> str:
-        return self.name if self.at is None else f"{self.name}\n{AXIS_NAMES[self.normal]} = {self.at:.6g} m"
+        if self.at is None:
+            return self.name
+        at = f"{self.at:.6g}" if abs(self.at) < WHOLE_FROM else f"{self.at:.0f}"
+        return f"{self.name}\n{AXIS_NAMES[self.normal]} = {at} m"
 
 
 PLAN = View("Plan", EAST, NORTH, UP)
@@ -166,19 +171,20 @@ def silhouette(
     if not len(cell):
         return corner, size, fraction
     total = np.bincount(cell, fraction)[cell]  # a cell may be shared by excavations
-    step = float(grid.attrs["fine_cell"]) / 2
-    key = np.column_stack([np.rint(corner / step), np.rint(size / step)])
+    step, origin = float(grid.attrs["fine_cell"]) / 2, domain(grid)[0][view.axes]
+    key = np.column_stack([np.rint((corner - origin) / step), np.rint(size / step)])
     key, inverse = np.unique(key, axis=0, return_inverse=True)
     share = np.zeros(len(key))
     np.maximum.at(share, inverse.ravel(), np.minimum(total, 1.0))
-    return key[:, :2] * step, key[:, 2] * step, share
+    return origin + key[:, :2] * step, key[:, 2] * step, share
 
 
 def outline_segments(lower: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Edges (n, 2, 2) that occur once among squares of one size: the outline of their union."""
     corners = squares(lower, size)
     edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
-    key = np.sort(np.rint(edges / (size.min() / 4)).astype(np.int64) @ np.array([1, 1 << 31]), axis=1)
+    quarters = np.rint((edges - lower.min(axis=0)) / (size.min() / 4)).astype(np.int64)
+    key = np.sort(quarters @ np.array([1, 1 << 31]), axis=1)
     _, first, count = np.unique(key, axis=0, return_index=True, return_counts=True)
     return edges[first[count == 1]]
 
@@ -241,7 +247,9 @@ def panels(
         dress(axes, view, lower, upper)
         if size[1] < SHORT:
             axes.set_ylabel(f"{AXIS_NAMES[view.vertical]} (m)")
-        axes.locator_params(axis="x", nbins=int(np.clip(size[0] / 0.65, 1, 7)))
+        wide = max(0.65, DIGIT * (1 + max(len(f"{edge[view.horizontal]:.0f}") for edge in (lower, upper))))
+        prune = "both" if np.abs([lower, upper]).max() >= WHOLE_FROM else None  # long numbers reach beyond the panel
+        axes.locator_params(axis="x", nbins=int(np.clip(size[0] / wide, 1, 7)), prune=prune)
         axes.locator_params(axis="y", nbins=int(np.clip(size[1] / 0.4, 1, 7)))
         array.append(axes)
     if not bar:

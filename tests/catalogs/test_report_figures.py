@@ -1,12 +1,14 @@
 """Pictures of the report: beach balls, and the planes and outlines of its views."""
 
+import itertools
+
 import numpy as np
 import pytest
 import report_fixtures as fixtures
 from hypothesis import given
 from hypothesis import strategies as some
 
-from catalogs.figures import beachballs, views
+from catalogs.figures import beachballs, scene, style, views
 
 SMALL = {"coarse": 16.0}  # 4 m in the finest of three levels: about 4,000 cells
 
@@ -111,3 +113,55 @@ def test_projection_keeps_the_larger_share():
     assert len(np.unique(lower, axis=0)) == len(lower)
     drive = grid["piece_excavation"].values == 0
     assert share.max() == pytest.approx(grid["piece_fraction"].values[drive].max())
+
+
+FAR = np.array([1e6, 5_400_000.3, -1_060.0])  # grid coordinates that are no whole number of cells
+
+
+def moved(grid, by):
+    """The same grid elsewhere."""
+    grid = grid.copy(deep=True)
+    grid["cell_origin"] = grid["cell_origin"] + by - fixtures.ORIGIN
+    for name in ("domain_lower", "domain_upper"):
+        grid.attrs[name] = np.asarray(grid.attrs[name], float) + by - fixtures.ORIGIN
+    return grid
+
+
+def test_large_coordinates_are_whole_numbers_in_titles_and_on_axes():
+    """Not 5.40005e+06 m, nor an offset; every number of an axis is within its panel, and none runs into the next."""
+    grid = moved(fixtures.make_grid(**SMALL), FAR)
+    with style.applied():
+        figure = scene.grid_levels(grid, views.cuts(grid, np.zeros((0, 3)), np.zeros(0)))
+        figure.draw_without_rendering()
+        renderer = figure.canvas.get_renderer()
+        for axes in figure.axes:
+            place = axes.title.get_text() or axes.get_title(loc="left")
+            assert "e+" not in place
+            assert "." not in place or "z =" in place
+            assert axes.xaxis.get_offset_text().get_text() == ""
+            low, high = axes.get_xlim()
+            shown = [label for label in axes.get_xticklabels() if low <= label.get_position()[0] <= high]
+            assert len(shown) >= 2
+            assert all(float(label.get_text().replace("\N{MINUS SIGN}", "-")).is_integer() for label in shown)
+            boxes = [label.get_window_extent(renderer) for label in shown]
+            assert all(one.x1 < other.x0 for one, other in itertools.pairwise(boxes))
+            assert boxes[-1].x1 <= figure.bbox.x1
+
+
+def test_small_coordinates_keep_their_digits():
+    """A cut through the middle of a cell of a metre."""
+    assert views.View("Plan", 0, 1, 2, at=-1012.5).title == "Plan\nz = -1012.5 m"
+
+
+def test_outlines_lie_on_the_cells_wherever_the_domain_begins():
+    """Silhouettes were moved to multiples of half a cell: by up to a quarter of one beside the cells."""
+    near = fixtures.make_grid(**SMALL)
+    far = moved(near, FAR)
+    for view in views.projections(near):
+        expected, size, share = views.silhouette(near, view)
+        found, far_size, far_share = views.silhouette(far, view)
+        np.testing.assert_allclose(found - FAR[view.axes], expected - fixtures.ORIGIN[view.axes], atol=1e-6)
+        np.testing.assert_allclose((far_size, far_share), (size, share))
+        edges = len(views.outline_segments(expected, size))
+        shift = np.array([0.125, 0.375]) * size.min()  # where a quarter of a cell rounds either way
+        assert len(views.outline_segments(found + shift, far_size)) == edges

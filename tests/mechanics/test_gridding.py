@@ -1,22 +1,20 @@
-"""From a grid slice to grid.nc and back, and the VTK file of a state."""
+"""From a grid slice to grid.nc and back."""
 
 import json
 import logging
 from types import SimpleNamespace
 
-import meshio
 import numpy as np
 import psutil
 import pytest
 
-from mechanics.scenes import ball, excavation, grid_around, make_dataset, make_scene, uniform
+from mechanics.scenes import ball, excavation, grid_around, make_dataset, make_scene
 from mpm_core import memory
 from mpm_core.datasets import grid_dataset, read_grid
 from mpm_core.gridding import make_grid
 from mpm_core.memory import stage_bytes, usable
 from mpm_core.occupancy import FULL
 from mpm_core.stages import elastic_stage
-from mpm_core.vtk import write_vtu
 from pipeline.errors import InputError
 
 
@@ -170,25 +168,6 @@ def test_a_grid_comes_back_from_its_dataset_as_it_was(plane, dimension):
     assert np.array_equal(again.origin, grid.origin)
     second = grid_dataset(again, body, pieces, plane, {"mine": "test"})
     assert second.identical(dataset)
-
-
-@pytest.mark.parametrize(("plane", "dimension"), [(None, 3), ("xz", 2)])
-def test_a_state_is_a_vtk_file_that_others_read(plane, dimension, tmp_path):
-    """All cells, in the mine's frame; the solid share of a cell is 1 less what is mined, whatever the thickness."""
-    shape = ball([12.0] * dimension, 4.5)
-    scene = make_scene(plane, stress=uniform(-1e6, -2e6, -3e6), excavations=[excavation()], thickness=5.0)
-    dataset = make_dataset(scene, grid_around([shape], [3] * dimension, 2, 8.0), [shape])
-    state, _ = elastic_stage(scene, dataset, tmp_path / "failed.npz")
-    grid, _, pieces = read_grid(dataset)
-    write_vtu(grid, state, tmp_path / "state.vtu")
-    mesh = meshio.read(tmp_path / "state.vtu")
-    assert sum(len(block.data) for block in mesh.cells) == len(grid.cell_level)
-    np.testing.assert_allclose(mesh.points, dataset.node_position.values)
-    share = np.ones(len(grid.cell_level))
-    share[pieces.cell] -= np.bitwise_count(pieces.samples) / 64
-    np.testing.assert_allclose(mesh.cell_data["solid_fraction"][0], share, rtol=1e-12)
-    far = np.argmax(np.abs(grid.cell_center - 12.0).sum(axis=1))
-    assert mesh.cell_data["stress"][0][far] == pytest.approx(state.stress.values[far])
 
 
 def test_a_grid_that_misses_an_excavation_by_a_fifth_is_refused_unless_allowed():

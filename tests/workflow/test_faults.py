@@ -1,6 +1,7 @@
 """Each fault ends with one line that says where and what to do, and leaves every result as it was."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -21,8 +22,8 @@ def spoken(text: str) -> list[str]:
     """What the terminal says beside Snakemake's table of jobs, its progress and the stages' good news."""
     lines = text.splitlines()
     last = max((number for number, line in enumerate(lines) if line.startswith("total")), default=0)
-    noise = ("steps (", "Using workflow specific profile", " MiB")
-    return [line for line in lines[last + bool(last) :] if line and not any(part in line for part in noise)]
+    noise = re.compile(r"steps \(|Using workflow specific profile| MiB|; log: logs/| \(\d+ s\)$")
+    return [line for line in lines[last + bool(last) :] if line and not noise.search(line)]
 
 
 STOPE = {"name": "stope_1", "step": "2019-08", "fill": "fill"}

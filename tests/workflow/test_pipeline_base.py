@@ -293,6 +293,7 @@ def record(message: str, event: str | None = None) -> logging.LogRecord:
         ("3 of 12 steps (25%) done", "progress", True),
         ("Finished jobid: 1", "job_finished", False),
         ("Cannot restore results/tiny/elastic.nc: no backup found.", None, False),
+        ("Removing output files of failed job report since they might be corrupted:\nfigures", None, False),
         (FAILED + "returned non-zero exit status 1.", "error", False),
         (FAILED + "died with <Signals.SIGKILL: 9>.", "error", True),
         ("LockException:\nDirectory cannot be locked.", "error", True),

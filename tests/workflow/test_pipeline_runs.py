@@ -5,6 +5,7 @@ import json
 import shutil
 import subprocess
 
+import meshio
 import numpy as np
 import pytest
 import xarray as xr
@@ -291,12 +292,17 @@ def test_lint_is_clean(tiny_file, tmp_path):
     assert "Congratulations" in text
 
 
-def test_vtk_of_a_stage_on_request(spoiled, tiny_file):
-    """A target outside `all`: the elastic state for ParaView."""
-    target = "results/tiny/vtk/elastic.vtu"
-    status, text = snakemake(tiny_file, spoiled, target)
+def test_vtk_files_on_request(spoiled, tiny_file):
+    """Targets outside `all`: a state, the solids, and the events of a model and of a record, for ParaView."""
+    names = ("elastic.vtu", "steps/2019-08.vtu", "solids.vtm", "catalog.vtu", "record.vtu", "events/history.vtu")
+    targets = [f"results/tiny/vtk/{name}" for name in names]
+    status, text = snakemake(tiny_file, spoiled, *targets)
     assert status == 0, text
-    assert (spoiled / target).stat().st_size > 1000
+    assert all((spoiled / target).stat().st_size > 300 for target in targets)
+    stope = meshio.read(spoiled / "results/tiny/vtk/solids/excavations/stope_1.vtu")
+    assert set(stope.cell_data["mined_in_step"][0]) == {1}
+    events = meshio.read(spoiled / "results/tiny/vtk/catalog.vtu")
+    assert len(events.points) == xr.open_dataset(spoiled / "results/tiny/catalog.nc").sizes["event"]
 
 
 def test_checkout_in_a_folder_with_a_space_whose_sources_change(tiny_file, tmp_path):

@@ -160,6 +160,12 @@ def grid_slice(wildcards):
     return slice_of(mine_of(wildcards).grid_slice())
 
 
+def mined_slice(wildcards):
+    """Index of the step that mines each excavation, -1 where it is planned."""
+    mine = mine_of(wildcards)
+    return slice_of([mine.step_index(entry["step"]) for entry in mine.excavations])
+
+
 def elastic_slice(wildcards):
     """The configuration that the elastic history depends on."""
     return slice_of(mine_of(wildcards).scene_slice(0))

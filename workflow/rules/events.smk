@@ -43,3 +43,27 @@ rule catalog:
         "../envs/environment.yaml"
     shell:
         "stage seismic catalog --events {input.events} --settings {params.settings:q} --output {output.catalog} --csv {output.table} --log {log}"
+
+
+rule vtk_events:
+    """Events for ParaView, on request: vtk/catalog.vtu, vtk/record.vtu or vtk/events/<step>.vtu."""
+    input:
+        catalog=f"{RESULTS}/{{catalog}}.nc",
+    output:
+        f"{RESULTS}/vtk/{{catalog}}.vtu",
+    wildcard_constraints:
+        catalog="catalog|record|events/.+",
+    params:
+        code=source_hash("catalogs"),
+    log:
+        "logs/{mine}/vtk/{catalog}.log",
+    benchmark:
+        "benchmarks/{mine}/vtk/{catalog}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage catalogs vtk --catalog {input.catalog} --output {output} --log {log}"

@@ -46,3 +46,28 @@ rule vtk:
         "../envs/environment.yaml"
     shell:
         "stage mpm_core vtk --grid {input.grid} --state {input.state} --output {output} --log {log}"
+
+
+rule vtk_solids:
+    """Excavations and rock bodies for ParaView, on request: vtk/solids.vtm names the files of its folder."""
+    input:
+        solids=solids,
+    output:
+        names=f"{RESULTS}/vtk/solids.vtm",
+        surfaces=directory(f"{RESULTS}/vtk/solids"),
+    params:
+        code=source_hash("mpm_core"),
+        scene=grid_slice,
+        mined=mined_slice,
+    log:
+        "logs/{mine}/vtk/solids.log",
+    benchmark:
+        "benchmarks/{mine}/vtk/solids.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage mpm_core solids --scene {params.scene:q} --mined {params.mined:q} --output {output.names} --log {log}"
