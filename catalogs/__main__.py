@@ -138,4 +138,4 @@ def parser() -> argparse.ArgumentParser:
 if __name__ == "__main__":
     arguments = parser().parse_args()
     stage, run = arguments.stage, arguments.function
-    run_stage(f"{stage} {arguments.output}", arguments.log, lambda: run(arguments), run.__doc__.rstrip("."))
+    run_stage(f"{stage} {arguments.output}", arguments.log, lambda: run(arguments), run.__doc__)

@@ -67,11 +67,11 @@ def start_log(log: str | os.PathLike | None, progress: Progress) -> LogFile | No
 def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], None], does: str = "at work") -> None:
     """Run `function` as stage `name`: tracebacks to `log`, one line to stderr, exit status 1 on error.
 
-    does: what it does, in words, which the terminal shows if it takes longer than a moment.
+    does: what it does, in words (the first line of a docstring), shown if it takes longer than a moment.
     """
     die_with_parent()
     started = time.perf_counter()
-    progress = Progress(name, f"{does}; log: {log}")
+    progress = Progress(name, f"{does.strip().splitlines()[0].rstrip('.')}; log: {log}")
     file = None
     try:
         file = start_log(log, progress)
