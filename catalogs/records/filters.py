@@ -4,6 +4,7 @@ Each takes its count before and after with it, so that the report can say what w
 """
 
 import json
+import logging
 from collections.abc import Mapping
 
 import numpy as np
@@ -15,6 +16,7 @@ from pipeline.errors import InputError
 
 KEYS = ("lower", "upper", "start", "end", "minimum_potency", "maximum", "minimum")
 DOMAIN = "domain"
+MUCH = 0.1  # of the events outside the domain: worth a line on the terminal
 FARTHEST = 1e8  # m; more than twice round the Earth, hence no coordinate
 
 
@@ -87,10 +89,23 @@ def filter_events(
                 "farthest": float(outside.max()) if outside.size else None,
             }
         )
+        _warn(account[-1], source)
         kept = inside
     filtered = events.isel(event=np.flatnonzero(kept))
     filtered.attrs |= attributes | {"filter": json.dumps(account)}
     return filtered
+
+
+def _warn(crop: Mapping, source: str) -> None:
+    """Tell on the terminal, too, that much of a record, or all of it, is not compared."""
+    outside = crop["before"] - crop["after"]
+    if not crop["after"]:
+        logging.warning("%s: no event in the domain in these months; the model has nothing to be compared with", source)
+    elif outside > MUCH * crop["before"]:
+        logging.warning(
+            "%s: %d of %d events lie outside the domain, up to %.0f m away, and are not compared",
+            source, outside, crop["before"], crop["farthest"],
+        )  # fmt: skip
 
 
 def check_places(location: np.ndarray, source: str) -> None:

@@ -93,6 +93,16 @@ def test_events_outside_the_domain_are_left_out_and_counted_with_their_potency(t
     assert account["potency_after"] == pytest.approx(0.11)
 
 
+def test_much_of_a_record_outside_or_none_inside_is_told_on_the_terminal(tmp_path, caplog):
+    """A third outside is worth a line, and months without an event are; a record all inside is not."""
+    read_record(settings_for(tmp_path, domain=DOMAIN | {"upper": [200, 250, 400]}))
+    assert not [entry for entry in caplog.records if entry.levelname == "WARNING"]
+    read_record(settings_for(tmp_path, domain=DOMAIN))
+    assert "1 of 3 events lie outside the domain, up to 5 m away, and are not compared" in caplog.text
+    read_record(settings_for(tmp_path, domain=DOMAIN, period={"start": "2030-01-01", "end": "2030-02-01"}))
+    assert "no event in the domain in these months" in caplog.text
+
+
 def test_events_of_other_ground_change_nothing_of_a_comparison(tmp_path):
     """300 of 565 events 400 m and more away: every number stays what it is without them.
 
