@@ -62,7 +62,7 @@ def read(settings: dict) -> xr.Dataset:
         if settings.get("missing") is None:
             _check_codes(key, values[missing], factor, settings)
         numbers[key] = np.where(missing, np.nan, values) * factor
-    time = _times(table, columns["time"], settings)
+    time, local = _times(table, columns["time"], settings)
     place = _locations(table, columns, numbers, settings)
     tensor = _tensor(numbers, settings)
     sizes, told = _sizes(table, columns, numbers, tensor, settings)
@@ -71,6 +71,9 @@ def read(settings: dict) -> xr.Dataset:
         other["step"] = table.text(columns["step"]).to_numpy(object)
     record = build_record(settings, time, place, sizes, tensor, source=str(path), **other)
     record.attrs |= {"sizes_text": told} if told else {}
+    record.attrs |= (
+        {"times_text": f"{local} without an offset, as {settings.get('time_zone') or 'UTC'}"} if local else {}
+    )
     limits = settings.get("filter") or {}
     quality = table.rows if limits.get("maximum") or limits.get("minimum") else ()
     quality = {name: table.numbers(name, strict=False) for name in quality}
@@ -102,8 +105,8 @@ def _check_codes(key: str, codes: np.ndarray, factor: float, settings: Mapping) 
         )
 
 
-def _times(table: Table, names: str | list[str], settings: Mapping) -> np.ndarray:
-    """UTC times (event,) datetime64[ns] of one column, or of date, time of day and offset; NaT if empty."""
+def _times(table: Table, names: str | list[str], settings: Mapping) -> tuple[np.ndarray, int]:
+    """UTC times (event,) datetime64[ns] of one column, or of date, clock and offset; how many had no offset."""
     names = _listed(names)
     text = table.text(names[0])
     there = text != ""
@@ -111,11 +114,11 @@ def _times(table: Table, names: str | list[str], settings: Mapping) -> np.ndarra
         text = text + " " + table.text(name)
         there &= table.text(name) != ""
     where = f"{table.source}: column {names[0]!r}"
-    time = parse_times(text.where(there, ""), settings.get("date_order"), settings.get("time_zone"), where)
+    time, local = parse_times(text.where(there, ""), settings.get("date_order"), settings.get("time_zone"), where)
     wrong = np.isnat(time) & there.to_numpy()
     if wrong.any():
         table.refuse(wrong, names[0], f"({text[wrong].iloc[0]}) is not a date and time", "write 2019-08-01T12:00:00")
-    return time
+    return time, local
 
 
 def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: Mapping) -> np.ndarray:

@@ -22,8 +22,8 @@ PATTERN = re.compile(f"{DATE}{CLOCK}{OFFSET}", re.IGNORECASE)
 NANOSECONDS = {"hour": 3_600_000_000_000, "minute": 60_000_000_000, "whole": 1_000_000_000}
 
 
-def parse_times(text: pd.Series, order: str | None, zone: str | None, source: str) -> np.ndarray:
-    """UTC times (event,) datetime64[ns] of a column of text; NaT where it is empty or no date.
+def parse_times(text: pd.Series, order: str | None, zone: str | None, source: str) -> tuple[np.ndarray, int]:
+    """UTC times (event,) datetime64[ns] of a column of text, NaT where it is empty or no date; how many had no offset.
 
     order: "day" or "month", what 01/02/2019 begins with; None: found from days above 12. zone: of times without an
     offset of their own, IANA name or offset such as "+10:00"; None: UTC. An hour that a clock set back shows twice is
@@ -59,7 +59,7 @@ def parse_times(text: pd.Series, order: str | None, zone: str | None, source: st
     local = (parts["sign"].isna() & parts["zulu"].isna()).to_numpy()
     if zone is not None:
         time[local] = _to_utc(time[local], zone)
-    return time
+    return time, int((local & ~np.isnat(time)).sum())
 
 
 def _numbers(text: pd.Series) -> pd.Series:

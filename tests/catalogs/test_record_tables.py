@@ -82,6 +82,10 @@ def test_one_table_in_many_forms_is_one_record(tmp_path, form):
     np.testing.assert_array_equal(record["time"].values, np.array(times, "datetime64[ns]"))
     np.testing.assert_allclose(record["location"], EXPECTED["location"], rtol=1e-12)
     np.testing.assert_allclose(record["mw"], EXPECTED["mw"], rtol=1e-12)
+    zone = others.get("time_zone", "UTC")
+    said = f" without an offset, as {zone}"
+    assert (form == "local time with offset") == ("times_text" not in record.attrs)
+    assert said in record.attrs.get("times_text", said)
 
 
 def test_sizes_are_read_in_the_units_that_the_header_says(tmp_path):
