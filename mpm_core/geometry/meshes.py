@@ -69,7 +69,7 @@ def read_obj(path: Path, element: str | None = None) -> Mesh:
                 faces = bodies.setdefault(tuple(named), [])
     parts: dict[str, list[list]] = {}
     for names, body in bodies.items():
-        for name in {name for name in names if name} or {"unnamed"}:
+        for name in dict.fromkeys(name for name in names if name) or ("unnamed",):
             if body:
                 parts.setdefault(name, []).append(body)
     if element is None:
