@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from catalogs.record_settings import check_columns, check_zone
 from pipeline.errors import InputError
 from workflow.dates import read_date
+from workflow.shapes import is_file
 
 if TYPE_CHECKING:
     from workflow.configuration import Mine
@@ -20,7 +21,7 @@ def check_record(mine: "Mine") -> None:
     record = mine.values.get("record")
     if not record:
         return
-    if record["reader"] != "elk_creek" and not mine.path(record["file"]).is_file():
+    if record["reader"] != "elk_creek" and not is_file(mine.path(record["file"])):
         raise InputError(f"record.file: {mine.path(record['file'])} is missing; paths resolve from {mine.folder}")
     if "columns" in record:
         check_columns(record["columns"])

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "outside", "force", "toward")
 PLACED = {"units", "scale", "offset"}  # of what a file holds
 HEIGHTS = {"lower", "upper", "height"}
+FLAT = 1e-9  # of a polygon's length: less width is none
 CIRCLE = ({"center", "radius"}, set())
 BOX = ({"lower", "upper"}, set())
 SHAPES = {  # by dimension, keys that a shape needs, and may have
@@ -42,6 +43,8 @@ def check_shape(mine: "Mine", where: str, entry: dict) -> None:
             _check_keys(where, "prism from a file", given - {"shape"}, {"file"}, {"layer", *PLACED, *HEIGHTS})
             if given & HEIGHTS not in ({"lower", "upper"}, {"height"}):
                 raise InputError(f"{where}: a prism from a file needs lower and upper, or height above its polyline")
+            if "upper" in given:
+                _check_above(f"{where}.upper", np.array(entry["lower"]), np.array(entry["upper"]))
         else:
             _check_keys(where, "file", given, {"file"}, {"layer", "element", *PLACED})
         if not is_file(mine.path(entry["file"])):
@@ -102,6 +105,7 @@ def extent(where: str, entry: dict, dimension: int) -> tuple[np.ndarray, np.ndar
         reach = entry["radius"]
     elif shape == "polygon":
         points, reach = _points(where, entry, "points", dimension), 0.0
+        _check_area(f"{where}.points", points)
     else:
         points, reach = _points(where, entry, "center", dimension), entry["radius"]
     if shape in ("tunnel", "cylinder") and dimension == 3 and (points == points[0]).all():
@@ -115,6 +119,7 @@ def _prism_extent(where: str, entry: dict) -> tuple[np.ndarray, np.ndarray]:
     if set(entry) & {"lower", "upper", "base", "top"} != set(keys):
         raise InputError(f"{where}: a prism needs lower and upper, or base and top with an elevation per polygon point")
     polygon, levels = np.array(entry["polygon"]), []
+    _check_area(f"{where}.polygon", polygon)
     for key in keys:
         level = np.array(entry[key])
         if level.shape != ((len(polygon),) if by_point else ()):
@@ -133,6 +138,13 @@ def _points(where: str, entry: dict, key: str, dimension: int) -> np.ndarray:
         if len(point) != dimension:
             raise InputError(f"{where}.{key}: {len(point)} coordinates; this scene has {dimension}")
     return np.array(points, float)
+
+
+def _check_area(where: str, polygon: np.ndarray) -> None:
+    """Raise InputError for a polygon (point, 2) m whose points all lie on one line."""
+    edges = polygon[1:] - polygon[0]
+    if len(edges) < 2 or np.linalg.matrix_rank(edges, tol=FLAT * np.abs(edges).max()) < 2:
+        raise InputError(f"{where}: needs three points or more that are not on one line")
 
 
 def _check_above(where: str, lower: np.ndarray, upper: np.ndarray) -> None:

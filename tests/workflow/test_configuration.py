@@ -90,6 +90,8 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("excavations.0.upper", ["60 m", "40 m"], "excavations.drive.upper: ", "2 coordinates; this scene has 3"),
     ("excavations.0", PRISM | {"upper": "30 m"}, "excavations.drive.upper: upside down", "not above lower"),
     ("excavations.0", PRISM | {"base": ["40 m"] * 3}, "excavations.drive: ", "lower and upper, or base and top"),
+    ("excavations.0", PRISM | {"polygon": [*TRIANGLE[:2], TRIANGLE[0]]}, "excavations.drive.polygon: ", "on one line"),
+    ("record.file", "r" * 300, "record.file: ", "missing"),
     ("excavations.0", ROUND | {"end": ["20 m", "30 m", "40 m"]}, "excavations.drive.end: ", "same point"),
     ("excavations.0", ROUND | {"radius": "1e300 m"}, "excavations[0].radius: ", "out of range"),
     ("excavations.0", ROUND | {"shape": "circle"}, "excavations.drive.shape: ", "not one of the 3-D shapes"),
