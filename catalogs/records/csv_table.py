@@ -25,15 +25,13 @@ from pipeline.errors import InputError
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar"}
 PREAMBLE = 100  # lines in which the header is looked for
 EMPTY = ("", "nan", "na", "n/a", "null", "none", "-", "--", "nat", "#n/a")
-SIGNS = str.maketrans({"\u2212": "-", "\u00a0": "", "\u202f": "", "'": "", "\u2019": "", " ": ""})
+BETWEEN_THOUSANDS = r"(?<=\d)[ \u00a0\u202f'\u2019](?=\d{3}(?!\d))"
 NUMBER = {  # by decimal mark; the other one may stand between thousands
-    "point": r"[-+]?(?:(?:\d{1,3}(?:,\d{3})+|\d+)\.?\d*|\.\d+)(?:[eE][-+]?\d+)?",
+    "point": r"[-+]?(?:(?:[1-9]\d{0,2}(?:,\d{3})+|\d+)\.?\d*|\.\d+)(?:[eE][-+]?\d+)?",
     "comma": r"[-+]?(?:(?:[1-9]\d{0,2}(?:\.\d{3})+|\d+),?\d*|,\d+)(?:[eE][-+]?\d+)?",
 }
-WHOLE_COMMA = r"[-+]?[1-9]\d{0,2},\d{3}"  # 1,234: a decimal comma or thousands
-THOUSANDS = r"[-+]?[1-9]\d{0,2}(?:(?:,\d{3})+\.\d*|(?:,\d{3}){2,})"
 CONTAINERS = {  # first bytes of what is no text
-    b"PK": "a zip archive or an Excel workbook",
+    b"PK\x03\x04": "a zip archive or an Excel workbook",
     b"\xd0\xcf\x11\xe0": "an Excel workbook",
     b"\x1f\x8b": "a gzip archive",
 }
@@ -67,14 +65,15 @@ class Table:
     def numbers(self, name: str, strict: bool = True) -> np.ndarray:
         """A column as numbers (event,), NaN where empty. Raises InputError for what is none (NaN if not strict)."""
         text = self.text(name)
-        bare = text.str.translate(SIGNS)
+        bare = _bare(text)
         known = bare.str.fullmatch(NUMBER[self.decimal or "point"])
         if self.decimal == "comma":
             bare = bare.str.replace(".", "", regex=False).str.replace(",", ".", regex=False)
         values = pd.to_numeric(bare.str.replace(",", "", regex=False).where(known, None), errors="coerce")
         values = values.to_numpy(float)
         if strict:
-            self.refuse(np.isnan(values) & (text != "").to_numpy(), name, "is not a number", "correct it")
+            wrong = np.isnan(values) & (text != "").to_numpy()
+            self.refuse(wrong, name, f"is not a number with a decimal {self.decimal or 'point'}", "correct it")
         return values
 
     def refuse(self, wrong: np.ndarray, name: str, what: str, remedy: str) -> None:
@@ -91,19 +90,20 @@ class Table:
         """Tell decimal commas from commas between thousands by all the named columns together. Raises InputError."""
         if self.decimal is not None:
             return
-        text = pd.concat([self.text(name) for name in names]).str.translate(SIGNS)
-        text = text[text.str.contains(",", regex=False)]
-        comma = text.str.fullmatch(NUMBER["comma"]) & ~text.str.fullmatch(WHOLE_COMMA)
-        thousands = text.str.fullmatch(THOUSANDS)
-        if comma.any() and thousands.any():
+        text = _bare(pd.concat([self.text(name) for name in names]))
+        fits = {kind: text.str.fullmatch(pattern) for kind, pattern in NUMBER.items()}
+        comma = fits["comma"] & ~fits["point"]
+        point = fits["point"] & ~fits["comma"]
+        if comma.any() and point.any():
             raise InputError(
-                f"{self.source}: {text[comma].iloc[0]!r} has a decimal comma, {text[thousands].iloc[0]!r} a decimal "
-                "point; write one kind"
+                f"{self.source}: {text[comma].iloc[0]!r} has a decimal comma, {text[point].iloc[0]!r} has none; write "
+                "one kind"
             )
-        if len(text) and not comma.any() and not thousands.any():
+        either = fits["comma"] & fits["point"] & text.str.contains(",", regex=False)
+        if either.any() and not comma.any() and not point.any():
             raise InputError(
-                f"{self.source}: {text.iloc[0]!r}: a decimal comma, or thousands? say it with record.decimal: comma or "
-                "point"
+                f"{self.source}: {text[either].iloc[0]!r}: a decimal comma, or thousands? say it with record.decimal: "
+                "comma or point"
             )
         self.decimal = "comma" if comma.any() else "point"
 
@@ -123,7 +123,6 @@ class Table:
         Its own unit is `given`, else what stands in brackets behind its name or in a line below the header, if that is
         a unit of that kind; else it is taken to be `unit`. Raises InputError where the unit is of another kind.
         """
-        in_name = UNIT_IN_NAME.fullmatch(name)
         text = given or self.units.get(name)
         quantity = _quantity(text) if text else None
         if text and quantity is not None and not quantity.check(unit):
@@ -136,6 +135,11 @@ class Table:
         if not text and (in_name := UNIT_IN_NAME.fullmatch(name)):
             quantity = _quantity(in_name["unit"])
         return float(quantity.to(unit).magnitude) if quantity is not None and quantity.check(unit) else 1.0
+
+
+def _bare(text: pd.Series) -> pd.Series:
+    """Numbers with a plain minus sign, and without blanks or apostrophes between thousands."""
+    return text.str.replace("\u2212", "-", regex=False).str.replace(BETWEEN_THOUSANDS, "", regex=True)
 
 
 def _quantity(text: str) -> pint.Quantity | None:

@@ -69,6 +69,8 @@ FORMS = {  # one table in many forms: text, how its columns are named if not as 
     ),
     "kilometres, told": (PLAIN.replace("1200", "1.2").replace(",200,", ",0.2,"), {}, {"units": {"y": "km"}}),
     "a row there twice": (PLAIN + PLAIN.splitlines()[1] + "\n", {}, {}),
+    "names that begin as an archive does": (PLAIN.replace("time,x", "PK id,x"), {"time": "PK id"}, {}),
+    "blanks between thousands": (SEMICOLON.replace("1.200,0", "1 200,0"), {}, {}),
     "one of ten columns": (PLAIN.replace("\n", ",,,a b;c,\n"), {}, {}),
     "a zip by name only": (PLAIN, {}, {"name": "record.csv.zip"}),
 }  # fmt: skip
@@ -140,6 +142,8 @@ FAULTS = {  # text, settings, what the line says
     "comma or thousands": (
         SEMICOLON.replace("100,5", "1,500").replace("0,5\n", "5\n").replace("1.200,0", "1200"), {}, "record.decimal",
     ),
+    "a point among commas": (SEMICOLON.replace("110;", "110.25;"), {}, "write one kind"),
+    "two numbers in a cell": (PLAIN.replace("110,", "1 10,"), {}, "'1 10' is not a number with a decimal point"),
     "both decimals": (SEMICOLON.replace("100,5", "1,500.25"), {}, "write one kind"),
     "year 3019": (PLAIN.replace("2019-08-13", "3019-08-13"), {}, "years run from 1678 to 2261"),
     "year 1": (PLAIN.replace("2019-08-13", "0001-08-13"), {}, "years run from 1678 to 2261"),
