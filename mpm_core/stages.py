@@ -24,7 +24,7 @@ from mpm_core.loose import describe_loose
 from mpm_core.memory import require, stage_bytes
 from mpm_core.model import Model, State, build_model
 from mpm_core.scene import Scene
-from pipeline.datasets import atomic_path
+from pipeline.datasets import atomic_path, clear_parts
 from pipeline.errors import InputError
 
 SMALLER = "use fewer grid.levels, grid.buffer_cells or grid.particles_per_cell, or free some"
@@ -177,6 +177,7 @@ class following:
                 logging.warning("the last state is not kept: %s", full)
         elif kind is None:
             self.path.unlink(missing_ok=True)
+            clear_parts(self.path)
 
 
 def finish(

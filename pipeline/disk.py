@@ -2,6 +2,7 @@
 
 import errno
 import os
+import tempfile
 from pathlib import Path
 
 from pipeline.errors import InputError
@@ -24,6 +25,18 @@ def no_room(error: BaseException, folder: str | os.PathLike, half: Path | None =
         except OSError as refusal:
             reason = refusal if refusal.errno in NO_ROOM else None
     return InputError(disk_full(os.strerror(reason.errno), folder)) if reason else None
+
+
+def full_one(folders: list[str | os.PathLike]) -> Path:
+    """The first of these folders that takes no more, or the first: an error of a write does not say of which file."""
+    for folder in folders:
+        try:
+            with tempfile.TemporaryFile(dir=folder) as file:
+                file.write(bytes(PROBE))
+        except OSError as refusal:
+            if refusal.errno in NO_ROOM:
+                return Path(folder)
+    return Path(folders[0])
 
 
 def disk_full(reason: str, folder: str | os.PathLike) -> str:

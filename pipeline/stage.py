@@ -13,7 +13,7 @@ from pathlib import Path
 
 import psutil
 
-from pipeline.disk import no_room
+from pipeline.disk import full_one, no_room
 from pipeline.errors import InputError
 from pipeline.progress import Progress
 from pipeline.warnings import ToTerminal
@@ -89,7 +89,9 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     except Exception as error:  # a fault of ours: the user gets one line, the log the traceback
         if file or not log:
             logging.exception("stage failed unexpectedly")
-        if full := no_room(error, Path(getattr(error, "filename", None) or log or ".").parent):
+        named = getattr(error, "filename", None)
+        written = [os.environ.get("NUMBA_CACHE_DIR", "."), Path(log).parent if log else "."]  # besides whole files
+        if full := no_room(error, Path(named).parent if named else full_one(written)):
             sys.exit(f"{name}: {full}")
         sys.exit(f"{name}: unexpected {type(error).__name__}: {error}; traceback in {log or 'the log above'}")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -103,7 +103,8 @@ def test_a_stage_that_ends_clears_what_a_kill_left_of_a_checkpoint(stage, tmp_pa
     run, _ = stage
     with subprocess.Popen([sys.executable, "-c", ""]) as dead:
         dead.wait()
-    (tmp_path / f".step.checkpoint.npz.{dead.pid}.part").write_bytes(b"half")
+    left = tmp_path / f".step.checkpoint.npz.{dead.pid}.part"
+    left.write_bytes(b"half")
     run(Checkpoint(tmp_path / "step.checkpoint.npz", "inputs"))
     assert not list(tmp_path.iterdir())
 

@@ -23,6 +23,7 @@ from pipeline.errors import InputError
 from workflow.terminal import OneLine
 
 LIMIT = 100_000  # bytes
+SHRINK = "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))"
 LARGE = xr.Dataset({"stress": ("particle", np.random.default_rng(1).random(LIMIT))})
 
 
@@ -85,6 +86,19 @@ def test_a_log_without_room_is_one_line(body, status, line):
     assert run.returncode == status
     assert line in run.stderr
     assert len(run.stderr.splitlines()) == 1, run.stderr
+
+
+def test_no_room_for_compiled_kernels_names_their_folder(tmp_path):
+    """They are written by numba, whose error names no file."""
+    (tmp_path / "kernel.py").write_text("from numba import njit\n@njit(cache=True)\ndef double(x):\n    return 2 * x\n")
+    body = f"from kernel import double; import resource; {SHRINK}; double(2)"
+    run = subprocess.run(
+        [sys.executable, "-c", STAGE.format(body=body), str(tmp_path / "elastic.log")],
+        cwd=ROOT, capture_output=True, text=True,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "PYTHONPATH": str(tmp_path)},
+    )  # fmt: skip
+    assert run.returncode == 1
+    assert f"the disk is full: no room in {tmp_path / 'kernels'}" in run.stderr.splitlines()[-1]
 
 
 NO_SPACE = os.strerror(errno.ENOSPC)
