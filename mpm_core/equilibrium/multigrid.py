@@ -158,7 +158,7 @@ class MultigridScheme(ExplicitScheme):
         for _ in range(SOLUTIONS):
             share = SHARE * tolerance / ratio
             solution = self.solver.solve(self.unbalanced, share, CYCLES, lambda _: self._count(history))
-            if not np.isfinite(solution.ratio):
+            if not solution.ratio < 1.0:  # diverged: a step away from rest, or no number
                 return False
             self._move(solution.displacement)
             ratio = self._look(external, reference, history)

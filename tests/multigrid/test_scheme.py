@@ -10,6 +10,7 @@ from mpm_core.equilibrium import multigrid
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.multigrid import MultigridScheme
+from mpm_core.multigrid.solver import Solution
 from tests.mechanics.scenes import COULOMB, ball, excavation, grid_around, make_model, make_scene, uniform
 from tests.multigrid.test_operator import scene_with_everything
 
@@ -109,6 +110,23 @@ def test_explicit_steps_take_over_where_cycles_are_not_enough(monkeypatch, caplo
         _, history = at_rest(MultigridScheme, model, volume, state, tolerance=1e-5)
     assert "going on with explicit steps" in caplog.text
     assert history.rows[-1][3] <= 1e-5
+
+
+@pytest.mark.parametrize("ratio", [2.0, np.inf, np.nan])
+def test_a_diverged_solution_is_never_applied(ratio, monkeypatch, caplog):
+    """The state is as before, and explicit steps bring it to rest."""
+    model, volume, state = plastic_model(2)
+    state.failed[:] = -1
+
+    def diverging(self, *_):
+        return Solution(np.full(len(self.finest.inverse_diagonal), 1e140), ratio, 100)
+
+    monkeypatch.setattr(multigrid.ElasticSolver, "solve", diverging)
+    with caplog.at_level(logging.WARNING):
+        scheme, history = at_rest(MultigridScheme, model, volume, state, tolerance=1e-4)
+    assert "going on with explicit steps" in caplog.text
+    assert history.rows[-1][3] <= 1e-4
+    assert 0.0 < np.abs(scheme.state.displacement).max() < 0.1
 
 
 def test_a_relaxation_that_stands_still_begins_anew(monkeypatch, caplog):
