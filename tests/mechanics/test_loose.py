@@ -9,6 +9,7 @@ from scipy import ndimage
 from mpm_core.loose import find_loose, hang_together
 from mpm_core.occupancy import FULL, SAMPLES
 from mpm_core.stages import elastic_stage, mining_step
+from pipeline.datasets import read_dataset, write_dataset
 from tests.mechanics.scenes import (
     COULOMB,
     FACES,
@@ -135,6 +136,8 @@ def run(plane, boundary, excavations, shapes, stress, steps, tmp_path, solver=No
         data = make_dataset(scene, grid, shapes)
         path = tmp_path / "failed.npz"
         state, fact = elastic_stage(scene, data, path) if step < 0 else mining_step(scene, data, state, path)
+        write_dataset(state, tmp_path / "state.nc")
+        state = read_dataset(tmp_path / "state.nc")
         states.append(state)
         facts.append(fact)
     return states, facts
