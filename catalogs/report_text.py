@@ -149,6 +149,13 @@ def near_excavations(evidence: Evidence) -> tuple[list[dict], np.ndarray]:
     return rows, distance
 
 
+def _finest_volume(evidence: Evidence) -> float:
+    """Volume of a finest cell, m3."""
+    attributes = evidence.grid.attrs
+    volume = float(evidence.grid["cell_size"].values.min()) ** int(attributes.get("dimension", 3))
+    return volume * float(attributes.get("thickness", 1.0))
+
+
 def banners(evidence: Evidence) -> list[tuple[str, str]]:
     """What the reader must know before anything else: (kind, text)."""
     found = []
@@ -170,7 +177,8 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
             text = f"Loose rock in step {step['step']}: {plural(int(step['loose_pieces']), 'piece')}, "
             text += f"{number(step['loose_volume'])} m³, "
             text += f"{typeset(step['loose_where']).replace(' m3 ', ' m³ ')}, taken as excavated"
-            found.append(("truncated", text + " from then on: nothing held it. Check the solids there."))
+            kind = "note" if step["loose_volume"] < _finest_volume(evidence) else "truncated"
+            found.append((kind, text + " from then on: nothing held it. Check the solids there."))
     at_once = [row.name for row in evidence.excavations if row.dated and row.filled_at_once]
     if at_once:
         first, more = ", ".join(at_once[:NAMED]), len(at_once) - NAMED

@@ -41,7 +41,7 @@ class RigidMotions:
     def at(self, position: np.ndarray) -> np.ndarray:
         """The motions (k, point, d) at positions (point, d) m."""
         units = unit_motions((position - self.center) / self.reach)
-        return np.tensordot(self.shares, units, axes=1)
+        return np.einsum("km,mpi->kpi", self.shares, units)  # no threaded BLAS: bits must not depend on threads
 
     def remove_from(self, motion: np.ndarray, position: np.ndarray, mass: np.ndarray) -> None:
         """Take the best of them, weighted by mass (point,), out of a motion (point, d) at positions, in place.
@@ -54,7 +54,7 @@ class RigidMotions:
         weighted = own * mass[:, None]
         gram = np.einsum("kpi,lpi->kl", weighted, own)
         shares = np.linalg.solve(gram, np.einsum("kpi,pi->k", weighted, motion))
-        motion -= np.tensordot(shares, own, axes=1)
+        motion -= np.einsum("k,kpi->pi", shares, own)
 
     def driven_by(self, force: np.ndarray, position: np.ndarray) -> bool:
         """Whether forces (point, d) N at positions do work on one of them: beyond BALANCE, they do not balance."""
