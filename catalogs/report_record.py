@@ -37,12 +37,16 @@ def _account(evidence: Evidence) -> str:
     inside, outside = crop["after"], crop["before"] - crop["after"]
     passed = "in the modelled months" if {one["filter"] for one in filters} <= {"start", "end", "domain"} else ""
     passed = passed or "that pass the filters (dates, box, size, quality)"
-    text += f"Of {plural(crop['before'], 'event')} {passed}, {whole(inside)} lie inside the model's domain "
-    text += f"and {whole(outside)} outside"
-    if outside:
+    if not crop["before"]:
+        text += f"No event lies {passed}." if passed.startswith("in") else "No event passes the filters."
+    elif not outside:
+        text += f"All {plural(inside, 'event')} {passed} lie inside the model's domain and are compared."
+    else:
+        text += f"Of {plural(crop['before'], 'event')} {passed}, {whole(inside)} lie inside the model's domain "
+        text += f"and {whole(outside)} outside"
         share = 1 - crop["potency_after"] / crop["potency_before"] if crop["potency_before"] > 0 else np.nan
         text += f", up to {number(crop['farthest'], 2)} m away, with {percent(share)} of their potency"
-    text += ". Only those inside are compared and shown."
+        text += ". Only those inside are compared and shown."
     if attributes.get("sizes_text"):
         text += f" Magnitudes read: {typeset(str(attributes['sizes_text'])).replace(' - ', ' − ')}."
     if attributes.get("times_text") and not evidence.is_twin:

@@ -5,13 +5,15 @@ import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import report_fixtures as fixtures
+import xarray as xr
 import yaml
 
-from catalogs import report
+from catalogs import report, report_record
 from catalogs.comparison import compare
 from catalogs.figures import convergence, events, style
 from catalogs.report import write_report
@@ -300,6 +302,11 @@ def test_undated_events_are_drawn(mine):
     assert [axes.get_title(loc="left").split("\n")[0] for axes in figure.axes[:3]] == ["Recorded"] * 3
 
 
+def evidence_of(count: int, **attributes) -> SimpleNamespace:
+    """What the report tells of a record by its attributes alone."""
+    return SimpleNamespace(is_twin=False, record=xr.Dataset({"x": ("event", np.zeros(count))}, attrs=attributes))
+
+
 def recorded(
     mine: fixtures.Mine, folder: Path, *, keep: slice = slice(None), tensors: bool = True, **attributes
 ) -> Page:
@@ -327,6 +334,25 @@ def test_result_counts_the_record_inside_and_outside_the_domain(mine, tmp_path):
     assert "Of 565 events in the modelled months, 265 lie inside the model's domain and 300 outside, up to" in result
     assert "up to 512 m away, with 75 % of their potency" in result
     assert "560 ML as Mw = 0.9 ML − 0.2" in result
+
+
+def test_result_says_so_when_all_of_the_record_counts():
+    """And nothing of an outside that there is not; none at all is said, too."""
+    domain = {
+        "filter": "domain",
+        "before": 60,
+        "after": 60,
+        "potency_before": 1.0,
+        "potency_after": 1.0,
+        "farthest": None,
+    }
+    record = evidence_of(60, rows=60, dropped="{}", filter=json.dumps([domain]))
+    assert report_record._account(record) == (
+        "The record holds 60 events. All 60 events in the modelled months lie inside the model's domain and are "
+        "compared."
+    )
+    none = evidence_of(0, rows=60, filter=json.dumps([domain | {"before": 0, "after": 0}]))
+    assert report_record._account(none).endswith("No event lies in the modelled months.")
 
 
 @pytest.mark.parametrize(
