@@ -106,6 +106,11 @@ def _nodes(cell, body, bodies, start):
     return np.where(body[cell] >= 0, body[cell], bodies + start[cell])
 
 
+def _samples(node, bodies, samples):
+    """Samples of bodies, full, and of parts."""
+    return np.append(FULL, samples)[np.maximum(node - bodies + 1, 0)]
+
+
 def _pairs(grid: MultiLevelGrid, near, solid, body) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of cells with material that share a face, each once; the first one stands in no full base cell."""
     indptr, other = face_neighbors(grid, near)
@@ -132,7 +137,7 @@ def _cut_links(grid: MultiLevelGrid, own, other, body, bodies, start, samples) -
     at_face = []
     for cell, number, facing in ((own, place // of_other[pair], side), (other, place % of_other[pair], 1 - side)):
         node = _nodes(cell[pair], body, bodies, start) + number
-        bits = np.where(node < bodies, FULL, np.append(samples, FULL)[node - bodies])
+        bits = _samples(node, bodies, samples)
         found = np.zeros(len(pair), np.uint64)
         for across in range(dimension):
             low, high = (side_samples(dimension, across, end) for end in range(2))
@@ -158,7 +163,7 @@ def _motions_left(grid: MultiLevelGrid, faces: dict[tuple[int, int], list[int]],
         number = np.arange(of_cell.sum()) - np.repeat(np.cumsum(of_cell) - of_cell, of_cell)
         cell = np.repeat(cell, of_cell)
         node = _nodes(cell, parts.body, parts.bodies, parts.start) + number
-        bits = np.where(node < parts.bodies, FULL, np.append(parts.samples, FULL)[node - parts.bodies])
+        bits = _samples(node, parts.bodies, parts.samples)
         touching = (bits & side_samples(dimension, axis, side)) != 0
         cell, node = cell[touching], node[touching]
         for corner in corners[corners[:, axis] == side]:

@@ -98,6 +98,19 @@ def test_loose_pieces_are_those_of_the_dense_lattice(dimension):
     assert found > 10
 
 
+@pytest.mark.parametrize("rows", range(4))
+def test_few_parts_beside_many_bodies(rows):
+    """Full base cells in a checkerboard, each a body of its own, and one cell of half material: all loose but one row
+    at the held face."""
+    grid = grid_around([], (8, 8), 1, 1.0)
+    solid = np.where(grid.cell_index.sum(axis=1) % 2 == 0, FULL, np.uint64(0))
+    half = np.flatnonzero((grid.cell_index == [3, rows]).all(axis=1))
+    solid[half] &= np.uint64(2**32 - 1)
+    loose = find_loose(grid, solid, {(1, 0): [0, 1]}, 0)
+    assert len(np.unique(loose.piece)) == 32 - 4
+    assert set(loose.cell) == set(np.flatnonzero((solid != 0) & (grid.cell_index[:, 1] > 0)))
+
+
 def ring(inner, outer):
     """Points of a box outside another."""
     return lambda x: outer(x) & ~inner(x)
