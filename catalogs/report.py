@@ -9,8 +9,8 @@ import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 
+from catalogs import report_energy, report_record, report_spread
 from catalogs import report_match as match
-from catalogs import report_record, report_spread
 from catalogs import report_text as text
 from catalogs.figures import beachballs, convergence, events, rock, scene, sizes, stereonets, style, views
 from catalogs.mechanisms import mean_axis, trend_plunge
@@ -160,7 +160,7 @@ def _rock(evidence: Evidence, gallery: Gallery) -> dict | None:
         return None
     grid, state, cuts, planned = evidence.grid, evidence.state, _cuts(evidence), evidence.planned
     sections = [view for view in cuts if view.vertical == views.UP] or cuts
-    shown = {"failed": None, "table": evidence.steps}
+    shown = {"failed": None, "table": evidence.steps, "energy": report_energy.section(evidence)}
     if (state["failed"].values >= 0).any():
         last = max(int(step["step_index"]) for step in evidence.steps)
         names, dated = ["" for _ in range(last + 1)], [False] * (last + 1)

@@ -15,8 +15,10 @@ from mpm_core.rigid import RigidMotions, free_motions
 from mpm_core.scene import FACES, Material, Scene
 
 BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # VTK corner at each bit-ordered place (an involution)
-OF_FAILED = ("failure_order", "seismic_strain", "overshoot_strain", "later_strain", "dissipated")
+OF_FAILED = ("failure_order", "seismic_strain", "overshoot_strain", "later_strain")
 """parts of a State that change only where rock has failed"""
+FORCES, BOUNDARY, SEISMIC, OVERSHOOT, FLOW, GAINED, HOURGLASS, MOTION = range(8)
+"""entries of State.energy, J (per m in 2-D): see equilibrium.energy"""
 
 
 @dataclass
@@ -25,9 +27,9 @@ class State:
 
     stress (particle, 6) Pa: change since virgin (rock) or full stress (fill); failed (particle,) int32 step of first
     failure, -1 intact; failure_order (particle, 2) increment and generation; seismic_strain, overshoot_strain,
-    later_strain (particle, 6); plastic_strain (particle, 6) up to the stage before; dissipated (particle,) J/m3;
-    displacement, velocity (node, d); hourglass_force (cell, 2^d - 1 - d, d) N by mode. Where particles move: position
-    (particle, d) m, cell (particle,) int32, and cell_changes of this stage.
+    later_strain (particle, 6); plastic_strain (particle, 6) up to the stage before; displacement,
+    velocity (node, d); hourglass_force (cell, 2^d - 1 - d, d) N by mode; energy (8,) J, of this stage: see FORCES.
+    Where particles move: position (particle, d) m, cell (particle,) int32, and cell_changes of this stage.
     """
 
     stress: np.ndarray
@@ -37,10 +39,10 @@ class State:
     overshoot_strain: np.ndarray
     later_strain: np.ndarray
     plastic_strain: np.ndarray
-    dissipated: np.ndarray
     displacement: np.ndarray
     velocity: np.ndarray
     hourglass_force: np.ndarray
+    energy: np.ndarray
     position: np.ndarray
     cell: np.ndarray
     cell_changes: int = 0
@@ -117,10 +119,10 @@ class Model:
             overshoot_strain=tensors[2],
             later_strain=tensors[3],
             plastic_strain=tensors[4],
-            dissipated=np.zeros(count),
             displacement=np.zeros((nodes, self.dimension)),
             velocity=np.zeros((nodes, self.dimension)),
             hourglass_force=np.zeros(shape),
+            energy=np.zeros(MOTION + 1),
             position=self.particles.position,
             cell=self.particles.cell,
         )

@@ -13,10 +13,10 @@ from mpm_core.datasets import read_grid, read_loose, read_state, state_dataset
 from mpm_core.equilibrium.brittle import above_strength, find_brittle
 from mpm_core.equilibrium.cascade import Ramp, run_cascade
 from mpm_core.equilibrium.convergence import History, norm
+from mpm_core.equilibrium.energy import Balance, hourglass_energies
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.moving import MovingScheme
 from mpm_core.equilibrium.multigrid import MultigridScheme
-from mpm_core.equilibrium.perturbation import lateness
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels.failure import rate_strength
 from mpm_core.loading import boundary_strain, strain_reaction
@@ -48,6 +48,7 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
     state = model.virgin_state()
     volume = model.volumes(0)
     scheme = make_scheme(model, state, volume)
+    balance = Balance.at_start(scheme, model.particles.full_volume * model.particles.is_rock, 0.0)
     force, strain = model.external_force(0), boundary_strain(scene, 0)
     reference = load_size(model, force, strain, 0)
     with following(scene, "elastic", state, failed_state) as history:
@@ -57,7 +58,7 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
         scheme.relax(force, scene.solver.tolerance, reference, history)
         # Where free faces unload rock, the forces that do so measure a stress that has gone: what stays measures again.
         scheme.relax(force, scene.solver.tolerance, reference * share_that_stays(model, state, volume), history)
-    return finish(scheme, history, 0, state.displacement, force, "elastic")
+    return finish(scheme, history, 0, balance, force, state.displacement, "elastic")
 
 
 def share_that_stays(model: Model, state: State, volume: np.ndarray) -> float:
@@ -91,10 +92,12 @@ def mining_step(
 
     scheme = make_scheme(model, state, volume)
     start = target + scheme.internal_force()
+    old_volume, mined_hourglass = volume, 0.0
     if step > before:
-        old_volume, volume, target = volume, model.volumes(step), model.external_force(step)
-        release_mined_hourglass(model, state, old_volume, volume)
+        volume, target = model.volumes(step), model.external_force(step)
+        mined_hourglass = release_mined_hourglass(scheme, volume)
         scheme.set_volume(volume)
+    balance = Balance.at_start(scheme, old_volume, mined_hourglass)
     # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
     start -= scheme.internal_force()
     strain = boundary_strain(scene, step)
@@ -119,10 +122,8 @@ def mining_step(
                 scheme = make_scheme(model, state, volume)
             collapsed = run_cascade(scheme, brittle, ramp, step, history, checkpoint.save)
             checkpoint.remove()
-    released = state.displacement - previous.node_displacement.values[:, list(scene.axes)]
-    late = lateness(scene, step)[history.increment]
-    reached = (history.increment + late) / scene.solver.increments  # all of it, unless it collapsed before
-    return finish(scheme, history, step, released, (target - start) * reached, "step", collapsed)
+    moved = state.displacement - previous.node_displacement.values[:, list(scene.axes)]
+    return finish(scheme, history, step, balance, target, moved, "step", collapsed)
 
 
 def require_memory(scene: Scene, grid: xr.Dataset, elastic: bool = False) -> None:
@@ -145,14 +146,20 @@ def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) ->
     return float(np.hypot(norm(force), norm(strain_reaction(model, strain, step))))
 
 
-def release_mined_hourglass(model: Model, state: State, old_volume: np.ndarray, volume: np.ndarray) -> None:
-    """Hourglass forces of cells of which rock or fill is mined go with it, in proportion to its stiffness."""
+def release_mined_hourglass(scheme: ExplicitScheme, volume: np.ndarray) -> float:
+    """Hourglass forces of cells of which rock or fill is mined go with it, in proportion to its stiffness.
+
+    scheme: with the volumes before; volume (particle,): what stays. Returns the energy that goes with them, J.
+    """
+    model, state = scheme.model, scheme.state
     lame, shear = model.elastic_constants[model.particles.material].T
     stiffness, cells = lame + 2.0 * shear, len(model.cell_nodes)
-    old = np.bincount(model.particles.cell, stiffness * old_volume, minlength=cells)
-    kept = np.bincount(model.particles.cell, stiffness * np.minimum(old_volume, volume), minlength=cells)
+    old = np.bincount(model.particles.cell, stiffness * scheme.volume, minlength=cells)
+    kept = np.bincount(model.particles.cell, stiffness * np.minimum(scheme.volume, volume), minlength=cells)
     share = np.divide(kept, old, out=np.ones(cells), where=old > 0.0)
+    mined = np.sum((1.0 - share) * hourglass_energies(state.hourglass_force, scheme.hourglass))
     state.hourglass_force *= share[:, None, None]
+    return float(mined)
 
 
 class following:
@@ -184,13 +191,16 @@ def finish(
     scheme: ExplicitScheme,
     history: History,
     step: int,
+    balance: Balance,
+    target: np.ndarray,
     moved: np.ndarray,
-    released_force: np.ndarray,
     stage: str,
     collapsed: bool = False,
 ) -> tuple[xr.Dataset, dict]:
     """Rate the state against strength and put it into its dataset; the second value is what the log reports."""
     model, state, volume = scheme.model, scheme.state, scheme.volume
+    scheme.settle()
+    energy = balance.facts(scheme, target, moved)
     scheme.drop_work_arrays()  # as large as what is written now
     scene = model.scene
     rating = rate(model, state, volume)
@@ -205,9 +215,7 @@ def finish(
         "unbalanced_ratio": float(table["unbalanced_ratio"][-1]),
         "failed_particles": int(here.sum()),
         "failed_volume": float(volume[here].sum() * scene.thickness),
-        # Salamon (1984): half the work that the support taken away would have done on what moved
-        "energy_released": 0.5 * float(np.sum(moved * released_force)) * scene.thickness,
-        "energy_dissipated": float(np.sum(state.dissipated * volume)) * scene.thickness,
+        **energy,
         **hourglass_energy(scheme),
         "cell_changes": state.cell_changes,
         "collapsed": int(collapsed),
@@ -218,11 +226,9 @@ def finish(
 
 
 def hourglass_energy(scheme: ExplicitScheme) -> dict[str, float]:
-    """Energy that the hourglass stiffness holds, J, in intact and in failed cells apart: q^2 / 2 k over their modes."""
-    state, cells = scheme.state, len(scheme.model.cell_nodes)
-    stiffness = np.where(scheme.hourglass > 0.0, scheme.hourglass, np.inf)
-    energy = 0.5 * np.sum(state.hourglass_force**2, axis=(1, 2)) / stiffness * scheme.model.scene.thickness
-    failed = np.zeros(cells, bool)
+    """Energy that the hourglass stiffness holds, J, in intact and in failed cells apart."""
+    energy = hourglass_energies(scheme.state.hourglass_force, scheme.hourglass) * scheme.model.scene.thickness
+    failed = np.zeros(len(energy), bool)
     failed[scheme.model.particles.cell[scheme.failed]] = True
     return {
         "hourglass_energy_intact": float(np.sum(energy[~failed])),

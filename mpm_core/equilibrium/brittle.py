@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpm_core.equilibrium.energy import dissipate, hourglass_energies
 from mpm_core.equilibrium.perturbation import borne_overstress
 from mpm_core.kernels.failure import any_neighbor, drop, overstress_of, stands_above
-from mpm_core.model import Model, State
+from mpm_core.model import HOURGLASS, OVERSHOOT, SEISMIC, Model, State
 
 
 @dataclass(frozen=True)
@@ -80,8 +81,10 @@ def _overstress(model: Model, state: State, candidates: np.ndarray, borne: np.nd
     return excess if borne is None else excess - borne[candidates]
 
 
-def fail(model: Model, state: State, particles: np.ndarray, step: int, increment: int, generation: int) -> None:
-    """Drop these particles to residual strength and release the hourglass force of their cells."""
+def fail(scheme, particles: np.ndarray, step: int, increment: int, generation: int) -> None:
+    """Drop these particles of a scheme to residual strength and release the hourglass force of their cells."""
+    model, state = scheme.model, scheme.state
+    energy = np.empty((len(particles), 2))
     drop(
         particles,
         state.stress,
@@ -92,8 +95,12 @@ def fail(model: Model, state: State, particles: np.ndarray, step: int, increment
         model.residual_rows,
         state.overshoot_strain,
         state.seismic_strain,
-        state.dissipated,
+        energy,
     )
     state.failed[particles] = step
     state.failure_order[particles] = increment, generation
-    state.hourglass_force[model.particles.cell[particles]] = 0.0
+    for entry, part in zip((OVERSHOOT, SEISMIC), energy.T, strict=True):
+        dissipate(state, entry, part * scheme.volume[particles])
+    cells = np.unique(model.particles.cell[particles])
+    state.energy[HOURGLASS] += float(hourglass_energies(state.hourglass_force[cells], scheme.hourglass[cells]).sum())
+    state.hourglass_force[cells] = 0.0

@@ -69,7 +69,7 @@ def fail_next(scheme, brittle: Brittle, step: int, history: History, part: Part 
         )
     if solver.collapse == "keep":
         keep_rest(scheme, history)
-    fail(model, state, fresh, step, history.increment, history.generation)
+    fail(scheme, fresh, step, history.increment, history.generation)
     history.generation += 1
     scheme.set_failed()
     return fresh

@@ -26,7 +26,8 @@ import numpy as np
 
 from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.convergence import History, NoRest
-from mpm_core.kernels.flow import dissipate, note_flow_start, take_back_flow
+from mpm_core.equilibrium.energy import Way, count_flow
+from mpm_core.kernels.flow import note_flow_start, take_back_flow
 from mpm_core.kernels.nodes import (
     advance_nodes,
     collect_to_parents,
@@ -104,11 +105,11 @@ class ExplicitScheme:
     def settle(self) -> None:
         """What has flowed so far stays; from here on flow is counted anew."""
         state = self.state
-        dissipate(self.flowing, *self.flow_start, self.model.insitu, state.stress, state.later_strain, state.dissipated)
+        self.way.end(self, count_flow(self))
         self.flowing = np.flatnonzero(self.failed & (self.volume > 0.0))
         count = len(self.flowing)
-        self.flow_start = np.empty((count, 6)), np.empty((count, 6)), np.empty(count)
-        note_flow_start(self.flowing, state.stress, state.later_strain, state.dissipated, *self.flow_start)
+        self.flow_start = np.empty((count, 6)), np.empty((count, 6))
+        note_flow_start(self.flowing, state.stress, state.later_strain, *self.flow_start)
 
     def part_around(self, brittle: Brittle, fresh: np.ndarray) -> None:
         """No part of the mine: by explicit steps the whole comes to rest at once."""
@@ -128,19 +129,19 @@ class ExplicitScheme:
     def _count_flow_anew(self) -> None:
         """Nothing has flowed on the way to the present state."""
         self.flowing = np.empty(0, np.int64)
-        self.flow_start = (np.empty((0, 6)), np.empty((0, 6)), np.empty(0))
+        self.flow_start = (np.empty((0, 6)), np.empty((0, 6)))
+        self.way = Way()
 
     def _take_back_flow(self) -> None:
         """Stress of failed rock as if it had not flowed since flow was last counted anew."""
         model, state = self.model, self.state
         take_back_flow(
             self.flowing,
-            *self.flow_start[1:],
+            self.flow_start[1],
             model.particles.material,
             model.elastic_constants,
             state.stress,
             state.later_strain,
-            state.dissipated,
         )
 
     def _update(self, time_step: float, blocks: np.ndarray | None = None) -> None:
@@ -170,7 +171,6 @@ class ExplicitScheme:
             self.hourglass,
             state.stress,
             state.later_strain,
-            state.dissipated,
             state.hourglass_force,
             self.slot_force,
         )
@@ -219,6 +219,8 @@ class ExplicitScheme:
 
         Where the boundary is held this is its motion; elsewhere a first guess, exact for a homogeneous specimen.
         """
+        self._update(0.0)
+        self.way.strain(self)
         place = self.model.grid.node_index * self.model.grid.fine_cell
         self.displace(np.sum(place[:, None, :] * strain, axis=2))
 
@@ -240,6 +242,7 @@ class ExplicitScheme:
         for iteration in range(solver.max_iterations + 1):
             if iteration % CHECK_EVERY == 0:
                 self._advance(external, 0.0)
+                self.way.begin(self, external)
                 ratio, largest = (size / reference for size in sizes(self.unbalanced))
                 history.check(ratio, largest)
                 if ratio <= tolerance:
@@ -248,6 +251,7 @@ class ExplicitScheme:
                 self._check_reach(ratio)
                 if iteration > 0 and iteration % FLOW_FROM == 0:
                     self.settle()
+                    self.way.begin(self, external)
             self.step(external)
             history.iteration += 1
             if history.bar is not None:

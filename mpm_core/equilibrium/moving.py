@@ -21,12 +21,13 @@ density scaling a particle that changes level takes the density of its new cell,
 
 import numpy as np
 
+from mpm_core.equilibrium.energy import dissipate
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.grid.adjacency import leaf_lookup
 from mpm_core.kernels.moving import CYCLE, move_nodes
 from mpm_core.kernels.nodes import spread_to_hanging
 from mpm_core.kernels.relocation import relocate, sort_by_cell
-from mpm_core.model import Model, State
+from mpm_core.model import FLOW, Model, State
 from pipeline.errors import InputError
 
 
@@ -46,6 +47,7 @@ class MovingScheme(ExplicitScheme):
         self.xi = (state.position - model.grid.cell_center[state.cell]) / (0.5 * self.cell_size[state.cell])[:, None]
         self.velocity = np.zeros((model.particles.count, dimension))
         self.acceleration = np.zeros_like(state.velocity)
+        self.dissipated = np.zeros(model.particles.count)  # by flow, J/m3
         self.slot_values = np.zeros((scatter.slots, 2 * dimension + 2))
         self.leavers = np.zeros(len(scatter.block_start) - 1, np.int64)
         super().__init__(model, state, volume)
@@ -112,7 +114,7 @@ class MovingScheme(ExplicitScheme):
             self.velocity,
             state.stress,
             state.later_strain,
-            state.dissipated,
+            self.dissipated,
             self.slot_values,
             self.leavers,
         )
@@ -139,7 +141,10 @@ class MovingScheme(ExplicitScheme):
             spread_to_hanging(self.hanging, model.grid.node_parents, values)
 
     def settle(self) -> None:
-        """Nothing to do: particles that move flow as they go, in every step."""
+        """Count what particles that move have dissipated: they flow as they go, in every step."""
+        self.way.forget()
+        dissipate(self.state, FLOW, self.dissipated * self.volume)
+        self.dissipated[:] = 0.0
 
     def _stop_drift(self) -> None:
         if self.free.count:

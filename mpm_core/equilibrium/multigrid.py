@@ -139,6 +139,7 @@ class MultigridScheme(ExplicitScheme):
             self._update(0.0, np.flatnonzero(self.stale))
         self.stale[:] = False
         ratio = self._look(external, reference, history)
+        self.way.begin(self, external)
         if ratio > tolerance:
             before = history.iteration
             approach = self._flow if len(self.flowing) else self._solve

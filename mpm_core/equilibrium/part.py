@@ -50,6 +50,7 @@ class Part:
 
     def give_back(self, state: State) -> None:
         """Write what has changed into the state of the whole mine."""
+        state.energy += self.state.energy
         failed = np.flatnonzero(self.state.failed >= 0)
         every = slice(None)
         for names, index, own in (
@@ -91,7 +92,7 @@ def cut_out(
     logging.info("in a part of %d cells", len(cells))
     return Part(
         part,
-        State(**copies, position=particles.position, cell=particles.cell),
+        State(**copies, energy=np.zeros_like(state.energy), position=particles.position, cell=particles.cell),
         volume[indices],
         _crop_brittle(brittle, indices, cells, number),
         cells,

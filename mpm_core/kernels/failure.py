@@ -104,11 +104,12 @@ def drop(
     residual_rows,
     overshoot_strain,
     seismic_strain,
-    dissipated,
+    energy,
 ):
-    """Brittle drop of the given particles, in place: stress to residual; overshoot and seismic strain; energy J/m3.
+    """Brittle drop of the given particles (k,), in place: stress to residual; overshoot and seismic strain.
 
-    Energy is that of two straight paths: trial to peak, peak to residual.
+    energy (k, 2) J/m3, written: what overshoot and seismic strain dissipate, on two straight paths from trial stress to
+    peak and from peak to residual. Strain is fixed: it is what the elastic energy loses.
     """
     for i in range(len(particles)):
         p = particles[i]
@@ -127,16 +128,14 @@ def drop(
             strength_of(residual_rows, m),
         )
         trial = (xx, yy, zz, yz, xz, xy)
-        work = 0.0
+        energy[i] = 0.0
         for k in range(6):
             twice = 1.0 if k < 3 else 2.0  # shear stands twice in a tensor
-            work += (
-                twice * 0.5 * (trial[k] + peak[k]) * overshoot[k] + twice * 0.5 * (peak[k] + residual[k]) * seismic[k]
-            )
+            energy[i, 0] += twice * 0.5 * (trial[k] + peak[k]) * overshoot[k]
+            energy[i, 1] += twice * 0.5 * (peak[k] + residual[k]) * seismic[k]
             overshoot_strain[p, k] = overshoot[k]
             seismic_strain[p, k] = seismic[k]
             stress[p, k] = residual[k] - insitu[p, k]
-        dissipated[p] += work
 
 
 @njit(parallel=True, error_model="numpy", cache=True)

@@ -142,7 +142,7 @@ def make_cycle(dimension: int):
                         xi[particle, 0] = x
                         xi[particle, 1] = y
                         if failed[particle]:
-                            flow_at_residual(
+                            dissipated[particle] += flow_at_residual(
                                 particle,
                                 elastic_constants[material[particle], 0],
                                 elastic_constants[material[particle], 1],
@@ -150,7 +150,6 @@ def make_cycle(dimension: int):
                                 insitu,
                                 stress,
                                 later_strain,
-                                dissipated,
                             )
                         if min(x, y, z) < LOWEST or max(x, y, z) >= 1.0:
                             left += 1

@@ -18,10 +18,11 @@ from mpm_core.constitutive.strength import strength_of
 
 
 @njit(cache=True, error_model="numpy")
-def flow_at_residual(particle, lame_lambda, shear_modulus, row, insitu, stress, later_strain, dissipated):
+def flow_at_residual(particle, lame_lambda, shear_modulus, row, insitu, stress, later_strain):
     """Return a failed particle's stress to its residual surface; the elastic strain it gives up is plastic, aseismic.
 
-    row: its residual strength row; insitu, stress, later_strain (particle, 6) and dissipated (particle,).
+    row: its residual strength row; insitu, stress, later_strain (particle, 6). Returns what the flow dissipates, J/m3,
+    at the stress it ends at: see equilibrium.energy.
     """
     xx = stress[particle, 0] + insitu[particle, 0]
     yy = stress[particle, 1] + insitu[particle, 1]
@@ -31,7 +32,7 @@ def flow_at_residual(particle, lame_lambda, shear_modulus, row, insitu, stress, 
     xy = stress[particle, 5] + insitu[particle, 5]
     rxx, ryy, rzz, ryz, rxz, rxy, region = return_to_surface(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row)
     if region == ELASTIC:
-        return
+        return 0.0
     dxx, dyy, dzz, dyz, dxz, dxy = xx - rxx, yy - ryy, zz - rzz, yz - ryz, xz - rxz, xy - rxy
     exx, eyy, ezz, eyz, exz, exy = strain_from_stress(lame_lambda, shear_modulus, dxx, dyy, dzz, dyz, dxz, dxy)
     stress[particle, 0] -= dxx
@@ -46,10 +47,7 @@ def flow_at_residual(particle, lame_lambda, shear_modulus, row, insitu, stress, 
     later_strain[particle, 3] += eyz
     later_strain[particle, 4] += exz
     later_strain[particle, 5] += exy
-    # work of the mean stress on the straight path from trial to returned
-    dissipated[particle] += contraction(rxx, ryy, rzz, ryz, rxz, rxy, exx, eyy, ezz, eyz, exz, exy) + 0.5 * contraction(
-        dxx, dyy, dzz, dyz, dxz, dxy, exx, eyy, ezz, eyz, exz, exy
-    )
+    return contraction(rxx, ryy, rzz, ryz, rxz, rxy, exx, eyy, ezz, eyz, exz, exy)
 
 
 def make_update(dimension: int):
@@ -80,7 +78,6 @@ def make_update(dimension: int):
         hourglass_stiffness,
         stress,
         later_strain,
-        dissipated,
         hourglass_force,
         slot_force,
     ):
@@ -91,8 +88,7 @@ def make_update(dimension: int):
         cell_groups, group_start, group_table: see particles.Particles; mode_values (point row, 2^d); velocity (node, d)
         m/s; volume, material (particle,); elastic_constants (material, 2) lambda and mu, Pa; residual_rows (material,
         column); failed (particle,) bool; insitu (particle, 6) Pa; hourglass_stiffness (cell,) N/m. In place: stress,
-        later_strain (particle, 6), dissipated (particle,) J/m3, hourglass_force (cell, 2^d - 1 - d, d) N, slot_force
-        (slot, d) N.
+        later_strain (particle, 6), hourglass_force (cell, 2^d - 1 - d, d) N, slot_force (slot, d) N.
         """
         for which in prange(len(blocks)):
             block = blocks[which]
@@ -168,7 +164,6 @@ def make_update(dimension: int):
                                 insitu,
                                 stress,
                                 later_strain,
-                                dissipated,
                             )
 
                         weight = volume[particle] * slope

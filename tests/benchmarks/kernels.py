@@ -109,9 +109,9 @@ class Case:
         return min(self.clock[1]) / min(self.clock[2])
 
     def measure_yielding(self) -> None:
-        before = self.scheme.state.dissipated.copy()
+        before = self.scheme.state.later_strain.copy()
         self.steps(1)
-        self.yielding = float((self.scheme.state.dissipated > before).mean())
+        self.yielding = float((self.scheme.state.later_strain != before).any(axis=1).mean())
 
 
 def compressed(model: Model, moving: bool, coulomb: bool) -> ExplicitScheme:
@@ -215,7 +215,7 @@ def bytes_per_particle(scheme: ExplicitScheme) -> float:
     total = sum(array.nbytes for array in read) + 2 * sum(array.nbytes for array in both)
     if scheme.failed.any():
         total += model.insitu.nbytes
-        total += 2 * YIELDING_SHARE * (state.later_strain.nbytes + state.dissipated.nbytes)
+        total += 2 * YIELDING_SHARE * state.later_strain.nbytes
     return total / model.particles.count
 
 

@@ -193,6 +193,9 @@ def make_state(grid: xr.Dataset, index: int) -> xr.Dataset:
             "truncated_where": "x 10050 to 10070, y 20050 to 20060, z -1030 to -1010 m" if truncated else "",
             "failed_particles": int((now & (fill < 0)).sum()), "failed_volume": float(volume[now].sum()),
             "energy_released": 4.2e7, "energy_dissipated": 1.1e7, "lame_lambda": LAME, "shear_modulus": SHEAR,
+            "energy_work": 2e6, "energy_stored": -3.3e7, "energy_support": 6e6, "energy_seismic": 1e6,
+            "energy_overshoot": 2e6, "energy_flow": 8e6, "energy_gained": 0.0, "energy_hourglass": 5e5,
+            "energy_hourglass_released": 5e5, "energy_motion": 1.69e7, "energy_left": 1e5, "energy_left_share": 0.003,
             "config_hash": f"22{index}", "source_hash": "aaaa", "versions": json.dumps({"numpy": "2.4"}),
         },
     )  # fmt: skip

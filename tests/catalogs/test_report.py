@@ -13,7 +13,7 @@ import report_fixtures as fixtures
 import xarray as xr
 import yaml
 
-from catalogs import report, report_record
+from catalogs import report, report_energy, report_record
 from catalogs.comparison import compare
 from catalogs.figures import convergence, events, style
 from catalogs.report import write_report
@@ -105,6 +105,26 @@ def test_loose_rock_is_named_before_anything_else(page):
     assert page.sections["headline"].count("Loose rock in step") == 1
     expected = "2019-09: 3 pieces, 1.20 m³, largest 0.7 m³ at (x, y, z) = (10052.0, 20051.5, −1020.2) m, taken as"
     assert expected in page.sections["headline"]
+
+
+def test_the_page_says_where_the_energy_of_each_step_went(page, mine):
+    """Each term in its column, in MJ; hourglass energy held and lost at failure together; what is left as a share."""
+    attributes = read_dataset(mine.steps[-1]).attrs
+    table = report_energy.section(SimpleNamespace(steps=[attributes]))
+    assert dict(zip(table["columns"], table["rows"][0]["values"], strict=True)) == {
+        "work done on the rock": "2.00", "stored more in it": "−33.0", "taken up while mined": "6.00",
+        "seismic drop": "1.00", "overshoot": "2.00", "later flow": "8.00", "hourglass": "1.00", "motion": "16.9",
+    }  # fmt: skip
+    assert table["rows"][0]["left"] == "0.30 %"
+    assert not table["gains"]
+    for text in ("where the energy went", "later flow", "16.9", "0.30 %"):
+        assert text in page.sections["rock"]
+    gains = report_energy.section(SimpleNamespace(steps=[attributes | {"energy_gained": 1e6}]))
+    assert gains["gains"]
+    assert gains["rows"][0]["values"][-1] == "1.00"
+    moving = report_energy.section(SimpleNamespace(steps=[attributes | {"energy_left_share": np.nan}]))
+    assert moving["unknown"]
+    assert moving["rows"][0]["left"] == "–"
 
 
 def test_many_excavations_are_folded_under_their_sums(page, mine, tmp_path, monkeypatch):

@@ -58,7 +58,7 @@ MADE = {"mine", "config_hash", "source_hash", "versions"}
 STATE_FACTS = {
     *("stage", "step", "step_index", "tolerance", "scheme", "iterations", "unbalanced_ratio"),
     *("truncated", "truncated_share", "truncated_where", "failed_particles", "failed_volume", "energy_released"),
-    *("energy_dissipated", "lame_lambda", "shear_modulus"),
+    *("energy_dissipated", "energy_left_share", "energy_balance", "lame_lambda", "shear_modulus"),
 }
 EVENT_FACTS = {"kind", "lame_lambda", "shear_modulus", "frame"}
 CATALOG_FACTS = EVENT_FACTS | {"potency_floor", "seismic_fraction", "budget"}

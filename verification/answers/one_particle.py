@@ -64,7 +64,7 @@ def read_point(grid: xr.Dataset, state: xr.Dataset, width: float) -> Point:
         overshoot=strain("overshoot_strain"),
         seismic=strain("seismic_strain"),
         later=strain("later_strain"),
-        energy=state.attrs["energy_dissipated"] / width**3,
+        energy=(state.attrs["energy_dissipated"] - state.attrs["energy_gained"]) / width**3,
         failed=bool(state.attrs["failed_particles"]),
     )
 

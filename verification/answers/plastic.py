@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from verification.answers.cavity import Cavity, plastic_ring, read_pressure
+from verification.answers.energy import closing_row
 from verification.answers.plastic_figure import draw
 from verification.closed_forms.plastic_ring import PlasticRing
 from verification.closed_forms.plastic_tunnel import PlasticTunnel
@@ -95,6 +96,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     held = max(float(run.cavity.state.attrs["truncated_share"]) for run in runs)
     quantity = "all: rock above strength that coarse cells keep from failing, largest share of what fails"
     rows.append(Row(quantity, 0.0, held, held, 0.0))
+    rows.append(closing_row("all", (run.cavity.state for run in runs)))
     return rows, draw(perfect, groups)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from verification.answers.cavity import Cavity, read_pressure
+from verification.answers.energy import closing_row, sphere_rows
 from verification.answers.sphere_figure import draw
 from verification.closed_forms.sphere import Elastic, SphericalInclusion
 from verification.results import Results, Variant
@@ -35,8 +36,10 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         exact, pressure = exact_field(results[name]), read_pressure(results[name])
         rows.append(stress_row(name, cavity, exact, pressure, results))
         rows += closure_rows(name, cavity, exact, results.allowed["closure"])
+        rows += sphere_rows(name, cavity.state, exact, results.allowed["closure"])
         if cavity.fill.any():
             rows += inclusion_rows(name, cavity, exact, pressure, results.allowed["stress"])
+    rows.append(closing_row("all", (cavity.state for cavity in cavities.values())))
     fields = {name: (cavities[name], exact_field(results[name])) for name in cavities}
     return rows, draw(fields, results.settings["outer_radii"])
 

@@ -1,0 +1,180 @@
+"""Where the energy of a stage goes: a balance whose every term is counted by itself.
+
+Rock that stays in the stage has particles of volume V, full stress s = s' + s0 (s': change since virgin, s0: virgin),
+and nodes that move by du. Equilibrium is r = F - sum B^T s' V - H = 0 (H: hourglass forces), with forces F that rest
+while an increment relaxes. With G = sum B^T s0 V, weight and in-situ stress at the boundary, work is done by F + G.
+
+A way is straight, from one settled state a to the next, b. Along it strain is elastic but for the flow p of failed
+rock, whose path integral of stress : dp is d (kernels.energy.flow_energy). As stress and force are linear in strain and
+motion but for that, on every way
+
+    (F + G) . du = [sum V s : C^-1 : s / 2] + [q^2 / 2 k] + sum V d + M,    work = stored + hourglass + flow + motion
+    M = (r_a + r_b) . du / 2 - sum V (d - (s_a + s_b) : p / 2)
+
+where [] is the change from a to b. Motion M is the path integral of r: what forces do beyond what rock takes up. It
+ends as waves and heat; in elastic rock it is r_a . du / 2. r_b, at rest, is left out of it: its work is what the
+balance leaves. An excavation whose support is ramped down in n increments sets 1 / n in motion of what it does at once
+(Salamon 1984, J. South. Afr. Inst. Min. Metall. 84, 233). A boundary that is strained moves slowly: the mean of its
+forces at both ends times its motion is work, and what flow adds to that on the way is work of the boundary, not motion.
+
+Neither flow nor a drop is ever negative unless rock dilates above its friction: that is counted as gained, by itself.
+
+Failure happens at rest. What stress loses at fixed strain is dissipated, (s_trial + s_peak) / 2 : overshoot strain
+and (s_peak + s_residual) / 2 : seismic strain; the hourglass energy of its cell is lost. That nodes are out of balance
+then is the next way's r_a. Rock that is mined takes its energy with it; it is no part of these volumes, but of
+Salamon's energy released.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mpm_core.kernels.energy import flow_energy, stored_energy, work_of_forces, work_of_stress
+from mpm_core.kernels.nodes import advance_nodes
+from mpm_core.model import BOUNDARY, FLOW, FORCES, GAINED, HOURGLASS, MOTION, OVERSHOOT, SEISMIC, Model, State
+
+if TYPE_CHECKING:
+    from mpm_core.equilibrium.explicit import ExplicitScheme
+
+BALANCE = (
+    "energy_work = energy_support + energy_stored + energy_hourglass + energy_hourglass_released + energy_seismic + "
+    "energy_overshoot + energy_flow - energy_gained + energy_motion + energy_left, J, of the rock that stays; "
+    "energy_released is Salamon's (1984): energy_mined + all of these but support, stored, hourglass and left"
+)
+
+
+class Way:
+    """The way from the last settled state on: what forces have done on it is counted when it ends."""
+
+    def __init__(self):
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing is under way."""
+        self.external = self.residual = self.start = self.carried = None
+        self.work_before = self.residual_before = 0.0
+
+    def strain(self, scheme: "ExplicitScheme") -> None:
+        """Before the boundary moves: nodes carry their present forces until the way begins."""
+        if self.start is None:
+            self.start, self.carried = scheme.state.displacement.copy(), nodal_forces(scheme)
+
+    def begin(self, scheme: "ExplicitScheme", external: np.ndarray) -> None:
+        """External forces (node, d) N act from now on, nothing has moved yet; a way that has begun goes on."""
+        if self.external is not None:
+            return
+        start = scheme.state.displacement if self.start is None else self.start
+        self.external = external
+        self.residual = scheme.unbalanced.copy()
+        if self.carried is not None:
+            self.residual[:] = np.where(scheme.model.held, 0.0, external + self.carried)
+        self.work_before = work_of_forces(external, start)
+        self.residual_before = work_of_forces(self.residual, start)
+
+    def end(self, scheme: "ExplicitScheme", beyond: float) -> None:
+        """At rest: count what was done. beyond J: how much more flow dissipates on the way than at its mean stress."""
+        if self.external is None:
+            return
+        state, held = scheme.state, scheme.model.held
+        state.energy[FORCES] += work_of_forces(self.external, state.displacement) - self.work_before
+        state.energy[MOTION] += 0.5 * (work_of_forces(self.residual, state.displacement) - self.residual_before)
+        if self.carried is None:
+            state.energy[MOTION] -= beyond
+        else:
+            reaction = np.where(held, -0.5 * (self.carried + nodal_forces(scheme)), 0.0)
+            state.energy[BOUNDARY] += work_of_forces(reaction, state.displacement - self.start) + beyond
+        self.forget()
+
+
+def nodal_forces(scheme: "ExplicitScheme") -> np.ndarray:
+    """Forces -B^T s' V - H (node, d) N of the stress that slots were last filled from, at held nodes, too."""
+    scatter, state = scheme.model.scatter, scheme.state
+    zeros, found = np.zeros_like(state.displacement), np.zeros_like(state.displacement)
+    advance_nodes(
+        scatter.free_nodes, scatter.sum_start, scatter.sum_slots, scatter.sum_weights, scheme.slot_force, zeros,
+        scheme.mass, np.zeros_like(scheme.model.held), 0.0, 0.0, zeros.copy(), zeros, found,
+    )  # fmt: skip
+    return found
+
+
+def dissipate(state: State, entry: int, energy: np.ndarray) -> None:
+    """Count energies (k,) J of particles: what is dissipated in the entry, what rock has gained in its own."""
+    state.energy[entry] += float(np.sum(np.maximum(energy, 0.0)))
+    state.energy[GAINED] -= float(np.sum(np.minimum(energy, 0.0)))
+
+
+def count_flow(scheme: "ExplicitScheme") -> float:
+    """Count what has flowed as dissipated; how much more that is than at the mean stress of the way, J."""
+    model, state = scheme.model, scheme.state
+    energy = np.empty((len(scheme.flowing), 2))
+    flow_energy(
+        scheme.flowing, *scheme.flow_start, model.insitu, state.stress, state.later_strain, model.particles.material,
+        model.elastic_constants, model.residual_rows, energy,
+    )  # fmt: skip
+    energy *= scheme.volume[scheme.flowing, None]
+    dissipate(state, FLOW, energy[:, 0])
+    return float(np.sum(energy[:, 1]))
+
+
+def hourglass_energies(force: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Energy (cell,) J of hourglass forces (cell, mode, d) N: q^2 / 2 k over their modes; stiffness (cell,) N/m."""
+    return 0.5 * np.sum(force**2, axis=(1, 2)) / np.where(stiffness > 0.0, stiffness, np.inf)
+
+
+def elastic_energy(model: Model, state: State, volume: np.ndarray) -> float:
+    """Of the full stress, J (per m in 2-D)."""
+    particles = model.particles
+    return stored_energy(state.stress, model.insitu, volume, particles.material, model.elastic_constants)
+
+
+@dataclass
+class Balance:
+    """What a stage begins with, J (per m in 2-D): energy of the rock that stays, and of what is mined at its start."""
+
+    stored: float
+    hourglass: float
+    mined: float
+
+    @classmethod
+    def at_start(cls, scheme: "ExplicitScheme", old_volume: np.ndarray, mined_hourglass: float) -> "Balance":
+        """scheme: with the volumes that stay; old_volume (particle,): before; mined_hourglass J: gone with the rest."""
+        stored = elastic_energy(scheme.model, scheme.state, scheme.volume)
+        before = elastic_energy(scheme.model, scheme.state, old_volume)
+        hourglass = float(hourglass_energies(scheme.state.hourglass_force, scheme.hourglass).sum())
+        return cls(stored, hourglass, before - stored + mined_hourglass)
+
+    def facts(self, scheme: "ExplicitScheme", target: np.ndarray, moved: np.ndarray) -> dict[str, float | str]:
+        """Every term of the balance at the stage's end, J, see BALANCE.
+
+        target (node, d) N: forces that act for good; moved (node, d) m: motion of the stage. Particles that move do so
+        by velocities of their own: their forces' work is not counted.
+        """
+        model, state, particles = scheme.model, scheme.state, scheme.model.particles
+        counted = np.nan if model.scene.solver.move else 1.0
+        lasting = work_of_forces(target, moved)
+        lasting_virgin = work_of_stress(
+            model.cell_nodes, model.grid.cell_size, particles.cell, particles.xi, scheme.volume, model.insitu, moved
+        )
+        terms = {
+            "support": (lasting - state.energy[FORCES]) * counted,
+            "stored": elastic_energy(model, state, scheme.volume) - self.stored,
+            "hourglass": float(hourglass_energies(state.hourglass_force, scheme.hourglass).sum()) - self.hourglass,
+            "hourglass_released": state.energy[HOURGLASS],
+            "seismic": state.energy[SEISMIC],
+            "overshoot": state.energy[OVERSHOOT],
+            "flow": state.energy[FLOW],
+            "motion": state.energy[MOTION] * counted,
+        }
+        work = (lasting + lasting_virgin + state.energy[BOUNDARY]) * counted
+        gained = state.energy[GAINED]
+        left = work + gained - sum(terms.values())
+        largest = np.nanmax(np.abs([work, gained, *terms.values()]))
+        dissipated = terms["seismic"] + terms["overshoot"] + terms["flow"]
+        released = self.mined + dissipated - gained + terms["hourglass_released"] + terms["motion"]
+        values = {"work": work, **terms, "gained": gained, "left": left, "mined": self.mined}
+        values |= {"released": released, "dissipated": dissipated}
+        scale = model.scene.thickness
+        facts = {f"energy_{name}": float(value) * scale for name, value in values.items()}
+        share = abs(left) / largest if largest > 0.0 else 0.0
+        return facts | {"energy_left_share": float(share), "energy_balance": BALANCE}
