@@ -36,7 +36,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         exact, pressure = exact_field(results[name]), read_pressure(results[name])
         rows.append(stress_row(name, cavity, exact, pressure, results))
         rows += closure_rows(name, cavity, exact, results.allowed["closure"])
-        rows += sphere_rows(name, cavity.state, exact, results.allowed["closure"])
+        rows += sphere_rows(name, cavity.state, exact, results.allowed["energy"])
         if cavity.fill.any():
             rows += inclusion_rows(name, cavity, exact, pressure, results.allowed["stress"])
     rows.append(closing_row("all", (cavity.state for cavity in cavities.values())))
