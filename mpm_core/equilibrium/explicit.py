@@ -42,7 +42,8 @@ from mpm_core.model import Model, State
 CHECK_EVERY = 20  # iterations between two looks at the unbalanced force
 TIME_STEP_SHARE = 0.98  # of the damped limit, 1 / sqrt(1 + c) of the undamped one
 FLOW_FROM = 2000  # iterations; a relaxation that ends takes up to 1,200 (the demo, to 3e-5)
-FAILED_HOURGLASS = 0.01  # of the intact hourglass stiffness: a stiff one props failed rock up (design section 5)
+FAILED_HOURGLASS = 0.01  # of the intact hourglass stiffness: a stiff one props failed rock up, as eight particles do.
+# Closure of a stope in cells of 4, 2, 1 m: 11.3, 13.7, 13.5 mm; at 0.1 8.4, 11.6, 12.3; eight particles 6.5, 9.9, 12.0
 
 
 class ExplicitScheme:

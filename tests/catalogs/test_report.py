@@ -117,7 +117,7 @@ def test_the_page_says_where_the_energy_of_each_step_went(page, mine):
     }  # fmt: skip
     assert table["rows"][0]["left"] == "0.30 %"
     assert not table["gains"]
-    for text in ("where the energy went", "later flow", "16.9", "0.30 %"):
+    for text in ("where the energy went", "later flow", "16.9", "0.30 %", "closure depend on the size of cells"):
         assert text in page.sections["rock"]
     gains = report_energy.section(SimpleNamespace(steps=[attributes | {"energy_gained": 1e6}]))
     assert gains["gains"]
