@@ -17,6 +17,7 @@ from workflow.configuration import load
 from workflow.draft import draft_of
 
 IN_FILE = {key: DIRECTED[key] for key in ("name", "step", "force", "toward")} | {"file": "record.csv"}
+UPSIDE_DOWN = {"shape": "prism", "lower": "50 m", "upper": "40 m"}
 ELEVATIONS = {"lower": "40 m", "upper": "50 m"}
 TRIANGLE = [["20 m", "30 m"], ["60 m", "30 m"], ["60 m", "40 m"]]
 PRISM = {"name": "drive", "step": "history", "shape": "prism", "polygon": TRIANGLE, **ELEVATIONS}
@@ -156,6 +157,7 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("excavations.1", IN_DRAWING | {"scale": 0}, "excavations[1].scale: ", "minimum"),
     ("excavations.1", IN_DRAWING | {"height": "3 m"}, "excavations.stope_1.height: ", "not a key of file; its keys"),
     ("excavations.1", IN_DRAWING | {"shape": "box"}, "excavations.stope_1: ", "either a shape or a file"),
+    ("excavations.1", IN_DRAWING | UPSIDE_DOWN, "excavations.stope_1.upper: upside down", "not above lower"),
     ("excavations.1", IN_DRAWING | {"shape": "prism"}, "excavations.stope_1: ", "lower and upper, or height"),
     ("excavations.1", IN_DRAWING | {"shape": "prism", "radius": "3 m"}, "excavations.stope_1.radius: ", "not a key"),
     ("excavations.1", BALL | {"radius": "1e300 m"}, "excavations[1].radius: ", "out of range"),
