@@ -14,6 +14,7 @@ from numba import njit
 
 from mpm_core.kernels.operator_rows import PROLONG, RESTRICT, mask, smooth_first, smooth_next, subtract
 from mpm_core.multigrid.level import Level
+from mpm_core.multigrid.stiff_bodies import StiffBodies
 from mpm_core.threads import threads_for
 
 DEGREE = {2: 2.4, 3: 1.2}
@@ -24,6 +25,7 @@ SLOW_HOURGLASS = 0.15
 MOST_UNKNOWNS = 400  # that are solved for directly
 SHIFT = {True: 1e-7, False: 1e-3}
 """by whether anything holds the body: what is added to the diagonal of the coarsest level, as a share of it"""
+DOUBLE_SHIFT = 1e-11  # the same in double precision: stiff bodies in it move freely in soft rock
 
 
 def slowness(wave_over_shear: float, hourglass: float) -> float:
@@ -93,7 +95,8 @@ class DirectSolution:
             operator.apply(values, forces)
             self.factor[:, column] = forces[self.free]
         diagonal = np.arange(len(self.free))
-        self.factor[diagonal, diagonal] *= 1.0 + SHIFT[held]
+        single = level.operator.precision == np.float32
+        self.factor[diagonal, diagonal] *= 1.0 + (SHIFT[held] if single else DOUBLE_SHIFT)
         _factorise(self.factor)
 
     def solve(self, level: Level) -> None:
@@ -104,9 +107,9 @@ class DirectSolution:
 class Cycle:
     """One V-cycle over levels, finest first, as a symmetric positive linear map from residual to solution."""
 
-    def __init__(self, levels: list[Level], slow: float, held: bool):
-        """slow: see `slowness`; held: whether anything holds the body."""
-        self.levels = levels
+    def __init__(self, levels: list[Level], slow: float, held: bool, bodies: StiffBodies | None = None):
+        """slow: see `slowness`; held: whether anything holds the body; bodies: on the finest level, if any."""
+        self.levels, self.bodies = levels, bodies
         dimension = levels[0].grid.dimension
         self.steps = [(np.float32(keep), np.float32(factor)) for keep, factor in chebyshev(slow, dimension)]
         coarsest = levels[-1]
@@ -130,8 +133,12 @@ class Cycle:
                 self._smooth(level, self.long_steps)
             return
         coarse, transfer, dimension = self.levels[index + 1], level.transfer, level.grid.dimension
+        bodies = None if index else self.bodies
         self._smooth(level, self.steps)
         self._update_residual(level)
+        if bodies:
+            self._move(bodies, level)
+            self._update_residual(level)
         RESTRICT[dimension](
             coarse.families.row_node, transfer.link_start, transfer.links, transfer.fine_weights,
             level.residual, coarse.residual,
@@ -144,6 +151,9 @@ class Cycle:
             level.families.row_node, transfer.parent_start, transfer.parents, level.inverse_diagonal,
             coarse.solution, level.step, level.solution,
         )  # fmt: skip
+        if bodies:
+            self._update_residual(level)
+            self._move(bodies, level)
         self._go_on(level, self.steps)  # the first of them keeps nothing of the step from below
 
     def _smooth(self, level: Level, steps) -> None:
@@ -159,6 +169,11 @@ class Cycle:
             smooth_next(
                 level.inverse_diagonal, keep, factor, level.change, level.residual, level.step, level.solution
             )  # fmt: skip
+
+    def _move(self, bodies: StiffBodies, level: Level) -> None:
+        """Take what stiff bodies can of the residual as the latest step."""
+        bodies.solve(level.residual, level.step)
+        level.solution += level.step
 
     def _update_residual(self, level: Level) -> None:
         level.operator.apply(level.step, level.change)

@@ -22,6 +22,7 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.multigrid.coarsening import LevelGrid, coarsen, finest_grid
 from mpm_core.multigrid.cycle import MOST_UNKNOWNS, Cycle, slowness
 from mpm_core.multigrid.level import Level
+from mpm_core.multigrid.stiff_bodies import StiffBodies, host_shear
 from mpm_core.multigrid.stiffness import ElasticCells
 from mpm_core.multigrid.transfer import VOID, build_transfer
 
@@ -71,26 +72,27 @@ def complete_cells(fine: LevelGrid, complete: np.ndarray, coarse: LevelGrid, coa
 
 
 @njit(cache=True)
-def unbridged(shear: np.ndarray, power: int) -> float:
+def unbridged(shear: np.ndarray, power: int, most: float) -> float:
     """What remains of the stiffness of a coarse cell's parts, of m `shear` (part,), where some of them are void.
 
     That of layers in series, the harmonic over the arithmetic mean, but not less than a floor: the share of parts that
     are not void to a power. The floor is taken off the other: the next coarser grid would count it as stiffness again.
+    most: m of the rock at large; beside a body that is stiffer it is no void.
     """
-    stiffest = shear.max()
+    stiffest = min(shear.max(), most)
     solid = 0.0
     for part in shear:  # most coarse cells have no void: no arrays for them
         solid += part >= VOID * stiffest
     if solid == len(shear):
         return 1.0
-    relative = shear / stiffest
+    relative = np.minimum(shear / stiffest, 1.0)
     in_series = 1.0 / np.mean(1.0 / np.maximum(relative, SOFTEST)) / np.mean(relative)
     floor = (solid / len(shear)) ** power
     return max(floor, in_series - floor)
 
 
 @njit(cache=True)
-def _merge_constants(coarse_of_cell, cell_width, constants, power, result):
+def _merge_constants(coarse_of_cell, cell_width, constants, power, most, result):
     """Constants of each coarse cell: result (coarse cell, 4), written. Parts of a coarse cell follow each other."""
     last = 0
     for coarse in range(len(result)):
@@ -106,13 +108,16 @@ def _merge_constants(coarse_of_cell, cell_width, constants, power, result):
             result[coarse, 1] += 0.25 * constants[cell, 1]
             result[coarse, 2] += 0.0625 * constants[cell, 2]
             result[coarse, 3] = 0.25 * (1.0 + constants[cell, 3])
-        result[coarse, :3] *= unbridged(constants[first:last, 1], power)
+        result[coarse, :3] *= unbridged(constants[first:last, 1], power, most)
 
 
-def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray) -> np.ndarray:
-    """Constants (coarse cell, 4) of the parts of each coarse cell together; constants (cell, 4) of the finer level."""
+def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray, most: float) -> np.ndarray:
+    """Constants (coarse cell, 4) of the parts of each coarse cell together.
+
+    constants (cell, 4) of the finer level; most: m of the rock at large in its cells of width 1, see `unbridged`.
+    """
     result = np.empty((len(coarse.cell_index), 4))
-    _merge_constants(fine.coarse_of_cell, fine.grid.cell_width, constants, BRIDGE[coarse.dimension], result)
+    _merge_constants(fine.coarse_of_cell, fine.grid.cell_width, constants, BRIDGE[coarse.dimension], most, result)
     return result
 
 
@@ -139,16 +144,23 @@ class Hierarchy:
     def set_stiffness(self, cells: ElasticCells, hourglass: float, body_is_held: bool) -> Cycle:
         """The V-cycle for this stiffness; hourglass: share kappa that holds single particles, inf if there are none."""
         constants = cells.constants
+        host = most = host_shear(self.levels[0].grid, constants[:, 1])
+        for level in self.levels:
+            level.set_precision(np.float32 if host == np.inf else np.float64)
         self.levels[0].operator.set_cells(cells)
         self.levels[0].set_diagonal()
         for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
+            width = fine.grid.cell_width.astype(float) ** (coarse.grid.dimension - 2)
             fine.transfer = build_transfer(
-                fine.grid, fine.families, coarse.grid, coarse.families, fine.coarse_of_cell, constants[:, 1]
-            )
-            constants = merged_constants(fine, coarse.grid, constants)
+                fine.grid, fine.families, coarse.grid, coarse.families, fine.coarse_of_cell,
+                constants[:, 1] if most == np.inf else np.minimum(constants[:, 1], most * width),
+            )  # fmt: skip
+            constants = merged_constants(fine, coarse.grid, constants, most)
             coarse.operator.set_constants(self._filled(coarse.grid, constants))
             coarse.set_diagonal()
-        return Cycle(self.levels, slowness(cells.wave_over_shear, hourglass), body_is_held)
+            most *= 2.0 ** (coarse.grid.dimension - 2)
+        bodies = None if host == np.inf else StiffBodies(self.levels[0], cells, host)
+        return Cycle(self.levels, slowness(cells.wave_over_shear, hourglass), body_is_held, bodies)
 
     def _filled(self, grid: LevelGrid, constants: np.ndarray) -> np.ndarray:
         """Constants (cell, 4) with the stiffness of cells that reach past a held face."""

@@ -161,11 +161,19 @@ class Level:
     def __init__(self, grid: LevelGrid, held: np.ndarray):
         self.grid, self.held = grid, held
         self.families = build_families(grid.cell_index, grid.cell_width, grid.cell_nodes, grid.node_parents)
-        self.operator = Operator(self.families, grid.dimension, np.float32)
-        self.residual, self.solution, self.step, self.change = (self.operator.zeros() for _ in range(4))
-        self.inverse_diagonal = self.operator.zeros()
+        self._make_arrays(np.float32)
         self.transfer: Transfer | None = None
         self.coarse_of_cell: np.ndarray | None = None
+
+    def _make_arrays(self, precision) -> None:
+        self.operator = Operator(self.families, self.grid.dimension, precision)
+        self.residual, self.solution, self.step, self.change = (self.operator.zeros() for _ in range(4))
+        self.inverse_diagonal = self.operator.zeros()
+
+    def set_precision(self, precision) -> None:
+        """Single, or double beside stiff bodies, whose forces' round-off must not outweigh the host's forces."""
+        if precision != self.operator.precision:
+            self._make_arrays(precision)
 
     @property
     def unknowns(self) -> int:
@@ -175,6 +183,6 @@ class Level:
     def set_diagonal(self) -> None:
         """D^-1 by element, from the operator's constants; 0 on copies, where held and where nothing is attached."""
         size = 4 * self.families.rows  # in 3-D that of a work array: memory that a cycle needs anyway
-        sums = self.change if size == len(self.change) else np.empty(size, np.float32)
+        sums = self.change if size == len(self.change) else np.empty(size, self.operator.precision)
         self.operator.sum_stiffness(sums)
         _invert(self.families.node_row, self.grid.node_parents, self.held, sums, self.inverse_diagonal)

@@ -1,0 +1,218 @@
+"""Rock bodies far stiffer than the rock around them: their motions solved for exactly, beside the V-cycle.
+
+A stiff body in soft rock moves rigidly, a plate bends besides: next to no force for its own stiffness, by which the
+smoother measures everything. The coarser grids join it with its neighbours and the boundary, and thicken plates. So the
+nodes of stiff bodies are gathered in blocks, as small as a direct solution can afford, single nodes if possible, and a
+solution in which every block moves rigidly is taken out before and after the V-cycle (deflation, Frank and Vuik 2001;
+balancing, Mandel 1993). Blocks belong to one body each; bodies that meet at an edge or a corner share its nodes by
+halves: a hinge.
+"""
+
+import numpy as np
+import scipy.sparse as sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+from threadpoolctl import ThreadpoolController
+
+from mpm_core.kernels.operator_cells import sum_cell_stiffness
+from mpm_core.multigrid.coarsening import LevelGrid
+from mpm_core.multigrid.level import Level
+from mpm_core.multigrid.stiffness import ElasticCells
+
+STIFF = 8.0  # times the host's stiffness: the V-cycle alone takes a third more iterations there
+MOST_MOTIONS = 6_000  # that are solved for directly: 0.3 s to factorise, a hundredth of that for each solution
+CELLS_AT_ONCE = 20_000  # whose stiffness matrices are held in memory
+SHIFT = 1e-12  # added to the diagonal, as a share: motions of a block that are none, two nodes turned about each other
+FINENESS = 2.0  # ratio of stiffnesses that are counted as one kind of rock
+
+
+def host_shear(grid: LevelGrid, shear: np.ndarray) -> float:
+    """m of a cell of width 1 of the rock at large, the volume's median; inf if none is far stiffer.
+
+    shear (cell,): m of the cells, which grows with a cell's width^(d - 2). The largest of that kind of rock.
+    """
+    per_width = shear / grid.cell_width.astype(float) ** (grid.dimension - 2)
+    present = per_width > 0.0
+    largest = per_width.max(initial=0.0)
+    if not present.any() or largest <= STIFF * per_width[present].min():
+        return np.inf
+    kind = np.floor(np.log(largest / per_width[present]) / np.log(FINENESS)).astype(np.int64)
+    volume = np.bincount(kind, grid.cell_width[present].astype(float) ** grid.dimension)
+    host = largest / FINENESS ** int(np.searchsorted(np.cumsum(volume), 0.5 * volume.sum()))
+    return host if largest > STIFF * host else np.inf
+
+
+def cell_matrices(cells: ElasticCells, chosen: np.ndarray, dimension: int) -> np.ndarray:
+    """Stiffness matrices (k, 2^d d, 2^d d) of chosen cells (k,), N/m; see kernels.operator_3."""
+    corners = 1 << dimension
+    edge = corners * dimension
+    spread = float(cells.constants[:, 3].max(initial=0.0))
+    xi = np.sqrt(spread) * (2.0 * (np.arange(corners)[:, None] >> np.arange(dimension) & 1) - 1.0)
+    ones = np.full(corners, 1.0 / corners)
+    both, shear = np.empty((2, 1, edge, edge))
+    for lame, matrix in ((ones, both), (0.0 * ones, shear)):
+        sum_cell_stiffness(
+            np.array([0, corners]), np.arange(corners), np.array([2.0 / corners]), xi, lame, ones, matrix
+        )
+    bits = np.arange(corners)
+    sign = (-1.0) ** np.bitwise_count(bits[:, None] & ~bits)  # (mode, corner)
+    higher = sign[np.bitwise_count(bits) > 1]
+    constants = cells.constants[chosen]
+    matrices = (
+        constants[:, 0, None, None] * (both - shear)
+        + constants[:, 1, None, None] * shear
+        + constants[:, 2, None, None] * np.kron(higher.T @ higher, np.eye(dimension))
+    )
+    place = np.searchsorted(cells.irregular, chosen)
+    own = np.flatnonzero(place < len(cells.irregular))
+    own = own[cells.irregular[place[own]] == chosen[own]]
+    matrices[own] = cells.stiffness[place[own]]
+    return matrices
+
+
+def rigid_motions(nodes: np.ndarray, block: np.ndarray, place: np.ndarray, weight: np.ndarray, count: int):
+    """Translations and rotations of blocks, sparse (node d, motion); all arrays by member of a block (k,).
+
+    nodes: which node; block: of `count`; place (k, d); weight: the node's share in this block.
+    """
+    dimension = place.shape[1]
+    members = np.bincount(block, minlength=count)
+    centre = np.stack([np.bincount(block, axis, count) / members for axis in place.T], axis=1)
+    arm = place - centre[block]
+    size = np.sqrt(np.bincount(block, (arm**2).sum(axis=1), count) / members)
+    arm /= np.where(size > 0.0, size, 1.0)[block, None]
+    pairs = [(i, j) for i in range(dimension) for j in range(i)]
+    each = dimension + len(pairs)
+    parts = [(nodes * dimension + i, block * each + i, weight) for i in range(dimension)]
+    for number, (i, j) in enumerate(pairs, start=dimension):
+        parts.append((nodes * dimension + i, block * each + number, weight * arm[:, j]))
+        parts.append((nodes * dimension + j, block * each + number, -weight * arm[:, i]))
+    rows, columns, values = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return rows, columns, values, each * count
+
+
+class StiffBodies:
+    """The motions of a model's stiff bodies, block by block, and their stiffness, factorised."""
+
+    def __init__(self, finest: Level, cells: ElasticCells, host: float):
+        """host: see `host_shear`; some cell is stiff."""
+        grid = finest.grid
+        self.grid, self.dimension = grid, grid.dimension
+        width = grid.cell_width.astype(float)
+        self.relative = cells.constants[:, 1] / (host * width ** (self.dimension - 2))
+        self.stiff = np.flatnonzero(self.relative > STIFF)
+        self.hanging = grid.node_parents[:, 0] >= 0
+        self.free = finest.inverse_diagonal[
+            finest.families.node_row[:, None] * finest.operator.width + np.arange(self.dimension)
+        ] != 0.0  # fmt: skip
+        motions = self._motions()
+        moved = np.flatnonzero(np.diff(motions.indptr))
+        node, component = moved // self.dimension, moved % self.dimension
+        self.elements = finest.families.node_row[node].astype(np.int64) * finest.operator.width + component
+        self.motions = motions[moved]
+        self.transposed = self.motions.T.tocsr()
+        self.blas = ThreadpoolController()
+        matrix = self._stiffness(motions, cells)
+        diagonal = matrix.diagonal()
+        shift = np.where(diagonal > 0.0, SHIFT * diagonal, 1.0)
+        with self.blas.limit(limits=1):  # threads would add up in another order
+            self.factors = splu(
+                (matrix + sparse.diags_array(shift)).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )  # fmt: skip
+
+    def solve(self, residual: np.ndarray, solution: np.ndarray) -> None:
+        """The motion of the blocks that takes a residual off them: solution (element,), written, 0 elsewhere."""
+        with self.blas.limit(limits=1):
+            amounts = self.factors.solve(self.transposed @ residual[self.elements])
+        solution[:] = 0.0
+        solution[self.elements] = self.motions @ amounts
+
+    def _corners(self, cells: np.ndarray):
+        """(cell, node) pairs, sparse: free nodes at the corners of cells (k,), parents for those that hang."""
+        nodes = self.grid.cell_nodes[cells]
+        rows = np.repeat(np.arange(len(cells)), nodes.shape[1])
+        nodes = nodes.ravel()
+        hanging = self.hanging[nodes]
+        parents = self.grid.node_parents[nodes[hanging]]
+        present = parents >= 0
+        columns = np.concatenate([nodes[~hanging], parents[present]])
+        rows = np.concatenate([rows[~hanging], np.repeat(rows[hanging], present.sum(axis=1))])
+        pairs = np.unique(rows.astype(np.int64) * len(self.hanging) + columns)
+        rows, columns = np.divmod(pairs, len(self.hanging))
+        return sparse.csr_array((np.ones(len(pairs), np.int32), (rows, columns)), shape=(len(cells), len(self.hanging)))
+
+    def _motions(self):
+        """Motions of the blocks, (node d, motion) sparse, 0 where held; the smallest blocks that can be afforded."""
+        corners = self._corners(self.stiff)
+        single = np.unique(corners.indices)
+        shape = (len(self.hanging) * self.dimension, None)
+        if np.count_nonzero(self.free[single]) <= MOST_MOTIONS:
+            rows = np.flatnonzero(np.isin(np.arange(len(self.hanging)), single)[:, None] & self.free)
+            return sparse.csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(shape[0], len(rows)))
+        touching = (corners @ corners.T).tocsr()
+        touching.data = (touching.data >= 2 ** (self.dimension - 1)).astype(np.int8)  # across a face, not an edge
+        touching.eliminate_zeros()
+        _, body = connected_components(touching, directed=False)
+        count, bodies = np.diff(corners.indptr), int(body.max()) + 1
+        pairs = np.unique(corners.indices.astype(np.int64) * bodies + np.repeat(body, count))
+        node, body = np.divmod(pairs, bodies)
+        weight = 1.0 / np.bincount(node)[node]
+        kind = np.zeros(len(self.hanging), np.int64)
+        smallest = np.zeros(len(self.hanging), np.int64)
+        decade = np.log10(self.relative[self.stiff] / STIFF).astype(np.int64)
+        np.maximum.at(kind, corners.indices, np.repeat(decade, count))
+        np.maximum.at(smallest, corners.indices, np.repeat(self.grid.cell_width[self.stiff], count))
+        place = self.grid.node_index[node]
+        each = self.dimension * (self.dimension + 1) // 2
+        edge = 2
+        while True:
+            boxes = place // (edge * smallest[node, None])
+            keys = np.column_stack([body, kind[node], smallest[node], boxes])
+            kinds, block = np.unique(keys, axis=0, return_inverse=True)
+            if len(kinds) * each <= MOST_MOTIONS or (edge > place.max()):
+                break
+            edge *= 2
+        block = block.ravel()
+        if len(kinds) * each > MOST_MOTIONS:  # more bodies than that: those of most nodes
+            members = np.bincount(block)
+            chosen = np.sort(np.argsort(-members, kind="stable")[: MOST_MOTIONS // each])
+            number = np.full(len(kinds), -1)
+            number[chosen] = np.arange(len(chosen))
+            keep = number[block] >= 0
+            node, block, place, weight = node[keep], number[block[keep]], place[keep], weight[keep]
+        rows, columns, values, motions = rigid_motions(node, block, place.astype(float), weight, int(block.max()) + 1)
+        keep = self.free.ravel()[rows] & (values != 0.0)
+        return sparse.csr_array((values[keep], (rows[keep], columns[keep])), shape=(shape[0], motions))
+
+    def _stiffness(self, motions, cells: ElasticCells):
+        """Stiffness of the motions (motion, motion), sparse: the elastic operator's, Galerkin."""
+        dimension, nodes = self.dimension, len(self.hanging)
+        hanging = np.flatnonzero(self.hanging)
+        parents = self.grid.node_parents[hanging]
+        present = parents >= 0
+        mean = sparse.csr_array(
+            (
+                np.repeat(1.0 / present.sum(axis=1), present.sum(axis=1)),
+                (np.repeat(hanging, present.sum(axis=1)), parents[present]),
+            ),
+            shape=(nodes, nodes),
+        )
+        motions = motions + sparse.kron(mean, np.eye(dimension), format="csr") @ motions
+        moves = np.diff(motions.indptr).reshape(nodes, dimension).any(axis=1)
+        touched = np.flatnonzero(moves[self.grid.cell_nodes].any(axis=1) & (cells.constants[:, 1] > 0.0))
+        total = sparse.csr_array((motions.shape[1],) * 2)
+        for first in range(0, len(touched), CELLS_AT_ONCE):
+            some = touched[first : first + CELLS_AT_ONCE]
+            elements = self.grid.cell_nodes[some].astype(np.int64)[:, :, None] * dimension + np.arange(dimension)
+            elements, local = np.unique(elements, return_inverse=True)
+            local = local.reshape(len(some), -1)
+            edge = local.shape[1]
+            matrices = cell_matrices(cells, some, dimension)
+            whole = sparse.csr_array(
+                (matrices.ravel(), (np.repeat(local, edge, axis=1).ravel(), np.tile(local, (1, edge)).ravel())),
+                shape=(len(elements),) * 2,
+            )
+            part = motions[elements]
+            total = total + part.T @ (whole @ part)
+        return total
