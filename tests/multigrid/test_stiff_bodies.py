@@ -93,7 +93,7 @@ def test_matrices_of_cells_are_those_of_the_operator(points):
     held = np.zeros((len(grid.node_index), 3), bool)
     held[grid.boundary_nodes(0, 0)] = True
     solver = ElasticSolver(grid, np.ascontiguousarray(grid.cell_nodes[:, order]), held)
-    solver.set_stiffness(cells, 0.05 if points == 1 else np.inf, True)
+    solver.set_stiffness(cells, 0.05 if points == 1 else np.inf)
     bodies = solver.cycle.bodies
     motion, forces, solution = (solver.operator.zeros() for _ in range(3))
     motion[bodies.elements] = np.random.default_rng(0).standard_normal(len(bodies.elements))
@@ -123,7 +123,7 @@ def test_stress_in_a_stiff_cylinder_is_eshelbys(ratio, shear):
     corners = np.ascontiguousarray(grid.cell_nodes[:, [0, 1, 3, 2]])
     solver = ElasticSolver(grid, corners, held)
     cells = cells_of(grid, np.where(inside, ratio, 1.0))
-    solver.set_stiffness(cells, 0.05, True)
+    solver.set_stiffness(cells, 0.05)
     place = grid.node_position - middle
     far = place * ([1.0, -1.0] if shear else [1.0, 1.0])
     far[np.isin(np.arange(len(place)), grid.cell_nodes[inside])] = 0.0  # the body unstrained: no forces in it
@@ -211,10 +211,9 @@ def test_bodies_are_absent_without_contrast():
     """Uniform rock with a tunnel: single precision, no blocks."""
     grid, stiff = bodies_2_or_3("ball", 2)
     solver = ElasticSolver(grid, grid.cell_nodes, np.zeros((len(grid.node_index), 2), bool))
-    solver.set_stiffness(cells_of(grid, np.where(stiff, 0.0, MODULUS)), 0.05, False)
+    solver.set_stiffness(cells_of(grid, np.where(stiff, 0.0, MODULUS)), 0.05)
     assert solver.cycle.bodies is None
     assert solver.finest.residual.dtype == np.float32
-    solver.set_stiffness(cells_of(grid, np.where(stiff, 1e4, MODULUS)), 0.05, False)
-    solver.set_stiffness(cells_of(grid, np.where(stiff, 1e4 * MODULUS, MODULUS)), 0.05, False)
+    solver.set_stiffness(cells_of(grid, np.where(stiff, 1e4 * MODULUS, MODULUS)), 0.05)
     assert isinstance(solver.cycle.bodies, StiffBodies)
     assert solver.finest.residual.dtype == np.float64
