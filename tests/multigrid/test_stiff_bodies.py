@@ -108,7 +108,8 @@ def test_stress_in_a_stiff_cylinder_is_eshelbys(ratio, shear):
     """Plane strain, far strain held: the stress inside over the far one, G1 of the host, G2 of the cylinder.
 
     All-round G2 (k1 + 1) / (2 G2 + G1 (k2 - 1)), in shear G2 (k1 + 1) / (k1 G2 + G1), k = 3 - 4 nu (Eshelby 1957 in the
-    form of Dundurs 1967). Radius 6, domain 192, cells of 1/2 about the cylinder: 3 % (5 % in a domain of 96, whose sides are held). The forces are those of
+    form of Dundurs 1967). Radius 6, domain 192, cells of 1/2 about the cylinder: 3 % (5 % in a domain of 96, whose
+    sides are held). The forces are those of
     host rock, so a residual in them is one of the host, not of the body.
     """
     radius, size, poisson_ratio = 6.0, 192, 0.25
