@@ -26,7 +26,7 @@ def total_stresses(particles, stress, insitu, total):
 
 
 @njit(inline="always", error_model="numpy")
-def _modes(work, dimension):
+def sum_modes(work, dimension):
     """Values at corners, in rows corner * d + component, to sums by mode (modes.to_modes), in place."""
     for k in range(dimension):
         for corner in range(1 << dimension):
@@ -39,8 +39,8 @@ def _modes(work, dimension):
 
 
 @njit(inline="always", error_model="numpy")
-def _corners(work, dimension):
-    """The transpose of _modes (modes.to_corners), in place."""
+def sum_corners(work, dimension):
+    """The transpose of sum_modes (modes.to_corners), in place."""
     for k in range(dimension):
         for corner in range(1 << dimension):
             if not (corner >> k) & 1:
@@ -136,7 +136,7 @@ def make_add_flow_forces(dimension):
                     for k in range(ROW_LENGTH):
                         work[strength + k * W + lane] = residual_rows[rock, k]
 
-                _modes(work, dimension)
+                sum_modes(work, dimension)
                 for j in range(dimension):
                     for k in range(dimension):
                         total = fill(work, 0.0)
@@ -169,7 +169,7 @@ def make_add_flow_forces(dimension):
                                 derivative = load(work, shape + (mode ^ (1 << k)) * W)
                                 total += derivative * load(work, stress + VOIGT[j][k] * W)
                         store(work, (dimension * mode + j) * W, total)
-                _corners(work, dimension)
+                sum_corners(work, dimension)
                 for lane in range(min(W, end - start)):
                     for corner in range(corners):
                         place = corner_rows[start + lane, corner] * width

@@ -83,11 +83,14 @@ class Anderson:
         """Begin anew."""
         self.count = 0
 
-    def turn(self, residual: np.ndarray, correction: np.ndarray, size: float, step: np.ndarray) -> None:
+    def turn(
+        self, residual: np.ndarray, correction: np.ndarray, size: float, step: np.ndarray, symmetric: bool = True
+    ) -> None:
         """Replace the last step by the next one; what the first one after `forget` replaces does not matter.
 
         All flat arrays (element,). residual: where the last step has led; correction times size: M residual; step: only
-        its unknowns are read and written.
+        its unknowns are read and written. symmetric: whether M is, always since `forget`; where it is not, r is
+        measured by the 2-norm of M r.
         """
         depth = len(self.moves)
         place, known = (self.count - 1) % depth, min(self.count, depth)
@@ -99,7 +102,10 @@ class Anderson:
         else:
             _begin(self.free, residual, correction, size, self.residual, self.correction)
         sums = np.empty((-(-len(self.free) // CHUNK), 2, known))
-        _products(self.changes[:known], self.difference, self.residual, sums)
+        if symmetric:
+            _products(self.changes[:known], self.difference, self.residual, sums)
+        else:
+            _products(self.changes[:known], self.changes[place], self.correction, sums)
         with_difference, shares = sums.sum(axis=0)
         if known:
             self.gram[place, :known] = self.gram[:known, place] = with_difference

@@ -22,6 +22,7 @@ DEGREE = {2: 2.4, 3: 1.2}
 SPREAD = 5.0  # the smoother works on eigenvalues down to 1 / (SPREAD c)
 MARGIN = 1.05  # over the largest eigenvalue of a uniform grid
 SLOW_HOURGLASS = 0.15
+FLOW = 3.0  # times c where rock flows, which is softer still
 MOST_UNKNOWNS = 400  # that are solved for directly
 SHIFT = {True: 1e-7, False: 1e-3}
 """by whether anything holds the body: what is added to the diagonal of the coarsest level, as a share of it"""
@@ -50,32 +51,31 @@ def chebyshev(slow: float, dimension: int) -> list[tuple[float, float]]:
 
 @njit(cache=True)
 def _factorise(matrix):
-    """Cholesky factor in the lower triangle of a symmetric positive matrix, in place."""
-    for j in range(len(matrix)):
-        for k in range(j):
-            share = matrix[j, k]
-            for i in range(j, len(matrix)):
-                matrix[i, j] -= share * matrix[i, k]
-        pivot = math.sqrt(matrix[j, j])
-        for i in range(j, len(matrix)):
-            matrix[i, j] /= pivot
+    """LU factors, the lower one with a diagonal of 1, in place; no pivoting: the symmetric part is positive."""
+    count = len(matrix)
+    for j in range(count):
+        for i in range(j + 1, count):
+            share = matrix[i, j] / matrix[j, j]
+            matrix[i, j] = share
+            for k in range(j + 1, count):
+                matrix[i, k] -= share * matrix[j, k]
 
 
 @njit(cache=True)
-def _solve(factor, free, residual, solution):
+def _solve(factors, free, residual, solution):
     """Solution (element,) of the factorised system at elements `free`, written; 0 elsewhere."""
     count = len(free)
     values = np.empty(count)
     for i in range(count):
         total = np.float64(residual[free[i]])
         for k in range(i):
-            total -= factor[i, k] * values[k]
-        values[i] = total / factor[i, i]
+            total -= factors[i, k] * values[k]
+        values[i] = total
     for i in range(count - 1, -1, -1):
         total = values[i]
         for k in range(i + 1, count):
-            total -= factor[k, i] * values[k]
-        values[i] = total / factor[i, i]
+            total -= factors[i, k] * values[k]
+        values[i] = total / factors[i, i]
     solution[:] = 0.0
     for i in range(count):
         solution[free[i]] = values[i]
@@ -88,28 +88,28 @@ class DirectSolution:
         self.free = np.flatnonzero(level.inverse_diagonal)
         operator = level.operator.in_double_precision()
         values, forces = operator.zeros(), operator.zeros()
-        self.factor = np.empty((len(self.free), len(self.free)))
+        self.factors = np.empty((len(self.free), len(self.free)))
         for column, element in enumerate(self.free):
             values[:] = 0.0
             values[element] = 1.0
             operator.apply(values, forces)
-            self.factor[:, column] = forces[self.free]
+            self.factors[:, column] = forces[self.free]
         diagonal = np.arange(len(self.free))
         single = level.operator.precision == np.float32
-        self.factor[diagonal, diagonal] *= 1.0 + (SHIFT[held] if single else DOUBLE_SHIFT)
-        _factorise(self.factor)
+        self.factors[diagonal, diagonal] *= 1.0 + (SHIFT[held] if single else DOUBLE_SHIFT)
+        _factorise(self.factors)
 
     def solve(self, level: Level) -> None:
         """Solution from residual."""
-        _solve(self.factor, self.free, level.residual, level.solution)
+        _solve(self.factors, self.free, level.residual, level.solution)
 
 
 class Cycle:
-    """One V-cycle over levels, finest first, as a symmetric positive linear map from residual to solution."""
+    """One V-cycle over levels, finest first, as a linear map from residual to solution, symmetric if they are."""
 
     def __init__(self, levels: list[Level], slow: float, held: bool, bodies: StiffBodies | None = None):
         """slow: see `slowness`; held: whether anything holds the body; bodies: on the finest level, if any."""
-        self.levels, self.bodies = levels, bodies
+        self.levels, self.slow, self.held, self.bodies = levels, slow, held, bodies
         dimension = levels[0].grid.dimension
         self.steps = [(np.float32(keep), np.float32(factor)) for keep, factor in chebyshev(slow, dimension)]
         coarsest = levels[-1]
@@ -118,6 +118,10 @@ class Cycle:
         if not few:  # too thin to be halved again, hence easy: no wave on it is longer than a few cells
             long = chebyshev(100.0 * slow, dimension)
             self.long_steps = [(np.float32(keep), np.float32(factor)) for keep, factor in long]
+
+    def of_flow(self) -> "Cycle":
+        """The V-cycle of the same levels as they are now, with tangents of rock that flows."""
+        return Cycle(self.levels, FLOW * self.slow, self.held, self.bodies)
 
     def run(self, index: int = 0) -> None:
         """Solution of level `index` from its residual (0 where D^-1 is 0); the residual is used up."""

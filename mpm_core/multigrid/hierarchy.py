@@ -143,7 +143,7 @@ class Hierarchy:
 
     def set_stiffness(self, cells: ElasticCells, hourglass: float, body_is_held: bool) -> Cycle:
         """The V-cycle for this stiffness; hourglass: share kappa that holds single particles, inf if there are none."""
-        constants = cells.constants
+        constants = filled = cells.constants
         host = most = host_shear(self.levels[0].grid, constants[:, 1])
         for level in self.levels:
             level.set_precision(np.float32 if host == np.inf else np.float64)
@@ -155,8 +155,11 @@ class Hierarchy:
                 fine.grid, fine.families, coarse.grid, coarse.families, fine.coarse_of_cell,
                 constants[:, 1] if most == np.inf else np.minimum(constants[:, 1], most * width),
             )  # fmt: skip
+            parts = np.bincount(fine.coarse_of_cell, filled[:, 1])
             constants = merged_constants(fine, coarse.grid, constants, most)
-            coarse.operator.set_constants(self._filled(coarse.grid, constants))
+            filled = self._filled(coarse.grid, constants)
+            fine.kept = np.divide(filled[:, 1], parts, out=np.zeros(len(parts)), where=parts > 0.0).astype(np.float32)
+            coarse.operator.set_constants(filled)
             coarse.set_diagonal()
             most *= 2.0 ** (coarse.grid.dimension - 2)
         bodies = None if host == np.inf else StiffBodies(self.levels[0], cells, host)

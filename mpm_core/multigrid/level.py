@@ -10,6 +10,7 @@ from mpm_core.kernels.operator_rows import COLLECT, SPREAD
 from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.families import Families, build_families
 from mpm_core.multigrid.stiffness import ElasticCells
+from mpm_core.multigrid.tangent_entries import Tangents
 from mpm_core.multigrid.transfer import Transfer
 from mpm_core.simd.lanes import LANES, POINT_WIDTH
 
@@ -91,6 +92,7 @@ class Operator:
         self.block_cells = np.zeros(len(families.row_start), np.int64)
         self.cell_rows = np.empty((0, 1 << dimension), np.int32)
         self.stiffness = np.empty((0, dimension << dimension, dimension << dimension), precision)
+        self.tangents: Tangents | None = None  # of rock that flows: the operator is then that of flow
 
     def set_constants(self, constants: np.ndarray) -> None:
         """Take over l, m, g and s of each cell, (cell, 4)."""
@@ -119,6 +121,7 @@ class Operator:
         other.constants[:] = self.constants
         other.block_cells, other.cell_rows = self.block_cells, self.cell_rows
         other.stiffness = self.stiffness.astype(np.float64)
+        other.tangents = self.tangents and self.tangents.in_double_precision()
         return other
 
     def zeros(self) -> np.ndarray:
@@ -142,6 +145,8 @@ class Operator:
         APPLY[self.dimension](f.batch_start, f.row_start, self.places, self.constants.reshape(-1), values, forces)
         if len(self.stiffness):
             apply_cells(self.block_cells, self.cell_rows, self.stiffness, self.width, values, forces)
+        if self.tangents is not None:
+            self.tangents.take_off(values, forces)
         self.collect(forces)
 
     def sum_stiffness(self, sums: np.ndarray) -> None:
@@ -155,7 +160,8 @@ class Operator:
 class Level:
     """One level of the hierarchy: grid, operator in single precision, inverse of the smoother's D, work arrays.
 
-    `held` (node, d) bool; `transfer` leads to the next coarser level, `coarse_of_cell` (cell,) to its cells.
+    `held` (node, d) bool; `transfer` leads to the next coarser level, `coarse_of_cell` (cell,) to its cells; `kept`
+    (coarse cell,): their m over that of their parts, summed.
     """
 
     def __init__(self, grid: LevelGrid, held: np.ndarray):
@@ -164,6 +170,7 @@ class Level:
         self._make_arrays(np.float32)
         self.transfer: Transfer | None = None
         self.coarse_of_cell: np.ndarray | None = None
+        self.kept: np.ndarray | None = None
 
     def _make_arrays(self, precision) -> None:
         self.operator = Operator(self.families, self.grid.dimension, precision)

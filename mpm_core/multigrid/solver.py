@@ -15,9 +15,12 @@ from mpm_core.kernels.operator_rows import (
     take_from_nodes,
     turn_direction,
 )
+from mpm_core.model import Model
+from mpm_core.multigrid.flow import FlowForces
 from mpm_core.multigrid.hierarchy import Hierarchy
 from mpm_core.multigrid.level import Operator
 from mpm_core.multigrid.stiffness import ElasticCells
+from mpm_core.multigrid.tangent import drop_tangents, set_tangents
 from mpm_core.rigid import RigidMotions
 
 
@@ -50,8 +53,18 @@ class ElasticSolver:
         free: rigid motions that the held nodes leave, the operator's null space; None: there are none.
         """
         self.operator.set_cells(cells)
-        self.cycle = self.hierarchy.set_stiffness(cells, hourglass, free is None or not free.count)
+        self.cycle = self.elastic_cycle = self.hierarchy.set_stiffness(cells, hourglass, free is None or not free.count)
         self.rigid = [] if free is None else self._orthonormal(free)
+
+    def set_tangents(self, model: Model, flow: FlowForces, displacement: np.ndarray) -> None:
+        """Let the V-cycle be that of rock as it flows at this displacement, copies filled in, until `drop_tangents`."""
+        set_tangents(self.hierarchy.levels, model, flow, displacement)
+        self.cycle = self.elastic_cycle.of_flow()
+
+    def drop_tangents(self) -> None:
+        """Make the V-cycle elastic again."""
+        drop_tangents(self.hierarchy.levels)
+        self.cycle = self.elastic_cycle
 
     def to_rows(self, values: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
         """Values at nodes (node, d) as a flat array; 0 on copies, held components and where nothing is attached.
