@@ -24,10 +24,12 @@ STAGES = 6  # as in the paper's Fig. 16
 class Moment:
     """A state of the growing crack: number of generations since the first failure, and what it has reached.
 
-    span: of the loaded diameter, by the largest connected body of failed cells; potency: m3, sum over particles.
+    part: of the step's load or strain that is applied by then; span: of the loaded diameter, by the largest connected
+    body of failed cells; potency: m3, sum over particles.
     """
 
     generation: int
+    part: int
     failed_cells: int
     span: float
     potency: float
@@ -43,7 +45,8 @@ class Crack:
         self.failed = state.failed.values == state.attrs["step_index"]
         order = state.failure_order.values[self.failed].astype(np.int64)
         instant = order[:, 0] * (order[:, 1].max() + 1) + order[:, 1]
-        self.rank = np.unique(instant, return_inverse=True)[1]  # generation, counted from the first failure
+        _, first, self.rank = np.unique(instant, return_index=True, return_inverse=True)  # from the first failure
+        self.part_of = order[first, 0]
         self.first_part = int(order[:, 0].min())
         self.last_part = int(order[:, 0].max())
         self.place = state.position.values[self.failed, :2] - disc.center
@@ -63,6 +66,10 @@ class Crack:
         loading = self.disc.loading
         return loading.before + loading.added[self.step] * part / self.parts
 
+    def text_of(self, part: int) -> str:
+        """Load or platen displacement once so many parts of the step are applied."""
+        return self.disc.text_of(self.step, part / self.parts)
+
     @cached_property
     def moments(self) -> list[Moment]:
         """The crack after each generation."""
@@ -79,8 +86,24 @@ class Crack:
             bodies = ndimage.find_objects(ndimage.label(broken, corners)[0])
             height = max(body[1].stop - body[1].start for body in bodies)
             span = height * self.disc.cell_size / (2.0 * self.disc.disc.radius)
-            moments.append(Moment(generation, int(broken.sum()), min(span, 1.0), float(potency[generation])))
+            part, cells = int(self.part_of[generation]), int(broken.sum())
+            moments.append(Moment(generation, part, cells, min(span, 1.0), float(potency[generation])))
         return moments
+
+    def layer_spans(self, generation: int) -> np.ndarray:
+        """Span of the loaded diameter (layer,) in each layer of cells along the axis, by its largest connected body."""
+        grid, cell = self.disc.variant.grid, self.state.cell.values[self.failed][self.rank <= generation]
+        index = np.rint((grid.cell_origin.values - grid.attrs["domain_lower"]) / self.disc.cell_size).astype(int)
+        broken = np.zeros(index.max(axis=0) + 1, bool)
+        broken[tuple(index[cell].T)] = True
+        within_layers = np.zeros((3, 3, 3), bool)
+        within_layers[:, :, 1] = True
+        labels, _ = ndimage.label(broken, within_layers)
+        height = np.zeros(broken.shape[2])
+        for body in ndimage.find_objects(labels):
+            layer = body[2].start
+            height[layer] = max(height[layer], body[1].stop - body[1].start)
+        return np.minimum(height * self.disc.cell_size / (2.0 * self.disc.disc.radius), 1.0)
 
     def run_through(self, span: float) -> Moment | None:
         """The first moment at which the crack spans that share of the loaded diameter; None if it never does."""

@@ -7,12 +7,12 @@ from matplotlib.patches import Circle, Wedge
 
 from catalogs.figures import style
 from catalogs.figures.beachballs import first_motion
-from verification.answers.brazilian_disc_crack import STAGES, Crack
+from verification.answers.brazilian_disc_crack import STAGES, Crack, Moment
 from verification.answers.brazilian_disc_rock import PressedDisc
 
 MPA, KILO, MILLI = 1e-6, 1e-3, 1e3
 ACROSS, ALONG, OUT = style.RECORDED, style.MODELLED, style.BOTH
-COLOURS = (style.MODELLED, style.RECORDED, style.BOTH)
+COLOURS = (style.MODELLED, style.RECORDED, style.BOTH, "#cc79a7")
 OLDER, NEW = style.BEFORE_RECORD, "#000000"
 ARC_WIDTH = 2.5  # mm: of the drawn load
 SMALLEST, LARGEST = 1.4, 5.5  # mm: radii of beach balls
@@ -85,7 +85,7 @@ def draw_growth(axes: Axes, cracks: dict[str, Crack]) -> None:
     for (name, crack), colour in zip(cracks.items(), COLOURS, strict=False):
         cells = [moment.failed_cells for moment in crack.moments]
         spans = [100.0 * moment.span for moment in crack.moments]
-        label = f"{name}, {KILO * crack.load(crack.last_part):.2f} kN"
+        label = f"{name}, {crack.text_of(crack.last_part)}"
         axes.plot(cells, spans, ".-", color=colour, markersize=4, linewidth=0.8, label=label)
     axes.set_title("Growth of the crack, by generation")
     axes.set_xlabel("failed cells")
@@ -98,12 +98,13 @@ def draw_growth(axes: Axes, cracks: dict[str, Crack]) -> None:
         axes.text(0.5, 0.5, "no state of rest\nwith failed rock", ha="center", transform=axes.transAxes)
 
 
-def draw_stages(figure: Figure, crack: Crack) -> None:
+def draw_stages(figure: Figure, crack: Crack, stages: list[Moment] | None = None) -> None:
     """The disc as the crack grows: what failed before (grey) and in this stage (black), and the stage's events."""
-    stages = crack.stages()
+    stages = stages or crack.stages()
     sections = [crack.events_between(before, stage.generation) for before, stage in _pairs(stages)]
     largest = max(float(events.potency.max()) for events in sections if events.sizes["event"])
     radius = MILLI * crack.disc.disc.radius
+    marker = max(1.1, 1.1 * MILLI * crack.disc.cell_size)  # of a cell
     for number, (axes, stage, events) in enumerate(
         zip(figure.subplots(-(-STAGES // COLUMNS), COLUMNS).ravel(), stages, sections, strict=True), start=1
     ):
@@ -119,11 +120,11 @@ def draw_stages(figure: Figure, crack: Crack) -> None:
             ((crack.rank > before) & (crack.rank <= stage.generation), NEW),
         ):
             place = MILLI * crack.place[chosen]
-            axes.plot(*place.T, "s", color=colour, markersize=1.1, markeredgewidth=0, zorder=2, rasterized=True)
+            axes.plot(*place.T, "s", color=colour, markersize=marker, markeredgewidth=0, zorder=2, rasterized=True)
         draw_events(axes, crack, events, largest)
         axes.set_title(
-            f"{number}: {KILO * crack.load(crack.last_part):.2f} kN, generation {stage.generation + 1}, "
-            f"{100 * stage.span:.0f} % spanned\n{stage.failed_cells} cells failed, {events.sizes['event']} more events",
+            f"{number}: {crack.text_of(stage.part)}, {100 * stage.span:.0f} % spanned\n"
+            f"generation {stage.generation + 1}, {stage.failed_cells} cells, {events.sizes['event']} more events",
             fontsize=9.0, fontweight="normal",
         )  # fmt: skip
         axes.set_xlim(-1.15 * radius, 1.15 * radius)

@@ -65,6 +65,10 @@ class PressedDisc:
         share = np.bincount(self.cell, self.volume)[self.cell] / full
         self.whole, self.sound = share > UNCUT, share >= SOUND
 
+    def text_of(self, step: str, share: float) -> str:
+        """What is applied once this share of a step's load is added."""
+        return f"{1e-3 * (self.loading.before + self.loading.added[step] * share):.2f} kN"
+
     def _outline(self, load: dict) -> np.ndarray:
         return np.array(load["points" if self.flat else "polygon"])[:, :2] - self.center
 

@@ -1,0 +1,49 @@
+"""The disc between platens on coarse cells: geometry and force by hand, and the crack that splits it."""
+
+import numpy as np
+import pytest
+from running import run_study
+
+from verification.answers.brazilian_disc_crack import read_crack
+from verification.answers.brazilian_platens import PlatenDisc, answer, stages_of, through_moment
+
+
+@pytest.fixture(scope="module")
+def coarse(tmp_path_factory):
+    """Steel platens, cells of 4 mm: the results."""
+    return run_study("brazilian_platens", tmp_path_factory.mktemp("platens"), ["steel"], **{"grid.coarse_cell": "4 mm"})
+
+
+def test_the_disc_is_read_from_the_outline_and_the_force_balances(coarse):
+    """Radius 40 mm, arcs of 20 degrees; the force through the mid-plane is that through the platens, to a per cent."""
+    disc = PlatenDisc("steel", coarse["steel"])
+    assert disc.disc.radius == pytest.approx(0.04, rel=1e-4)
+    assert np.degrees(disc.disc.half_arc) == pytest.approx(10.0, abs=0.01)
+    assert disc.closing("failure", 0.5) == pytest.approx(5.2e-4 * 0.088)
+    state = coarse["steel"].elastic
+    top = state.position.values[:, 1] > 0.040
+    through_platen = -np.sum(state.stress.values[top, 1] * state.volume.values[top]) / disc.cell_size
+    assert disc.force(state) == pytest.approx(through_platen, rel=0.01)
+    assert disc.force(state) > 4e3
+
+
+def test_a_crack_runs_through_every_layer_along_the_loaded_diameter(coarse):
+    """It opens across the load, and no rock beside the diameter fails before it has run through."""
+    crack = read_crack(PlatenDisc("steel", coarse["steel"]))
+    moment = through_moment(crack, 0.85)
+    assert moment is not None
+    spans = crack.layer_spans(moment.generation)
+    assert len(spans) == 10
+    assert spans.min() >= 0.85
+    assert crack.near_share(5e-3, moment) > 0.98
+    assert crack.opening_axis_angle(moment) < 3.0
+    stages = stages_of(crack, 0.85)
+    assert len(stages) == 6
+    assert [stage.generation for stage in stages] == sorted(stage.generation for stage in stages)
+
+
+def test_rows_and_figure(coarse):
+    rows, figure = answer(coarse)
+    assert not [row for row in rows if row.passed is False]
+    assert len([row for row in rows if row.passed]) == 2
+    assert len(figure.axes) == 9
