@@ -4,6 +4,7 @@ snakemake --cores all                                              the demo mine
 snakemake --cores all --configfile config/mines/elk_creek.yaml     another mine (a target stands before --configfile)
 snakemake --cores all verification                                 every scene that has a known answer
 snakemake --cores all benchmarks                                   speed, beside other codes
+snakemake --cores all extremes                                     random scenes at the extremes
 """
 
 import sys
@@ -51,6 +52,7 @@ include: "workflow/rules/events.smk"
 include: "workflow/rules/comparison.smk"
 include: "workflow/rules/verification.smk"
 include: "workflow/rules/benchmarks.smk"
+include: "workflow/rules/extremes.smk"
 
 
 onstart:

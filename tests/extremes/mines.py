@@ -1,0 +1,138 @@
+"""Configurations at random, by seed: sizes, stresses, strengths, boundaries and openings over many orders."""
+
+import numpy as np
+
+STEPS = ("history", "first", "second")
+CONDITIONS = ("fixed", "roller", "traction", "free")
+FACES = {
+    dimension: [f"{axis}_{side}" for axis in axes for side in ("lower", "upper")]
+    for dimension, axes in ((2, "xz"), (3, "xyz"))
+}
+
+
+def random_mine(seed: int) -> dict:
+    """The configuration of scene number `seed`, as a mine file would hold it; some of them are to be refused."""
+    random = np.random.default_rng([2026, seed])
+    plane = str(random.choice(["xz", "xy", "none"], p=[0.4, 0.3, 0.3]))
+    dimension = 3 if plane == "none" else 2
+    coarse = float(random.choice([0.1, 0.3, 1.0, 1.25, 7.0, 10.0, 33.3]))
+    base = random.integers(3, 9 if dimension == 2 else 5, dimension)
+    lower = np.full(dimension, float(random.choice([0.0, -57.3, 1000.1, 1e6])))
+    upper = lower + base * coarse
+    height = upper[-1] - lower[-1]
+    surface = upper[-1] + height * float(random.choice([0.0, 1.0, 20.0]))
+    size = 10.0 ** random.uniform(3.0, 8.5)  # Pa, of the virgin stress
+    weight = plane != "xy" and random.random() < 0.6
+    boundary = "fixed" if random.random() < 0.5 else _faces(random, FACES[dimension])
+    if weight and isinstance(boundary, dict):
+        boundary["z_lower"] = str(random.choice(["fixed", "roller"]))
+    if plane == "xy" and isinstance(boundary, dict):
+        boundary = {face.replace("z", "y"): condition for face, condition in boundary.items()}
+    materials = {"host": _rock(random, size), "fill": _elastic(random, size * 10.0 ** random.uniform(0.5, 3.0))}
+    bodies = []
+    for number in range(random.integers(0, 3)):
+        stiff = size * 10.0 ** random.uniform(2.0, 4.0) * 10.0 ** random.uniform(-6.0, 6.0)
+        materials[f"body_{number}"] = _elastic(random, stiff) if random.random() < 0.5 else _rock(random, size)
+        bodies.append({"name": f"rock_{number}", "material": f"body_{number}"} | _box(random, lower, upper))
+    excavations = []
+    for number in range(random.integers(1, 5)):
+        mined = int(random.integers(0, 3))
+        entry = {"name": f"opening_{number}", "step": STEPS[mined]}
+        if random.random() < 0.5:
+            entry |= {"fill": "fill", "filled": STEPS[int(random.integers(mined, 3))]}
+        entry |= _ball(random, lower, upper, dimension) if random.random() < 0.4 else _box(random, lower, upper)
+        excavations.append(entry)
+    return {
+        "name": f"scene_{seed}",
+        "plane": plane,
+        "frame": {"surface": f"{float(surface)!r} m"},
+        "domain": {"lower": _lengths(lower), "upper": _lengths(upper), "boundary": boundary},
+        "grid": {
+            "coarse_cell": f"{float(coarse)!r} m",
+            "levels": int(random.integers(1, 4 if dimension == 2 else 3)),
+            "buffer_cells": int(random.integers(1, 3)),
+            "particles_per_cell": int(random.choice([1, 2**dimension], p=[0.8, 0.2])),
+            "cut_cells": str(random.choice(["fraction", "whole", "subdivide"], p=[0.7, 0.15, 0.15])),
+        },
+        "insitu_stress": _stress(random, size, height, weight),
+        "materials": materials,
+        "rock_bodies": bodies,
+        "excavations": excavations,
+        "steps": [{"name": name} for name in STEPS],
+        "solver": {
+            "scheme": str(random.choice(["multigrid", "explicit"], p=[0.9, 0.1])),
+            "tolerance": 1e-4,
+            "increments": int(random.choice([1, 2, 5])),
+            "weakest_first": float(random.choice([0.0, 0.5], p=[0.9, 0.1])),
+            "hourglass": float(random.choice([0.01, 0.05, 0.2])),
+        },
+    }
+
+
+def _lengths(values) -> list[str]:
+    return [f"{float(value)!r} m" for value in values]
+
+
+def _faces(random, faces) -> dict:
+    return {face: str(random.choice(CONDITIONS)) for face in faces}
+
+
+def _box(random, lower, upper) -> dict:
+    """A box within the domain or across its faces, down to a sliver of a hundredth of a side."""
+    side = (upper - lower) * 10.0 ** random.uniform(-1.5, -0.2, len(lower))
+    start = lower - 0.1 * side + random.random(len(lower)) * (upper - lower - 0.8 * side)
+    return {"shape": "box", "lower": _lengths(start), "upper": _lengths(start + side)}
+
+
+def _ball(random, lower, upper, dimension: int) -> dict:
+    radius = float((upper - lower).min() * 10.0 ** random.uniform(-1.5, -0.4))
+    center = random.uniform(lower + 0.1 * (upper - lower), upper - 0.1 * (upper - lower))
+    return {
+        "shape": "sphere" if dimension == 3 else "circle",
+        "center": _lengths(center),
+        "radius": f"{float(radius)!r} m",
+    }
+
+
+def _elastic(random, modulus: float) -> dict:
+    return {
+        "model": "elastic",
+        "youngs_modulus": f"{float(modulus)!r} Pa",
+        "poisson_ratio": float(random.uniform(0.0, 0.45)),
+        "density": f"{float(random.uniform(500.0, 4000.0))!r} kg/m^3",
+    }
+
+
+def _rock(random, size: float) -> dict:
+    """Coulomb rock of strength about the stress, or far from it, or none; residual strength within the intact one."""
+    friction = float(random.uniform(10.0, 50.0))
+    cohesion = float(random.choice([0.0, size * 10.0 ** random.uniform(-1.0, 1.0)], p=[0.1, 0.9]))
+    friction_left = friction * float(random.choice([0.3, random.random(), 1.0]))
+    cohesion_left = cohesion * float(random.choice([0.0, random.random(), 1.0]))
+    cutoff = {"intact": f"{float(0.5 * cohesion)!r} Pa", "residual": "0 Pa"}
+    if random.random() < 0.3:  # the tip of the residual cone must not stand beyond the intact one
+        slope, slope_left = np.tan(np.radians([friction, friction_left]))
+        cutoff, cohesion_left = "none", float(min(cohesion_left, 0.99 * cohesion * slope_left / slope))
+    return _elastic(random, size * 10.0 ** random.uniform(2.0, 4.0)) | {
+        "model": "coulomb",
+        "friction_angle": {"intact": f"{float(friction)!r} deg", "residual": f"{float(friction_left)!r} deg"},
+        "dilation_angle": {
+            "intact": f"{float(friction * float(random.random()))!r} deg",
+            "residual": f"{float(friction_left * float(random.random()))!r} deg",
+        },
+        "cohesion": {"intact": f"{float(cohesion)!r} Pa", "residual": f"{float(cohesion_left)!r} Pa"},
+        "tension_cutoff": cutoff,
+    }
+
+
+def _stress(random, size: float, height: float, weight: bool) -> dict:
+    ratios = random.uniform(0.5, 1.2, 2)
+    values = {"xx": -size * ratios[0], "yy": -size * ratios[1], "zz": -size}
+    if weight:
+        slope = float(random.choice([0.1, 1.0])) / height
+        return {
+            "constant": {"zz": "0 Pa"},
+            "gradient": {name: f"{float(value * slope)!r} Pa/m" for name, value in values.items()},
+        }
+    values |= {"xz": 0.1 * size * random.uniform(-1.0, 1.0), "xy": 0.1 * size * random.uniform(-1.0, 1.0)}
+    return {"constant": {name: f"{float(value)!r} Pa" for name, value in values.items()}}

@@ -1,0 +1,140 @@
+"""What the stages make of a scene, and what must be true of every state that they store."""
+
+import signal
+import time
+import traceback
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+import yaml
+
+from mpm_core.gridding import make_grid
+from mpm_core.scene import parse_scene
+from mpm_core.stages import elastic_stage, mining_step
+from pipeline.errors import InputError
+from workflow.configuration import load
+
+DEFAULT = yaml.safe_load((Path(__file__).parents[2] / "config" / "default.yaml").read_text())
+RESTS, REFUSED, ENDED, BROKEN, HANGS, WRONG = "at rest", "refused", "ended", "traceback", "hangs", "wrong"
+FAULTS = (BROKEN, HANGS, WRONG)
+SECONDS = 120  # of processor time, of one scene: more is a hang
+ABOVE = 1e-3  # of strength and stress: by how much a stored stress may stand above strength
+
+
+@dataclass
+class Outcome:
+    """How a scene ended: kind, one line about it, seconds, the datasets stored by name (grid, elastic, steps)."""
+
+    kind: str
+    message: str = ""
+    seconds: float = 0.0
+    stored: dict[str, xr.Dataset] = field(default_factory=dict)
+
+
+@contextmanager
+def _limit(seconds: int):
+    """TimeoutError once so many seconds of processor time are spent (main thread only): shared machines are slow."""
+
+    def end(number, frame):
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGPROF, end)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def run(values: dict, folder: Path, seconds: int = SECONDS) -> Outcome:
+    """Take a configuration through its stages, in this process: refused before the first solution or ended after it."""
+    stored: dict[str, xr.Dataset] = {}
+    began = time.process_time()
+    try:
+        with _limit(seconds):
+            mine = load(_over(DEFAULT, values), folder / "mine.yaml", DEFAULT)
+            stored["grid"] = make_grid(mine.grid_slice(), {})
+            failed = folder / "failed.npz"
+            scene = parse_scene(mine.scene_slice(0))
+            state = stored["elastic"] = elastic_stage(scene, stored["grid"], failed)[0]
+            for name in mine.mined_steps:
+                scene = parse_scene(mine.step_slice(name))
+                state = stored[name] = mining_step(scene, stored["grid"], state, failed)[0]
+        wrong = [fault for name in list(stored)[1:] for fault in faults(values, stored["grid"], stored[name])]
+        kind, message = (WRONG, wrong[0]) if wrong else (RESTS, "")
+    except InputError as error:
+        kind, message = ENDED if "elastic" in stored else REFUSED, str(error)
+        if "\n" in message:
+            kind = WRONG
+    except TimeoutError:
+        kind, message = HANGS, f"not done after {seconds} s: {', '.join(stored) or 'nothing'} stored"
+    except Exception:  # what a user would see as a traceback is the finding here
+        kind, message = BROKEN, traceback.format_exc().strip().replace("\n", " | ")
+    return Outcome(kind, message, time.process_time() - began, stored)
+
+
+def _over(base: dict, top: dict) -> dict:
+    both = [key for key in base if isinstance(base[key], dict) and isinstance(top.get(key), dict)]
+    return base | top | {key: _over(base[key], top[key]) for key in both}
+
+
+def faults(values: dict, grid: xr.Dataset, state: xr.Dataset) -> list[str]:
+    """What is wrong with a stored state, one line each; nothing for a sound one."""
+    name, found = state.attrs["step"], []
+    volume, failed = state.volume.values, state.failed.values >= 0
+    present = volume > 0.0
+    for variable in ("stress", "displacement", "plastic_strain"):
+        if not np.isfinite(state[variable].values).all():
+            found.append(f"{name}: {variable} is not finite")
+    span = grid.node_position.values.max(axis=0) - grid.node_position.values.min(axis=0)
+    if np.abs(state.node_displacement.values).max() > span.max():
+        found.append(f"{name}: rock moved farther than the domain is wide")
+    ratio = float(state.attrs["unbalanced_ratio"])
+    if ratio > float(state.attrs["tolerance"]):
+        found.append(f"{name}: stored with {ratio:.2g} unbalanced")
+    if state.attrs["stage"] == "step":
+        parts = state.seismic_strain.values + state.overshoot_strain.values + state.later_strain.values
+        if np.abs(parts - state.plastic_strain_step.values).max() > 1e-12 * max(np.abs(parts).max(), 1e-300):
+            found.append(f"{name}: strains do not add up")
+        if (state.plastic_strain.values[~failed] != 0.0).any():
+            found.append(f"{name}: intact rock has flowed")
+        found += [f"{name}: {fault}" for fault in _above_strength(values, grid, state, present, failed)]
+        dissipated = float(state.attrs["energy_dissipated"])
+        scale = float(np.sum(np.abs(state.stress.values).max(axis=1) * np.abs(parts).max(axis=1) * volume))
+        if dissipated < -1e-3 * scale:
+            found.append(f"{name}: {dissipated:.3g} J dissipated")
+    return found
+
+
+def _above_strength(values, grid, state, present, failed):
+    """Rock that stands above the strength it should have: intact in whole finest cells, or failed."""
+    names = yaml.safe_load(state.attrs["material_names"])
+    level = grid.cell_level.values[state.cell.values]
+    share = np.ones(len(grid.cell_level))
+    np.subtract.at(share, grid.piece_cell.values, grid.piece_fraction.values)
+    whole = (level == level.max()) & (share[state.cell.values] >= 0.5)
+    rock_here = present & (state.excavation.values < 0)
+    tensor = state.stress.values[:, [0, 5, 4, 5, 1, 3, 4, 3, 2]].reshape(-1, 3, 3)
+    for number, material in enumerate(names):
+        rock = values["materials"][material]
+        if rock["model"] != "coulomb":
+            continue
+        for kind, chosen in (("intact", ~failed & whole), ("residual", failed)):
+            chosen = np.flatnonzero(chosen & rock_here & (state.material.values == number))
+            if not len(chosen):
+                continue
+            s3, _, s1 = np.linalg.eigvalsh(tensor[chosen]).T
+            phi = np.radians(float(rock["friction_angle"][kind].split()[0]))
+            cohesion = float(rock["cohesion"][kind].split()[0])
+            slope = (1.0 + np.sin(phi)) / (1.0 - np.sin(phi))
+            strength = 2.0 * cohesion * np.cos(phi) / (1.0 - np.sin(phi))
+            excess = slope * s1 - s3 - strength
+            if rock["tension_cutoff"] != "none":
+                excess = np.maximum(excess, s1 - float(rock["tension_cutoff"][kind].split()[0]))
+            size = strength + slope * np.abs(s1) + np.abs(s3) + np.abs(tensor[present]).max()
+            if (excess > ABOVE * size).any():
+                yield f"{kind} {material} stands {excess.max():.3g} Pa above its strength"
