@@ -9,7 +9,7 @@ from mpm_core.equilibrium.multigrid import MultigridScheme
 from mpm_core.multigrid import stiff_bodies
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiff_bodies import StiffBodies, host_shear
-from tests.mechanics.scenes import HOST, ball, box, excavation, grid_around, make_model, make_scene, uniform
+from tests.mechanics.scenes import COULOMB, HOST, ball, box, excavation, grid_around, make_model, make_scene, uniform
 from tests.multigrid.test_iterations import MODULUS, cells_of, solve
 from tests.multigrid.test_scheme import at_rest
 
@@ -188,6 +188,24 @@ def test_scheme_beside_stiff_bodies(dimension, caplog):
         displacements.append(scheme.state.displacement)
     largest = np.abs(displacements[1]).max()
     assert np.abs(displacements[0] - displacements[1]).max() < 1e-4 * largest
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_failed_rock_beside_stiff_bodies(dimension, caplog):
+    """Anderson acceleration has the same V-cycle: no explicit steps, and no more cycles at 1e8 than 1.5 times 1's."""
+    host = COULOMB | {"cohesion": {"intact": 5e6, "residual": 5e6}}
+    cycles = []
+    for ratio in (1.0, 1e8):
+        model, volume, body = scheme_scene(dimension, ratio, host)
+        state = model.virgin_state()
+        near = (model.grid.cell_level == 2) & ~body
+        state.failed[near[model.particles.cell] & (volume > 0.0)] = 0
+        with caplog.at_level(logging.WARNING):
+            scheme, history = at_rest(MultigridScheme, model, volume, state, tolerance=1e-5)
+        assert not caplog.records
+        assert (scheme.state.later_strain != 0.0).any()
+        cycles.append(history.iteration)
+    assert cycles[1] <= 1.5 * cycles[0] + 5
 
 
 def test_bodies_are_absent_without_contrast():
