@@ -164,10 +164,13 @@ class StiffBodies:
         np.maximum.at(kind, corners.indices, np.repeat(decade, count))
         np.maximum.at(smallest, corners.indices, np.repeat(self.grid.cell_width[self.stiff], count))
         place = self.grid.node_index[node]
+        lowest = np.full((bodies, self.dimension), np.iinfo(place.dtype).max)
+        np.minimum.at(lowest, body, place)
+        from_corner = place - lowest[body]  # both sides of a plate in one block
         each = self.dimension * (self.dimension + 1) // 2
         edge = 2
         while True:
-            boxes = place // (edge * smallest[node, None])
+            boxes = from_corner // (edge * smallest[node, None])
             keys = np.column_stack([body, kind[node], smallest[node], boxes])
             kinds, block = np.unique(keys, axis=0, return_inverse=True)
             if len(kinds) * each <= MOST_MOTIONS or (edge > place.max()):
