@@ -76,12 +76,11 @@ def test_the_balance_closes_where_rock_fails_and_flows(scheme, host, strain, tmp
 
 
 def test_what_is_left_is_what_rock_at_rest_lacks_of_balance(tmp_path):
-    """A tolerance a hundredth as large leaves a hundredth: nothing else is missing."""
+    """Its share of the largest term is at most the tolerance, loose or tight: nothing else is missing."""
     options = {"plane": "xy", "host": COULOMB, "pressure": 15e6, "scheme": "multigrid"}
-    loose, tight = (
-        mined(tmp_path, **options, tolerance=tolerance, cascade_tolerance=tolerance) for tolerance in (1e-3, 1e-5)
-    )
-    assert tight["energy_left_share"] < 0.05 * loose["energy_left_share"] < 0.05 * 0.01
+    for tolerance in (1e-3, 1e-5):
+        facts = mined(tmp_path, **options, tolerance=tolerance, cascade_tolerance=tolerance)
+        assert 0.0 < facts["energy_left_share"] < tolerance
 
 
 @pytest.mark.parametrize("plane", ["xy", None])
