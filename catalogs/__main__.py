@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pipeline.datasets import read_dataset, write_dataset
+from pipeline.event_table import read_events, write_events
 from pipeline.provenance import provenance
 from pipeline.stage import run_stage
 
@@ -18,7 +19,7 @@ def scene(chosen: argparse.Namespace) -> None:
     """A picture of what will be solved: cells, solids, record."""
     from catalogs.figures.overview import write_overview
 
-    record = read_dataset(chosen.record) if chosen.record else None
+    record = read_events(chosen.record) if chosen.record else None
     write_overview(read_dataset(chosen.grid), json.loads(chosen.settings), record, chosen.output)
 
 
@@ -29,14 +30,14 @@ def record(chosen: argparse.Namespace) -> None:
     settings = json.loads(chosen.settings)
     events = read_record(settings)
     frame = {"frame": json.dumps(settings["frame"])} if settings.get("frame") else {}
-    write_dataset(events.assign_attrs(frame | provenance(settings, "catalogs")), chosen.output)
+    write_events(events.assign_attrs(frame | provenance(settings, "catalogs")), chosen.output)
 
 
 def quakeml(chosen: argparse.Namespace) -> None:
     """A catalogue as QuakeML."""
     from catalogs.quakeml import write_quakeml
 
-    write_quakeml(read_dataset(chosen.catalog), chosen.output)
+    write_quakeml(read_events(chosen.catalog), chosen.output)
 
 
 def comparison(chosen: argparse.Namespace) -> None:
@@ -44,7 +45,7 @@ def comparison(chosen: argparse.Namespace) -> None:
     from catalogs.comparison import compare
 
     settings = json.loads(chosen.settings)
-    result = compare(read_dataset(chosen.catalog), read_dataset(chosen.record), settings)
+    result = compare(read_events(chosen.catalog), read_events(chosen.record), settings)
     write_dataset(result.assign_attrs(provenance(settings, "catalogs")), chosen.output)
 
 
@@ -54,7 +55,7 @@ def spread(chosen: argparse.Namespace) -> None:
 
     settings = json.loads(chosen.settings)
     comparison = read_dataset(chosen.comparison) if chosen.comparison else None
-    result = gather(chosen.runs, read_dataset(chosen.catalog), comparison, settings)
+    result = gather(chosen.runs, read_events(chosen.catalog), comparison, settings)
     write_dataset(result.assign_attrs(provenance(settings, "catalogs")), chosen.output)
 
 
@@ -62,15 +63,15 @@ def twin(chosen: argparse.Namespace) -> None:
     """A modelled catalogue as a seismic system might have recorded it."""
     from catalogs.twin import write_twin
 
-    count = write_twin(read_dataset(chosen.catalog), chosen.noise, chosen.cut, chosen.seed, chosen.output)
+    count = write_twin(read_events(chosen.catalog), chosen.noise, chosen.cut, chosen.seed, chosen.output)
     logging.info("%d events", count)
 
 
 def vtk(chosen: argparse.Namespace) -> None:
     """A catalogue's events for ParaView."""
-    from catalogs.vtk import write_events
+    from catalogs.vtk import write_points
 
-    write_events(read_dataset(chosen.catalog), chosen.output)
+    write_points(read_events(chosen.catalog), chosen.output)
 
 
 def report(chosen: argparse.Namespace) -> None:

@@ -15,8 +15,8 @@ from catalogs.comparison_layout import described
 from catalogs.locations import block_labels
 from catalogs.measures import CATALOGUES, TAILS, axes_measures, location_measures, size_measures
 from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
-from catalogs.schema import check_catalog
 from pipeline.errors import InputError
+from pipeline.event_table import check_events
 
 DEFAULTS = {
     "seed": 1,
@@ -33,11 +33,11 @@ DEFAULTS = {
 def compare(catalog: xr.Dataset, record: xr.Dataset, settings: Mapping) -> xr.Dataset:
     """The three comparisons of a synthetic catalogue with a recorded one; layout: catalogs.comparison_layout.
 
-    catalog, record: form of catalogs.schema. settings: any of DEFAULTS. Raises InputError for an unknown setting, a
-    catalogue of the wrong form or for another mine. A catalogue with too few events, or none, gives NaN and a sentence,
-    not an error.
+    catalog, record: form of pipeline.event_table. settings: any of DEFAULTS. Raises InputError for an unknown setting,
+    a catalogue of the wrong form or for another mine. A catalogue with too few events, or none, gives NaN and a
+    sentence, not an error.
     """
-    catalog, record = check_catalog(catalog, "catalog"), check_catalog(record, "record")
+    catalog, record = check_events(catalog, "catalog"), check_events(record, "record")
     unknown = set(settings) - set(DEFAULTS)
     if unknown:
         raise InputError(f"comparison.{sorted(unknown)[0]}: unknown setting; known are {', '.join(DEFAULTS)}")

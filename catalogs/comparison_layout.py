@@ -13,127 +13,124 @@ kagan_bin_width (degrees), config_hash, source_hash, versions. cut_text, size_te
 sentences for the reader of the report; they also say why a number does not exist.
 """
 
-from dataclasses import dataclass
-
+import numpy as np
+import numpy.typing as npt
 import xarray as xr
+
+from pipeline.fields import TEXT, Field
 
 DEGREE = "degree"
 LOG = "log10(m3)"  # logarithms of potency in m3
 
 
-@dataclass(frozen=True)
-class Entry:
-    """One variable: its dimensions, unit ("" for text), and what it means."""
-
-    name: str
-    dims: tuple[str, ...]
-    unit: str
-    meaning: str
+def _field(name: str, dims: str, unit: str, meaning: str, dtype: npt.DTypeLike = np.float64) -> Field:
+    return Field(name, tuple(dims.split()), dtype, unit, meaning)
 
 
-def _entry(name: str, dims: str, unit: str, meaning: str) -> Entry:
-    return Entry(name, tuple(dims.split()), unit, meaning)
-
-
-ENTRIES = (
+FIELDS = (
     # which events count
-    _entry("model_used", "event_model", "1", "1: resolved and at or above the cut; 0: not in the statistics"),
-    _entry("record_used", "event_record", "1", "1: at or above the cut; 0: not in the statistics"),
-    _entry("model_axes_used", "event_model", "1", "1: in the statistics, and with a tensor"),
-    _entry("record_axes_used", "event_record", "1", "1: in the statistics, and with a tensor"),
-    _entry("events_total", "catalogue", "1", "events of the catalogue"),
-    _entry("events_resolved", "catalogue", "1", "events of enough particles; all of a record"),
-    _entry("events_above_cut", "catalogue", "1", "of these at or above the cut: the events compared"),
-    _entry("events_with_axes", "catalogue", "1", "events whose axes are compared"),
-    _entry("blocks", "catalogue", "1", "blocks of events that are resampled for intervals"),
-    _entry("cut", "", LOG, "smallest size that counts in both catalogues: the larger of the next two"),
-    _entry("model_floor", "", LOG, "smallest size that the model's cells resolve"),
-    _entry("record_completeness", "", LOG, "size from which the record is complete (stable b, else the fullest bin)"),
+    _field("model_used", "event_model", "1", "1: resolved and at or above the cut; 0: not in the statistics", np.int8),
+    _field("record_used", "event_record", "1", "1: at or above the cut; 0: not in the statistics", np.int8),
+    _field("model_axes_used", "event_model", "1", "1: in the statistics, and with a tensor", np.int8),
+    _field("record_axes_used", "event_record", "1", "1: in the statistics, and with a tensor", np.int8),
+    _field("events_total", "catalogue", "1", "events of the catalogue", np.int64),
+    _field("events_resolved", "catalogue", "1", "events of enough particles; all of a record", np.int64),
+    _field("events_above_cut", "catalogue", "1", "of these at or above the cut: the events compared", np.int64),
+    _field("events_with_axes", "catalogue", "1", "events whose axes are compared", np.int64),
+    _field("blocks", "catalogue", "1", "blocks of events that are resampled for intervals", np.int64),
+    _field("cut", "", LOG, "smallest size that counts in both catalogues: the larger of the next two"),
+    _field("model_floor", "", LOG, "smallest size that the model's cells resolve"),
+    _field("record_completeness", "", LOG, "size from which the record is complete (stable b, else the fullest bin)"),
     # sums of potency
-    _entry("summed_potency", "catalogue", "m3", "potency of the events compared"),
-    _entry("summed_potency_all", "catalogue", "m3", "potency of every event"),
-    _entry("potency_ratio", "", "1", "summed potency, model over record"),
-    _entry("potency_ratio_all", "", "1", "potency of every event, model over record"),
-    _entry("potency_ratio_interval", "interval", "1", "its 95 % interval, blocks resampled"),
+    _field("summed_potency", "catalogue", "m3", "potency of the events compared"),
+    _field("summed_potency_all", "catalogue", "m3", "potency of every event"),
+    _field("potency_ratio", "", "1", "summed potency, model over record"),
+    _field("potency_ratio_all", "", "1", "potency of every event, model over record"),
+    _field("potency_ratio_interval", "interval", "1", "its 95 % interval, blocks resampled"),
     # location
-    _entry("centroid", "catalogue xyz", "m", "mean location of the events compared"),
-    _entry("centroid_offset", "xyz", "m", "centroid of the model minus that of the record"),
-    _entry("centroid_offset_interval", "xyz interval", "m", "its 95 % interval"),
-    _entry("centroid_distance", "", "m", "distance between the centroids"),
-    _entry("centroid_distance_interval", "interval", "m", "its 95 % interval"),
-    _entry("energy_distance", "", "m", "energy distance of the locations (Szekely and Rizzo 2013); 0: alike"),
-    _entry("energy_distance_interval", "interval", "m", "its 95 % interval"),
-    _entry("energy_distance_null", "interval", "m", "0.025 and 0.975 quantile of what one process gives by chance"),
-    _entry("energy_p_value", "", "1", "chance of as large an energy distance if both are one process"),
-    _entry("nearest_distance", "pair", "m", "median distance from an event to the nearest of the other catalogue"),
-    _entry("nearest_distance_interval", "pair interval", "m", "its 95 % interval"),
-    _entry("distance", "distance", "m", "distances of the next six"),
-    _entry("cross_k", "distance", "m3", "model-record pairs closer than distance, as a volume (Ripley)"),
-    _entry("cross_k_interval", "distance interval", "m3", "its 95 % interval"),
-    _entry("model_k", "distance", "m3", "the same within the model, pairs of one block left out"),
-    _entry("record_k", "distance", "m3", "the same within the record, pairs of one block left out"),
-    _entry("cross_ratio", "distance", "1", "cross_k / sqrt(record_k model_k); 1: as near as to their own, 0: apart"),
-    _entry("cross_ratio_interval", "distance interval", "1", "its 95 % interval"),
+    _field("centroid", "catalogue xyz", "m", "mean location of the events compared"),
+    _field("centroid_offset", "xyz", "m", "centroid of the model minus that of the record"),
+    _field("centroid_offset_interval", "xyz interval", "m", "its 95 % interval"),
+    _field("centroid_distance", "", "m", "distance between the centroids"),
+    _field("centroid_distance_interval", "interval", "m", "its 95 % interval"),
+    _field("energy_distance", "", "m", "energy distance of the locations (Szekely and Rizzo 2013); 0: alike"),
+    _field("energy_distance_interval", "interval", "m", "its 95 % interval"),
+    _field("energy_distance_null", "interval", "m", "0.025 and 0.975 quantile of what one process gives by chance"),
+    _field("energy_p_value", "", "1", "chance of as large an energy distance if both are one process"),
+    _field("nearest_distance", "pair", "m", "median distance from an event to the nearest of the other catalogue"),
+    _field("nearest_distance_interval", "pair interval", "m", "its 95 % interval"),
+    _field("distance", "distance", "m", "distances of the next six"),
+    _field("cross_k", "distance", "m3", "model-record pairs closer than distance, as a volume (Ripley)"),
+    _field("cross_k_interval", "distance interval", "m3", "its 95 % interval"),
+    _field("model_k", "distance", "m3", "the same within the model, pairs of one block left out"),
+    _field("record_k", "distance", "m3", "the same within the record, pairs of one block left out"),
+    _field("cross_ratio", "distance", "1", "cross_k / sqrt(record_k model_k); 1: as near as to their own, 0: apart"),
+    _field("cross_ratio_interval", "distance interval", "1", "its 95 % interval"),
     # sizes: N(>= P) = 10^a P^-b
-    _entry("b", "catalogue", "1", "b of potency, maximum likelihood without an upper bound; of magnitudes it is 1.5 b"),
-    _entry("b_error", "catalogue", "1", "its standard error"),
-    _entry("b_interval", "catalogue interval", "1", "its 95 % interval"),
-    _entry("b_magnitude", "catalogue", "1", "b of moment magnitudes: 1.5 b of potency"),
-    _entry("a", "catalogue", "1", "a in log10 N(>= P) = a - b log10 P, P in m3"),
-    _entry("b_truncated", "catalogue", "1", "b of potency if no event may be larger than the largest"),
-    _entry("b_truncated_error", "catalogue", "1", "its standard error"),
-    _entry("b_truncated_interval", "catalogue interval", "1", "its 95 % interval"),
-    _entry("largest_log_potency", "catalogue", LOG, "largest event"),
-    _entry("b_difference", "", "1", "b of the model minus that of the record"),
-    _entry("b_difference_error", "", "1", "its standard error"),
-    _entry("b_difference_interval", "interval", "1", "its 95 % interval"),
-    _entry("b_difference_p_value", "", "1", "chance of as large a difference if both follow one law"),
-    _entry("completeness_curvature", "catalogue", LOG, "lower edge of the fullest bin"),
-    _entry("completeness_stability", "catalogue", LOG, "lowest cut from which b is stable; NaN: there is none"),
-    _entry("cut_log_potency", "trial_cut", LOG, "cuts of the next three"),
-    _entry("b_by_cut", "catalogue trial_cut", "1", "b of potency of the events at or above each cut"),
-    _entry("b_by_cut_error", "catalogue trial_cut", "1", "its standard error"),
-    _entry("events_by_cut", "catalogue trial_cut", "1", "events at or above each cut"),
-    _entry("size_bin_lower", "size_bin", LOG, "lower edges of the bins of the next two"),
-    _entry("incremental", "catalogue size_bin", "1", "resolved events per bin, those below the cut too"),
-    _entry("cumulative", "catalogue size_bin", "1", "resolved events at or above the bin's lower edge"),
+    _field("b", "catalogue", "1", "b of potency, maximum likelihood without an upper bound; of magnitudes it is 1.5 b"),
+    _field("b_error", "catalogue", "1", "its standard error"),
+    _field("b_interval", "catalogue interval", "1", "its 95 % interval"),
+    _field("b_magnitude", "catalogue", "1", "b of moment magnitudes: 1.5 b of potency"),
+    _field("a", "catalogue", "1", "a in log10 N(>= P) = a - b log10 P, P in m3"),
+    _field("b_truncated", "catalogue", "1", "b of potency if no event may be larger than the largest"),
+    _field("b_truncated_error", "catalogue", "1", "its standard error"),
+    _field("b_truncated_interval", "catalogue interval", "1", "its 95 % interval"),
+    _field("largest_log_potency", "catalogue", LOG, "largest event"),
+    _field("b_difference", "", "1", "b of the model minus that of the record"),
+    _field("b_difference_error", "", "1", "its standard error"),
+    _field("b_difference_interval", "interval", "1", "its 95 % interval"),
+    _field("b_difference_p_value", "", "1", "chance of as large a difference if both follow one law"),
+    _field("completeness_curvature", "catalogue", LOG, "lower edge of the fullest bin"),
+    _field("completeness_stability", "catalogue", LOG, "lowest cut from which b is stable; NaN: there is none"),
+    _field("cut_log_potency", "trial_cut", LOG, "cuts of the next three"),
+    _field("b_by_cut", "catalogue trial_cut", "1", "b of potency of the events at or above each cut"),
+    _field("b_by_cut_error", "catalogue trial_cut", "1", "its standard error"),
+    _field("events_by_cut", "catalogue trial_cut", "1", "events at or above each cut", np.int64),
+    _field("size_bin_lower", "size_bin", LOG, "lower edges of the bins of the next two"),
+    _field("incremental", "catalogue size_bin", "1", "resolved events per bin, those below the cut too", np.int64),
+    _field("cumulative", "catalogue size_bin", "1", "resolved events at or above the bin's lower edge", np.int64),
     # axes
-    _entry("mean_axis", "catalogue axis_name xyz", "1", "mean axis: unit eigenvector of the orientation matrix"),
-    _entry("mean_trend", "catalogue axis_name", DEGREE, "its trend, clockwise from north"),
-    _entry("mean_plunge", "catalogue axis_name", DEGREE, "its plunge below the horizontal"),
-    _entry("mean_cone", "catalogue axis_name", DEGREE, "half angle of its 95 % bootstrap cone"),
-    _entry("mean_strength", "catalogue axis_name", "1", "its eigenvalue: 1/3 for uniform axes, 1 for parallel ones"),
-    _entry("mean_angle", "axis_name", DEGREE, "angle between the catalogues' mean axes"),
-    _entry("mean_angle_interval", "axis_name interval", DEGREE, "its 95 % interval"),
-    _entry("summed_tensor", "catalogue xyz axis", "m3", "sum of potency tensors, or of unit tensors (summed_weight)"),
-    _entry("summed_axis", "catalogue axis_name xyz", "1", "principal axes of the summed tensor, unit vectors"),
-    _entry("summed_trend", "catalogue axis_name", DEGREE, "their trend, clockwise from north"),
-    _entry("summed_plunge", "catalogue axis_name", DEGREE, "their plunge below the horizontal"),
-    _entry("summed_angle", "axis_name", DEGREE, "angle between the axes of the two summed tensors"),
-    _entry("summed_kagan", "", DEGREE, "Kagan angle between the two summed tensors"),
-    _entry("kagan_lower", "angle", DEGREE, "lower edges of the bins of Kagan angles"),
-    _entry("kagan_share", "kagan_pair angle", "1", "share of the pairs per bin"),
-    _entry("kagan_median", "kagan_pair", DEGREE, "median Kagan angle of the pairs"),
-    _entry("kagan_median_interval", "kagan_pair interval", DEGREE, "its 95 % interval"),
-    _entry("source_share", "catalogue share", "1", "mean of the absolute isotropic, CLVD and double-couple shares"),
+    _field("mean_axis", "catalogue axis_name xyz", "1", "mean axis: unit eigenvector of the orientation matrix"),
+    _field("mean_trend", "catalogue axis_name", DEGREE, "its trend, clockwise from north"),
+    _field("mean_plunge", "catalogue axis_name", DEGREE, "its plunge below the horizontal"),
+    _field("mean_cone", "catalogue axis_name", DEGREE, "half angle of its 95 % bootstrap cone"),
+    _field("mean_strength", "catalogue axis_name", "1", "its eigenvalue: 1/3 for uniform axes, 1 for parallel ones"),
+    _field("mean_angle", "axis_name", DEGREE, "angle between the catalogues' mean axes"),
+    _field("mean_angle_interval", "axis_name interval", DEGREE, "its 95 % interval"),
+    _field("summed_tensor", "catalogue xyz axis", "m3", "sum of potency tensors, or of unit tensors (summed_weight)"),
+    _field("summed_axis", "catalogue axis_name xyz", "1", "principal axes of the summed tensor, unit vectors"),
+    _field("summed_trend", "catalogue axis_name", DEGREE, "their trend, clockwise from north"),
+    _field("summed_plunge", "catalogue axis_name", DEGREE, "their plunge below the horizontal"),
+    _field("summed_angle", "axis_name", DEGREE, "angle between the axes of the two summed tensors"),
+    _field("summed_kagan", "", DEGREE, "Kagan angle between the two summed tensors"),
+    _field("kagan_lower", "angle", DEGREE, "lower edges of the bins of Kagan angles"),
+    _field("kagan_share", "kagan_pair angle", "1", "share of the pairs per bin"),
+    _field("kagan_median", "kagan_pair", DEGREE, "median Kagan angle of the pairs"),
+    _field("kagan_median_interval", "kagan_pair interval", DEGREE, "its 95 % interval"),
+    _field("source_share", "catalogue share", "1", "mean of the absolute isotropic, CLVD and double-couple shares"),
     # coordinates
-    _entry("catalogue", "catalogue", "", "which of the two catalogues"),
-    _entry("interval", "interval", "", "lower and upper end of a 95 % interval"),
-    _entry("axis_name", "axis_name", "", "P: most compressive, B: intermediate, T: most tensile axis"),
-    _entry("pair", "pair", "", "from which catalogue's events to the nearest of which"),
-    _entry("share", "share", "", "isotropic, compensated linear vector dipole, double couple"),
-    _entry("kagan_pair", "kagan_pair", "", "which pairs: all model with record, nearest, within the record, random"),
+    _field("catalogue", "catalogue", "", "which of the two catalogues", TEXT),
+    _field("interval", "interval", "", "lower and upper end of a 95 % interval", TEXT),
+    _field("axis_name", "axis_name", "", "P: most compressive, B: intermediate, T: most tensile axis", TEXT),
+    _field("pair", "pair", "", "from which catalogue's events to the nearest of which", TEXT),
+    _field("share", "share", "", "isotropic, compensated linear vector dipole, double couple", TEXT),
+    _field(
+        "kagan_pair", "kagan_pair", "", "which pairs: all model with record, nearest, within the record, random", TEXT
+    ),
 )  # fmt: skip
 
 
 def described(dataset: xr.Dataset) -> xr.Dataset:
-    """The comparison with unit and meaning on every variable. Raises ValueError for one that is not in the table."""
-    entries = {entry.name: entry for entry in ENTRIES}
+    """The comparison with unit and meaning on every variable.
+
+    Raises ValueError for one that is not in the table, InputError for one of another type or of other dimensions.
+    """
+    fields = {field.name: field for field in FIELDS}
     for name, variable in dataset.variables.items():
-        entry = entries.get(name)
-        if entry is None or entry.dims != variable.dims:
-            raise ValueError(f"comparison: {name} {variable.dims} is not in the layout")
-        variable.attrs = {"long_name": entry.meaning} | ({"units": entry.unit} if entry.unit else {})
+        if name not in fields:
+            raise ValueError(f"comparison: {name} is not in the layout")
+        variable.attrs = fields[name].attributes
+        fields[name].check(dataset, "comparison")
     if dataset.attrs.get("summed_weight") == "unit":
         dataset["summed_tensor"].attrs["units"] = "1"
     return dataset

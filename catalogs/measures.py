@@ -1,7 +1,7 @@
 """The three comparisons of two catalogues as variables of comparison.nc (their layout: catalogs.comparison_layout).
 
-`both` is (catalogue, record) in the form of catalogs.schema, `used` which of their events count, `blocks` the block of
-each event. Every function returns the variables, and the sentences that go with them.
+`both` is (catalogue, record) in the form of pipeline.event_table, `used` which of their events count, `blocks` the
+block of each event. Every function returns the variables, and the sentences that go with them.
 """
 
 import json
@@ -22,10 +22,9 @@ from catalogs.mechanisms import (
     angle_between_axes,
     compare_axes,
     kagan_angle,
-    principal_axes,
-    source_shares,
     trend_plunge,
 )
+from pipeline.source_tensors import principal_axes, source_shares
 
 CATALOGUES = ("model", "record")
 TAILS = (0.025, 0.975)
@@ -175,7 +174,7 @@ def axes_measures(both, used, blocks, settings: Mapping) -> tuple[dict, dict]:
         days = record["orientation_time"].values.astype("datetime64[D]")
         samples[0] = _sample(model, tensors[0], known[0], blocks[0])
         samples.append(
-            AxesSample(principal_axes(record_tensors)[1], record["orientation_location"].values, days.astype(np.int64))
+            AxesSample(principal_axes(record_tensors), record["orientation_location"].values, days.astype(np.int64))
         )
         period = f"{days.min()} to {days.max()}" if days.size else "no time"
         text = (
@@ -207,7 +206,7 @@ def axes_measures(both, used, blocks, settings: Mapping) -> tuple[dict, dict]:
 
 
 def _sample(events: xr.Dataset, tensor: NDArray, kept: NDArray, blocks: NDArray) -> AxesSample:
-    return AxesSample(principal_axes(tensor[kept])[1], events["location"].values[kept], blocks[kept])
+    return AxesSample(principal_axes(tensor[kept]), events["location"].values[kept], blocks[kept])
 
 
 def _during(time: NDArray, window: str | None) -> NDArray:
@@ -226,7 +225,7 @@ def _summed(model: NDArray, record: NDArray, weight: str) -> dict[str, NDArray]:
     if weight == "unit":
         model, record = (part / np.sqrt(np.sum(part**2, axis=(1, 2), keepdims=True)) for part in (model, record))
     summed = np.array([model.sum(axis=0), record.sum(axis=0)])
-    axes = principal_axes(summed)[1]
+    axes = principal_axes(summed)
     trend, plunge = trend_plunge(axes)
     return {
         "summed_tensor": summed,

@@ -1,7 +1,7 @@
-"""Axes and mechanisms of seismic sources: principal axes, their means and cones, Kagan angles, source shares.
+"""Axes of many seismic sources: their means and cones, and the Kagan angles between them.
 
-Axes have no sense: a unit vector and its opposite are the same axis. They are given pointing down (z <= 0), as a
-lower-hemisphere stereonet shows them. x east, y north, z up; trend clockwise from north, plunge below the horizontal.
+Axes have no sense: a unit vector and its opposite are the same axis. They are given pointing down, as
+pipeline.source_tensors.point_down says. x east, y north, z up; trend clockwise from north, plunge below the horizontal.
 """
 
 from dataclasses import dataclass
@@ -10,29 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from pipeline.source_tensors import point_down
+
 AXIS_NAMES = ("P", "B", "T")
 KAGAN_PAIRS = ("model_record", "nearest", "record_record", "uniform")
 MOST_PAIRS = 20000  # sampled of all pairs of two catalogues
 KAGAN_LIMIT = 120.0
 KAGAN_BIN = 10.0  # degrees
 TAILS = (0.025, 0.975)
-
-
-def principal_axes(tensor: NDArray) -> tuple[NDArray, NDArray]:
-    """Principal values (..., 3) ascending and axes (..., 3, 3), rows P, B, T, of symmetric tensors (..., 3, 3).
-
-    Opening positive: P belongs to the smallest value, T to the largest (errata 5). Axes point down.
-    """
-    values, vectors = np.linalg.eigh(np.asarray(tensor, float))
-    return values, point_down(np.swapaxes(vectors, -1, -2))
-
-
-def point_down(axes: NDArray) -> NDArray:
-    """The same axes (..., 3) with z <= 0; a horizontal one points north, or east if it runs east-west."""
-    axes = np.asarray(axes, float)
-    x, y, z = axes[..., 0], axes[..., 1], axes[..., 2]
-    flip = (z > 0) | ((z == 0) & ((y < 0) | ((y == 0) & (x < 0))))
-    return np.where(flip[..., None], -axes, axes) + 0.0  # + 0.0: no negative zeros
 
 
 def trend_plunge(axes: NDArray) -> tuple[NDArray, NDArray]:
@@ -68,20 +53,6 @@ def mean_axis(axes: NDArray, weights: NDArray | None = None) -> tuple[NDArray, N
     matrix = np.einsum("...e,...eij->...ij", weights, outer) / weights.sum(axis=-1)[..., None, None]
     values, vectors = np.linalg.eigh(matrix)
     return point_down(vectors[..., 2]), values[..., 2]
-
-
-def source_shares(tensor: NDArray) -> NDArray:
-    """Isotropic, CLVD and double-couple share (..., 3) of tensors (..., 3, 3) (Vavrycuk 2015); |shares| sum to 1.
-
-    ISO = tr / 3, CLVD = 2/3 (m1 + m3 - 2 m2), DC = 1/2 (m1 - m3 - |m1 + m3 - 2 m2|), over the sum of absolutes.
-    """
-    values = np.linalg.eigvalsh(np.asarray(tensor, float))
-    smallest, middle, largest = values[..., 0], values[..., 1], values[..., 2]
-    skew = largest + smallest - 2 * middle
-    parts = np.stack([values.mean(axis=-1), 2 / 3 * skew, (largest - smallest - np.abs(skew)) / 2], axis=-1)
-    total = np.abs(parts).sum(axis=-1, keepdims=True)
-    with np.errstate(invalid="ignore"):
-        return np.where(total > 0, parts / total, np.nan)
 
 
 def frames(axes: NDArray) -> NDArray:

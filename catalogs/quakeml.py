@@ -2,7 +2,7 @@
 
 What any reader understands: origin time, latitude, longitude, depth (m below sea level, = -z), moment magnitude, and
 the moment tensor in N m, Up-South-East (rr = zz, tt = yy, pp = xx, rt = -yz, rp = xz, tp = -xy). Beside that, in the
-namespace NAMESPACE and bit for bit, every variable of catalogs.schema per event and the attributes once (JSON).
+namespace NAMESPACE and bit for bit, every variable of pipeline.event_table per event and the attributes once (JSON).
 ObsPy makes random resource identifiers and stamps the time unless told otherwise: here every one is given.
 """
 
@@ -32,10 +32,11 @@ from obspy.core.event import (
 from obspy.io.quakeml.core import _validate
 
 from catalogs.frame import MineFrame
-from catalogs.records.build import moment_from_potency
-from catalogs.schema import VARIABLES, Variable, check_catalog, new_catalog
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
+from pipeline.event_table import FIELDS, check_events, new_catalog
+from pipeline.fields import TEXT, Field
+from pipeline.source_tensors import moment_from_potency
 
 NAMESPACE = "urn:mine-seismicity:catalogue:1"
 PREFIX = "mine"
@@ -53,12 +54,12 @@ UP_SOUTH_EAST = {
 
 
 def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike) -> None:
-    """Write a catalogue (form of catalogs.schema) as QuakeML, atomically, after ObsPy's own schema check.
+    """Write a catalogue (form of pipeline.event_table) as QuakeML, atomically, after ObsPy's own schema check.
 
     Needs attributes mine, frame, and where there are tensors lame_lambda and shear_modulus (Pa). Raises InputError for
     a missing frame, an event without time or location, or a file that the schema refuses.
     """
-    catalog = check_catalog(catalog, "catalogue")
+    catalog = check_events(catalog, "catalogue")
     stream = io.BytesIO()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # ObsPy warns of every `extra`
@@ -81,7 +82,7 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
         float(catalog.attrs.get("shear_modulus", np.nan)),
     )
     base = f"smi:local/{_word(catalog.attrs['mine'])}/{catalog.attrs['kind']}"
-    texts = {variable.name: _texts(catalog[variable.name].values) for variable in VARIABLES}
+    texts = {field.name: _texts(catalog[field.name].values) for field in FIELDS}
     events = []
     for index in range(catalog.sizes["event"]):
         name = f"{base}/event/{index + 1:06d}"
@@ -96,9 +97,7 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
             moment=moment[index],
             shares=[float(catalog[share].values[index]) for share in ("dc", "clvd", "iso")],
         )
-        event.extra = {
-            variable.name: {"value": texts[variable.name][index], "namespace": NAMESPACE} for variable in VARIABLES
-        }
+        event.extra = {name: {"value": text[index], "namespace": NAMESPACE} for name, text in texts.items()}
         events.append(event)
     result = Catalog(events=events, resource_id=ResourceIdentifier(base))
     result.creation_info = CreationInfo(agency_id=catalog.attrs["kind"])
@@ -169,7 +168,7 @@ def read_catalog(path: str | os.PathLike) -> xr.Dataset:
 
 
 def own_catalog(events: Catalog) -> xr.Dataset | None:
-    """The schema's catalogue from the `mine` namespace of ObsPy's catalogue; None if it was not written here."""
+    """The catalogue from the `mine` namespace of ObsPy's catalogue; None if it was not written here."""
     extra = getattr(events, "extra", {})
     if ATTRIBUTES not in extra or extra[ATTRIBUTES]["namespace"] != NAMESPACE:
         return None
@@ -179,25 +178,25 @@ def own_catalog(events: Catalog) -> xr.Dataset | None:
         raise InputError(f"{PREFIX}:{ATTRIBUTES}: not JSON ({error}); write the file again") from error
     if not isinstance(attributes, dict):
         raise InputError(f"{PREFIX}:{ATTRIBUTES}: not a mapping; write the file again")
-    return new_catalog(len(events), attributes, **{one.name: _values(events, one) for one in VARIABLES})
+    return new_catalog(len(events), attributes, **{field.name: _values(events, field) for field in FIELDS})
 
 
-def _values(events: Catalog, variable: Variable) -> np.ndarray:
+def _values(events: Catalog, field: Field) -> np.ndarray:
     """A variable of all events from the `mine` namespace. Raises InputError naming the event and what is wrong."""
-    shape = tuple(3 for _ in variable.dims[1:])
-    values = np.empty((len(events), *shape), variable.dtype)
+    shape = tuple(3 for _ in field.dims[1:])
+    values = np.empty((len(events), *shape), field.dtype)
     for index, event in enumerate(events):
-        text = getattr(event, "extra", {}).get(variable.name, {}).get("value")
-        if text is None and variable.dtype.kind != "O":
-            raise InputError(f"event {index + 1}: {PREFIX}:{variable.name} is missing; write the file again")
+        text = getattr(event, "extra", {}).get(field.name, {}).get("value")
+        if text is None and field.dtype != TEXT:
+            raise InputError(f"event {index + 1}: {PREFIX}:{field.name} is missing; write the file again")
         try:
-            if variable.dtype.kind == "f":
+            if field.dtype.kind == "f":
                 values[index] = np.array([float(word) for word in text.split()]).reshape(shape)
             else:
-                values[index] = (text or "") if variable.dtype.kind == "O" else np.array(text, dtype=variable.dtype)
+                values[index] = (text or "") if field.dtype == TEXT else np.array(text, dtype=field.dtype)
         except (ValueError, OverflowError, AttributeError) as error:
             raise InputError(
-                f"event {index + 1}: {PREFIX}:{variable.name}: {str(text)[:60]!r} is not what was written there; write "
+                f"event {index + 1}: {PREFIX}:{field.name}: {str(text)[:60]!r} is not what was written there; write "
                 "the file again"
             ) from error
     return values

@@ -7,17 +7,17 @@ from collections.abc import Mapping
 from zoneinfo import ZoneInfo
 
 from pipeline.errors import InputError
+from pipeline.voigt import COMPONENTS
 
 FIRST_YEAR, LAST_YEAR = 1678, 2261  # whole years that nanoseconds since 1970 reach
 SIZE_NAMES = ("potency", "log_potency", "moment", "mw")
 FOREIGN_TYPES = ("ml", "mlv", "mb", "mb_lg", "mblg", "md", "mc", "ms", "mn", "mr")
-VOIGT = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
 MINE_COORDINATES = ("x", "y", "z")
 GLOBE_COORDINATES = ("latitude", "longitude", "depth")
 TENSOR_KINDS = ("potency", "moment")
 MAGNITUDE, MAGNITUDE_TYPE = "magnitude", "magnitude_type"
 UNITS = {**dict.fromkeys((*MINE_COORDINATES, "depth"), "m"), "potency": "m^3", "moment": "N m", "time_uncertainty": "s"}
-UNITS |= {f"{kind}_{name}": UNITS[kind] for kind in TENSOR_KINDS for name in VOIGT}
+UNITS |= {f"{kind}_{name}": UNITS[kind] for kind in TENSOR_KINDS for name in COMPONENTS}
 TEXTS = ("time", MAGNITUDE_TYPE, "step")  # kinds of columns that hold no numbers
 COLUMN_KEYS = (
     "time",
@@ -26,7 +26,7 @@ COLUMN_KEYS = (
     *SIZE_NAMES,
     MAGNITUDE,
     MAGNITUDE_TYPE,
-    *(f"{kind}_{name}" for kind in TENSOR_KINDS for name in VOIGT),
+    *(f"{kind}_{name}" for kind in TENSOR_KINDS for name in COMPONENTS),
     "time_uncertainty",
     "step",
 )
@@ -49,12 +49,12 @@ def check_columns(columns: Mapping) -> dict:
         raise InputError(f"{where}.time: missing; name the column that holds the date and time")
     if not any(set(names) <= set(columns) for names in (MINE_COORDINATES, GLOBE_COORDINATES)):
         raise InputError(f"{where}: name the columns x, y and z, or latitude, longitude and depth")
-    kinds = [kind for kind in TENSOR_KINDS if all(f"{kind}_{name}" in columns for name in VOIGT)]
+    kinds = [kind for kind in TENSOR_KINDS if all(f"{kind}_{name}" in columns for name in COMPONENTS)]
     if not kinds and not any(key in columns for key in (*SIZE_NAMES, MAGNITUDE)):
         raise InputError(f"{where}: name a column of sizes: {', '.join((*SIZE_NAMES, MAGNITUDE))}, or six of a tensor")
     for kind in TENSOR_KINDS:
-        named = [f"{kind}_{name}" for name in VOIGT if f"{kind}_{name}" in columns]
-        if 0 < len(named) < len(VOIGT):
+        named = [f"{kind}_{name}" for name in COMPONENTS if f"{kind}_{name}" in columns]
+        if 0 < len(named) < len(COMPONENTS):
             raise InputError(f"{where}: a tensor needs all six of {kind}_xx ... {kind}_xy")
     if MAGNITUDE_TYPE in columns and not {MAGNITUDE, "mw"} & set(columns):
         raise InputError(f"{where}.{MAGNITUDE_TYPE}: of which magnitude? name its column in {where}.{MAGNITUDE}")

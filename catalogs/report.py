@@ -19,6 +19,7 @@ from catalogs.report_text import fixed, number, percent, whole
 from catalogs.sizes import b_by_cut, cut_grid, estimate_b, log_potency
 from pipeline.datasets import atomic_path
 from pipeline.pages import page_templates
+from pipeline.source_tensors import moment_from_potency
 
 BALLS = 10
 MANY = 40  # excavations: a longer list is folded, or ends after the MOST that have most potency
@@ -281,7 +282,7 @@ def _balls(evidence: Evidence, gallery: Gallery) -> dict | None:
     titles = [f"{row['rank']}: log P {row['log_potency']}\n{row['date']}" for row in rows]
     axes_of = np.stack([chosen["p_axis"].values, chosen["t_axis"].values], axis=1)
     lame_lambda, shear_modulus = (float(chosen.attrs[name]) for name in ("lame_lambda", "shear_modulus"))
-    tensors = beachballs.moment_tensors(chosen["potency_tensor"].values, lame_lambda, shear_modulus)
+    tensors = moment_from_potency(chosen["potency_tensor"].values, lame_lambda, shear_modulus)
     return {
         "figure": gallery.add("beach_balls", beachballs.beach_balls(tensors, titles, axes_of, style.MODELLED)),
         "rows": rows,

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from catalogs.schema import check_catalog
 from pipeline.datasets import read_dataset
 from pipeline.errors import InputError
+from pipeline.event_table import check_events
 
 COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 CONVERGENCE = tuple(f"convergence_{name}" for name in COLUMNS)
@@ -150,7 +150,7 @@ def read_evidence(
         if missing:
             raise InputError(f"{path}: lacks {', '.join(missing)}; delete it and run again")
         files[os.fspath(path)] = dict(dataset.attrs)
-        return check_catalog(dataset, os.fspath(path)) if check else dataset
+        return check_events(dataset, os.fspath(path)) if check else dataset
 
     found_grid = read(grid)
     paths = [path for path in (elastic, *steps) if path is not None]

@@ -33,8 +33,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs import sizes
-from pipeline.datasets import read_dataset
 from pipeline.errors import InputError
+from pipeline.event_table import read_events
 
 ALL = "all"
 STATISTICS = ("mean", "standard_deviation", "minimum", "maximum")
@@ -116,7 +116,7 @@ def _read_run(folder: Path, steps: list[str], mine: str) -> dict[str, list]:
         for name in ("potency", "particle_potency", "failed_volume", "energy_released", "energy_dissipated", "sizes")
     }
     for step in steps:
-        state, events = _attributes(folder / "steps" / f"{step}.nc"), read_dataset(folder / "events" / f"{step}.nc")
+        state, events = _attributes(folder / "steps" / f"{step}.nc"), read_events(folder / "events" / f"{step}.nc")
         for attributes, name in ((state, "steps"), (events.attrs, "events")):
             if attributes.get("mine") != mine:
                 raise InputError(f"{folder / name / step}.nc: is of mine {attributes.get('mine')}, not of {mine}")

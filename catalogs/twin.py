@@ -12,8 +12,8 @@ import xarray as xr
 
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
+from pipeline.voigt import COMPONENTS
 
-COMPONENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
 HEADER = """\
 # A TWIN, not a recorded catalogue: modelled by this project's own pipeline on another grid, with other residual
 # strengths and another order of failure ({mine}); {noise:g} m of noise on locations (r.m.s. distance), events below

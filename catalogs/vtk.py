@@ -6,9 +6,9 @@ import numpy as np
 import xarray as xr
 
 from catalogs.sizes import log_potency
+from pipeline.voigt import voigt_from_tensor
 from pipeline.vtk import TENSOR_ORDER, write_mesh
 
-VOIGT = ([0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1])  # xx, yy, zz, yz, xz, xy
 FIELDS = {  # variable of the catalogue: its array, with its unit
     "potency": "potency_m3",
     "moment": "moment_N_m",
@@ -26,7 +26,7 @@ FIELDS = {  # variable of the catalogue: its array, with its unit
 }
 
 
-def write_events(catalog: xr.Dataset, path: str | os.PathLike) -> None:
+def write_points(catalog: xr.Dataset, path: str | os.PathLike) -> None:
     """Write one vertex per event, in the catalogue's order; what is not known is NaN, or -1 (particles).
 
     step: number of the event's mining step in the order of the events, -1 in a record.
@@ -34,7 +34,7 @@ def write_events(catalog: xr.Dataset, path: str | os.PathLike) -> None:
     location = catalog["location"].values
     data = {name: catalog[field].values for field, name in FIELDS.items()}
     data["log10_potency"] = log_potency(catalog["potency"].values)
-    data["potency_tensor_m3"] = catalog["potency_tensor"].values[:, *VOIGT][:, TENSOR_ORDER]
+    data["potency_tensor_m3"] = voigt_from_tensor(catalog["potency_tensor"].values)[:, TENSOR_ORDER]
     time = catalog["time"].values.astype("datetime64[ns]")
     days = (time - np.datetime64("1970-01-01", "ns")) / np.timedelta64(1, "D")
     data["time_days_since_1970"] = np.where(np.isnat(time), np.nan, days)

@@ -12,11 +12,12 @@ from mpm_core.model import Model, State
 from mpm_core.occupancy import SAMPLES, Loose, Pieces
 from mpm_core.scene import PLANES
 from pipeline.errors import InputError
+from pipeline.voigt import NAMES
 
 CONVENTIONS = {
     "Conventions": "CF-1.11 UGRID-1.0",
     "stress_sign": "tension positive",
-    "voigt": "xx yy zz yz xz xy, tensor shear",
+    "voigt": f"{' '.join(NAMES)}, tensor shear",
 }
 
 

@@ -1,23 +1,10 @@
 """One table of every field that a dataset of this package holds: it names, measures and documents them."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import xarray as xr
 
 from pipeline.errors import InputError
-
-
-@dataclass(frozen=True)
-class Field:
-    """A variable of grid.nc, elastic.nc or steps/<step>.nc."""
-
-    name: str
-    dims: tuple[str, ...]
-    dtype: type
-    unit: str
-    meaning: str
-
+from pipeline.fields import Field
 
 CELLS, NODES, PARTICLES = ("cell",), ("node",), ("particle",)
 TENSORS = ("particle", "voigt")
@@ -101,7 +88,7 @@ def variable(name: str, values: np.ndarray) -> xr.Variable:
     """A variable of the table with its attributes. Raises InputError if a number in it is not finite."""
     field = FIELDS[name]
     values = np.ascontiguousarray(values, dtype=field.dtype)
-    if field.dtype is np.float64 and not np.isfinite(values).all():
+    if field.dtype == np.float64 and not np.isfinite(values).all():
         raise InputError(
             f"{name}: not a number at {int((~np.isfinite(values)).sum())} places; the state is not written"
         )

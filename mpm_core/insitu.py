@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, yz, xz, xy
-
 
 @dataclass(frozen=True)
 class InsituStress:

@@ -8,8 +8,9 @@ import numpy as np
 from mpm_core.geometry.inside import contains
 from mpm_core.geometry.shapes import build_shape
 from mpm_core.kernels.nodes import collect_to_parents, particle_loads
-from mpm_core.scene import FACES, Load, Scene, tensor_from_voigt
+from mpm_core.scene import FACES, Load, Scene
 from pipeline.errors import InputError
+from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
 
 if TYPE_CHECKING:
     from mpm_core.model import Model
@@ -136,9 +137,8 @@ def strain_reaction(model: "Model", strain: np.ndarray, step: int) -> np.ndarray
     tensor[: model.dimension, : model.dimension] = strain
     nodal = np.zeros((len(model.grid.node_index), model.dimension))
     if tensor.any():
-        voigt = tensor[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
         lame, shear = model.elastic_constants[model.particles.material].T
-        stress = 2.0 * shear[:, None] * voigt
+        stress = 2.0 * shear[:, None] * voigt_from_tensor(tensor)
         stress[:, :3] += (lame * np.trace(tensor))[:, None]
         volume = model.volumes(step)
         every = np.arange(len(volume))

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpm_core.constitutive.strength import residual_outside_intact, strength_row
-from mpm_core.insitu import VOIGT, InsituStress
+from mpm_core.insitu import InsituStress
 from pipeline.errors import InputError
+from pipeline.voigt import tensor_from_voigt
 
 FACES = ("x_lower", "x_upper", "y_lower", "y_upper", "z_lower", "z_upper")
 DRAFT_LEVELS = 2  # that a draft run's grid lacks (workflow/draft.py, gridding.failure_zone)
@@ -260,14 +261,6 @@ def check_strains(scene: Scene) -> None:
                 f"strains.{entry.name}: moves no face that is held; give faces fixed or roller (domain.boundary), "
                 "or a strain along what they hold"
             )
-
-
-def tensor_from_voigt(components) -> np.ndarray:
-    """Symmetric tensor (3, 3) of six components xx, yy, zz, yz, xz, xy."""
-    tensor = np.zeros((3, 3))
-    for value, (i, j) in zip(components, VOIGT, strict=True):
-        tensor[i, j] = tensor[j, i] = value
-    return tensor
 
 
 def check_virgin_stress(scene: Scene, lowest: float, highest: float) -> None:

@@ -6,8 +6,9 @@ import logging
 
 import numpy as np
 
-from pipeline.datasets import read_dataset, write_dataset
+from pipeline.datasets import read_dataset
 from pipeline.errors import InputError
+from pipeline.event_table import read_events, write_events
 from pipeline.progress import log_compilation
 from pipeline.provenance import provenance
 from pipeline.stage import run_stage
@@ -53,16 +54,16 @@ def _events(chosen: argparse.Namespace) -> None:
         dataset, _ = extract_events(step, others)
     except InputError as error:
         raise InputError(f"{chosen.step}: {error}") from error
-    write_dataset(dataset.assign_attrs(provenance(settings, "seismic")), chosen.output)
+    write_events(dataset.assign_attrs(provenance(settings, "seismic")), chosen.output)
 
 
 def _catalog(chosen: argparse.Namespace) -> None:
     settings = _settings(chosen.settings)
-    catalog = merge([read_dataset(path) for path in chosen.events])
+    catalog = merge([read_events(path) for path in chosen.events])
     if catalog.attrs["mine"] != settings.get("mine"):
         raise InputError(f"catalog: events are of mine {catalog.attrs['mine']}, settings of {settings.get('mine')}")
     logging.info("catalogue of %d events, %d resolved", catalog.sizes["event"], np.sum(catalog["resolved"].values))
-    write_dataset(catalog.assign_attrs(provenance(settings, "seismic")), chosen.output)
+    write_events(catalog.assign_attrs(provenance(settings, "seismic")), chosen.output)
     write_csv(catalog, chosen.csv)
 
 

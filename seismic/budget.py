@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from seismic.potency import VOIGT
+from pipeline.voigt import NAMES
 
 CLOSURE = 1e-12  # of the sum of magnitudes: round-off of sums over 10^7 particles stays below
 PARTS = ("events", "aseismic_share", "overshoot", "later")
@@ -40,10 +40,10 @@ def potency_budget(
     if not np.all(closure <= CLOSURE):
         worst = int(np.argmax(np.where(np.isnan(closure), np.inf, closure)))
         raise InputError(
-            f"{where}: potency budget of component {VOIGT[worst]} misses the plastic strain by {closure[worst]:.1e} "
+            f"{where}: potency budget of component {NAMES[worst]} misses the plastic strain by {closure[worst]:.1e} "
             "of it: seismic, overshoot and later strain must add up to plastic_strain_step; compute the step again"
         )
-    budget = {"components": list(VOIGT), "unit": "m3"}
+    budget = {"components": list(NAMES), "unit": "m3"}
     budget |= {name: values.tolist() for name, values in parts.items()}
     budget |= {"plastic": total["plastic"].tolist(), "closure": closure.tolist()}
     return budget | scalars | {"scalar_ratio": scalar_ratio(scalars)}
@@ -56,7 +56,7 @@ def scalar_ratio(scalars: dict[str, float]) -> float | None:
 
 def add_budgets(budgets: list[dict]) -> dict:
     """The budget of several steps together; closure is the worst of them."""
-    total = {"components": list(VOIGT), "unit": "m3"}
+    total = {"components": list(NAMES), "unit": "m3"}
     for name in (*PARTS, "plastic"):
         total[name] = np.sum([budget[name] for budget in budgets] or [np.zeros(6)], axis=0).tolist()
     total["closure"] = np.max([budget["closure"] for budget in budgets] or [np.zeros(6)], axis=0).tolist()

@@ -9,9 +9,9 @@ import xarray as xr
 
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
+from pipeline.event_table import NAMES, event_dataset
+from pipeline.voigt import COMPONENTS, voigt_from_tensor
 from seismic.budget import add_budgets
-from seismic.potency import VOIGT, voigt_from_tensor
-from seismic.schema import FIELDS, event_dataset
 
 # What the steps of one catalogue must share, with a plain name for the user.
 SHARED = ("mine", "kind", "lame_lambda", "shear_modulus", "seismic_fraction", "closeness", "cluster", "frame")
@@ -41,8 +41,7 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
         raise InputError(f"catalog: a step appears twice among {', '.join(names)}: give each step once")
 
     joined = {
-        field.name: np.concatenate([step[field.name].values for step in dated or [steps[0].isel(event=[])]])
-        for field in FIELDS
+        name: np.concatenate([step[name].values for step in dated or [steps[0].isel(event=[])]]) for name in NAMES
     }
     order = np.argsort(joined["time"], kind="stable")  # ties stay in the order of steps, and of events in a step
     values = {name: column[order] for name, column in joined.items()}
@@ -76,7 +75,7 @@ def write_csv(catalog: xr.Dataset, path: str | os.PathLike) -> None:
         "mw": _text(catalog["mw"].values, ".4f"),
     }
     tensor = voigt_from_tensor(catalog["potency_tensor"].values)
-    table |= {f"potency_{name}_m3": _text(tensor[:, i], ".9e") for i, name in enumerate(VOIGT)}
+    table |= {f"potency_{name}_m3": _text(tensor[:, i], ".9e") for i, name in enumerate(COMPONENTS)}
     table |= {"step": catalog["step"].values, "resolved": catalog["resolved"].values}
     with atomic_path(path) as temporary:
         pd.DataFrame(table).to_csv(temporary, index=False, lineterminator="\n", encoding="utf-8")

@@ -9,20 +9,19 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from seismic.budget import log_budget, potency_budget
-from seismic.clusters import find_clusters
-from seismic.families import find_families
-from seismic.potency import (
+from pipeline.event_table import event_dataset
+from pipeline.source_tensors import (
+    moment_from_potency,
     moment_magnitude,
-    moment_tensor,
-    particle_potency,
     principal_axes,
     scalar_moment,
     scalar_potency,
-    source_type,
-    tensor_from_voigt,
+    source_shares,
 )
-from seismic.schema import event_dataset
+from pipeline.voigt import tensor_from_voigt
+from seismic.budget import log_budget, potency_budget
+from seismic.clusters import find_clusters
+from seismic.families import find_families
 from seismic.settings import EventSettings
 
 STRAINS = {
@@ -122,6 +121,15 @@ def _check_step(step: xr.Dataset, settings: EventSettings) -> str:
     return where
 
 
+def particle_potency(seismic_strain: NDArray, volume: NDArray, seismic_fraction: float) -> NDArray:
+    """Potency of each failed particle, alpha * strain * V (paper Eqs 12 and 14).
+
+    seismic_strain (particle, 6) 1, tensor shear; volume (particle,) m3, in two dimensions area times thickness;
+    seismic_fraction alpha, 0 to 1. Gives (particle, 6) m3.
+    """
+    return seismic_fraction * (np.asarray(seismic_strain) * np.asarray(volume)[:, None])
+
+
 def _sum_by(event: NDArray, values: NDArray, events: int) -> NDArray:
     """Sums (event, k) of particle values (particle, k), added in the order of the particles."""
     return np.stack([np.bincount(event, column, minlength=events) for column in values.T], axis=-1)
@@ -165,11 +173,12 @@ def _locate(
 def _describe(potency: NDArray, lame_lambda: float, shear_modulus: float) -> dict[str, NDArray]:
     """Size, axes and type of sources from their potency (event, 6) m3 and the host's moduli, Pa."""
     tensor = tensor_from_voigt(potency)
-    moment = scalar_moment(moment_tensor(tensor, lame_lambda, shear_modulus))
+    moment = scalar_moment(moment_from_potency(tensor, lame_lambda, shear_modulus))
     values = {"potency_tensor": tensor, "potency": scalar_potency(tensor), "moment": moment}
     values["mw"] = moment_magnitude(moment)
-    values["p_axis"], values["b_axis"], values["t_axis"] = principal_axes(tensor)
-    values["iso"], values["clvd"], values["dc"] = source_type(tensor)
+    axes, shares = principal_axes(tensor), source_shares(tensor)
+    values |= {f"{name}_axis": axes[:, row] for row, name in enumerate("pbt")}
+    values |= {name: shares[:, column] for column, name in enumerate(("iso", "clvd", "dc"))}
     return values
 
 

@@ -9,6 +9,7 @@ import xarray as xr
 
 from mpm_core.scene import Scene, parse_scene
 from pipeline.datasets import read_dataset
+from pipeline.event_table import check_events
 from verification.studies import Study
 from workflow.configuration import Mine
 
@@ -60,7 +61,7 @@ class Variant:
 
     def events(self, name: str) -> xr.Dataset:
         """events/<name>.nc"""
-        return self._dataset(f"events/{name}.nc")
+        return check_events(self._dataset(f"events/{name}.nc"), f"events/{name}.nc")
 
     def seconds(self, stage: str) -> float | None:
         """Wall time of a stage ("grid", "elastic", "steps/<name>"), start of its process included."""

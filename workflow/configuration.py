@@ -14,12 +14,12 @@ from pathlib import Path
 from mpm_core.scene import FACES, parse_scene
 from pipeline.errors import InputError
 from pipeline.provenance import config_hash
+from pipeline.voigt import NAMES
 from workflow.checks import check_mine
 from workflow.quantities import check, to_si
 from workflow.shapes import NOT_SHAPE
 
 GRID_KEYS = ("coarse_cell", "levels", "buffer_cells", "cut_cells", "volume_error")
-VOIGT = ("xx", "yy", "zz", "yz", "xz", "xy")
 
 
 def load(config: dict, mine_file: str | os.PathLike, default: dict | None = None) -> "Mine":
@@ -137,7 +137,7 @@ class Mine:
 
         def components(key: str) -> list[float]:
             given = values["insitu_stress"].get(key, {})
-            return [given.get(name, 0.0) for name in VOIGT]
+            return [given.get(name, 0.0) for name in NAMES]
 
         def load(entry: dict) -> dict:
             toward = {"toward": entry["toward"]} if "toward" in entry else {}
@@ -152,7 +152,7 @@ class Mine:
             {
                 "name": entry["name"],
                 "since": self.step_index(entry["step"]),
-                "strain": [entry["strain"].get(name, 0.0) for name in VOIGT],
+                "strain": [entry["strain"].get(name, 0.0) for name in NAMES],
             }
             for entry in listed("strains")
         ]

@@ -86,9 +86,3 @@ def project(vector: np.ndarray) -> np.ndarray:
     if vector[2] > 0:
         vector = -vector
     return vector[:2] / np.sqrt(1.0 - vector[2])
-
-
-def moment_tensors(potency_tensor: np.ndarray, lame_lambda: float, shear_modulus: float) -> np.ndarray:
-    """Moment tensors (event, 3, 3), N m, of potency tensors (m3) in rock of these moduli (Pa)."""
-    trace = np.trace(potency_tensor, axis1=-2, axis2=-1)[..., None, None]
-    return lame_lambda * trace * np.eye(3) + 2.0 * shear_modulus * potency_tensor

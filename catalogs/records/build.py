@@ -1,32 +1,23 @@
-"""From what a file holds (a potency, a moment, a magnitude, a tensor) to a catalogue in the schema's form."""
+"""From what a file holds (a potency, a moment, a magnitude, a tensor) to a catalogue: pipeline.event_table."""
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.mechanisms import principal_axes, source_shares
 from catalogs.record_settings import SIZE_NAMES
-from catalogs.schema import new_catalog
 from pipeline.errors import InputError
+from pipeline.event_table import new_catalog
+from pipeline.source_tensors import (
+    moment_from_potency,
+    moment_magnitude,
+    moment_of_magnitude,
+    principal_axes,
+    scalar_moment,
+    scalar_potency,
+    source_shares,
+)
 
 SMALLEST, LARGEST = -12.0, 10.0  # Mw: below grains that break in a laboratory, above any earthquake
-
-
-def potency_from_moment(moment: NDArray, lame_lambda: float, shear_modulus: float) -> NDArray:
-    """Potency tensors (..., 3, 3) m3 from moment tensors N m: the inverse of M = lambda tr(P) I + 2 mu P."""
-    trace = np.trace(moment, axis1=-2, axis2=-1) / (3 * lame_lambda + 2 * shear_modulus)
-    return (moment - lame_lambda * trace[..., None, None] * np.eye(3)) / (2 * shear_modulus)
-
-
-def moment_from_potency(potency_tensor: NDArray, lame_lambda: float, shear_modulus: float) -> NDArray:
-    """Moment tensors (..., 3, 3) N m from potency tensors m3: M = lambda tr(P) I + 2 mu P."""
-    trace = np.trace(potency_tensor, axis1=-2, axis2=-1)
-    return lame_lambda * trace[..., None, None] * np.eye(3) + 2 * shear_modulus * potency_tensor
-
-
-def magnitude(moment: NDArray) -> NDArray:
-    """Moment magnitude 2/3 (log10 M0 - 9.1), M0 in N m (IASPEI)."""
-    return 2 / 3 * (np.log10(moment) - 9.1)
 
 
 def build_record(
@@ -42,9 +33,9 @@ def build_record(
 
     settings: mine, twin, location_error (m), lame_lambda, shear_modulus (Pa). sizes: any of potency (m3), log_potency,
     moment (N m), mw, each (event,) with NaN where unknown; the first that an event has, in this order, counts, and the
-    tensor where it has none. tensor (event, 3, 3): potency tensors m3, NaN where unknown. other: schema variables.
-    A scalar moment alone is read as shear: potency = moment / mu. Raises InputError without the moduli it needs, and
-    naming `source` for a size that no event can have.
+    tensor where it has none. tensor (event, 3, 3): potency tensors m3, NaN where unknown. other: variables of the event
+    table. A scalar moment alone is read as shear: potency = moment / mu. Raises InputError without the moduli it needs,
+    and naming `source` for a size that no event can have.
     """
     count = len(time)
     check_sizes(np.asarray(sizes.get("mw", []), float), source)
@@ -60,12 +51,12 @@ def build_record(
         if not np.isfinite(lame):
             raise InputError("record: lame_lambda is missing; tensors need it: give the host rock's, in Pa")
         moments = moment_from_potency(tensor[known], lame, mu)
-        from_tensor = np.sqrt(2 * np.sum(tensor[known] ** 2, axis=(1, 2)))
+        from_tensor = scalar_potency(tensor[known])
         axes, shares = np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
-        axes[known], shares[known] = principal_axes(tensor[known])[1], source_shares(tensor[known])
+        axes[known], shares[known] = principal_axes(tensor[known]), source_shares(tensor[known])
         derived = {f"{name}_axis": axes[:, row] for row, name in enumerate("pbt")}
         derived |= {name: shares[:, column] for column, name in enumerate(("iso", "clvd", "dc"))}
-        moment[known] = np.sqrt(np.sum(moments**2, axis=(1, 2)) / 2)
+        moment[known] = scalar_moment(moments)
     for name in SIZE_NAMES:
         if name in sizes:
             unknown = np.isnan(potency)
@@ -75,8 +66,7 @@ def build_record(
     if "moment" in sizes:
         moment = np.where(np.isnan(sizes["moment"]), moment, sizes["moment"])
     moment = np.where(np.isnan(moment), mu * potency, moment)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        values = {"potency": potency, "moment": moment, "mw": magnitude(moment)} | derived | other
+    values = {"potency": potency, "moment": moment, "mw": moment_magnitude(moment)} | derived | other
     check_sizes(values["mw"], source)
     attributes = {
         "mine": settings.get("mine", ""),
@@ -106,8 +96,7 @@ def _potency_from(name: str, values: NDArray, shear_modulus: float) -> NDArray:
     if name == "log_potency":
         with np.errstate(over="ignore"):
             return 10.0**values
-    with np.errstate(over="ignore"):
-        moment = values if name == "moment" else 10.0 ** (1.5 * values + 9.1)
+    moment = values if name == "moment" else moment_of_magnitude(values)
     return moment / shear_modulus
 
 

@@ -16,21 +16,22 @@ from catalogs.record_settings import (
     TENSOR_KINDS,
     TEXTS,
     UNITS,
-    VOIGT,
     check_columns,
 )
-from catalogs.records.build import build_record, potency_from_moment
+from catalogs.records.build import build_record
 from catalogs.records.csv_table import Table, read_table
 from catalogs.records.filters import filter_events
 from catalogs.records.magnitudes import moment_magnitudes, sizes_text
 from catalogs.records.times import parse_times
 from pipeline.errors import InputError
+from pipeline.source_tensors import potency_from_moment
+from pipeline.voigt import COMPONENTS
 
 CODES = (-99.0, -999.0, -9999.0)  # written for a missing value, unless record.missing names others
 
 
 def read(settings: dict) -> xr.Dataset:
-    """The events of a CSV file in the form of catalogs.schema, filtered (catalogs.records.filters).
+    """The events of a CSV file in the form of pipeline.event_table, filtered (catalogs.records.filters).
 
     settings: file, mine, twin, location_error (m), lame_lambda, shear_modulus (Pa), frame (with latitude, longitude),
     filter, period, domain, and columns, which names the file's columns: time (one column, or a list of two or three:
@@ -169,7 +170,7 @@ def _tensor(numbers: Mapping, settings: Mapping) -> np.ndarray | None:
         if f"{kind}_xx" not in numbers:
             continue
         tensor = np.empty((len(numbers[f"{kind}_xx"]), 3, 3))
-        for name, (i, j) in VOIGT.items():
+        for name, (i, j) in COMPONENTS.items():
             tensor[:, i, j] = tensor[:, j, i] = numbers[f"{kind}_{name}"]
         tensor[~np.isfinite(tensor).all(axis=(1, 2)) | ~tensor.any(axis=(1, 2))] = np.nan  # zero: never computed
         if kind == "potency":

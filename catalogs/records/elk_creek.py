@@ -19,8 +19,9 @@ import pandas as pd
 import xarray as xr
 
 from catalogs.records.filters import distance_beyond, domain_box, filter_events, limits_of, parse_time
-from catalogs.schema import new_catalog
 from pipeline.errors import InputError
+from pipeline.event_table import new_catalog
+from pipeline.source_tensors import moment_magnitude
 
 ENVIRONMENT_VARIABLE = "ELK_CREEK_DATA"
 REPOSITORY = "GitHub repository niosh-mining/elkcreek"
@@ -78,8 +79,9 @@ def read(settings: Mapping) -> xr.Dataset:
     by their names), rigidity (Pa, 33 GPa unless given; potency = Moment Total / rigidity), orientations (absent: none;
     see read_orientations), location_error (m; absent: the median distance of pairs matched within match_within, 1 s).
 
-    Beside the schema's variables: orientation_time, orientation_location (orientation, xyz) m, orientation_tensor
-    (orientation, xyz, axis): moment tensor over its norm, axes taken as east, north, up (SOURCE: not documented).
+    Beside the variables of the event table: orientation_time, orientation_location (orientation, xyz) m,
+    orientation_tensor (orientation, xyz, axis): moment tensor over its norm, axes taken as east, north, up (SOURCE: not
+    documented).
     Attributes: location_error, location_error_from (text), rigidity, caveats (JSON list of text). Raises InputError.
     """
     folder = data_folder(settings["file"])
@@ -104,7 +106,7 @@ def read(settings: Mapping) -> xr.Dataset:
         location=frame[COORDINATES].to_numpy(float),
         potency=moment / rigidity,
         moment=moment,
-        mw=2 / 3 * (np.log10(moment) - 9.1),
+        mw=moment_magnitude(moment),
     )
     numbers = {name: frame[name].to_numpy() for name in frame.select_dtypes("number")}
     events = filter_events(events, settings, numbers, source=str(folder))

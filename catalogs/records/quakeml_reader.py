@@ -9,16 +9,17 @@ from obspy.core.event import Catalog, Event, Magnitude
 from catalogs.frame import MineFrame
 from catalogs.quakeml import moment_tensor, own_catalog, read_quakeml
 from catalogs.record_settings import FIRST_YEAR, LAST_YEAR
-from catalogs.records.build import build_record, check_sizes, potency_from_moment
+from catalogs.records.build import build_record, check_sizes
 from catalogs.records.filters import filter_events
 from catalogs.records.magnitudes import is_convertible, is_moment_type, moment_magnitudes, sizes_text
 from pipeline.errors import InputError
+from pipeline.source_tensors import potency_from_moment
 
 GLOBE = {"latitude": 90.0, "longitude": 180.0, "depth": np.inf}  # of an origin, and the most that it may be
 
 
 def read(settings: dict) -> xr.Dataset:
-    """The events of a QuakeML file in the form of catalogs.schema, filtered (catalogs.records.filters).
+    """The events of a QuakeML file in the form of pipeline.event_table, filtered (catalogs.records.filters).
 
     settings: file, mine, twin, location_error (m), frame, lame_lambda, shear_modulus (Pa), filter, period, domain,
     conversions (catalogs.records.magnitudes). An event's preferred origin and mechanism count, else its first. Its size

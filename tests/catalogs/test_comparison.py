@@ -9,7 +9,7 @@ import xarray as xr
 from catalog_fixtures import made_up_catalog
 
 from catalogs.comparison import compare
-from catalogs.comparison_layout import ENTRIES
+from catalogs.comparison_layout import FIELDS
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
 
@@ -129,7 +129,7 @@ def test_every_variable_has_its_unit_and_its_meaning(tensors, tmp_path):
         record["potency_tensor"][:] = np.nan
     write_dataset(compare(made_up_catalog(200), record, QUICK), tmp_path / "comparison.nc")
     result = read_dataset(tmp_path / "comparison.nc")
-    layout = {entry.name: entry for entry in ENTRIES}
+    layout = {field.name: field for field in FIELDS}
     assert set(result.variables) == set(layout)
     for name, variable in result.variables.items():
         assert variable.dims == layout[name].dims, name

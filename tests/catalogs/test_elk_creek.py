@@ -16,9 +16,8 @@ from hypothesis import strategies as st
 
 from catalogs.records import elk_creek as record
 from catalogs.records import read_record
-from catalogs.schema import check_catalog
-from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
+from pipeline.event_table import read_events, write_events
 
 BOX = {"lower": [9800.0, 4200.0, 1400.0], "upper": [12800.0, 6500.0, 2100.0]}
 MONTHS = {"start": "2010-09-01", "end": "2011-01-01"}
@@ -117,8 +116,8 @@ def test_matched_pairs_are_mutual_nearest(first, second, within):
 
 def test_record_survives_the_disk(folder, tmp_path):
     events = read_record(settings(folder))
-    write_dataset(events, tmp_path / "record.nc")
-    again = check_catalog(read_dataset(tmp_path / "record.nc"))
+    write_events(events, tmp_path / "record.nc")
+    again = read_events(tmp_path / "record.nc")
     assert (again["orientation_time"].values == events["orientation_time"].values).all()
     assert (again["time"].values == events["time"].values).all()
 

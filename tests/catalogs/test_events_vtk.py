@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 from catalog_fixtures import made_up_catalog
 
-from catalogs.vtk import write_events
+from catalogs.vtk import write_points
 
 PARAVIEW = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]  # XX, YY, ZZ, XY, YZ, XZ: its names of six components
 
@@ -15,7 +15,7 @@ def test_events_are_points_with_units_in_their_names(tmp_path):
     """Place, sizes, axes and times as the catalogue has them; steps numbered in their order."""
     catalog = made_up_catalog(40, shift=(1e6, 5e6, 0))
     catalog["step"][:10] = "2019-07"
-    write_events(catalog, tmp_path / "events.vtu")
+    write_points(catalog, tmp_path / "events.vtu")
     mesh = meshio.read(tmp_path / "events.vtu")
     np.testing.assert_array_equal(mesh.points, catalog["location"].values)
     np.testing.assert_array_equal(mesh.cells_dict["vertex"].ravel(), np.arange(40))
@@ -35,11 +35,11 @@ def test_what_is_not_known_and_a_catalogue_without_events(tmp_path):
     catalog = made_up_catalog(2)
     catalog["time"][0], catalog["step"][:] = np.datetime64("NaT", "ns"), ""
     catalog["p_axis"][1] = np.nan
-    write_events(catalog, tmp_path / "events.vtu")
+    write_points(catalog, tmp_path / "events.vtu")
     data = meshio.read(tmp_path / "events.vtu").point_data
     np.testing.assert_array_equal(np.isnan(data["time_days_since_1970"]), [True, False])
     assert np.isnan(data["p_axis"][1]).all()
     np.testing.assert_array_equal(data["step"], [-1, -1])
-    write_events(made_up_catalog(0), tmp_path / "none.vtu")
+    write_points(made_up_catalog(0), tmp_path / "none.vtu")
     piece = ElementTree.parse(tmp_path / "none.vtu").find(".//Piece")  # VTK reads it, meshio does not
     assert (piece.get("NumberOfPoints"), piece.get("NumberOfCells")) == ("0", "0")

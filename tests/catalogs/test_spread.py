@@ -13,6 +13,7 @@ from catalogs.sizes import estimate_b
 from catalogs.spread import STATISTICS, gather, statistics
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
+from pipeline.event_table import new_catalog, write_events
 
 STEPS = ["2019-08", "2019-09"]
 SETTINGS = {"mine": "testmine", "members": 2, "steps": STEPS}
@@ -25,11 +26,10 @@ def write_run(folder: Path, potency: dict[str, list[float]], resolved=None, mine
     for step, values in potency.items():
         write_dataset(xr.Dataset({"stress": ("particle", np.zeros(3))}, attrs=facts), folder / "steps" / f"{step}.nc")
         budget = json.dumps({"particle_scalars": 2 * sum(values)})
-        events = {
-            "potency": ("event", np.array(values, float)),
-            "resolved": ("event", np.array([1] * len(values) if resolved is None else resolved, np.int8)),
-        }
-        write_dataset(xr.Dataset(events, attrs={"mine": mine, "budget": budget}), folder / "events" / f"{step}.nc")
+        attributes = {"mine": mine, "kind": "synthetic", "budget": budget}
+        counted = [1] * len(values) if resolved is None else resolved
+        events = new_catalog(len(values), attributes, potency=values, resolved=counted)
+        write_events(events, folder / "events" / f"{step}.nc")
     return folder
 
 

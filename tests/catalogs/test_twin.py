@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from catalogs.records import read_record
-from catalogs.schema import new_catalog
-from catalogs.twin import COMPONENTS, write_twin
+from catalogs.twin import write_twin
 from pipeline.errors import InputError
+from pipeline.event_table import new_catalog
+from pipeline.voigt import COMPONENTS
 
 EVENTS, NOISE, CUT = 2000, 10.0, -2.0
 

@@ -9,9 +9,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
+from pipeline.source_tensors import scalar_potency
+from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
 from seismic import families
 from seismic.families import closeness, find_families
-from seismic.potency import scalar_potency, tensor_from_voigt, voigt_from_tensor
 
 SCENE = {"count": st.integers(1, 60), "seed": st.integers(0, 10**6), "threshold": st.sampled_from([0.3, 0.8, 0.95])}
 quick = settings(max_examples=40, deadline=None)

@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from pipeline.datasets import read_dataset, write_dataset
+from pipeline.datasets import write_dataset
 from pipeline.errors import InputError
+from pipeline.event_table import NAMES, read_events, write_events
 from pipeline.provenance import provenance
 from seismic.catalog import merge, write_csv
 from seismic.events import extract_events
-from seismic.schema import FIELDS
 
 HISTORY = {"step": "history", "step_index": 0, "start": "", "end": "", "dated": 0}
 AUGUST = {"step": "2019-08", "step_index": 1, "start": "2019-08-01", "end": "2019-09-01"}
@@ -35,9 +35,9 @@ def test_only_dated_steps_by_time(event_steps):
     assert catalog.sizes["event"] == august.sizes["event"] + september.sizes["event"]
     assert np.all(np.diff(catalog["time"].values) > np.timedelta64(0))
     assert set(catalog["step"].values) == {"2019-08", "2019-09"}
-    for field in FIELDS:
-        expected = np.concatenate([august[field.name].values, september[field.name].values])
-        assert_array_equal(catalog[field.name].values, expected)
+    for name in NAMES:
+        expected = np.concatenate([august[name].values, september[name].values])
+        assert_array_equal(catalog[name].values, expected)
     assert json.loads(catalog.attrs["steps"]) == ["2019-08", "2019-09"]
     assert catalog.attrs["potency_floor"] == max(august.attrs["potency_floor"], september.attrs["potency_floor"])
 
@@ -82,8 +82,8 @@ def test_truncation_is_carried_into_the_catalog(event_steps):
 def test_a_catalog_of_history_alone_is_empty_and_valid(event_steps, tmp_path):
     catalog = merge(event_steps[1:2])
     assert catalog.sizes["event"] == 0
-    write_dataset(catalog, tmp_path / "catalog.nc")
-    again = read_dataset(tmp_path / "catalog.nc")
+    write_events(catalog, tmp_path / "catalog.nc")
+    again = read_events(tmp_path / "catalog.nc")
     assert again["time"].dtype == "datetime64[ns]"
     assert np.isnan(again.attrs["potency_floor"])
     write_csv(again, tmp_path / "catalog.csv")
@@ -156,9 +156,9 @@ def test_command_lines_end_to_end(make_scattered_step, make_settings, tmp_path):
 
     events, _ = extract_events(make_scattered_step(2, 150, **AUGUST), make_settings())
     attributes = provenance(make_settings(), "seismic")
-    write_dataset(events.assign_attrs(attributes), tmp_path / "here_events.nc")
-    catalog = merge([read_dataset(tmp_path / "here_events.nc")])
-    write_dataset(catalog.assign_attrs(attributes), tmp_path / "here_catalog.nc")
+    write_events(events.assign_attrs(attributes), tmp_path / "here_events.nc")
+    catalog = merge([read_events(tmp_path / "here_events.nc")])
+    write_events(catalog.assign_attrs(attributes), tmp_path / "here_catalog.nc")
     write_csv(catalog, tmp_path / "here_catalog.csv")
     assert len(pd.read_csv(tmp_path / "catalog.csv")) == events.sizes["event"]
     for name in ("events.nc", "catalog.nc", "catalog.csv"):

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from running import STUDIES, run_study
 
-from seismic.potency import scalar_potency, tensor_from_voigt
+from pipeline.source_tensors import scalar_potency
+from pipeline.voigt import tensor_from_voigt
 from verification.answers.brazilian_disc import answer, elastic_rows, events_mean
 from verification.answers.brazilian_disc_crack import read_crack
 from verification.answers.brazilian_disc_rock import PressedDisc

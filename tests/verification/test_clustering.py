@@ -10,8 +10,8 @@ from hypothesis import strategies as some
 from matplotlib.figure import Figure
 from running import run_study
 
+from pipeline.voigt import tensor_from_voigt
 from seismic.families import closeness
-from seismic.potency import tensor_from_voigt
 from verification.answers import clustering
 from verification.answers.clustering_families import certainly_recovered, least_angle, recover
 from verification.answers.clustering_points import (

@@ -32,7 +32,7 @@ def test_the_reduced_study_holds_wider_bounds(study, tmp_path):
     rows, figure = statistics.answer(results)
     assert isinstance(figure, Figure)
     assert [row.quantity for row in rows if row.passed is False] == []
-    assert sum(row.passed is True for row in rows) == 3 * len(chosen["sizes"]["cases"]) + 20
+    assert sum(row.passed is True for row in rows) == 3 * len(chosen["sizes"]["cases"]) + 18
     assert len({row.quantity for row in rows}) == len(rows)
 
 

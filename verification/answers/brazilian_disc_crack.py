@@ -7,13 +7,9 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
-from seismic.events import extract_events
-from seismic.potency import (
-    particle_potency,
-    principal_axes,
-    scalar_potency,
-    tensor_from_voigt,
-)
+from pipeline.source_tensors import principal_axes, scalar_potency
+from pipeline.voigt import tensor_from_voigt
+from seismic.events import extract_events, particle_potency
 from verification.answers.brazilian_disc_rock import PressedDisc
 
 STRAINS = ("seismic_strain", "overshoot_strain", "later_strain", "plastic_strain_step")

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial import cKDTree
 
-from mpm_core.insitu import VOIGT
+from pipeline.voigt import tensor_from_voigt
 from verification.closed_forms.plastic_ring import CoulombRock, PlasticRing
 from verification.closed_forms.plastic_sphere import PlasticSphere
 from verification.closed_forms.plastic_tunnel import PlasticTunnel
@@ -49,10 +49,7 @@ class Cavity:
         self.failed = state.failed.values[present] >= 0
         self.fill = state.excavation.values[present] >= 0
         self.particle_cell = state.cell.values[present]
-        components = state.stress.values[present]
-        self.stress = np.empty((len(components), 3, 3))
-        for value, (i, j) in zip(components.T, VOIGT, strict=True):
-            self.stress[:, i, j] = self.stress[:, j, i] = value
+        self.stress = tensor_from_voigt(state.stress.values[present])
 
     @cached_property
     def radial_hoop_third(self) -> np.ndarray:

@@ -9,9 +9,9 @@ import psutil
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
 from seismic.clusters import find_clusters
 from seismic.events import extract_events
-from seismic.potency import tensor_from_voigt, voigt_from_tensor
 from verification.answers.clustering_families import family_rows, recover
 from verification.answers.clustering_figure import draw
 from verification.answers.clustering_points import (

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.metrics import adjusted_rand_score
 
+from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
 from seismic.families import closeness, find_families
-from seismic.potency import tensor_from_voigt, voigt_from_tensor
 from verification.answers.clustering_steps import lognormal, turned
 from verification.rows import Row
 

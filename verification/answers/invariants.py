@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.figure import Figure
 
-from mpm_core.insitu import VOIGT
+from pipeline.voigt import NAMES, tensor_from_voigt, voigt_from_tensor
 from verification.answers.invariants_figure import draw
 from verification.answers.invariants_operator import (
     Solved,
@@ -97,16 +97,8 @@ def virgin_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
 
 
 def tensor(components: dict[str, float]) -> np.ndarray:
-    """Symmetric tensor (3, 3) of named components."""
-    result = np.zeros((3, 3))
-    for key, (i, j) in zip(("xx", "yy", "zz", "yz", "xz", "xy"), VOIGT, strict=True):
-        result[i, j] = result[j, i] = components.get(key, 0.0)
-    return result
-
-
-def voigt(stress: np.ndarray) -> np.ndarray:
-    """The six components of a tensor (3, 3)."""
-    return np.array([stress[i, j] for i, j in VOIGT])
+    """Symmetric tensor (3, 3) of named components, others zero."""
+    return tensor_from_voigt([components.get(name, 0.0) for name in NAMES])
 
 
 def elastic(variant: Variant, material: str) -> Elastic:
@@ -120,7 +112,7 @@ def patch_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
     strain = tensor(variant.values["strains"][0]["strain"])
     state = variant.elastic
     place = variant.grid["node_position"].values
-    stress = np.tile(voigt(elastic(variant, "host").stress(strain)), (state.sizes["particle"], 1))
+    stress = np.tile(voigt_from_tensor(elastic(variant, "host").stress(strain)), (state.sizes["particle"], 1))
     return [
         error_row(
             f"{name}: displacement, share of the largest",
@@ -145,7 +137,7 @@ def unloading_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
     exact = np.zeros_like(place)
     exact[:, 2] = -virgin[2, 2] * place[:, 2] / rock.confined_modulus
     change = np.diag([rock.confined_ratio, rock.confined_ratio, 1.0]) * -virgin[2, 2]
-    stress = np.tile(voigt(virgin + change), (state.sizes["particle"], 1))
+    stress = np.tile(voigt_from_tensor(virgin + change), (state.sizes["particle"], 1))
     return [
         error_row(
             f"{name}: displacement, share of the largest",

@@ -18,8 +18,9 @@ from mpm_core.scene import parse_scene
 from mpm_core.stages import mining_step
 from mpm_core.threads import use_threads
 from pipeline.errors import InputError
+from pipeline.source_tensors import scalar_potency
+from pipeline.voigt import tensor_from_voigt
 from seismic.events import extract_events
-from seismic.potency import scalar_potency, tensor_from_voigt
 from verification.results import Variant
 from workflow.configuration import Mine
 

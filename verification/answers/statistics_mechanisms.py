@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from catalogs import mechanisms
-from seismic.potency import moment_tensor, source_type
-from seismic.potency import principal_axes as seismic_axes
+from pipeline.source_tensors import moment_from_potency, principal_axes, source_shares
 from verification.rows import Row
 
 
@@ -68,7 +67,7 @@ def random_pairs(settings: dict, seed: int) -> RandomPairs:
 def mechanism_rows(settings: dict, pairs: RandomPairs, seed: int, allowed: dict) -> list[Row]:
     """Axes, angles, shares and cones."""
     rows = [_known_row(known, allowed["angle"]) for known in settings["known"]]
-    rows += _axes_rows(settings["pairs"], seed, allowed["angle"])
+    rows.append(_axes_row(settings["pairs"], seed, allowed["angle"]))
     worst = float(np.max(np.abs(pairs.found - pairs.known)))
     rows.append(
         Row(
@@ -91,55 +90,43 @@ def mechanism_rows(settings: dict, pairs: RandomPairs, seed: int, allowed: dict)
                 expected, found, abs(found - expected), allowed["random_angles"], "4 (w - sin w) / pi",
             )
         )  # fmt: skip
-    rows += _share_rows(allowed["share"])
+    rows.append(_share_row(allowed["share"]))
     rows.append(_cone_row(settings["cone"], seed, allowed["cone"]))
     return rows
 
 
 def _known_row(known: dict, allowed: float) -> Row:
     """A textbook mechanism through to trend and plunge."""
-    axes = mechanisms.principal_axes(double_couple(*fault_vectors(*known["plane"])))[1]
+    axes = principal_axes(double_couple(*fault_vectors(*known["plane"])))
     expected = mechanisms.axis_from_trend_plunge(*np.array(known["axes"], dtype=float).T)
     worst = float(np.max(mechanisms.angle_between_axes(axes, expected)))
     trends = ", ".join(f"{name} {trend}/{plunge}" for name, (trend, plunge) in zip("PBT", known["axes"], strict=True))
     return Row(f"{known['name']}: worst error of the P, B and T axes, degrees", 0.0, worst, worst, allowed, trends)
 
 
-def _axes_rows(count: int, seed: int, allowed: float) -> list[Row]:
-    """Random planes and slips: P = (n - s) / sqrt 2, B = n x s, T = (n + s) / sqrt 2, by both modules."""
+def _axes_row(count: int, seed: int, allowed: float) -> Row:
+    """Random planes and slips: P = (n - s) / sqrt 2, B = n x s, T = (n + s) / sqrt 2."""
     generator = np.random.default_rng([seed, 2])
     strike, dip, rake = generator.uniform([[0.0], [0.0], [-180.0]], [[360.0], [90.0], [180.0]], size=(3, count))
     normal, slip = fault_vectors(strike, dip, rake)
     expected = np.stack([(normal - slip) / np.sqrt(2), np.cross(normal, slip), (normal + slip) / np.sqrt(2)], axis=1)
-    tensor = double_couple(normal, slip)
-    rows = []
-    for name, found in (
-        ("catalogs.mechanisms", mechanisms.principal_axes(tensor)[1]),
-        ("seismic.potency", np.stack(seismic_axes(tensor), axis=1)),
-    ):
-        worst = float(np.max(mechanisms.angle_between_axes(found, expected)))
-        what = f"{name}: P, B and T axes of {count} random strikes, dips and rakes: worst error, degrees"
-        rows.append(Row(what, 0.0, worst, worst, allowed))
-    return rows
+    found = principal_axes(double_couple(normal, slip))
+    worst = float(np.max(mechanisms.angle_between_axes(found, expected)))
+    what = f"P, B and T axes of {count} random strikes, dips and rakes: worst error, degrees"
+    return Row(what, 0.0, worst, worst, allowed)
 
 
-def _share_rows(allowed: float) -> list[Row]:
+def _share_row(allowed: float) -> Row:
     """Isotropic, CLVD and double-couple shares of an explosion, a double couple, a CLVD and an opening crack."""
     crack = np.diag([0.0, 0.0, 1.0])
     tensors = np.array(
-        [np.eye(3), np.diag([1.0, 0, -1]), np.diag([2.0, -1, -1]), crack, moment_tensor(crack, 1.0, 1.0)]
+        [np.eye(3), np.diag([1.0, 0, -1]), np.diag([2.0, -1, -1]), crack, moment_from_potency(crack, 1.0, 1.0)]
     )
     # a crack: potency 1/3 and 2/3; its moment with lambda = mu is diag(1, 1, 3) mu: 5/3 and 4/3 over 3
     exact = np.array([[1, 0, 0], [0, 0, 1], [0, 1, 0], [1 / 3, 2 / 3, 0], [5 / 9, 4 / 9, 0]])
-    rows = []
-    for name, found in (
-        ("catalogs.mechanisms", mechanisms.source_shares(tensors)),
-        ("seismic.potency", np.stack(source_type(tensors), axis=-1)),
-    ):
-        worst = float(np.max(np.abs(found - exact)))
-        what = f"{name}: shares of an explosion, a double couple, a CLVD and a crack (potency, moment): worst error"
-        rows.append(Row(what, 0.0, worst, worst, allowed, "Vavrycuk 2015"))
-    return rows
+    worst = float(np.max(np.abs(source_shares(tensors) - exact)))
+    what = "shares of an explosion, a double couple, a CLVD and a crack (potency, moment): worst error"
+    return Row(what, 0.0, worst, worst, allowed, "Vavrycuk 2015")
 
 
 def _cone_row(chosen: dict, seed: int, allowed: float) -> Row:

@@ -1,0 +1,83 @@
+"""Potency and moment tensors of seismic sources: size, magnitude, principal axes and source shares, defined once.
+
+x east, y north, z up. Opening is positive: the P axis, the most compressive one, belongs to the smallest principal
+value (errata 5), T to the largest, B to the one between.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+HORIZONTAL = 1e-9  # of a unit vector's component: far above round-off, far below any angle that can be measured
+
+
+def moment_from_potency(potency: NDArray, lame_lambda: float, shear_modulus: float) -> NDArray:
+    """Moment tensors M_ij = lambda tr(P) delta_ij + 2 mu P_ij, N m, of potency tensors (..., 3, 3) m3; moduli in Pa."""
+    trace = np.trace(potency, axis1=-2, axis2=-1)
+    return lame_lambda * trace[..., None, None] * np.eye(3) + 2.0 * shear_modulus * np.asarray(potency)
+
+
+def potency_from_moment(moment: NDArray, lame_lambda: float, shear_modulus: float) -> NDArray:
+    """Potency tensors (..., 3, 3) m3 of moment tensors N m: the inverse of moment_from_potency."""
+    trace = np.trace(moment, axis1=-2, axis2=-1) / (3.0 * lame_lambda + 2.0 * shear_modulus)
+    return (np.asarray(moment) - lame_lambda * trace[..., None, None] * np.eye(3)) / (2.0 * shear_modulus)
+
+
+def scalar_potency(tensor: NDArray) -> NDArray:
+    """Scalar potency sqrt(2 P_ij P_ij), m3, of tensors (..., 3, 3): slip times area for shear (errata 4)."""
+    return np.sqrt(2.0 * np.sum(np.square(tensor), axis=(-2, -1)))
+
+
+def scalar_moment(moment: NDArray) -> NDArray:
+    """Scalar moment M0 = sqrt(M_ij M_ij / 2), N m, of moment tensors (..., 3, 3) (Silver and Jordan 1982)."""
+    return np.sqrt(0.5 * np.sum(np.square(moment), axis=(-2, -1)))
+
+
+def moment_magnitude(scalar: NDArray) -> NDArray:
+    """Mw = 2/3 (log10 M0 - 9.1), M0 in N m (Hanks and Kanamori 1979, IASPEI constant); -inf for no moment."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 2.0 / 3.0 * (np.log10(scalar) - 9.1)
+
+
+def moment_of_magnitude(magnitude: NDArray) -> NDArray:
+    """Scalar moment, N m, of moment magnitudes: the inverse of moment_magnitude; infinite beyond all numbers."""
+    with np.errstate(over="ignore"):
+        return 10.0 ** (1.5 * np.asarray(magnitude) + 9.1)
+
+
+def principal_axes(tensor: NDArray) -> NDArray:
+    """Principal axes (..., 3, 3), rows P, B, T, of symmetric tensors (..., 3, 3): unit vectors, see point_down.
+
+    Where two principal values are equal any two axes of their plane would do: those that LAPACK gives are no property
+    of the source.
+    """
+    vectors = np.linalg.eigh(np.asarray(tensor, float)).eigenvectors
+    return point_down(np.swapaxes(vectors, -1, -2))
+
+
+def point_down(axes: NDArray) -> NDArray:
+    """The same axes (..., 3), unit vectors, in the one sense that all files have: an axis and its opposite are one.
+
+    Down: z < 0. Within HORIZONTAL of the horizontal z is 0, and the axis points north: y > 0. One that runs east and
+    west within the same points east: x > 0. So round-off does not decide.
+    """
+    axes = np.asarray(axes, float)
+    x, y, z = (np.where(np.abs(axes[..., row]) <= HORIZONTAL, 0.0, axes[..., row]) for row in range(3))
+    opposite = (z > 0) | ((z == 0) & ((y < 0) | ((y == 0) & (x < 0))))
+    axes = np.where(opposite[..., None], -axes, axes)
+    axes[..., 2] = np.where(z == 0, 0.0, axes[..., 2])
+    return axes + 0.0  # no negative zeros
+
+
+def source_shares(tensor: NDArray) -> NDArray:
+    """Isotropic, CLVD and double-couple share (..., 3) of tensors (..., 3, 3); absolutes sum to 1 (Vavrycuk 2015).
+
+    ISO = tr / 3, CLVD = 2/3 (m1 + m3 - 2 m2), DC = 1/2 (m1 - m3 - |m1 + m3 - 2 m2|), m1 >= m2 >= m3, over the sum of
+    their absolutes. ISO and CLVD carry a sign, DC does not. A tensor that is zero has shares NaN.
+    """
+    m3, m2, m1 = np.moveaxis(np.linalg.eigvalsh(np.asarray(tensor, float)), -1, 0)
+    bend = m1 + m3 - 2.0 * m2
+    # 1/2 (m1 - m3 - |bend|) is min(m1 - m2, m2 - m3): negative by round-off only
+    double_couple = np.maximum(0.5 * (m1 - m3 - np.abs(bend)), 0.0)
+    parts = np.stack([(m1 + m2 + m3) / 3.0, 2.0 / 3.0 * bend, double_couple], axis=-1)
+    with np.errstate(invalid="ignore"):
+        return parts / np.sum(np.abs(parts), axis=-1, keepdims=True)
