@@ -1,6 +1,7 @@
 """Command lines of the catalogue stages: scene, record, quakeml, compare, spread, twin, vtk, report.
 
-Each stage imports what it alone needs: ObsPy and matplotlib take seconds, and most stages use neither.
+Each stage imports what it alone needs: ObsPy and matplotlib take seconds, and most stages use neither. A rule runs its
+stage again when what that stage imports has changed (pipeline.sources): a stage's function has the stage's name.
 """
 
 import argparse
@@ -30,7 +31,7 @@ def record(chosen: argparse.Namespace) -> None:
     settings = json.loads(chosen.settings)
     events = read_record(settings)
     frame = {"frame": json.dumps(settings["frame"])} if settings.get("frame") else {}
-    write_events(events.assign_attrs(frame | provenance(settings, "catalogs")), chosen.output)
+    write_events(events.assign_attrs(frame | provenance(settings, "catalogs record")), chosen.output)
 
 
 def quakeml(chosen: argparse.Namespace) -> None:
@@ -40,13 +41,13 @@ def quakeml(chosen: argparse.Namespace) -> None:
     write_quakeml(read_events(chosen.catalog), chosen.output)
 
 
-def comparison(chosen: argparse.Namespace) -> None:
+def compare(chosen: argparse.Namespace) -> None:
     """The synthetic catalogue against the recorded one."""
-    from catalogs.comparison import compare
+    from catalogs import comparison
 
     settings = json.loads(chosen.settings)
-    result = compare(read_events(chosen.catalog), read_events(chosen.record), settings)
-    write_dataset(result.assign_attrs(provenance(settings, "catalogs")), chosen.output)
+    result = comparison.compare(read_events(chosen.catalog), read_events(chosen.record), settings)
+    write_dataset(result.assign_attrs(provenance(settings, "catalogs compare")), chosen.output)
 
 
 def spread(chosen: argparse.Namespace) -> None:
@@ -56,7 +57,7 @@ def spread(chosen: argparse.Namespace) -> None:
     settings = json.loads(chosen.settings)
     comparison = read_dataset(chosen.comparison) if chosen.comparison else None
     result = gather(chosen.runs, read_events(chosen.catalog), comparison, settings)
-    write_dataset(result.assign_attrs(provenance(settings, "catalogs")), chosen.output)
+    write_dataset(result.assign_attrs(provenance(settings, "catalogs spread")), chosen.output)
 
 
 def twin(chosen: argparse.Namespace) -> None:
@@ -117,7 +118,7 @@ def parser() -> argparse.ArgumentParser:
     stage("record", record, "output", settings=True)
     stage("quakeml", quakeml, "catalog", "output")
     stage("vtk", vtk, "catalog", "output")
-    stage("compare", comparison, "catalog", "record", "output", settings=True)
+    stage("compare", compare, "catalog", "record", "output", settings=True)
     gathered = stage("spread", spread, "catalog", "output", settings=True)
     gathered.add_argument("--comparison", type=Path)
     gathered.add_argument("--runs", type=Path, nargs="+", required=True, help="folders of steps and events, own first")

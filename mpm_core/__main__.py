@@ -6,23 +6,14 @@ import logging
 from contextlib import ExitStack
 from pathlib import Path
 
-from mpm_core.datasets import read_grid
 from pipeline.datasets import open_dataset, read_dataset, write_dataset
 from pipeline.progress import log_compilation
 from pipeline.provenance import provenance
 from pipeline.stage import run_stage
 
-DOES = {
-    "grid": "cells and nodes from the solids",
-    "elastic": "elastic equilibrium of everything mined in history",
-    "step": "Coulomb equilibrium after this mining step",
-    "vtk": "a state for ParaView",
-    "solids": "the solids for ParaView",
-}
 
-
-def make_grid(arguments: argparse.Namespace) -> None:
-    """grid.nc from the solids."""
+def grid(arguments: argparse.Namespace) -> None:
+    """cells and nodes from the solids"""
     from mpm_core.gridding import make_grid
     from mpm_core.threads import use_threads
 
@@ -30,10 +21,20 @@ def make_grid(arguments: argparse.Namespace) -> None:
     use_threads(arguments.threads)
     scene = json.loads(arguments.scene)
     draft = read_dataset(arguments.draft) if arguments.draft else None
-    write_dataset(make_grid(scene, provenance(scene, "mpm_core"), draft), arguments.output)
+    write_dataset(make_grid(scene, provenance(scene, "mpm_core grid"), draft), arguments.output)
 
 
-def solve(arguments: argparse.Namespace) -> None:
+def elastic(arguments: argparse.Namespace) -> None:
+    """elastic equilibrium of everything mined in history"""
+    _solve(arguments)
+
+
+def step(arguments: argparse.Namespace) -> None:
+    """Coulomb equilibrium after this mining step"""
+    _solve(arguments)
+
+
+def _solve(arguments: argparse.Namespace) -> None:
     """elastic.nc, or steps/<step>.nc from the state of the step before."""
     from mpm_core.checkpoint import Checkpoint, key_of
     from mpm_core.scene import parse_scene
@@ -43,7 +44,7 @@ def solve(arguments: argparse.Namespace) -> None:
     log_compilation()
     use_threads(arguments.threads)
     values = json.loads(arguments.scene)
-    made_from = provenance(values, "mpm_core")
+    made_from = provenance(values, f"mpm_core {arguments.stage}")
     scene = parse_scene(values)
     failed_state = Path(arguments.output).with_suffix(".failed.npz")
     with ExitStack() as files:  # gigabytes in a large mine, read once each
@@ -61,16 +62,17 @@ def solve(arguments: argparse.Namespace) -> None:
     write_dataset(dataset, arguments.output)
 
 
-def write_vtk(arguments: argparse.Namespace) -> None:
-    """vtk/<stage>.vtu for ParaView."""
+def vtk(arguments: argparse.Namespace) -> None:
+    """a state for ParaView"""
+    from mpm_core.datasets import read_grid
     from mpm_core.vtk import write_vtu
 
     grid, _, pieces = read_grid(read_dataset(arguments.grid))
     write_vtu(grid, pieces, read_dataset(arguments.state), arguments.output)
 
 
-def write_solids(arguments: argparse.Namespace) -> None:
-    """vtk/solids.vtm for ParaView."""
+def solids(arguments: argparse.Namespace) -> None:
+    """the solids for ParaView"""
     from mpm_core.gridding import domain_of, read_solids
     from mpm_core.vtk import INDEX, write_solids
 
@@ -101,9 +103,8 @@ def main() -> None:
         stage.add_argument("--log")
         stage.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()
-    runs = {"grid": make_grid, "elastic": solve, "step": solve, "vtk": write_vtk, "solids": write_solids}
-    stage, run = arguments.stage, runs[arguments.stage]
-    run_stage(f"{stage} {arguments.output}", arguments.log, lambda: run(arguments), DOES[stage])
+    run = {"grid": grid, "elastic": elastic, "step": step, "vtk": vtk, "solids": solids}[arguments.stage]
+    run_stage(f"{arguments.stage} {arguments.output}", arguments.log, lambda: run(arguments), run.__doc__)
 
 
 if __name__ == "__main__":

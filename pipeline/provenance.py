@@ -9,20 +9,11 @@ import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from pipeline.sources import ROOT, source_hash
+
 PACKAGES = ("numpy", "numba", "scipy", "scikit-learn", "xarray", "netCDF4", "obspy")
-SOURCES = ("*.py", "*.j2")
 KERNEL_PACKAGES = ("mpm_core", "seismic")
 CACHES_KEPT = 3
-
-
-def source_hash(*packages: str) -> str:
-    """Hash of every source of the named packages (and of this base package), in path order."""
-    digest = hashlib.sha256()
-    for package in sorted({*packages, "pipeline"}):
-        for path in sorted(path for kind in SOURCES for path in (ROOT / package).rglob(kind)):
-            digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()[:16]
 
 
 def config_hash(slice_: dict) -> str:
@@ -35,11 +26,14 @@ def config_hash(slice_: dict) -> str:
     return hashlib.sha256(json.dumps(moved, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def provenance(slice_: dict, *packages: str) -> dict[str, str]:
-    """Attributes that every dataset carries: config_hash, source_hash, versions (JSON)."""
+def provenance(slice_: dict, command: str) -> dict[str, str]:
+    """Attributes that every dataset carries: config_hash, source_hash, versions (JSON).
+
+    command: the stage that makes it, as pipeline.sources has it ("mpm_core grid").
+    """
     return {
         "config_hash": config_hash(slice_),
-        "source_hash": source_hash(*packages),
+        "source_hash": source_hash(command),
         "versions": json.dumps({name: version(name) for name in PACKAGES}),
     }
 

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 HORIZONTAL = 1e-9  # of a unit vector's component: far above round-off, far below any angle that can be measured
+TIE = 1e-9  # of the largest principal value: equal ones differ by 1e-15 in the demo, others by 1e-4 and more
+DOWN_NORTH_EAST = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
 def moment_from_potency(potency: NDArray, lame_lambda: float, shear_modulus: float) -> NDArray:
@@ -47,11 +49,22 @@ def moment_of_magnitude(magnitude: NDArray) -> NDArray:
 def principal_axes(tensor: NDArray) -> NDArray:
     """Principal axes (..., 3, 3), rows P, B, T, of symmetric tensors (..., 3, 3): unit vectors, see point_down.
 
-    Where two principal values are equal any two axes of their plane would do: those that LAPACK gives are no property
-    of the source.
+    Where two principal values are equal to TIE of the largest, as of rock that has merely opened, any two axes of their
+    plane would do. Given are its steepest line, then its level one (of a level plane north, then east); where all three
+    are equal: down, north, east. So neither round-off nor a library decides.
     """
-    vectors = np.linalg.eigh(np.asarray(tensor, float)).eigenvectors
-    return point_down(np.swapaxes(vectors, -1, -2))
+    values, vectors = np.linalg.eigh(np.asarray(tensor, float))
+    axes = np.swapaxes(vectors, -1, -2)
+    tied = np.diff(values, axis=-1) <= TIE * np.max(np.abs(values), axis=-1, keepdims=True)
+    for row, across in ((0, 2), (1, 0)):  # P and B lie across T, B and T across P
+        normal = axes[tied[..., row], across]
+        level = np.stack([-normal[:, 1], normal[:, 0], np.zeros(len(normal))], axis=-1)
+        length = np.linalg.norm(level, axis=-1, keepdims=True)
+        level = np.where(length > HORIZONTAL, level / np.maximum(length, HORIZONTAL), [1.0, 0.0, 0.0])
+        axes[tied[..., row], row] = np.cross(level, normal)
+        axes[tied[..., row], row + 1] = level
+    axes[tied.all(axis=-1)] = DOWN_NORTH_EAST
+    return point_down(axes)
 
 
 def point_down(axes: NDArray) -> NDArray:

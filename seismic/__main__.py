@@ -12,19 +12,18 @@ from pipeline.event_table import read_events, write_events
 from pipeline.progress import log_compilation
 from pipeline.provenance import provenance
 from pipeline.stage import run_stage
-from seismic.catalog import merge, write_csv
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Parse the command line and run the stage it names."""
     parser = argparse.ArgumentParser(prog="python -m seismic", description=__doc__)
     stages = parser.add_subparsers(dest="stage", required=True)
-    events = stages.add_parser("events", help="events of one mining step")
-    events.add_argument("--step", required=True, help="steps/<step>.nc")
-    catalog = stages.add_parser("catalog", help="the catalogue of all dated steps")
-    catalog.add_argument("--events", required=True, nargs="+", help="events/<step>.nc of every step")
-    catalog.add_argument("--csv", required=True, help="the same catalogue as a table")
-    for stage in (events, catalog):
+    one = stages.add_parser("events", help="events of one mining step")
+    one.add_argument("--step", required=True, help="steps/<step>.nc")
+    every = stages.add_parser("catalog", help="the catalogue of all dated steps")
+    every.add_argument("--events", required=True, nargs="+", help="events/<step>.nc of every step")
+    every.add_argument("--csv", required=True, help="the same catalogue as a table")
+    for stage in (one, every):
         stage.add_argument(
             "--settings",
             required=True,
@@ -34,14 +33,15 @@ def main(arguments: list[str] | None = None) -> None:
         stage.add_argument("--log", help="log file; standard error without it")
     chosen = parser.parse_args(arguments)
     run, does = {
-        "events": (_events, "seismic events of one step, from its plastic strain"),
-        "catalog": (_catalog, "the catalogue of all dated steps"),
+        "events": (events, "seismic events of one step, from its plastic strain"),
+        "catalog": (catalog, "the catalogue of all dated steps"),
     }[chosen.stage]
     run_stage(f"{chosen.stage} {chosen.output}", chosen.log, lambda: run(chosen), does)
 
 
-def _events(chosen: argparse.Namespace) -> None:
-    # here: the catalogue need not wait for numba and scikit-learn
+def events(chosen: argparse.Namespace) -> None:
+    """Events of one mining step."""
+    # here: the catalogue need not wait for numba and scikit-learn, nor be made again when they are used otherwise
     from seismic.events import VARIABLES, dated, extract_events
 
     log_compilation()
@@ -54,17 +54,20 @@ def _events(chosen: argparse.Namespace) -> None:
         dataset, _ = extract_events(step, others)
     except InputError as error:
         raise InputError(f"{chosen.step}: {error}") from error
-    write_events(dataset.assign_attrs(provenance(settings, "seismic")), chosen.output)
+    write_events(dataset.assign_attrs(provenance(settings, "seismic events")), chosen.output)
 
 
-def _catalog(chosen: argparse.Namespace) -> None:
+def catalog(chosen: argparse.Namespace) -> None:
+    """The catalogue of all dated steps."""
+    from seismic.catalog import merge, write_csv
+
     settings = _settings(chosen.settings)
-    catalog = merge([read_events(path) for path in chosen.events])
-    if catalog.attrs["mine"] != settings.get("mine"):
-        raise InputError(f"catalog: events are of mine {catalog.attrs['mine']}, settings of {settings.get('mine')}")
-    logging.info("catalogue of %d events, %d resolved", catalog.sizes["event"], np.sum(catalog["resolved"].values))
-    write_events(catalog.assign_attrs(provenance(settings, "seismic")), chosen.output)
-    write_csv(catalog, chosen.csv)
+    merged = merge([read_events(path) for path in chosen.events])
+    if merged.attrs["mine"] != settings.get("mine"):
+        raise InputError(f"catalog: events are of mine {merged.attrs['mine']}, settings of {settings.get('mine')}")
+    logging.info("catalogue of %d events, %d resolved", merged.sizes["event"], np.sum(merged["resolved"].values))
+    write_events(merged.assign_attrs(provenance(settings, "seismic catalog")), chosen.output)
+    write_csv(merged, chosen.csv)
 
 
 def _settings(text: str) -> dict:

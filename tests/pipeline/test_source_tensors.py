@@ -90,7 +90,7 @@ def test_axes_of_reverse_slip():
 @given(SIX, st.integers(0, 10**6))
 @settings(max_examples=60, deadline=None)
 def test_axes_are_orthonormal_eigenvectors_pointing_down(six, seed):
-    """Principal values ascend from P to T and rebuild the tensor, equal ones too."""
+    """Principal values ascend from P to T and rebuild the tensor, equal ones too (TIE apart at most)."""
     rotation = Rotation.random(rng=seed).as_matrix()
     tensor = rotation @ tensor_from_voigt(six) @ rotation.T
     axes = principal_axes(tensor)
@@ -111,6 +111,34 @@ def test_axes_turn_with_the_tensor(first, second, middle, scale):
     assert_allclose(principal_axes(tensor), point_down(start), atol=1e-9)
     turned = principal_axes(scale * turn @ tensor @ turn.T)
     assert_allclose(turned, point_down(principal_axes(tensor) @ turn.T), atol=2e-9)
+
+
+@given(
+    st.integers(0, 10**6), st.floats(0.0, 360.0), st.booleans(), st.floats(-3.0, 3.0).filter(lambda x: abs(x) > 1e-3)
+)
+@settings(max_examples=100, deadline=None)
+def test_tied_axes_do_not_hang_on_round_off(seed, azimuth, opening, isotropic):
+    """Two equal principal values: the level axis is level, round-off changes nothing, they turn with the azimuth."""
+    frame = Rotation.random(rng=seed).as_matrix()
+    values = np.array([0.0, 0.0, 1.0] if opening else [-1.0, 0.0, 0.0]) + isotropic
+    tensor = frame.T @ np.diag(values) @ frame
+    axes = principal_axes(tensor)
+    assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+    assert_allclose(axes.T @ np.diag(values) @ axes, tensor, atol=1e-8)
+    assert axes[1 if opening else 2, 2] == 0
+    noise = 1e-14 * np.random.default_rng(seed).normal(size=(3, 3))
+    assert_allclose(principal_axes(tensor + noise + noise.T), axes, atol=1e-9)
+    about = Rotation.from_euler("z", azimuth, degrees=True).as_matrix()
+    assert_allclose(principal_axes(about @ tensor @ about.T), point_down(axes @ about.T), atol=1e-8)
+
+
+def test_tied_axes_by_hand():
+    """A crack that opens east: P down, B north. One that opens upwards: P north, B east. An explosion, and nothing."""
+    down, north, east = [0, 0, -1], [0, 1, 0], [1, 0, 0]
+    assert_array_equal(principal_axes(np.diag([1.0, 0, 0])), [down, north, east])
+    assert_array_equal(principal_axes(np.diag([0, 0, 1.0])), [north, east, down])
+    assert_array_equal(principal_axes(np.diag([0, 0, -1.0])), [down, north, east])
+    assert_array_equal(principal_axes(np.stack([np.eye(3), np.zeros((3, 3))])), [[down, north, east]] * 2)
 
 
 @given(st.integers(0, 10**6), st.sampled_from([0.0, 1e-16, -1e-16, 3e-12, -3e-12]))

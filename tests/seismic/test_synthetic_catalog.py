@@ -155,10 +155,11 @@ def test_command_lines_end_to_end(make_scattered_step, make_settings, tmp_path):
     assert (done.returncode, len(told(done))) == (0, 1), done.stderr
 
     events, _ = extract_events(make_scattered_step(2, 150, **AUGUST), make_settings())
-    attributes = provenance(make_settings(), "seismic")
-    write_events(events.assign_attrs(attributes), tmp_path / "here_events.nc")
+    made = provenance(make_settings(), "seismic events")
+    write_events(events.assign_attrs(made), tmp_path / "here_events.nc")
     catalog = merge([read_events(tmp_path / "here_events.nc")])
-    write_events(catalog.assign_attrs(attributes), tmp_path / "here_catalog.nc")
+    made = provenance(make_settings(), "seismic catalog")
+    write_events(catalog.assign_attrs(made), tmp_path / "here_catalog.nc")
     write_csv(catalog, tmp_path / "here_catalog.csv")
     assert len(pd.read_csv(tmp_path / "catalog.csv")) == events.sizes["event"]
     for name in ("events.nc", "catalog.nc", "catalog.csv"):

@@ -306,7 +306,7 @@ def test_vtk_files_on_request(spoiled, tiny_file):
 
 
 def test_checkout_in_a_folder_with_a_space_whose_sources_change(tiny_file, tmp_path):
-    """The rules quote the checkout's own path; an edit re-runs the stages of its package and no other."""
+    """The rules quote the checkout's own path; an edit re-runs the stages that use the file and no other."""
     checkout = tmp_path / "my checkout"
     checkout.mkdir()
     (checkout / "Snakefile").symlink_to(ROOT / "Snakefile")
@@ -320,7 +320,7 @@ def test_checkout_in_a_folder_with_a_space_whose_sources_change(tiny_file, tmp_p
         return run.stdout + run.stderr
 
     run()
-    for package, again in (("seismic", {}), ("catalogs", {"record": 1})):
-        with (checkout / package / "schema.py").open("a") as file:
+    for source, again in (("seismic/events.py", {}), ("catalogs/records/build.py", {"record": 1})):
+        with (checkout / source).open("a") as file:
             file.write("# an edit")
         assert {rule: count for rule, count in jobs(run("--dry-run")).items() if rule != "all"} == again

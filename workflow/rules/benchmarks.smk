@@ -10,7 +10,7 @@ rule benchmark_case:
     output:
         targets.RUN,
     params:
-        code=source_hash("mpm_core", "tests/benchmarks"),
+        code=source_hash("tests.benchmarks.equilibrium measure", "tests.benchmarks.equilibrium solve", "tests/benchmarks/peers/"),
         settings=targets.settings_slice,
         earlier=targets.smaller_runs,
         environments=f"{targets.RESULTS}/environments",
@@ -38,6 +38,7 @@ rule benchmarks:
         figure=f"{targets.RESULTS}/figure.svg",
         page=f"{targets.RESULTS}/report.html",
     params:
+        code=source_hash("tests.benchmarks.equilibrium report"),
         settings=targets.settings_slice,
     log:
         "logs/benchmarks/report.log",

@@ -1,14 +1,14 @@
 """What the rules share: names, slices of the configuration. Nothing is run here.
 
-Rules depend on their package's sources by hash, a parameter. As input files they would be looked at, all of them, for
-every waiting job, every second: a third of a core for some 300 jobs.
+Rules depend on the sources that their stage runs (pipeline.sources) by hash, a parameter. As input files they would be
+looked at, all of them, for every waiting job, every second: a third of a core for some 300 jobs.
 """
 
 import functools
 import json
 import shlex
 
-from pipeline.provenance import source_hash
+from pipeline.sources import source_hash
 from pipeline.stage import name_parent_of_stages
 from verification.studies import load_study
 from workflow.draft import draft_of
@@ -229,6 +229,11 @@ def record_files():
 def if_made(option, path, made):
     """A command line option for a result that this scene may not have."""
     return f"--{option} {result(path)}" if made else ""
+
+
+def answer_sources(wildcards):
+    """Hash of what a study's answer runs: the stage, and the module that it is told by name."""
+    return source_hash("verification answer", f"verification.answers.{study(wildcards.study).answer}")
 
 
 def studies():

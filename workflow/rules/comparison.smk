@@ -9,7 +9,7 @@ rule scene:
     output:
         result("scene.png"),
     params:
-        code=source_hash("catalogs"),
+        code=source_hash("catalogs scene"),
         settings=slice_of(MINE.excavations_by_step()),
         record=if_made("record", "record.nc", HAS_RECORD),
     log:
@@ -37,7 +37,7 @@ rule record:
     output:
         kept(f"{RESULTS}/record.nc"),
     params:
-        code=source_hash("catalogs"),
+        code=source_hash("catalogs record"),
         settings=slice_of(MINE.record_slice() if HAS_RECORD else {}),
     log:
         "logs/{mine}/record.log",
@@ -61,7 +61,7 @@ rule quakeml:
     output:
         kept(f"{RESULTS}/catalog.xml"),
     params:
-        code=source_hash("catalogs"),
+        code=source_hash("catalogs quakeml"),
     log:
         "logs/{mine}/quakeml.log",
     benchmark:
@@ -84,7 +84,7 @@ rule compare:
     output:
         kept(f"{RESULTS}/comparison.nc"),
     params:
-        code=source_hash("catalogs"),
+        code=source_hash("catalogs compare"),
         settings=slice_of(MINE.values["comparison"]),
     log:
         "logs/{mine}/compare.log",
@@ -110,7 +110,7 @@ rule spread:
     output:
         kept(f"{RESULTS}/spread.nc"),
     params:
-        code=source_hash("catalogs"),
+        code=source_hash("catalogs spread"),
         settings=spread_slice,
         runs=runs_of,
         comparison=comparison_option,
@@ -143,7 +143,7 @@ rule report:
         page=report(kept(f"{RESULTS}/report.html"), caption="../report/report.rst", category="{mine}"),
         figures=directory(f"{RESULTS}/figures"),
     params:
-        code=source_hash("catalogs"),
+        code=source_hash("catalogs report"),
         config=slice_of(MINE.text),
         default=slice_of(MINE.default),
         excavations=slice_of(MINE.schedule()),
@@ -177,7 +177,7 @@ rule twin:
     output:
         result("twin.csv"),
     params:
-        code=source_hash("catalogs"),
+        code=source_hash("catalogs twin"),
         noise=10,  # m, root mean square
         cut=-2.5,  # log10 of potency in m3
     log:

@@ -5,7 +5,7 @@ rule elastic:
     output:
         kept(f"{RESULTS}/elastic.nc"),
     params:
-        code=source_hash("mpm_core"),
+        code=source_hash("mpm_core elastic"),
         scene=elastic_slice,
     log:
         "logs/{mine}/elastic.log",
@@ -32,7 +32,7 @@ rule mining_step:
     output:
         kept(f"{RESULTS}/steps/{{step}}.nc"),
     params:
-        code=source_hash("mpm_core"),
+        code=source_hash("mpm_core step"),
         scene=step_slice,
     log:
         "logs/{mine}/steps/{step}.log",

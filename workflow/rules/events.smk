@@ -5,7 +5,7 @@ rule events:
     output:
         kept(f"{RESULTS}/events/{{step}}.nc"),
     params:
-        code=source_hash("seismic"),
+        code=source_hash("seismic events"),
         settings=event_slice,
     log:
         "logs/{mine}/events/{step}.log",
@@ -29,7 +29,7 @@ rule catalog:
         catalog=kept(f"{RESULTS}/catalog.nc"),
         table=report(kept(f"{RESULTS}/catalog.csv"), caption="../report/catalog.rst", category="{mine}"),
     params:
-        code=source_hash("seismic"),
+        code=source_hash("seismic catalog"),
         settings=catalog_slice,
     log:
         "logs/{mine}/catalog.log",
@@ -54,7 +54,7 @@ rule vtk_events:
     wildcard_constraints:
         catalog="catalog|record|events/.+",
     params:
-        code=source_hash("catalogs"),
+        code=source_hash("catalogs vtk"),
     log:
         "logs/{mine}/vtk/{catalog}.log",
     benchmark:

@@ -6,7 +6,7 @@ rule extremes:
     output:
         table="results/extremes/table.csv",
     params:
-        code=source_hash("mpm_core", "tests/extremes"),
+        code=source_hash("tests.extremes", "config/default.yaml"),
     log:
         "logs/extremes.log",
     benchmark:

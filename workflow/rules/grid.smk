@@ -6,7 +6,7 @@ rule grid:
     output:
         kept(f"{RESULTS}/grid.nc"),
     params:
-        code=source_hash("mpm_core"),
+        code=source_hash("mpm_core grid"),
         scene=grid_slice,
         draft=draft_option,
     log:
@@ -33,7 +33,7 @@ rule vtk:
     wildcard_constraints:
         stage="elastic|steps/.+",
     params:
-        code=source_hash("mpm_core"),
+        code=source_hash("mpm_core vtk"),
     log:
         "logs/{mine}/vtk/{stage}.log",
     benchmark:
@@ -56,7 +56,7 @@ rule vtk_solids:
         names=f"{RESULTS}/vtk/solids.vtm",
         surfaces=directory(f"{RESULTS}/vtk/solids"),
     params:
-        code=source_hash("mpm_core"),
+        code=source_hash("mpm_core solids"),
         scene=grid_slice,
         mined=mined_slice,
     log:

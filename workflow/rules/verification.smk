@@ -7,7 +7,7 @@ rule answer:
         rows=kept(f"{STUDY}/rows.csv"),
         figure=kept(f"{STUDY}/figure.svg"),
     params:
-        code=source_hash("verification", "mpm_core", "seismic", "catalogs"),
+        code=answer_sources,
         default=slice_of(DEFAULT),
     log:
         "logs/verification/{study}.log",
@@ -33,7 +33,7 @@ rule verification_report:
         page=report(kept("results/verification/report.html"), caption="../report/verification.rst", category="verification"),
         summary=kept("results/verification/summary.csv"),
     params:
-        code=source_hash("verification"),
+        code=source_hash("verification report"),
         studies=study_files,
         default=slice_of(DEFAULT),
     log:

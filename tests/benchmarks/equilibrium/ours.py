@@ -13,7 +13,7 @@ from mpm_core.gridding import make_grid
 from mpm_core.scene import parse_scene
 from mpm_core.stages import elastic_stage, mining_step
 from mpm_core.threads import use_threads
-from pipeline.provenance import source_hash
+from pipeline.sources import source_hash
 from tests.benchmarks.equilibrium.settings import Case, Settings
 from tests.benchmarks.peers.stope import announce, closure, peak_memory
 from workflow.configuration import Mine
@@ -64,7 +64,7 @@ def run(mine: Mine, begin=lambda: None) -> tuple[dict, xr.Dataset, xr.Dataset]:
             "memory": peak_memory(),
             "iterations": int(facts["iterations"]),
             "closure": closure_of(mine, grid, state),
-            "version": f"this code (sources {source_hash('mpm_core')}, numba {version('numba')})",
+            "version": f"this code (sources {source_hash('mpm_core step')}, numba {version('numba')})",
         },
         state,
         grid,

@@ -1,0 +1,212 @@
+"""A rule depends on what its stage runs: no less, as the stages show that run, and no more, as Snakemake is asked."""
+
+import ast
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from tiny_mines import ROOT, TINY, changed, command, jobs, write_mine
+
+from pipeline.sources import source_files, source_hash
+
+SHARED = "pipeline"
+APART = ("mpm_core", "seismic", "catalogs")  # they meet through files
+PACKAGES = (SHARED, *APART, "verification", "workflow")
+NO_DATA = ("workflow/report/", "workflow/envs/", "workflow/rules/")  # which Snakemake alone reads
+BY_NAME = {  # modules that import others by a name made at run time, and who sees to it
+    "verification/__main__.py",  # an answer: its rule names the module beside the stage
+    "workflow/configuration.py",  # excavations_from: what it makes is part of the slices of settings
+}
+# In place of the interpreter that runs a stage: one leaves empty results, one runs it and notes what files it has used.
+LEAVE_EMPTY = """#!/bin/sh
+while [ $# -gt 0 ]; do
+  case "$1" in
+    --figures) mkdir -p "$2" ;;
+    --output | --csv) mkdir -p "$(dirname "$2")" && : > "$2" ;;
+  esac
+  shift
+done
+"""
+NOTE = """#!{python}
+import atexit, json, os, runpy, sys
+opened = set()
+sys.addaudithook(lambda event, given: opened.add(str(given[0])) if event == "open" else None)
+command = sys.argv[2:]
+def note():
+    modules = {{getattr(module, "__file__", None) or "" for module in sys.modules.values()}}
+    data = {{path for path in opened if not path.endswith((".py", ".pyc"))}}
+    found = sorted({{os.path.abspath(path) for path in modules | data if path}})
+    with open(os.path.join({folder!r}, f"{{os.getpid()}}.json"), "w") as file:
+        json.dump({{"command": command[:2], "files": found}}, file)
+atexit.register(note)
+sys.argv = command
+runpy.run_module(command[0], run_name="__main__", alter_sys=True)
+"""
+
+
+def names(files) -> set[str]:
+    """Paths below the checkout."""
+    return {path.relative_to(ROOT).as_posix() for path in map(Path, files) if path.is_relative_to(ROOT)}
+
+
+def modules(package: str) -> dict[str, Path]:
+    """Every module of a package by its dotted name."""
+    paths = sorted((ROOT / package).rglob("*.py"))
+    return {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in paths}
+
+
+def run_with(interpreter: str, path: Path, *line: str) -> subprocess.CompletedProcess:
+    """Snakemake with another program in place of the interpreter that its stages are run by."""
+    path.write_text(interpreter)
+    path.chmod(0o755)
+    program = f"import sys; sys.executable = {str(path)!r}; from snakemake.cli import main; main(sys.argv[1:])"
+    return subprocess.run([sys.executable, "-c", program, *line], capture_output=True, text=True, timeout=600)
+
+
+def test_packages_meet_through_files():
+    """mpm_core, seismic and catalogs import nothing of each other, and what they share nothing of any."""
+    for package in (SHARED, *APART):
+        for module, path in modules(package).items():
+            found = {name.split("/")[0] for name in names(source_files(module))}
+            assert found <= {package, SHARED}, path
+
+
+def test_no_module_is_imported_where_the_sources_do_not_show_it():
+    """By a name made at run time: there are two, and it is said above why they are no gap."""
+    calls = {"import_module", "__import__", "run_module", "run_path", "exec", "eval", "spec_from_file_location"}
+    found = set()
+    for path in (path for package in PACKAGES for path in modules(package).values()):
+        called = [node.func for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
+        if calls & {getattr(function, "id", getattr(function, "attr", "")) for function in called}:
+            found |= names([path])
+    assert found == BY_NAME
+
+
+def test_every_file_that_is_no_module_belongs_to_one():
+    """A template or a schema that no module beside it says the name of would be missed in silence."""
+    files = (path for package in PACKAGES for path in (ROOT / package).rglob("*") if path.is_file())
+    data = {name for name in names(files) if not name.endswith((".py", ".pyc")) and not name.startswith(NO_DATA)}
+    assert {"catalogs/templates/report.html.j2", "workflow/schemas/config.schema.yaml"} <= data
+    claimed = {name for package in PACKAGES for module in modules(package) for name in names(source_files(module))}
+    assert data - claimed == set()
+
+
+def test_a_rule_depends_on_the_stage_that_it_runs():
+    """`code` and the shell command of every rule that makes a file name the same stage."""
+    text = "\n".join(path.read_text() for path in sorted((ROOT / "workflow/rules").glob("*.smk")))
+    rules = dict(re.findall(r"^rule (\w+):\n(.*?)(?=^\S|\Z)", text, re.MULTILINE | re.DOTALL))
+    making = {name: rule for name, rule in rules.items() if "    output:" in rule}
+    assert len(making) > 15
+    for name, rule in making.items():
+        stage = re.search(r"stage ([\w.]+(?: [a-z]\w*)?)", rule.partition("    shell:")[2])[1]
+        code = re.search(r"code=(?:source_hash\(\"([^\"]*)\"|answer_sources)", rule)[1]
+        assert (code or "verification answer") == stage, name
+        assert re.fullmatch("[0-9a-f]{16}", source_hash(stage))
+
+
+def test_what_is_not_there_has_no_sources():
+    """A misspelt stage or module stops the workflow instead of depending on nothing."""
+    for absent in ("catalogs reprot", "catalog report", "tests/benchmarks/peer/", "config/defaults.yaml"):
+        with pytest.raises(ValueError, match="sources"):
+            source_hash(absent)
+
+
+def test_a_stage_alone_counts_of_its_command_line():
+    """What one stage imports within its function is no source of another, helpers that it calls are."""
+    assert "catalogs/templates/report.html.j2" in names(source_files("catalogs report"))
+    assert "catalogs/records/csv_reader.py" in names(source_files("catalogs record"))
+    for stage in ("record", "quakeml", "compare", "spread", "twin", "vtk"):
+        found = names(source_files(f"catalogs {stage}"))
+        assert {"catalogs/__main__.py", "catalogs/__init__.py", "pipeline/stage.py"} <= found
+        assert not found & {"catalogs/report.py", "catalogs/templates/report.html.j2", "pipeline/pages.py"}
+    assert names(source_files("mpm_core grid")).isdisjoint({"mpm_core/multigrid/cycle.py", "mpm_core/stages.py"})
+    assert "mpm_core/multigrid/cycle.py" in names(source_files("mpm_core step"))  # through its helper _solve
+    assert names(source_files("tests/benchmarks/peers/")) >= {"tests/benchmarks/peers/ogs.txt"}
+
+
+@pytest.mark.slow
+def test_stages_use_no_file_that_their_sources_lack(tmp_path):
+    """Every stage of a mine, as it runs: what it has imported at its end, and what else it has opened."""
+    notes = tmp_path / "notes"
+    notes.mkdir()
+    mine = write_mine(changed(TINY, ensemble=1), tmp_path / "files" / "tiny.yaml")
+    on_request = ("scene.png", "twin.csv", "vtk/elastic.vtu", "vtk/solids.vtm", "vtk/catalog.vtu")
+    line = command(mine, tmp_path / "run", "all", *(f"results/tiny/{name}" for name in on_request))[3:]
+    done = run_with(NOTE.format(python=sys.executable, folder=str(notes)), tmp_path / "note", *line)
+    assert done.returncode == 0, done.stderr
+    ran = set()
+    for path in notes.iterdir():
+        noted = json.loads(path.read_text())
+        stage = " ".join(noted["command"])
+        used = {name for name in names(noted["files"]) if name.startswith(tuple(f"{one}/" for one in PACKAGES))}
+        assert used - names(source_files(stage)) == set(), stage
+        assert any(name.endswith("/datasets.py") for name in used), stage
+        ran.add(stage)
+    assert ran == {
+        *(f"mpm_core {stage}" for stage in ("grid", "elastic", "step", "vtk", "solids")),
+        *("seismic events", "seismic catalog"),
+        *(
+            f"catalogs {stage}"
+            for stage in ("scene", "record", "quakeml", "compare", "spread", "twin", "vtk", "report")
+        ),
+    }
+
+
+@pytest.fixture(scope="module")
+def standing(tmp_path_factory):
+    """A copy of the checkout in which a mine stands as finished, with empty results; asks what an edit would run."""
+    base = tmp_path_factory.mktemp("sources")
+    checkout, mine = base / "checkout", write_mine(TINY, base / "files" / "tiny.yaml")
+    skip = shutil.ignore_patterns("__pycache__")
+    for name in (*PACKAGES, "config", "profiles"):
+        shutil.copytree(ROOT / name, checkout / name, ignore=skip)
+    shutil.copytree(ROOT / "tests/benchmarks", checkout / "tests/benchmarks", ignore=skip)
+    shutil.copytree(ROOT / "tests/extremes", checkout / "tests/extremes", ignore=skip)
+    shutil.copy(ROOT / "Snakefile", checkout)
+
+    def run(*options: str) -> dict[str, int]:
+        line = command(mine, base / "run", *options, checkout=checkout)[3:]
+        done = run_with(LEAVE_EMPTY, base / "leave_empty", *line)
+        assert done.returncode == 0, done.stderr
+        return {rule: count for rule, count in jobs(done.stdout + done.stderr).items() if rule != "all"}
+
+    def edit(files: str) -> dict[str, int]:
+        before = {checkout / name: (checkout / name).read_text() for name in files.split()}
+        for path, text in before.items():
+            path.write_text(f"{text}\n")
+        try:
+            return run("--dry-run")
+        finally:
+            for path, text in before.items():
+                path.write_text(text)
+
+    run()
+    return edit
+
+
+REPORT = {"report": 1}
+COMPARE = REPORT | {"compare": 1}
+CATALOG = COMPARE | {"catalog": 1, "quakeml": 1}
+EVENTS = CATALOG | {"events": 2}
+MECHANICS = EVENTS | {"elastic": 1, "mining_step": 2}
+EDITS = {
+    "workflow/terminal.py verification/report.py tests/extremes/mines.py catalogs/vtk.py mpm_core/vtk.py": {},
+    "catalogs/templates/report.html.j2": REPORT,
+    "pipeline/pages.py catalogs/figures/style.py": REPORT,
+    "catalogs/records/csv_reader.py": {"record": 1} | COMPARE,
+    "seismic/catalog.py": CATALOG,
+    "seismic/families.py": EVENTS,
+    "pipeline/event_table.py": EVENTS | {"record": 1},
+    "mpm_core/kernels/operator_3.py": MECHANICS,
+    "mpm_core/grid/octree.py": MECHANICS | {"grid": 1},
+}
+
+
+@pytest.mark.parametrize("files", EDITS)
+def test_an_edit_runs_the_stages_that_use_the_files(standing, files):
+    """And what follows from their results, and nothing else."""
+    assert standing(files) == EDITS[files]
