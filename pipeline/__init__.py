@@ -1,1 +1,1 @@
-"""What every stage shares: one-line errors, atomic datasets, provenance, and the body of a command line."""
+"""What the stages share: errors in one line, whole files, the tables of what files hold, sources, a command's body."""
