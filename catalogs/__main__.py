@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.provenance import provenance
+from pipeline.slices import read_slice
 from pipeline.stage import run_stage
 
 
@@ -19,14 +20,14 @@ def scene(chosen: argparse.Namespace) -> None:
     from catalogs.figures.overview import write_overview
 
     record = read_dataset(chosen.record) if chosen.record else None
-    write_overview(read_dataset(chosen.grid), json.loads(chosen.settings), record, chosen.output)
+    write_overview(read_dataset(chosen.grid), read_slice(chosen.settings)["steps"], record, chosen.output)
 
 
 def record(chosen: argparse.Namespace) -> None:
     """The recorded catalogue as the configuration's `record` describes it."""
     from catalogs.records import read_record
 
-    settings = json.loads(chosen.settings)
+    settings = read_slice(chosen.settings)
     events = read_record(settings)
     frame = {"frame": json.dumps(settings["frame"])} if settings.get("frame") else {}
     write_dataset(events.assign_attrs(frame | provenance(settings, "catalogs")), chosen.output)
@@ -43,7 +44,7 @@ def comparison(chosen: argparse.Namespace) -> None:
     """The synthetic catalogue against the recorded one."""
     from catalogs.comparison import compare
 
-    settings = json.loads(chosen.settings)
+    settings = read_slice(chosen.settings)
     result = compare(read_dataset(chosen.catalog), read_dataset(chosen.record), settings)
     write_dataset(result.assign_attrs(provenance(settings, "catalogs")), chosen.output)
 
@@ -52,7 +53,7 @@ def spread(chosen: argparse.Namespace) -> None:
     """The runs of an ensemble against each other."""
     from catalogs.spread import gather
 
-    settings = json.loads(chosen.settings)
+    settings = read_slice(chosen.settings)
     comparison = read_dataset(chosen.comparison) if chosen.comparison else None
     result = gather(chosen.runs, read_dataset(chosen.catalog), comparison, settings)
     write_dataset(result.assign_attrs(provenance(settings, "catalogs")), chosen.output)
@@ -78,7 +79,6 @@ def report(chosen: argparse.Namespace) -> None:
     from catalogs.report import write_report
 
     write_report(
-        config=json.loads(chosen.config),
         grid=chosen.grid,
         elastic=chosen.elastic,
         steps=chosen.steps,
@@ -90,9 +90,7 @@ def report(chosen: argparse.Namespace) -> None:
         benchmarks=chosen.benchmarks,
         output=chosen.output,
         figures=chosen.figures,
-        default=json.loads(chosen.default),
-        excavations=json.loads(chosen.excavations),
-        expected_hashes=json.loads(chosen.expected_hashes),
+        **read_slice(chosen.settings),
     )
 
 
@@ -105,7 +103,7 @@ def parser() -> argparse.ArgumentParser:
         one = stages.add_parser(name, help=function.__doc__)
         one.set_defaults(function=function)
         if settings:
-            one.add_argument("--settings", required=True, help="JSON")
+            one.add_argument("--settings", type=Path, required=True, help="file of the configuration's slice, JSON")
         for path in paths:
             one.add_argument(f"--{path}", type=Path, required=True)
         one.add_argument("--log", type=Path)
@@ -124,10 +122,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--noise", type=float, required=True, help="root mean square location error, m")
     made.add_argument("--cut", type=float, required=True, help="smallest log10 of potency in m3")
     made.add_argument("--seed", type=int, default=1)
-    shown = stage("report", report, "grid", "output", "figures")
-    shown.add_argument("--config", required=True, help="JSON")
-    for name in ("default", "excavations", "expected-hashes"):
-        shown.add_argument(f"--{name}", default="null", help="JSON")
+    shown = stage("report", report, "grid", "output", "figures", settings=True)
     for name in ("elastic", "catalog", "record", "comparison", "spread", "benchmarks"):
         shown.add_argument(f"--{name}", type=Path)
     for name in ("steps", "events"):

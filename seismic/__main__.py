@@ -1,7 +1,6 @@
 """Command lines: `python -m seismic events` (one step) and `python -m seismic catalog` (all steps)."""
 
 import argparse
-import json
 import logging
 
 import numpy as np
@@ -10,8 +9,10 @@ from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
 from pipeline.progress import log_compilation
 from pipeline.provenance import provenance
+from pipeline.slices import read_slice
 from pipeline.stage import run_stage
 from seismic.catalog import merge, write_csv
+from seismic.settings import EventSettings
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -27,7 +28,7 @@ def main(arguments: list[str] | None = None) -> None:
         stage.add_argument(
             "--settings",
             required=True,
-            help="JSON: mine, closeness, cluster, seismic_fraction, frame; start, end of a step",
+            help="file of the configuration's slice, JSON (seismic.settings.EventSettings)",
         )
         stage.add_argument("--output", required=True, help="netCDF written")
         stage.add_argument("--log", help="log file; standard error without it")
@@ -41,40 +42,27 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _events(chosen: argparse.Namespace) -> None:
     # here: the catalogue need not wait for numba and scikit-learn
-    from seismic.events import VARIABLES, dated, extract_events
+    from seismic.events import VARIABLES, extract_events
 
     log_compilation()
-    settings = _settings(chosen.settings)
+    settings = read_slice(chosen.settings)
     step = read_dataset(chosen.step, VARIABLES)
-    if dates := {key: settings[key] for key in ("start", "end") if key in settings}:
-        step = dated(step, **dates)
-    others = {key: value for key, value in settings.items() if key not in dates}
     try:
-        dataset, _ = extract_events(step, others)
+        dataset, _ = extract_events(step, settings)
     except InputError as error:
         raise InputError(f"{chosen.step}: {error}") from error
     write_dataset(dataset.assign_attrs(provenance(settings, "seismic")), chosen.output)
 
 
 def _catalog(chosen: argparse.Namespace) -> None:
-    settings = _settings(chosen.settings)
+    settings = read_slice(chosen.settings)
+    mine = EventSettings.of(settings, "seismic").mine
     catalog = merge([read_dataset(path) for path in chosen.events])
-    if catalog.attrs["mine"] != settings.get("mine"):
-        raise InputError(f"catalog: events are of mine {catalog.attrs['mine']}, settings of {settings.get('mine')}")
+    if catalog.attrs["mine"] != mine:
+        raise InputError(f"catalog: events are of mine {catalog.attrs['mine']}, settings of {mine}")
     logging.info("catalogue of %d events, %d resolved", catalog.sizes["event"], np.sum(catalog["resolved"].values))
     write_dataset(catalog.assign_attrs(provenance(settings, "seismic")), chosen.output)
     write_csv(catalog, chosen.csv)
-
-
-def _settings(text: str) -> dict:
-    """Settings from JSON text. Raises InputError."""
-    try:
-        settings = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"--settings: not JSON ({error}): give one JSON object") from error
-    if not isinstance(settings, dict):
-        raise InputError("--settings: not a JSON object: give one JSON object")
-    return settings
 
 
 if __name__ == "__main__":

@@ -336,7 +336,7 @@ def recorded(
         for name in ("potency_tensor", "p_axis", "b_axis", "t_axis"):
             record[name][:] = np.nan
     write_dataset(record, folder / "record.nc")
-    made = compare(read_dataset(mine.catalog), record, {"resamplings": 49})
+    made = compare(read_dataset(mine.catalog), record, {"resamplings": 99})
     write_dataset(made, folder / "comparison.nc")
     return make_page(mine, folder, record=folder / "record.nc", comparison=folder / "comparison.nc", steps=[])
 

@@ -6,7 +6,7 @@ rule elastic:
         kept(f"{RESULTS}/elastic.nc"),
     params:
         code=source_hash("mpm_core"),
-        scene=elastic_slice,
+        scene=slice_of("elastic"),
     log:
         "logs/{mine}/elastic.log",
     benchmark:

@@ -30,7 +30,7 @@ rule catalog:
         table=report(kept(f"{RESULTS}/catalog.csv"), caption="../report/catalog.rst", category="{mine}"),
     params:
         code=source_hash("seismic"),
-        settings=catalog_slice,
+        settings=slice_of("catalog"),
     log:
         "logs/{mine}/catalog.log",
     benchmark:

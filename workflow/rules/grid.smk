@@ -7,7 +7,7 @@ rule grid:
         kept(f"{RESULTS}/grid.nc"),
     params:
         code=source_hash("mpm_core"),
-        scene=grid_slice,
+        scene=slice_of("grid"),
         draft=draft_option,
     log:
         "logs/{mine}/grid.log",
@@ -57,8 +57,7 @@ rule vtk_solids:
         surfaces=directory(f"{RESULTS}/vtk/solids"),
     params:
         code=source_hash("mpm_core"),
-        scene=grid_slice,
-        mined=mined_slice,
+        scene=slice_of("solids"),
     log:
         "logs/{mine}/vtk/solids.log",
     benchmark:
@@ -70,4 +69,4 @@ rule vtk_solids:
     conda:
         "../envs/environment.yaml"
     shell:
-        "stage mpm_core solids --scene {params.scene:q} --mined {params.mined:q} --output {output.names} --log {log}"
+        "stage mpm_core solids --scene {params.scene:q} --output {output.names} --log {log}"

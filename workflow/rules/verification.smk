@@ -8,7 +8,7 @@ rule answer:
         figure=kept(f"{STUDY}/figure.svg"),
     params:
         code=source_hash("verification", "mpm_core", "seismic", "catalogs"),
-        default=slice_of(DEFAULT),
+        default=json.dumps(DEFAULT, sort_keys=True),
     log:
         "logs/verification/{study}.log",
     benchmark:
@@ -35,7 +35,7 @@ rule verification_report:
     params:
         code=source_hash("verification"),
         studies=study_files,
-        default=slice_of(DEFAULT),
+        default=json.dumps(DEFAULT, sort_keys=True),
     log:
         "logs/verification/report.log",
     benchmark:
