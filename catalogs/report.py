@@ -15,13 +15,14 @@ from catalogs import report_text as text
 from catalogs.figures import beachballs, convergence, events, rock, scene, sizes, stereonets, style, views
 from catalogs.mechanisms import mean_axis, trend_plunge
 from catalogs.report_inputs import Evidence, read_evidence
+from catalogs.report_scene import by_step
 from catalogs.report_text import fixed, number, percent, whole
 from catalogs.sizes import b_by_cut, cut_grid, estimate_b, log_potency
 from pipeline.datasets import atomic_path
 from pipeline.pages import page_templates
 
 BALLS = 10
-MANY = 40  # excavations: a longer list is folded, or ends after the MOST that have most potency
+MANY = 40  # rows: a longer list is folded or scrolls, or ends after the MOST that have most potency
 MOST = 20
 TEMPLATES = Path(__file__).parent / "templates"
 MODEL_LABEL = "Modelled"
@@ -79,6 +80,7 @@ def write_report(
         match=match.match_rows(evidence),
         beside=report_record.sentences(evidence),
         banners=text.banners(evidence),
+        many=MANY,
         config_lines=text.config_lines(config, default),
         versions=_versions(evidence),
         files=[(_short(path, output), attributes) for path, attributes in evidence.files.items()],
@@ -135,15 +137,15 @@ def _cuts(evidence: Evidence) -> list[views.View]:
 
 
 def _scene(evidence: Evidence, gallery: Gallery) -> dict:
-    cuts = _cuts(evidence)
+    cuts, rows = _cuts(evidence), evidence.excavations
     return {
         "levels": gallery.add("grid_levels", scene.grid_levels(evidence.grid, cuts)),
         "share": gallery.add("excavated_share", scene.excavated_share(evidence.grid, cuts, evidence.planned))
         if evidence.grid.sizes["piece"]
         else None,
         "table": scene.level_table(evidence.grid),
-        "excavations": evidence.excavations,
-        "many": len(evidence.excavations) > MANY,
+        "excavations": rows,
+        "steps": by_step(rows) if len(rows) > MANY else [],
     }
 
 

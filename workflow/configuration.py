@@ -50,6 +50,8 @@ class Mine:
     excavations: list[dict] = field(init=False)
     is_draft: bool = field(init=False, default=False)  # see workflow/draft.py
     perturbation: int = field(init=False, default=0)  # number of the ensemble's member, 0: the mine itself
+    _numbered: list[dict] | None = field(init=False, default=None)
+    _number: dict[str, int] = field(init=False, default_factory=dict)
 
     def __post_init__(self):
         values = self.values
@@ -77,7 +79,9 @@ class Mine:
 
     def step_index(self, name: str) -> int:
         """Place of a step in order, -1 for one that is not listed."""
-        return next((index for index, step in enumerate(self.steps) if step["name"] == name), -1)
+        if self._numbered is not self.steps:  # a draft has others
+            self._numbered, self._number = self.steps, {step["name"]: index for index, step in enumerate(self.steps)}
+        return self._number.get(name, -1)
 
     def boundary(self) -> dict[str, str]:
         """Condition of each face of the domain."""
