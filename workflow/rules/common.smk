@@ -12,6 +12,7 @@ from pipeline.provenance import source_hash
 from pipeline.stage import name_parent_of_stages
 from verification.studies import load_study
 from workflow.draft import draft_of
+from workflow.memory import mechanics_mb, reading_mb
 from workflow.slices import SliceFiles
 
 RESULTS = "results/{mine}"
@@ -229,6 +230,21 @@ def threads_of(wildcards):
     """As many as there are, but one where a study's scenes are so small that two run better side by side."""
     place, _ = place_of(wildcards)
     return 64 if place == MINE.name else study(place.split("/")[1]).threads
+
+
+def elastic_memory(wildcards, input):
+    """MB that the elastic stage needs on the grid."""
+    return mechanics_mb(mine_of(wildcards), input.grid, elastic=True)
+
+
+def step_memory(wildcards, input):
+    """MB that a mining step needs on the grid."""
+    return mechanics_mb(mine_of(wildcards), input.grid, elastic=False)
+
+
+def reading_memory(stage):
+    """Resource of a rule whose stage reads results: MB that it needs for those on the mine's grid."""
+    return lambda wildcards, input: reading_mb(mine_of(wildcards), grid_of(wildcards), stage, input)
 
 
 def record_files():

@@ -18,7 +18,7 @@ rule scene:
         f"benchmarks/{MINE.name}/scene.tsv"
     threads: 1
     resources:
-        mem_mb=4000,
+        mem_mb=4000,  # of some million cells
         runtime=30,
     conda:
         "../envs/environment.yaml"
@@ -156,7 +156,7 @@ rule report:
         "benchmarks/{mine}/report.tsv"
     threads: 1
     resources:
-        mem_mb=4000,
+        mem_mb=reading_memory("report"),
         runtime=60,
     conda:
         "../envs/environment.yaml"

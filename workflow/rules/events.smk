@@ -13,7 +13,7 @@ rule events:
         "benchmarks/{mine}/events/{step}.tsv"
     threads: 1
     resources:
-        mem_mb=4000,
+        mem_mb=reading_memory("events"),
         runtime=60,
     conda:
         "../envs/environment.yaml"

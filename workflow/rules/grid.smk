@@ -15,7 +15,7 @@ rule grid:
         "benchmarks/{mine}/grid.tsv"
     threads: threads_of
     resources:
-        mem_mb=4000,
+        mem_mb=4000,  # of some million cells; how many there are is known when it is done
         runtime=30,
     conda:
         "../envs/environment.yaml"
@@ -40,7 +40,7 @@ rule vtk:
         "benchmarks/{mine}/vtk/{stage}.tsv"
     threads: 1
     resources:
-        mem_mb=4000,
+        mem_mb=reading_memory("vtk"),
         runtime=30,
     conda:
         "../envs/environment.yaml"
