@@ -29,7 +29,7 @@ def config_hash(slice_: dict) -> str:
     """Hash of a configuration slice, independent of key order and of the folder that its files are in."""
 
     def without_folder(pairs: list[tuple]) -> dict:
-        return {key: Path(value).name if key == "file" else value for key, value in pairs}
+        return {key: Path(value).name if key == "file" and isinstance(value, str) else value for key, value in pairs}
 
     text = json.dumps(slice_, sort_keys=True)
     if '"file"' in text:  # else as it is: a large mine has hundreds of slices of thousands of excavations

@@ -1,11 +1,11 @@
 """The settings of event extraction: those of a mine's configuration, and what the event stage is given beside them."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pipeline.frame import Frame
-from pipeline.settings import Settings, Size, whole_number
+from pipeline.settings import Settings, Size, refusal, whole_number
 
 Positive = whole_number(ge=1, le=1_000_000)
 
@@ -21,6 +21,12 @@ class ClusterSettings(Settings):
     """particles that make a dense place (dbscan); smaller events are not resolved"""
     clusters: Positive = None
     """of each family, kmeans alone; without it as many as dbscan finds"""
+
+    @model_validator(mode="after")
+    def _counted(self) -> Self:
+        if self.clusters is not None and self.method != "kmeans":
+            raise refusal(f"method {self.method} finds their number itself; leave it out, or take kmeans", "clusters")
+        return self
 
 
 class SeismicSettings(Settings):

@@ -1,6 +1,7 @@
 """What the schema cannot say about a mine: steps in order, names that match, the domain, the virgin stress."""
 
 import math
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from mpm_core.domain import base_cells
@@ -75,10 +76,9 @@ def _check_names(mine) -> None:
     names = [step["name"] for step in mine.steps]
     materials = mine.values["materials"]
     for section in ("rock_bodies", "loads", "strains"):
-        listed = [entry["name"] for entry in mine.values.get(section, [])]
-        for name in listed:
-            if listed.count(name) > 1:
-                raise InputError(f"{section}.{name}: this name stands twice")
+        listed = Counter(entry["name"] for entry in mine.values.get(section, []))
+        if twice := [name for name, count in listed.items() if count > 1]:
+            raise InputError(f"{section}.{twice[0]}: this name stands twice")
     seen = set()
     for index, entry in enumerate(mine.excavations):
         where = f"excavations.{entry.get('name', index)}"

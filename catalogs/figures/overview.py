@@ -44,7 +44,8 @@ def overview(grid: xr.Dataset, steps: list[dict], record: xr.Dataset | None) -> 
         cuts, lower - MARGIN * side, upper + MARGIN * side, columns=min(len(cuts), 2), tallest=13.0
     )
     names = json.loads(grid.attrs["excavation_names"])
-    mined = [[names.index(name) for name in step["excavations"]] for step in steps]
+    number = {name: index for index, name in enumerate(names)}
+    mined = [[number[name] for name in step["excavations"]] for step in steps]
     planned = sorted(set(range(len(names))) - {number for numbers in mined for number in numbers})
     dated = [step["dated"] for step in steps]
     colours = [colour if flag else HISTORY for colour, flag in zip(style.step_colours(dated), dated, strict=True)]

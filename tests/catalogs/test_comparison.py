@@ -23,6 +23,17 @@ def as_record(catalog: xr.Dataset, **attributes) -> xr.Dataset:
     return record
 
 
+def test_bins_are_as_wide_as_they_are_set():
+    """Of the plots, and of the search for completeness; locations are compared by as many events as allowed."""
+    catalog = made_up_catalog(300)
+    chosen = QUICK | {"size_bin": 0.4, "cut_step": 0.2, "maximum_events": 100}
+    result = compare(catalog, as_record(catalog), chosen)
+    assert result.attrs["size_bin_width"] == 0.4
+    np.testing.assert_allclose(np.diff(result["size_bin_lower"]), 0.4)
+    np.testing.assert_allclose(np.diff(result["cut_log_potency"]), 0.2)
+    assert json.loads(result.attrs["settings"])["maximum_events"] == 100
+
+
 def test_a_catalogue_beside_itself_differs_in_nothing():
     catalog = made_up_catalog(300)
     result = compare(catalog, as_record(catalog), QUICK)
