@@ -9,6 +9,7 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
+from catalogs.settings import PictureSlice, ReportSlice
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.provenance import provenance
 from pipeline.slices import read_slice
@@ -20,7 +21,8 @@ def scene(chosen: argparse.Namespace) -> None:
     from catalogs.figures.overview import write_overview
 
     record = read_dataset(chosen.record) if chosen.record else None
-    write_overview(read_dataset(chosen.grid), read_slice(chosen.settings)["steps"], record, chosen.output)
+    steps = PictureSlice.of(read_slice(chosen.settings)).steps
+    write_overview(read_dataset(chosen.grid), steps, record, chosen.output)
 
 
 def record(chosen: argparse.Namespace) -> None:
@@ -78,7 +80,12 @@ def report(chosen: argparse.Namespace) -> None:
     """The report a geotechnical engineer reads, and its figures."""
     from catalogs.report import write_report
 
+    settings = ReportSlice.of(read_slice(chosen.settings))
     write_report(
+        config=settings.config,
+        default=settings.default,
+        excavations=settings.excavations,
+        expected_hashes=settings.expected_hashes,
         grid=chosen.grid,
         elastic=chosen.elastic,
         steps=chosen.steps,
@@ -90,7 +97,6 @@ def report(chosen: argparse.Namespace) -> None:
         benchmarks=chosen.benchmarks,
         output=chosen.output,
         figures=chosen.figures,
-        **read_slice(chosen.settings),
     )
 
 

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import jinja2
@@ -17,6 +17,7 @@ from catalogs.mechanisms import mean_axis, trend_plunge
 from catalogs.report_inputs import Evidence, read_evidence
 from catalogs.report_scene import by_step
 from catalogs.report_text import fixed, number, percent, whole
+from catalogs.settings import Scheduled
 from catalogs.sizes import b_by_cut, cut_grid, estimate_b, log_potency
 from pipeline.datasets import atomic_path
 from pipeline.pages import page_templates
@@ -43,15 +44,15 @@ def write_report(
     spread: str | os.PathLike | None = None,
     benchmarks: str | os.PathLike | None = None,
     default: dict | None = None,
-    excavations: list[dict] | None = None,
+    excavations: Sequence[Scheduled] | None = None,
     expected_hashes: dict[str, str] | None = None,
 ) -> None:
     """Write the page to `output` (atomically) and each of its figures as SVG into the folder `figures`.
 
     config: the resolved configuration as the user wrote it (units as text), default: config/default.yaml, for the marks
     of what differs; grid, elastic, steps, events, catalog, record, comparison, spread: datasets, absent stages None or
-    empty; benchmarks: folder of Snakemake's benchmark files of this mine; excavations: rows with name, step and fill,
-    if not those of `config`; expected_hashes: {dataset path: config_hash it should carry}, for the banner of stale
+    empty; benchmarks: folder of Snakemake's benchmark files of this mine; excavations: when each is mined,
+    if not as `config` says; expected_hashes: {dataset path: config_hash it should carry}, for the banner of stale
     results.
     Same inputs, same bytes. Raises InputError where a dataset is unreadable or is no catalogue.
     """

@@ -1,6 +1,6 @@
 """The settings of the comparison and of an ensemble's spread; those of a record: catalogs.record_settings."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -26,6 +26,42 @@ class ComparisonSettings(Settings):
     """of log10 P, in plots"""
     cut_step: Annotated[float, Field(ge=0.01, le=1)] = 0.1
     """of log10 P, in searching completeness and in b against the cut"""
+
+
+class MinedStep(Settings):
+    """A step as the picture of the scene has it."""
+
+    name: str
+    dated: bool
+    excavations: Annotated[tuple[str, ...], AsTuple]
+    """names of what it mines"""
+
+
+class PictureSlice(Settings):
+    """The slice of the picture of the scene: the steps in order."""
+
+    steps: Annotated[tuple[MinedStep, ...], AsTuple]
+
+
+class Scheduled(Settings):
+    """When an excavation is mined and filled."""
+
+    name: str
+    step: str = ""
+    fill: str = "none"
+    filled: str = ""
+    """step at whose end the fill is placed; empty: while it is mined"""
+
+
+class ReportSlice(Settings):
+    """The slice of the report."""
+
+    config: dict[str, Any]
+    """as the user wrote it, defaults included"""
+    default: dict[str, Any]
+    excavations: Annotated[tuple[Scheduled, ...], AsTuple]
+    expected_hashes: dict[str, str]
+    """config_hash that each dataset should carry, by its path"""
 
 
 class SpreadSettings(Settings):

@@ -181,7 +181,7 @@ def slice_file(folder, stage):
         "steps": lambda: mine.step_slice(step),
         "events": lambda: mine.event_slice(step),
         "catalog": mine.event_slice,
-        "record": mine.record_slice,
+        "record": mine.record_slice if "record" in mine.values else dict,
         "comparison": mine.comparison_slice,
         "spread": mine.spread_slice,
         "report": lambda: mine.report_slice(f"results/{folder}"),
@@ -243,7 +243,7 @@ def step_memory(wildcards, input):
 
 
 def reading_memory(stage):
-    """Resource of a rule whose stage reads results: MB that it needs for those on the mine's grid."""
+    """MB that a stage needs which reads results, for those on the mine's grid."""
     return lambda wildcards, input: reading_mb(mine_of(wildcards), grid_of(wildcards), stage, input)
 
 
