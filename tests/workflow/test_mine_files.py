@@ -51,6 +51,7 @@ SPOILED = {  # content of the file, what its one line says
     "a sentence": (b"This is no mine.\n", "it has no keys"),
     "two documents": (b"name: x\n---\nname: y\n", "not YAML"),
     "a tab": (b"grid:\n\tlevels: 2\n", "line 2: not YAML"),
+    "a tab after a colon": (b"name: \tdemo\n", "line 1: not YAML"),
     "an open quote": (b"name: 'x\n", "not YAML"),
     "month 13": (b"start: 2019-13-01\n", "not YAML .month must be"),
     "an endless integer": (b"seed: " + b"9" * 5000, "not YAML"),
