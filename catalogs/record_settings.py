@@ -190,6 +190,9 @@ class RecordSettings(Settings):
                 raise refusal(f"{short(unit)} is not a unit; expected one like {UNITS[kind]}", "units", kind)
             if not quantity.check(UNITS[kind]):
                 raise refusal(f"{short(unit)} is not convertible to {UNITS[kind]}", "units", kind)
+        if self.reader == "quakeml" and self.filter:
+            for key in self.filter.model_fields_set & {"maximum", "minimum"}:
+                raise refusal("a QuakeML file has no columns; leave it out", "filter", key)
         if self.time_zone:
             try:
                 check_zone(self.time_zone)

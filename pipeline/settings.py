@@ -39,7 +39,10 @@ EXPECTED = {
 
 
 class Settings(BaseModel):
-    """Base of all settings: frozen, no key that is not declared, each key described by the docstring below it."""
+    """Base of all settings: frozen, no key that is not declared, each key described by the docstring below it.
+
+    A key that may be left out and has no default is None then; nobody may write so.
+    """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True

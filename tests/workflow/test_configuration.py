@@ -35,6 +35,7 @@ SHAFT = {"name": "drive", "step": "history", "shape": "tunnel", "width": "6 m", 
 LOW_ARCH = SHAFT | {"path": SHAFT["path"][:2], "profile": "arched", "height": "2 m"}
 BOW_TIE = [["20 m", "30 m"], ["40 m", "40 m"], ["40 m", "30 m"], ["20 m", "40 m"]]
 ON_GLOBE = {"time": "date", "latitude": "x", "longitude": "y", "depth": "z", "log_potency": "size"}
+QUAKEML = {"reader": "quakeml", "file": "record.csv", "location_error": "5 m"}
 BALL = {"name": "stope_1", "step": "2019-08", "shape": "sphere", "center": ["40 m", "40 m", "40 m"]}
 FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("grid.levles", 3, "grid.levles: unknown key", "did you mean levels?"),
@@ -182,6 +183,7 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("record.units", {"x": "Pa"}, "record.units.x: 'Pa' is not convertible to m", ""),
     ("record.units", {"moment": "N m"}, "record.units.moment: not a named column", "such are x, y"),
     ("record", {"reader": "elk_creek", "file": "."}, "record.location_error: missing", "record.orientations"),
+    ("record", QUAKEML | {"filter": {"maximum": {"rms": 1}}}, "record.filter.maximum: ", "a QuakeML file has no"),
     ("record.orientations", {"start": "2010-09-01"}, "record.orientations.location_error: missing key", ""),
     ("grid", None, "grid: None is not of type 'object'", ""),
     ("plane", None, "plane: None is not one of none, xz, xy", ""),
