@@ -111,7 +111,7 @@ class MineSettings(Settings):
     """All of a mine's configuration."""
 
     name: Name
-    """results go to results/<name>"""
+    """results go to the folder of this name in `results`"""
     plane: Literal["none", "xz", "xy"] = "none"
     """none: 3-D. Plane strain: xz (a section, depth along z) or xy (a plan, weightless)"""
     thickness: Size = 1.0
