@@ -57,6 +57,10 @@ include: "workflow/rules/extremes.smk"
 
 onstart:
     note_owner(MINE.name, MINE_FILE)
+    try:
+        SLICES.begin()
+    except InputError as error:
+        sys.exit(str(error))
     if HAS_CATALOG and not HAS_QUAKEML:
         print(f"{MINE.name}: frame has no place on Earth: no catalog.xml, catalog.csv in mine coordinates", file=sys.stderr)
 

@@ -13,22 +13,25 @@ from pathlib import Path
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.event_table import read_events, write_events
 from pipeline.provenance import provenance
+from pipeline.slices import read_slice
 from pipeline.stage import run_stage
 
 
 def scene(chosen: argparse.Namespace) -> None:
     """A picture of what will be solved: cells, solids, record."""
     from catalogs.figures.overview import write_overview
+    from catalogs.settings import PictureSlice
 
     record = read_events(chosen.record) if chosen.record else None
-    write_overview(read_dataset(chosen.grid), json.loads(chosen.settings), record, chosen.output)
+    steps = PictureSlice.of(read_slice(chosen.settings)).steps
+    write_overview(read_dataset(chosen.grid), steps, record, chosen.output)
 
 
 def record(chosen: argparse.Namespace) -> None:
     """The recorded catalogue as the configuration's `record` describes it."""
     from catalogs.records import read_record
 
-    settings = json.loads(chosen.settings)
+    settings = read_slice(chosen.settings)
     events = read_record(settings)
     frame = {"frame": json.dumps(settings["frame"])} if settings.get("frame") else {}
     write_events(events.assign_attrs(frame | provenance(settings, "catalogs record")), chosen.output)
@@ -45,7 +48,7 @@ def compare(chosen: argparse.Namespace) -> None:
     """The synthetic catalogue against the recorded one."""
     from catalogs import comparison
 
-    settings = json.loads(chosen.settings)
+    settings = read_slice(chosen.settings)
     result = comparison.compare(read_events(chosen.catalog), read_events(chosen.record), settings)
     write_dataset(result.assign_attrs(provenance(settings, "catalogs compare")), chosen.output)
 
@@ -54,7 +57,7 @@ def spread(chosen: argparse.Namespace) -> None:
     """The runs of an ensemble against each other."""
     from catalogs.spread import gather
 
-    settings = json.loads(chosen.settings)
+    settings = read_slice(chosen.settings)
     comparison = read_dataset(chosen.comparison) if chosen.comparison else None
     result = gather(chosen.runs, read_events(chosen.catalog), comparison, settings)
     write_dataset(result.assign_attrs(provenance(settings, "catalogs spread")), chosen.output)
@@ -78,9 +81,14 @@ def vtk(chosen: argparse.Namespace) -> None:
 def report(chosen: argparse.Namespace) -> None:
     """The report a geotechnical engineer reads, and its figures."""
     from catalogs.report import write_report
+    from catalogs.settings import ReportSlice
 
+    settings = ReportSlice.of(read_slice(chosen.settings))
     write_report(
-        config=json.loads(chosen.config),
+        config=settings.config,
+        default=settings.default,
+        excavations=settings.excavations,
+        expected_hashes=settings.expected_hashes,
         grid=chosen.grid,
         elastic=chosen.elastic,
         steps=chosen.steps,
@@ -92,9 +100,6 @@ def report(chosen: argparse.Namespace) -> None:
         benchmarks=chosen.benchmarks,
         output=chosen.output,
         figures=chosen.figures,
-        default=json.loads(chosen.default),
-        excavations=json.loads(chosen.excavations),
-        expected_hashes=json.loads(chosen.expected_hashes),
     )
 
 
@@ -107,7 +112,7 @@ def parser() -> argparse.ArgumentParser:
         one = stages.add_parser(name, help=function.__doc__)
         one.set_defaults(function=function)
         if settings:
-            one.add_argument("--settings", required=True, help="JSON")
+            one.add_argument("--settings", type=Path, required=True, help="file of the configuration's slice, JSON")
         for path in paths:
             one.add_argument(f"--{path}", type=Path, required=True)
         one.add_argument("--log", type=Path)
@@ -126,10 +131,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--noise", type=float, required=True, help="root mean square location error, m")
     made.add_argument("--cut", type=float, required=True, help="smallest log10 of potency in m3")
     made.add_argument("--seed", type=int, default=1)
-    shown = stage("report", report, "grid", "output", "figures")
-    shown.add_argument("--config", required=True, help="JSON")
-    for name in ("default", "excavations", "expected-hashes"):
-        shown.add_argument(f"--{name}", default="null", help="JSON")
+    shown = stage("report", report, "grid", "output", "figures", settings=True)
     for name in ("elastic", "catalog", "record", "comparison", "spread", "benchmarks"):
         shown.add_argument(f"--{name}", type=Path)
     for name in ("steps", "events"):

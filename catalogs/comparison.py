@@ -4,7 +4,6 @@ Layout of comparison.nc: catalogs.comparison_layout.
 """
 
 import json
-from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -15,35 +14,22 @@ from catalogs.comparison_layout import described
 from catalogs.locations import block_labels
 from catalogs.measures import CATALOGUES, TAILS, axes_measures, location_measures, size_measures
 from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
+from catalogs.settings import ComparisonSettings
 from pipeline.errors import InputError
 from pipeline.event_table import check_events
 
-DEFAULTS = {
-    "seed": 1,
-    "resamplings": 999,
-    "blocks": "day",  # what is resampled: day | step | cluster | event (catalogs.locations.block_labels)
-    "block_days": 1.0,
-    "cluster_radius": 20.0,  # m, with blocks: cluster
-    "maximum_events": 3000,  # of each catalogue in the location comparison, drawn at random beyond it
-    "size_bin": 0.2,  # of log10 P, in plots
-    "cut_step": 0.1,  # of log10 P, in searching completeness and in b against the cut
-}
 
-
-def compare(catalog: xr.Dataset, record: xr.Dataset, settings: Mapping) -> xr.Dataset:
+def compare(catalog: xr.Dataset, record: xr.Dataset, settings: ComparisonSettings) -> xr.Dataset:
     """The three comparisons of a synthetic catalogue with a recorded one; layout: catalogs.comparison_layout.
 
-    catalog, record: form of pipeline.event_table. settings: any of DEFAULTS. Raises InputError for an unknown setting,
+    catalog, record: form of pipeline.event_table. settings: or their values. Raises InputError for an unknown setting,
     a catalogue of the wrong form or for another mine. A catalogue with too few events, or none, gives NaN and a
     sentence, not an error.
     """
+    settings = ComparisonSettings.of(settings, "comparison")
     catalog, record = check_events(catalog, "catalog"), check_events(record, "record")
-    unknown = set(settings) - set(DEFAULTS)
-    if unknown:
-        raise InputError(f"comparison.{sorted(unknown)[0]}: unknown setting; known are {', '.join(DEFAULTS)}")
     if catalog.attrs["mine"] != record.attrs["mine"]:
         raise InputError(f"comparison: catalog is of mine {catalog.attrs['mine']}, record of {record.attrs['mine']}")
-    settings = DEFAULTS | {key: value for key, value in settings.items() if value is not None}
     both = (catalog, record)
     x = [sizes.log_potency(events["potency"].values) for events in both]
     resolved = [events["resolved"].values == 1 for events in both]
@@ -73,9 +59,9 @@ def compare(catalog: xr.Dataset, record: xr.Dataset, settings: Mapping) -> xr.Da
         "record_kind": record.attrs["kind"],
         "period_model": _period(catalog),
         "period_record": _period(record),
-        "settings": json.dumps(settings, sort_keys=True),
+        "settings": json.dumps(settings.model_dump(mode="json"), sort_keys=True),
         "size_text": text,
-        "size_bin_width": float(settings["size_bin"]),
+        "size_bin_width": settings.size_bin,
         "kagan_bin_width": KAGAN_BIN,
         **attributes,
         **location_attributes,
@@ -90,23 +76,23 @@ def _period(events: xr.Dataset) -> str:
     return f"{str(time.min())[:19]} to {str(time.max())[:19]}" if time.size else "no dated events"
 
 
-def _blocks(events: xr.Dataset, settings: Mapping) -> NDArray:
+def _blocks(events: xr.Dataset, settings: ComparisonSettings) -> NDArray:
     return block_labels(
-        settings["blocks"],
+        settings.blocks,
         events["time"].values,
         events["location"].values,
         events["step"].values,
-        settings["block_days"],
-        settings["cluster_radius"],
+        settings.block_days,
+        settings.cluster_radius,
     )
 
 
-def _cut(catalog: xr.Dataset, recorded: NDArray, settings: Mapping) -> tuple[dict, dict]:
+def _cut(catalog: xr.Dataset, recorded: NDArray, settings: ComparisonSettings) -> tuple[dict, dict]:
     """The cut both catalogues take, log10 P, and which of the two catalogues sets it."""
     floor = float(catalog.attrs.get("potency_floor", np.nan))
     floor = float(np.log10(floor)) if floor > 0 else np.nan
-    stable = sizes.completeness_by_stability(recorded, settings["cut_step"])
-    complete = sizes.completeness_by_curvature(recorded, settings["cut_step"]) if np.isnan(stable) else stable
+    stable = sizes.completeness_by_stability(recorded, settings.cut_step)
+    complete = sizes.completeness_by_curvature(recorded, settings.cut_step) if np.isnan(stable) else stable
     how = "b is stable above it" if np.isfinite(stable) else "no stable completeness: the fullest bin instead"
     if np.isnan(floor) and np.isnan(complete):
         cut, which = np.nan, "nothing"
@@ -127,9 +113,9 @@ def _cut(catalog: xr.Dataset, recorded: NDArray, settings: Mapping) -> tuple[dic
     )
 
 
-def _sums(both, used, resolved, blocks, settings) -> dict:
+def _sums(both, used, resolved, blocks, settings: ComparisonSettings) -> dict:
     """Counts and summed potency, and their ratio with an interval from resampled blocks."""
-    generator = np.random.default_rng(settings["seed"])
+    generator = np.random.default_rng(settings.seed)
     potency = [events["potency"].values for events in both]
     summed = [float(value[kept].sum()) for value, kept in zip(potency, used, strict=True)]
     whole = [float(np.nansum(value)) for value in potency]
@@ -138,9 +124,9 @@ def _sums(both, used, resolved, blocks, settings) -> dict:
         per_block = np.bincount(labels[kept], weights=value[kept], minlength=int(labels.max(initial=-1)) + 1)
         count = per_block.size
         if count == 0:
-            drawn.append(np.zeros(settings["resamplings"]))
+            drawn.append(np.zeros(settings.resamplings))
             continue
-        weights = generator.multinomial(count, np.full(count, 1 / count), size=settings["resamplings"])
+        weights = generator.multinomial(count, np.full(count, 1 / count), size=settings.resamplings)
         drawn.append(np.einsum("rb,b->r", weights.astype(float), per_block))
     counts = {
         "events_total": [events.sizes["event"] for events in both],

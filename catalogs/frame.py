@@ -14,6 +14,7 @@ from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError, ProjError
 
 from pipeline.errors import InputError
+from pipeline.frame import Frame
 
 GEOGRAPHIC = "EPSG:4326"
 
@@ -21,8 +22,10 @@ GEOGRAPHIC = "EPSG:4326"
 class MineFrame:
     """Transforms between mine coordinates (m) and latitude, longitude (degrees, WGS 84), depth below sea level (m)."""
 
-    def __init__(self, settings: Mapping | str | None):
-        """settings: the mine's `frame`, mapping or JSON. Raises InputError if absent or not a frame."""
+    def __init__(self, settings: Frame | Mapping | str | None):
+        """settings: the mine's `frame`, as such, as a mapping or JSON. Raises InputError if absent or not a frame."""
+        if isinstance(settings, Frame):
+            settings = settings.given()
         settings = json.loads(settings) if isinstance(settings, str) else dict(settings or {})
         given = {key for key, value in settings.items() if value is not None} - {"surface"}
         if given == {"crs"}:

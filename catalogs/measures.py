@@ -5,7 +5,6 @@ block of each event. Every function returns the variables, and the sentences tha
 """
 
 import json
-from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -24,6 +23,7 @@ from catalogs.mechanisms import (
     kagan_angle,
     trend_plunge,
 )
+from catalogs.settings import ComparisonSettings
 from pipeline.source_tensors import principal_axes, source_shares
 
 CATALOGUES = ("model", "record")
@@ -34,16 +34,16 @@ LEAST_AXES = 2
 AXES_RESAMPLINGS = 499
 
 
-def size_measures(x: list[NDArray], cut: float, settings: Mapping) -> tuple[dict, str]:
+def size_measures(x: list[NDArray], cut: float, settings: ComparisonSettings) -> tuple[dict, str]:
     """b with and without an upper bound, against the cut, their difference, and the counts for plots."""
     plain = [sizes.estimate_b(values, cut) for values in x]
     bounded = [sizes.estimate_b(values, cut, bound="largest") for values in x]
     difference = sizes.difference_b(*plain)
-    grid = sizes.cut_grid(np.concatenate(x), settings["cut_step"])
+    grid = sizes.cut_grid(np.concatenate(x), settings.cut_step)
     table = [sizes.b_by_cut(values, grid) for values in x]
-    edges = sizes.cut_grid(np.concatenate(x), settings["size_bin"])
-    counted = [sizes.counts(values, edges, settings["size_bin"]) for values in x]
-    stable = [sizes.completeness_by_stability(values, settings["cut_step"]) for values in x]
+    edges = sizes.cut_grid(np.concatenate(x), settings.size_bin)
+    counted = [sizes.counts(values, edges, settings.size_bin) for values in x]
+    stable = [sizes.completeness_by_stability(values, settings.cut_step) for values in x]
 
     def column(values, name):
         return [getattr(value, name) for value in values]
@@ -56,7 +56,7 @@ def size_measures(x: list[NDArray], cut: float, settings: Mapping) -> tuple[dict
         "b_truncated": column(bounded, "b"),
         "b_truncated_error": column(bounded, "error"),
         "largest_log_potency": [float(values.max()) if values.size else np.nan for values in x],
-        "completeness_curvature": [sizes.completeness_by_curvature(values, settings["cut_step"]) for values in x],
+        "completeness_curvature": [sizes.completeness_by_curvature(values, settings.cut_step) for values in x],
         "completeness_stability": stable,
     }
     result = {name: ("catalogue", np.array(values, float)) for name, values in by_catalogue.items()}
@@ -91,24 +91,24 @@ def _b_text(name: str, value: sizes.BValue, stable: float) -> str:
     return f"{name}: b = {value.b:.2f} ({value.lower:.2f} to {value.upper:.2f}), n = {value.events}, {complete}"
 
 
-def location_measures(both, used, blocks, settings: Mapping) -> tuple[dict, dict]:
+def location_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dict, dict]:
     """Centroids, energy distance, nearest distances and cross-K, the model smeared by the record's location error."""
-    generator = np.random.default_rng([settings["seed"], 1])
+    generator = np.random.default_rng([settings.seed, 1])
     error = float(both[1].attrs.get("location_error", 0.0))
     error = error if np.isfinite(error) else 0.0
-    chosen = [_thin(np.flatnonzero(kept), settings["maximum_events"], generator) for kept in used]
+    chosen = [_thin(np.flatnonzero(kept), settings.maximum_events, generator) for kept in used]
     points = [events["location"].values[index] for events, index in zip(both, chosen, strict=True)]
-    draws = int(np.clip(settings["maximum_events"] // max(len(points[0]), 1), 1, MOST_DRAWS))
+    draws = int(np.clip(settings.maximum_events // max(len(points[0]), 1), 1, MOST_DRAWS))
     found = None
     if min(map(len, points)):
         found = compare_locations(
             *points,
             blocks[0][chosen[0]],
             blocks[1][chosen[1]],
-            seed=settings["seed"],
+            seed=settings.seed,
             location_error=error,
             draws=draws,
-            resamplings=settings["resamplings"],
+            resamplings=settings.resamplings,
         )
     shapes = {
         "centroid": ("centroids", ("catalogue", "xyz"), (2, 3)),
@@ -134,7 +134,7 @@ def location_measures(both, used, blocks, settings: Mapping) -> tuple[dict, dict
         name: (dims, np.full(shape, np.nan) if found is None else np.asarray(getattr(found, key)))
         for name, (key, dims, shape) in shapes.items()
     }
-    kind = settings["blocks"]
+    kind = settings.blocks
     if found is None:
         count = [len(np.unique(labels[kept])) for labels, kept in zip(blocks, used, strict=True)]
         text = (
@@ -157,7 +157,7 @@ def _thin(index: NDArray, most: int, generator: np.random.Generator) -> NDArray:
     return index if len(index) <= most else np.sort(generator.choice(index, most, replace=False))
 
 
-def axes_measures(both, used, blocks, settings: Mapping) -> tuple[dict, dict]:
+def axes_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dict, dict]:
     """Mean axes, summed tensors, Kagan angles and source shares; NaN where the record has no tensors."""
     model, record = both
     tensors = [events["potency_tensor"].values for events in both]
@@ -192,9 +192,7 @@ def axes_measures(both, used, blocks, settings: Mapping) -> tuple[dict, dict]:
     variables = _absent_axes()
     if present:
         dims = {name: value[0] for name, value in variables.items()}
-        found = compare_axes(
-            *samples, seed=settings["seed"], resamplings=min(settings["resamplings"], AXES_RESAMPLINGS)
-        )
+        found = compare_axes(*samples, seed=settings.seed, resamplings=min(settings.resamplings, AXES_RESAMPLINGS))
         found |= _summed(tensors[0][known[0]], record_tensors, weight)
         variables |= {name: (dims[name], value) for name, value in found.items()}
     variables |= {

@@ -1,12 +1,18 @@
-"""What a configuration may say of a record, checked without the record: it is imported before anything runs."""
+"""The settings of a record, checked without the record: this is imported before anything runs."""
 
 import datetime
 import re
 import unicodedata
 from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
 from zoneinfo import ZoneInfo
 
+from pydantic import Field, model_validator
+
+from catalogs.units import unit_quantity
 from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.settings import AsTuple, Length, Settings, Size, Unit, choose, is_list, is_section, refusal, short
 from pipeline.voigt import COMPONENTS
 
 FIRST_YEAR, LAST_YEAR = 1678, 2261  # whole years that nanoseconds since 1970 reach
@@ -19,53 +25,208 @@ MAGNITUDE, MAGNITUDE_TYPE = "magnitude", "magnitude_type"
 UNITS = {**dict.fromkeys((*MINE_COORDINATES, "depth"), "m"), "potency": "m^3", "moment": "N m", "time_uncertainty": "s"}
 UNITS |= {f"{kind}_{name}": UNITS[kind] for kind in TENSOR_KINDS for name in COMPONENTS}
 TEXTS = ("time", MAGNITUDE_TYPE, "step")  # kinds of columns that hold no numbers
-COLUMN_KEYS = (
-    "time",
-    *MINE_COORDINATES,
-    *GLOBE_COORDINATES,
-    *SIZE_NAMES,
-    MAGNITUDE,
-    MAGNITUDE_TYPE,
-    *(f"{kind}_{name}" for kind in TENSOR_KINDS for name in COMPONENTS),
-    "time_uncertainty",
-    "step",
-)
 
 
-def check_columns(columns: Mapping) -> dict:
-    """The columns as named: every key known, a time, a location and a size among them. Raises InputError."""
-    where = "record.columns"
-    if not isinstance(columns, Mapping):
-        raise InputError(f"{where}: {str(columns)[:60]} is no list of kinds; write one per line, for example x: East")
-    unknown = set(columns) - set(COLUMN_KEYS)
-    if unknown:
-        raise InputError(f"{where}.{sorted(unknown)[0]}: not a column kind; known are {', '.join(COLUMN_KEYS)}")
-    for key, name in columns.items():
-        parts = name if key == "time" and isinstance(name, list) and 1 <= len(name) <= 3 else [name]
-        if not all(isinstance(part, str) for part in parts):
-            most = "one, or a list of up to three (date, time of day, offset)" if key == "time" else "one"
-            raise InputError(f"{where}.{key}: {str(name)[:60]} names no column of the file; give {most}, as text")
-    if "time" not in columns:
-        raise InputError(f"{where}.time: missing; name the column that holds the date and time")
-    if not any(set(names) <= set(columns) for names in (MINE_COORDINATES, GLOBE_COORDINATES)):
-        raise InputError(f"{where}: name the columns x, y and z, or latitude, longitude and depth")
-    kinds = [kind for kind in TENSOR_KINDS if all(f"{kind}_{name}" in columns for name in COMPONENTS)]
-    if not kinds and not any(key in columns for key in (*SIZE_NAMES, MAGNITUDE)):
-        raise InputError(f"{where}: name a column of sizes: {', '.join((*SIZE_NAMES, MAGNITUDE))}, or six of a tensor")
-    for kind in TENSOR_KINDS:
-        named = [f"{kind}_{name}" for name in COMPONENTS if f"{kind}_{name}" in columns]
-        if 0 < len(named) < len(COMPONENTS):
-            raise InputError(f"{where}: a tensor needs all six of {kind}_xx ... {kind}_xy")
-    if MAGNITUDE_TYPE in columns and not {MAGNITUDE, "mw"} & set(columns):
-        raise InputError(f"{where}.{MAGNITUDE_TYPE}: of which magnitude? name its column in {where}.{MAGNITUDE}")
-    if columns.get("mw", "").strip().lower() in FOREIGN_TYPES:
-        raise InputError(
-            f"{where}.mw: column {columns['mw']!r} is by its name no Mw; name it in {where}.{MAGNITUDE}, and say how "
-            "to convert it in record.conversions, untyped: {slope: ..., offset: ...}"
-        )
-    return {
-        key: plain(name) if isinstance(name, str) else [plain(part) for part in name] for key, name in columns.items()
-    }
+Numbers = dict[str, float]  # by column of the file
+Box = Annotated[tuple[Length, ...], Field(min_length=2, max_length=3), AsTuple]
+
+
+class ColumnSettings(Settings):
+    """What the columns of a CSV file hold: kind of column, its name in the file."""
+
+    time: choose(is_list, Annotated[tuple[str, ...], Field(min_length=1, max_length=3), AsTuple], str) = None
+    """one, or a list of up to three: date, time of day, offset"""
+    x: str = None
+    y: str = None
+    z: str = None
+    latitude: str = None
+    longitude: str = None
+    depth: str = None
+    """m below sea level"""
+    potency: str = None
+    log_potency: str = None
+    moment: str = None
+    mw: str = None
+    magnitude: str = None
+    magnitude_type: str = None
+    potency_xx: str = None
+    """potency_* and moment_*: six components of a tensor"""
+    potency_yy: str = None
+    potency_zz: str = None
+    potency_yz: str = None
+    potency_xz: str = None
+    potency_xy: str = None
+    moment_xx: str = None
+    moment_yy: str = None
+    moment_zz: str = None
+    moment_yz: str = None
+    moment_xz: str = None
+    moment_xy: str = None
+    time_uncertainty: str = None
+    step: str = None
+
+    @model_validator(mode="after")
+    def _enough(self) -> Self:
+        """A time, a location and a size among them, and a tensor whole."""
+        named = self.model_fields_set
+        if "time" not in named:
+            raise refusal("missing; name the column that holds the date and time", "time")
+        if not any(set(names) <= named for names in (MINE_COORDINATES, GLOBE_COORDINATES)):
+            raise refusal("name the columns x, y and z, or latitude, longitude and depth")
+        kinds = [kind for kind in TENSOR_KINDS if all(f"{kind}_{name}" in named for name in COMPONENTS)]
+        if not kinds and not named & {*SIZE_NAMES, MAGNITUDE}:
+            raise refusal(f"name a column of sizes: {', '.join((*SIZE_NAMES, MAGNITUDE))}, or six of a tensor")
+        for kind in TENSOR_KINDS:
+            if 0 < sum(f"{kind}_{name}" in named for name in COMPONENTS) < len(COMPONENTS):
+                raise refusal(f"a tensor needs all six of {kind}_xx ... {kind}_xy")
+        if MAGNITUDE_TYPE in named and not {MAGNITUDE, "mw"} & named:
+            raise refusal("of which magnitude? name its column in record.columns.magnitude", MAGNITUDE_TYPE)
+        if (self.mw or "").strip().lower() in FOREIGN_TYPES:
+            raise refusal(
+                f"column {self.mw!r} is by its name no Mw; name it in record.columns.{MAGNITUDE}, and say how to "
+                "convert it in record.conversions, untyped: {slope: ..., offset: ...}",
+                "mw",
+            )
+        return self
+
+    def names(self) -> dict[str, str | list[str]]:
+        """The columns' names by kind, as they are compared."""
+        return {
+            key: plain(name) if isinstance(name, str) else [plain(part) for part in name]
+            for key, name in self.given().items()
+        }
+
+
+COLUMN_KEYS = tuple(ColumnSettings.model_fields)
+
+
+class Conversion(Settings):
+    """Mw = slope M + offset."""
+
+    slope: Annotated[float, Field(gt=0, le=10)]
+    offset: Annotated[float, Field(ge=-10, le=10)]
+
+
+class FilterSettings(Settings):
+    """What part of a record is compared."""
+
+    lower: Box = None
+    """corner of a box; three coordinates"""
+    upper: Box = None
+    """its other corner"""
+    start: str = None
+    """date from which; else that of the first dated step"""
+    end: str = None
+    """date up to which; else that of the last dated step"""
+    minimum_potency: Annotated[float, Unit("m^3", ge=0, le=1e20)] = None
+    maximum: Numbers = None
+    """the most that a column of the file may hold, by its name"""
+    minimum: Numbers = None
+    """the least"""
+
+
+class OrientationSettings(Settings):
+    """Which reprocessed events of the Elk Creek data give orientations; limits that are absent are the record's."""
+
+    location_error: Size
+    """less than which theirs is"""
+    lower: Box = None
+    upper: Box = None
+    start: str = None
+    end: str = None
+
+
+class RecordSettings(Settings):
+    """The recorded catalogue: where it is, and what it means. Which keys a reader asks for: catalogs.records."""
+
+    reader: Literal["quakeml", "csv", "elk_creek"]
+    file: str
+    """relative to the mine file; of elk_creek the data folder"""
+    twin: bool = False
+    """the record is a model's own"""
+    location_error: Annotated[float, Unit("m", ge=0, le=1e8)] = None
+    """needed but by elk_creek with orientations"""
+    columns: ColumnSettings = None
+    """of a CSV file"""
+    units: dict[str, str] = None
+    """kind of column: its unit, if not m, m^3, N m or s and not in the file"""
+    missing: Annotated[tuple[float, ...], AsTuple] = None
+    """numbers that stand for a missing value; else -99, -999, -9999"""
+    decimal: Literal["point", "comma"] = None
+    date_order: Literal["day", "month"] = None
+    """what 01/02/2019 begins with"""
+    time_zone: str = None
+    """of times without an offset: Australia/Hobart, +10:00; else UTC"""
+    conversions: dict[str, choose(is_section, Conversion, Literal["none"])] = None
+    """what magnitudes of other types than Mw mean: {ML: {slope: 0.9, offset: 0.2}}, or none: left out"""
+    rigidity: Annotated[float, Unit("Pa", gt=0, le=1e20)] = None
+    """elk_creek: potency = moment / rigidity; else 33 GPa"""
+    match_within: Annotated[float, Unit("s", gt=0, le=1e9)] = None
+    """elk_creek: apart at most are events that are the same in both catalogues; else 1 s"""
+    filter: FilterSettings = None
+    orientations: OrientationSettings = None
+    """elk_creek"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _asked_for(cls, values: Any) -> Any:
+        if isinstance(values, Mapping):
+            reader = values.get("reader")
+            if reader in ("csv", "quakeml") and values.get("location_error") is None:
+                raise refusal("missing key", "location_error")
+            if reader == "csv" and values.get("columns") is None:
+                raise refusal("missing key", "columns")
+            if reader == "elk_creek" and not (set(values) & {"location_error", "orientations"}):
+                raise refusal("missing; give it, or name record.orientations to derive it from", "location_error")
+        return values
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        for kind, unit in (self.units or {}).items():
+            if kind not in UNITS or (self.columns and kind not in self.columns.model_fields_set):
+                raise refusal(f"not a named column with a unit; such are {', '.join(UNITS)}", "units", kind)
+            quantity = unit_quantity(unit)
+            if quantity is None:
+                raise refusal(f"{short(unit)} is not a unit; expected one like {UNITS[kind]}", "units", kind)
+            if not quantity.check(UNITS[kind]):
+                raise refusal(f"{short(unit)} is not convertible to {UNITS[kind]}", "units", kind)
+        if self.reader == "quakeml" and self.filter:
+            for key in self.filter.model_fields_set & {"maximum", "minimum"}:
+                raise refusal("a QuakeML file has no columns; leave it out", "filter", key)
+        if self.time_zone:
+            try:
+                check_zone(self.time_zone)
+            except InputError as error:
+                raise refusal(str(error).partition(": ")[2], "time_zone") from error
+        return self
+
+
+class Period(Settings):
+    """The modelled months."""
+
+    start: str = None
+    end: str = None
+
+
+class DomainBox(Settings):
+    """The model's domain, m."""
+
+    lower: Box
+    upper: Box
+    plane: Literal["xz", "xy"] | None = None
+
+
+class RecordSlice(RecordSettings):
+    """The slice of the record's stage: all of `record`, whose it is, where and when the model mines, its host rock."""
+
+    mine: str = ""
+    frame: Frame = None
+    lame_lambda: float = None
+    """Pa"""
+    shear_modulus: float = None
+    """Pa"""
+    period: Period = None
+    domain: DomainBox = None
 
 
 def plain(name: str) -> str:

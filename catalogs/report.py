@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import jinja2
@@ -15,14 +15,16 @@ from catalogs import report_text as text
 from catalogs.figures import beachballs, convergence, events, rock, scene, sizes, stereonets, style, views
 from catalogs.mechanisms import mean_axis, trend_plunge
 from catalogs.report_inputs import Evidence, read_evidence
+from catalogs.report_scene import by_step
 from catalogs.report_text import fixed, number, percent, whole
+from catalogs.settings import Scheduled
 from catalogs.sizes import b_by_cut, cut_grid, estimate_b, log_potency
 from pipeline.datasets import atomic_path
 from pipeline.pages import page_templates
 from pipeline.source_tensors import moment_from_potency
 
 BALLS = 10
-MANY = 40  # excavations: a longer list is folded, or ends after the MOST that have most potency
+MANY = 40  # rows: a longer list is folded or scrolls, or ends after the MOST that have most potency
 MOST = 20
 TEMPLATES = Path(__file__).parent / "templates"
 MODEL_LABEL = "Modelled"
@@ -43,15 +45,15 @@ def write_report(
     spread: str | os.PathLike | None = None,
     benchmarks: str | os.PathLike | None = None,
     default: dict | None = None,
-    excavations: list[dict] | None = None,
+    excavations: Sequence[Scheduled] | None = None,
     expected_hashes: dict[str, str] | None = None,
 ) -> None:
     """Write the page to `output` (atomically) and each of its figures as SVG into the folder `figures`.
 
     config: the resolved configuration as the user wrote it (units as text), default: config/default.yaml, for the marks
     of what differs; grid, elastic, steps, events, catalog, record, comparison, spread: datasets, absent stages None or
-    empty; benchmarks: folder of Snakemake's benchmark files of this mine; excavations: rows with name, step and fill,
-    if not those of `config`; expected_hashes: {dataset path: config_hash it should carry}, for the banner of stale
+    empty; benchmarks: folder of Snakemake's benchmark files of this mine; excavations: when each is mined,
+    if not as `config` says; expected_hashes: {dataset path: config_hash it should carry}, for the banner of stale
     results.
     Same inputs, same bytes. Raises InputError where a dataset is unreadable or is no catalogue.
     """
@@ -80,6 +82,7 @@ def write_report(
         match=match.match_rows(evidence),
         beside=report_record.sentences(evidence),
         banners=text.banners(evidence),
+        many=MANY,
         config_lines=text.config_lines(config, default),
         versions=_versions(evidence),
         files=[(_short(path, output), attributes) for path, attributes in evidence.files.items()],
@@ -136,15 +139,15 @@ def _cuts(evidence: Evidence) -> list[views.View]:
 
 
 def _scene(evidence: Evidence, gallery: Gallery) -> dict:
-    cuts = _cuts(evidence)
+    cuts, rows = _cuts(evidence), evidence.excavations
     return {
         "levels": gallery.add("grid_levels", scene.grid_levels(evidence.grid, cuts)),
         "share": gallery.add("excavated_share", scene.excavated_share(evidence.grid, cuts, evidence.planned))
         if evidence.grid.sizes["piece"]
         else None,
         "table": scene.level_table(evidence.grid),
-        "excavations": evidence.excavations,
-        "many": len(evidence.excavations) > MANY,
+        "excavations": rows,
+        "steps": by_step(rows) if len(rows) > MANY else [],
     }
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from catalogs.settings import Scheduled
 from pipeline.datasets import read_dataset
 from pipeline.errors import InputError
 from pipeline.event_table import check_events
@@ -51,7 +53,7 @@ class Evidence:
 
     config: dict
     default: dict | None
-    listed: list[dict]
+    listed: list[Scheduled]
     grid: xr.Dataset
     stages: list[xr.Dataset]
     state: xr.Dataset | None
@@ -95,20 +97,17 @@ class Evidence:
         Without steps only the elastic stage is there, which mines what has no date: the history.
         """
         names = json.loads(self.grid.attrs["excavation_names"])
-        wanted = {row["name"]: row for row in self.listed}
+        wanted = {row.name: row for row in self.listed}
         run = {step["step"]: bool(int(step["dated"])) for step in self.steps}
         undated = [str(step["name"]) for step in self.config.get("steps") or [] if not step.get("start")]
         mined = run or dict.fromkeys(["history", *undated], False)
         volumes = [_by_name(self.grid.attrs.get(key), names) for key in ("excavation_volume", "excavation_volume_grid")]
         rows = []
         for index, name in enumerate(names):
-            row = wanted.get(name, {})
-            step = str(row.get("step", ""))
-            planned = bool(row) and step not in mined
-            fill = str(row.get("fill") or "none")
-            filled = str(row.get("filled") or step)
-            dated = run.get(step, False)
-            rows.append(Excavation(name, step, fill, filled, volumes[0][index], volumes[1][index], planned, dated))
+            row = wanted.get(name, Scheduled(name=name))
+            planned, dated = name in wanted and row.step not in mined, run.get(row.step, False)
+            when = (name, row.step, row.fill, row.filled or row.step)
+            rows.append(Excavation(*when, volumes[0][index], volumes[1][index], planned, dated))
         return rows
 
     @property
@@ -137,7 +136,7 @@ def read_evidence(
     spread,
     benchmarks,
     expected_hashes: dict | None,
-    excavations: list[dict] | None,
+    excavations: Sequence[Scheduled] | None,
 ) -> Evidence:
     """Read the files of one mine; paths that are None do not exist in this scene. Raises InputError (unreadable)."""
     files: dict[str, dict] = {}
@@ -166,7 +165,7 @@ def read_evidence(
     return Evidence(
         config=config,
         default=default,
-        listed=(config.get("excavations") or []) if excavations is None else excavations,
+        listed=_scheduled(config.get("excavations") or []) if excavations is None else list(excavations),
         grid=found_grid,
         stages=stages,
         state=state,
@@ -179,6 +178,12 @@ def read_evidence(
         stale=_stale(files, expected_hashes or {}),
         resources=read_resources(benchmarks),
     )
+
+
+def _scheduled(entries: list[dict]) -> list[Scheduled]:
+    """When excavations of a configuration as written are mined and filled."""
+    given = [{key: entry[key] for key in Scheduled.model_fields if key in entry} for entry in entries]
+    return [Scheduled.of(entry) for entry in given]
 
 
 def _order(stage: xr.Dataset) -> tuple[bool, int]:

@@ -14,6 +14,8 @@ from catalogs.sizes import log_potency
 MISSING = "–"
 NAMED = 5  # excavations named in one sentence
 OFF_VOLUME = 0.05  # share of an excavation's volume that the grid may miss without a banner
+STEPS_NAMED = 12  # one by one in a sentence
+DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # ten times as fast where PyYAML was built with libyaml
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BUDGET_ROWS = {
     "events": "events",
@@ -83,9 +85,10 @@ def headline(evidence: Evidence) -> list[str]:
     if not names:
         return ["No mining step has dates: what fails here failed before the record begins, and enters no catalogue."]
     if not catalog.sizes["event"]:
-        return [f"The model made no events in its {plural(len(names), 'dated step')} ({', '.join(names)})."]
+        which = ", ".join(names) if len(names) <= STEPS_NAMED else f"{names[0]} to {names[-1]}"
+        return [f"The model made no events in its {plural(len(names), 'dated step')} ({which})."]
     step = catalog["step"].values
-    counts = ", ".join(f"{whole((step == name).sum())} in {name}" for name in names)
+    counts = events_by_step([(int((step == name).sum()), name) for name in names])
     potency, resolved = catalog["potency"].values, evidence.resolved
     unresolved = catalog.sizes["event"] - resolved.sizes["event"]
     text = f"The model made {plural(len(step), 'event')} in {plural(len(names), 'dated step')}: {counts}. "
@@ -104,6 +107,15 @@ def headline(evidence: Evidence) -> list[str]:
         )
     text += f"All events together release {number(potency.sum())} m³ of potency."
     return [text, *_where(evidence)]
+
+
+def events_by_step(counts: list[tuple[int, str]]) -> str:
+    """How many events each step has, of (number, step); of many steps those with most, in order of time."""
+    if len(counts) > STEPS_NAMED:
+        least = sorted(counts, reverse=True)[NAMED - 1][0]
+        most = [(count, name) for count, name in counts if count >= least][:NAMED]
+        return f"most in these, {events_by_step(most)}"
+    return ", ".join(f"{whole(count)} in {name}" for count, name in counts)
 
 
 def _where(evidence: Evidence) -> list[str]:
@@ -162,8 +174,14 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
     if evidence.stale:
         names = ", ".join(evidence.stale)
         found.append(("stale", f"Older than the configuration: {names}. Run snakemake again before using this report."))
-    for step in (stage.attrs for stage in evidence.stages):
-        if int(step["truncated"]):
+    cut_short = [stage.attrs for stage in evidence.stages if int(stage.attrs["truncated"])]
+    if len(cut_short) > STEPS_NAMED:
+        worst = max(cut_short, key=lambda step: step["truncated_share"])
+        text = f"Truncated in {len(cut_short)} stages (section 11), most in step {worst['step']}: "
+        text += f"{percent(worst['truncated_share'])} of the overstressed volume lies in cells too coarse to fail; "
+        found.append(("truncated", text + "events are missing there. Refine the grid there."))
+    else:
+        for step in cut_short:
             name = f"step {step['step']}" if step["stage"] == "step" else "the elastic stage"
             share, where = percent(step["truncated_share"]), typeset(step["truncated_where"])
             text = (
@@ -240,8 +258,8 @@ def config_lines(config: dict, default: dict | None, indent: int = 0) -> list[tu
             lines.append((" " * indent + f"{name}:", False))
             lines += config_lines(value, other if isinstance(other, dict) else {}, indent + 2)
             continue
-        text = yaml.safe_dump(
-            {name: value}, sort_keys=False, allow_unicode=True, width=110,
+        text = yaml.dump(
+            {name: value}, Dumper=DUMPER, sort_keys=False, allow_unicode=True, width=110,
             default_flow_style=None if isinstance(value, list) else False,
         )  # fmt: skip
         changed = default is not None and not (known and other == value)

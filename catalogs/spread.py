@@ -25,7 +25,6 @@ config_hash, source_hash, versions.
 
 import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +32,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs import sizes
+from catalogs.settings import SpreadSettings
 from pipeline.errors import InputError
 from pipeline.event_table import read_events
 
@@ -51,19 +51,20 @@ SIZE_BIN = 0.1  # of log10 P, in plots
 
 
 def gather(
-    runs: list[str | os.PathLike], catalog: xr.Dataset, comparison: xr.Dataset | None, settings: Mapping
+    runs: list[str | os.PathLike], catalog: xr.Dataset, comparison: xr.Dataset | None, settings: SpreadSettings
 ) -> xr.Dataset:
     """The spread of an ensemble; layout as at the head of this module.
 
     runs: folders with steps/<step>.nc and events/<step>.nc, the mine's own first, then the members by number; catalog,
-    comparison (None without a record): the mine's own, for the cut. settings: mine, members, steps (the dated ones).
+    comparison (None without a record): the mine's own, for the cut. settings: or their values.
     Raises InputError for a missing or unreadable file, another mine's, or without members.
     """
+    settings = SpreadSettings.of(settings)
     if len(runs) < 2:
         raise InputError("ensemble: there are no members, and nothing to compare; set ensemble to 1 or more")
-    steps = list(settings["steps"])
+    steps = list(settings.steps)
     cut, cut_text = _cut(catalog, comparison)
-    found = [_read_run(Path(folder), steps, settings["mine"]) for folder in runs]
+    found = [_read_run(Path(folder), steps, settings.mine) for folder in runs]
     table = {name: np.array([_totals(run, name) for run in found]) for name in found[0] if name != "sizes"}
     groups = [[*run["sizes"], np.concatenate(run["sizes"])] for run in found]
     table["events"] = np.array([[len(x) for x in group] for group in groups])
@@ -84,7 +85,7 @@ def gather(
         "cumulative": (("run", "size_bin"), np.array([sizes.counts(g[-1], edges, SIZE_BIN)[1] for g in groups])),
     }
     coordinates = {"run": np.arange(len(runs)), "period": [*steps, ALL], "statistic": list(STATISTICS)}
-    attributes = {"mine": settings["mine"], "members": len(runs) - 1, "cut": cut, "cut_text": cut_text}
+    attributes = {"mine": settings.mine, "members": len(runs) - 1, "cut": cut, "cut_text": cut_text}
     return xr.Dataset(result, coords=coordinates, attrs=attributes)
 
 

@@ -1,7 +1,6 @@
 """Command lines of the mechanics: python -m mpm_core grid | elastic | step | vtk | solids."""
 
 import argparse
-import json
 import logging
 from contextlib import ExitStack
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 from pipeline.datasets import open_dataset, read_dataset, write_dataset
 from pipeline.progress import log_compilation
 from pipeline.provenance import provenance
+from pipeline.slices import read_slice
 from pipeline.stage import run_stage
 
 
@@ -19,7 +19,7 @@ def grid(arguments: argparse.Namespace) -> None:
 
     log_compilation()
     use_threads(arguments.threads)
-    scene = json.loads(arguments.scene)
+    scene = read_slice(arguments.scene)
     draft = read_dataset(arguments.draft) if arguments.draft else None
     write_dataset(make_grid(scene, provenance(scene, "mpm_core grid"), draft), arguments.output)
 
@@ -43,7 +43,7 @@ def _solve(arguments: argparse.Namespace) -> None:
 
     log_compilation()
     use_threads(arguments.threads)
-    values = json.loads(arguments.scene)
+    values = read_slice(arguments.scene)
     made_from = provenance(values, f"mpm_core {arguments.stage}")
     scene = parse_scene(values)
     failed_state = Path(arguments.output).with_suffix(".failed.npz")
@@ -74,11 +74,12 @@ def vtk(arguments: argparse.Namespace) -> None:
 def solids(arguments: argparse.Namespace) -> None:
     """the solids for ParaView"""
     from mpm_core.gridding import domain_of, read_solids
+    from mpm_core.settings import GridSlice
     from mpm_core.vtk import INDEX, write_solids
 
-    scene = json.loads(arguments.scene)
-    groups = {group: read_solids(scene[group], group, domain_of(scene)) for group in INDEX}
-    write_solids(groups, scene["plane"], json.loads(arguments.mined), arguments.output)
+    scene = GridSlice.of(read_slice(arguments.scene))
+    groups = {group: read_solids(getattr(scene, group), group, domain_of(scene)) for group in INDEX}
+    write_solids(groups, scene.plane, scene.mined, arguments.output)
 
 
 def main() -> None:
@@ -90,14 +91,14 @@ def main() -> None:
         "elastic": ("grid",),
         "step": ("grid", "state"),
         "vtk": ("grid", "state"),
-        "solids": ("mined",),
+        "solids": (),
     }
     for name, inputs in takes.items():
         stage = stages.add_parser(name)
         for option in (*inputs, "output"):
             stage.add_argument(f"--{option}", required=True)
         if name != "vtk":
-            stage.add_argument("--scene", required=True, help="configuration slice, JSON, SI units")
+            stage.add_argument("--scene", required=True, help="file of the configuration's slice, JSON, SI units")
         if name == "grid":
             stage.add_argument("--draft", help="last step of a draft run: fine cells where rock failed in it")
         stage.add_argument("--log")

@@ -2,6 +2,7 @@
 
 import json
 import logging
+from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
@@ -18,51 +19,55 @@ from mpm_core.grid.octree import RefinedVolume
 from mpm_core.memory import require, stage_bytes
 from mpm_core.occupancy import FULL, SAMPLES, SLIVER, Pieces
 from mpm_core.scene import DRAFT_LEVELS, PLANES
+from mpm_core.settings import GridSlice, SolidSettings
 from pipeline.errors import InputError
 
 ZONE_RINGS = 2  # of the draft's finest cells around those that failed
 ROUND_OFF = 1e-6  # of a cell: positions are those of particles
 
 
-def read_solids(entries: list[dict], section: str, domain: Domain) -> list[Solid | Outside]:
+def read_solids(entries: Sequence[SolidSettings], section: str, domain: Domain) -> list[Solid | Outside]:
     """Solids of a section of the configuration ("excavations"), in order; `outside`: what they leave of the domain.
+
+    entries: or their values.
 
     Raises InputError naming the entry, also for one that lies outside the domain.
     """
     dimension = len(domain.lower)
     solids = []
-    for entry in entries:
+    for entry in (SolidSettings.of(one, section) for one in entries):
         try:
-            if "file" in entry and dimension == 2:
-                raise InputError(f"{entry['name']}: file: a plane strain scene needs a shape in its plane, not a solid")
-            if "file" in entry and "shape" in entry:
+            if entry.file and dimension == 2:
+                raise InputError(f"{entry.name}: file: a plane strain scene needs a shape in its plane, not a solid")
+            if entry.file and entry.shape:
                 solids.append(build_shape(with_outline(entry), dimension))
-            elif "file" in entry:
-                solids.append(read_solid(entry["file"], entry["name"], Picked.of(entry)))
+            elif entry.file:
+                solids.append(read_solid(entry.file, entry.name, Picked.of(entry.given())))
             else:
-                solids.append(build_shape(entry, dimension))
+                solids.append(build_shape(entry.given(), dimension))
         except InputError as error:
-            raise InputError(f"{section}.{entry['name']}: {str(error).removeprefix(entry['name'] + ': ')}") from error
-        check_inside(solids[-1], domain, section, "file" in entry)
-        if entry.get("outside"):
+            raise InputError(f"{section}.{entry.name}: {str(error).removeprefix(entry.name + ': ')}") from error
+        check_inside(solids[-1], domain, section, bool(entry.file))
+        if entry.outside:
             solids[-1] = Outside(solids[-1], domain.lower, domain.upper)
     return solids
 
 
-def with_outline(entry: dict) -> dict:
+def with_outline(entry: SolidSettings) -> dict:
     """A prism's keys with the polygon of its drawing; `height` stands on the polyline's own elevations."""
-    outline = read_outline(entry["file"], entry["name"], Picked.of(entry))
-    made = entry | {"polygon": outline[:, :2].tolist()}
-    if "height" in entry:
-        made |= {"base": outline[:, 2].tolist(), "top": (outline[:, 2] + entry["height"]).tolist()}
+    given = entry.given()
+    outline = read_outline(entry.file, entry.name, Picked.of(given))
+    made = given | {"polygon": outline[:, :2].tolist()}
+    if entry.height:
+        made |= {"base": outline[:, 2].tolist(), "top": (outline[:, 2] + entry.height).tolist()}
     return made
 
 
-def domain_of(values: dict) -> Domain:
-    """The domain of the grid's configuration slice (SI)."""
-    lower, upper = (np.array(values["domain"][key], float) for key in ("lower", "upper"))
-    coarse = values["grid"]["coarse_cell"]
-    return Domain(lower, base_cells(lower, upper, coarse), coarse, values["grid"]["levels"])
+def domain_of(values: GridSlice) -> Domain:
+    """The domain of the grid's configuration slice."""
+    lower, upper = (np.array(corner) for corner in (values.domain.lower, values.domain.upper))
+    coarse = values.grid.coarse_cell
+    return Domain(lower, base_cells(lower, upper, coarse), coarse, values.grid.levels)
 
 
 def check_inside(solid: Solid, domain: Domain, section: str, from_file: bool = False) -> None:
@@ -172,16 +177,16 @@ def failure_zone(draft: xr.Dataset, domain: Domain, axes: tuple[int, ...]) -> Re
     return RefinedVolume(level, index.astype(np.int32), ZONE_RINGS)
 
 
-def make_grid(values: dict, attributes: dict, draft: xr.Dataset | None = None) -> xr.Dataset:
-    """The dataset of grid.nc from the grid's configuration slice (SI); attributes: provenance.
+def make_grid(values: GridSlice, attributes: dict, draft: xr.Dataset | None = None) -> xr.Dataset:
+    """The dataset of grid.nc from the grid's configuration slice, or its values; attributes: provenance.
 
     draft: state of the last step of the draft run, if there is one: fine cells where rock failed in it.
     """
-    dimension = 2 if values["plane"] else 3
-    domain = domain_of(values)
-    solids = read_solids(values["excavations"], "excavations", domain)
-    bodies = read_solids(values["rock_bodies"], "rock_bodies", domain)
-    features = [solid for solid, entry in zip(bodies, values["rock_bodies"], strict=True) if entry["refine"]]
+    values = GridSlice.of(values)
+    dimension, domain = values.dimension, domain_of(values)
+    solids = read_solids(values.excavations, "excavations", domain)
+    bodies = read_solids(values.rock_bodies, "rock_bodies", domain)
+    features = [solid for solid, entry in zip(bodies, values.rock_bodies, strict=True) if entry.refine]
 
     def classify(level: int, index: np.ndarray) -> np.ndarray:
         marked = np.zeros(len(index), bool)
@@ -200,28 +205,26 @@ def make_grid(values: dict, attributes: dict, draft: xr.Dataset | None = None) -
         domain.base_shape,
         domain.levels,
         classify,
-        values["grid"]["buffer_cells"],
-        extra_marks=[] if draft is None else [failure_zone(draft, domain, PLANES[values["plane"]])],
+        values.grid.buffer_cells,
+        extra_marks=[] if draft is None else [failure_zone(draft, domain, PLANES[values.plane])],
         before_allocation=lambda count: require_memory(count, dimension),
     )
-    pieces = cut_pieces(
-        grid, domain, solids, values["grid"]["cut_cells"] == "whole", values["grid"].get("draft", False)
-    )
-    thickness = values["thickness"] if dimension == 2 else 1.0
+    pieces = cut_pieces(grid, domain, solids, values.grid.cut_cells == "whole", values.grid.draft)
+    thickness = values.thickness if dimension == 2 else 1.0
     on_grid = np.bincount(pieces.excavation, np.bitwise_count(pieces.samples) / 64, minlength=len(solids))
     on_grid = on_grid * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
     volume = [solid.volume_within(domain.lower, domain.upper) * thickness for solid in solids]
-    allowed = np.inf if values["grid"].get("draft") else values["grid"]["volume_error"]
+    allowed = np.inf if values.grid.draft else values.grid.volume_error
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
         compare_volumes(solid.name, true, float(gridded), allowed, grid.fine_cell)
     return grid_dataset(
         grid,
         assign_bodies(grid, bodies),
         pieces,
-        values["plane"],
+        values.plane,
         attributes
         | {
-            "mine": values["name"],
+            "mine": values.name,
             "thickness": thickness,
             "excavation_names": json.dumps([solid.name for solid in solids]),
             "excavation_volume": json.dumps(volume),

@@ -56,7 +56,7 @@ def load_force(model: "Model", load: Load, rock_volume: np.ndarray) -> np.ndarra
     Raises InputError if its shape holds no particle, no rock any more, or the point that the forces are directed to.
     """
     where, position = f"loads.{load.name}", model.particles.position
-    inside = contains(build_shape({"name": where, **load.shape}, model.dimension), position)
+    inside = contains(build_shape({"name": where, **load.shape.given()}, model.dimension), position)
     if not inside.any():
         raise InputError(f"{where}: no particle lies inside its shape; enlarge it or move it into the rock")
     share = np.where(inside, rock_volume, 0.0)
@@ -85,7 +85,7 @@ def _spread(model: "Model", chosen, stress_volume: np.ndarray, force: np.ndarray
 def _require_balance(model: "Model", volume: np.ndarray, force: np.ndarray, step: int) -> None:
     """Raise InputError if forces (node, d) N drive a rigid motion that the boundary leaves to the volumes (particle,),
     or if there is nothing that they could act on."""
-    name = model.scene.steps[step]["name"]
+    name = model.scene.steps[step]
     if not volume.any():
         raise InputError(
             f"steps.{name}: nothing is left of the model, all rock is mined; mine less, or fill in this step"

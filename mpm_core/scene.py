@@ -6,10 +6,10 @@ import numpy as np
 
 from mpm_core.constitutive.strength import residual_outside_intact, strength_row
 from mpm_core.insitu import InsituStress
+from mpm_core.settings import FACES, MaterialSettings, ShapeSettings, SolverSettings
 from pipeline.errors import InputError
 from pipeline.voigt import tensor_from_voigt
 
-FACES = ("x_lower", "x_upper", "y_lower", "y_upper", "z_lower", "z_upper")
 DRAFT_LEVELS = 2  # that a draft run's grid lacks (workflow/draft.py, gridding.failure_zone)
 PLANES = {"xz": (0, 2), "xy": (0, 1), None: (0, 1, 2)}  # axes of the computation in the mine's frame
 
@@ -68,7 +68,7 @@ class Load:
     since: int
     force: tuple[float, float, float] | float
     toward: tuple | None
-    shape: dict
+    shape: ShapeSettings
 
 
 @dataclass(frozen=True)
@@ -84,26 +84,8 @@ class BoundaryStrain:
 
 
 @dataclass(frozen=True)
-class Solver:
-    """How equilibrium is sought; the meaning of each value stands beside its default in config/default.yaml."""
-
-    scheme: str
-    tolerance: float
-    cascade_tolerance: float
-    increments: int
-    max_iterations: int
-    max_generations: int
-    weakest_first: float
-    collapse: str
-    damping: float
-    density_scaling: bool
-    hourglass: float
-    move: bool
-
-
-@dataclass(frozen=True)
 class Scene:
-    """All that the mechanics of one stage depends on. `steps` are those up to this stage, in order."""
+    """All that the mechanics of one stage depends on. `steps` are the names of those up to this stage, in order."""
 
     mine: str
     plane: str | None
@@ -117,8 +99,8 @@ class Scene:
     excavations: tuple[Excavation, ...]
     loads: tuple[Load, ...]
     strains: tuple[BoundaryStrain, ...]
-    steps: tuple[dict, ...]
-    solver: Solver
+    steps: tuple[str, ...]
+    solver: SolverSettings
     draft: bool = False
     """whether rock may fail in cells of any size: only to find out where"""
     perturbation: int = 0
@@ -135,23 +117,20 @@ class Scene:
         return [0, 2, 1, 3, 5, 4] if self.plane == "xz" else [0, 1, 2, 3, 4, 5]
 
 
-def _strength(values: dict, state: str) -> Strength:
-    def value(key: str) -> float:
-        return float(values[key][state])
-
-    cutoff = values["tension_cutoff"]
+def _strength(values: MaterialSettings, state: str) -> Strength:
+    cutoff = values.tension_cutoff
     return Strength(
-        value("friction_angle"),
-        value("dilation_angle"),
-        value("cohesion"),
-        None if cutoff == "none" else float(cutoff[state]),
+        getattr(values.friction_angle, state),
+        getattr(values.dilation_angle, state),
+        getattr(values.cohesion, state),
+        None if cutoff == "none" else getattr(cutoff, state),
     )
 
 
-def parse_material(name: str, values: dict) -> Material:
-    """One entry of `materials`, in SI units."""
-    elastic = (float(values[key]) for key in ("youngs_modulus", "poisson_ratio", "density"))
-    if values["model"] == "elastic":
+def parse_material(name: str, values: MaterialSettings) -> Material:
+    """One entry of `materials`."""
+    elastic = (values.youngs_modulus, values.poisson_ratio, values.density)
+    if values.model == "elastic":
         return Material(name, *elastic)
     return Material(name, *elastic, intact=_strength(values, "intact"), residual=_strength(values, "residual"))
 
@@ -182,9 +161,10 @@ def check_material(material: Material, allow_psi_above_phi: bool) -> None:
 
 def parse_scene(values: dict) -> Scene:
     """Build a Scene from a stage's configuration slice (plain SI values, see workflow/configuration.py)."""
-    materials = {name: parse_material(name, entry) for name, entry in values["materials"].items()}
-    for name, entry in values["materials"].items():
-        check_material(materials[name], bool(entry.get("allow_psi_above_phi", False)))
+    given = {name: MaterialSettings.of(entry, f"materials.{name}") for name, entry in values["materials"].items()}
+    materials = {name: parse_material(name, entry) for name, entry in given.items()}
+    for name, entry in given.items():
+        check_material(materials[name], entry.allow_psi_above_phi)
     stress = values["insitu_stress"]
     scene = Scene(
         mine=values["name"],
@@ -203,8 +183,8 @@ def parse_scene(values: dict) -> Scene:
         strains=tuple(
             BoundaryStrain(entry["name"], entry["since"], tuple(entry["strain"])) for entry in values.get("strains", [])
         ),
-        steps=tuple(values["steps"]),
-        solver=Solver(**values["solver"]),
+        steps=tuple(step["name"] for step in values["steps"]),
+        solver=SolverSettings.of(values["solver"], "solver"),
         draft=values.get("draft", False),
         perturbation=values.get("perturbation", 0),
     )
@@ -220,7 +200,7 @@ def _load(entry: dict) -> Load:
         entry["since"],
         force if toward else tuple(force),
         tuple(toward) if toward else None,
-        entry["shape"],
+        ShapeSettings.of(entry["shape"], f"loads.{entry['name']}"),
     )
 
 

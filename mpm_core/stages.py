@@ -81,7 +81,7 @@ def mining_step(
     step = len(scene.steps) - 1
     if previous.attrs.get("collapsed"):
         raise InputError(
-            f"steps.{scene.steps[step]['name']}: the step before ended in collapse, nothing can follow it; leave this "
+            f"steps.{scene.steps[step]}: the step before ended in collapse, nothing can follow it; leave this "
             "step out, or mine or load less in the one before"
         )
     require_memory(scene, grid)
@@ -114,7 +114,7 @@ def mining_step(
     )
     cut = face_neighbors(model.grid, model.changes.cell)  # the only cells whose neighbours matter
     brittle = find_brittle(model, volume, step, *cut)
-    with following(scene, scene.steps[step]["name"], state, failed_state) as history:
+    with following(scene, scene.steps[step], state, failed_state) as history:
         if checkpoint is None or scene.solver.move:
             collapsed = run_cascade(scheme, brittle, ramp, step, history)
         else:
@@ -206,10 +206,9 @@ def finish(
     rating = rate(model, state, volume)
     here = (state.failed == step) & (volume > 0.0) & (stage == "step")
     table = history.table()
-    entry = scene.steps[step]
     facts = {
         "stage": stage,
-        "step": entry["name"],
+        "step": scene.steps[step],
         "step_index": step,
         "iterations": history.iteration,
         "unbalanced_ratio": float(table["unbalanced_ratio"][-1]),

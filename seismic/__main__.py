@@ -1,7 +1,6 @@
 """Command lines: `python -m seismic events` (one step) and `python -m seismic catalog` (all steps)."""
 
 import argparse
-import json
 import logging
 
 import numpy as np
@@ -11,6 +10,7 @@ from pipeline.errors import InputError
 from pipeline.event_table import read_events, write_events
 from pipeline.progress import log_compilation
 from pipeline.provenance import provenance
+from pipeline.slices import read_slice
 from pipeline.stage import run_stage
 
 
@@ -27,7 +27,7 @@ def main(arguments: list[str] | None = None) -> None:
         stage.add_argument(
             "--settings",
             required=True,
-            help="JSON: mine, closeness, cluster, seismic_fraction, frame; start, end of a step",
+            help="file of the configuration's slice, JSON (seismic.settings.EventSettings)",
         )
         stage.add_argument("--output", required=True, help="netCDF written")
         stage.add_argument("--log", help="log file; standard error without it")
@@ -42,16 +42,13 @@ def main(arguments: list[str] | None = None) -> None:
 def events(chosen: argparse.Namespace) -> None:
     """Events of one mining step."""
     # here: the catalogue need not wait for numba and scikit-learn, nor be made again when they are used otherwise
-    from seismic.events import VARIABLES, dated, extract_events
+    from seismic.events import VARIABLES, extract_events
 
     log_compilation()
-    settings = _settings(chosen.settings)
+    settings = read_slice(chosen.settings)
     step = read_dataset(chosen.step, VARIABLES)
-    if dates := {key: settings[key] for key in ("start", "end") if key in settings}:
-        step = dated(step, **dates)
-    others = {key: value for key, value in settings.items() if key not in dates}
     try:
-        dataset, _ = extract_events(step, others)
+        dataset, _ = extract_events(step, settings)
     except InputError as error:
         raise InputError(f"{chosen.step}: {error}") from error
     write_events(dataset.assign_attrs(provenance(settings, "seismic events")), chosen.output)
@@ -60,25 +57,16 @@ def events(chosen: argparse.Namespace) -> None:
 def catalog(chosen: argparse.Namespace) -> None:
     """The catalogue of all dated steps."""
     from seismic.catalog import merge, write_csv
+    from seismic.settings import EventSettings
 
-    settings = _settings(chosen.settings)
+    settings = read_slice(chosen.settings)
+    mine = EventSettings.of(settings, "seismic").mine
     merged = merge([read_events(path) for path in chosen.events])
-    if merged.attrs["mine"] != settings.get("mine"):
-        raise InputError(f"catalog: events are of mine {merged.attrs['mine']}, settings of {settings.get('mine')}")
+    if merged.attrs["mine"] != mine:
+        raise InputError(f"catalog: events are of mine {merged.attrs['mine']}, settings of {mine}")
     logging.info("catalogue of %d events, %d resolved", merged.sizes["event"], np.sum(merged["resolved"].values))
     write_events(merged.assign_attrs(provenance(settings, "seismic catalog")), chosen.output)
     write_csv(merged, chosen.csv)
-
-
-def _settings(text: str) -> dict:
-    """Settings from JSON text. Raises InputError."""
-    try:
-        settings = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"--settings: not JSON ({error}): give one JSON object") from error
-    if not isinstance(settings, dict):
-        raise InputError("--settings: not a JSON object: give one JSON object")
-    return settings
 
 
 if __name__ == "__main__":

@@ -15,17 +15,18 @@ from scipy.spatial import cKDTree
 from sklearn.cluster import DBSCAN, KMeans
 from threadpoolctl import threadpool_limits
 
-from pipeline.errors import InputError
+from seismic.settings import ClusterSettings
 
 ROUND_OFF = 1e-9  # on the radius: lattice neighbours exactly at it count, whatever the origin of the coordinates
 STARTS = 4  # k-means runs from this many seedings and keeps the tightest
-METHODS = ("dbscan", "kmeans", "single_linkage")
 
 
-def find_clusters(position: NDArray, spacing: NDArray, family: NDArray, cluster: dict) -> tuple[NDArray, NDArray]:
+def find_clusters(
+    position: NDArray, spacing: NDArray, family: NDArray, cluster: ClusterSettings
+) -> tuple[NDArray, NDArray]:
     """Cluster of every particle, none across families, and whether each cluster is resolved.
 
-    position (particle, 3) m; spacing (particle,) m; family (particle,) from 0; cluster: the settings, with keys
+    position (particle, 3) m; spacing (particle,) m; family (particle,) from 0; cluster: the settings, or their values:
     method      dbscan: density-based clusters (Ester et al. 1996); a noise particle is a cluster of its own, not
                 resolved.
                 single_linkage: all that a chain of steps within the radius joins. Single linkage cut at a distance is
@@ -39,24 +40,23 @@ def find_clusters(position: NDArray, spacing: NDArray, family: NDArray, cluster:
     Gives label (particle,) int64 from 0, numbered by each cluster's first particle, and resolved (cluster,) bool.
     Raises InputError.
     """
-    _check(cluster)
-    method, min_samples = cluster["method"], int(cluster["min_samples"])
+    cluster = ClusterSettings.of(cluster, "seismic.cluster")
     if len(position) == 0:
         return np.empty(0, np.int64), np.empty(0, bool)
     family = np.asarray(family)
-    if method == "kmeans":
+    if cluster.method == "kmeans":
         raw = _kmeans(position, spacing, family, cluster)
     else:
-        graph = neighbour_graph(position, spacing, family, cluster["radius_cells"])
-        if method == "single_linkage":
+        graph = neighbour_graph(position, spacing, family, cluster.radius_cells)
+        if cluster.method == "single_linkage":
             raw = connected_components(graph, directed=False)[1]
         else:
             raw = _dbscan(graph, cluster)
     noise = raw < 0
     raw = np.where(noise, len(raw) + np.arange(len(raw)), raw)  # cluster numbers are below the number of particles
     label = number_by_first(raw)
-    resolved = np.bincount(label) >= min_samples
-    if method == "dbscan":  # a cluster whose border particles a neighbour took may be small: it has a core, it counts
+    resolved = np.bincount(label) >= cluster.min_samples
+    if cluster.method == "dbscan":  # one whose border particles a neighbour took may be small: it has a core
         resolved = np.zeros(len(resolved), bool)
         resolved[label[~noise]] = True
     return label, resolved
@@ -104,19 +104,19 @@ def number_by_first(label: NDArray) -> NDArray:
     return number[inverse]
 
 
-def _dbscan(graph: csr_matrix, cluster: dict) -> NDArray:
+def _dbscan(graph: csr_matrix, cluster: ClusterSettings) -> NDArray:
     """DBSCAN label of each particle on the graph of all families, -1 for noise."""
-    reach = cluster["radius_cells"] * (1.0 + ROUND_OFF)
-    return DBSCAN(eps=reach, min_samples=int(cluster["min_samples"]), metric="precomputed").fit(graph).labels_
+    reach = cluster.radius_cells * (1.0 + ROUND_OFF)
+    return DBSCAN(eps=reach, min_samples=cluster.min_samples, metric="precomputed").fit(graph).labels_
 
 
-def _kmeans(position: NDArray, spacing: NDArray, family: NDArray, cluster: dict) -> NDArray:
+def _kmeans(position: NDArray, spacing: NDArray, family: NDArray, cluster: ClusterSettings) -> NDArray:
     """k-means label of each particle, families one after the other."""
     by_family = np.argsort(family, kind="stable")
     edges = np.flatnonzero(np.diff(family[by_family], prepend=family[by_family[0]] - 1, append=-1))
-    wanted = cluster.get("clusters")
+    wanted = cluster.clusters
     if wanted is None:
-        dense = _dbscan(neighbour_graph(position, spacing, family, cluster["radius_cells"]), cluster)
+        dense = _dbscan(neighbour_graph(position, spacing, family, cluster.radius_cells), cluster)
     label = np.empty(len(position), np.int64)
     used = 0
     with threadpool_limits(1):  # threads would add the centres in any order
@@ -130,22 +130,3 @@ def _kmeans(position: NDArray, spacing: NDArray, family: NDArray, cluster: dict)
                 label[member] += kmeans.fit_predict(position[member] - position[member].mean(axis=0))
             used += count
     return label
-
-
-def _check(cluster: dict) -> None:
-    """Raise InputError for settings that no method can use."""
-    needed = {"method", "radius_cells", "min_samples"}
-    if missing := needed - set(cluster):
-        raise InputError(
-            f"seismic.cluster: {', '.join(sorted(missing))} missing: give method, radius_cells, min_samples"
-        )
-    if unknown := set(cluster) - needed - {"clusters"}:
-        raise InputError(f"seismic.cluster: unknown {', '.join(sorted(unknown))}: remove or correct it")
-    if cluster["method"] not in METHODS:
-        raise InputError(f"seismic.cluster.method: '{cluster['method']}' is not one of {', '.join(METHODS)}")
-    if not 0.0 < cluster["radius_cells"] < np.inf:
-        raise InputError(f"seismic.cluster.radius_cells: {cluster['radius_cells']}: give a number of cells above 0")
-    for name in ("min_samples", "clusters"):
-        count = cluster.get(name)
-        if count is not None and (count != int(count) or count < 1):
-            raise InputError(f"seismic.cluster.{name}: {count}: give a whole number, at least 1")

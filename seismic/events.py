@@ -36,20 +36,20 @@ UNDATED = {"start": "", "end": "", "dated": 0}
 LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")
 
 
-def extract_events(step: xr.Dataset, settings: dict) -> tuple[xr.Dataset, dict]:
+def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Dataset, dict]:
     """Events of a step and its potency budget.
 
     step: the dataset of a mining step (particles with seismic_strain, overshoot_strain, later_strain and
     plastic_strain_step of this step, position, spacing, volume, failed, failure_order; attributes mine, step,
-    step_index, lame_lambda, shear_modulus, truncated*, and start, end, dated where it has dates, which the mechanics do
-    not know: see dated). settings: see EventSettings.from_dict.
+    step_index, lame_lambda, shear_modulus, truncated*, and start, end, dated where it has dates: see dated). settings:
+    EventSettings, or their values; their start and end, if given, are the step's, since the mechanics know no dates.
     Events stand in the order in which they begin. An undated step gives events without times, to be looked at; they
     enter no catalogue. Particles that failed without a drop (no seismic strain) have no mechanism and join no event.
     Raises InputError for a dataset that lacks something or contradicts itself.
     """
-    chosen = EventSettings.from_dict(settings)
+    chosen = EventSettings.of(settings, "seismic")
     where = _check_step(step, chosen)
-    step = step.assign_attrs(UNDATED | step.attrs)
+    step = step.assign_attrs(UNDATED | step.attrs) if chosen.start is None else dated(step, chosen.start, chosen.end)
     strain = {name: np.asarray(step[variable].values, dtype=np.float64) for name, variable in STRAINS.items()}
     strained = np.flatnonzero(np.any([np.any(values != 0.0, axis=1) for values in strain.values()], axis=0))
     strain = {name: values[strained] for name, values in strain.items()}  # most rock has none
@@ -225,7 +225,7 @@ def _attributes(step: xr.Dataset, settings: EventSettings, strain: NDArray, spac
         location_error = float(np.median(spacing))
         full = location_error**settings.dimension * (settings.thickness or 1.0)
         drop = settings.seismic_fraction * np.median(scalar_potency(tensor_from_voigt(strain)))
-        floor = float(settings.cluster["min_samples"] * drop * full)
+        floor = float(settings.cluster.min_samples * drop * full)
     kept = {name: step.attrs[name] for name in (*STEP_ATTRIBUTES, *UNDATED, *LABEL_ATTRIBUTES)}
     return kept | {
         "kind": "synthetic",
@@ -233,6 +233,6 @@ def _attributes(step: xr.Dataset, settings: EventSettings, strain: NDArray, spac
         "location_error": location_error,
         "seismic_fraction": settings.seismic_fraction,
         "closeness": settings.closeness,
-        "cluster": json.dumps(settings.cluster, sort_keys=True),
-        "frame": json.dumps(settings.frame, sort_keys=True),
+        "cluster": json.dumps(settings.cluster.given(), sort_keys=True),
+        "frame": json.dumps(settings.frame.given(), sort_keys=True),
     }

@@ -1,48 +1,61 @@
-"""The settings of event extraction, checked once."""
+"""The settings of event extraction: those of a mine's configuration, and what the event stage is given beside them."""
 
-from dataclasses import dataclass
+from typing import Annotated, Literal, Self
 
-from pipeline.errors import InputError
+from pydantic import Field, model_validator
 
-NEEDED = ("mine", "closeness", "cluster", "seismic_fraction", "frame")
+from pipeline.frame import Frame
+from pipeline.settings import Settings, Size, refusal, whole_number
+
+Positive = whole_number(ge=1, le=1_000_000)
 
 
-@dataclass(frozen=True)
-class EventSettings:
-    """How plastic strain becomes events.
+class ClusterSettings(Settings):
+    """How a family is separated into events (seismic.clusters)."""
 
-    mine: its name; closeness: least tensor cosine of a family member to its leader; cluster: see seismic.clusters;
-    seismic_fraction: share alpha of the stress drop's potency that is seismic; frame: the mine's place on Earth;
-    thickness: m, of a two-dimensional scene, else None.
-    """
+    method: Literal["dbscan", "single_linkage", "kmeans"] = "dbscan"
+    """dbscan: dense places; single_linkage: all that a chain of steps within the radius joins; kmeans: compact ones"""
+    radius_cells: Annotated[float, Field(gt=0, le=1000)] = 1.8
+    """neighbours are within so many particle spacings"""
+    min_samples: Positive = 3
+    """particles that make a dense place (dbscan); smaller events are not resolved"""
+    clusters: Positive = None
+    """of each family, kmeans alone; without it as many as dbscan finds"""
 
+    @model_validator(mode="after")
+    def _counted(self) -> Self:
+        if self.clusters is not None and self.method != "kmeans":
+            raise refusal(f"method {self.method} finds their number itself; leave it out, or take kmeans", "clusters")
+        return self
+
+
+class SeismicSettings(Settings):
+    """How plastic strain becomes events."""
+
+    closeness: Annotated[float, Field(gt=0, lt=1)] = 0.8
+    """cosine of two potency tensors above which their mechanisms are of one family"""
+    seismic_fraction: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """share alpha of the brittle drop that is seismic"""
+    cluster: ClusterSettings = ClusterSettings()
+
+
+class EventSettings(SeismicSettings):
+    """The slice of the event and catalogue stages: all of `seismic`, and whose events, where and when."""
+
+    closeness: Annotated[float, Field(gt=0, lt=1)]
+    seismic_fraction: Annotated[float, Field(gt=0, le=1)]
+    cluster: ClusterSettings
     mine: str
-    closeness: float
-    cluster: dict
-    seismic_fraction: float
-    frame: dict
-    thickness: float | None = None
+    """its name"""
+    frame: Frame
+    thickness: Size = None
+    """m, of a two-dimensional scene"""
+    start: str = None
+    """ISO date from which the step is mined; empty for one before the record begins, absent for a whole catalogue"""
+    end: str = None
+    """ISO date up to which"""
 
     @property
     def dimension(self) -> int:
         """2 (plane strain) or 3."""
         return 3 if self.thickness is None else 2
-
-    @classmethod
-    def from_dict(cls, settings: dict) -> "EventSettings":
-        """Settings from a plain dict in SI. Raises InputError for missing, unknown or impossible values.
-
-        Closeness and cluster settings are checked where they are used.
-        """
-        if missing := [name for name in NEEDED if name not in settings]:
-            raise InputError(f"seismic settings: {', '.join(missing)} missing: give a value")
-        if unknown := sorted(set(settings) - {*NEEDED, "thickness"}):
-            raise InputError(f"seismic settings: unknown {', '.join(unknown)}: remove or correct it")
-        checked = cls(**settings)
-        if not 0.0 < checked.seismic_fraction <= 1.0:
-            raise InputError(
-                f"seismic.seismic_fraction: {checked.seismic_fraction}: give a share above 0 and at most 1"
-            )
-        if checked.thickness is not None and not checked.thickness > 0.0:
-            raise InputError(f"thickness: {checked.thickness}: give a length above 0 m, or none in three dimensions")
-        return checked

@@ -1,10 +1,11 @@
 """What the schema cannot say about a mine: steps in order, names that match, the domain, the virgin stress."""
 
 import math
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from mpm_core.domain import base_cells
-from mpm_core.scene import FACES, check_virgin_stress, parse_scene
+from mpm_core.scene import check_virgin_stress, parse_scene
 from pipeline.errors import InputError
 from workflow.dates import read_date
 from workflow.record_checks import check_record
@@ -24,7 +25,6 @@ def check_mine(mine: "Mine") -> None:
     """What the schema cannot say. Raises InputError."""
     if mine.name in RESERVED:
         raise InputError(f"name: results/{mine.name} is a folder of the pipeline's own; take another name")
-    _check_place(mine.values["frame"])
     _check_steps(mine)
     _check_domain(mine)
     check_record(mine)
@@ -32,7 +32,6 @@ def check_mine(mine: "Mine") -> None:
     check_repeated(mine)
     _check_solver(mine)
     _check_ensemble(mine)
-    check_boundary_faces(mine.values["domain"]["boundary"])
     _check_compression(mine)
     check_virgin(mine, mine.values["materials"])
 
@@ -45,15 +44,6 @@ def check_virgin(mine: "Mine", materials: dict) -> None:
         check_virgin_stress(scene, scene.insitu.surface, scene.insitu.surface)
     else:
         check_virgin_stress(scene, domain["lower"][-1], domain["upper"][-1])
-
-
-def _check_place(frame: dict) -> None:
-    given = sorted(set(frame) - {"surface"})
-    if given not in ([], ["crs"], ["latitude", "longitude"]):
-        raise InputError(
-            f"frame: {' and '.join(given)}: give latitude and longitude of its origin, or crs, or none of them (then "
-            "results are in mine coordinates only)"
-        )
 
 
 def _check_steps(mine) -> None:
@@ -86,10 +76,9 @@ def _check_names(mine) -> None:
     names = [step["name"] for step in mine.steps]
     materials = mine.values["materials"]
     for section in ("rock_bodies", "loads", "strains"):
-        listed = [entry["name"] for entry in mine.values.get(section, [])]
-        for name in listed:
-            if listed.count(name) > 1:
-                raise InputError(f"{section}.{name}: this name stands twice")
+        listed = Counter(entry["name"] for entry in mine.values.get(section, []))
+        if twice := [name for name, count in listed.items() if count > 1]:
+            raise InputError(f"{section}.{twice[0]}: this name stands twice")
     seen = set()
     for index, entry in enumerate(mine.excavations):
         where = f"excavations.{entry.get('name', index)}"
@@ -203,14 +192,6 @@ def _check_ensemble(mine) -> None:
             "ensemble: members differ by the parts in which they take rock out, and solver.increments is 1; set that "
             "to 2 or more, or ensemble to 0"
         )
-
-
-def check_boundary_faces(boundary: dict | str) -> None:
-    """Raise InputError for an axis given both as a whole and by face."""
-    if isinstance(boundary, dict):
-        for face in FACES:
-            if face in boundary and face[0] in boundary:
-                raise InputError(f"domain.boundary.{face}: also given by '{face[0]}'; keep one of the two")
 
 
 def _check_compression(mine) -> None:

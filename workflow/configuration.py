@@ -16,8 +16,9 @@ from pipeline.errors import InputError
 from pipeline.provenance import config_hash
 from pipeline.voigt import NAMES
 from workflow.checks import check_mine
-from workflow.quantities import check, to_si
+from workflow.settings import MineSettings
 from workflow.shapes import NOT_SHAPE
+from workflow.yaml_habits import with_yaml_habits
 
 GRID_KEYS = ("coarse_cell", "levels", "buffer_cells", "cut_cells", "volume_error")
 
@@ -29,8 +30,8 @@ def load(config: dict, mine_file: str | os.PathLike, default: dict | None = None
     """
     mine_file = Path(mine_file)
     try:
-        text = check(config)
-        mine = Mine(to_si(text), text, mine_file.parent, default or {})
+        text = with_yaml_habits(config)
+        mine = Mine(MineSettings.read(text).given(), text, mine_file.parent, default or {})
         check_mine(mine)
     except InputError as error:
         raise InputError(f"{mine_file}: {error}") from error
@@ -49,6 +50,8 @@ class Mine:
     excavations: list[dict] = field(init=False)
     is_draft: bool = field(init=False, default=False)  # see workflow/draft.py
     perturbation: int = field(init=False, default=0)  # number of the ensemble's member, 0: the mine itself
+    _numbered: list[dict] | None = field(init=False, default=None)
+    _number: dict[str, int] = field(init=False, default_factory=dict)
 
     def __post_init__(self):
         values = self.values
@@ -76,7 +79,9 @@ class Mine:
 
     def step_index(self, name: str) -> int:
         """Place of a step in order, -1 for one that is not listed."""
-        return next((index for index, step in enumerate(self.steps) if step["name"] == name), -1)
+        if self._numbered is not self.steps:  # a draft has others
+            self._numbered, self._number = self.steps, {step["name"]: index for index, step in enumerate(self.steps)}
+        return self._number.get(name, -1)
 
     def boundary(self) -> dict[str, str]:
         """Condition of each face of the domain."""
@@ -113,6 +118,10 @@ class Mine:
                 {**shape(entry), "refine": entry.get("refine", False)} for entry in values.get("rock_bodies", [])
             ],
         }
+
+    def solids_slice(self) -> dict:
+        """What the picture of the solids depends on: their shapes, and the index of the step that mines each, or -1."""
+        return self.grid_slice() | {"mined": [self.step_index(entry["step"]) for entry in self.excavations]}
 
     def solids(self) -> list[str]:
         """Files that the grid is built from."""
@@ -211,16 +220,16 @@ class Mine:
             for entry in self.excavations
         ]
 
-    def excavations_by_step(self) -> list[dict]:
-        """Name, whether it has dates, and excavations of every step, in order."""
-        return [
-            {
-                "name": step["name"],
-                "dated": "start" in step,
-                "excavations": [entry["name"] for entry in self.excavations if entry["step"] == step["name"]],
-            }
-            for step in self.steps
+    def picture_slice(self) -> dict:
+        """What the picture of the scene depends on: name, whether it has dates, and excavations of every step."""
+        mined = {step["name"]: [] for step in self.steps}
+        for entry in self.excavations:
+            if entry["step"] in mined:
+                mined[entry["step"]].append(entry["name"])
+        steps = [
+            {"name": step["name"], "dated": "start" in step, "excavations": mined[step["name"]]} for step in self.steps
         ]
+        return {"steps": steps}
 
     @property
     def mined_steps(self) -> list[str]:
@@ -242,6 +251,22 @@ class Mine:
         """What spread.nc depends on, beside the runs of the ensemble."""
         return {"mine": self.name, "members": self.members, "steps": self.dated_steps}
 
+    def comparison_slice(self) -> dict:
+        """What comparison.nc depends on, beside the two catalogues."""
+        return self.values["comparison"]
+
+    def report_slice(self, results: str) -> dict:
+        """What the report tells of the configuration: as written, the default, what is mined when, what is up to date.
+
+        results: folder of the mine's results.
+        """
+        return {
+            "config": self.text,
+            "default": self.default,
+            "excavations": self.schedule(),
+            "expected_hashes": {f"{results}/{path}": value for path, value in self.hashes().items()},
+        }
+
     def hashes(self) -> dict[str, str]:
         """The config_hash that each dataset carries if it is up to date, by its path below results/<mine>."""
         hashes = {"grid.nc": self.grid_slice(), "elastic.nc": self.scene_slice(0)}
@@ -249,7 +274,7 @@ class Mine:
             hashes |= {f"steps/{step}.nc": self.step_slice(step), f"events/{step}.nc": self.event_slice(step)}
         hashes["catalog.nc"] = self.event_slice()
         if "record" in self.values:
-            hashes |= {"record.nc": self.record_slice(), "comparison.nc": self.values["comparison"]}
+            hashes |= {"record.nc": self.record_slice(), "comparison.nc": self.comparison_slice()}
         if self.members:
             hashes["spread.nc"] = self.spread_slice()
         return {path: config_hash(values) for path, values in hashes.items()}

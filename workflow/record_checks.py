@@ -3,7 +3,6 @@
 import math
 from typing import TYPE_CHECKING
 
-from catalogs.record_settings import check_columns, check_zone
 from pipeline.errors import InputError
 from workflow.dates import read_date
 from workflow.shapes import is_file
@@ -23,10 +22,11 @@ def check_record(mine: "Mine") -> None:
         return
     if record["reader"] != "elk_creek" and not is_file(mine.path(record["file"])):
         raise InputError(f"record.file: {mine.path(record['file'])} is missing; paths resolve from {mine.folder}")
-    if "columns" in record:
-        check_columns(record["columns"])
-    if "time_zone" in record:
-        check_zone(record["time_zone"])
+    if "latitude" in record.get("columns", {}) and "x" not in record["columns"] and not mine.has_place:
+        raise InputError(
+            "record.columns.latitude: the frame has no place on Earth to take it from; give frame.latitude and "
+            "frame.longitude, or frame.crs, or the columns x, y and z"
+        )
     for part in ("filter", "orientations"):
         _check_part(f"record.{part}", record.get(part, {}))
     _check_filter_meets_domain(mine, record.get("filter", {}))

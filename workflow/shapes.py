@@ -59,6 +59,8 @@ def check_shape(mine: "Mine", where: str, entry: dict) -> None:
     if missing := needed - given:
         raise InputError(f"{where}.{min(missing)}: missing; shape {entry['shape']} needs {', '.join(sorted(needed))}")
     _check_keys(where, entry["shape"], given - {"shape"}, needed, optional)
+    if entry["shape"] == "tunnel":
+        _check_tunnel(where, entry)
     lower, upper = extent(where, entry, mine.dimension)
     domain = [np.array(mine.values["domain"][key]) for key in ("lower", "upper")]
     if (upper <= domain[0]).any() or (lower >= domain[1]).any():
@@ -145,6 +147,23 @@ def _check_area(where: str, polygon: np.ndarray) -> None:
     edges = polygon[1:] - polygon[0]
     if len(edges) < 2 or np.linalg.matrix_rank(edges, tol=FLAT * np.abs(edges).max()) < 2:
         raise InputError(f"{where}: needs three points or more that are not on one line")
+    (x, y), (x_next, y_next) = (polygon - polygon[0]).T, np.roll(polygon - polygon[0], -1, axis=0).T
+    if abs(np.sum(x * y_next - x_next * y)) < FLAT * np.abs(edges).max() ** 2:
+        raise InputError(f"{where}: crosses itself so that it encloses nothing; put its points in order around it")
+
+
+def _check_tunnel(where: str, entry: dict) -> None:
+    """Raise InputError for a stretch that is too steep for a floor, or an arch that is too low."""
+    from mpm_core.geometry.tunnels import check_arch, stretches  # with all of its package: a sixth of a second
+
+    def fail(key: str, problem: str) -> InputError:
+        return InputError(f"{where}.{key}: {problem}")
+
+    path = _points(where, entry, "path", 3)
+    path = path[np.append(True, (np.diff(path, axis=0) != 0).any(axis=1))]
+    if len(path) > 1:
+        stretches(path, fail)
+    check_arch(entry["width"], entry["height"], entry.get("profile", "rectangular"), fail)
 
 
 def _check_above(where: str, lower: np.ndarray, upper: np.ndarray) -> None:

@@ -1,7 +1,7 @@
 """What a user reads while the pipeline runs: each stage's own line, progress, and Snakemake's errors.
 
 Snakemake's `quiet: all` would hide a locked folder or a missing input too, and without it a failed stage is echoed as a
-shell command with its whole configuration. Its log file (.snakemake/log) keeps everything.
+shell command. Its log file (.snakemake/log) keeps everything.
 """
 
 import logging

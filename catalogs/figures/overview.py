@@ -1,6 +1,7 @@
 """One picture of a scene before anything is solved: cells, solids by step, record."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from catalogs.figures import style, views
+from catalogs.settings import MinedStep
 from pipeline.datasets import atomic_path
 
 MARGIN = 0.02  # of the domain's longest side, around it
@@ -24,7 +26,7 @@ SHEER = 0.55  # opacity: solids lie behind each other
 DOTS_PER_INCH = 200
 
 
-def write_overview(grid: xr.Dataset, steps: list[dict], record: xr.Dataset | None, path: Path) -> None:
+def write_overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | None, path: Path) -> None:
     """Write the picture as PNG; arguments as for `overview`."""
     with style.applied():
         figure = overview(grid, steps, record)
@@ -32,11 +34,12 @@ def write_overview(grid: xr.Dataset, steps: list[dict], record: xr.Dataset | Non
             figure.savefig(temporary, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
 
 
-def overview(grid: xr.Dataset, steps: list[dict], record: xr.Dataset | None) -> Figure:
+def overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | None) -> Figure:
     """Plan and sections: cells cut through the excavations, all solids and events as seen along the same direction.
 
-    steps: in order, each with `name`, `dated` and the names of its `excavations`; what none of them lists is planned.
+    steps: in order, or their values; what none of them mines is planned.
     """
+    steps = [MinedStep.of(step) for step in steps]
     lower, upper = views.domain(grid)
     place = np.empty((0, 3)) if record is None else record["location"].values
     cuts, side = _cuts(grid), (upper - lower).max() * (upper > lower)
@@ -44,9 +47,10 @@ def overview(grid: xr.Dataset, steps: list[dict], record: xr.Dataset | None) -> 
         cuts, lower - MARGIN * side, upper + MARGIN * side, columns=min(len(cuts), 2), tallest=13.0
     )
     names = json.loads(grid.attrs["excavation_names"])
-    mined = [[names.index(name) for name in step["excavations"]] for step in steps]
+    number = {name: index for index, name in enumerate(names)}
+    mined = [[number[name] for name in step.excavations] for step in steps]
     planned = sorted(set(range(len(names))) - {number for numbers in mined for number in numbers})
-    dated = [step["dated"] for step in steps]
+    dated = [step.dated for step in steps]
     colours = [colour if flag else HISTORY for colour, flag in zip(style.step_colours(dated), dated, strict=True)]
     level = ListedColormap(colormaps["Greys"](np.linspace(0.03, 0.4, int(grid.attrs["levels"]))))  # steps are coloured
     for axes, view in zip(array, cuts, strict=True):
@@ -68,9 +72,10 @@ def overview(grid: xr.Dataset, steps: list[dict], record: xr.Dataset | None) -> 
         ),
         *([Patch(color=BODY, alpha=0.35, label="rock bodies")] if (grid["cell_body"].values >= 0).any() else []),
         *(
-            Patch(facecolor=(*colour, SHEER), edgecolor=colour, label=step["name"])
-            for step, colour in zip(steps, colours, strict=True)
-            if step["excavations"]
+            Patch(facecolor=(*colour, SHEER), edgecolor=colour, label=step.name)
+            for step, colour in style.thinned(
+                [pair for pair in zip(steps, colours, strict=True) if pair[0].excavations]
+            )
         ),
         *([Patch(facecolor="none", edgecolor=style.OUTLINE, label="planned")] if planned else []),
         *([_record_key(record)] if record is not None else []),

@@ -36,7 +36,7 @@ def failed_rock(
         corner, size = _squares(state, view, chosen)
         views.draw_squares(axes, corner, size, facecolors=colours[failed[chosen]], zorder=1)
         views.mark_cuts(axes, view, cut_views)
-    present = np.unique(failed[failed >= 0])
+    present = style.thinned(np.unique(failed[failed >= 0]).tolist())
     label = [names[index] + ("" if dated[index] else " (before the record)") for index in present]
     handles = [Patch(color=colours[index], label=text) for index, text in zip(present, label, strict=True)]
     handles.append(Patch(facecolor=style.EXCAVATION, edgecolor=style.OUTLINE, label="excavated"))

@@ -22,6 +22,7 @@ BEFORE_RECORD = "#a6a6a6"  # rock that failed in history, before the record begi
 FILL = "#efe6d0"
 WIDTH = 11.0  # inches: the report's text width at 96 dots per inch, as near as makes no difference
 DOTS_PER_INCH = 120  # of the rasterised layers
+KEYS = 24  # steps that a key names
 
 SETTINGS = {
     "font.family": "DejaVu Sans",  # shipped with matplotlib: the same on every machine
@@ -80,3 +81,10 @@ def save(figure: Figure, path: Path) -> str:
         figure.savefig(temporary, format="svg", metadata={"Date": None, "Creator": None})
         content = temporary.read_bytes()
     return "data:image/svg+xml;base64," + base64.b64encode(content).decode()
+
+
+def thinned(entries: list) -> list:
+    """At most KEYS of them, the first and the last among them, evenly in between: colours run through the steps."""
+    if len(entries) <= KEYS:
+        return entries
+    return [entries[index] for index in np.linspace(0, len(entries) - 1, KEYS).round().astype(int)]

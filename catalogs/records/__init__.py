@@ -5,7 +5,7 @@ A reader imports its module when it is asked for: one mine's format costs anothe
 
 import xarray as xr
 
-from pipeline.errors import InputError
+from catalogs.record_settings import RecordSlice
 
 
 def _quakeml(settings: dict) -> xr.Dataset:
@@ -29,13 +29,10 @@ def _elk_creek(settings: dict) -> xr.Dataset:
 READERS = {"quakeml": _quakeml, "csv": _csv, "elk_creek": _elk_creek}
 
 
-def read_record(settings: dict) -> xr.Dataset:
-    """The recorded catalogue that `settings` (a mine's `record`, in SI) describes, in the form of pipeline.event_table.
+def read_record(settings: RecordSlice) -> xr.Dataset:
+    """The recorded catalogue that the settings (or their values, in SI) describe, in the form of pipeline.event_table.
 
-    settings: mine, reader (a name in READERS), file, location_error (m), twin (bool: the record is a model's own),
-    filter, period, domain (see catalogs.records.filters), and what the reader asks for. Raises InputError.
+    Raises InputError.
     """
-    name = settings.get("reader")
-    if name not in READERS:
-        raise InputError(f"record.reader: {name!r} is not one of {', '.join(READERS)}")
-    return READERS[name](settings)
+    settings = RecordSlice.of(settings, "record")
+    return READERS[settings.reader](settings)

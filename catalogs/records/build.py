@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.record_settings import SIZE_NAMES
+from catalogs.record_settings import SIZE_NAMES, RecordSlice
 from pipeline.errors import InputError
 from pipeline.event_table import new_catalog
 from pipeline.source_tensors import (
@@ -21,7 +21,7 @@ SMALLEST, LARGEST = -12.0, 10.0  # Mw: below grains that break in a laboratory, 
 
 
 def build_record(
-    settings: dict,
+    settings: RecordSlice,
     time: NDArray,
     location: NDArray,
     sizes: dict[str, NDArray],
@@ -31,18 +31,18 @@ def build_record(
 ) -> xr.Dataset:
     """A recorded catalogue with every derived variable filled in.
 
-    settings: mine, twin, location_error (m), lame_lambda, shear_modulus (Pa). sizes: any of potency (m3), log_potency,
-    moment (N m), mw, each (event,) with NaN where unknown; the first that an event has, in this order, counts, and the
-    tensor where it has none. tensor (event, 3, 3): potency tensors m3, NaN where unknown. other: variables of the event
-    table. A scalar moment alone is read as shear: potency = moment / mu. Raises InputError without the moduli it needs,
-    and naming `source` for a size that no event can have.
+    settings: of these mine, twin, location_error, lame_lambda, shear_modulus count. sizes: any of potency (m3),
+    log_potency, moment (N m), mw, each (event,) with NaN where unknown; the first that an event has, in this order,
+    counts, and the tensor where it has none. tensor (event, 3, 3): potency tensors m3, NaN where unknown. other:
+    variables of the event table. A scalar moment alone is read as shear: potency = moment / mu. Raises InputError
+    without the moduli it needs, and naming `source` for a size that no event can have.
     """
     count = len(time)
     check_sizes(np.asarray(sizes.get("mw", []), float), source)
-    mu, lame = settings.get("shear_modulus"), settings.get("lame_lambda")
-    if mu is None or not float(mu) > 0:
+    mu, lame = settings.shear_modulus, settings.lame_lambda
+    if mu is None or not mu > 0:
         raise InputError("record: shear_modulus is missing; give the host rock's, in Pa")
-    mu, lame = float(mu), np.nan if lame is None else float(lame)
+    lame = np.nan if lame is None else lame
     potency, moment = np.full(count, np.nan), np.full(count, np.nan)
     tensor = np.full((count, 3, 3), np.nan) if tensor is None else np.asarray(tensor, float)
     derived = {}
@@ -69,11 +69,11 @@ def build_record(
     values = {"potency": potency, "moment": moment, "mw": moment_magnitude(moment)} | derived | other
     check_sizes(values["mw"], source)
     attributes = {
-        "mine": settings.get("mine", ""),
-        "kind": "twin" if settings.get("twin") else "recorded",
+        "mine": settings.mine,
+        "kind": "twin" if settings.twin else "recorded",
         "lame_lambda": lame,
         "shear_modulus": mu,
-        "location_error": _location_error(settings),
+        "location_error": settings.location_error,
     }
     return new_catalog(count, attributes, time=time, location=location, potency_tensor=tensor, **values)
 
@@ -98,10 +98,3 @@ def _potency_from(name: str, values: NDArray, shear_modulus: float) -> NDArray:
             return 10.0**values
     moment = values if name == "moment" else moment_of_magnitude(values)
     return moment / shear_modulus
-
-
-def _location_error(settings: dict) -> float:
-    value = settings.get("location_error")
-    if value is None or not float(value) >= 0:
-        raise InputError("record.location_error: missing; give the record's location error in m (0 if it is a model's)")
-    return float(value)

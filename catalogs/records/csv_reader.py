@@ -16,7 +16,7 @@ from catalogs.record_settings import (
     TENSOR_KINDS,
     TEXTS,
     UNITS,
-    check_columns,
+    RecordSlice,
 )
 from catalogs.records.build import build_record
 from catalogs.records.csv_table import Table, read_table
@@ -30,11 +30,10 @@ from pipeline.voigt import COMPONENTS
 CODES = (-99.0, -999.0, -9999.0)  # written for a missing value, unless record.missing names others
 
 
-def read(settings: dict) -> xr.Dataset:
+def read(settings: RecordSlice) -> xr.Dataset:
     """The events of a CSV file in the form of pipeline.event_table, filtered (catalogs.records.filters).
 
-    settings: file, mine, twin, location_error (m), lame_lambda, shear_modulus (Pa), frame (with latitude, longitude),
-    filter, period, domain, and columns, which names the file's columns: time (one column, or a list of two or three:
+    settings.columns names the file's columns: time (one column, or a list of two or three:
     date, time of day, offset; see catalogs.records.times), x, y, z (m) or latitude, longitude (degrees), depth (m below
     sea level), at least one of potency (m3), log_potency, moment (N m), mw, or magnitude with magnitude_type, and
     optionally potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m), time_uncertainty (s),
@@ -45,22 +44,20 @@ def read(settings: dict) -> xr.Dataset:
     Events without a time, a place or a size are left out, and rows that are there twice. Raises InputError, naming
     file, column and event, for what is missing, not a number, or not a date.
     """
-    path = Path(settings["file"])
-    columns = check_columns(settings.get("columns") or {})
+    path = Path(settings.file)
+    columns = settings.columns.names()
     names = {key: name for key, name in columns.items() if key not in TEXTS}
     named = {name: f"record.columns.{key}" for key, value in columns.items() for name in _listed(value)}
-    table = read_table(path, named, list(names.values()), settings.get("decimal"))
+    table = read_table(path, named, list(names.values()), settings.decimal)
     table.decide_decimals(names.values())
-    codes = CODES if settings.get("missing") is None else tuple(map(float, settings["missing"]))
-    units = settings.get("units") or {}
-    if unknown := set(units) - (set(columns) & set(UNITS)):
-        raise InputError(f"record.units.{min(unknown)}: not a named column with a unit; such are {', '.join(UNITS)}")
+    codes = CODES if settings.missing is None else settings.missing
+    units = settings.units or {}
     numbers = {}
     for key, name in names.items():
         values = table.numbers(name)
         factor = table.factor(name, UNITS[key], units.get(key)) if key in UNITS else 1.0
         missing = np.isin(values, codes)
-        if settings.get("missing") is None:
+        if settings.missing is None:
             _check_codes(key, values[missing], factor, settings)
         numbers[key] = np.where(missing, np.nan, values) * factor
     time, local = _times(table, columns["time"], settings)
@@ -72,11 +69,9 @@ def read(settings: dict) -> xr.Dataset:
         other["step"] = table.text(columns["step"]).to_numpy(object)
     record = build_record(settings, time, place, sizes, tensor, source=str(path), **other)
     record.attrs |= {"sizes_text": told} if told else {}
-    record.attrs |= (
-        {"times_text": f"{local} without an offset, as {settings.get('time_zone') or 'UTC'}"} if local else {}
-    )
-    limits = settings.get("filter") or {}
-    quality = table.rows if limits.get("maximum") or limits.get("minimum") else ()
+    record.attrs |= {"times_text": f"{local} without an offset, as {settings.time_zone or 'UTC'}"} if local else {}
+    limits = settings.filter
+    quality = table.rows if limits and (limits.maximum or limits.minimum) else ()
     quality = {name: table.numbers(name, strict=False) for name in quality}
     return filter_events(record, settings, quality, source=str(path), repeated=table.repeated)
 
@@ -85,28 +80,28 @@ def _listed(value: str | list[str]) -> list[str]:
     return [value] if isinstance(value, str) else value
 
 
-def _check_codes(key: str, codes: np.ndarray, factor: float, settings: Mapping) -> None:
+def _check_codes(key: str, codes: np.ndarray, factor: float, settings: RecordSlice) -> None:
     """Raise InputError where usual codes of a missing value may as well be coordinates, of this domain.
 
     Outside the domain the question does not arise: the event is left out either way.
     """
     axis, up = ("z", -1.0) if key == "depth" else (key, 1.0)
-    domain = settings.get("domain")
-    axes = {"xz": "xz", "xy": "xy"}.get(domain.get("plane"), "xyz") if domain else ""
+    domain = settings.domain
+    axes = (domain.plane or "xyz") if domain else ""
     if axis not in MINE_COORDINATES or axis not in axes:
         return
-    low, high = (domain[end][axes.index(axis)] for end in ("lower", "upper"))
+    low, high = (corner[axes.index(axis)] for corner in (domain.lower, domain.upper))
     place = up * factor * codes
     inside = (low <= place) & (place <= high)
     if inside.any():
         raise InputError(
-            f"{settings['file']}: column {settings['columns'][key]!r}: {codes[inside][0]:g} stands for a missing value "
-            f"in many files, and lies in this domain ({int(inside.sum())} such); say it with record.missing: a list of "
-            "the numbers that do, [] if none does"
+            f"{settings.file}: column {getattr(settings.columns, key)!r}: {codes[inside][0]:g} stands for a missing "
+            f"value in many files, and lies in this domain ({int(inside.sum())} such); say it with record.missing: a "
+            "list of the numbers that do, [] if none does"
         )
 
 
-def _times(table: Table, names: str | list[str], settings: Mapping) -> tuple[np.ndarray, int]:
+def _times(table: Table, names: str | list[str], settings: RecordSlice) -> tuple[np.ndarray, int]:
     """UTC times (event,) datetime64[ns] of one column, or of date, clock and offset; how many had no offset."""
     names = _listed(names)
     text = table.text(names[0])
@@ -115,14 +110,14 @@ def _times(table: Table, names: str | list[str], settings: Mapping) -> tuple[np.
         text = text + " " + table.text(name)
         there &= table.text(name) != ""
     where = f"{table.source}: column {names[0]!r}"
-    time, local = parse_times(text.where(there, ""), settings.get("date_order"), settings.get("time_zone"), where)
+    time, local = parse_times(text.where(there, ""), settings.date_order, settings.time_zone, where)
     wrong = np.isnat(time) & there.to_numpy()
     if wrong.any():
         table.refuse(wrong, names[0], f"({text[wrong].iloc[0]}) is not a date and time", "write 2019-08-01T12:00:00")
     return time, local
 
 
-def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: Mapping) -> np.ndarray:
+def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: RecordSlice) -> np.ndarray:
     """Mine coordinates (event, 3) m, NaN where one is missing. Raises InputError for degrees off the globe."""
     if set(MINE_COORDINATES) <= set(columns):
         return np.column_stack([numbers[key] for key in MINE_COORDINATES])
@@ -133,12 +128,12 @@ def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: Mappi
     globe = np.column_stack([numbers[key] for key in GLOBE_COORDINATES])
     location = np.full(globe.shape, np.nan)
     known = np.isfinite(globe).all(axis=1)
-    location[known] = MineFrame(settings.get("frame")).to_mine(*globe[known].T)
+    location[known] = MineFrame(settings.frame).to_mine(*globe[known].T)
     return location
 
 
 def _sizes(
-    table: Table, columns: Mapping, numbers: Mapping, tensor: np.ndarray | None, settings: Mapping
+    table: Table, columns: Mapping, numbers: Mapping, tensor: np.ndarray | None, settings: RecordSlice
 ) -> tuple[dict[str, np.ndarray], str]:
     """Sizes of every kind (event,), NaN where unknown, and a sentence on the magnitudes that were converted."""
     sizes = {key: numbers[key] for key in SIZE_NAMES if key in columns}
@@ -158,13 +153,13 @@ def _sizes(
     for key, values in sizes.items():
         needed &= np.isnan(values) | (key == source)
     kinds = table.text(columns[MAGNITUDE_TYPE]) if MAGNITUDE_TYPE in columns else [""] * len(table.rows)
-    conversions = settings.get("conversions") or {}
+    conversions = settings.conversions or {}
     mw, used = moment_magnitudes(numbers[source], list(kinds), conversions, needed, table.source)
     sizes["mw"] = np.where(np.isnan(mw), sizes.get("mw", np.nan), mw) if source == MAGNITUDE else mw
     return sizes, sizes_text(used, conversions)
 
 
-def _tensor(numbers: Mapping, settings: Mapping) -> np.ndarray | None:
+def _tensor(numbers: Mapping, settings: RecordSlice) -> np.ndarray | None:
     """Potency tensors (event, 3, 3) m3, NaN where a component is empty; None if no columns are named."""
     for kind in TENSOR_KINDS:
         if f"{kind}_xx" not in numbers:
@@ -175,7 +170,7 @@ def _tensor(numbers: Mapping, settings: Mapping) -> np.ndarray | None:
         tensor[~np.isfinite(tensor).all(axis=(1, 2)) | ~tensor.any(axis=(1, 2))] = np.nan  # zero: never computed
         if kind == "potency":
             return tensor
-        moduli = [settings.get(name) for name in ("lame_lambda", "shear_modulus")]
+        moduli = [settings.lame_lambda, settings.shear_modulus]
         if None in moduli:
             raise InputError("record: moment tensors need lame_lambda and shear_modulus of the host rock, in Pa")
         return potency_from_moment(tensor, *map(float, moduli))

@@ -12,14 +12,13 @@ import re
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pint
 
 from catalogs.record_settings import plain
+from catalogs.units import unit_quantity
 from pipeline.errors import InputError
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar"}
@@ -35,8 +34,6 @@ CONTAINERS = {  # first bytes of what is no text
     b"\xd0\xcf\x11\xe0": "an Excel workbook",
     b"\x1f\x8b": "a gzip archive",
 }
-UNIT = r"[^\W\d_]+(?:\^?-?\d)?(?:[ */.\u00b7]+[^\W\d_]+(?:\^?-?\d)?)*"  # m, m3, N m, dyn.cm
-LONGEST_UNIT = 30  # characters
 UNIT_IN_NAME = re.compile(r".*[\[(]\s*(?P<unit>[^\])]+?)\s*[\])]\s*$")
 
 
@@ -113,7 +110,7 @@ class Table:
             return
         first = {name: self.text(name).iloc[0].strip("[]() ") for name in self.rows}
         told = [first[name] for name in names if first[name]]
-        if told and all(not re.match(r"[-+.,]?\d", text) and _quantity(text) is not None for text in told):
+        if told and all(not re.match(r"[-+.,]?\d", text) and unit_quantity(text) is not None for text in told):
             self.units = {name: text for name, text in first.items() if text}
             self.rows = self.rows.iloc[1:].reset_index(drop=True)
 
@@ -124,7 +121,7 @@ class Table:
         a unit of that kind; else it is taken to be `unit`. Raises InputError where the unit is of another kind.
         """
         text = given or self.units.get(name)
-        quantity = _quantity(text) if text else None
+        quantity = unit_quantity(text) if text else None
         if text and quantity is not None and not quantity.check(unit):
             raise InputError(
                 f"{self.source}: column {name!r} is in {text}, which is not convertible to {unit}; name another "
@@ -133,29 +130,13 @@ class Table:
         if given and quantity is None:
             raise InputError(f"record.units: {given!r} is not a unit; expected one like {unit}")
         if not text and (in_name := UNIT_IN_NAME.fullmatch(name)):
-            quantity = _quantity(in_name["unit"])
+            quantity = unit_quantity(in_name["unit"])
         return float(quantity.to(unit).magnitude) if quantity is not None and quantity.check(unit) else 1.0
 
 
 def _bare(text: pd.Series) -> pd.Series:
     """Numbers with a plain minus sign, and without blanks or apostrophes between thousands."""
     return text.str.replace("\u2212", "-", regex=False).str.replace(BETWEEN_THOUSANDS, "", regex=True)
-
-
-def _quantity(text: str) -> pint.Quantity | None:
-    """One of the unit that a text names; None if it names none. Arithmetic (9**9**9) is no unit."""
-    if len(text) > LONGEST_UNIT or not re.fullmatch(UNIT, text):
-        return None
-    plain = re.sub(r"(?<=[^\W\d_])\^?(-?\d)", r"**\1", re.sub(r"[.\u00b7]", "*", text))
-    try:
-        return _units().Quantity(1.0, plain)
-    except Exception:  # pint raises a dozen kinds for text that is not a unit
-        return None
-
-
-@cache
-def _units() -> pint.UnitRegistry:
-    return pint.UnitRegistry()
 
 
 def read_table(path: Path, named: Mapping[str, str], numeric: Iterable[str], decimal: str | None) -> Table:

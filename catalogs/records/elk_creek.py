@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from catalogs.record_settings import DomainBox, OrientationSettings, RecordSlice
 from catalogs.records.filters import distance_beyond, domain_box, filter_events, limits_of, parse_time
 from pipeline.errors import InputError
 from pipeline.event_table import new_catalog
@@ -72,7 +73,7 @@ def data_path(folder: Path, name: str) -> Path:
     raise InputError(f"{folder}: {name} is missing; copy it from data/raw of the {REPOSITORY}")
 
 
-def read(settings: Mapping) -> xr.Dataset:
+def read(settings: RecordSlice) -> xr.Dataset:
     """IMS events with sizes (dim event, tensors NaN) and, apart from them, orientations (dim orientation).
 
     settings: file (the data folder), mine, filter, period, domain (catalogs.records.filters; columns of the IMS files
@@ -84,15 +85,15 @@ def read(settings: Mapping) -> xr.Dataset:
     documented).
     Attributes: location_error, location_error_from (text), rigidity, caveats (JSON list of text). Raises InputError.
     """
-    folder = data_folder(settings["file"])
+    folder = data_folder(settings.file)
     frame = _read_parquet(data_path(folder, "ims_events"), IMS_COLUMNS)
     moment = frame["Moment Total"].to_numpy(float)
     if not (moment > 0).all():
         bad = int((~(moment > 0)).sum())
         raise InputError(f"{folder}: ims_events: {bad} events without a positive Moment Total; remove them")
-    rigidity = float(settings.get("rigidity", RIGIDITY))
+    rigidity = settings.rigidity or RIGIDITY
     attributes = {
-        "mine": settings.get("mine", "elk_creek"),
+        "mine": settings.mine or "elk_creek",
         "kind": "recorded",
         "rigidity": rigidity,
         "shear_modulus": rigidity,
@@ -111,10 +112,10 @@ def read(settings: Mapping) -> xr.Dataset:
     numbers = {name: frame[name].to_numpy() for name in frame.select_dtypes("number")}
     events = filter_events(events, settings, numbers, source=str(folder))
 
-    chosen = settings.get("orientations")
+    chosen = settings.orientations
     if chosen:
         events = events.merge(
-            read_orientations(folder, chosen, limits_of(settings), settings.get("domain")),
+            read_orientations(folder, chosen, limits_of(settings), settings.domain),
             combine_attrs="drop_conflicts",
         )
     events.attrs |= _location_error(events, settings)
@@ -122,8 +123,10 @@ def read(settings: Mapping) -> xr.Dataset:
     return events
 
 
-def read_orientations(folder: Path, chosen: Mapping, limits: Mapping, domain: Mapping | None = None) -> xr.Dataset:
-    """Orientations (dim orientation) of reprocessed events with `Location Error` below chosen["location_error"] (m).
+def read_orientations(
+    folder: Path, chosen: OrientationSettings, limits: Mapping, domain: DomainBox | None = None
+) -> xr.Dataset:
+    """Orientations (dim orientation) of reprocessed events with `Location Error` below chosen.location_error (m).
 
     chosen: location_error, and lower, upper (corners of a box, m), start, end (ISO, UTC), each the record's own limit
     where absent; domain: as in catalogs.records.filters, none but its events count. A small location error alone
@@ -133,8 +136,9 @@ def read_orientations(folder: Path, chosen: Mapping, limits: Mapping, domain: Ma
     frame = _read_parquet(data_path(folder, "rocksigma_events"), ROCKSIGMA_COLUMNS)
     location = frame[COORDINATES].to_numpy(float)
     time = frame["time"].to_numpy("datetime64[ns]")
-    kept = frame["Location Error"].to_numpy(float) < float(chosen["location_error"])
-    limit = {key: chosen.get(key, limits.get(key)) for key in ("lower", "upper", "start", "end")}
+    kept = frame["Location Error"].to_numpy(float) < chosen.location_error
+    given = chosen.given()
+    limit = {key: given.get(key, limits.get(key)) for key in ("lower", "upper", "start", "end")}
     for key, inside in (("lower", np.greater_equal), ("upper", np.less_equal)):
         if limit[key] is not None:
             kept &= inside(location, np.asarray(limit[key], float)).all(axis=1)
@@ -154,7 +158,7 @@ def read_orientations(folder: Path, chosen: Mapping, limits: Mapping, domain: Ma
     norm = np.sqrt((tensor**2).sum(axis=(1, 2)))
     if not (np.isfinite(norm) & (norm > 0)).all():
         raise InputError(f"{folder}: rocksigma_events: a moment tensor is zero or not a number; remove that event")
-    account = {"location_error": float(chosen["location_error"]), **limit}
+    account = {"location_error": chosen.location_error, **limit}
     account |= {"before": len(frame), "after": int(kept.sum())}
     return xr.Dataset(
         {
@@ -194,16 +198,14 @@ def _nearest(haystack: np.ndarray, needles: np.ndarray) -> np.ndarray:
     return order[np.where(closer_left, left, right)]
 
 
-def _location_error(events: xr.Dataset, settings: Mapping) -> dict:
+def _location_error(events: xr.Dataset, settings: RecordSlice) -> dict:
     """location_error (m) and where it comes from: given, or the median distance of pairs of the two catalogues.
 
     That distance holds the errors of both catalogues: it bounds the record's own error from above.
     """
-    if settings.get("location_error") is not None:
-        return {"location_error": float(settings["location_error"]), "location_error_from": "configuration"}
-    if "orientation_time" not in events:
-        raise InputError("record: location_error is missing; give it, or name record.orientations to derive it from")
-    within = float(settings.get("match_within", MATCH_WITHIN))
+    if settings.location_error is not None:
+        return {"location_error": settings.location_error, "location_error_from": "configuration"}
+    within = settings.match_within or MATCH_WITHIN
     ours, theirs = matched_pairs(events["time"].values, events["orientation_time"].values, within)
     if ours.size < LEAST_PAIRS:
         raise InputError(

@@ -11,23 +11,22 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from catalogs.record_settings import FIRST_YEAR, LAST_YEAR
+from catalogs.record_settings import FIRST_YEAR, LAST_YEAR, DomainBox, RecordSlice
 from pipeline.errors import InputError
 
-KEYS = ("lower", "upper", "start", "end", "minimum_potency", "maximum", "minimum")
 DOMAIN = "domain"
 MUCH = 0.1  # of the events outside the domain: worth a line on the terminal
 FARTHEST = 1e8  # m; more than twice round the Earth, hence no coordinate
 
 
-def limits_of(settings: Mapping) -> dict:
+def limits_of(settings: RecordSlice) -> dict:
     """The filters of a record: what the configuration names, and the modelled months where it names no dates."""
-    return {**(settings.get("period") or {}), **(settings.get("filter") or {})}
+    return {key: value for part in (settings.period, settings.filter) if part for key, value in part.given().items()}
 
 
 def filter_events(
     events: xr.Dataset,
-    settings: Mapping,
+    settings: RecordSlice,
     columns: Mapping[str, np.ndarray] | None = None,
     source: str = "record",
     repeated: np.ndarray | None = None,
@@ -45,15 +44,12 @@ def filter_events(
     "xz", "xy" or null; absent: no crop). columns: name -> (event,) numbers of the file. A missing value passes no
     filter.
 
-    Raises InputError naming `source` and the key for an unknown key or column, a bad date, when a filter of the
+    Raises InputError naming `source` and the key for an unknown column, a bad date, when a filter of the
     configuration leaves no event, or when none of the file lies in the domain: such a record is of other ground. None
     left by the modelled months, or by the domain in them, is a record without events.
     """
     where = f"{source}: record.filter"
-    chosen, period = settings.get("filter") or {}, settings.get("period") or {}
-    unknown = set(chosen) - set(KEYS)
-    if unknown:
-        raise InputError(f"{where}.{sorted(unknown)[0]}: not a filter; known are {', '.join(KEYS)}")
+    chosen = settings.filter.given() if settings.filter else {}
     if not events.sizes["event"]:
         raise InputError(f"{source}: no events in the file")
     check_places(events["location"].values, source)
@@ -62,13 +58,13 @@ def filter_events(
     attributes = {"rows": events.sizes["event"], "dropped": json.dumps(dropped)}
     events = events.isel(event=np.flatnonzero(whole))
     columns = {name: np.asarray(values)[whole] for name, values in columns.items()}
-    box = domain_box(settings[DOMAIN]) if settings.get(DOMAIN) else None
+    box = domain_box(settings.domain) if settings.domain else None
     beyond = distance_beyond(events["location"].values, *box) if box else np.zeros(events.sizes["event"])
     if not (beyond == 0).any():
         raise InputError(_other_ground(events, box, source))
     kept = np.ones(events.sizes["event"], bool)
     account = []
-    for key, value, passes in _conditions(events, {**period, **chosen}, columns, where):
+    for key, value, passes in _conditions(events, limits_of(settings), columns, where):
         before = int(kept.sum())
         kept &= passes
         after = int(kept.sum())
@@ -81,7 +77,7 @@ def filter_events(
         account.append(
             {
                 "filter": DOMAIN,
-                "value": [settings[DOMAIN]["lower"], settings[DOMAIN]["upper"]],
+                "value": [settings.domain.lower, settings.domain.upper],
                 "before": int(kept.sum()),
                 "after": int(inside.sum()),
                 "potency_before": float(potency[kept].sum()),
@@ -144,11 +140,11 @@ def distance_beyond(location: np.ndarray, lower: np.ndarray, upper: np.ndarray) 
     return np.linalg.norm(np.maximum(np.maximum(lower - location, location - upper), 0.0), axis=1)
 
 
-def domain_box(settings: Mapping) -> tuple[np.ndarray, np.ndarray]:
+def domain_box(domain: DomainBox) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corner (3,) m of a domain; a section reaches through all of the direction that it has not."""
     box = np.array([[-np.inf] * 3, [np.inf] * 3])
-    axes = {"xz": [0, 2], "xy": [0, 1]}.get(settings.get("plane"), [0, 1, 2])
-    box[:, axes] = settings["lower"], settings["upper"]
+    axes = {"xz": [0, 2], "xy": [0, 1]}.get(domain.plane, [0, 1, 2])
+    box[:, axes] = domain.lower, domain.upper
     return box[0], box[1]
 
 

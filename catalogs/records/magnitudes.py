@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.record_settings import Conversion
 from pipeline.errors import InputError
 
 UNTYPED = "untyped"
@@ -23,7 +24,7 @@ def is_moment_type(kind: str) -> bool:
 
 def is_convertible(kind: str, conversions: Mapping) -> bool:
     """Whether magnitudes of this type become moment magnitudes by themselves or by a stated conversion."""
-    return is_moment_type(kind) or isinstance(_conversion(kind, conversions), Mapping)
+    return is_moment_type(kind) or isinstance(_conversion(kind, conversions), Conversion)
 
 
 def moment_magnitudes(
@@ -44,8 +45,8 @@ def moment_magnitudes(
     for name in dict.fromkeys(names[known & needed]):
         here = known & needed & (names == name)
         conversion = _conversion(name, conversions)
-        if isinstance(conversion, Mapping):
-            mw[here] = float(conversion["slope"]) * values[here] + float(conversion["offset"])
+        if isinstance(conversion, Conversion):
+            mw[here] = conversion.slope * values[here] + conversion.offset
         elif is_moment_type(name):
             mw[here] = values[here]
         elif conversion is None:
@@ -68,8 +69,8 @@ def sizes_text(used: Mapping[str, int], conversions: Mapping) -> str:
     told = []
     for name, count in used.items():
         conversion = _conversion(name, conversions)
-        if isinstance(conversion, Mapping):
-            slope, offset = float(conversion["slope"]), float(conversion["offset"])
+        if isinstance(conversion, Conversion):
+            slope, offset = conversion.slope, conversion.offset
             how = f" as Mw = {slope:g} {name} {'-' if offset < 0 else '+'} {abs(offset):g}"
         else:
             how = "" if is_moment_type(name) else " left out"
@@ -77,7 +78,7 @@ def sizes_text(used: Mapping[str, int], conversions: Mapping) -> str:
     return ", ".join(told)
 
 
-def _conversion(kind: str, conversions: Mapping) -> Mapping | str | None:
+def _conversion(kind: str, conversions: Mapping) -> Conversion | str | None:
     """What is stated for a type; upper and lower case are the same."""
     wanted = (kind.strip() or UNTYPED).lower()
     return next((value for name, value in conversions.items() if name.lower() == wanted), None)

@@ -8,7 +8,7 @@ from obspy.core.event import Catalog, Event, Magnitude
 
 from catalogs.frame import MineFrame
 from catalogs.quakeml import moment_tensor, own_catalog, read_quakeml
-from catalogs.record_settings import FIRST_YEAR, LAST_YEAR
+from catalogs.record_settings import FIRST_YEAR, LAST_YEAR, RecordSlice
 from catalogs.records.build import build_record, check_sizes
 from catalogs.records.filters import filter_events
 from catalogs.records.magnitudes import is_convertible, is_moment_type, moment_magnitudes, sizes_text
@@ -18,17 +18,16 @@ from pipeline.source_tensors import potency_from_moment
 GLOBE = {"latitude": 90.0, "longitude": 180.0, "depth": np.inf}  # of an origin, and the most that it may be
 
 
-def read(settings: dict) -> xr.Dataset:
+def read(settings: RecordSlice) -> xr.Dataset:
     """The events of a QuakeML file in the form of pipeline.event_table, filtered (catalogs.records.filters).
 
-    settings: file, mine, twin, location_error (m), frame, lame_lambda, shear_modulus (Pa), filter, period, domain,
-    conversions (catalogs.records.magnitudes). An event's preferred origin and mechanism count, else its first. Its size
+    Conversions: catalogs.records.magnitudes. An event's preferred origin and mechanism count, else its first. Its size
     is its moment tensor, else its moment magnitude, else a magnitude for which a conversion is stated; of several the
     preferred one, else the first. Events without a time, a place or a size are left out and counted.
     A file written by catalogs.quakeml keeps its x, y, z and tensors bit for bit. Raises InputError, naming file and
     event, for degrees off the globe, magnitudes of other types, sizes that no event has, and what is no QuakeML.
     """
-    path = Path(settings["file"])
+    path = Path(settings.file)
     events = read_quakeml(path)
     if len(events) == 0:
         raise InputError(f"{path}: no events in the file")
@@ -40,20 +39,18 @@ def read(settings: dict) -> xr.Dataset:
     return filter_events(record, settings, source=str(path))
 
 
-def _relabelled(record: xr.Dataset, settings: dict, path: Path) -> xr.Dataset:
+def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dataset:
     """Our own file as this mine's record: what it is and how well located is the configuration's to say."""
-    if settings.get("location_error") is None:
-        raise InputError("record.location_error: missing; give the record's location error in m (0 if it is a model's)")
     check_sizes(record["mw"].values, str(path))
     record.attrs |= {
-        "mine": settings.get("mine", record.attrs["mine"]),
-        "kind": "twin" if settings.get("twin") else "recorded",
-        "location_error": float(settings["location_error"]),
+        "mine": settings.mine or record.attrs["mine"],
+        "kind": "twin" if settings.twin else "recorded",
+        "location_error": settings.location_error,
     }
     return record
 
 
-def _foreign(events: Catalog, settings: dict, path: Path) -> xr.Dataset:
+def _foreign(events: Catalog, settings: RecordSlice, path: Path) -> xr.Dataset:
     """A catalogue from what every QuakeML file holds."""
     origins = [event.preferred_origin() or (event.origins or [None])[0] for event in events]
     time = np.array([_time(origin, number, path) for number, origin in enumerate(origins, 1)], "datetime64[ns]")
@@ -70,18 +67,18 @@ def _foreign(events: Catalog, settings: dict, path: Path) -> xr.Dataset:
     location = np.full(globe.shape, np.nan)
     known = np.isfinite(globe).all(axis=1)
     if known.any():
-        location[known] = MineFrame(settings.get("frame")).to_mine(*globe[known].T)
+        location[known] = MineFrame(settings.frame).to_mine(*globe[known].T)
     tensor = np.array([moment_tensor(event) for event in events])
     tensor[~tensor.any(axis=(1, 2))] = np.nan  # never computed
     known = np.isfinite(tensor).all(axis=(1, 2))
-    conversions = settings.get("conversions") or {}
+    conversions = settings.conversions or {}
     magnitudes = [_magnitude(event, conversions) for event in events]
     values = np.array([np.nan if one is None or one.mag is None else one.mag for one in magnitudes], float)
     kinds = ["" if one is None else one.magnitude_type or "" for one in magnitudes]
     # where there is a tensor the scalar potency is the tensor's own, not the rounded magnitude's
     mw, used = moment_magnitudes(values, kinds, conversions, ~known, str(path))
     if known.any():
-        moduli = [settings.get(name) for name in ("lame_lambda", "shear_modulus")]
+        moduli = [settings.lame_lambda, settings.shear_modulus]
         if None in moduli:
             raise InputError("record: moment tensors need lame_lambda and shear_modulus of the host rock, in Pa")
         tensor = potency_from_moment(tensor, *map(float, moduli))

@@ -26,16 +26,9 @@ def sweep_tunnel(
     profile: `rectangular`, or `arched`: vertical walls, semicircular roof, height at the crown, at least width / 2.
     `fail(key, problem)` makes the exception to raise for an unknown profile, a low arch or a steep stretch.
     """
+    along, length = stretches(path, fail)
     outline = _outline(width, height, profile, fail)
     local = path - path[0]
-    along = np.diff(local, axis=0)
-    length = np.linalg.norm(along, axis=1)
-    along /= length[:, None]
-    steep = np.flatnonzero(np.abs(along[:, 2]) > np.sin(STEEPEST))
-    if len(steep):
-        raise fail(
-            "path", f"stretch {steep[0] + 1} is too steep for a level floor; use cylinder, box or prism for a shaft"
-        )
     across = np.cross(along, [0.0, 0.0, 1.0])
     across /= np.linalg.norm(across, axis=1)[:, None]
     above = np.cross(across, along)
@@ -59,6 +52,25 @@ def sweep_tunnel(
     return np.concatenate(vertices) + path[0], np.concatenate(facets)
 
 
+def stretches(path: np.ndarray, fail: Callable[[str, str], Exception]) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (stretch, 3) and lengths (stretch,) m between the points (point, 3) m; raises for a steep one."""
+    along = np.diff(path - path[0], axis=0)
+    length = np.linalg.norm(along, axis=1)
+    along /= length[:, None]
+    steep = np.flatnonzero(np.abs(along[:, 2]) > np.sin(STEEPEST))
+    if len(steep):
+        raise fail(
+            "path", f"stretch {steep[0] + 1} is too steep for a level floor; use cylinder, box or prism for a shaft"
+        )
+    return along, length
+
+
+def check_arch(width: float, height: float, profile: str, fail: Callable[[str, str], Exception]) -> None:
+    """Raise for an arch that is lower than half its width."""
+    if profile == "arched" and height < width / 2:
+        raise fail("height", f"an arched profile needs at least half its width, {width / 2:g} m, not {height:g} m")
+
+
 def _outline(width: float, height: float, profile: str, fail: Callable[[str, str], Exception]) -> np.ndarray:
     """Corners (corner, 2) m of the profile, across and above the floor's centre, counter-clockwise, convex."""
     half = width / 2
@@ -67,8 +79,7 @@ def _outline(width: float, height: float, profile: str, fail: Callable[[str, str
         return np.concatenate([floor, [[half, height], [-half, height]]])
     if profile != "arched":
         raise fail("profile", f"{profile!r} is not one of rectangular, arched")
-    if height < half:
-        raise fail("height", f"an arched profile needs at least half its width, {half:g} m, not {height:g} m")
+    check_arch(width, height, profile, fail)
     step = np.pi / ARCH_SEGMENTS
     angle = step * np.arange(ARCH_SEGMENTS + 1)
     # The springing stays on the walls; the points between move out by `grow` until the roof's area is that of the

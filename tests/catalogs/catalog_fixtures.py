@@ -5,6 +5,7 @@ import json
 import numpy as np
 import xarray as xr
 
+from catalogs.record_settings import RecordSlice
 from catalogs.records.build import build_record
 
 LAME, SHEAR = 22.8e9, 22.8e9
@@ -23,6 +24,13 @@ def made_up_catalog(count: int, seed: int = 0, kind: str = "synthetic", b: float
         "m8[ns]"
     )
     location = generator.normal(size=(count, 3)) * 30 + np.asarray(shift)
-    catalog = build_record(SETTINGS, time, location, {}, tensor, step=np.full(count, "2019-08"))
+    catalog = build_record(
+        RecordSlice.of(SETTINGS | {"reader": "quakeml", "file": ""}),
+        time,
+        location,
+        {},
+        tensor,
+        step=np.full(count, "2019-08"),
+    )
     catalog.attrs |= {"kind": kind, "frame": json.dumps(FRAME), "potency_floor": 1e-3, "location_error": 0.0}
     return catalog

@@ -286,6 +286,6 @@ def make_mine(folder: Path, events: int = 150, dimension: int = 3, **grid_option
     write_dataset(catalog, folder / "catalog.nc")
     record = make_catalog(state, round(0.8 * events), kind="twin", seed=4)
     write_dataset(record, folder / "record.nc")
-    write_dataset(compare(catalog, record, {"resamplings": 49}), folder / "comparison.nc")
+    write_dataset(compare(catalog, record, {"resamplings": 99}), folder / "comparison.nc")
     names = ("grid", "elastic", "catalog", "record", "comparison")
     return Mine(folder, steps=steps, events=event_files, **{name: folder / f"{name}.nc" for name in names})

@@ -23,6 +23,17 @@ def as_record(catalog: xr.Dataset, **attributes) -> xr.Dataset:
     return record
 
 
+def test_bins_are_as_wide_as_they_are_set():
+    """Of the plots, and of the search for completeness; locations are compared by as many events as allowed."""
+    catalog = made_up_catalog(300)
+    chosen = QUICK | {"size_bin": 0.4, "cut_step": 0.2, "maximum_events": 100}
+    result = compare(catalog, as_record(catalog), chosen)
+    assert result.attrs["size_bin_width"] == 0.4
+    np.testing.assert_allclose(np.diff(result["size_bin_lower"]), 0.4)
+    np.testing.assert_allclose(np.diff(result["cut_log_potency"]), 0.2)
+    assert json.loads(result.attrs["settings"])["maximum_events"] == 100
+
+
 def test_a_catalogue_beside_itself_differs_in_nothing():
     catalog = made_up_catalog(300)
     result = compare(catalog, as_record(catalog), QUICK)
@@ -167,7 +178,7 @@ def test_few_events_give_no_b_and_say_so():
 
 def test_faults_are_named():
     catalog = made_up_catalog(50)
-    with pytest.raises(InputError, match=r"comparison.block_size: unknown setting"):
+    with pytest.raises(InputError, match=r"comparison\.block_size: unknown key"):
         compare(catalog, as_record(catalog), {"block_size": 3})
     with pytest.raises(InputError, match="of mine demo, record of other"):
         compare(catalog, as_record(catalog, mine="other"), QUICK)
@@ -178,7 +189,8 @@ def test_command_lines_write_the_same_bytes_with_one_thread_or_two(tmp_path):
     write_dataset(as_record(made_up_catalog(200, seed=9)), tmp_path / "record.nc")
     for threads in ("1", "2"):
         line = [sys.executable, "-m", "catalogs", "compare", "--catalog", str(tmp_path / "catalog.nc")]
-        line += ["--record", str(tmp_path / "record.nc"), "--settings", json.dumps(QUICK)]
+        (tmp_path / "slice.json").write_text(json.dumps(QUICK))
+        line += ["--record", str(tmp_path / "record.nc"), "--settings", str(tmp_path / "slice.json")]
         line += ["--output", str(tmp_path / f"comparison{threads}.nc"), "--log", str(tmp_path / "log")]
         environment = {"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads, "PATH": "/usr/bin"}
         subprocess.run(line, check=True, env=environment)

@@ -14,6 +14,7 @@ from elk_creek_fixtures import recorded_data, write_tiny_mine
 from hypothesis import given
 from hypothesis import strategies as st
 
+from catalogs.record_settings import RecordSlice
 from catalogs.records import elk_creek as record
 from catalogs.records import read_record
 from pipeline.errors import InputError
@@ -34,7 +35,8 @@ def folder(tmp_path, monkeypatch):
 
 def settings(folder, **changes):
     common = {"mine": "elk_creek", "reader": "elk_creek", "file": str(folder), "filter": BOX | MONTHS}
-    return common | {"orientations": SEPTEMBER} | changes
+    chosen = common | {"orientations": SEPTEMBER} | changes
+    return RecordSlice.of({key: value for key, value in chosen.items() if value is not None}, "record")
 
 
 def replace_column(folder, name, value, catalogue="ims_events", month="2010-09_ims"):
@@ -91,7 +93,7 @@ def test_location_error_is_the_median_distance_of_matched_pairs_unless_given(fol
     assert read_record(settings(folder, location_error=77.0)).attrs["location_error"] == 77
     with pytest.raises(InputError, match="only 1 events"):
         read_record(settings(folder, orientations=SEPTEMBER | {"end": "2010-09-01T18:00"}))
-    with pytest.raises(InputError, match="location_error is missing"):
+    with pytest.raises(InputError, match=r"record\.location_error: missing"):
         read_record(settings(folder, orientations=None))
 
 
@@ -125,7 +127,7 @@ def test_record_survives_the_disk(folder, tmp_path):
 def test_missing_folder_says_where_the_data_are(tmp_path, monkeypatch):
     monkeypatch.delenv(record.ENVIRONMENT_VARIABLE, raising=False)
     with pytest.raises(InputError) as error:
-        record.read({"file": tmp_path / "nowhere"})
+        read_record({"reader": "elk_creek", "file": str(tmp_path / "nowhere"), "location_error": 1.0})
     for word in ("niosh-mining/elkcreek", "ELK_CREEK_DATA", "record.file", "nowhere"):
         assert word in str(error.value)
 

@@ -7,6 +7,7 @@ import pytest
 from report_fixtures import NAMES, STEPS, make_catalog, make_grid, make_state
 
 from catalogs.figures.overview import overview, write_overview
+from catalogs.figures.style import KEYS, thinned
 
 MINED = [
     {"name": name, "dated": bool(dated), "excavations": [excavation]}
@@ -59,3 +60,14 @@ def test_every_mined_solid_is_drawn_in_its_step_colour(grid):
         for axes in overview(grid, MINED, None).axes
     ]
     assert filled == [len(MINED)] * 3
+
+
+@pytest.mark.parametrize("count", [0, 1, KEYS, KEYS + 1, 200])
+def test_the_key_of_many_steps_names_some_from_the_first_to_the_last(count):
+    """In order, none twice, with gaps that differ by one at most."""
+    named = thinned(list(range(count)))
+    assert len(named) == min(count, KEYS)
+    assert named == sorted(set(named))
+    if count:
+        assert (named[0], named[-1]) == (0, count - 1)
+        assert np.ptp(np.diff(named)) <= 1 if count > 1 else True

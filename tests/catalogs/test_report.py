@@ -17,8 +17,9 @@ from catalogs import report, report_energy, report_record
 from catalogs.comparison import compare
 from catalogs.figures import convergence, events, style
 from catalogs.report import write_report
-from catalogs.report_inputs import read_resources
-from catalogs.report_text import between, config_lines, number
+from catalogs.report_inputs import Excavation, read_resources
+from catalogs.report_scene import by_step
+from catalogs.report_text import between, config_lines, events_by_step, number
 from pipeline.datasets import read_dataset, write_dataset
 
 SMALL = {"coarse": 16.0}  # 4 m in the finest of three levels: about 4,000 cells
@@ -137,6 +138,30 @@ def test_many_excavations_are_folded_under_their_sums(page, mine, tmp_path, monk
     volumes = [sum(json.loads(read_dataset(mine.grid).attrs[name])) for name in names]
     expected = f"4 excavations, {number(volumes[0], 4)} m³ as solids, {number(volumes[1], 4)} m³ on the grid"
     assert expected in folded.sections["scene"]
+
+
+def excavation(name: str, step: str, solid: float, drawn: float) -> Excavation:
+    return Excavation(name, step, "none", step, solid, drawn, step == "planned", False)
+
+
+def test_many_excavations_are_summed_by_step_with_the_worst_of_them():
+    """In the order of the list; a solid without volume has no error, and loses nothing of the sums."""
+    rows = by_step(
+        [
+            excavation("a", "history", 10.0, 9.0),
+            excavation("b", "2019-08", 4.0, 5.0),
+            excavation("c", "history", 20.0, 20.2),
+            excavation("d", "planned", 0.0, 0.0),
+        ]
+    )
+    assert [(row["step"], row["count"], row["solid"], row["drawn"]) for row in rows] == [
+        ("history", 2, 30.0, 29.2),
+        ("2019-08", 1, 4.0, 5.0),
+        ("planned", 1, 0.0, 0.0),
+    ]
+    assert [row["worst"] for row in rows] == ["a", "b", "d"]
+    assert [row["error"] for row in rows] == pytest.approx([-0.1, 0.25, np.nan], nan_ok=True)
+    assert [row["planned"] for row in rows] == [False, False, True]
 
 
 def test_many_excavations_with_events_end_with_the_sum_of_the_others(monkeypatch):
@@ -336,7 +361,7 @@ def recorded(
         for name in ("potency_tensor", "p_axis", "b_axis", "t_axis"):
             record[name][:] = np.nan
     write_dataset(record, folder / "record.nc")
-    made = compare(read_dataset(mine.catalog), record, {"resamplings": 49})
+    made = compare(read_dataset(mine.catalog), record, {"resamplings": 99})
     write_dataset(made, folder / "comparison.nc")
     return make_page(mine, folder, record=folder / "record.nc", comparison=folder / "comparison.nc", steps=[])
 
@@ -426,3 +451,15 @@ def test_resources_of_several_runs_are_averaged_and_gaps_stay_gaps(tmp_path):
     assert row["stage"] == "grid"
     assert row["s"] == 2.0
     assert np.isnan(row["max_rss"])
+
+
+def test_events_of_many_steps_are_told_by_those_with_most():
+    """In order of time; of few steps each is told."""
+    counts = [(number % 7 * 10, f"m{number}") for number in range(30)]
+    told = events_by_step(counts)
+    assert told.startswith("most in these, ")
+    entries = told.removeprefix("most in these, ").split(", ")
+    assert len(entries) <= 5
+    assert {entry.split(" in ")[0] for entry in entries} <= {"60", "50"}
+    assert "60 in m6" in entries
+    assert events_by_step(counts[:3]) == "0 in m0, 10 in m1, 20 in m2"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mpm_core.domain import base_cells
 from pipeline.errors import InputError
-from workflow.quantities import parse_quantity
+from pipeline.quantities import parse_quantity
 
 
 @settings(max_examples=300, deadline=None)

@@ -83,7 +83,7 @@ def tunnel(tmp_path, *, stress=-15e6, solver=None, host=COULOMB, dimension=2, le
     )
     grid = make_dataset(scene, grid_around([shape], [6] * dimension, levels, 8.0, rings=2), [shape])
     elastic, _ = elastic_stage(
-        replace(scene, solver=replace(scene.solver, max_iterations=40000)), grid, tmp_path / "e.npz"
+        replace(scene, solver=scene.solver.model_copy(update={"max_iterations": 40000})), grid, tmp_path / "e.npz"
     )
     return scene, grid, elastic, tmp_path / "step.failed.npz"
 

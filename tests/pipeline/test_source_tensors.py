@@ -10,6 +10,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
+from catalogs.record_settings import RecordSlice
 from catalogs.records.build import build_record
 from pipeline.source_tensors import (
     moment_from_potency,
@@ -174,11 +175,12 @@ def test_model_and_record_give_one_tensor_the_same_axes_and_shares():
     strain = np.tile([0, 1e-3, -1e-3, 0, 4e-4, -2e-4], (4, 1))
     step = synthetic_step(1.25 * np.arange(4)[:, None] * [1, 0, 0], strain)
     cluster = {"method": "dbscan", "radius_cells": 1.8, "min_samples": 3}
-    chosen = {"mine": "testmine", "closeness": 0.8, "cluster": cluster, "seismic_fraction": 1.0, "frame": {}}
+    chosen = {"mine": "testmine", "closeness": 0.8, "cluster": cluster, "seismic_fraction": 1.0}
+    chosen["frame"] = {"surface": 0.0}
     modelled, _ = extract_events(step, chosen)
     moduli = {name: step.attrs[name] for name in ("lame_lambda", "shear_modulus")}
     recorded = build_record(
-        {"location_error": 1.0} | moduli,
+        RecordSlice.of({"reader": "quakeml", "file": "", "location_error": 1.0} | moduli, "record"),
         modelled["time"].values,
         modelled["location"].values,
         {},

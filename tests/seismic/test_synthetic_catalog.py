@@ -139,7 +139,8 @@ def told(done) -> list[str]:
 
 def test_command_lines_end_to_end(make_scattered_step, make_settings, tmp_path):
     """events, then catalog; the same bytes as from the functions in this process; the budget in the log."""
-    settings = json.dumps(make_settings())
+    (tmp_path / "slice.json").write_text(json.dumps(make_settings()))
+    settings = str(tmp_path / "slice.json")
     write_dataset(make_scattered_step(2, 150, **AUGUST), tmp_path / "step.nc")
     done = run_seismic(
         *("events", "--step", str(tmp_path / "step.nc"), "--settings", settings),
@@ -168,8 +169,9 @@ def test_command_lines_end_to_end(make_scattered_step, make_settings, tmp_path):
 
 def test_command_line_errors_are_one_line_and_leave_no_output(make_scattered_step, make_settings, tmp_path):
     write_dataset(make_scattered_step(2, 150).drop_vars("volume"), tmp_path / "step.nc")
+    (tmp_path / "slice.json").write_text(json.dumps(make_settings()))
     done = run_seismic(
-        *("events", "--step", str(tmp_path / "step.nc"), "--settings", json.dumps(make_settings())),
+        *("events", "--step", str(tmp_path / "step.nc"), "--settings", str(tmp_path / "slice.json")),
         *("--output", str(tmp_path / "events.nc"), "--log", str(tmp_path / "events.log")),
     )
     assert done.returncode == 1

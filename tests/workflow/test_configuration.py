@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiny_mines import DEFAULT, DIRECTED, FILL, FLAT, HOST, NEXT_STEP, PUSH, STRAIN, TINY, box, changed, merged
 
-from catalogs.record_settings import COLUMN_KEYS
+from catalogs.record_settings import COLUMN_KEYS, RecordSlice
 from catalogs.records.filters import limits_of
 from pipeline.errors import InputError
 from workflow.configuration import load
@@ -29,6 +29,13 @@ BOX = {"lower": ["20 m", "20 m", "20 m"], "upper": ["60 m", "60 m", "60 m"]}
 FAR = {"lower": ["500 km", "5372 km", "0 m"], "upper": ["500080 m", "5372080 m", "80 m"]}  # eastings and northings
 UTM = {"crs": "EPSG:32755", "surface": "1000 m"}  # of a domain near zero
 IN_DRAWING = {"name": "stope_1", "step": "2019-08", "file": "record.csv"}
+SHAFT = {"name": "drive", "step": "history", "shape": "tunnel", "width": "6 m", "height": "4 m"} | {
+    "path": [["20 m", "30 m", "40 m"], ["40 m", "30 m", "40 m"], ["40 m", "30 m", "60 m"]]
+}
+LOW_ARCH = SHAFT | {"path": SHAFT["path"][:2], "profile": "arched", "height": "2 m"}
+BOW_TIE = [["20 m", "30 m"], ["40 m", "40 m"], ["40 m", "30 m"], ["20 m", "40 m"]]
+ON_GLOBE = {"time": "date", "latitude": "x", "longitude": "y", "depth": "z", "log_potency": "size"}
+QUAKEML = {"reader": "quakeml", "file": "record.csv", "location_error": "5 m"}
 BALL = {"name": "stope_1", "step": "2019-08", "shape": "sphere", "center": ["40 m", "40 m", "40 m"]}
 FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("grid.levles", 3, "grid.levles: unknown key", "did you mean levels?"),
@@ -163,6 +170,24 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("excavations.1", BALL | {"radius": "1e300 m"}, "excavations[1].radius: ", "out of range"),
     ("domain.upper", ["80 m", "80 m", "80.00000008 m"], "domain.upper[2]: the side of 80.00000008 m", "not a whole"),
     ("seismic.closeness", 1.5, "seismic.closeness: ", "1.5"),
+    ("seismic.closeness", 1, "seismic.closeness: ", "not below the maximum of 1"),
+    ("seismic.closeness", 0, "seismic.closeness: ", "not above the minimum of 0"),
+    ("seismic.closeness", -0.5, "seismic.closeness: ", "not above the minimum of 0"),
+    ("seismic.cluster.clusters", 3, "seismic.cluster.clusters: ", "take kmeans"),
+    ("comparison.size_bin", 0, "comparison.size_bin: ", "minimum of 0.01"),
+    ("comparison.maximum_events", 1.5, "comparison.maximum_events: ", "not of type 'integer'"),
+    ("excavations.0", SHAFT, "excavations.drive.path: stretch 2 is too steep", "cylinder, box or prism"),
+    ("excavations.0", LOW_ARCH, "excavations.drive.height: an arched profile", "half its width, 3 m, not 2 m"),
+    ("excavations.0", PRISM | {"polygon": BOW_TIE}, "excavations.drive.polygon: crosses itself", "encloses nothing"),
+    ("record.units", {"x": "parrot"}, "record.units.x: 'parrot' is not a unit", "like m"),
+    ("record.units", {"x": "Pa"}, "record.units.x: 'Pa' is not convertible to m", ""),
+    ("record.units", {"moment": "N m"}, "record.units.moment: not a named column", "such are x, y"),
+    ("record", {"reader": "elk_creek", "file": "."}, "record.location_error: missing", "record.orientations"),
+    ("record", QUAKEML | {"filter": {"maximum": {"rms": 1}}}, "record.filter.maximum: ", "a QuakeML file has no"),
+    ("record.orientations", {"start": "2010-09-01"}, "record.orientations.location_error: missing key", ""),
+    ("grid", None, "grid: None is not of type 'object'", ""),
+    ("plane", None, "plane: None is not one of none, xz, xy", ""),
+    ("excavations.0.radius", None, "excavations[0].radius: None has no unit", "'1 m'"),
     ("ensemble", -1, "ensemble: ", "minimum of 0"),
     ("ensemble", True, "ensemble: ", "not of type 'integer'"),
     ("ensemble", "8", "ensemble: ", "not of type 'integer'"),
@@ -178,6 +203,14 @@ def test_a_mistake_is_one_line_with_its_key(refuse, key, value, begins, says):
     line = refuse(TINY, **{key: value})
     assert line.startswith(begins)
     assert says in line
+
+
+def test_columns_of_degrees_need_a_frame_with_a_place(refuse, accept):
+    """The record's stage could not say where the events are."""
+    nowhere = {"frame": {"surface": "1000 m"}}
+    assert accept(TINY, **nowhere)
+    line = refuse(TINY, **nowhere, **{"record.columns": ON_GLOBE})
+    assert line.startswith("record.columns.latitude: the frame has no place on Earth")
 
 
 def test_the_mines_that_the_faults_start_from_are_good(accept):
@@ -360,8 +393,8 @@ def test_a_record_without_a_location_error_is_refused(refuse):
 
 def test_a_record_is_read_for_the_modelled_months_unless_told_otherwise(accept):
     """A record of years beside a model of one month would make every ratio of them wrong."""
-    assert limits_of(accept(TINY).record_slice()) == {"start": "2019-08-01", "end": "2019-09-01"}
-    chosen = limits_of(accept(TINY, **{"record.filter": {"start": "2019-08-10"}}).record_slice())
+    assert limits_of(RecordSlice.of(accept(TINY).record_slice())) == {"start": "2019-08-01", "end": "2019-09-01"}
+    chosen = limits_of(RecordSlice.of(accept(TINY, **{"record.filter": {"start": "2019-08-10"}}).record_slice()))
     assert chosen == {"start": "2019-08-10", "end": "2019-09-01"}
 
 

@@ -162,7 +162,8 @@ def test_solid_that_reaches_beyond_the_domain_is_told(mine, tmp_path):
     """On the terminal, when the grid is made: a coordinate typed wrong, or a drive that goes on."""
     made = mine(TINY, **{"excavations.0": box("drive", "history", [20, 30, 40], [99, 40, 50])})
     output = ["--output", str(tmp_path / "grid.nc"), "--log", str(tmp_path / "grid.log"), "--threads", "1"]
-    line = [sys.executable, "-m", "mpm_core", "grid", "--scene", json.dumps(made.grid_slice()), *output]
+    (tmp_path / "slice.json").write_text(json.dumps(made.grid_slice()))
+    line = [sys.executable, "-m", "mpm_core", "grid", "--scene", str(tmp_path / "slice.json"), *output]
     run = subprocess.run(line, cwd=ROOT, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     assert "excavations.drive reaches beyond the domain; the part inside is used" in run.stderr

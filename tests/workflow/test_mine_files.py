@@ -16,7 +16,7 @@ from tiny_mines import DEFAULT, ROOT, TINY, merged, snakemake, write_mine
 
 from pipeline.errors import InputError
 from workflow.configuration import load
-from workflow.strict_yaml import read_yaml
+from workflow.strict_yaml import FAST_LOADER, loader_of, read_yaml
 
 DEMO = ROOT / "config/mines/demo.yaml"
 AT_ONCE = 2  # s of processor time; the demo's file takes 0.1
@@ -51,6 +51,7 @@ SPOILED = {  # content of the file, what its one line says
     "a sentence": (b"This is no mine.\n", "it has no keys"),
     "two documents": (b"name: x\n---\nname: y\n", "not YAML"),
     "a tab": (b"grid:\n\tlevels: 2\n", "line 2: not YAML"),
+    "a tab after a colon": (b"name: \tdemo\n", "line 1: not YAML"),
     "an open quote": (b"name: 'x\n", "not YAML"),
     "month 13": (b"start: 2019-13-01\n", "not YAML .month must be"),
     "an endless integer": (b"seed: " + b"9" * 5000, "not YAML"),
@@ -187,6 +188,31 @@ def without_comments(text: str) -> str:
 DEMO_TEXT = without_comments(DEMO.read_text(encoding="utf-8"))
 DEFAULTS = yaml.safe_load(DEFAULT.read_text(encoding="utf-8"))
 FUZZED = int(os.environ.get("FUZZED_MINE_FILES", 150))  # 20,000 take a quarter of an hour
+
+
+def read_by(loader: type, text: str):
+    """What a loader makes of a text, or that it refuses it."""
+    try:
+        return repr(yaml.load(text, loader))
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError):
+        return "refused"
+
+
+@seed(18)
+@settings(max_examples=2 * FUZZED, deadline=None, database=None)
+@given(spoiled(DEMO_TEXT))
+def test_the_fast_reader_and_snakemakes_agree(text):
+    """Where the fast one is used: else what passes here would end in a traceback there, or mean something else."""
+    if loader_of(text) is FAST_LOADER:
+        fast = read_by(FAST_LOADER, text)
+        assert fast in (read_by(yaml.SafeLoader, text), "refused")  # what it refuses the other one looks at again
+
+
+def test_our_own_mines_are_read_fast_and_odd_texts_are_not():
+    """A tab, a control character, a tag, an escape, a directive."""
+    assert loader_of(DEMO.read_text(encoding="utf-8")) is FAST_LOADER
+    for odd in ("\t", "\u0085", "!", "\\", "%", "?", "@", "\ufeff"):
+        assert loader_of(f"name: {odd}demo\n") is yaml.SafeLoader
 
 
 @seed(17)

@@ -1,12 +1,15 @@
 """Text with a unit to a number in SI."""
 
 import math
+from typing import Annotated
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workflow.quantities import parse_quantity, to_si
+from pipeline.errors import InputError
+from pipeline.quantities import parse_quantity, units
+from pipeline.settings import Settings, Unit
 
 UNITS = {  # unit, its size in SI, the SI unit; by hand
     "m": [("m", 1.0), ("mm", 1e-3), ("km", 1e3), ("foot", 0.3048)],
@@ -49,11 +52,30 @@ def test_what_is_no_length_is_refused(text):
         parse_quantity(text, "m")
 
 
-def test_bounds_of_the_schema_hold_in_si():
-    """A bound is in the unit of the schema, whatever the text's own."""
-    part = {"type": "string", "unit": "m", "exclusiveMinimum": 0, "maximum": 2}
-    assert to_si("150 cm", part) == 1.5
-    with pytest.raises(Exception, match="out of range"):
-        to_si("2.1 m", part)
-    with pytest.raises(Exception, match="out of range"):
-        to_si("0 mm", part)
+class Plank(Settings):
+    """A key with bounds, one of them open."""
+
+    length: Annotated[float, Unit("m", gt=0, le=2)]
+
+
+@pytest.mark.parametrize(("text", "metres"), [("150 cm", 1.5), ("2 m", 2.0), ("2000.1 mm", None), ("0 mm", None)])
+def test_bounds_hold_in_the_unit_of_the_model(text, metres):
+    """Whatever the text's own; and for the numbers of a slice, which a user may not write."""
+    if metres is not None:
+        assert Plank.read({"length": text}).length == metres
+        assert Plank.of(Plank.read({"length": text}).given()) == Plank.read({"length": text})
+        with pytest.raises(InputError, match=r"length: .* has no unit"):
+            Plank.read({"length": metres})
+        return
+    with pytest.raises(InputError, match=r"plank\.length: .* is out of range"):
+        Plank.read({"length": text}, "plank")
+    with pytest.raises(InputError, match="out of range"):
+        Plank.of({"length": 2.0001})
+
+
+@settings(deadline=None)
+@given(FINITE, st.sampled_from(CASES))
+def test_a_quantity_has_the_bits_that_pint_gives_it(number, case):
+    """The size of a unit is looked up once; that changes no number."""
+    si, unit, _ = case
+    assert parse_quantity(f"{number!r} {unit}", si) == float(units().Quantity(number, unit).to(si).magnitude)

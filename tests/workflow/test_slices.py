@@ -56,6 +56,13 @@ def test_a_slice_holds_only_what_its_stage_needs(accept, key, value, same):
     assert {name for name in slices if slices[name]() == others[name]()} == same
 
 
+def test_every_setting_of_the_comparison_can_be_set(accept):
+    """Its slice holds all of them, those of the default as well."""
+    chosen = {"maximum_events": 500, "size_bin": 0.4, "cut_step": 0.2, "cluster_radius": "15 m", "block_days": 2}
+    slice_ = accept(TINY, **{f"comparison.{key}": value for key, value in chosen.items()}).comparison_slice()
+    assert slice_ == {"blocks": "day", "resamplings": 99, "seed": 1} | chosen | {"cluster_radius": 15.0}
+
+
 def test_dates_reach_the_events_of_their_step_alone(accept):
     """No slice of the mechanics has them, nor have the events of another step."""
     before, after = accept(TINY), accept(TINY, **{"steps.1.end": "2019-09-15"})

@@ -144,7 +144,7 @@ def budget_rows(separations: dict[str, list[Separation]], settings: dict, allowe
                 "closeness": chosen["closeness"],
                 "cluster": _with_number(cluster, points.clusters),
                 "seismic_fraction": 1.0,
-                "frame": {},
+                "frame": {"surface": 0.0},
             }
             found = extract_events(step, stage)[0]
             total = voigt_from_tensor(found["potency_tensor"].values.sum(axis=0))

@@ -12,6 +12,8 @@ from pipeline.sources import source_hash
 from pipeline.stage import name_parent_of_stages
 from verification.studies import load_study
 from workflow.draft import draft_of
+from workflow.memory import mechanics_mb, reading_mb
+from workflow.slices import SliceFiles
 
 RESULTS = "results/{mine}"
 NAME = "[A-Za-z0-9][A-Za-z0-9_-]*"
@@ -42,9 +44,7 @@ def kept(path):
     return update(path)
 
 
-def slice_of(values):
-    """A slice of the configuration as text: what a rule's result depends on."""
-    return json.dumps(values, sort_keys=True)
+SLICES = SliceFiles(at_once=not workflow.is_main_process)  # written by onstart, which other processes do not call
 
 
 @functools.cache
@@ -58,7 +58,13 @@ def study(name):
 
 def mine_of(wildcards):
     """Configuration behind results/{mine}: this run's mine or a variant of a study, the draft or a member of either."""
-    place, part = place_of(wildcards)
+    return mine_at(wildcards.mine)
+
+
+@functools.cache
+def mine_at(folder):
+    """Configuration behind results/<folder>."""
+    place, part = parts_of(folder)
     mine = MINE if place == MINE.name else variant_of_study(*place.split("/")[1:])
     if part.startswith(ENSEMBLE):
         return mine.member(int(part.split("/")[1]))
@@ -67,7 +73,12 @@ def mine_of(wildcards):
 
 def place_of(wildcards):
     """Folder of the mine below results, and which part of it is meant: draft, ensemble/<number> or, empty, itself."""
-    return re.fullmatch(f"({MINES})/?({DRAFT}|{ENSEMBLE}/[0-9]+|)", wildcards.mine).groups()
+    return parts_of(wildcards.mine)
+
+
+def parts_of(folder):
+    """The same of results/<folder>."""
+    return re.fullmatch(f"({MINES})/?({DRAFT}|{ENSEMBLE}/[0-9]+|)", folder).groups()
 
 
 def shared(wildcards):
@@ -155,35 +166,42 @@ def solids(wildcards):
     return mine_of(wildcards).solids()
 
 
-def grid_slice(wildcards):
-    """The configuration that the grid depends on."""
-    return slice_of(mine_of(wildcards).grid_slice())
+@functools.cache
+def slice_file(folder, stage):
+    """File of the slice that a stage of results/<folder> depends on; the stage by its result's name without ending."""
+    if workflow.execution_settings and workflow.execution_settings.no_hooks and not workflow.dryrun:
+        SLICES.begin()
+    mine = mine_at(folder)
+    kind, _, step = stage.partition("/")
+    of_stage = {
+        "scene": mine.picture_slice,
+        "grid": mine.grid_slice,
+        "solids": mine.solids_slice,
+        "elastic": lambda: mine.scene_slice(0),
+        "steps": lambda: mine.step_slice(step),
+        "events": lambda: mine.event_slice(step),
+        "catalog": mine.event_slice,
+        "record": mine.record_slice if "record" in mine.values else dict,
+        "comparison": mine.comparison_slice,
+        "spread": mine.spread_slice,
+        "report": lambda: mine.report_slice(f"results/{folder}"),
+    }
+    return SLICES.name(folder, stage, of_stage[kind]())
 
 
-def mined_slice(wildcards):
-    """Index of the step that mines each excavation, -1 where it is planned."""
-    mine = mine_of(wildcards)
-    return slice_of([mine.step_index(entry["step"]) for entry in mine.excavations])
-
-
-def elastic_slice(wildcards):
-    """The configuration that the elastic history depends on."""
-    return slice_of(mine_of(wildcards).scene_slice(0))
+def slice_of(stage):
+    """Parameter of a rule: the slice that its stage depends on."""
+    return lambda wildcards: slice_file(getattr(wildcards, "mine", MINE.name), stage)
 
 
 def step_slice(wildcards):
     """The configuration up to this step."""
-    return slice_of(mine_of(wildcards).step_slice(step_of(wildcards)))
+    return slice_file(wildcards.mine, f"steps/{step_of(wildcards)}")
 
 
 def event_slice(wildcards):
     """The configuration that the events of a step depend on, its dates included."""
-    return slice_of(mine_of(wildcards).event_slice(step_of(wildcards)))
-
-
-def catalog_slice(wildcards):
-    """The configuration that the catalogue of all steps depends on, beside their events."""
-    return slice_of(mine_of(wildcards).event_slice())
+    return slice_file(wildcards.mine, f"events/{step_of(wildcards)}")
 
 
 def runs_of(wildcards):
@@ -208,15 +226,25 @@ def comparison_option(wildcards, input):
     return f"--comparison {input.comparison}" if input.comparison else ""
 
 
-def spread_slice(wildcards):
-    """The configuration that the spread of an ensemble depends on, beside its runs."""
-    return slice_of(mine_of(wildcards).spread_slice())
-
-
 def threads_of(wildcards):
     """As many as there are, but one where a study's scenes are so small that two run better side by side."""
     place, _ = place_of(wildcards)
     return 64 if place == MINE.name else study(place.split("/")[1]).threads
+
+
+def elastic_memory(wildcards, input):
+    """MB that the elastic stage needs on the grid."""
+    return mechanics_mb(mine_of(wildcards), input.grid, elastic=True)
+
+
+def step_memory(wildcards, input):
+    """MB that a mining step needs on the grid."""
+    return mechanics_mb(mine_of(wildcards), input.grid, elastic=False)
+
+
+def reading_memory(stage):
+    """MB that a stage needs which reads results, for those on the mine's grid."""
+    return lambda wildcards, input: reading_mb(mine_of(wildcards), grid_of(wildcards), stage, input)
 
 
 def record_files():

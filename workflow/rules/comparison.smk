@@ -10,7 +10,7 @@ rule scene:
         result("scene.png"),
     params:
         code=source_hash("catalogs scene"),
-        settings=slice_of(MINE.excavations_by_step()),
+        settings=slice_of("scene"),
         record=if_made("record", "record.nc", HAS_RECORD),
     log:
         f"logs/{MINE.name}/scene.log",
@@ -18,7 +18,7 @@ rule scene:
         f"benchmarks/{MINE.name}/scene.tsv"
     threads: 1
     resources:
-        mem_mb=4000,
+        mem_mb=4000,  # of some million cells
         runtime=30,
     conda:
         "../envs/environment.yaml"
@@ -38,7 +38,7 @@ rule record:
         kept(f"{RESULTS}/record.nc"),
     params:
         code=source_hash("catalogs record"),
-        settings=slice_of(MINE.record_slice() if HAS_RECORD else {}),
+        settings=slice_of("record"),
     log:
         "logs/{mine}/record.log",
     benchmark:
@@ -85,7 +85,7 @@ rule compare:
         kept(f"{RESULTS}/comparison.nc"),
     params:
         code=source_hash("catalogs compare"),
-        settings=slice_of(MINE.values["comparison"]),
+        settings=slice_of("comparison"),
     log:
         "logs/{mine}/compare.log",
     benchmark:
@@ -111,7 +111,7 @@ rule spread:
         kept(f"{RESULTS}/spread.nc"),
     params:
         code=source_hash("catalogs spread"),
-        settings=spread_slice,
+        settings=slice_of("spread"),
         runs=runs_of,
         comparison=comparison_option,
     log:
@@ -144,10 +144,7 @@ rule report:
         figures=directory(f"{RESULTS}/figures"),
     params:
         code=source_hash("catalogs report"),
-        config=slice_of(MINE.text),
-        default=slice_of(MINE.default),
-        excavations=slice_of(MINE.schedule()),
-        hashes=slice_of({result(path): value for path, value in MINE.hashes().items()}),
+        settings=slice_of("report"),
         catalog=if_made("catalog", "catalog.nc", HAS_CATALOG),
         record=if_made("record", "record.nc", HAS_RECORD),
         comparison=if_made("comparison", "comparison.nc", HAS_RECORD),
@@ -159,13 +156,12 @@ rule report:
         "benchmarks/{mine}/report.tsv"
     threads: 1
     resources:
-        mem_mb=4000,
+        mem_mb=reading_memory("report"),
         runtime=60,
     conda:
         "../envs/environment.yaml"
     shell:
-        "stage catalogs report --config {params.config:q} --default {params.default:q} --excavations {params.excavations:q}"
-        " --expected-hashes {params.hashes:q} --grid {input.grid} --elastic {input.elastic} --steps {input.steps}"
+        "stage catalogs report --settings {params.settings:q} --grid {input.grid} --elastic {input.elastic} --steps {input.steps}"
         " --events {input.events} {params.catalog} {params.record} {params.comparison} {params.spread}"
         " --benchmarks {params.benchmarks} --output {output.page} --figures {output.figures} --log {log}"
 

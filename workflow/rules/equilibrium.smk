@@ -6,14 +6,14 @@ rule elastic:
         kept(f"{RESULTS}/elastic.nc"),
     params:
         code=source_hash("mpm_core elastic"),
-        scene=elastic_slice,
+        scene=slice_of("elastic"),
     log:
         "logs/{mine}/elastic.log",
     benchmark:
         "benchmarks/{mine}/elastic.tsv"
     threads: threads_of
     resources:
-        mem_mb=8000,
+        mem_mb=elastic_memory,
         runtime=240,
     conda:
         "../envs/environment.yaml"
@@ -41,7 +41,7 @@ rule mining_step:
     priority: 1
     threads: threads_of
     resources:
-        mem_mb=8000,
+        mem_mb=step_memory,
         runtime=720,
     conda:
         "../envs/environment.yaml"

@@ -13,7 +13,7 @@ rule events:
         "benchmarks/{mine}/events/{step}.tsv"
     threads: 1
     resources:
-        mem_mb=4000,
+        mem_mb=reading_memory("events"),
         runtime=60,
     conda:
         "../envs/environment.yaml"
@@ -30,7 +30,7 @@ rule catalog:
         table=report(kept(f"{RESULTS}/catalog.csv"), caption="../report/catalog.rst", category="{mine}"),
     params:
         code=source_hash("seismic catalog"),
-        settings=catalog_slice,
+        settings=slice_of("catalog"),
     log:
         "logs/{mine}/catalog.log",
     benchmark:

@@ -7,7 +7,7 @@ rule grid:
         kept(f"{RESULTS}/grid.nc"),
     params:
         code=source_hash("mpm_core grid"),
-        scene=grid_slice,
+        scene=slice_of("grid"),
         draft=draft_option,
     log:
         "logs/{mine}/grid.log",
@@ -15,7 +15,7 @@ rule grid:
         "benchmarks/{mine}/grid.tsv"
     threads: threads_of
     resources:
-        mem_mb=4000,
+        mem_mb=4000,  # of some million cells; how many there are is known when it is done
         runtime=30,
     conda:
         "../envs/environment.yaml"
@@ -40,7 +40,7 @@ rule vtk:
         "benchmarks/{mine}/vtk/{stage}.tsv"
     threads: 1
     resources:
-        mem_mb=4000,
+        mem_mb=reading_memory("vtk"),
         runtime=30,
     conda:
         "../envs/environment.yaml"
@@ -57,8 +57,7 @@ rule vtk_solids:
         surfaces=directory(f"{RESULTS}/vtk/solids"),
     params:
         code=source_hash("mpm_core solids"),
-        scene=grid_slice,
-        mined=mined_slice,
+        scene=slice_of("solids"),
     log:
         "logs/{mine}/vtk/solids.log",
     benchmark:
@@ -70,4 +69,4 @@ rule vtk_solids:
     conda:
         "../envs/environment.yaml"
     shell:
-        "stage mpm_core solids --scene {params.scene:q} --mined {params.mined:q} --output {output.names} --log {log}"
+        "stage mpm_core solids --scene {params.scene:q} --output {output.names} --log {log}"

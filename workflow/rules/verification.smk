@@ -8,7 +8,7 @@ rule answer:
         figure=kept(f"{STUDY}/figure.svg"),
     params:
         code=answer_sources,
-        default=slice_of(DEFAULT),
+        default=json.dumps(DEFAULT, sort_keys=True),
     log:
         "logs/verification/{study}.log",
     benchmark:
@@ -35,7 +35,7 @@ rule verification_report:
     params:
         code=source_hash("verification report"),
         studies=study_files,
-        default=slice_of(DEFAULT),
+        default=json.dumps(DEFAULT, sort_keys=True),
     log:
         "logs/verification/report.log",
     benchmark:

@@ -7,9 +7,9 @@ from pathlib import Path
 import yaml
 
 from pipeline.errors import InputError
+from pipeline.quantities import parse_quantity
 from verification.studies import merge
 from workflow.configuration import Mine, load
-from workflow.quantities import parse_quantity
 
 ROOT = Path(__file__).resolve().parents[3]
 FILE = ROOT / "config" / "benchmarks.yaml"

@@ -1,0 +1,274 @@
+"""The settings of the mechanics: those of a mine's configuration, and the slice that the grid is made from."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from pipeline.settings import (
+    AsTuple,
+    Length,
+    Name,
+    Point,
+    Settings,
+    Size,
+    Unit,
+    choose,
+    is_list,
+    is_section,
+    refusal,
+    whole,
+    whole_number,
+)
+
+FACES = ("x_lower", "x_upper", "y_lower", "y_upper", "z_lower", "z_upper")
+Condition = Literal["fixed", "roller", "traction", "free"]
+Stress = Annotated[float, Unit("Pa", ge=-1e13, le=1e13)]
+Gradient = Annotated[float, Unit("Pa/m", ge=-1e12, le=1e12)]
+Angle = Annotated[float, Unit("deg", ge=0, lt=90)]
+StrengthPart = Annotated[float, Unit("Pa", ge=0, le=1e13)]
+Tolerance = Annotated[float, Field(ge=1e-15, le=0.1)]
+Corner = Annotated[tuple[Length, ...], Field(min_length=2, max_length=2), AsTuple]
+Many = whole_number(ge=1, le=1_000_000_000)
+
+
+class Boundary(Settings):
+    """Conditions by face or axis; `x` is both x_lower and x_upper, `others` all that are not named (else fixed)."""
+
+    x: Condition = None
+    y: Condition = None
+    z: Condition = None
+    x_lower: Condition = None
+    x_upper: Condition = None
+    y_lower: Condition = None
+    y_upper: Condition = None
+    z_lower: Condition = None
+    z_upper: Condition = None
+    others: Condition = None
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        for face in FACES:
+            if {face, face[0]} <= self.model_fields_set:
+                raise refusal(f"also given by '{face[0]}'; keep one of the two", face)
+        return self
+
+
+class DomainSettings(Settings):
+    """The box that is modelled."""
+
+    lower: Point
+    """its lower corner; two coordinates in plane strain"""
+    upper: Point
+    """its upper corner; the sides are whole multiples of grid.coarse_cell"""
+    boundary: choose(is_section, Boundary, Condition) = "fixed"
+    """fixed | roller | traction (keeps in-situ stress) | free; or by face: {x: roller, z_upper: free, others: fixed}"""
+
+
+class GridSettings(Settings):
+    """Cells: how large, and where they are small."""
+
+    coarse_cell: Size = 10.0
+    """edge of the largest cells; the sides of the domain are whole multiples of it"""
+    levels: whole_number(ge=1, le=12) = 4
+    """sizes of cell, each half the one before: 10, 5, 2.5, 1.25 m"""
+    buffer_cells: whole_number(ge=0, le=100) = 3
+    """rings of cells, on each level, that are refined around an excavation"""
+    particles_per_cell: Annotated[Literal[1, 4, 8, 9, 16, 25, 27, 64], BeforeValidator(whole)] = 1
+    """1, 8, 27 (in 2-D 1, 4, 9): points per cell that carry stress"""
+    failure_zone: Literal["none", "auto"] = "none"
+    """none | auto: a draft run two levels coarser finds where rock will fail; fine cells there too"""
+    cut_cells: Literal["fraction", "whole", "subdivide"] = "fraction"
+    """cells crossed by a surface: fraction (by volume) | whole (in or out) | subdivide (64 points)"""
+    volume_error: Annotated[float, Field(ge=0)] = 0.2
+    """share of its volume by which the grid may miss an excavation; more is an error, 0.05 a banner"""
+
+
+class StressComponents(Settings):
+    """Components of a stress, tension positive; what is not given is zero."""
+
+    xx: Stress = None
+    yy: Stress = None
+    zz: Stress = None
+    yz: Stress = None
+    xz: Stress = None
+    xy: Stress = None
+
+
+class GradientComponents(Settings):
+    """Their change per metre of depth below frame.surface; compression is negative."""
+
+    xx: Gradient = None
+    yy: Gradient = None
+    zz: Gradient = None
+    yz: Gradient = None
+    xz: Gradient = None
+    xy: Gradient = None
+
+
+class InsituSettings(Settings):
+    """Stress in place: constant + gradient x depth."""
+
+    constant: StressComponents
+    gradient: GradientComponents = None
+
+
+class AnglePair(Settings):
+    """Of intact rock, and of rock that has failed."""
+
+    intact: Angle
+    residual: Angle
+
+
+class StrengthPair(Settings):
+    """Of intact rock, and of rock that has failed."""
+
+    intact: StrengthPart
+    residual: StrengthPart
+
+
+class MaterialSettings(Settings):
+    """One rock or fill. An elastic one has no strength, a coulomb one needs all of it."""
+
+    model: Literal["elastic", "coulomb"]
+    youngs_modulus: Annotated[float, Unit("Pa", ge=1e-3, le=1e21)]
+    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
+    density: Annotated[float, Unit("kg/m^3", ge=1e-3, le=1e6)]
+    friction_angle: AnglePair = None
+    dilation_angle: AnglePair = None
+    cohesion: StrengthPair = None
+    tension_cutoff: choose(is_section, StrengthPair, Literal["none"]) = None
+    """intact and residual, or none"""
+    allow_psi_above_phi: bool = False
+    """accept a dilation angle above the friction angle, which creates energy"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _strength_by_model(cls, values: Any) -> Any:
+        if isinstance(values, dict):
+            for key in ("friction_angle", "dilation_angle", "cohesion", "tension_cutoff"):
+                if values.get("model") == "coulomb" and key not in values:
+                    raise refusal("missing key", key)
+                if values.get("model") == "elastic" and key in values:
+                    raise refusal("not a key of this model", key)
+        return values
+
+
+class SolverSettings(Settings):
+    """How equilibrium is sought."""
+
+    scheme: Literal["multigrid", "explicit"] = "multigrid"
+    """multigrid (solves for equilibrium) | explicit (damped explicit stepping)"""
+    tolerance: Tolerance = 1e-5
+    """unbalanced force at rest over the force that the step releases, 2-norms"""
+    cascade_tolerance: Tolerance = 1e-3
+    """the same between two generations of brittle failure"""
+    increments: whole_number(ge=1, le=1000) = 4
+    """parts in which the rock of one step is taken out"""
+    max_iterations: Many = 40000
+    """of one relaxation; more is an error"""
+    max_generations: Many = 2000
+    """of brittle failure in one increment; more is an error"""
+    weakest_first: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """0: all rock above strength fails at once; 0.9: only what has 0.9 of the overstress nearby"""
+    collapse: Literal["error", "keep"] = "error"
+    """rock that finds no rest after a failure: error | keep (the last state of rest, the last step)"""
+    damping: Annotated[float, Field(ge=0, lt=1)] = 0.7
+    """local damping (Cundall), 0.7 to 0.85"""
+    density_scaling: bool = True
+    """densities such that all cells share one time step; weights stay real"""
+    hourglass: Annotated[float, Field(ge=0, le=1)] = 0.05
+    """Flanagan-Belytschko stiffness, share kappa, 0.001 to 1; only at one particle per cell"""
+    move: bool = False
+    """particles move through the grid (needs scheme explicit and more than one per cell)"""
+
+
+class ShapeSettings(Settings):
+    """A solid: a shape with its own keys, or a file. Which keys a shape takes: mpm_core.geometry.shapes."""
+
+    shape: Literal["box", "tunnel", "cylinder", "sphere", "prism", "circle", "polygon"] = None
+    file: str = None
+    """STL, OBJ, PLY, DXF or OMF, relative to the mine file; with shape prism the outline of a DXF layer"""
+    layer: str = None
+    """of a DXF drawing, "*" all"""
+    element: str = None
+    """OMF surface, OBJ object or group, solid of a text STL; "*" all"""
+    units: Literal["m", "cm", "mm", "km", "ft", "us_ft", "inch"] = None
+    """of the file's coordinates, where it does not say them itself"""
+    scale: Annotated[float, Field(ge=1e-6, le=1e6)] = None
+    """metres = coordinate x units x scale + offset"""
+    offset: Annotated[tuple[Length, ...], Field(min_length=3, max_length=3), AsTuple] = None
+    lower: choose(is_list, Point, Length) = None
+    """box: corner; prism: elevation"""
+    upper: choose(is_list, Point, Length) = None
+    """box: corner; prism: elevation"""
+    path: Annotated[tuple[Point, ...], Field(min_length=2), AsTuple] = None
+    """tunnel: points along the middle of its floor"""
+    width: Size = None
+    """tunnel"""
+    height: Size = None
+    """tunnel; prism from a file: above its polyline"""
+    profile: Literal["rectangular", "arched"] = None
+    """tunnel"""
+    start: Point = None
+    """cylinder: middle of an end"""
+    end: Point = None
+    """cylinder: middle of the other end"""
+    center: Point = None
+    """sphere, circle"""
+    radius: Size = None
+    """cylinder, sphere, circle"""
+    polygon: Annotated[tuple[Corner, ...], Field(min_length=3), AsTuple] = None
+    """prism: its outline in plan"""
+    points: Annotated[tuple[Point, ...], Field(min_length=3), AsTuple] = None
+    """polygon"""
+    base: Annotated[tuple[Length, ...], AsTuple] = None
+    """prism: an elevation for each point of its polygon"""
+    top: Annotated[tuple[Length, ...], AsTuple] = None
+    """prism: an elevation for each point of its polygon"""
+
+
+class SolidSettings(ShapeSettings):
+    """A named solid."""
+
+    name: Name
+    outside: bool = False
+    """what the shape or file leaves of the domain, not what it holds"""
+
+
+class BodySettings(SolidSettings):
+    """A volume of other rock."""
+
+    refine: bool = False
+    """whether cells are small along its surface"""
+
+
+class GridDomain(Settings):
+    """The domain as the grid knows it."""
+
+    lower: Point
+    upper: Point
+
+
+class GridCells(GridSettings):
+    """Cells as the grid's slice has them; draft: large cells may fail, and what is too thin for them is left out."""
+
+    draft: bool = False
+
+
+class GridSlice(Settings):
+    """What grid.nc depends on: shapes, cells, the domain; no step, no material. Lengths in m."""
+
+    name: str
+    plane: Literal["xz", "xy"] | None
+    thickness: Size
+    domain: GridDomain
+    grid: GridCells
+    excavations: Annotated[tuple[SolidSettings, ...], AsTuple]
+    rock_bodies: Annotated[tuple[BodySettings, ...], AsTuple]
+    mined: Annotated[tuple[int, ...], AsTuple] = ()
+    """of the picture of the solids: index of the step that mines each excavation, -1 where it is planned"""
+
+    @property
+    def dimension(self) -> int:
+        """2 (plane strain) or 3."""
+        return 2 if self.plane else 3

@@ -1,0 +1,51 @@
+"""Physical quantities as a user writes them: a number, then its unit, "57 GPa"."""
+
+import math
+import re
+from functools import cache
+
+QUANTITY = re.compile(r"(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>[^\d\s].*)?")
+POWER = r"(?:[^\W\d]\w*|°)(?:(?:\^|\*\*)[-+]?\d)?"  # m, m^3, s**-1
+UNIT = re.compile(rf"{POWER}(?:(?:\s*[*/·]\s*|\s+){POWER})*")  # pint evaluates all it is given, 9**9**9 too
+LONGEST = 100  # characters of a quantity
+
+
+@cache
+def units():
+    """The registry of units (imported and built once: that takes most of a second)."""
+    import pint
+
+    return pint.UnitRegistry()
+
+
+@cache
+def factor(text: str, unit: str) -> float:
+    """How many `unit` the unit `text` has. Raises ValueError with the reason; a large mine has a few of them."""
+    import pint
+
+    try:
+        return float(units().Quantity(1.0, text).to(unit).magnitude)
+    except pint.DimensionalityError as error:
+        raise ValueError(f"is not convertible to {unit}") from error
+    except Exception as error:  # pint raises a dozen kinds for text that is not a unit
+        raise ValueError(f"has no unit that is known; expected one like {unit} ({error})") from error
+
+
+def parse_quantity(text: str, unit: str) -> float:
+    """The value of `text` ("57 GPa": a number, then its unit) in `unit`. Raises ValueError with the reason."""
+    if len(text) > LONGEST:
+        raise ValueError(f"{text[:30]!r}... is not a number with a unit: it has {len(text):,} characters")
+    parts = QUANTITY.fullmatch(text.strip())
+    if not parts:
+        raise ValueError(f"{text!r} is not a number with a unit, for example '1.5 {unit}'")
+    if not parts["unit"]:
+        raise ValueError(f"{text!r} has no unit; write it as text with one, for example '{text} {unit}'")
+    if not UNIT.fullmatch(parts["unit"]):
+        raise ValueError(f"{text!r} has no unit that is known; expected one like {unit}, without arithmetic")
+    try:
+        number = float(parts["number"]) * factor(parts["unit"], unit)
+    except ValueError as error:
+        raise ValueError(f"{text!r} {error}") from error
+    if not math.isfinite(number):
+        raise ValueError(f"{text!r} is not a finite number")
+    return number

@@ -1,0 +1,106 @@
+"""Settings are declared once: what is made from the models is up to date, and true."""
+
+import ast
+import copy
+
+import jsonschema
+import pytest
+import yaml
+from tiny_mines import FLAT, ROOT, STILL, TINY, merged
+
+from pipeline.errors import InputError
+from verification.studies import merge
+from workflow.generate import generated, schema
+from workflow.settings import MineSettings
+from workflow.yaml_habits import with_yaml_habits
+
+PACKAGES = ("mpm_core", "seismic", "catalogs", "pipeline", "workflow", "verification")
+MAY_IMPORT = {
+    "pipeline": {"pipeline"},
+    "mpm_core": {"mpm_core", "pipeline"},
+    "seismic": {"seismic", "pipeline"},
+    "catalogs": {"catalogs", "pipeline"},
+}
+TINIES = {"tiny": TINY, "flat": FLAT, "still": STILL}
+
+
+@pytest.mark.parametrize("path", generated(), ids=lambda path: path.name)
+def test_generated_files_are_up_to_date(path):
+    """After a change of a model: python -m workflow.generate."""
+    assert path.read_text(encoding="utf-8") == generated()[path], "stale: run python -m workflow.generate"
+
+
+def scenes() -> dict[str, dict]:
+    """Every configuration of ours, as its writer wrote it, by name."""
+    found = {path.name: yaml.safe_load(path.read_text()) for path in sorted((ROOT / "config/mines").glob("*.yaml"))}
+    for path in sorted((ROOT / "config/verification").glob("*.yaml")):
+        study = yaml.safe_load(path.read_text())
+        base = found[study["scene_from"].rsplit("/")[-1]] if "scene_from" in study else {}
+        for name, changes in (study.get("variants") or {}).items():
+            scene = merge(merge(base, study.get("scene") or {}), changes or {})
+            found[f"{path.stem}-{name}"] = scene | {"name": f"{path.stem}-{name}"}
+    return found | TINIES
+
+
+def refuses(config: dict) -> tuple[bool, bool]:
+    """Whether the models and the JSON schema made from them refuse a configuration."""
+    config = with_yaml_habits(config)
+    by_schema = not jsonschema.Draft202012Validator(schema()).is_valid(config)
+    try:
+        MineSettings.read(config)
+    except InputError:
+        return True, by_schema
+    return False, by_schema
+
+
+@pytest.mark.parametrize("name", scenes())
+def test_models_and_schema_take_our_own_scenes(name):
+    """Mines, variants of studies, and what tests start from."""
+    scene = scenes()[name]
+    assert refuses(merged(scene)) == (False, False)
+    assert refuses(scene) == (False, False)  # models have the defaults themselves
+
+
+BEYOND = [
+    ("seismic.closeness", 1),
+    ("grid.levels", 13),
+    ("grid.levels", 1.5),
+    ("grid.particles_per_cell", 3),
+    ("plane", "yz"),
+    ("solver.damping", 1.0),
+    ("domain.upper", ["1 m"]),
+    ("domain.boundary", {"x": "loose"}),
+    ("domain.boundary", {"w": "fixed"}),
+    ("excavations", {}),
+    ("excavations", [{"step": "history"}]),
+    ("materials.host.poisson_ratio", 0.5),
+    ("materials.host.cohesion", None),
+    ("materials.host.tension_cutoff", "some"),
+    ("record.columns.time", ["a", "b", "c", "d"]),
+    ("record.conversions", {"ML": {"slope": 1}}),
+    ("comparison.resamplings", 98),
+    ("colour", "red"),
+]
+
+
+@pytest.mark.parametrize(("key", "value"), BEYOND, ids=[f"{key}={value}" for key, value in BEYOND])
+def test_the_schema_refuses_what_the_models_refuse(key, value):
+    """Types, bounds, choices, missing and unknown keys; editors that read the schema tell them as we do."""
+    config = copy.deepcopy(TINY)
+    *sections, last = key.split(".")
+    part = config
+    for section in sections:
+        part = part.setdefault(section, {})
+    part[last] = value
+    assert refuses(config) == (True, True)
+
+
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_packages_import_neither_each_other_nor_the_workflow(package):
+    """What they share is in pipeline; workflow composes them."""
+    for path in (ROOT / package).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            foreign = {name.split(".")[0] for name in names} & set(PACKAGES) - MAY_IMPORT[package]
+            assert not foreign, f"{path}: imports {foreign}"

@@ -1,0 +1,220 @@
+"""What is made from the models of the settings: default file, JSON schema, table of keys.
+
+python -m workflow.generate     writes config/default.yaml, config/README.md and workflow/schemas/config.schema.yaml
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import yaml
+from pydantic.fields import FieldInfo
+
+from mpm_core.settings import ShapeSettings
+from pipeline.settings import Settings, Unit
+from workflow.settings import MineSettings
+
+BASE = Path(__file__).parent.parent
+COMMENT = 30  # column of comments
+SHAPE = "shape or file"  # section of the keys that all solids share
+SLIP = 1e6  # bounds from here on keep slips of the keyboard out and tell a reader nothing
+DEFAULT_HEAD = """\
+# Every parameter that has a default, generated from the models of the settings: python -m workflow.generate
+# A mine file (config/mines/<mine>.yaml) overrides what it needs. Materials, excavations, rock bodies, loads, strains,
+# steps and the record stand in mine files alone. All keys: config/README.md; a full example: config/mines/demo.yaml.
+# Every physical quantity carries its unit as text.
+"""
+SCHEMA_HEAD = """\
+# One mine's configuration, generated from the models of the settings: python -m workflow.generate
+# "unit" is ours: the value is text with a unit of that dimension, converted to it, in which its bounds are, too.
+"""
+README_HEAD = """\
+# Keys of a mine file
+
+Generated from the models of the settings: `python -m workflow.generate`. A full example is
+[mines/demo.yaml](mines/demo.yaml); [default.yaml](default.yaml) holds all defaults. A quantity is text with a unit
+(`57 GPa`, `1.25 m`, `30 deg`), in any unit of its kind; the table gives the unit that bounds are in. A key without a
+default and not *needed* may be left out.
+
+Of files, and of what laboratory specimens need:
+
+```yaml
+excavations:
+  - {file: stopes.dxf, layer: S1, units: ft, scale: 1, offset: [x, y, z]}   # element: a body of OMF, OBJ or text STL
+  - {shape: prism, file: outline.dxf, layer: S1, height: 20 m}              # or lower and upper
+  - {shape: cylinder, outside: true}             # what the shape or file leaves of the domain: a disc is a box less it
+loads:
+  - {force: [x, y, z]}                           # in all, shared by volume among the rock in the shape
+  - {force: 1 kN, toward: [x, y, z]}             # sizes add up to it; each part points there (two points: to a line)
+strains:
+  - {strain: {zz: -1.0e-4}}                      # held faces move by strain . (x - domain.lower); tensor shear
+```
+"""
+
+
+def generated() -> dict[Path, str]:
+    """Text of each generated file by its path."""
+    return {
+        BASE / "config/default.yaml": default_text(),
+        BASE / "config/README.md": readme_text(),
+        BASE / "workflow/schemas/config.schema.yaml": SCHEMA_HEAD
+        + yaml.safe_dump(schema(), sort_keys=False, width=110, default_flow_style=None),
+    }
+
+
+def section_of(annotation: Any) -> type[Settings] | None:
+    """The model that a field's type is or holds, as a list or mapping does; the first of several."""
+    if isinstance(annotation, type) and issubclass(annotation, Settings):
+        return annotation
+    return next((found for part in get_args(annotation) if (found := section_of(part))), None)
+
+
+def unit_of(field: FieldInfo) -> Unit | None:
+    """The unit that a field itself is in."""
+    return next((part for part in field.metadata if isinstance(part, Unit)), None)
+
+
+def default_of(field: FieldInfo) -> Any:
+    """A field's default as a user would write it."""
+    unit = unit_of(field)
+    return f"{field.default:g} {unit.unit}" if unit and isinstance(field.default, float) else field.default
+
+
+def as_yaml(value: Any) -> str:
+    """A scalar as YAML reads it back: 1.0e-05, since 1e-05 is a text to it."""
+    if isinstance(value, bool) or value is None:
+        return str(value).lower()
+    return f"{value:.1e}" if isinstance(value, float) and "e" in repr(value) else str(value)
+
+
+def default_text() -> str:
+    """config/default.yaml."""
+    return DEFAULT_HEAD + "\n" + "\n".join(_default_lines(MineSettings, 0)).strip() + "\n"
+
+
+def _default_lines(model: type[Settings], depth: int) -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        key = f"{'  ' * depth}{name}:"
+        if section_of(field.annotation) is field.annotation:
+            if field.default is not None and (lines := list(_default_lines(field.annotation, depth + 1))):
+                yield from ([key, *lines] if depth else ["", key, *lines])
+        elif isinstance(default := default_of(field), str | int | float):
+            line = f"{key} {as_yaml(default)}"
+            yield f"{line:<{COMMENT - 1}} # {' '.join(field.description.split())}" if field.description else line
+
+
+def schema() -> dict:
+    """The JSON schema, with the keyword `unit` of ours."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_tidy(MineSettings.model_json_schema())}
+
+
+def _tidy(part: Any) -> Any:
+    """A part of pydantic's schema without what says nothing: titles, and defaults that stand in another section."""
+    if isinstance(part, list):
+        return [_tidy(entry) for entry in part]
+    if not isinstance(part, dict):
+        return part
+    kept = {key: value for key, value in part.items() if not (key == "title" and isinstance(value, str))}
+    if not isinstance(kept.get("default", ""), str | int | float) or kept.get("default", "") is None:
+        kept.pop("default")
+    if "unit" in kept and "default" in kept:
+        kept["default"] = f"{kept['default']:g} {kept['unit']}"
+    return {key: " ".join(value.split()) if key == "description" and isinstance(value, str) else _tidy(value)
+            for key, value in kept.items()}  # fmt: skip
+
+
+def readme_text() -> str:
+    """config/README.md."""
+    parts, told = [README_HEAD], set()
+    queue = [("", MineSettings)]
+    while queue:
+        path, model = queue.pop(0)
+        rows = []
+        shared = ShapeSettings.model_fields if issubclass(model, ShapeSettings) and model is not ShapeSettings else {}
+        for name, field in model.model_fields.items():
+            if name in shared:
+                continue
+            section = section_of(field.annotation)
+            where = name if path in ("", SHAPE) else f"{path}.{name}"
+            if section and section not in told:
+                told.add(section)
+                queue.append((where, section))
+            rows.append(
+                f"| `{name}` | {_kind(model, name, section)} | {_default(field)} | {_meaning(field, section)} |"
+            )
+        about = " ".join((model.__doc__ or "").split())
+        if shared and ShapeSettings not in told:
+            told.add(ShapeSettings)
+            queue.append((SHAPE, ShapeSettings))
+        about += f" Beside these the keys of a [{SHAPE}](#{SHAPE.replace(' ', '-')})." if shared else ""
+        head = f"## {path}\n\n{about}\n" if path else ""
+        parts.append("\n".join([head, "| key | value | default | meaning |", "|---|---|---|---|", *rows, ""]))
+    return "\n".join(parts).replace("\n\n\n", "\n\n")
+
+
+def _kind(model: type[Settings], name: str, section: type[Settings] | None) -> str:
+    """What a field takes, in words."""
+    part = schema_of(model)["properties"][name]
+    words = _words(part, model)
+    return f"{words}" if words else f"{section.__name__ if section else ''}"
+
+
+def schema_of(model: type[Settings]) -> dict:
+    """The schema of one model, its own definitions with it."""
+    return _tidy(model.model_json_schema())
+
+
+def _words(part: dict, model: type[Settings]) -> str:
+    if "$ref" in part:
+        return "section"
+    if "oneOf" in part or "anyOf" in part:
+        return " or ".join(_words(choice, model) for choice in part.get("oneOf", part.get("anyOf")))
+    if "enum" in part:
+        return ", ".join(str(value) for value in part["enum"])
+    if "const" in part:
+        return str(part["const"])
+    if part.get("type") == "array":
+        least, most = part.get("minItems", 0), part.get("maxItems")
+        count = f"{least}" if least == most else f"{least} to {most}" if most else f"{least} or more" if least else ""
+        return f"list of {count} ({_words(part.get('items', {}), model)})".replace("of  ", "of ")
+    if part.get("type") == "object":
+        inner = part.get("additionalProperties") or next(iter(part.get("patternProperties", {}).values()), {})
+        return f"by name: {_words(inner, model)}"
+    kind = {"string": "text", "number": "number", "integer": "whole number", "boolean": "true or false"}
+    words = part["unit"] if "unit" in part else kind.get(part.get("type"), "")
+    if "unit" in part and part.get("maximum", 0) >= SLIP:
+        least = part.get("minimum", part.get("exclusiveMinimum"))
+        return f"{words}, above 0" if least >= 0 and part.get("minimum") != 0 else words
+    low = f"{part['minimum']:g}" if "minimum" in part else ""
+    low = f"above {part['exclusiveMinimum']:g}" if "exclusiveMinimum" in part else low
+    high = f"{part['maximum']:g}" if "maximum" in part else ""
+    high = f"below {part['exclusiveMaximum']:g}" if "exclusiveMaximum" in part else high
+    if low and high:
+        return f"{words}, {low} to {high}"
+    return f"{words}, {low or high}{'' if 'above' in low else ' or more'}" if low or high else words
+
+
+def _default(field: FieldInfo) -> str:
+    """A field's default, or that there is none and it is needed."""
+    if field.is_required():
+        return "*needed*"
+    default = default_of(field)
+    return f"`{as_yaml(default)}`" if isinstance(default, str | int | float) else ""
+
+
+def _meaning(field: FieldInfo, section: type[Settings] | None) -> str:
+    """What a field means."""
+    text = field.description or (section.__doc__ if section else "") or ""
+    return " ".join(text.split()).replace("|", "/")
+
+
+def main() -> None:
+    """Write what has changed."""
+    for path, text in generated().items():
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+            print(f"{path.relative_to(BASE)}: written")
+
+
+if __name__ == "__main__":
+    main()
