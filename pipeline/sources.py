@@ -70,9 +70,9 @@ def _uses(path: Path, stage: str) -> tuple[set[Path], set[Path]]:
     return imported, named
 
 
-def _imports(tree: ast.AST, path: Path) -> Iterator[str]:
+def _imports(tree: ast.Module, path: Path) -> Iterator[str]:
     """Dotted names that a module at `path` imports: of modules, or of what may be a module."""
-    for node in ast.walk(tree):
+    for node in _statements(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -80,6 +80,14 @@ def _imports(tree: ast.AST, path: Path) -> Iterator[str]:
             parents = package[: len(package) - node.level + 1] if node.level else ()
             base = ".".join([*parents, *filter(None, [node.module])])
             yield from (f"{base}.{alias.name}" for alias in node.names)
+
+
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """All statements below a node, in functions and classes too; not what they are made of, which is the most of it."""
+    for part in ("body", "orelse", "handlers", "finalbody", "cases"):
+        for statement in getattr(node, part, ()):
+            yield statement
+            yield from _statements(statement)
 
 
 def _of_stage(tree: ast.Module, stage: str) -> ast.Module:

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import shutil
 import subprocess
 
 import meshio
@@ -13,11 +12,11 @@ from obspy.io.quakeml.core import _validate
 from tiny_mines import (
     FLAT,
     NEXT_STEP,
-    ROOT,
     STILL,
     TINY,
     changed,
     command,
+    copy_checkout,
     edited,
     finished,
     hashes,
@@ -307,11 +306,7 @@ def test_vtk_files_on_request(spoiled, tiny_file):
 
 def test_checkout_in_a_folder_with_a_space_whose_sources_change(tiny_file, tmp_path):
     """The rules quote the checkout's own path; an edit re-runs the stages that use the file and no other."""
-    checkout = tmp_path / "my checkout"
-    checkout.mkdir()
-    (checkout / "Snakefile").symlink_to(ROOT / "Snakefile")
-    for name in ("workflow", "config", "pipeline", "mpm_core", "seismic", "catalogs", "verification", "profiles"):
-        shutil.copytree(ROOT / name, checkout / name, ignore=shutil.ignore_patterns("__pycache__"))
+    checkout = copy_checkout(tmp_path / "my checkout")
 
     def run(*options: str) -> str:
         line = command(tiny_file, tmp_path / "run", *options, "results/tiny/record.nc", cores=1, checkout=checkout)

@@ -3,13 +3,12 @@
 import ast
 import json
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from tiny_mines import ROOT, TINY, changed, command, jobs, write_mine
+from tiny_mines import ROOT, TINY, changed, command, copy_checkout, jobs, write_mine
 
 from pipeline.sources import source_files, source_hash
 
@@ -160,13 +159,7 @@ def test_stages_use_no_file_that_their_sources_lack(tmp_path):
 def standing(tmp_path_factory):
     """A copy of the checkout in which a mine stands as finished, with empty results; asks what an edit would run."""
     base = tmp_path_factory.mktemp("sources")
-    checkout, mine = base / "checkout", write_mine(TINY, base / "files" / "tiny.yaml")
-    skip = shutil.ignore_patterns("__pycache__")
-    for name in (*PACKAGES, "config", "profiles"):
-        shutil.copytree(ROOT / name, checkout / name, ignore=skip)
-    shutil.copytree(ROOT / "tests/benchmarks", checkout / "tests/benchmarks", ignore=skip)
-    shutil.copytree(ROOT / "tests/extremes", checkout / "tests/extremes", ignore=skip)
-    shutil.copy(ROOT / "Snakefile", checkout)
+    checkout, mine = copy_checkout(base / "checkout"), write_mine(TINY, base / "files" / "tiny.yaml")
 
     def run(*options: str) -> dict[str, int]:
         line = command(mine, base / "run", *options, checkout=checkout)[3:]

@@ -3,6 +3,7 @@
 import copy
 import hashlib
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -131,6 +132,15 @@ def merged(mine: dict) -> dict:
         return base | top | {key: over(base[key], top[key]) for key in both}
 
     return over(yaml.safe_load(DEFAULT.read_text()), copy.deepcopy(mine))
+
+
+def copy_checkout(folder: Path) -> Path:
+    """A copy of all that Snakemake and the stages read of this checkout, to be edited."""
+    parts = ("workflow", "config", "profiles", "pipeline", "mpm_core", "seismic", "catalogs", "verification")
+    for name in (*parts, "tests/benchmarks", "tests/extremes"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "Snakefile", folder)
+    return folder
 
 
 @contextmanager
