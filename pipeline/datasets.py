@@ -35,7 +35,7 @@ def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         os.replace(temporary, path)
-    except Exception as error:
+    except Exception as error:  # whatever a writer raises on a full disk: netCDF a RuntimeError, numpy an OSError
         if told := no_room(error, path.parent, temporary):
             raise told from error
         raise

@@ -144,7 +144,7 @@ def outcome(seed: int, folder: Path) -> tuple[str, str]:
         state, facts = run(made, folder)
     except InputError as error:
         return ("refused" if "\n" not in str(error) else "many lines"), str(error)
-    except Exception as error:
+    except Exception as error:  # whatever it is: the outcome that this looks for
         return "traceback", repr(error)
     moved = np.abs(state.node_displacement.values).max()
     words = f"moved {moved:.2g} m, loose {facts['loose_pieces']} of {facts['loose_volume']:.2g} m3"

@@ -6,15 +6,13 @@ from tests.mechanics.random_scenes import elastic_difference, make, outcome
 
 SEEDS = [*range(48), 658]
 """some 30 at rest, 15 refused; a third of them with loose pieces; and what has failed"""
-MAKES_ENERGY = {7}
-"""what failed rock dissipates is negative there, by 1 J in 10,000: not a matter of what is loose or held"""
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_random_scene_comes_to_rest_or_is_refused_in_one_line(seed, tmp_path):
     """Any mix of faces, voids and blocks: no other end, finite stress, motion of less than a cell."""
     kind, words = outcome(seed, tmp_path)
-    assert kind in ("rest", "refused") or (kind == "makes energy" and seed in MAKES_ENERGY), words
+    assert kind in ("rest", "refused"), words
 
 
 @pytest.mark.parametrize("seed", range(0, 40, 2))
