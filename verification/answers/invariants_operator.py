@@ -21,7 +21,9 @@ def model_of(variant: Variant, **changes) -> Model:
     """Model of a variant on its own grid, with values of the scene changed; `move` and `damping` are the solver's."""
     scene = variant.scene()
     solver = {key: changes.pop(key) for key in ("move", "damping") if key in changes}
-    return build_model(replace(scene, **changes, solver=replace(scene.solver, **solver)), *read_grid(variant.grid))
+    return build_model(
+        replace(scene, **changes, solver=scene.solver.model_copy(update=solver)), *read_grid(variant.grid)
+    )
 
 
 def scheme_of(model: Model) -> ExplicitScheme:
