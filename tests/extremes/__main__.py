@@ -46,13 +46,15 @@ def write_table(arguments: argparse.Namespace) -> None:
                 differs = compare(outcome, run(change(values), Path(folder)))
                 rows.append((seed, name, "differs" if differs else "holds", "", differs))
                 counts[f"relation {'differs' if differs else 'holds'}"] += 1
+                if differs:  # here too: Snakemake removes the table of a run that fails
+                    logging.error("scene %d, %s: %s", seed, name, differs)
             logging.info("scene %d: %s %s", seed, outcome.kind, outcome.message)
     with atomic_path(arguments.table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([COLUMNS, *rows])
     told = ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items()))
     logging.info("%s", told)
     if any(counts[kind] for kind in (*FAULTS, "relation differs")):
-        raise InputError(f"{told}; see {arguments.table}")
+        raise InputError(f"{told}; see the log")
 
 
 if __name__ == "__main__":
