@@ -4,8 +4,8 @@ import numba
 import pytest
 
 from tests.extremes.mines import random_mine
-from tests.extremes.outcomes import FAULTS, run
-from tests.extremes.relations import RELATIONS, compare
+from tests.extremes.outcomes import ENDED, FAULTS, Outcome, run
+from tests.extremes.relations import RELATIONS, compare, is_rest
 
 
 @pytest.fixture(autouse=True)
@@ -28,4 +28,22 @@ def test_scenes_that_are_alike_answer_alike(relation, tmp_path):
         values = random_mine(seed)
         first = run(values, tmp_path)
         assert "elastic" in first.stored
-        assert not compare(first, run(RELATIONS[relation](values), tmp_path))
+        assert not compare(relation, values, first, lambda scene: run(scene, tmp_path))
+
+
+def test_a_rest_from_which_the_other_scheme_runs_away_holds_at_a_tenth_of_the_tolerance(tmp_path):
+    values = random_mine(285)
+    first = run(values, tmp_path)
+    asked = []
+    assert not compare("other scheme", values, first, lambda scene: asked.append(scene) or run(scene, tmp_path))
+    assert [scene["solver"]["tolerance"] for scene in asked] == [1e-4, pytest.approx(1e-5)]
+
+
+def test_a_rest_that_a_tighter_tolerance_undoes_is_none(tmp_path):
+    values = random_mine(285)
+    first = run(values, tmp_path)
+    assert not is_rest(values, first, lambda scene: Outcome(ENDED, "rock runs away"))
+    for state in first.stored.values():
+        if "node_displacement" in state:
+            state.node_displacement.values *= 1.1
+    assert not is_rest(values, first, lambda scene: run(scene, tmp_path))
