@@ -2,10 +2,10 @@
 
 A stiff body in soft rock moves rigidly, a plate bends besides: next to no force for its own stiffness, by which the
 smoother measures everything. The coarser grids join it with its neighbours and the boundary, and thicken plates. So the
-nodes of stiff bodies are gathered in blocks, as small as a direct solution can afford, single nodes if possible, and a
-solution in which every block moves rigidly is taken out before and after the V-cycle (deflation, Frank and Vuik 2001;
-balancing, Mandel 1993). Blocks belong to one body each; bodies that meet at an edge or a corner share its nodes by
-halves: a hinge.
+nodes of stiff bodies are gathered in blocks, as small as a direct solution can afford by the entries of its factor (a
+dyke can afford more than a ball), single nodes if possible, and a solution in which every block moves rigidly is taken
+out before and after the V-cycle (deflation, Frank and Vuik 2001; balancing, Mandel 1993). Blocks belong to one body
+each; bodies that meet at an edge or a corner share its nodes by halves: a hinge.
 """
 
 import numpy as np
@@ -16,11 +16,12 @@ from threadpoolctl import ThreadpoolController
 
 from mpm_core.kernels.operator_cells import sum_cell_stiffness
 from mpm_core.multigrid.coarsening import LevelGrid
+from mpm_core.multigrid.dissection import dissect
 from mpm_core.multigrid.level import Level
 from mpm_core.multigrid.stiffness import ElasticCells
 
 STIFF = 8.0  # times the host's stiffness; at 10 the V-cycle alone takes 6 to 10 iterations for 5 to 9, at 100 up to 68
-MOST_MOTIONS = 6_000  # that are solved for directly: 0.3 s to factorise, a hundredth of that for each solution
+MOST_ENTRIES = 4_000_000  # of the factor: a second to make, a hundredth of that for each solution
 CELLS_AT_ONCE = 20_000  # whose stiffness matrices are held in memory
 SHIFT = 1e-12  # added to the diagonal, as a share: motions of a block that are none, two nodes turned about each other
 FINENESS = 2.0  # ratio of stiffnesses that are counted as one kind of rock
@@ -71,9 +72,10 @@ def cell_matrices(cells: ElasticCells, chosen: np.ndarray, dimension: int) -> np
 
 
 def rigid_motions(nodes: np.ndarray, block: np.ndarray, place: np.ndarray, weight: np.ndarray, count: int):
-    """Translations and rotations of blocks, sparse (node d, motion); all arrays by member of a block (k,).
+    """Translations and rotations of blocks, those of a block one after the other: (row, column, value) of entries.
 
-    nodes: which node; block: of `count`; place (k, d); weight: the node's share in this block.
+    Rows are node d + component. All arrays by member of a block (k,), `place` (k, d).
+    nodes: which node; block: of `count`; weight: the node's share in this block. Single nodes do not turn.
     """
     dimension = place.shape[1]
     members = np.bincount(block, minlength=count)
@@ -81,14 +83,13 @@ def rigid_motions(nodes: np.ndarray, block: np.ndarray, place: np.ndarray, weigh
     arm = place - centre[block]
     size = np.sqrt(np.bincount(block, (arm**2).sum(axis=1), count) / members)
     arm /= np.where(size > 0.0, size, 1.0)[block, None]
-    pairs = [(i, j) for i in range(dimension) for j in range(i)]
+    pairs = [(i, j) for i in range(dimension) for j in range(i)] if size.any() else []
     each = dimension + len(pairs)
     parts = [(nodes * dimension + i, block * each + i, weight) for i in range(dimension)]
     for number, (i, j) in enumerate(pairs, start=dimension):
         parts.append((nodes * dimension + i, block * each + number, weight * arm[:, j]))
         parts.append((nodes * dimension + j, block * each + number, -weight * arm[:, i]))
-    rows, columns, values = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return rows, columns, values, each * count
+    return tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
 
 
 class StiffBodies:
@@ -105,6 +106,7 @@ class StiffBodies:
         self.free = finest.inverse_diagonal[
             finest.families.node_row[:, None] * finest.operator.width + np.arange(self.dimension)
         ] != 0.0  # fmt: skip
+        self.touched = self._touched(cells)
         motions = self._motions()
         moved = np.flatnonzero(np.diff(motions.indptr))
         node, component = moved // self.dimension, moved % self.dimension
@@ -117,7 +119,7 @@ class StiffBodies:
         shift = np.where(diagonal > 0.0, SHIFT * diagonal, 1.0)
         with self.blas.limit(limits=1):  # threads would add up in another order
             self.factors = splu(
-                (matrix + sparse.diags_array(shift)).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                (matrix + sparse.diags_array(shift)).tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0,
                 options={"SymmetricMode": True},
             )  # fmt: skip
 
@@ -142,14 +144,55 @@ class StiffBodies:
         rows, columns = np.divmod(pairs, len(self.hanging))
         return sparse.csr_array((np.ones(len(pairs), np.int32), (rows, columns)), shape=(len(cells), len(self.hanging)))
 
+    def _touched(self, cells: ElasticCells) -> np.ndarray:
+        """Cells (k,) with rock that a motion of the stiff ones strains or moves."""
+        moves = np.zeros(len(self.hanging), bool)
+        moves[self._corners(self.stiff).indices] = True
+        moves[self.hanging] = (moves[self.grid.node_parents] & (self.grid.node_parents >= 0)).any(axis=1)[self.hanging]
+        return np.flatnonzero(moves[self.grid.cell_nodes].any(axis=1) & (cells.constants[:, 1] > 0.0))
+
     def _motions(self):
-        """Motions of the blocks, (node d, motion) sparse, 0 where held; the smallest blocks that can be afforded."""
+        """Motions of the blocks, (node d, motion) sparse, 0 where held; the smallest blocks that can be afforded.
+
+        Motions come in the order of their elimination, those of a block together.
+        """
+        corners = self._corners(self.touched)
+        for blocks in self._blocks():
+            node, block, place, _ = blocks
+            count = int(block.max()) + 1
+            members = sparse.csr_array((np.ones(len(node), np.int32), (node, block)), shape=(len(self.hanging), count))
+            beside = corners @ members
+            centre = (
+                np.stack([np.bincount(block, axis, count) for axis in place.T], axis=1) / np.bincount(block)[:, None]
+            )
+            order, entries = dissect((beside.T @ beside).tocsr(), centre)
+            each = self.dimension if len(node) == count else self.dimension * (self.dimension + 1) // 2
+            if entries * each**2 <= MOST_ENTRIES:
+                break
+        else:  # more bodies than can be afforded: those of most nodes
+            chosen = np.argsort(-np.bincount(block), kind="stable")
+            most = int(count * MOST_ENTRIES / (entries * each**2))
+            order = order[np.isin(order, chosen[: max(1, most)])]
+        weight = blocks[-1]
+        number = np.full(count, -1)
+        number[order] = np.arange(len(order))
+        keep = number[block] >= 0
+        rows, columns, values = rigid_motions(
+            node[keep], number[block[keep]], place[keep].astype(float), weight[keep], len(order)
+        )
+        keep = self.free.ravel()[rows] & (values != 0.0)
+        shape = (len(self.hanging) * self.dimension, each * len(order))
+        return sparse.csr_array((values[keep], (rows[keep], columns[keep])), shape=shape)
+
+    def _blocks(self):
+        """Ways to gather the nodes of stiff bodies, the smallest blocks first, single nodes to whole bodies.
+
+        Each as arrays by member of a block (k,): node, block, place (k, d) on the grid, the node's share in the block.
+        """
         corners = self._corners(self.stiff)
         single = np.unique(corners.indices)
-        shape = (len(self.hanging) * self.dimension, None)
-        if np.count_nonzero(self.free[single]) <= MOST_MOTIONS:
-            rows = np.flatnonzero(np.isin(np.arange(len(self.hanging)), single)[:, None] & self.free)
-            return sparse.csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(shape[0], len(rows)))
+        single = single[self.free[single].any(axis=1)]
+        yield single, np.arange(len(single)), self.grid.node_index[single], np.ones(len(single))
         touching = (corners @ corners.T).tocsr()
         touching.data = (touching.data >= 2 ** (self.dimension - 1)).astype(np.int8)  # across a face, not an edge
         touching.eliminate_zeros()
@@ -167,26 +210,13 @@ class StiffBodies:
         lowest = np.full((bodies, self.dimension), np.iinfo(place.dtype).max)
         np.minimum.at(lowest, body, place)
         from_corner = place - lowest[body]  # both sides of a plate in one block
-        each = self.dimension * (self.dimension + 1) // 2
         edge = 2
-        while True:
+        while edge <= 2 * place.max():
             boxes = from_corner // (edge * smallest[node, None])
             keys = np.column_stack([body, kind[node], smallest[node], boxes])
-            kinds, block = np.unique(keys, axis=0, return_inverse=True)
-            if len(kinds) * each <= MOST_MOTIONS or (edge > place.max()):
-                break
+            _, block = np.unique(keys, axis=0, return_inverse=True)
+            yield node, block.ravel(), place, weight
             edge *= 2
-        block = block.ravel()
-        if len(kinds) * each > MOST_MOTIONS:  # more bodies than that: those of most nodes
-            members = np.bincount(block)
-            chosen = np.sort(np.argsort(-members, kind="stable")[: MOST_MOTIONS // each])
-            number = np.full(len(kinds), -1)
-            number[chosen] = np.arange(len(chosen))
-            keep = number[block] >= 0
-            node, block, place, weight = node[keep], number[block[keep]], place[keep], weight[keep]
-        rows, columns, values, motions = rigid_motions(node, block, place.astype(float), weight, int(block.max()) + 1)
-        keep = self.free.ravel()[rows] & (values != 0.0)
-        return sparse.csr_array((values[keep], (rows[keep], columns[keep])), shape=(shape[0], motions))
 
     def _stiffness(self, motions, cells: ElasticCells):
         """Stiffness of the motions (motion, motion), sparse: the elastic operator's, Galerkin."""
@@ -202,11 +232,9 @@ class StiffBodies:
             shape=(nodes, nodes),
         )
         motions = motions + sparse.kron(mean, np.eye(dimension), format="csr") @ motions
-        moves = np.diff(motions.indptr).reshape(nodes, dimension).any(axis=1)
-        touched = np.flatnonzero(moves[self.grid.cell_nodes].any(axis=1) & (cells.constants[:, 1] > 0.0))
         total = sparse.csr_array((motions.shape[1],) * 2)
-        for first in range(0, len(touched), CELLS_AT_ONCE):
-            some = touched[first : first + CELLS_AT_ONCE]
+        for first in range(0, len(self.touched), CELLS_AT_ONCE):
+            some = self.touched[first : first + CELLS_AT_ONCE]
             elements = self.grid.cell_nodes[some].astype(np.int64)[:, :, None] * dimension + np.arange(dimension)
             elements, local = np.unique(elements, return_inverse=True)
             local = local.reshape(len(some), -1)
