@@ -7,12 +7,12 @@ import numpy as np
 from mpm_core.constitutive.strength import elastic_row, strength_row
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.blocks import Scatter, build_scatter
-from mpm_core.loading import external_force, virgin_stress
 from mpm_core.loose import find_loose
 from mpm_core.occupancy import SAMPLES, Changes, Loose, Pieces, changes_of
 from mpm_core.particles import Particles, seed, volumes
 from mpm_core.rigid import RigidMotions, free_motions
 from mpm_core.scene import FACES, Material, Scene
+from mpm_core.virgin import virgin_stress
 
 BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # VTK corner at each bit-ordered place (an involution)
 OF_FAILED = ("failure_order", "seismic_strain", "overshoot_strain", "later_strain")
@@ -126,10 +126,6 @@ class Model:
             position=self.particles.position,
             cell=self.particles.cell,
         )
-
-    def external_force(self, step: int) -> np.ndarray:
-        """Forces of all that was mined, filled and loaded up to `step`: see loading.external_force."""
-        return external_force(self, step)
 
     def free_motions(self, volume: np.ndarray) -> RigidMotions:
         """Rigid motions that fixed and roller faces leave to rock and fill of these volumes (particle,)."""

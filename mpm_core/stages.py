@@ -19,7 +19,7 @@ from mpm_core.equilibrium.moving import MovingScheme
 from mpm_core.equilibrium.multigrid import MultigridScheme
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels.failure import rate_strength
-from mpm_core.loading import boundary_strain, strain_reaction
+from mpm_core.loading import boundary_strain, external_force, strain_reaction
 from mpm_core.loose import describe_loose
 from mpm_core.memory import require, stage_bytes
 from mpm_core.model import Model, State, build_model
@@ -49,7 +49,7 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
     volume = model.volumes(0)
     scheme = make_scheme(model, state, volume)
     balance = Balance.at_start(scheme, model.particles.full_volume * model.particles.is_rock, 0.0)
-    force, strain = model.external_force(0), boundary_strain(scene, 0)
+    force, strain = external_force(model, 0), boundary_strain(scene, 0)
     reference = load_size(model, force, strain, 0)
     with following(scene, "elastic", state, failed_state) as history:
         history.increment = 1
@@ -88,13 +88,13 @@ def mining_step(
     model = build_model(scene, *read_grid(grid), read_loose(previous))
     state = read_state(previous, model)
     before = max(step - 1, 0)
-    volume, target = model.volumes(before), model.external_force(before)
+    volume, target = model.volumes(before), external_force(model, before)
 
     scheme = make_scheme(model, state, volume)
     start = target + scheme.internal_force()
     old_volume, mined_hourglass = volume, 0.0
     if step > before:
-        volume, target = model.volumes(step), model.external_force(step)
+        volume, target = model.volumes(step), external_force(model, step)
         mined_hourglass = release_mined_hourglass(scheme, volume)
         scheme.set_volume(volume)
     balance = Balance.at_start(scheme, old_volume, mined_hourglass)

@@ -17,6 +17,7 @@ from mpm_core.equilibrium.multigrid import MultigridScheme
 from mpm_core.equilibrium.part import OF_PARTICLES
 from mpm_core.equilibrium.surroundings import CUBE
 from mpm_core.grid.adjacency import face_neighbors
+from mpm_core.loading import external_force
 from mpm_core.model import State
 from mpm_core.stages import elastic_stage, mining_step
 from tests.mechanics.scenes import (
@@ -62,7 +63,7 @@ def with_failure(dimension: int, **scene):
     scene, shapes, grid = long_mine(dimension, **scene)
     model = make_model(scene, grid, shapes)
     volume, state = model.volumes(0), model.virgin_state()
-    scheme, force = MultigridScheme(model, state, volume), model.external_force(0)
+    scheme, force = MultigridScheme(model, state, volume), external_force(model, 0)
     scheme.relax(force, 1e-9, norm(force), History(1e-9))
     brittle = find_brittle(model, volume, 0, *face_neighbors(grid))
     fresh = new_failures(model, state, brittle)

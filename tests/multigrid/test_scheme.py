@@ -10,6 +10,7 @@ from mpm_core.equilibrium import multigrid
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.multigrid import MultigridScheme
+from mpm_core.loading import external_force
 from mpm_core.multigrid.solver import Solution
 from tests.mechanics.scenes import COULOMB, ball, excavation, grid_around, make_model, make_scene, uniform
 from tests.multigrid.test_operator import scene_with_everything
@@ -20,7 +21,7 @@ STRESS = 30e6  # Pa, largest in-situ stress of the scenes
 def at_rest(kind, model, volume, state, tolerance=1e-9, parts=1):
     """The scheme after relaxation under all forces, put on in parts."""
     scheme, history = kind(model, state, volume), History(tolerance)
-    force = model.external_force(0)
+    force = external_force(model, 0)
     for part in range(1, parts + 1):
         scheme.relax(force * part / parts, tolerance, norm(force), history)
     return scheme, history
