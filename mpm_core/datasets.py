@@ -44,7 +44,7 @@ def grid_dataset(
         "cell_origin": embed(grid.cell_origin, axes),
         "cell_size": grid.cell_size,
         "cell_level": grid.cell_level,
-        "cell_nodes": grid.cell_nodes,
+        "cell_nodes": grid.vtk_nodes,
         "cell_body": body,
         "node_position": embed(grid.node_position, axes),
         "node_parents": grid.node_parents,
@@ -98,7 +98,7 @@ def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray, Pieces]:
         shape=np.rint((np.asarray(attributes["domain_upper"])[axes] - origin) / fine).astype(np.int64),
         cell_index=index(dataset.cell_origin),
         cell_level=dataset.cell_level.values,
-        cell_nodes=dataset.cell_nodes.values,
+        vtk_nodes=dataset.cell_nodes.values,
         node_index=index(dataset.node_position),
         node_parents=dataset.node_parents.values,
     )

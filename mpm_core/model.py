@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpm_core.constitutive.strength import elastic_row, strength_row
-from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.kernels.blocks import Scatter, build_scatter
 from mpm_core.loose import find_loose
 from mpm_core.occupancy import SAMPLES, Changes, Loose, Pieces, changes_of
@@ -14,7 +14,6 @@ from mpm_core.rigid import RigidMotions, free_motions
 from mpm_core.scene import FACES, Material, Scene
 from mpm_core.virgin import virgin_stress
 
-BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # VTK corner at each bit-ordered place (an involution)
 OF_FAILED = ("failure_order", "seismic_strain", "overshoot_strain", "later_strain")
 """parts of a State that change only where rock has failed"""
 FORCES, BOUNDARY, SEISMIC, OVERSHOOT, FLOW, GAINED, HOURGLASS, MOTION = range(8)
@@ -170,7 +169,7 @@ def build_model(
     if len(fallen.cell):
         changes = changes_of(pieces, scene.excavations, loose)
     particles = seed(grid, body, changes, scene, pieces)
-    cell_nodes = np.ascontiguousarray(grid.cell_nodes[:, BIT_ORDER[grid.dimension]])
+    cell_nodes = np.ascontiguousarray(grid.vtk_nodes[:, BIT_ORDER[grid.dimension]])
     modes = range(1 << grid.dimension)
     mode_values = np.stack(
         [np.prod([particles.points[:, k] ** ((m >> k) & 1) for k in range(grid.dimension)], axis=0) for m in modes],

@@ -129,7 +129,7 @@ def _crop_grid(model: Model, chosen: np.ndarray, cells: np.ndarray):
         grid,
         cell_index=grid.cell_index[cells],
         cell_level=grid.cell_level[cells],
-        cell_nodes=number[grid.cell_nodes[cells]],
+        vtk_nodes=number[grid.vtk_nodes[cells]],
         node_index=grid.node_index[nodes],
         node_parents=own,
     )

@@ -97,9 +97,9 @@ def test_block_scatter_is_plain_assembly(block, monkeypatch):
     """Random corner forces, summed into slots of blocks of any size, equal np.add.at and C^T."""
     monkeypatch.setattr(blocks, "CELLS_PER_BLOCK", block)
     grid = random_grid(np.random.default_rng(8), 3)
-    scatter = blocks.build_scatter(grid.cell_nodes, grid.node_parents)
-    assert len(scatter.block_start) == 1 + -(-len(grid.cell_nodes) // block)
-    corner_force = np.random.default_rng(9).normal(size=grid.cell_nodes.shape)
+    scatter = blocks.build_scatter(grid.vtk_nodes, grid.node_parents)
+    assert len(scatter.block_start) == 1 + -(-len(grid.vtk_nodes) // block)
+    corner_force = np.random.default_rng(9).normal(size=grid.vtk_nodes.shape)
     slots = np.zeros(scatter.slots)
     np.add.at(slots, scatter.cell_slots, corner_force)
     for first, last, low, high in zip(
@@ -108,7 +108,7 @@ def test_block_scatter_is_plain_assembly(block, monkeypatch):
         assert scatter.cell_slots[first:last].min() >= low
         assert scatter.cell_slots[first:last].max() < high
     plain = np.zeros((len(grid.node_index), 1))
-    np.add.at(plain[:, 0], grid.cell_nodes, corner_force)
+    np.add.at(plain[:, 0], grid.vtk_nodes, corner_force)
     collect_to_parents(grid.node_parents, plain)
     for i, node in enumerate(scatter.free_nodes):
         own = slice(scatter.sum_start[i], scatter.sum_start[i + 1])
