@@ -22,8 +22,9 @@ from mpm_core.kernels.failure import rate_strength
 from mpm_core.loading import boundary_strain, external_force, strain_reaction
 from mpm_core.loose import describe_loose
 from mpm_core.memory import require, stage_bytes
-from mpm_core.model import Model, State, build_model
+from mpm_core.model import Model, build_model
 from mpm_core.scene import Scene
+from mpm_core.state import State
 from pipeline.datasets import atomic_path, clear_parts
 from pipeline.errors import InputError
 

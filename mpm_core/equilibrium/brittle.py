@@ -7,7 +7,8 @@ import numpy as np
 from mpm_core.equilibrium.energy import dissipate, hourglass_energies
 from mpm_core.equilibrium.perturbation import borne_overstress
 from mpm_core.kernels.failure import any_neighbor, drop, overstress_of, stands_above
-from mpm_core.model import HOURGLASS, OVERSHOOT, SEISMIC, Model, State
+from mpm_core.model import Model
+from mpm_core.state import HOURGLASS, OVERSHOOT, SEISMIC, State
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from mpm_core.equilibrium.brittle import Brittle, fail, new_failures, weakest
 from mpm_core.equilibrium.convergence import History, NoRest
 from mpm_core.equilibrium.part import Part
 from mpm_core.equilibrium.perturbation import lateness
-from mpm_core.model import State
+from mpm_core.state import State
 from pipeline.errors import InputError
 
 TIGHTER = 4.0  # between two tolerances of the last increment

@@ -32,7 +32,8 @@ import numpy as np
 
 from mpm_core.kernels.energy import flow_energy, stored_energy, work_of_forces, work_of_stress
 from mpm_core.kernels.nodes import advance_nodes
-from mpm_core.model import BOUNDARY, FLOW, FORCES, GAINED, HOURGLASS, MOTION, OVERSHOOT, SEISMIC, Model, State
+from mpm_core.model import Model
+from mpm_core.state import BOUNDARY, FLOW, FORCES, GAINED, HOURGLASS, MOTION, OVERSHOOT, SEISMIC, State
 
 if TYPE_CHECKING:
     from mpm_core.equilibrium.explicit import ExplicitScheme

@@ -37,7 +37,8 @@ from mpm_core.kernels.nodes import (
     spread_to_hanging,
 )
 from mpm_core.kernels.resting import UPDATE
-from mpm_core.model import Model, State
+from mpm_core.model import Model
+from mpm_core.state import State
 
 CHECK_EVERY = 20  # iterations between two looks at the unbalanced force
 TIME_STEP_SHARE = 0.98  # of the damped limit, 1 / sqrt(1 + c) of the undamped one

@@ -27,7 +27,8 @@ from mpm_core.grid.adjacency import leaf_lookup
 from mpm_core.kernels.moving import CYCLE, move_nodes
 from mpm_core.kernels.nodes import spread_to_hanging
 from mpm_core.kernels.relocation import relocate, sort_by_cell
-from mpm_core.model import FLOW, Model, State
+from mpm_core.model import Model
+from mpm_core.state import FLOW, State
 from pipeline.errors import InputError
 
 

@@ -29,11 +29,12 @@ from mpm_core.equilibrium.part import Part, cut_out
 from mpm_core.equilibrium.surroundings import Cubes
 from mpm_core.kernels.nodes import sizes
 from mpm_core.kernels.operator_rows import balance, take_step
-from mpm_core.model import Model, State
+from mpm_core.model import Model
 from mpm_core.multigrid.anderson import Anderson
 from mpm_core.multigrid.flow import FlowForces
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import elastic_cells
+from mpm_core.state import State
 from mpm_core.threads import threads_for
 
 CYCLES = 100  # V-cycles of one elastic solution; 12 are usual at most

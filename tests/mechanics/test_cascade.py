@@ -25,8 +25,8 @@ from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit import FAILED_HOURGLASS, ExplicitScheme
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels import blocks
-from mpm_core.model import HOURGLASS, OVERSHOOT, SEISMIC
 from mpm_core.stages import elastic_stage, mining_step
+from mpm_core.state import HOURGLASS, OVERSHOOT, SEISMIC
 from pipeline.errors import InputError
 
 PLANES = {2: "xz", 3: None}
