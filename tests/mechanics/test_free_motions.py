@@ -73,11 +73,11 @@ def test_all_mixes_of_faces_come_to_rest(dimension, count, stress, caplog):
         scheme = MultigridScheme(model, model.virgin_state(), volume)
         scheme.relax(force, 1e-6, norm(force), history)
         assert history.iteration <= 12, boundary
-        assert np.abs(scheme.state.displacement).max() < 0.1, boundary  # a square block bent by 30 MPa: 12 p h / E
+        assert np.abs(scheme.body.state.displacement).max() < 0.1, boundary  # a square block bent by 30 MPa: 12 p h / E
         free = model.free_motions(volume).at(model.grid.node_position)
         assert len(free) == 0 or np.abs(
-            np.einsum("kni,n,ni->k", free, scheme.mass, scheme.state.displacement)
-        ).max() < (1e-9 * scheme.mass.sum() * np.abs(scheme.state.displacement).max())
+            np.einsum("kni,n,ni->k", free, scheme.body.mass, scheme.body.state.displacement)
+        ).max() < (1e-9 * scheme.body.mass.sum() * np.abs(scheme.body.state.displacement).max())
         solved += 1
     assert "explicit" not in caplog.text
     assert solved > count / 2
@@ -97,10 +97,10 @@ def test_both_schemes_agree_where_motions_are_free(dimension, number):
         scheme.relax(force, 1e-7, norm(force), History(1e-7))
     one, other = schemes
     present = volume > 0.0
-    assert np.abs(one.state.stress - other.state.stress)[present].max() < 1e-5 * 30e6
-    solid = one.mass > 0.0
-    moved = np.abs(one.state.displacement[solid]).max()
-    assert np.abs(one.state.displacement - other.state.displacement)[solid].max() < 1e-4 * moved
+    assert np.abs(one.body.state.stress - other.body.state.stress)[present].max() < 1e-5 * 30e6
+    solid = one.body.mass > 0.0
+    moved = np.abs(one.body.state.displacement[solid]).max()
+    assert np.abs(one.body.state.displacement - other.body.state.displacement)[solid].max() < 1e-4 * moved
 
 
 def test_forces_along_what_is_free_are_refused_by_name():
@@ -118,7 +118,7 @@ def test_forces_along_what_is_free_are_refused_by_name():
     force = external_force(model, 0)
     scheme = MultigridScheme(model, model.virgin_state(), model.volumes(0))
     scheme.relax(force, 1e-6, norm(force), History(1e-6))
-    assert scheme.state.displacement[:, 1].min() < 0.0
+    assert scheme.body.state.displacement[:, 1].min() < 0.0
 
 
 def test_everything_mined_is_refused_in_one_line():

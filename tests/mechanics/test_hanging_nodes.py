@@ -22,8 +22,8 @@ def patch(dimension, seed, per_edge, slope):
     state = model.virgin_state()
     scheme = ExplicitScheme(model, state, model.volumes(0))
     state.velocity[:] = grid.node_position @ slope.T
-    scheme._update(1.0)
-    return model, state, scheme.internal_force()
+    scheme.body.update(1.0)
+    return model, state, scheme.body.internal_force()
 
 
 @settings(max_examples=15, deadline=None)
@@ -85,10 +85,10 @@ def test_mass_and_momentum_of_particles_arrive_at_free_nodes(dimension, per_edge
         make_scene(PLANES[dimension], particles_per_cell=per_edge, solver={"density_scaling": False}), grid
     )
     scheme = ExplicitScheme(model, model.virgin_state(), model.volumes(0))
-    assert (scheme.mass[grid.is_hanging] == 0.0).all()
+    assert (scheme.body.mass[grid.is_hanging] == 0.0).all()
     domain = np.prod(grid.shape * grid.fine_cell)
-    assert scheme.mass.sum() == pytest.approx(2850.0 * domain, rel=1e-13)
-    center = (scheme.mass[:, None] * grid.node_position).sum(axis=0) / scheme.mass.sum()
+    assert scheme.body.mass.sum() == pytest.approx(2850.0 * domain, rel=1e-13)
+    center = (scheme.body.mass[:, None] * grid.node_position).sum(axis=0) / scheme.body.mass.sum()
     np.testing.assert_allclose(center, 0.5 * grid.shape * grid.fine_cell, rtol=1e-12)
 
 
@@ -133,7 +133,7 @@ def test_a_relaxation_has_the_same_bits_on_one_thread_and_two(dimension, monkeyp
         for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS), 1):
             numba.set_num_threads(threads)
             scheme, history = solve(make_model(scene, grid, [shape]), 1e-4)
-            results.append((scheme.state.stress, scheme.state.displacement, np.array(history.rows)))
+            results.append((scheme.body.state.stress, scheme.body.state.displacement, np.array(history.rows)))
     finally:
         numba.set_num_threads(before)
     for other in results[1:]:

@@ -125,12 +125,12 @@ def test_traction_all_round_balances_and_the_body_stays_where_it_is(plane, dimen
     scene = make_scene(plane, stress=stress, boundary="traction", excavations=[excavation()])
     model = make_model(scene, grid_around([shape], [5] * dimension, 2, 8.0), [shape])
     scheme, history = solve(model, 1e-6)
-    acting = scheme.mass > 0.0
+    acting = scheme.body.mass > 0.0
     force = external_force(model, 0)
     assert not acting.all()
     np.testing.assert_allclose(force[acting].sum(axis=0), 0.0, atol=1e-12 * np.abs(force).sum())
     assert history.rows[-1][3] <= 1e-6
-    mass, u = scheme.mass[:, None], scheme.state.displacement
+    mass, u = scheme.body.mass[:, None], scheme.body.state.displacement
     x = model.grid.node_position
     x = x - (mass * x).sum(axis=0) / mass.sum()
     size = np.sum(mass * np.abs(u))
@@ -233,4 +233,4 @@ def test_unit_stress_of_virgin_rock_needs_no_iteration():
     """A state whose forces balance within tolerance is left as it is."""
     model = make_model(make_scene("xz", stress=uniform(-1e6, -1e6, -1e6)), grid_around([], [3, 3], 1, 8.0))
     scheme = ExplicitScheme(model, model.virgin_state(), model.volumes(0))
-    assert (scheme.internal_force() == 0.0).all()
+    assert (scheme.body.internal_force() == 0.0).all()

@@ -54,7 +54,7 @@ def test_tiny_displacement_rests_where_the_resting_scheme_does(dimension, cut_ce
     for scheme_class in (ExplicitScheme, MovingScheme):
         scheme = scheme_class(model, model.virgin_state(), volume)
         scheme.relax(force, 1e-9, norm(force), History(1e-9))
-        states.append(scheme.state)
+        states.append(scheme.body.state)
     resting, moving = states
     there = volume > 0.0
     np.testing.assert_allclose(
@@ -84,8 +84,8 @@ def test_comes_to_rest_with_scaled_and_with_true_density(scaling):
     scheme.relax(force, 1e-5, norm(force), history)
     reference = ExplicitScheme(model, model.virgin_state(), model.volumes(0))
     reference.relax(force, 1e-5, norm(force), History(1e-5))
-    assert np.abs(scheme.state.displacement).max() == pytest.approx(
-        np.abs(reference.state.displacement).max(), rel=0.01
+    assert np.abs(scheme.body.state.displacement).max() == pytest.approx(
+        np.abs(reference.body.state.displacement).max(), rel=0.01
     )
 
 
@@ -96,8 +96,8 @@ def test_virgin_rock_with_particles_that_may_move_stays():
     model = make_model(scene, grid)
     scheme = MovingScheme(model, model.virgin_state(), model.volumes(0))
     scheme.relax(external_force(model, 0), 1e-6, 0.0, History(1e-6))
-    assert not scheme.state.displacement.any()
-    assert not scheme.state.stress.any()
+    assert not scheme.body.state.displacement.any()
+    assert not scheme.body.state.stress.any()
 
 
 def test_steps_start_where_particles_came_to_rest(tmp_path):

@@ -185,7 +185,7 @@ def test_scheme_beside_stiff_bodies(dimension, caplog):
             scheme, history = at_rest(MultigridScheme, model, volume, model.virgin_state(), tolerance)
         assert not caplog.records
         assert history.iteration <= 25
-        displacements.append(scheme.state.displacement)
+        displacements.append(scheme.body.state.displacement)
     largest = np.abs(displacements[1]).max()
     assert np.abs(displacements[0] - displacements[1]).max() < 1e-4 * largest
 
@@ -203,7 +203,7 @@ def test_failed_rock_beside_stiff_bodies(dimension, caplog):
         with caplog.at_level(logging.WARNING):
             scheme, history = at_rest(MultigridScheme, model, volume, state, tolerance=1e-5)
         assert not caplog.records
-        assert (scheme.state.later_strain != 0.0).any()
+        assert (scheme.body.state.later_strain != 0.0).any()
         cycles.append(history.iteration)
     assert cycles[1] <= 1.5 * cycles[0] + 5
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from mpm_core.datasets import read_grid
 from mpm_core.equilibrium.convergence import History, norm
-from mpm_core.equilibrium.explicit import ExplicitScheme
-from mpm_core.equilibrium.moving import MovingScheme
+from mpm_core.equilibrium.explicit import take_time_step
+from mpm_core.equilibrium.moving import MovingBody
+from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.kernels.nodes import collect_to_parents, interpolate, particle_loads
 from mpm_core.model import Model, build_model
 from mpm_core.stages import make_scheme
@@ -26,7 +27,7 @@ def model_of(variant: Variant, **changes) -> Model:
     )
 
 
-def scheme_of(model: Model) -> ExplicitScheme:
+def scheme_of(model: Model) -> Scheme:
     """Scheme at the virgin state, what is mined in history taken out."""
     return make_scheme(model, model.virgin_state(), model.volumes(0))
 
@@ -63,10 +64,10 @@ def largest(values: np.ndarray) -> float:
 def resultants(model: Model, random: np.random.Generator) -> tuple[float, float]:
     """Total force and moment of random stress and hourglass forces, as share of the sums of their terms' sizes."""
     scheme = scheme_of(model)
-    state = scheme.state
+    state = scheme.body.state
     state.stress[:] = 1e6 * random.standard_normal(state.stress.shape)
     state.hourglass_force[:] = 1e6 * random.standard_normal(state.hourglass_force.shape)
-    force = scheme.internal_force()
+    force = scheme.body.internal_force()
     arm = model.grid.node_position - model.grid.node_position.mean(axis=0)
     total = np.abs(force.sum(axis=0)).max() / np.abs(force).sum()
     moment = 0.0
@@ -102,24 +103,24 @@ def fly(variant: Variant, random: np.random.Generator, steps: int, reach: float)
     grid, position = model.grid, model.particles.position
     upper = grid.origin + grid.shape * grid.fine_cell
     inside = ((position > grid.origin + MARGIN) & (position < upper - MARGIN)).all(axis=1)
-    scheme = MovingScheme(model, model.virgin_state(), np.where(inside, model.volumes(0), 0.0))
-    scheme.state.stress[:] = 1e6 * random.standard_normal(scheme.state.stress.shape)
-    speed = reach * grid.fine_cell / scheme.time_step
-    scheme.velocity[:] = speed * random.uniform(2 / 3, 4 / 3, scheme.velocity.shape)
+    body = MovingBody(model, model.virgin_state(), np.where(inside, model.volumes(0), 0.0))
+    body.state.stress[:] = 1e6 * random.standard_normal(body.state.stress.shape)
+    speed = reach * grid.fine_cell / body.time_step
+    body.velocity[:] = speed * random.uniform(2 / 3, 4 / 3, body.velocity.shape)
     nothing = np.zeros((len(grid.node_index), model.dimension))
-    mass = scheme.particle_mass[:, None].copy()
+    mass = body.particle_mass[:, None].copy()
 
     def momentum() -> np.ndarray:
-        return (mass * scheme.velocity).sum(axis=0)
+        return (mass * body.velocity).sum(axis=0)
 
-    start, size = momentum(), np.abs(mass * scheme.velocity).sum()
-    scheme.internal_force()  # what the nodes see first
+    start, size = momentum(), np.abs(mass * body.velocity).sum()
+    body.internal_force()  # what the nodes see first
     drift = lost = 0.0
     for _ in range(steps):
-        scheme.step(nothing)
+        take_time_step(body, nothing)
         drift = max(drift, float(np.abs(momentum() - start).max() / size))
-        lost = max(lost, abs(float(scheme.mass.sum() / mass.sum()) - 1.0))
-    return Flight(drift, lost, scheme.state.cell_changes)
+        lost = max(lost, abs(float(body.mass.sum() / mass.sum()) - 1.0))
+    return Flight(drift, lost, body.state.cell_changes)
 
 
 @dataclass(frozen=True)
@@ -151,10 +152,10 @@ def solve_smooth(variant: Variant, smooth: dict, particles_per_edge: int) -> Sol
     collect_to_parents(grid.node_parents, force)
     force[model.held] = 0.0
     scheme = scheme_of(model)
-    scheme.displace(field.displacement(grid.node_position))
+    scheme.body.displace(field.displacement(grid.node_position))
     scheme.relax(force, tolerance, norm(force), History(tolerance))
     found = np.zeros((particles.count, d))
-    interpolate(model.cell_nodes, particles.cell, particles.xi, scheme.state.displacement, found)
+    interpolate(model.cell_nodes, particles.cell, particles.xi, scheme.body.state.displacement, found)
     exact = field.displacement(particles.position)
     tensor = rock.stress(field.gradient(particles.position))
     stress = np.stack([tensor[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))], axis=1)
@@ -163,7 +164,7 @@ def solve_smooth(variant: Variant, smooth: dict, particles_per_edge: int) -> Sol
         float(grid.cell_size.max()),
         len(grid.cell_level),
         mean_square(found - exact, volume) / mean_square(exact, volume),
-        mean_square(scheme.state.stress - stress, volume) / mean_square(stress, volume),
+        mean_square(scheme.body.state.stress - stress, volume) / mean_square(stress, volume),
     )
 
 
