@@ -41,7 +41,7 @@ from mpm_core.model import Model
 from tests.benchmarks.grid import overlaps_a_box
 from tests.mechanics.scenes import COULOMB, make_model, make_scene, uniform
 
-PEERS = Path(__file__).parent / "peers"
+PEERS = Path(__file__).parents[2] / "verification" / "benchmarks" / "peers"
 TABLE_2_AT_1000_M = uniform(-24.9e6, -40.97e6, -28.13e6, -3.95e6, 2.7e6, -0.7e6)
 YIELDING_STRESS = -70e6  # Pa, along y
 YIELDING_SHARE = 0.1
