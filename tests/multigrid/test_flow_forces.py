@@ -31,16 +31,16 @@ def test_forces_of_flow_are_those_of_the_explicit_scheme(dimension, points, cut_
 
     np.testing.assert_array_equal(*before)
     explicit, multigrid = schemes
-    explicit.displace(motion)
-    flowed = (explicit.state.later_strain != 0.0).any(axis=1)
-    assert 20 < flowed.sum() < len(explicit.flowing)
-    expected = explicit.internal_force() - before[0]
+    explicit.body.displace(motion)
+    flowed = (explicit.body.state.later_strain != 0.0).any(axis=1)
+    assert 20 < flowed.sum() < len(explicit.body.flowing)
+    expected = explicit.body.internal_force() - before[0]
 
     multigrid._set_stiffness()
     solver, flow = multigrid.solver, multigrid._flow_forces()
     values, elastic, fallen = solver.to_rows(motion), solver.operator.zeros(), solver.operator.zeros()
     solver.operator.apply(values, elastic)
-    flow.begin(multigrid.state, multigrid._take_back_flow)
+    flow.begin(multigrid.body.state, multigrid.body.take_back_flow)
     flow.add(values, fallen)
     solver.operator.collect(fallen)
     obtained = np.empty_like(motion)

@@ -16,7 +16,7 @@ from mpm_core.threads import use_threads
 from pipeline.sources import source_hash
 from verification.benchmarks.peers.stope import announce, closure, peak_memory
 from verification.benchmarks.settings import Case, Settings
-from workflow.configuration import Mine
+from workflow.mine import Mine
 
 WARM_UP = 2  # cells across: as small as it gets; kernels are compiled and in memory before the clock starts
 

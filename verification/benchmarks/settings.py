@@ -9,7 +9,8 @@ import yaml
 from pipeline.errors import InputError
 from pipeline.quantities import parse_quantity
 from verification.studies import merge
-from workflow.configuration import Mine, load
+from workflow.configuration import load
+from workflow.mine import Mine
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "config" / "benchmarks.yaml"

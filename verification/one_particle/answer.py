@@ -1,31 +1,14 @@
 """A single cell pressed or pulled along z through failure (paper, Fig. 13), beside the hand calculation."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
 from verification.one_particle.closed_form import Axial, Point, Specimen
 from verification.one_particle.figure import draw
+from verification.one_particle.path import Path
 from verification.results import Results, Variant
 from verification.rows import Row
-
-
-@dataclass(frozen=True)
-class Path:
-    """One variant: what the cell did in each of its four steps, and what it should have done."""
-
-    specimen: Specimen
-    exact: list[Point]
-    found: list[Point]
-    potency: list[float]
-    volume: float
-
-    @property
-    def pulled(self) -> bool:
-        """Or pressed."""
-        return self.exact[0].strain.axial > 0
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:

@@ -3,22 +3,18 @@
 Stress is axial less lateral: while the rock is held at constant strain, the drop raises the lateral one.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from catalogs.figures.style import MODELLED, OUTLINE, RECORDED, applied, new_figure
-
-if TYPE_CHECKING:
-    from verification.one_particle.answer import Path
-    from verification.one_particle.closed_form import Axial
+from verification.one_particle.closed_form import Axial
+from verification.one_particle.path import Path
 
 PER_THOUSAND = 1e3
 
 
-def draw(paths: dict[str, "Path"]) -> Figure:
+def draw(paths: dict[str, Path]) -> Figure:
     """Axial less lateral stress over axial strain, one panel per path, compression or tension up; volume below."""
     with applied():
         figure = new_figure(height=5.6)
@@ -33,7 +29,7 @@ def draw(paths: dict[str, "Path"]) -> Figure:
     return figure
 
 
-def _stress(axes: Axes, name: str, path: "Path") -> None:
+def _stress(axes: Axes, name: str, path: Path) -> None:
     sign = 1.0 if path.pulled else -1.0
     failed = next(point for point in path.exact if point.failed)
     peak_strain = path.specimen.peak_strain(path.pulled)
@@ -54,7 +50,7 @@ def _stress(axes: Axes, name: str, path: "Path") -> None:
     axes.set_xlim(left=0.0)
 
 
-def difference(stress: "Axial") -> float:
+def difference(stress: Axial) -> float:
     """Axial less lateral stress, Pa."""
     return stress.axial - stress.lateral
 
@@ -64,7 +60,7 @@ def _line(axes: Axes, points: list[tuple[float, float]], **style) -> None:
     axes.plot(strain * PER_THOUSAND, stress / 1e6, **{"linewidth": 1.2, "solid_capstyle": "butt"} | style)
 
 
-def _volume(axes: Axes, path: "Path") -> None:
+def _volume(axes: Axes, path: Path) -> None:
     sign = 1.0 if path.pulled else -1.0
     for points, style in ((path.exact, {"color": OUTLINE, "linewidth": 1.2}), (path.found, {"color": MODELLED})):
         strain = [0.0, *(sign * point.strain.axial * PER_THOUSAND for point in points)]

@@ -22,7 +22,7 @@ from pipeline.source_tensors import scalar_potency
 from pipeline.voigt import tensor_from_voigt
 from seismic.events import extract_events
 from verification.results import Variant
-from workflow.configuration import Mine
+from workflow.mine import Mine
 
 
 @dataclass(frozen=True)
