@@ -20,9 +20,7 @@ from pipeline.errors import InputError
 from workflow.configuration import load
 from workflow.owners import check_owner, note_owner
 from workflow.strict_yaml import check_files
-from workflow.terminal import tell_only_what_matters
 
-tell_only_what_matters()
 
 
 configfile: BASE / "config/default.yaml"

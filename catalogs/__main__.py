@@ -80,7 +80,7 @@ def vtk(chosen: argparse.Namespace) -> None:
 
 def report(chosen: argparse.Namespace) -> None:
     """The report a geotechnical engineer reads, and its figures."""
-    from catalogs.report import write_report
+    from catalogs.report.page import write_report
     from catalogs.settings import ReportSlice
 
     settings = ReportSlice.of(read_slice(chosen.settings))

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from mpm_core.equilibrium.convergence import COLUMNS, History
-from mpm_core.model import OF_FAILED, State
+from mpm_core.state import Extent, State, changed_in
 from pipeline.datasets import atomic_path, clear_parts
 
 PAUSE = 30.0  # s at least between two checkpoints
 SHARE = 0.015  # of the time that writing them may take
-UNCHANGED = ("position", "cell", "plastic_strain")  # by a stage; particles that move have no checkpoints
+OF_FAILED, UNCHANGED = changed_in(Extent.FAILED), changed_in(Extent.NONE)
 PLACE = ("increment", "generation", "iteration", "tightened")  # where the history stands
 
 

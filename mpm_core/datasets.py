@@ -5,12 +5,13 @@ import json
 import numpy as np
 import xarray as xr
 
-from mpm_core.fields import variable
+from mpm_core.fields import FIELDS, variable
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodes import interpolate
-from mpm_core.model import Model, State
+from mpm_core.model import Model
 from mpm_core.occupancy import SAMPLES, Loose, Pieces
-from mpm_core.scene import PLANES
+from mpm_core.scene import PLANES, Scene
+from mpm_core.state import ARRAYS, State
 from pipeline.errors import InputError
 from pipeline.voigt import NAMES
 
@@ -35,6 +36,13 @@ def reorder(tensors: np.ndarray, voigt: list[int]) -> np.ndarray:
     return tensors if voigt == sorted(voigt) else tensors[:, voigt]
 
 
+def _to_file(values: np.ndarray, dims: tuple[str, ...], scene: Scene) -> np.ndarray:
+    """An array in the computation's axes as files have it."""
+    if dims[-1] == "xyz":
+        return embed(values, scene.axes)
+    return reorder(values, scene.voigt) if dims[-1] == "voigt" else values
+
+
 def grid_dataset(
     grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, plane: str | None, attributes: dict
 ) -> xr.Dataset:
@@ -44,7 +52,7 @@ def grid_dataset(
         "cell_origin": embed(grid.cell_origin, axes),
         "cell_size": grid.cell_size,
         "cell_level": grid.cell_level,
-        "cell_nodes": grid.cell_nodes,
+        "cell_nodes": grid.vtk_nodes,
         "cell_body": body,
         "node_position": embed(grid.node_position, axes),
         "node_parents": grid.node_parents,
@@ -98,7 +106,7 @@ def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray, Pieces]:
         shape=np.rint((np.asarray(attributes["domain_upper"])[axes] - origin) / fine).astype(np.int64),
         cell_index=index(dataset.cell_origin),
         cell_level=dataset.cell_level.values,
-        cell_nodes=dataset.cell_nodes.values,
+        vtk_nodes=dataset.cell_nodes.values,
         node_index=index(dataset.node_position),
         node_parents=dataset.node_parents.values,
     )
@@ -114,7 +122,6 @@ def state_dataset(
     rating: strength factor and excess shear stress (particle,); table: convergence columns by name.
     """
     scene, particles = model.scene, model.particles
-    axes, voigt = scene.axes, scene.voigt
     displacement = np.zeros((particles.count, model.dimension))
     if scene.solver.move:
         displacement = state.position - particles.position
@@ -122,31 +129,27 @@ def state_dataset(
         interpolate(model.cell_nodes, particles.cell, particles.xi, state.displacement, displacement)
     step_strain = state.seismic_strain + state.overshoot_strain + state.later_strain
     present = (volume > 0.0)[:, None]
-    values = {
-        "position": embed(state.position, axes),
-        "cell": state.cell,
+    values = {array.field.name: getattr(state, name) for name, array in ARRAYS.items() if array.stored} | {
+        "stress": np.where(present, state.stress + model.insitu, 0.0),
+        "plastic_strain": state.plastic_strain + step_strain,
+        "plastic_strain_step": step_strain,
         "spacing": particles.spacing,
         "volume": volume * scene.thickness,
         "material": particles.material,
         "excavation": particles.excavation,
-        "displacement": embed(displacement, axes),
-        "stress": reorder(np.where(present, state.stress + model.insitu, 0.0), voigt),
-        "failed": state.failed,
-        "failure_order": state.failure_order,
-        "seismic_strain": reorder(state.seismic_strain, voigt),
-        "overshoot_strain": reorder(state.overshoot_strain, voigt),
-        "later_strain": reorder(state.later_strain, voigt),
-        "plastic_strain_step": reorder(step_strain, voigt),
-        "plastic_strain": reorder(state.plastic_strain + step_strain, voigt),
+        "displacement": displacement,
         "strength_factor": rating[0],
         "excess_shear_stress": rating[1],
-        "node_displacement": embed(state.displacement, axes),
-        "node_velocity": embed(state.velocity, axes),
-        "hourglass_force": embed(state.hourglass_force, axes),
         **{f"loose_{name}": column for name, column in vars(model.loose).items()},
         **{f"convergence_{name}": column for name, column in table.items()},
     }
-    dataset = xr.Dataset({name: variable(name, array) for name, array in values.items()})
+    dataset = xr.Dataset(
+        {
+            name: variable(name, _to_file(values[name], field.dims, scene))
+            for name, field in FIELDS.items()
+            if name in values
+        }
+    )
     host = scene.materials["host"]
     dataset.attrs = CONVENTIONS | {
         "mine": scene.mine,
@@ -182,14 +185,17 @@ def read_state(dataset: xr.Dataset, model: Model) -> State:
     if not same or not np.array_equal(dataset[seeded].values, getattr(particles, seeded)[:before]):
         raise InputError("the state of the step before belongs to another grid; run the pipeline from the grid")
     state = model.virgin_state()
-    np.subtract(reorder(dataset.stress.values, voigt), model.insitu[:before], out=state.stress[:before])
-    state.failed[:before] = dataset.failed.values
-    state.failure_order[:before] = dataset.failure_order.values
-    failed = np.flatnonzero(state.failed >= 0)  # elsewhere zeros, that take no memory until they are written
-    state.plastic_strain[failed] = reorder(dataset.plastic_strain.values[failed], voigt)
-    state.displacement[:] = dataset.node_displacement.values[:, axes]
-    state.velocity[:] = dataset.node_velocity.values[:, axes]
-    state.hourglass_force[:] = dataset.hourglass_force.values[..., axes]
+    for name, array in ARRAYS.items():
+        if not array.stored or array.of_stage or array.start is None:
+            continue
+        old, own = dataset[array.field.name].values, getattr(state, name)
+        if name == "stress":
+            np.subtract(reorder(old, voigt), model.insitu[:before], out=own[:before])
+        elif name == "plastic_strain":
+            failed = np.flatnonzero(state.failed >= 0)  # elsewhere zeros, that take no memory until they are written
+            own[failed] = reorder(old[failed], voigt)
+        else:
+            own[: len(old)] = old[..., axes] if array.dims[-1] == "xyz" else old
     if model.scene.solver.move:
         state.position = np.concatenate([dataset.position.values[:, axes], state.position[before:]])
         state.cell = np.concatenate([dataset.cell.values, state.cell[before:]])

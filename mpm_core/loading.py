@@ -1,22 +1,18 @@
 """What acts on a model from outside: mined rock, weight, lost tractions, configured loads, a strained boundary."""
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from mpm_core.geometry.inside import contains
 from mpm_core.geometry.shapes import build_shape
 from mpm_core.kernels.nodes import collect_to_parents, particle_loads
+from mpm_core.model import Model
 from mpm_core.scene import FACES, Load, Scene
+from mpm_core.virgin import virgin_body_force, virgin_stress
 from pipeline.errors import InputError
 from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
 
-if TYPE_CHECKING:
-    from mpm_core.model import Model
 
-
-def external_force(model: "Model", step: int) -> np.ndarray:
+def external_force(model: Model, step: int) -> np.ndarray:
     """Forces of all that was mined, filled and loaded up to `step`, relative to virgin: (node, d) N, on free nodes.
 
     Void: r lacks B^T sigma0 - N^T b over the mined volume (design section 5). Fill weighs its own density; free
@@ -50,7 +46,7 @@ def external_force(model: "Model", step: int) -> np.ndarray:
     return nodal
 
 
-def load_force(model: "Model", load: Load, rock_volume: np.ndarray) -> np.ndarray:
+def load_force(model: Model, load: Load, rock_volume: np.ndarray) -> np.ndarray:
     """Forces (particle, d) N of one load, shared by volume among the rock (particle,) inside its shape.
 
     Raises InputError if its shape holds no particle, no rock any more, or the point that the forces are directed to.
@@ -76,13 +72,13 @@ def load_force(model: "Model", load: Load, rock_volume: np.ndarray) -> np.ndarra
     return (share * load.force / np.where(distance > 0.0, distance, 1.0))[:, None] * way
 
 
-def _spread(model: "Model", chosen, stress_volume: np.ndarray, force: np.ndarray, nodal: np.ndarray) -> None:
+def _spread(model: Model, chosen, stress_volume: np.ndarray, force: np.ndarray, nodal: np.ndarray) -> None:
     """Add B^T (sigma V) + N^T f of chosen particles (k,) to nodal (node, d) N: sigma V (k, 6) N m, f (k, d) N."""
     cell, xi = model.particles.cell[chosen], model.particles.xi[chosen]
     particle_loads(model.cell_nodes, model.grid.cell_size, cell, xi, stress_volume, force, nodal)
 
 
-def _require_balance(model: "Model", volume: np.ndarray, force: np.ndarray, step: int) -> None:
+def _require_balance(model: Model, volume: np.ndarray, force: np.ndarray, step: int) -> None:
     """Raise InputError if forces (node, d) N drive a rigid motion that the boundary leaves to the volumes (particle,),
     or if there is nothing that they could act on."""
     name = model.scene.steps[step]
@@ -99,7 +95,7 @@ def _require_balance(model: "Model", volume: np.ndarray, force: np.ndarray, step
         )
 
 
-def _add_lost_traction(model: "Model", nodal: np.ndarray, mined_share: np.ndarray) -> None:
+def _add_lost_traction(model: Model, nodal: np.ndarray, mined_share: np.ndarray) -> None:
     """Take the virgin traction off free faces of the domain, and off traction faces where rock is mined."""
     component = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
     grid, scene = model.grid, model.scene
@@ -127,7 +123,7 @@ def boundary_strain(scene: Scene, step: int) -> np.ndarray:
     return tensor_from_voigt(total)[np.ix_(scene.axes, scene.axes)]
 
 
-def strain_reaction(model: "Model", strain: np.ndarray, step: int) -> np.ndarray:
+def strain_reaction(model: Model, strain: np.ndarray, step: int) -> np.ndarray:
     """Forces (node, d) N that the held boundary carries if the whole model takes the strain (d, d) elastically.
 
     What is held moves, what is free does not carry: zero there. Linear in the strain, and the same whatever has failed:
@@ -146,17 +142,3 @@ def strain_reaction(model: "Model", strain: np.ndarray, step: int) -> np.ndarray
         collect_to_parents(model.grid.node_parents, nodal)
         nodal[~model.held] = 0.0
     return nodal
-
-
-def virgin_stress(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """Virgin stress (n, 6) Pa in the computation's axes at positions (n, d)."""
-    axes, insitu = list(scene.axes), scene.insitu
-    elevation = position[:, axes.index(2)] if 2 in axes else np.full(len(position), insitu.surface)
-    own = replace(insitu, constant=insitu.constant[scene.voigt], gradient=insitu.gradient[scene.voigt])
-    return own.at(elevation)
-
-
-def virgin_body_force(scene: Scene) -> np.ndarray:
-    """b = -div sigma0 (d,) N/m3 in the computation's axes; a plan section ("xy") is uniform and weightless."""
-    axes = list(scene.axes)
-    return scene.insitu.body_force[axes] if 2 in axes else np.zeros(len(axes))

@@ -1,51 +1,19 @@
-"""A scene on its grid: everything that stays the same while equilibrium is sought, and the state that does not."""
+"""A scene on its grid: everything that stays the same while equilibrium is sought; state.py has what does not."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from mpm_core.constitutive.strength import elastic_row, strength_row
-from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.kernels.blocks import Scatter, build_scatter
-from mpm_core.loading import external_force, virgin_stress
 from mpm_core.loose import find_loose
 from mpm_core.occupancy import SAMPLES, Changes, Loose, Pieces, changes_of
 from mpm_core.particles import Particles, seed, volumes
 from mpm_core.rigid import RigidMotions, free_motions
 from mpm_core.scene import FACES, Material, Scene
-
-BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # VTK corner at each bit-ordered place (an involution)
-OF_FAILED = ("failure_order", "seismic_strain", "overshoot_strain", "later_strain")
-"""parts of a State that change only where rock has failed"""
-FORCES, BOUNDARY, SEISMIC, OVERSHOOT, FLOW, GAINED, HOURGLASS, MOTION = range(8)
-"""entries of State.energy, J (per m in 2-D): see equilibrium.energy"""
-
-
-@dataclass
-class State:
-    """What mining changes. Components in the computation's axes; strains of this stage only, but for plastic_strain.
-
-    stress (particle, 6) Pa: change since virgin (rock) or full stress (fill); failed (particle,) int32 step of first
-    failure, -1 intact; failure_order (particle, 2) increment and generation; seismic_strain, overshoot_strain,
-    later_strain (particle, 6); plastic_strain (particle, 6) up to the stage before; displacement,
-    velocity (node, d); hourglass_force (cell, 2^d - 1 - d, d) N by mode; energy (8,) J, of this stage: see FORCES.
-    Where particles move: position (particle, d) m, cell (particle,) int32, and cell_changes of this stage.
-    """
-
-    stress: np.ndarray
-    failed: np.ndarray
-    failure_order: np.ndarray
-    seismic_strain: np.ndarray
-    overshoot_strain: np.ndarray
-    later_strain: np.ndarray
-    plastic_strain: np.ndarray
-    displacement: np.ndarray
-    velocity: np.ndarray
-    hourglass_force: np.ndarray
-    energy: np.ndarray
-    position: np.ndarray
-    cell: np.ndarray
-    cell_changes: int = 0
+from mpm_core.state import State
+from mpm_core.virgin import virgin_stress
 
 
 def _strength_rows(material: Material) -> tuple[np.ndarray, np.ndarray]:
@@ -108,28 +76,7 @@ class Model:
 
     def virgin_state(self) -> State:
         """Nothing mined: all changes are zero. Position, cell: the model's own; a scheme that moves them copies."""
-        count, nodes = self.particles.count, len(self.grid.node_index)
-        tensors = [np.zeros((count, 6)) for _ in range(5)]
-        shape = (len(self.cell_nodes), (1 << self.dimension) - 1 - self.dimension, self.dimension)
-        return State(
-            stress=tensors[0],
-            failed=np.full(count, -1, np.int32),
-            failure_order=np.full((count, 2), -1, np.int32),
-            seismic_strain=tensors[1],
-            overshoot_strain=tensors[2],
-            later_strain=tensors[3],
-            plastic_strain=tensors[4],
-            displacement=np.zeros((nodes, self.dimension)),
-            velocity=np.zeros((nodes, self.dimension)),
-            hourglass_force=np.zeros(shape),
-            energy=np.zeros(MOTION + 1),
-            position=self.particles.position,
-            cell=self.particles.cell,
-        )
-
-    def external_force(self, step: int) -> np.ndarray:
-        """Forces of all that was mined, filled and loaded up to `step`: see loading.external_force."""
-        return external_force(self, step)
+        return State.virgin(self.particles, len(self.grid.node_index), len(self.cell_nodes), self.dimension)
 
     def free_motions(self, volume: np.ndarray) -> RigidMotions:
         """Rigid motions that fixed and roller faces leave to rock and fill of these volumes (particle,)."""
@@ -174,7 +121,7 @@ def build_model(
     if len(fallen.cell):
         changes = changes_of(pieces, scene.excavations, loose)
     particles = seed(grid, body, changes, scene, pieces)
-    cell_nodes = np.ascontiguousarray(grid.cell_nodes[:, BIT_ORDER[grid.dimension]])
+    cell_nodes = np.ascontiguousarray(grid.vtk_nodes[:, BIT_ORDER[grid.dimension]])
     modes = range(1 << grid.dimension)
     mode_values = np.stack(
         [np.prod([particles.points[:, k] ** ((m >> k) & 1) for k in range(grid.dimension)], axis=0) for m in modes],

@@ -160,7 +160,7 @@ def check_material(material: Material, allow_psi_above_phi: bool) -> None:
 
 
 def parse_scene(values: dict) -> Scene:
-    """Build a Scene from a stage's configuration slice (plain SI values, see workflow/configuration.py)."""
+    """Build a Scene from a stage's configuration slice (plain SI values, see workflow/mine.py)."""
     given = {name: MaterialSettings.of(entry, f"materials.{name}") for name, entry in values["materials"].items()}
     materials = {name: parse_material(name, entry) for name, entry in given.items()}
     for name, entry in given.items():

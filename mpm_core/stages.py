@@ -10,6 +10,7 @@ from tqdm import tqdm
 
 from mpm_core.checkpoint import Checkpoint
 from mpm_core.datasets import read_grid, read_loose, read_state, state_dataset
+from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import above_strength, find_brittle
 from mpm_core.equilibrium.cascade import Ramp, run_cascade
 from mpm_core.equilibrium.convergence import History, norm
@@ -17,13 +18,15 @@ from mpm_core.equilibrium.energy import Balance, hourglass_energies
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.moving import MovingScheme
 from mpm_core.equilibrium.multigrid import MultigridScheme
+from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels.failure import rate_strength
-from mpm_core.loading import boundary_strain, strain_reaction
+from mpm_core.loading import boundary_strain, external_force, strain_reaction
 from mpm_core.loose import describe_loose
 from mpm_core.memory import require, stage_bytes
-from mpm_core.model import Model, State, build_model
+from mpm_core.model import Model, build_model
 from mpm_core.scene import Scene
+from mpm_core.state import State
 from pipeline.datasets import atomic_path, clear_parts
 from pipeline.errors import InputError
 
@@ -33,7 +36,7 @@ ROUND_OFF = 1e-12  # of all forces since virgin rock: unbalanced force that is n
 STRENGTH_FACTOR_CAP = 10.0  # reported where nothing can fail
 
 
-def make_scheme(model: Model, state: State, volume: np.ndarray) -> ExplicitScheme:
+def make_scheme(model: Model, state: State, volume: np.ndarray) -> Scheme:
     """The scheme that the scene asks for; explicit steps for particles at rest in their cells or moving."""
     solver = model.scene.solver
     kind = MultigridScheme if solver.scheme == "multigrid" else MovingScheme if solver.move else ExplicitScheme
@@ -48,13 +51,13 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
     state = model.virgin_state()
     volume = model.volumes(0)
     scheme = make_scheme(model, state, volume)
-    balance = Balance.at_start(scheme, model.particles.full_volume * model.particles.is_rock, 0.0)
-    force, strain = model.external_force(0), boundary_strain(scene, 0)
+    balance = Balance.at_start(scheme.body, model.particles.full_volume * model.particles.is_rock, 0.0)
+    force, strain = external_force(model, 0), boundary_strain(scene, 0)
     reference = load_size(model, force, strain, 0)
     with following(scene, "elastic", state, failed_state) as history:
         history.increment = 1
         if strain.any():
-            scheme.deform(strain)
+            scheme.body.deform(strain)
         scheme.relax(force, scene.solver.tolerance, reference, history)
         # Where free faces unload rock, the forces that do so measure a stress that has gone: what stays measures again.
         scheme.relax(force, scene.solver.tolerance, reference * share_that_stays(model, state, volume), history)
@@ -88,18 +91,18 @@ def mining_step(
     model = build_model(scene, *read_grid(grid), read_loose(previous))
     state = read_state(previous, model)
     before = max(step - 1, 0)
-    volume, target = model.volumes(before), model.external_force(before)
+    volume, target = model.volumes(before), external_force(model, before)
 
     scheme = make_scheme(model, state, volume)
-    start = target + scheme.internal_force()
+    start = target + scheme.body.internal_force()
     old_volume, mined_hourglass = volume, 0.0
     if step > before:
-        volume, target = model.volumes(step), model.external_force(step)
-        mined_hourglass = release_mined_hourglass(scheme, volume)
+        volume, target = model.volumes(step), external_force(model, step)
+        mined_hourglass = release_mined_hourglass(scheme.body, volume)
         scheme.set_volume(volume)
-    balance = Balance.at_start(scheme, old_volume, mined_hourglass)
+    balance = Balance.at_start(scheme.body, old_volume, mined_hourglass)
     # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
-    start -= scheme.internal_force()
+    start -= scheme.body.internal_force()
     strain = boundary_strain(scene, step)
     more_strain = strain - boundary_strain(scene, before)
     ramp = Ramp(
@@ -146,18 +149,18 @@ def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) ->
     return float(np.hypot(norm(force), norm(strain_reaction(model, strain, step))))
 
 
-def release_mined_hourglass(scheme: ExplicitScheme, volume: np.ndarray) -> float:
+def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:
     """Hourglass forces of cells of which rock or fill is mined go with it, in proportion to its stiffness.
 
-    scheme: with the volumes before; volume (particle,): what stays. Returns the energy that goes with them, J.
+    body: with the volumes before; volume (particle,): what stays. Returns the energy that goes with them, J.
     """
-    model, state = scheme.model, scheme.state
+    model, state = body.model, body.state
     lame, shear = model.elastic_constants[model.particles.material].T
     stiffness, cells = lame + 2.0 * shear, len(model.cell_nodes)
-    old = np.bincount(model.particles.cell, stiffness * scheme.volume, minlength=cells)
-    kept = np.bincount(model.particles.cell, stiffness * np.minimum(scheme.volume, volume), minlength=cells)
+    old = np.bincount(model.particles.cell, stiffness * body.volume, minlength=cells)
+    kept = np.bincount(model.particles.cell, stiffness * np.minimum(body.volume, volume), minlength=cells)
     share = np.divide(kept, old, out=np.ones(cells), where=old > 0.0)
-    mined = np.sum((1.0 - share) * hourglass_energies(state.hourglass_force, scheme.hourglass))
+    mined = np.sum((1.0 - share) * hourglass_energies(state.hourglass_force, body.hourglass))
     state.hourglass_force *= share[:, None, None]
     return float(mined)
 
@@ -188,7 +191,7 @@ class following:
 
 
 def finish(
-    scheme: ExplicitScheme,
+    scheme: Scheme,
     history: History,
     step: int,
     balance: Balance,
@@ -198,9 +201,10 @@ def finish(
     collapsed: bool = False,
 ) -> tuple[xr.Dataset, dict]:
     """Rate the state against strength and put it into its dataset; the second value is what the log reports."""
-    model, state, volume = scheme.model, scheme.state, scheme.volume
-    scheme.settle()
-    energy = balance.facts(scheme, target, moved)
+    body = scheme.body
+    model, state, volume = body.model, body.state, body.volume
+    body.settle()
+    energy = balance.facts(body, target, moved)
     scheme.drop_work_arrays()  # as large as what is written now
     scene = model.scene
     rating = rate(model, state, volume)
@@ -215,7 +219,7 @@ def finish(
         "failed_particles": int(here.sum()),
         "failed_volume": float(volume[here].sum() * scene.thickness),
         **energy,
-        **hourglass_energy(scheme),
+        **hourglass_energy(body),
         "cell_changes": state.cell_changes,
         "collapsed": int(collapsed),
         **truncation(model, state, volume),
@@ -224,11 +228,11 @@ def finish(
     return state_dataset(model, state, volume, rating, table, facts), facts
 
 
-def hourglass_energy(scheme: ExplicitScheme) -> dict[str, float]:
+def hourglass_energy(body: Body) -> dict[str, float]:
     """Energy that the hourglass stiffness holds, J, in intact and in failed cells apart."""
-    energy = hourglass_energies(scheme.state.hourglass_force, scheme.hourglass) * scheme.model.scene.thickness
+    energy = hourglass_energies(body.state.hourglass_force, body.hourglass) * body.model.scene.thickness
     failed = np.zeros(len(energy), bool)
-    failed[scheme.model.particles.cell[scheme.failed]] = True
+    failed[body.model.particles.cell[body.failed]] = True
     return {
         "hourglass_energy_intact": float(np.sum(energy[~failed])),
         "hourglass_energy_failed": float(np.sum(energy[failed])),

@@ -61,7 +61,7 @@ def write_vtu(grid: MultiLevelGrid, pieces: Pieces, state: xr.Dataset, path: str
         path,
         embed(grid.node_position, PLANES[plane]),
         "hexahedron" if grid.dimension == 3 else "quad",
-        grid.cell_nodes,
+        grid.vtk_nodes,
         {"displacement_m": state.node_displacement.values},
         data,
     )

@@ -11,7 +11,7 @@ from mpm_core.scene import Scene, parse_scene
 from pipeline.datasets import read_dataset
 from pipeline.event_table import check_events
 from verification.studies import Study
-from workflow.configuration import Mine
+from workflow.mine import Mine
 
 
 @dataclass

@@ -13,7 +13,8 @@ import yaml
 
 from pipeline.errors import InputError
 from workflow.checks import PLANNED
-from workflow.configuration import Mine, load
+from workflow.configuration import load
+from workflow.mine import Mine
 
 KEYS = (
     "answer",

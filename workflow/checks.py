@@ -2,17 +2,14 @@
 
 import math
 from collections import Counter
-from typing import TYPE_CHECKING
 
 from mpm_core.domain import base_cells
 from mpm_core.scene import check_virgin_stress, parse_scene
 from pipeline.errors import InputError
 from workflow.dates import read_date
+from workflow.mine import Mine
 from workflow.record_checks import check_record
 from workflow.shapes import check_repeated, check_shape
-
-if TYPE_CHECKING:
-    from workflow.configuration import Mine
 
 PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
 IN_PLANE = {"xz": ("xx", "zz", "xz"), "xy": ("xx", "yy", "xy"), None: ("xx", "yy", "zz", "yz", "xz", "xy")}
@@ -21,7 +18,7 @@ LEAST_HOURGLASS = 0.001  # a thousandth of it makes a stage twenty times as long
 MOST_CELLS = 10**9  # coarse ones; the finer come on top
 
 
-def check_mine(mine: "Mine") -> None:
+def check_mine(mine: Mine) -> None:
     """What the schema cannot say. Raises InputError."""
     if mine.name in RESERVED:
         raise InputError(f"name: results/{mine.name} is a folder of the pipeline's own; take another name")
@@ -36,7 +33,7 @@ def check_mine(mine: "Mine") -> None:
     check_virgin(mine, mine.values["materials"])
 
 
-def check_virgin(mine: "Mine", materials: dict) -> None:
+def check_virgin(mine: Mine, materials: dict) -> None:
     """Raise InputError where virgin rock of these materials would fail before anything is mined."""
     scene = parse_scene(mine.scene_slice(len(mine.steps) - 1) | {"materials": materials})
     domain = mine.values["domain"]

@@ -10,17 +10,14 @@ finds, and the grid, stay the same when a planned stope gets its month.
 
 import contextlib
 import copy
-from typing import TYPE_CHECKING
 
 from mpm_core.scene import DRAFT_LEVELS
 from pipeline.errors import InputError
 from workflow.checks import check_virgin
-
-if TYPE_CHECKING:
-    from workflow.configuration import Mine
+from workflow.mine import Mine
 
 
-def draft_of(mine: "Mine") -> "Mine | None":
+def draft_of(mine: Mine) -> Mine | None:
     """What the draft runs; None where none is wanted (grid.failure_zone), or no rock can fail or be refined."""
     grid = mine.values["grid"]
     brittle = any(material["model"] == "coulomb" for material in mine.values["materials"].values())

@@ -9,12 +9,9 @@ made.
 import errno
 import functools
 import os
-from typing import TYPE_CHECKING
 
 from mpm_core.memory import stage_bytes
-
-if TYPE_CHECKING:
-    from workflow.configuration import Mine
+from workflow.mine import Mine
 
 MB = 1e6
 COMPILING = 0.3e9  # bytes more while kernels are compiled, for the first run of a version
@@ -43,14 +40,14 @@ def cells_of(path: str) -> int:
     return _cells(str(path), os.stat(path).st_mtime)
 
 
-def mechanics_mb(mine: "Mine", grid: str, elastic: bool) -> int:
+def mechanics_mb(mine: Mine, grid: str, elastic: bool) -> int:
     """MB that the elastic stage, or a mining step, needs at its peak on a grid."""
     cells, values = cells_of(grid), mine.values
     particles = cells * values["grid"]["particles_per_cell"]
     return round((COMPILING + stage_bytes(values["solver"]["scheme"], mine.dimension, cells, particles, elastic)) / MB)
 
 
-def reading_mb(mine: "Mine", grid: str, stage: str, results: list[str]) -> int:
+def reading_mb(mine: Mine, grid: str, stage: str, results: list[str]) -> int:
     """MB that a stage of READS needs for its `results` on a grid, which may be none of them.
 
     Raises FileNotFoundError naming the first of them while there is no grid: Snakemake knows its own input only.

@@ -1,20 +1,17 @@
 """What can be said of a record and of the frame before anything is read: columns, boxes, dates, places on the globe."""
 
 import math
-from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
 from workflow.dates import read_date
+from workflow.mine import Mine
 from workflow.shapes import is_file
-
-if TYPE_CHECKING:
-    from workflow.configuration import Mine
 
 FARTHEST_FROM_ORIGIN = 100e3  # m; no mine is as large, and no easting or northing of a map as small
 BEYOND_USE = 3.0  # degrees that a projected system may be used beyond its zone: half a zone of UTM
 
 
-def check_record(mine: "Mine") -> None:
+def check_record(mine: Mine) -> None:
     """Frame and record of a mine. Raises InputError."""
     _check_frame(mine)
     record = mine.values.get("record")
@@ -49,7 +46,7 @@ def _check_part(where: str, part: dict) -> None:
             raise InputError(f"{where}.maximum.{column}: {most[column]:g} is below the minimum, {least[column]:g}")
 
 
-def _check_filter_meets_domain(mine: "Mine", chosen: dict) -> None:
+def _check_filter_meets_domain(mine: Mine, chosen: dict) -> None:
     """The record is cropped to the domain: a box beside it would leave nothing."""
     axes = {"xz": (0, 2), "xy": (0, 1)}.get(mine.plane, (0, 1, 2))
     domain = mine.values["domain"]
@@ -62,7 +59,7 @@ def _check_filter_meets_domain(mine: "Mine", chosen: dict) -> None:
             )
 
 
-def _check_frame(mine: "Mine") -> None:
+def _check_frame(mine: Mine) -> None:
     """The domain's corners have a place on the globe, near where the frame says that it is."""
     frame, domain = mine.values["frame"], mine.values["domain"]
     axes = (0, 1) if mine.plane != "xz" else (0,)

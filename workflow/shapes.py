@@ -4,16 +4,12 @@ From the numbers alone: triangles are made of them by the grid stage (mpm_core/g
 """
 
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.errors import InputError
+from workflow.mine import NOT_SHAPE, Mine
 
-if TYPE_CHECKING:
-    from workflow.configuration import Mine
-
-NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "outside", "force", "toward")
 PLACED = {"units", "scale", "offset"}  # of what a file holds
 HEIGHTS = {"lower", "upper", "height"}
 FLAT = 1e-9  # of a polygon's length: less width is none
@@ -31,7 +27,7 @@ SHAPES = {  # by dimension, keys that a shape needs, and may have
 }
 
 
-def check_shape(mine: "Mine", where: str, entry: dict) -> None:
+def check_shape(mine: Mine, where: str, entry: dict) -> None:
     """Raise InputError for an entry whose shape lacks keys, is upside down, or lies outside the domain."""
     if ("shape" in entry) == ("file" in entry) and entry.get("shape") != "prism":
         raise InputError(f"{where}: give either a shape or a file")
@@ -171,7 +167,7 @@ def _check_above(where: str, lower: np.ndarray, upper: np.ndarray) -> None:
         raise InputError(f"{where}: upside down: {upper.tolist()} m is not above lower {lower.tolist()} m throughout")
 
 
-def check_repeated(mine: "Mine") -> None:
+def check_repeated(mine: Mine) -> None:
     """Raise InputError for the same solid mined twice: the second finds nothing, unless the first was filled before."""
 
     def solid(entry: dict) -> dict:

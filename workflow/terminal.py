@@ -6,7 +6,11 @@ shell command. Its log file (.snakemake/log) keeps everything.
 
 import logging
 import re
+import sys
 from pathlib import Path
+
+from snakemake.logging import ColorizingTextHandler
+from snakemake_interface_logger_plugins.base import LogHandlerBase
 
 from pipeline.disk import NO_ROOM as NO_ROOM_ERRORS
 from pipeline.disk import disk_full
@@ -72,9 +76,28 @@ class OneLine(logging.Filter):
         return True
 
 
-def tell_only_what_matters() -> None:
-    """Put the filter on the terminal's handlers of Snakemake's logger, once."""
-    for handler in logging.getLogger("snakemake.logging").handlers:
-        terminal = isinstance(handler, logging.StreamHandler) and not isinstance(handler, logging.FileHandler)
-        if terminal and not any(isinstance(one, OneLine) for one in handler.filters):
-            handler.addFilter(OneLine())
+class LogHandler(LogHandlerBase):
+    """The terminal as Snakemake's logger plugin `mine`, which profiles/default registers and asks for.
+
+    Snakemake finds plugins among installed packages alone; a workflow that is run from its folder is none.
+    """
+
+    writes_to_stream = True
+    writes_to_file = False
+    has_filter = False  # Snakemake's own, of `quiet`, comes after ours
+    has_formatter = False
+    needs_rulegraph = False
+
+    def __post_init__(self) -> None:
+        """Write as Snakemake itself does, in its colours, to its stream."""
+        stream = sys.stdout if self.common_settings.stdout else sys.stderr
+        self.text = ColorizingTextHandler(nocolor=self.common_settings.nocolor, stream=stream)
+        self.addFilter(OneLine())
+
+    def setFormatter(self, formatter: logging.Formatter) -> None:
+        """Hand it on to what writes."""
+        self.text.setFormatter(formatter)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a record that the filters have let pass."""
+        self.text.emit(record)

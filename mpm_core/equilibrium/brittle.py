@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.energy import dissipate, hourglass_energies
 from mpm_core.equilibrium.perturbation import borne_overstress
 from mpm_core.kernels.failure import any_neighbor, drop, overstress_of, stands_above
-from mpm_core.model import HOURGLASS, OVERSHOOT, SEISMIC, Model, State
+from mpm_core.model import Model
+from mpm_core.state import HOURGLASS, OVERSHOOT, SEISMIC, State
 
 
 @dataclass(frozen=True)
@@ -81,9 +83,9 @@ def _overstress(model: Model, state: State, candidates: np.ndarray, borne: np.nd
     return excess if borne is None else excess - borne[candidates]
 
 
-def fail(scheme, particles: np.ndarray, step: int, increment: int, generation: int) -> None:
-    """Drop these particles of a scheme to residual strength and release the hourglass force of their cells."""
-    model, state = scheme.model, scheme.state
+def fail(body: Body, particles: np.ndarray, step: int, increment: int, generation: int) -> None:
+    """Drop these particles of a body to residual strength and release the hourglass force of their cells."""
+    model, state = body.model, body.state
     energy = np.empty((len(particles), 2))
     drop(
         particles,
@@ -100,7 +102,7 @@ def fail(scheme, particles: np.ndarray, step: int, increment: int, generation: i
     state.failed[particles] = step
     state.failure_order[particles] = increment, generation
     for entry, part in zip((OVERSHOOT, SEISMIC), energy.T, strict=True):
-        dissipate(state, entry, part * scheme.volume[particles])
+        dissipate(state, entry, part * body.volume[particles])
     cells = np.unique(model.particles.cell[particles])
-    state.energy[HOURGLASS] += float(hourglass_energies(state.hourglass_force[cells], scheme.hourglass[cells]).sum())
+    state.energy[HOURGLASS] += float(hourglass_energies(state.hourglass_force[cells], body.hourglass[cells]).sum())
     state.hourglass_force[cells] = 0.0

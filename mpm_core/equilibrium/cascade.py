@@ -23,7 +23,8 @@ from mpm_core.equilibrium.brittle import Brittle, fail, new_failures, weakest
 from mpm_core.equilibrium.convergence import History, NoRest
 from mpm_core.equilibrium.part import Part
 from mpm_core.equilibrium.perturbation import lateness
-from mpm_core.model import State
+from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
+from mpm_core.state import State
 from pipeline.errors import InputError
 
 TIGHTER = 4.0  # between two tolerances of the last increment
@@ -43,18 +44,18 @@ class Ramp:
     reference: float
 
 
-def keep_rest(scheme, history: History) -> None:
+def keep_rest(scheme: Scheme, history: History) -> None:
     """Remember the state as one of rest."""
-    scheme.settle()
-    history.rest = {name: np.copy(value) for name, value in vars(scheme.state).items()}
+    scheme.body.settle()
+    history.rest = {name: np.copy(value) for name, value in vars(scheme.body.state).items()}
 
 
-def fail_next(scheme, brittle: Brittle, step: int, history: History, part: Part | None = None) -> np.ndarray:
+def fail_next(scheme: Scheme, brittle: Brittle, step: int, history: History, part: Part | None = None) -> np.ndarray:
     """Let fail what stands above strength at rest: its particles (k,), ascending; none if the cascade is at its end.
 
     In a part of the mine rock near its border waits for the whole.
     """
-    model, state, solver = scheme.model, scheme.state, scheme.model.scene.solver
+    model, state, solver = scheme.body.model, scheme.body.state, scheme.body.model.scene.solver
     fresh = new_failures(model, state, brittle)
     if part is not None:
         fresh = part.far_from_border(fresh)
@@ -69,14 +70,14 @@ def fail_next(scheme, brittle: Brittle, step: int, history: History, part: Part 
         )
     if solver.collapse == "keep":
         keep_rest(scheme, history)
-    fail(scheme, fresh, step, history.increment, history.generation)
+    fail(scheme.body, fresh, step, history.increment, history.generation)
     history.generation += 1
     scheme.set_failed()
     return fresh
 
 
 def relax_and_fail(
-    scheme,
+    scheme: Scheme,
     brittle: Brittle,
     external: np.ndarray,
     tolerance: float,
@@ -92,28 +93,29 @@ def relax_and_fail(
     of that part. Not where the last state of rest or the weakest rock of the whole is asked for, nor in a draft, where
     cells of all sizes fail. part_of_mine: the part that the scheme is for.
     """
-    solver = scheme.model.scene.solver
-    whole = solver.collapse == "keep" or solver.weakest_first > 0.0 or scheme.model.scene.draft
+    solver = scheme.body.model.scene.solver
+    whole = solver.collapse == "keep" or solver.weakest_first > 0.0 or scheme.body.model.scene.draft
+    in_parts = isinstance(scheme, SchemeInParts) and not whole
     while True:
         scheme.relax(external, tolerance, reference, history)
         fresh = fail_next(scheme, brittle, step, history, part_of_mine)
         if not len(fresh):
             return
-        part = None if whole else scheme.part_around(brittle, fresh)
+        part = scheme.part_around(brittle, fresh) if in_parts else None
         if part is not None:
             own = scheme.scheme_of(part)
-            share = len(part.cells) / len(scheme.model.cell_nodes)  # of what may be unbalanced
+            share = len(part.cells) / len(scheme.body.model.cell_nodes)  # of what may be unbalanced
             relax_and_fail(
                 own, part.brittle, external[part.nodes], tolerance * np.sqrt(share), reference, step, history, part
             )
-            own.settle()
+            own.body.settle()
             scheme.take_back(part)
             del part, own  # before the whole needs its memory again
-        save(scheme.state, history)
+        save(scheme.body.state, history)
 
 
 def run_cascade(
-    scheme,
+    scheme: Scheme,
     brittle: Brittle,
     ramp: Ramp,
     step: int,
@@ -122,14 +124,13 @@ def run_cascade(
 ) -> bool:
     """Ramp external force and boundary strain, with a cascade at each increment. Whether it ended in collapse.
 
-    `scheme` offers deform(strain), relax(external, tolerance, reference, history), set_failed(), settle(),
-    go_back(rest), part_around(brittle, fresh), scheme_of(part) and take_back(part). `save` is called where the whole
-    mine is between two generations; a history that stands within an increment (a saved one) goes on from there.
+    `save` is called where the whole mine is between two generations; a history that stands within an increment (a saved
+    one) goes on from there.
     Collapse: after rock has failed it finds no rest. That is an error, or (solver.collapse "keep") the last state of
     rest is the result, at cascade_tolerance, with rock above strength that would fail next.
     Raises InputError when the cascade has not ended after solver.max_generations.
     """
-    model, solver = scheme.model, scheme.model.scene.solver
+    model, solver = scheme.body.model, scheme.body.model.scene.solver
     reference, loose = ramp.reference, max(solver.cascade_tolerance, solver.tolerance)
     late = lateness(model.scene, step)
 
@@ -141,7 +142,7 @@ def run_cascade(
         external = load_at(increment)
         if increment != resumed:
             if ramp.strain.any():
-                scheme.deform(ramp.strain * (1.0 + late[increment] - late[increment - 1]) / solver.increments)
+                scheme.body.deform(ramp.strain * (1.0 + late[increment] - late[increment - 1]) / solver.increments)
             history.increment, history.generation, history.tightened = increment, 0, 0
         last = increment == solver.increments
         try:
@@ -159,7 +160,7 @@ def run_cascade(
                 history.increment, external = increment - 1, load_at(increment - 1)
             scheme.relax(external, loose, reference, history)  # is at rest: this notes it
             return True
-        scheme.settle()
+        scheme.body.settle()
         if history.rest:
             keep_rest(scheme, history)
     return False

@@ -26,22 +26,34 @@ Salamon's energy released.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from mpm_core.kernels.energy import flow_energy, stored_energy, work_of_forces, work_of_stress
 from mpm_core.kernels.nodes import advance_nodes
-from mpm_core.model import BOUNDARY, FLOW, FORCES, GAINED, HOURGLASS, MOTION, OVERSHOOT, SEISMIC, Model, State
-
-if TYPE_CHECKING:
-    from mpm_core.equilibrium.explicit import ExplicitScheme
+from mpm_core.model import Model
+from mpm_core.state import BOUNDARY, FLOW, FORCES, GAINED, HOURGLASS, MOTION, OVERSHOOT, SEISMIC, State
 
 BALANCE = (
     "energy_work = energy_support + energy_stored + energy_hourglass + energy_hourglass_released + energy_seismic + "
     "energy_overshoot + energy_flow - energy_gained + energy_motion + energy_left, J, of the rock that stays; "
     "energy_released is Salamon's (1984): energy_mined + all of these but support, stored, hourglass and left"
 )
+
+
+class Counted(Protocol):
+    """What the account reads of a body (body.Body), which itself keeps one of its way."""
+
+    model: Model
+    state: State
+    volume: np.ndarray
+    mass: np.ndarray
+    unbalanced: np.ndarray
+    slot_force: np.ndarray
+    hourglass: np.ndarray
+    flowing: np.ndarray
+    flow_start: tuple[np.ndarray, np.ndarray]
 
 
 class Way:
@@ -55,45 +67,45 @@ class Way:
         self.external = self.residual = self.start = self.carried = None
         self.work_before = self.residual_before = 0.0
 
-    def strain(self, scheme: "ExplicitScheme") -> None:
+    def strain(self, body: Counted) -> None:
         """Before the boundary moves: nodes carry their present forces until the way begins."""
         if self.start is None:
-            self.start, self.carried = scheme.state.displacement.copy(), nodal_forces(scheme)
+            self.start, self.carried = body.state.displacement.copy(), nodal_forces(body)
 
-    def begin(self, scheme: "ExplicitScheme", external: np.ndarray) -> None:
+    def begin(self, body: Counted, external: np.ndarray) -> None:
         """External forces (node, d) N act from now on, nothing has moved yet; a way that has begun goes on."""
         if self.external is not None:
             return
-        start = scheme.state.displacement if self.start is None else self.start
+        start = body.state.displacement if self.start is None else self.start
         self.external = external
-        self.residual = scheme.unbalanced.copy()
+        self.residual = body.unbalanced.copy()
         if self.carried is not None:
-            self.residual[:] = np.where(scheme.model.held, 0.0, external + self.carried)
+            self.residual[:] = np.where(body.model.held, 0.0, external + self.carried)
         self.work_before = work_of_forces(external, start)
         self.residual_before = work_of_forces(self.residual, start)
 
-    def end(self, scheme: "ExplicitScheme", beyond: float) -> None:
+    def end(self, body: Counted, beyond: float) -> None:
         """At rest: count what was done. beyond J: how much more flow dissipates on the way than at its mean stress."""
         if self.external is None:
             return
-        state, held = scheme.state, scheme.model.held
+        state, held = body.state, body.model.held
         state.energy[FORCES] += work_of_forces(self.external, state.displacement) - self.work_before
         state.energy[MOTION] += 0.5 * (work_of_forces(self.residual, state.displacement) - self.residual_before)
         if self.carried is None:
             state.energy[MOTION] -= beyond
         else:
-            reaction = np.where(held, -0.5 * (self.carried + nodal_forces(scheme)), 0.0)
+            reaction = np.where(held, -0.5 * (self.carried + nodal_forces(body)), 0.0)
             state.energy[BOUNDARY] += work_of_forces(reaction, state.displacement - self.start) + beyond
         self.forget()
 
 
-def nodal_forces(scheme: "ExplicitScheme") -> np.ndarray:
+def nodal_forces(body: Counted) -> np.ndarray:
     """Forces -B^T s' V - H (node, d) N of the stress that slots were last filled from, at held nodes, too."""
-    scatter, state = scheme.model.scatter, scheme.state
+    scatter, state = body.model.scatter, body.state
     zeros, found = np.zeros_like(state.displacement), np.zeros_like(state.displacement)
     advance_nodes(
-        scatter.free_nodes, scatter.sum_start, scatter.sum_slots, scatter.sum_weights, scheme.slot_force, zeros,
-        scheme.mass, np.zeros_like(scheme.model.held), 0.0, 0.0, zeros.copy(), zeros, found,
+        scatter.free_nodes, scatter.sum_start, scatter.sum_slots, scatter.sum_weights, body.slot_force, zeros,
+        body.mass, np.zeros_like(body.model.held), 0.0, 0.0, zeros.copy(), zeros, found,
     )  # fmt: skip
     return found
 
@@ -104,15 +116,15 @@ def dissipate(state: State, entry: int, energy: np.ndarray) -> None:
     state.energy[GAINED] -= float(np.sum(np.minimum(energy, 0.0)))
 
 
-def count_flow(scheme: "ExplicitScheme") -> float:
+def count_flow(body: Counted) -> float:
     """Count what has flowed as dissipated; how much more that is than at the mean stress of the way, J."""
-    model, state = scheme.model, scheme.state
-    energy = np.empty((len(scheme.flowing), 2))
+    model, state = body.model, body.state
+    energy = np.empty((len(body.flowing), 2))
     flow_energy(
-        scheme.flowing, *scheme.flow_start, model.insitu, state.stress, state.later_strain, model.particles.material,
+        body.flowing, *body.flow_start, model.insitu, state.stress, state.later_strain, model.particles.material,
         model.elastic_constants, model.residual_rows, energy,
     )  # fmt: skip
-    energy *= scheme.volume[scheme.flowing, None]
+    energy *= body.volume[body.flowing, None]
     dissipate(state, FLOW, energy[:, 0])
     return float(np.sum(energy[:, 1]))
 
@@ -137,29 +149,29 @@ class Balance:
     mined: float
 
     @classmethod
-    def at_start(cls, scheme: "ExplicitScheme", old_volume: np.ndarray, mined_hourglass: float) -> "Balance":
-        """scheme: with the volumes that stay; old_volume (particle,): before; mined_hourglass J: gone with the rest."""
-        stored = elastic_energy(scheme.model, scheme.state, scheme.volume)
-        before = elastic_energy(scheme.model, scheme.state, old_volume)
-        hourglass = float(hourglass_energies(scheme.state.hourglass_force, scheme.hourglass).sum())
+    def at_start(cls, body: Counted, old_volume: np.ndarray, mined_hourglass: float) -> "Balance":
+        """body: with the volumes that stay; old_volume (particle,): before; mined_hourglass J: gone with the rest."""
+        stored = elastic_energy(body.model, body.state, body.volume)
+        before = elastic_energy(body.model, body.state, old_volume)
+        hourglass = float(hourglass_energies(body.state.hourglass_force, body.hourglass).sum())
         return cls(stored, hourglass, before - stored + mined_hourglass)
 
-    def facts(self, scheme: "ExplicitScheme", target: np.ndarray, moved: np.ndarray) -> dict[str, float | str]:
+    def facts(self, body: Counted, target: np.ndarray, moved: np.ndarray) -> dict[str, float | str]:
         """Every term of the balance at the stage's end, J, see BALANCE.
 
         target (node, d) N: forces that act for good; moved (node, d) m: motion of the stage. Particles that move do so
         by velocities of their own: their forces' work is not counted.
         """
-        model, state, particles = scheme.model, scheme.state, scheme.model.particles
+        model, state, particles = body.model, body.state, body.model.particles
         counted = np.nan if model.scene.solver.move else 1.0
         lasting = work_of_forces(target, moved)
         lasting_virgin = work_of_stress(
-            model.cell_nodes, model.grid.cell_size, particles.cell, particles.xi, scheme.volume, model.insitu, moved
+            model.cell_nodes, model.grid.cell_size, particles.cell, particles.xi, body.volume, model.insitu, moved
         )
         terms = {
             "support": (lasting - state.energy[FORCES]) * counted,
-            "stored": elastic_energy(model, state, scheme.volume) - self.stored,
-            "hourglass": float(hourglass_energies(state.hourglass_force, scheme.hourglass).sum()) - self.hourglass,
+            "stored": elastic_energy(model, state, body.volume) - self.stored,
+            "hourglass": float(hourglass_energies(state.hourglass_force, body.hourglass).sum()) - self.hourglass,
             "hourglass_released": state.energy[HOURGLASS],
             "seismic": state.energy[SEISMIC],
             "overshoot": state.energy[OVERSHOOT],

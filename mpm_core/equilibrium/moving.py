@@ -10,7 +10,7 @@ with it only in part.
 
 The time step. Between two steps the transfer to particles and back filters the nodal velocity. A motion of frequency
 omega of which it keeps the share p obeys u' = u + dt v', v' = v + dt a, v <- v + p dt a: stable while
-omega dt <= 2 / sqrt(2 - p). As p may be anything from 0 to 1, the time step is 1 / sqrt(2) of that of explicit.py.
+omega dt <= 2 / sqrt(2 - p). As p may be anything from 0 to 1, the time step is 1 / sqrt(2) of that of body.py.
 
 Light nodes. A particle that enters an empty cell gives its far nodes hardly any mass but its full stress gradient: the
 acceleration has no bound there (Eq. 3). Particles get of it in proportion to that mass, but it would strain them in
@@ -21,18 +21,20 @@ density scaling a particle that changes level takes the density of its new cell,
 
 import numpy as np
 
+from mpm_core.equilibrium.body import Body, density_and_limit
 from mpm_core.equilibrium.energy import dissipate
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.grid.adjacency import leaf_lookup
 from mpm_core.kernels.moving import CYCLE, move_nodes
 from mpm_core.kernels.nodes import spread_to_hanging
 from mpm_core.kernels.relocation import relocate, sort_by_cell
-from mpm_core.model import FLOW, Model, State
+from mpm_core.model import Model
+from mpm_core.state import FLOW, State
 from pipeline.errors import InputError
 
 
-class MovingScheme(ExplicitScheme):
-    """Relaxes a state towards equilibrium with particles that move; the same interface as ExplicitScheme.
+class MovingBody(Body):
+    """A body whose particles move.
 
     xi (particle, d) and state.cell say where particles are, velocity (particle, d) m/s; state.position is brought up to
     date when a relaxation ends. Raises InputError when a particle leaves the domain.
@@ -66,6 +68,8 @@ class MovingScheme(ExplicitScheme):
     def set_volume(self, volume: np.ndarray) -> None:
         """Take over changed particle volumes: mass and time step follow."""
         super().set_volume(volume)
+        self.density, _ = density_and_limit(self.model, volume)
+        self.particle_mass = self.density * volume
         self._weigh()
 
     def _weigh(self) -> None:
@@ -84,7 +88,8 @@ class MovingScheme(ExplicitScheme):
         self._weigh()
         self.cell_start, self.cell_particles = sort_by_cell(self.state.cell, len(self.cell_size))
 
-    def _update(self, time_step: float) -> None:
+    def update(self, time_step: float) -> None:
+        """One cycle of time_step; particles that have left their cell find the next."""
         self._cycle(time_step)
         if self.leavers.any():
             self._relocate()
@@ -119,7 +124,8 @@ class MovingScheme(ExplicitScheme):
             self.leavers,
         )
 
-    def _advance(self, external: np.ndarray, time_step: float) -> None:
+    def advance(self, external: np.ndarray, time_step: float) -> None:
+        """Unbalanced force under external forces (node, d) N; nodes and particles advance by time_step of it."""
         model, state, scatter = self.model, self.state, self.model.scatter
         move_nodes(
             scatter.free_nodes,
@@ -146,18 +152,26 @@ class MovingScheme(ExplicitScheme):
         dissipate(self.state, FLOW, self.dissipated * self.volume)
         self.dissipated[:] = 0.0
 
-    def _stop_drift(self) -> None:
+    def stop_drift(self) -> None:
+        """Take rigid motions that nothing holds out of the particles' velocity."""
         if self.free.count:
             self.free.remove_from(self.velocity, self._position(), self.particle_mass)
-            self._update(0.0)
+            self.update(0.0)
 
-    def _check_reach(self, ratio: float) -> None:
+    def check_reach(self, ratio: float) -> None:
         """Particles may go far; out of the domain they may not, and _relocate sees to that."""
 
     def _position(self) -> np.ndarray:
         cell = self.state.cell
         return self.model.grid.cell_center[cell] + 0.5 * self.cell_size[cell][:, None] * self.xi
 
-    def _come_to_rest(self) -> None:
-        super()._come_to_rest()
+    def come_to_rest(self) -> None:
+        """The body is at rest: particles are where they have got to."""
+        super().come_to_rest()
         self.state.position[:] = self._position()
+
+
+class MovingScheme(ExplicitScheme):
+    """Scheme `explicit` for particles that move."""
+
+    kind_of_body = MovingBody

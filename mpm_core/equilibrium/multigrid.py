@@ -4,7 +4,7 @@ Without failed rock: conjugate gradients with a V-cycle over the grid's levels (
 update by the kernel of `explicit`, so that stress and hourglass forces are exactly what that scheme would hold.
 
 With failed rock the unbalanced force depends on the displacement through the return to the strength surface, from the
-state in which flow was last counted anew (ExplicitScheme.settle), whatever the way. Its zero is sought by Anderson
+state in which flow was last counted anew (Body.settle), whatever the way. Its zero is sought by Anderson
 acceleration with the same V-cycle, whose stiffness is elastic at first.
 
 Where much rock flows that is far too stiff. After TANGENT_FROM cycles the V-cycle has the consistent tangent
@@ -22,18 +22,20 @@ import logging
 
 import numpy as np
 
+from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.convergence import History
-from mpm_core.equilibrium.explicit import ExplicitScheme
+from mpm_core.equilibrium.explicit import step_to_rest
 from mpm_core.equilibrium.part import Part, cut_out
 from mpm_core.equilibrium.surroundings import Cubes
 from mpm_core.kernels.nodes import sizes
 from mpm_core.kernels.operator_rows import balance, take_step
-from mpm_core.model import Model, State
+from mpm_core.model import Model
 from mpm_core.multigrid.anderson import Anderson
 from mpm_core.multigrid.flow import FlowForces
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import elastic_cells
+from mpm_core.state import State
 from mpm_core.threads import threads_for
 
 CYCLES = 100  # V-cycles of one elastic solution; 12 are usual at most
@@ -53,32 +55,31 @@ GROWTH = 2.0  # of the residual in a step with the tangent; a step that leads to
 HALVINGS = 6  # at most
 
 
-class MultigridScheme(ExplicitScheme):
-    """Relaxes a state to equilibrium under given external forces; the same interface as ExplicitScheme."""
+class MultigridScheme:
+    """Relaxes a state to equilibrium under given external forces; see scheme.Scheme."""
 
     def __init__(self, model: Model, state: State, volume: np.ndarray):
+        self.body = Body(model, state, volume)
+        self.model, self.state = model, state
         self.solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
         self.anderson: Anderson | None = None
         self.flow: FlowForces | None = None
-        self.failed = np.zeros(model.particles.count, bool)
         self.stale = np.ones(len(model.scatter.blocks), bool)  # blocks whose forces are not those of their stress
         self.rows: list[np.ndarray] = []
         self.cubes: Cubes | None = None
         self.softened: np.ndarray | None = None  # (cell,) bool: hourglass stiffness is that of failed rock
-        super().__init__(model, state, volume)
         state.velocity[:] = 0.0
 
     def set_volume(self, volume: np.ndarray) -> None:
         """Take over changed particle volumes."""
-        super().set_volume(volume)
+        self.body.set_volume(volume)
         self.stale[:], self.flow, self.softened, self.anderson = True, None, None, None
-        del self.density, self.particle_mass  # for particles that move
 
     def set_failed(self) -> None:
         """Take over which particles have failed."""
-        before = self.failed
-        super().set_failed()
-        fresh = self.flowing[~before[self.flowing]]
+        before, body = self.body.failed, self.body
+        body.set_failed()
+        fresh = body.flowing[~before[body.flowing]]
         self.stale[self.model.scatter.blocks_of(self.model.particles.cell[fresh])] = True
         if self.flow is not None:
             self.flow.take_in(fresh)
@@ -87,21 +88,21 @@ class MultigridScheme(ExplicitScheme):
         """Give the solver the stiffness of all cells, its operator the hourglass stiffness of failed rock."""
         if self.softened is None:  # new volumes
             # The V-cycle has the hourglass stiffness of intact rock: a killed stage that goes on finds the same one.
-            cells = elastic_cells(self.model, self.volume, self.intact_hourglass)
+            cells = elastic_cells(self.model, self.body.volume, self.body.intact_hourglass)
             single = self.model.scene.particles_per_cell == 1
             kappa = self.model.scene.solver.hourglass if single else np.inf
-            self.solver.set_stiffness(cells, kappa, self.free)
-            self.softened = np.zeros(len(self.hourglass), bool)
+            self.solver.set_stiffness(cells, kappa, self.body.free)
+            self.softened = np.zeros(len(self.body.hourglass), bool)
         failed = np.zeros(len(self.softened), bool)
-        failed[self.model.particles.cell[self.flowing]] = True
+        failed[self.model.particles.cell[self.body.flowing]] = True
         # Those that a return to an earlier state makes whole, too; others hold no lone particle.
-        changed = np.flatnonzero((failed != self.softened) & (self.hourglass > 0.0))
-        self.solver.operator.set_hourglass(changed, self.hourglass[changed] / (1 << self.model.dimension) ** 2)
+        changed = np.flatnonzero((failed != self.softened) & (self.body.hourglass > 0.0))
+        self.solver.operator.set_hourglass(changed, self.body.hourglass[changed] / (1 << self.model.dimension) ** 2)
         self.softened = failed
 
     def go_back(self, rest: dict[str, np.ndarray]) -> None:
-        """Return to a settled state kept earlier; see ExplicitScheme."""
-        super().go_back(rest)
+        """Return to a settled state kept earlier, its arrays by name."""
+        self.body.go_back(rest)
         self.stale[:], self.flow = True, None
 
     def part_around(self, brittle: Brittle, fresh: np.ndarray) -> Part | None:
@@ -110,24 +111,24 @@ class MultigridScheme(ExplicitScheme):
         if self.cubes is None:
             self.cubes = Cubes(grid)
         around = self.cubes.around(grid.cell_index[self.model.particles.cell[fresh]])
-        return None if around is None else cut_out(self.model, self.state, self.volume, brittle, around, fresh)
+        return None if around is None else cut_out(self.model, self.state, self.body.volume, brittle, around, fresh)
 
     def scheme_of(self, part: Part) -> "MultigridScheme":
         """The scheme that brings a part to rest."""
         scheme = MultigridScheme(part.model, part.state, part.volume)
-        scheme.start = self.start[part.nodes]
+        scheme.body.start = self.body.start[part.nodes]
         return scheme
 
     def take_back(self, part: Part) -> None:
         """Take over what has happened in a part, which is at rest and settled."""
         part.give_back(self.state)
         self.stale[self.model.scatter.blocks_of(part.cells)] = True
-        self._count_flow_anew()
+        self.body.count_flow_anew()
         self.set_failed()
 
     def drop_work_arrays(self) -> None:
         """Nothing more is to be relaxed."""
-        super().drop_work_arrays()
+        self.body.drop_work_arrays()
         del self.solver, self.anderson, self.flow, self.rows, self.cubes
 
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
@@ -144,29 +145,29 @@ class MultigridScheme(ExplicitScheme):
     def _relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         self._set_stiffness()
         if self.stale.any():
-            self._update(0.0, np.flatnonzero(self.stale))
+            self.body.update(0.0, np.flatnonzero(self.stale))
         self.stale[:] = False
         ratio = self._look(external, reference, history)
-        self.way.begin(self, external)
+        self.body.way.begin(self.body, external)
         if ratio > tolerance:
             before = history.iteration
-            approach = self._flow if len(self.flowing) else self._solve
+            approach = self._flow if len(self.body.flowing) else self._solve
             if not approach(external, ratio, tolerance, reference, history):
                 logging.warning(
                     "multigrid: unbalanced %.2e after %d cycles, tolerance %.2e; going on with explicit steps",
                     history.rows[-1][3], history.iteration - before, tolerance,
                 )  # fmt: skip
-                super().relax(external, tolerance, reference, history)
+                step_to_rest(self.body, external, tolerance, reference, history)
                 self.state.velocity[:] = 0.0
                 return
-        self._check_reach(ratio)
-        self._come_to_rest()
+        self.body.check_reach(ratio)
+        self.body.come_to_rest()
 
     def _solve(self, external, ratio: float, tolerance: float, reference: float, history: History) -> bool:
         """Elastic rock: solve for the displacement. Whether the tolerance (ratio) is reached."""
         for _ in range(SOLUTIONS):
             share = SHARE * tolerance / ratio
-            solution = self.solver.solve(self.unbalanced, share, CYCLES, lambda _: self._count(history))
+            solution = self.solver.solve(self.body.unbalanced, share, CYCLES, lambda _: self._count(history))
             if not solution.ratio < 1.0:  # diverged: a step away from rest, or no number
                 return False
             self._move(solution.displacement)
@@ -184,7 +185,7 @@ class MultigridScheme(ExplicitScheme):
         for _ in range(SOLUTIONS):
             displacement = self._flow_to_rest(ratio, tolerance, reference, history)
             if displacement is None:
-                self._update(0.0)
+                self.body.update(0.0)
                 return False
             self._move(displacement)
             ratio = self._look(external, reference, history)
@@ -195,10 +196,10 @@ class MultigridScheme(ExplicitScheme):
     def _flow_to_rest(self, ratio: float, tolerance: float, reference: float, history: History) -> np.ndarray | None:
         """Displacement (element,) to where residuals are at most tolerance * reference; None where it is not found."""
         solver, free = self.solver, self.solver.finest.inverse_diagonal
-        self._flow_forces().begin(self.state, self._take_back_flow)
+        self._flow_forces().begin(self.state, self.body.take_back_flow)
         displacement, step, force, residual, elastic = self._row_arrays()
         displacement[:], force[:], step[:] = 0.0, 0.0, 0.0
-        solver.to_rows(self.unbalanced, elastic)
+        solver.to_rows(self.body.unbalanced, elastic)
         size, _ = balance(free, elastic, force, residual)
         anderson = self._anderson(free)
         smallest, since, follows, taken_over = ratio, [ratio], TANGENT_FROM, False
@@ -254,8 +255,8 @@ class MultigridScheme(ExplicitScheme):
     def _flow_forces(self) -> FlowForces:
         """Of the rock that has failed by now."""
         if self.flow is None:
-            self.flow = FlowForces(self.model, self.solver.finest.families, self.volume)
-            self.flow.take_in(self.flowing)
+            self.flow = FlowForces(self.model, self.solver.finest.families, self.body.volume)
+            self.flow.take_in(self.body.flowing)
         return self.flow
 
     def _row_arrays(self) -> list[np.ndarray]:
@@ -279,8 +280,8 @@ class MultigridScheme(ExplicitScheme):
 
     def _look(self, external: np.ndarray, reference: float, history: History) -> float:
         """Unbalanced force at free nodes, noted in the history."""
-        self._advance(external, 0.0)
-        ratio, largest = (size / reference for size in sizes(self.unbalanced))
+        self.body.advance(external, 0.0)
+        ratio, largest = (size / reference for size in sizes(self.body.unbalanced))
         history.check(ratio, largest)
         return ratio
 
@@ -289,5 +290,5 @@ class MultigridScheme(ExplicitScheme):
         state = self.state
         self.solver.to_nodes(motion, state.velocity)
         state.displacement += state.velocity
-        self._update(1.0)
+        self.body.update(1.0)
         state.velocity[:] = 0.0

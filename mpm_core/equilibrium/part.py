@@ -15,13 +15,10 @@ from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.surroundings import Surroundings
 from mpm_core.kernels.blocks import build_scatter
 from mpm_core.kernels.nodes import mark_nodes
-from mpm_core.model import OF_FAILED, Model, State
+from mpm_core.model import Model
 from mpm_core.occupancy import Changes
 from mpm_core.particles import Particles
-
-OF_PARTICLES = ("stress", "failed", *OF_FAILED, "plastic_strain")
-OF_NODES = ("displacement", "velocity")
-OF_CELLS = ("hourglass_force",)
+from mpm_core.state import ARRAYS, Extent, State
 
 
 @dataclass(frozen=True)
@@ -52,15 +49,11 @@ class Part:
         """Write what has changed into the state of the whole mine."""
         state.energy += self.state.energy
         failed = np.flatnonzero(self.state.failed >= 0)
-        every = slice(None)
-        for names, index, own in (
-            (("stress", "failed"), self.particles, every),
-            (OF_FAILED, self.particles[failed], failed),  # elsewhere zeros, that take no memory until they are written
-            (("displacement",), self.nodes, every),
-            (OF_CELLS, self.cells, every),
-        ):
-            for name in names:
-                getattr(state, name)[index] = getattr(self.state, name)[own]
+        places = {"particle": self.particles, "node": self.nodes, "cell": self.cells}
+        for name, array in ARRAYS.items():
+            if array.dims[0] in places and array.changes is not Extent.NONE:
+                index, own = places[array.dims[0]], failed if array.changes is Extent.FAILED else slice(None)
+                getattr(state, name)[index[own]] = getattr(self.state, name)[own]
 
 
 def cut_out(
@@ -85,14 +78,17 @@ def cut_out(
         insitu=model.insitu[indices],
         held=held,
     )
-    of = dict.fromkeys(OF_PARTICLES, indices) | dict.fromkeys(OF_NODES, nodes) | dict.fromkeys(OF_CELLS, cells)
-    copies = {name: getattr(state, name)[index] for name, index in of.items()}
-    failed_before = copies["failed"] >= 0
+    own = part.virgin_state()
+    places = {"particle": indices, "node": nodes, "cell": cells}
+    for name, array in ARRAYS.items():
+        if array.dims[0] in places and array.start is not None:
+            setattr(own, name, getattr(state, name)[places[array.dims[0]]])
+    failed_before = own.failed >= 0
     failed_before[np.searchsorted(indices, fresh)] = False
     logging.info("in a part of %d cells", len(cells))
     return Part(
         part,
-        State(**copies, energy=np.zeros_like(state.energy), position=particles.position, cell=particles.cell),
+        own,
         volume[indices],
         _crop_brittle(brittle, indices, cells, number),
         cells,
@@ -129,7 +125,7 @@ def _crop_grid(model: Model, chosen: np.ndarray, cells: np.ndarray):
         grid,
         cell_index=grid.cell_index[cells],
         cell_level=grid.cell_level[cells],
-        cell_nodes=number[grid.cell_nodes[cells]],
+        vtk_nodes=number[grid.vtk_nodes[cells]],
         node_index=grid.node_index[nodes],
         node_parents=own,
     )

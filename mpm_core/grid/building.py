@@ -105,7 +105,7 @@ def build_grid(
     halvings = levels - 1
     cell_width = np.int32(1) << (halvings - cell_level).astype(np.int32)
     shape = base_shape << halvings
-    cell_nodes, node_index, node_parents = number_nodes(cell_index, cell_width, shape)
+    vtk_nodes, node_index, node_parents = number_nodes(cell_index, cell_width, shape)
     return MultiLevelGrid(
         origin=origin,
         fine_cell=coarse_cell / (1 << halvings),
@@ -113,7 +113,7 @@ def build_grid(
         shape=shape,
         cell_index=cell_index,
         cell_level=cell_level,
-        cell_nodes=cell_nodes,
+        vtk_nodes=vtk_nodes,
         node_index=node_index,
         node_parents=node_parents,
     )

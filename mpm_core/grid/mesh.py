@@ -1,6 +1,8 @@
 """The multi-level grid: its arrays and what they mean. Corner, edge and face numbering is defined here, once.
 
-Hexahedron (VTK) and, in 2-D, quadrilateral: corners 0 1 2 3 with the grid's own two axes::
+Files and this package have VTK's order, `vtk_nodes`. The mechanics has bit order, `cell_nodes`: bit k of a corner's
+place says on which side of axis k it lies (BIT_ORDER). Hexahedron (VTK) and, in 2-D, quadrilateral: corners 0 1 2 3
+with the grid's own two axes::
 
              7----------6
             /|         /|                 3--------2
@@ -22,6 +24,10 @@ CORNERS = {
     3: np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]),
 }
 """by dimension: (2^d, d) offset of each corner from the cell's lower corner, in cells"""
+
+BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}
+"""by dimension: VTK corner at each bit-ordered place, and the other way round: cell_nodes = vtk_nodes[:, BIT_ORDER[d]]
+"""
 
 EDGES = {
     2: np.array([[0, 1], [3, 2], [0, 3], [1, 2]]),
@@ -59,7 +65,7 @@ class MultiLevelGrid:
     """(cell, d) int32, fine units: lower corner, in Morton order (x fastest); sibling leaves are contiguous"""
     cell_level: np.ndarray
     """(cell,) int8: 0 coarsest"""
-    cell_nodes: np.ndarray
+    vtk_nodes: np.ndarray
     """(cell, 2^d) int32: nodes at the corners, in the order drawn above"""
     node_index: np.ndarray
     """(node, d) int32, fine units; numbered as the cells first touch them, so that neighbours in space are near in

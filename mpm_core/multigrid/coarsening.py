@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.grid.nodes import number_nodes
-from mpm_core.model import BIT_ORDER
 
 
 @dataclass(frozen=True)
@@ -134,6 +133,6 @@ def coarsen(fine: LevelGrid) -> tuple[LevelGrid, np.ndarray]:
         )
     else:  # parts are missing: some corners are new
         shape = (coarse_index + coarse_width[:, None]).max(axis=0)
-        cell_nodes, node_index, node_parents = number_nodes(coarse_index, coarse_width, shape)
-        nodes = np.ascontiguousarray(cell_nodes[:, BIT_ORDER[dimension]]), node_index, node_parents
+        vtk_nodes, node_index, node_parents = number_nodes(coarse_index, coarse_width, shape)
+        nodes = np.ascontiguousarray(vtk_nodes[:, BIT_ORDER[dimension]]), node_index, node_parents
     return LevelGrid(coarse_index, coarse_width, *nodes, extent), coarse_of_cell

@@ -6,9 +6,10 @@ import numpy as np
 from numba import parallel_chunksize
 
 from mpm_core.kernels.flow_rows import ADD_FLOW_FORCES, total_stresses
-from mpm_core.model import Model, State
+from mpm_core.model import Model
 from mpm_core.multigrid.families import Families
 from mpm_core.simd.lanes import LANES
+from mpm_core.state import State
 
 
 class FlowForces:

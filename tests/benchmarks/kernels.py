@@ -34,14 +34,14 @@ import numba
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.equilibrium.explicit import ExplicitScheme
-from mpm_core.equilibrium.moving import MovingScheme
+from mpm_core.equilibrium.body import Body
+from mpm_core.equilibrium.moving import MovingBody
 from mpm_core.grid import build_grid
 from mpm_core.model import Model
 from tests.benchmarks.grid import overlaps_a_box
 from tests.mechanics.scenes import COULOMB, make_model, make_scene, uniform
 
-PEERS = Path(__file__).parent / "peers"
+PEERS = Path(__file__).parents[2] / "verification" / "benchmarks" / "peers"
 TABLE_2_AT_1000_M = uniform(-24.9e6, -40.97e6, -28.13e6, -3.95e6, 2.7e6, -0.7e6)
 YIELDING_STRESS = -70e6  # Pa, along y
 YIELDING_SHARE = 0.1
@@ -68,21 +68,21 @@ def mine_grid():
 
 @dataclass
 class Case:
-    """A scheme in the state described above, and what was measured of it."""
+    """A body in the state described above, and what was measured of it."""
 
     name: str
-    scheme: ExplicitScheme
+    body: Body
     clock: dict[int, list[float]] = field(default_factory=lambda: {1: [], 2: []})  # s, by number of threads
     processor: dict[int, list[float]] = field(default_factory=lambda: {1: [], 2: []})
     yielding: float = 0.0
 
     def __post_init__(self):
-        self.no_force = np.zeros_like(self.scheme.unbalanced)
+        self.no_force = np.zeros_like(self.body.unbalanced)
 
     def steps(self, number: int) -> None:
         for _ in range(number):
-            self.scheme._advance(self.no_force, self.scheme.time_step)
-            self.scheme._update(self.scheme.time_step)
+            self.body.advance(self.no_force, self.body.time_step)
+            self.body.update(self.body.time_step)
 
     def measure(self) -> None:
         """Half a second or so: once on one thread, once on two."""
@@ -96,7 +96,7 @@ class Case:
     @property
     def rate(self) -> float:
         """Particle-steps per CPU-second on one thread."""
-        return self.scheme.model.particles.count * STEPS / statistics.median(self.processor[1])
+        return self.body.model.particles.count * STEPS / statistics.median(self.processor[1])
 
     @property
     def overhead(self) -> float:
@@ -109,30 +109,30 @@ class Case:
         return min(self.clock[1]) / min(self.clock[2])
 
     def measure_yielding(self) -> None:
-        before = self.scheme.state.later_strain.copy()
+        before = self.body.state.later_strain.copy()
         self.steps(1)
-        self.yielding = float((self.scheme.state.later_strain != before).any(axis=1).mean())
+        self.yielding = float((self.body.state.later_strain != before).any(axis=1).mean())
 
 
-def compressed(model: Model, moving: bool, coulomb: bool) -> ExplicitScheme:
-    """A scheme whose nodes (and particles) keep the velocity of a uniform compression along y."""
+def compressed(model: Model, moving: bool, coulomb: bool) -> Body:
+    """A body whose nodes (and particles) keep the velocity of a uniform compression along y."""
     state = model.virgin_state()
     if coulomb:
         state.failed[:] = 0
-    scheme = (MovingScheme if moving else ExplicitScheme)(model, state, model.volumes(0))
-    rate = STRAIN_PER_STEP / scheme.time_step
+    body = (MovingBody if moving else Body)(model, state, model.volumes(0))
+    rate = STRAIN_PER_STEP / body.time_step
     state.velocity[:, 1] = -rate * model.grid.node_position[:, 1]
-    scheme.mass *= HEAVINESS
+    body.mass *= HEAVINESS
     if moving:
-        scheme.density *= HEAVINESS
-        scheme.particle_mass *= HEAVINESS
-        scheme.velocity[:, 1] = -rate * model.particles.position[:, 1]
-    scheme._update(0.0)
-    return scheme
+        body.density *= HEAVINESS
+        body.particle_mass *= HEAVINESS
+        body.velocity[:, 1] = -rate * model.particles.position[:, 1]
+    body.update(0.0)
+    return body
 
 
 def make_cases() -> tuple[list[Case], dict[str, Model]]:
-    """Every scheme and material on both grids; models by name of the grid."""
+    """Every kind of body and material on both grids; models by name of the grid."""
     cases, models = [], {}
     scene = make_scene(None, host=COULOMB, stress=TABLE_2_AT_1000_M, boundary="free", particles_per_cell=2)
     for grid_name, grid in (("block", regular_grid(38)), ("mine", mine_grid())):
@@ -141,9 +141,9 @@ def make_cases() -> tuple[list[Case], dict[str, Model]]:
         model.insitu[yields, 1] = YIELDING_STRESS
         for moving in (False, True):
             for coulomb in (False, True):
-                scheme = compressed(model, moving, coulomb)
+                body = compressed(model, moving, coulomb)
                 name = f"{'moving' if moving else 'resting'}, {'Coulomb' if coulomb else 'elastic'}, {grid_name}"
-                cases.append(Case(name, scheme))
+                cases.append(Case(name, body))
     return cases, models
 
 
@@ -187,33 +187,40 @@ def same_bits(model: Model, moving: bool) -> bool:
     for threads in (1, 2):
         numba.set_num_threads(threads)
         case = Case("", compressed(model, moving, coulomb=True))
-        case.scheme.state.stress[:] = np.random.default_rng(2).standard_normal(case.scheme.state.stress.shape) * 1e6
-        case.scheme.mass /= HEAVINESS  # forces do matter here
+        case.body.state.stress[:] = np.random.default_rng(2).standard_normal(case.body.state.stress.shape) * 1e6
+        case.body.mass /= HEAVINESS  # forces do matter here
         if moving:
-            case.scheme.density /= HEAVINESS
-            case.scheme.particle_mass /= HEAVINESS
-        case.scheme._update(0.0)
+            case.body.density /= HEAVINESS
+            case.body.particle_mass /= HEAVINESS
+        case.body.update(0.0)
         case.steps(10)
-        state = case.scheme.state
+        state = case.body.state
         ends.append((state.stress, state.later_strain, state.displacement, state.velocity, state.position))
     return all(np.array_equal(one, two) for one, two in zip(*ends, strict=True))
 
 
-def bytes_per_particle(scheme: ExplicitScheme) -> float:
+def bytes_per_particle(body: Body) -> float:
     """Bytes of the arrays that one step reads or writes, per particle; those it reads and writes count twice."""
-    model, state, scatter = scheme.model, scheme.state, scheme.model.scatter
-    read = [model.cell_nodes, scatter.cell_slots, model.grid.cell_size, scheme.volume, model.particles.material]
-    read += [scatter.sum_slots, scatter.sum_weights, scatter.sum_start, scheme.failed, model.held, scheme.unbalanced]
+    model, state, scatter = body.model, body.state, body.model.scatter
+    read = [model.cell_nodes, scatter.cell_slots, model.grid.cell_size, body.volume, model.particles.material]
+    read += [
+        scatter.sum_slots,
+        scatter.sum_weights,
+        scatter.sum_start,
+        body.failed,
+        model.held,
+        body.unbalanced,
+    ]
     both = [state.stress, state.velocity, state.displacement]
-    if isinstance(scheme, MovingScheme):
-        read += [scheme.particle_mass, scheme.cell_particles, scheme.cell_start, scheme.mass]
-        both += [scheme.xi, scheme.velocity, scheme.acceleration, scheme.slot_values]
+    if isinstance(body, MovingBody):
+        read += [body.particle_mass, body.cell_particles, body.cell_start, body.mass]
+        both += [body.xi, body.velocity, body.acceleration, body.slot_values]
     else:
         groups = model.particles
-        read += [groups.cell_groups_start, groups.cell_groups, groups.group_start, groups.group_table, scheme.mass]
-        both += [scheme.slot_force]
+        read += [groups.cell_groups_start, groups.cell_groups, groups.group_start, groups.group_table, body.mass]
+        both += [body.slot_force]
     total = sum(array.nbytes for array in read) + 2 * sum(array.nbytes for array in both)
-    if scheme.failed.any():
+    if body.failed.any():
         total += model.insitu.nbytes
         total += 2 * YIELDING_SHARE * state.later_strain.nbytes
     return total / model.particles.count
@@ -269,7 +276,7 @@ def main() -> None:
     print(f"\n{'':30}{columns}")
     for case in cases:
         case.measure_yielding()
-        rate, traffic = case.rate, bytes_per_particle(case.scheme)
+        rate, traffic = case.rate, bytes_per_particle(case.body)
         print(f"{case.name:30}{rate / 1e6:10.1f}{rate / bare:10.2f}{case.speed_up:10.2f}{case.overhead:9.2f}", end="")
         print(f"{100 * case.yielding:9.1f}%{traffic:7.0f}{rate * traffic / 1e9:6.1f}")
     for peer in peers:

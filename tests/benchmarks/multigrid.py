@@ -25,8 +25,8 @@ from numba import njit, parallel_chunksize, prange
 from mpm_core.constitutive.arrays import return_particles
 from mpm_core.constitutive.strength import strength_row
 from mpm_core.grid import build_grid
+from mpm_core.grid.mesh import BIT_ORDER
 from mpm_core.kernels.flow_rows import ADD_FLOW_FORCES
-from mpm_core.model import BIT_ORDER
 from mpm_core.multigrid.anderson import Anderson
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import ElasticCells
@@ -119,7 +119,7 @@ def scene(base_shape, levels: int):
         * (overlaps_a_box(grid.node_index, 1.0, lower / grid.fine_cell - 1, upper / grid.fine_cell + 1)[:, None])
     )
     load[held] = 0.0
-    return grid, np.ascontiguousarray(grid.cell_nodes[:, BIT_ORDER[3]]), held, uniform_rock(grid), load
+    return grid, np.ascontiguousarray(grid.vtk_nodes[:, BIT_ORDER[3]]), held, uniform_rock(grid), load
 
 
 def uniform_rock(grid) -> ElasticCells:

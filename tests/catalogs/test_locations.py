@@ -4,7 +4,7 @@ from scipy.spatial.distance import cdist
 
 from catalogs.locations import block_labels, compare_locations, smear
 from pipeline.errors import InputError
-from verification.answers.statistics_samples import clustered_locations
+from verification.statistics.samples import clustered_locations
 
 QUICK = {"resamplings": 199, "distances": np.array([20.0, 40.0])}
 

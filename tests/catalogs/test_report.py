@@ -13,13 +13,15 @@ import report_fixtures as fixtures
 import xarray as xr
 import yaml
 
-from catalogs import report, report_energy, report_record
 from catalogs.comparison import compare
 from catalogs.figures import convergence, events, style
-from catalogs.report import write_report
-from catalogs.report_inputs import Excavation, read_resources
-from catalogs.report_scene import by_step
-from catalogs.report_text import between, config_lines, events_by_step, number
+from catalogs.report import energy as report_energy
+from catalogs.report import page as report
+from catalogs.report import record as report_record
+from catalogs.report.inputs import Excavation, read_resources
+from catalogs.report.page import write_report
+from catalogs.report.scene import by_step
+from catalogs.report.text import between, config_lines, events_by_step, number
 from pipeline.datasets import read_dataset, write_dataset
 
 SMALL = {"coarse": 16.0}  # 4 m in the finest of three levels: about 4,000 cells

@@ -8,7 +8,7 @@ import pytest
 import report_fixtures as fixtures
 import xarray as xr
 
-from catalogs.report import write_report
+from catalogs.report.page import write_report
 from catalogs.sizes import estimate_b
 from catalogs.spread import STATISTICS, gather, statistics
 from pipeline.datasets import read_dataset, write_dataset

@@ -130,7 +130,7 @@ def interpolate(grid, cell: int, place: np.ndarray, node_value: np.ndarray) -> f
     """Multilinear interpolation of node values (node,) at a place (d,), fine units, as that cell sees it."""
     local = (place - grid.cell_index[cell]) / grid.cell_width[cell]
     weights = np.prod(np.where(CORNERS[grid.dimension] == 1, local, 1 - local), axis=1)
-    return float(weights @ node_value[grid.cell_nodes[cell]])
+    return float(weights @ node_value[grid.vtk_nodes[cell]])
 
 
 def constrain(grid, node_value: np.ndarray) -> np.ndarray:

@@ -26,7 +26,7 @@ def test_positions_are_in_metres_from_the_origin(grid):
     upper = (grid.cell_origin + grid.cell_size[:, None]).max(axis=0)
     assert (upper == ORIGIN + np.array([20.0, 10.0, 30.0])).all()
     assert (grid.cell_center == grid.cell_origin + grid.cell_size[:, None] / 2).all()
-    assert (grid.node_position[grid.cell_nodes].mean(axis=1) == grid.cell_center).all()
+    assert (grid.node_position[grid.vtk_nodes].mean(axis=1) == grid.cell_center).all()
     assert np.sum(grid.cell_size**3) == 20.0 * 10.0 * 30.0
 
 
@@ -90,7 +90,7 @@ def test_too_little_memory_is_said_with_figures_before_it_is_taken(monkeypatch, 
 
 
 def test_the_memory_estimate_is_what_the_arrays_hold(grid):
-    names = ("cell_index", "cell_level", "cell_nodes", "node_index", "node_parents")
+    names = ("cell_index", "cell_level", "vtk_nodes", "node_index", "node_parents")
     held = sum(getattr(grid, name).nbytes for name in names)
     estimate = estimate_memory(len(grid.cell_level), len(grid.node_index))
     assert estimate.arrays == held

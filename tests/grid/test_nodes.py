@@ -19,9 +19,9 @@ def test_every_corner_has_one_node_numbered_by_first_touch(scene, block):
     with small_blocks(block):
         grid = build(scene)
     corners = grid.cell_index[:, None] + CORNERS[grid.dimension] * grid.cell_width[:, None, None]
-    assert (grid.node_index[grid.cell_nodes] == corners).all()
+    assert (grid.node_index[grid.vtk_nodes] == corners).all()
     assert len(grid.node_index) == len(np.unique(corners.reshape(-1, grid.dimension), axis=0))
-    _, first = np.unique(grid.cell_nodes, return_index=True)
+    _, first = np.unique(grid.vtk_nodes, return_index=True)
     assert (np.diff(first) > 0).all()
 
 
@@ -84,7 +84,7 @@ def test_numbers_do_not_depend_on_the_thread_count(threads):
             again = build(scene)
         finally:
             numba.set_num_threads(before)
-    for name in ("cell_index", "cell_nodes", "node_index", "node_parents"):
+    for name in ("cell_index", "vtk_nodes", "node_index", "node_parents"):
         assert (getattr(again, name) == getattr(reference, name)).all()
 
 

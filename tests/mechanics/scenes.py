@@ -6,6 +6,7 @@ from mpm_core.datasets import grid_dataset
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.grid import MultiLevelGrid, build_grid
+from mpm_core.loading import external_force
 from mpm_core.model import Model, build_model
 from mpm_core.occupancy import SAMPLES, Pieces
 from mpm_core.particles import point_table
@@ -155,7 +156,7 @@ def make_dataset(scene: Scene, grid: MultiLevelGrid, shapes=(), body=None):
 def solve(model: Model, tolerance: float = 1e-6, step: int = 0) -> tuple[ExplicitScheme, History]:
     """Elastic equilibrium from the virgin state under the forces of `step`."""
     scheme = ExplicitScheme(model, model.virgin_state(), model.volumes(step))
-    force = model.external_force(step)
+    force = external_force(model, step)
     history = History(tolerance)
     scheme.relax(force, tolerance, float(np.linalg.norm(force)), history)
     return scheme, history

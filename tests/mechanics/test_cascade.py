@@ -19,14 +19,15 @@ from mechanics.scenes import (
 )
 from mpm_core.constitutive.coulomb import overstress
 from mpm_core.constitutive.elastic import strain_from_stress
+from mpm_core.equilibrium.body import FAILED_HOURGLASS
 from mpm_core.equilibrium.brittle import above_strength, fail, find_brittle, new_failures, weakest
 from mpm_core.equilibrium.cascade import Ramp, run_cascade
 from mpm_core.equilibrium.convergence import History
-from mpm_core.equilibrium.explicit import FAILED_HOURGLASS, ExplicitScheme
+from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels import blocks
-from mpm_core.model import HOURGLASS, OVERSHOOT, SEISMIC
 from mpm_core.stages import elastic_stage, mining_step
+from mpm_core.state import HOURGLASS, OVERSHOOT, SEISMIC
 from pipeline.errors import InputError
 
 PLANES = {2: "xz", 3: None}
@@ -44,8 +45,8 @@ def test_a_single_overstressed_cell_fails_once(dimension):
     state.stress[cell] = [-30e6, 0.5e6, -1e6, 0.0, 0.0, 1e6]
     trial = state.stress[cell] + model.insitu[cell]
     scheme = ExplicitScheme(model, state, volume)
-    hourglass = scheme.hourglass[cell]
-    hold = -scheme.internal_force()
+    hourglass = scheme.body.hourglass[cell]
+    hold = -scheme.body.internal_force()
     brittle = find_brittle(model, volume, 0, *face_neighbors(model.grid))
     history = History(1e-5)
     ramp = Ramp(hold, hold, np.zeros((dimension, dimension)), float(np.linalg.norm(hold)))
@@ -67,7 +68,7 @@ def test_a_single_overstressed_cell_fails_once(dimension):
     assert state.energy[SEISMIC] > 0.0
     assert state.energy[OVERSHOOT] > 0.0
     assert state.energy[HOURGLASS] == 0.0
-    assert scheme.hourglass[cell] == pytest.approx(FAILED_HOURGLASS * hourglass)
+    assert scheme.body.hourglass[cell] == pytest.approx(FAILED_HOURGLASS * hourglass)
 
 
 def tunnel(tmp_path, *, stress=-15e6, solver=None, host=COULOMB, dimension=2, levels=2, **changes):
@@ -163,7 +164,7 @@ def test_slivers_fail_only_beside_failed_rock():
     state.failed[rock] = -1
     scheme = ExplicitScheme(model, state, volume)
     state.hourglass_force[:] = 1.0
-    fail(scheme, np.array([rock]), 0, 2, 3)
+    fail(scheme.body, np.array([rock]), 0, 2, 3)
     assert state.failure_order[rock].tolist() == [2, 3]
     assert (state.hourglass_force[model.particles.cell[rock]] == 0.0).all()
     assert (state.hourglass_force[model.particles.cell[sliver]] == 1.0).all()

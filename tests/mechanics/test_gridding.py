@@ -162,7 +162,7 @@ def test_a_grid_comes_back_from_its_dataset_as_it_was(plane, dimension):
     scene = make_scene(plane, excavations=[excavation()])
     dataset = make_dataset(scene, grid, [shape])
     again, body, pieces = read_grid(dataset)
-    for name in ("cell_index", "cell_level", "cell_nodes", "node_index", "node_parents", "shape"):
+    for name in ("cell_index", "cell_level", "vtk_nodes", "node_index", "node_parents", "shape"):
         assert np.array_equal(getattr(again, name), getattr(grid, name)), name
     assert (again.fine_cell, again.levels) == (grid.fine_cell, grid.levels)
     assert np.array_equal(again.origin, grid.origin)

@@ -22,8 +22,8 @@ def patch(dimension, seed, per_edge, slope):
     state = model.virgin_state()
     scheme = ExplicitScheme(model, state, model.volumes(0))
     state.velocity[:] = grid.node_position @ slope.T
-    scheme._update(1.0)
-    return model, state, scheme.internal_force()
+    scheme.body.update(1.0)
+    return model, state, scheme.body.internal_force()
 
 
 @settings(max_examples=15, deadline=None)
@@ -85,10 +85,10 @@ def test_mass_and_momentum_of_particles_arrive_at_free_nodes(dimension, per_edge
         make_scene(PLANES[dimension], particles_per_cell=per_edge, solver={"density_scaling": False}), grid
     )
     scheme = ExplicitScheme(model, model.virgin_state(), model.volumes(0))
-    assert (scheme.mass[grid.is_hanging] == 0.0).all()
+    assert (scheme.body.mass[grid.is_hanging] == 0.0).all()
     domain = np.prod(grid.shape * grid.fine_cell)
-    assert scheme.mass.sum() == pytest.approx(2850.0 * domain, rel=1e-13)
-    center = (scheme.mass[:, None] * grid.node_position).sum(axis=0) / scheme.mass.sum()
+    assert scheme.body.mass.sum() == pytest.approx(2850.0 * domain, rel=1e-13)
+    center = (scheme.body.mass[:, None] * grid.node_position).sum(axis=0) / scheme.body.mass.sum()
     np.testing.assert_allclose(center, 0.5 * grid.shape * grid.fine_cell, rtol=1e-12)
 
 
@@ -97,9 +97,9 @@ def test_block_scatter_is_plain_assembly(block, monkeypatch):
     """Random corner forces, summed into slots of blocks of any size, equal np.add.at and C^T."""
     monkeypatch.setattr(blocks, "CELLS_PER_BLOCK", block)
     grid = random_grid(np.random.default_rng(8), 3)
-    scatter = blocks.build_scatter(grid.cell_nodes, grid.node_parents)
-    assert len(scatter.block_start) == 1 + -(-len(grid.cell_nodes) // block)
-    corner_force = np.random.default_rng(9).normal(size=grid.cell_nodes.shape)
+    scatter = blocks.build_scatter(grid.vtk_nodes, grid.node_parents)
+    assert len(scatter.block_start) == 1 + -(-len(grid.vtk_nodes) // block)
+    corner_force = np.random.default_rng(9).normal(size=grid.vtk_nodes.shape)
     slots = np.zeros(scatter.slots)
     np.add.at(slots, scatter.cell_slots, corner_force)
     for first, last, low, high in zip(
@@ -108,7 +108,7 @@ def test_block_scatter_is_plain_assembly(block, monkeypatch):
         assert scatter.cell_slots[first:last].min() >= low
         assert scatter.cell_slots[first:last].max() < high
     plain = np.zeros((len(grid.node_index), 1))
-    np.add.at(plain[:, 0], grid.cell_nodes, corner_force)
+    np.add.at(plain[:, 0], grid.vtk_nodes, corner_force)
     collect_to_parents(grid.node_parents, plain)
     for i, node in enumerate(scatter.free_nodes):
         own = slice(scatter.sum_start[i], scatter.sum_start[i + 1])
@@ -133,7 +133,7 @@ def test_a_relaxation_has_the_same_bits_on_one_thread_and_two(dimension, monkeyp
         for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS), 1):
             numba.set_num_threads(threads)
             scheme, history = solve(make_model(scene, grid, [shape]), 1e-4)
-            results.append((scheme.state.stress, scheme.state.displacement, np.array(history.rows)))
+            results.append((scheme.body.state.stress, scheme.body.state.displacement, np.array(history.rows)))
     finally:
         numba.set_num_threads(before)
     for other in results[1:]:

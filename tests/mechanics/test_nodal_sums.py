@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from mpm_core.equilibrium.explicit import nodal_mass
+from mpm_core.equilibrium.body import nodal_mass
 from mpm_core.kernels.nodes import sizes
 from tests.mechanics.scenes import ball, excavation, grid_around, make_model, make_scene
 

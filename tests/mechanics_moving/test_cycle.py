@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from mpm_core.equilibrium.moving import MovingScheme
+from mpm_core.equilibrium.moving import MovingBody
 from mpm_core.grid.adjacency import leaf_lookup
 from mpm_core.kernels.relocation import relocate, sort_by_cell
 from pipeline.errors import InputError
@@ -14,19 +14,19 @@ from tests.mechanics_moving.twins import SlowParticles, cell_of, slow_step
 PLANES = {2: "xz", 3: None}
 
 
-def make_scheme(grid, *, volume=None, **scene) -> MovingScheme:
-    """A scheme over all cells of a grid, four or eight particles each, nothing mined."""
+def make_body(grid, *, volume=None, **scene) -> MovingBody:
+    """A body over all cells of a grid, four or eight particles each, nothing mined."""
     model = make_model(make_scene(PLANES[grid.dimension], particles_per_cell=2, **scene), grid)
     volume = model.particles.full_volume if volume is None else volume(model)
-    return MovingScheme(model, model.virgin_state(), volume)
+    return MovingBody(model, model.virgin_state(), volume)
 
 
-def stir(scheme: MovingScheme, random: np.random.Generator, reach: float) -> None:
+def stir(body: MovingBody, random: np.random.Generator, reach: float) -> None:
     """Particles at random places of their cells, with random velocities of up to `reach` finest cells per step."""
-    speed = reach * scheme.model.grid.fine_cell / scheme.time_step
-    scheme.xi[:] = random.uniform(-0.95, 0.95, scheme.xi.shape)
-    scheme.velocity[:] = speed * random.uniform(-1.0, 1.0, scheme.velocity.shape)
-    scheme._update(0.0)
+    speed = reach * body.model.grid.fine_cell / body.time_step
+    body.xi[:] = random.uniform(-0.95, 0.95, body.xi.shape)
+    body.velocity[:] = speed * random.uniform(-1.0, 1.0, body.velocity.shape)
+    body.update(0.0)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -37,47 +37,47 @@ def test_cycle_is_that_of_the_paper(dimension):
     """
     random = np.random.default_rng(dimension)
     grid = random_grid(random, dimension)
-    scheme = make_scheme(
+    body = make_body(
         grid,
         host=COULOMB,
         stress=uniform(-10e6, -42e6, -12e6),
         volume=lambda model: model.particles.full_volume * random.choice([0.0, 0.5, 1.0], model.particles.count),
     )
-    model, state = scheme.model, scheme.state
+    model, state = body.model, body.state
     state.failed[random.random(model.particles.count) < 0.3] = 0
-    scheme.set_failed()
+    body.set_failed()
     state.stress[:] = 1e6 * random.standard_normal(state.stress.shape)
     if dimension == 2:
         state.stress[:, 3:5] = 0.0
-    stir(scheme, random, reach=1.0)
+    stir(body, random, reach=1.0)
     external = 1e6 * random.standard_normal(state.displacement.shape)
     external[grid.is_hanging] = 0.0
     first_stress = state.stress.copy()
 
-    present = scheme.volume > 0.0
+    present = body.volume > 0.0
     slow = SlowParticles(
-        position=scheme._position()[present],
-        velocity=scheme.velocity[present].copy(),
+        position=body._position()[present],
+        velocity=body.velocity[present].copy(),
         stress=state.stress[present].copy(),
         insitu=model.insitu[present],
         plastic=np.zeros((present.sum(), 6)),
-        mass=scheme.particle_mass[present],
-        volume=scheme.volume[present],
-        failed=scheme.failed[present],
+        mass=body.particle_mass[present],
+        volume=body.volume[present],
+        failed=body.failed[present],
     )
     lame, shear = model.elastic_constants[0]
     row = model.residual_rows[0]
     damping = model.scene.solver.damping
     for _ in range(3):
-        mass, _ = slow_step(grid, slow, external, model.held, damping, scheme.time_step, lame, shear, row)
-        scheme._advance(external, scheme.time_step)
-        np.testing.assert_allclose(scheme.mass, mass, rtol=1e-12, atol=1e-12 * mass.max())
-        scheme._update(scheme.time_step)
+        mass, _ = slow_step(grid, slow, external, model.held, damping, body.time_step, lame, shear, row)
+        body.advance(external, body.time_step)
+        np.testing.assert_allclose(body.mass, mass, rtol=1e-12, atol=1e-12 * mass.max())
+        body.update(body.time_step)
     assert state.cell_changes > 0.02 * present.sum()
     assert (slow.plastic[:, 0] != 0.0).sum() > 0.1 * present.sum()
     for fast, expected in (
-        (scheme._position()[present], slow.position),
-        (scheme.velocity[present], slow.velocity),
+        (body._position()[present], slow.position),
+        (body.velocity[present], slow.velocity),
         (state.stress[present], slow.stress),
         (state.later_strain[present], slow.plastic),
     ):
@@ -89,43 +89,43 @@ def test_cycle_is_that_of_the_paper(dimension):
 def test_nodes_hold_the_mass_and_momentum_of_the_particles(dimension):
     """Totals over nodes without parents: mass and momentum are those of the particles, internal forces cancel."""
     random = np.random.default_rng(10 + dimension)
-    scheme = make_scheme(random_grid(random, dimension), boundary="free")
-    scheme.state.stress[:] = 1e6 * random.standard_normal(scheme.state.stress.shape)
-    stir(scheme, random, reach=0.1)
-    scheme._advance(np.zeros_like(scheme.unbalanced), 0.0)
-    free = ~scheme.model.grid.is_hanging
-    momentum = scheme.mass[free, None] * scheme.state.velocity[free]
-    carried = scheme.particle_mass[:, None] * scheme.velocity
-    assert scheme.mass[free].sum() == pytest.approx(scheme.particle_mass.sum(), rel=1e-12)
+    body = make_body(random_grid(random, dimension), boundary="free")
+    body.state.stress[:] = 1e6 * random.standard_normal(body.state.stress.shape)
+    stir(body, random, reach=0.1)
+    body.advance(np.zeros_like(body.unbalanced), 0.0)
+    free = ~body.model.grid.is_hanging
+    momentum = body.mass[free, None] * body.state.velocity[free]
+    carried = body.particle_mass[:, None] * body.velocity
+    assert body.mass[free].sum() == pytest.approx(body.particle_mass.sum(), rel=1e-12)
     np.testing.assert_allclose(momentum.sum(axis=0), carried.sum(axis=0), atol=1e-12 * np.abs(carried).sum())
-    force = scheme.unbalanced[free]
+    force = body.unbalanced[free]
     np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12 * np.abs(force).sum())
 
 
-def translate(scheme: MovingScheme, way: np.ndarray, steps: int) -> np.ndarray:
+def translate(body: MovingBody, way: np.ndarray, steps: int) -> np.ndarray:
     """Move all particles by `way` (d,) m in so many steps without any force; returns the velocity given, m/s."""
-    speed = np.asarray(way, float) / (steps * scheme.time_step)
-    scheme.velocity[:] = speed
-    scheme._update(0.0)
+    speed = np.asarray(way, float) / (steps * body.time_step)
+    body.velocity[:] = speed
+    body.update(0.0)
     for _ in range(steps):
-        scheme._advance(np.zeros_like(scheme.unbalanced), scheme.time_step)
-        scheme._update(scheme.time_step)
+        body.advance(np.zeros_like(body.unbalanced), body.time_step)
+        body.update(body.time_step)
     return speed
 
 
 def test_changes_of_cell_counted_by_hand():
     """One cell of 2 x 2 particles travels 2.5 cells along x: those at 1/4 cross two sides, those at 3/4 three: 10."""
     grid = grid_around([], (6, 3), 1, 10.0)
-    scheme = make_scheme(
+    body = make_body(
         grid,
         boundary="free",
         volume=lambda model: np.where(
             grid.cell_index[model.particles.cell].tolist() == np.array([1, 1]), 25.0, 0.0
         ).min(1),
     )
-    assert (scheme.volume > 0.0).sum() == 4
-    translate(scheme, (25.0, 0.0), 60)
-    assert scheme.state.cell_changes == 10
+    assert (body.volume > 0.0).sum() == 4
+    translate(body, (25.0, 0.0), 60)
+    assert body.state.cell_changes == 10
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -142,14 +142,14 @@ def test_rigid_travel_through_all_levels_strains_nothing(dimension):
         inside = (np.abs(model.particles.position - middle) < 10.0).all(axis=1)
         return model.particles.full_volume * inside
 
-    scheme = make_scheme(grid, boundary="free", volume=block)
-    present = scheme.volume > 0.0
-    start = scheme._position()
-    speed = translate(scheme, way, 150)
-    np.testing.assert_allclose(scheme.velocity[present], speed + 0.0 * start[present], rtol=1e-11)
-    np.testing.assert_allclose(scheme._position()[present], start[present] + way, rtol=1e-11)
+    body = make_body(grid, boundary="free", volume=block)
+    present = body.volume > 0.0
+    start = body._position()
+    speed = translate(body, way, 150)
+    np.testing.assert_allclose(body.velocity[present], speed + 0.0 * start[present], rtol=1e-11)
+    np.testing.assert_allclose(body._position()[present], start[present] + way, rtol=1e-11)
     modulus = 57e9
-    assert np.abs(scheme.state.stress).max() < 1e-11 * modulus
+    assert np.abs(body.state.stress).max() < 1e-11 * modulus
 
     lower, upper = grid.cell_origin, grid.cell_origin + grid.cell_size[:, None]
     expected, levels = 0, set()
@@ -159,7 +159,7 @@ def test_rigid_travel_through_all_levels_strains_nothing(dimension):
         crossed = (enters < 1.0) & (leaves > 0.0) & (enters < leaves)
         expected += crossed.sum() - 1
         levels |= set(grid.cell_level[crossed].tolist())
-    assert scheme.state.cell_changes == expected > present.sum()
+    assert body.state.cell_changes == expected > present.sum()
     assert levels == {0, 1, 2}
 
 
@@ -191,9 +191,9 @@ def test_particles_are_found_where_they_are(dimension):
 
 def test_leaving_the_domain_is_an_error():
     """A block that nothing holds runs into the end of the grid: one line that says what to do."""
-    scheme = make_scheme(grid_around([], (3, 3), 1, 10.0), boundary="free")
+    body = make_body(grid_around([], (3, 3), 1, 10.0), boundary="free")
     with pytest.raises(InputError, match=r"left the domain: hold its faces .*solver\.move: false"):
-        translate(scheme, (4.0, 0.0), 10)
+        translate(body, (4.0, 0.0), 10)
 
 
 def test_lone_particle_enters_an_empty_cell_in_peace():
@@ -202,21 +202,21 @@ def test_lone_particle_enters_an_empty_cell_in_peace():
     Without a least inertia the acceleration there overshoots each step and the stress passes any bound.
     """
     grid = grid_around([], (4, 4), 1, 10.0)
-    scheme = make_scheme(
+    body = make_body(
         grid,
         boundary="free",
         volume=lambda model: np.where((model.particles.position == (12.5, 12.5)).all(axis=1), 25.0, 0.0),
     )
-    (particle,) = np.flatnonzero(scheme.volume)
-    scheme.xi[particle] = 0.9, 0.3
-    scheme.velocity[particle] = 10.0 * 1e-3 / scheme.time_step, 0.0
-    scheme.state.stress[particle, [0, 1, 5]] = 1e6, -2e6, 0.5e6
-    scheme._update(0.0)
+    (particle,) = np.flatnonzero(body.volume)
+    body.xi[particle] = 0.9, 0.3
+    body.velocity[particle] = 10.0 * 1e-3 / body.time_step, 0.0
+    body.state.stress[particle, [0, 1, 5]] = 1e6, -2e6, 0.5e6
+    body.update(0.0)
     for _ in range(200):
-        scheme._advance(np.zeros_like(scheme.unbalanced), scheme.time_step)
-        scheme._update(scheme.time_step)
-    assert scheme.state.cell_changes == 1
-    assert np.abs(scheme.state.stress[particle]).max() < 2e6  # that of the start; plane strain keeps some out of plane
+        body.advance(np.zeros_like(body.unbalanced), body.time_step)
+        body.update(body.time_step)
+    assert body.state.cell_changes == 1
+    assert np.abs(body.state.stress[particle]).max() < 2e6  # that of the start; plane strain keeps some out of plane
 
 
 def test_same_bits_with_one_thread_or_two():
@@ -230,15 +230,23 @@ def test_same_bits_with_one_thread_or_two():
         random = np.random.default_rng(5)
         grid = grid_around([ball((40.0, 40.0, 40.0), 9.0)], (8, 8, 8), 3, 10.0, rings=2)
         assert len(grid.cell_level) > 2 * 2048  # several blocks
-        scheme = make_scheme(grid, host=COULOMB, stress=uniform(-10e6, -42e6, -12e6))
-        scheme.state.failed[random.random(scheme.model.particles.count) < 0.3] = 0
-        scheme.set_failed()
-        stir(scheme, random, reach=0.05)
+        body = make_body(grid, host=COULOMB, stress=uniform(-10e6, -42e6, -12e6))
+        body.state.failed[random.random(body.model.particles.count) < 0.3] = 0
+        body.set_failed()
+        stir(body, random, reach=0.05)
         for _ in range(40):
-            scheme._advance(np.zeros_like(scheme.unbalanced), scheme.time_step)
-            scheme._update(scheme.time_step)
-        assert scheme.state.cell_changes > 0
-        states.append([scheme.xi, scheme.velocity, scheme.state.stress, scheme.state.cell, scheme.state.displacement])
+            body.advance(np.zeros_like(body.unbalanced), body.time_step)
+            body.update(body.time_step)
+        assert body.state.cell_changes > 0
+        states.append(
+            [
+                body.xi,
+                body.velocity,
+                body.state.stress,
+                body.state.cell,
+                body.state.displacement,
+            ]
+        )
     numba.set_num_threads(before)
     for one, two in zip(*states, strict=True):
         np.testing.assert_array_equal(one, two)

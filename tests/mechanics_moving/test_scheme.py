@@ -7,6 +7,7 @@ from mpm_core.datasets import read_state
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.moving import MovingScheme
+from mpm_core.loading import external_force
 from mpm_core.model import build_model
 from mpm_core.stages import elastic_stage, mining_step
 from tests.mechanics.scenes import (
@@ -48,12 +49,12 @@ def test_tiny_displacement_rests_where_the_resting_scheme_does(dimension, cut_ce
         cut_cells=cut_cells,
     )
     model = make_model(scene, grid, [shape])
-    volume, force = model.volumes(0), model.external_force(0)
+    volume, force = model.volumes(0), external_force(model, 0)
     states = []
     for scheme_class in (ExplicitScheme, MovingScheme):
         scheme = scheme_class(model, model.virgin_state(), volume)
         scheme.relax(force, 1e-9, norm(force), History(1e-9))
-        states.append(scheme.state)
+        states.append(scheme.body.state)
     resting, moving = states
     there = volume > 0.0
     np.testing.assert_allclose(
@@ -79,12 +80,12 @@ def test_comes_to_rest_with_scaled_and_with_true_density(scaling):
     )
     model = make_model(scene, grid, [shape])
     scheme = MovingScheme(model, model.virgin_state(), model.volumes(0))
-    force, history = model.external_force(0), History(1e-5)
+    force, history = external_force(model, 0), History(1e-5)
     scheme.relax(force, 1e-5, norm(force), history)
     reference = ExplicitScheme(model, model.virgin_state(), model.volumes(0))
     reference.relax(force, 1e-5, norm(force), History(1e-5))
-    assert np.abs(scheme.state.displacement).max() == pytest.approx(
-        np.abs(reference.state.displacement).max(), rel=0.01
+    assert np.abs(scheme.body.state.displacement).max() == pytest.approx(
+        np.abs(reference.body.state.displacement).max(), rel=0.01
     )
 
 
@@ -94,9 +95,9 @@ def test_virgin_rock_with_particles_that_may_move_stays():
     scene = make_scene("xz", host=COULOMB, stress=uniform(-10e6, -20e6, -15e6), particles_per_cell=2)
     model = make_model(scene, grid)
     scheme = MovingScheme(model, model.virgin_state(), model.volumes(0))
-    scheme.relax(model.external_force(0), 1e-6, 0.0, History(1e-6))
-    assert not scheme.state.displacement.any()
-    assert not scheme.state.stress.any()
+    scheme.relax(external_force(model, 0), 1e-6, 0.0, History(1e-6))
+    assert not scheme.body.state.displacement.any()
+    assert not scheme.body.state.stress.any()
 
 
 def test_steps_start_where_particles_came_to_rest(tmp_path):

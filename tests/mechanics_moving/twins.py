@@ -44,7 +44,7 @@ def shape_functions(grid: MultiLevelGrid, position: np.ndarray):
     gradient = np.stack(
         [slope[:, k] * np.delete(factor, k, axis=1).prod(axis=1) for k in range(grid.dimension)], axis=1
     )
-    return grid.cell_nodes[cell], factor.prod(axis=1), gradient
+    return grid.vtk_nodes[cell], factor.prod(axis=1), gradient
 
 
 def slow_step(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mpm_core.grid import number_nodes
-from mpm_core.model import BIT_ORDER
+from mpm_core.grid.mesh import BIT_ORDER
 from mpm_core.multigrid.coarsening import coarsen, finest_grid
 from tests.mechanics.scenes import ball, box, grid_around
 
@@ -15,13 +15,13 @@ def test_nodes_of_a_coarser_grid_are_those_numbered_anew(shape):
     dimension = len(shape)
     shapes = [ball([21.3] * dimension, 6.2), box([30.0] * dimension, [38.7] * dimension)]
     grid = grid_around(shapes, shape, levels=4, coarse=10.0)
-    fine = finest_grid(grid, np.ascontiguousarray(grid.cell_nodes[:, BIT_ORDER[dimension]]))
+    fine = finest_grid(grid, np.ascontiguousarray(grid.vtk_nodes[:, BIT_ORDER[dimension]]))
     hanging = []
     for _ in range(5):
         coarse, _ = coarsen(fine)
         upper = (coarse.cell_index + coarse.cell_width[:, None]).max(axis=0)
-        cell_nodes, node_index, node_parents = number_nodes(coarse.cell_index, coarse.cell_width, upper)
-        own = cell_nodes[:, BIT_ORDER[dimension]]
+        vtk_nodes, node_index, node_parents = number_nodes(coarse.cell_index, coarse.cell_width, upper)
+        own = vtk_nodes[:, BIT_ORDER[dimension]]
         assert len(coarse.node_index) == len(node_index)
         np.testing.assert_array_equal(coarse.node_index[coarse.cell_nodes], node_index[own])
         number = np.empty(len(node_index), np.int32)

@@ -21,26 +21,26 @@ def test_forces_of_flow_are_those_of_the_explicit_scheme(dimension, points, cut_
     schemes = [kind(model, copy.deepcopy(state), volume) for kind in (ExplicitScheme, MultigridScheme)]
     motion = 3e-3 * random.standard_normal(model.held.shape) * ~model.held
     motion[model.grid.is_hanging] = 0.0
-    motion *= (schemes[0].mass > 0.0)[:, None]
+    motion *= (schemes[0].body.mass > 0.0)[:, None]
     before = []
     for scheme in schemes:
-        scheme.displace(0.4 * motion)  # to the residual surface
-        scheme.settle()
-        scheme.displace(0.3 * motion)  # flow since it last counted
-        before.append(scheme.internal_force())
+        scheme.body.displace(0.4 * motion)  # to the residual surface
+        scheme.body.settle()
+        scheme.body.displace(0.3 * motion)  # flow since it last counted
+        before.append(scheme.body.internal_force())
 
     np.testing.assert_array_equal(*before)
     explicit, multigrid = schemes
-    explicit.displace(motion)
-    flowed = (explicit.state.later_strain != 0.0).any(axis=1)
-    assert 20 < flowed.sum() < len(explicit.flowing)
-    expected = explicit.internal_force() - before[0]
+    explicit.body.displace(motion)
+    flowed = (explicit.body.state.later_strain != 0.0).any(axis=1)
+    assert 20 < flowed.sum() < len(explicit.body.flowing)
+    expected = explicit.body.internal_force() - before[0]
 
     multigrid._set_stiffness()
     solver, flow = multigrid.solver, multigrid._flow_forces()
     values, elastic, fallen = solver.to_rows(motion), solver.operator.zeros(), solver.operator.zeros()
     solver.operator.apply(values, elastic)
-    flow.begin(multigrid.state, multigrid._take_back_flow)
+    flow.begin(multigrid.body.state, multigrid.body.take_back_flow)
     flow.add(values, fallen)
     solver.operator.collect(fallen)
     obtained = np.empty_like(motion)

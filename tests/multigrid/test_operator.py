@@ -32,14 +32,14 @@ def scene_with_everything(dimension: int, points: int, cut_cells: str, boundary=
 def explicit_force(model, volume, motion):
     """Internal force (node, d) at free nodes of the stress that a motion of the nodes makes."""
     scheme = ExplicitScheme(model, model.virgin_state(), volume)
-    scheme.displace(motion)
-    return scheme.internal_force(), scheme
+    scheme.body.displace(motion)
+    return scheme.body.internal_force(), scheme
 
 
 def solver_of(model, volume, scheme) -> ElasticSolver:
     solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
     hourglass = model.scene.solver.hourglass if model.scene.particles_per_cell == 1 else np.inf
-    solver.set_stiffness(elastic_cells(model, volume, scheme.hourglass), hourglass, model.free_motions(volume))
+    solver.set_stiffness(elastic_cells(model, volume, scheme.body.hourglass), hourglass, model.free_motions(volume))
     return solver
 
 
@@ -63,7 +63,7 @@ def test_forces_are_those_of_the_explicit_scheme(dimension, points, cut_cells):
     motion[model.grid.is_hanging] = 0.0
     expected, scheme = explicit_force(model, volume, motion)
     solver = solver_of(model, volume, scheme)
-    attached = scheme.mass > 0.0
+    attached = scheme.body.mass > 0.0
     obtained = -operator_force(solver, motion * attached[:, None])
     assert np.abs(obtained - expected).max() < 1e-13 * np.abs(expected).max()
 

@@ -1,7 +1,7 @@
 """A part of the mine around fresh failures, the rest held still."""
 
 import logging
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numba
 import numpy as np
@@ -14,11 +14,11 @@ from mpm_core.equilibrium.brittle import fail, find_brittle, new_failures
 from mpm_core.equilibrium.cascade import relax_and_fail
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.multigrid import MultigridScheme
-from mpm_core.equilibrium.part import OF_PARTICLES
 from mpm_core.equilibrium.surroundings import CUBE
 from mpm_core.grid.adjacency import face_neighbors
-from mpm_core.model import State
+from mpm_core.loading import external_force
 from mpm_core.stages import elastic_stage, mining_step
+from mpm_core.state import ARRAYS
 from tests.mechanics.scenes import (
     COULOMB,
     ball,
@@ -62,12 +62,12 @@ def with_failure(dimension: int, **scene):
     scene, shapes, grid = long_mine(dimension, **scene)
     model = make_model(scene, grid, shapes)
     volume, state = model.volumes(0), model.virgin_state()
-    scheme, force = MultigridScheme(model, state, volume), model.external_force(0)
+    scheme, force = MultigridScheme(model, state, volume), external_force(model, 0)
     scheme.relax(force, 1e-9, norm(force), History(1e-9))
     brittle = find_brittle(model, volume, 0, *face_neighbors(grid))
     fresh = new_failures(model, state, brittle)
     fresh = fresh[model.particles.position[fresh, 0] < 30.0][:7]
-    fail(scheme, fresh, 0, 1, 0)
+    fail(scheme.body, fresh, 0, 1, 0)
     scheme.set_failed()
     return scheme, brittle, fresh, force
 
@@ -77,31 +77,31 @@ def with_failure(dimension: int, **scene):
 def test_a_part_at_rest_is_at_rest_in_the_mine_but_for_its_border(dimension, points, boundary):
     """In the whole, only nodes that the part shares with other cells are unbalanced then; no other node has moved."""
     scheme, brittle, fresh, force = with_failure(dimension, particles_per_cell=points, boundary=boundary)
-    before = scheme.state.displacement.copy()
+    before = scheme.body.state.displacement.copy()
     part = scheme.part_around(brittle, fresh)
     own = scheme.scheme_of(part)
-    assert len(part.cells) < 0.5 * len(scheme.model.cell_nodes)
+    assert len(part.cells) < 0.5 * len(scheme.body.model.cell_nodes)
     history = History(1e-9)
     own.relax(force[part.nodes], 1e-9, norm(force), history)
     assert history.iteration <= 60  # 45, 20, 10, 10; up to 1671 if coarse grids move the border
-    own.settle()
+    own.body.settle()
     scheme.take_back(part)
 
-    moved = np.flatnonzero((scheme.state.displacement != before).any(axis=1))
+    moved = np.flatnonzero((scheme.body.state.displacement != before).any(axis=1))
     assert set(moved) <= set(part.nodes[~part.model.held.any(axis=1)])
     assert len(moved) > 0.5 * len(part.nodes)
-    scheme._update(0.0, np.flatnonzero(scheme.stale))
-    scheme._advance(force, 0.0)
+    scheme.body.update(0.0, np.flatnonzero(scheme.stale))
+    scheme.body.advance(force, 0.0)
     free = part.nodes[~part.model.held.any(axis=1)]
-    assert norm(scheme.unbalanced[free]) < 1.1e-9 * norm(force)
-    assert norm(scheme.unbalanced) > 1e-8 * norm(force)
+    assert norm(scheme.body.unbalanced[free]) < 1.1e-9 * norm(force)
+    assert norm(scheme.body.unbalanced) > 1e-8 * norm(force)
 
 
 @pytest.mark.parametrize(("dimension", "cut_cells"), [(3, "fraction"), (2, "subdivide")])
 def test_tables_of_a_part_are_those_of_the_mine(dimension, cut_cells):
     """Each cell has the same place, corners, particles, neighbours in the part, and rock that may fail."""
     scheme, brittle, fresh, _ = with_failure(dimension, cut_cells=cut_cells)
-    whole, state = scheme.model, scheme.state
+    whole, state = scheme.body.model, scheme.body.state
     part = scheme.part_around(brittle, fresh)
     model, tables = part.model, whole.particles
     assert 0 < part.model.particles.count < tables.count
@@ -117,9 +117,9 @@ def test_tables_of_a_part_are_those_of_the_mine(dimension, cut_cells):
         np.testing.assert_array_equal(getattr(model.particles, name), getattr(tables, name)[part.particles])
     np.testing.assert_array_equal(part.cells[model.particles.cell], tables.cell[part.particles])
     np.testing.assert_array_equal(model.volumes(0), part.volume)
-    for field in fields(State):
-        if field.name in OF_PARTICLES:
-            np.testing.assert_array_equal(getattr(part.state, field.name), getattr(state, field.name)[part.particles])
+    for name, array in ARRAYS.items():
+        if array.dims[0] == "particle" and name != "cell":
+            np.testing.assert_array_equal(getattr(part.state, name), getattr(state, name)[part.particles])
     for kind in ("sound", "sliver"):
         mine = getattr(brittle, kind)
         np.testing.assert_array_equal(part.particles[getattr(part.brittle, kind)], mine[np.isin(mine, part.particles)])
@@ -148,9 +148,10 @@ def test_rock_near_the_border_of_a_part_waits_for_the_whole(monkeypatch):
     scheme, brittle, fresh, force = with_failure(2)
     part = scheme.part_around(brittle, fresh[:1])
     index, cell = part.model.grid.cell_index >> CUBE[2], part.model.particles.cell
-    away = np.abs(index - (scheme.model.grid.cell_index[scheme.model.particles.cell[fresh[0]]] >> CUBE[2])).max(axis=1)
+    whole = scheme.body.model
+    away = np.abs(index - (whole.grid.cell_index[whole.particles.cell[fresh[0]]] >> CUBE[2])).max(axis=1)
     intact = part.state.failed < 0
-    distance = np.linalg.norm(part.model.particles.position - scheme.model.particles.position[fresh[0]], axis=1)
+    distance = np.linalg.norm(part.model.particles.position - whole.particles.position[fresh[0]], axis=1)
     near, far = np.argmin(np.where(intact, distance, np.inf)), np.flatnonzero(intact & (away[cell] == 2))[0]
     assert part.far_from_border(np.array([near, far])).tolist() == [near]
     monkeypatch.setattr(cascade, "new_failures", lambda *_: np.array([far]))
@@ -164,7 +165,7 @@ def test_no_part_with_a_border_beside_a_ring_that_fails(monkeypatch):
     """Rock all round a void, 10 cells wide: 2-D asks for a border 30 cells away."""
     monkeypatch.setattr(surroundings, "BORDER", 0.02)
     scheme, brittle, _, _ = with_failure(2)
-    ring = brittle.sound[scheme.model.particles.position[brittle.sound, 0] < 20.0]
+    ring = brittle.sound[scheme.body.model.particles.position[brittle.sound, 0] < 20.0]
     assert scheme.part_around(brittle, ring) is None
 
 

@@ -10,6 +10,7 @@ from mpm_core.equilibrium import multigrid
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.multigrid import MultigridScheme
+from mpm_core.loading import external_force
 from mpm_core.multigrid.solver import Solution
 from tests.mechanics.scenes import COULOMB, ball, excavation, grid_around, make_model, make_scene, uniform
 from tests.multigrid.test_operator import scene_with_everything
@@ -20,7 +21,7 @@ STRESS = 30e6  # Pa, largest in-situ stress of the scenes
 def at_rest(kind, model, volume, state, tolerance=1e-9, parts=1):
     """The scheme after relaxation under all forces, put on in parts."""
     scheme, history = kind(model, state, volume), History(tolerance)
-    force = model.external_force(0)
+    force = external_force(model, 0)
     for part in range(1, parts + 1):
         scheme.relax(force * part / parts, tolerance, norm(force), history)
     return scheme, history
@@ -28,7 +29,7 @@ def at_rest(kind, model, volume, state, tolerance=1e-9, parts=1):
 
 def difference(one, other, volume) -> float:
     """Root mean square of the difference in stress over all rock and fill, share of the in-situ stress."""
-    square = (one.state.stress - other.state.stress) ** 2
+    square = (one.body.state.stress - other.body.state.stress) ** 2
     return float(np.sqrt(np.sum(square * volume[:, None]) / volume.sum()) / STRESS)
 
 
@@ -43,9 +44,9 @@ def test_elastic_equilibrium_is_that_of_the_explicit_scheme(dimension, boundary,
     )
     assert history.iteration <= 20
     assert difference(one, other, volume) < 1e-8
-    moved = (one.mass > 0.0) | model.grid.is_hanging
-    gap = np.abs(one.state.displacement - other.state.displacement)[moved].max()
-    assert gap < 1e-7 * np.abs(one.state.displacement[moved]).max()
+    moved = (one.body.mass > 0.0) | model.grid.is_hanging
+    gap = np.abs(one.body.state.displacement - other.body.state.displacement)[moved].max()
+    assert gap < 1e-7 * np.abs(one.body.state.displacement[moved]).max()
 
 
 def plastic_model(dimension: int):
@@ -76,10 +77,10 @@ def test_plastic_equilibrium_is_that_of_the_explicit_scheme(dimension):
         model, volume, state = plastic_model(dimension)
         results.append(at_rest(kind, model, volume, state, tolerance=1e-6))
     (one, steps), (other, cycles) = results
-    flowed = (one.state.later_strain != 0.0).any(axis=1)
+    flowed = (one.body.state.later_strain != 0.0).any(axis=1)
     assert flowed.sum() > 20
     assert difference(one, other, volume) < 1e-4
-    flow = np.sum(np.abs(one.state.later_strain), axis=1), np.sum(np.abs(other.state.later_strain), axis=1)
+    flow = np.sum(np.abs(one.body.state.later_strain), axis=1), np.sum(np.abs(other.body.state.later_strain), axis=1)
     assert np.sum(np.abs(flow[0] - flow[1]) * volume) < 0.02 * np.sum(flow[0] * volume)
     assert cycles.iteration < 0.4 * steps.iteration
 
@@ -127,7 +128,7 @@ def test_a_diverged_solution_is_never_applied(ratio, monkeypatch, caplog):
         scheme, history = at_rest(MultigridScheme, model, volume, state, tolerance=1e-4)
     assert "going on with explicit steps" in caplog.text
     assert history.rows[-1][3] <= 1e-4
-    assert 0.0 < np.abs(scheme.state.displacement).max() < 0.1
+    assert 0.0 < np.abs(scheme.body.state.displacement).max() < 0.1
 
 
 def test_a_relaxation_that_stands_still_begins_anew(monkeypatch, caplog):
@@ -181,4 +182,4 @@ def test_nothing_mined_is_at_rest():
     model = make_model(scene, grid_around([], (3, 3, 3), 1, 4.0))
     scheme, history = at_rest(MultigridScheme, model, model.volumes(0), model.virgin_state())
     assert history.iteration == 0
-    assert not scheme.state.displacement.any()
+    assert not scheme.body.state.displacement.any()

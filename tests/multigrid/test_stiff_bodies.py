@@ -73,7 +73,7 @@ def test_host_is_what_fills_most_of_the_volume_whatever_the_units(scale):
     body = ball([8.0, 8.0, 8.0], 2.5)
     grid = grid_around([body], (4, 4, 4), 3, 4.0)
     inside = body(grid.cell_center)
-    level = ElasticSolver(grid, grid.cell_nodes, np.zeros((len(grid.node_index), 3), bool)).finest.grid
+    level = ElasticSolver(grid, grid.vtk_nodes, np.zeros((len(grid.node_index), 3), bool)).finest.grid
     shear = cells_of(grid, np.ones(len(inside))).constants[:, 1] / grid.cell_size[0] * 2.0
     stiff = scale * np.where(inside, 100.0, 1.0) * shear
     soft = scale * np.where(inside, 0.01, 1.0) * shear
@@ -92,7 +92,7 @@ def test_matrices_of_cells_are_those_of_the_operator(points):
     order = [0, 1, 3, 2, 4, 5, 7, 6]
     held = np.zeros((len(grid.node_index), 3), bool)
     held[grid.boundary_nodes(0, 0)] = True
-    solver = ElasticSolver(grid, np.ascontiguousarray(grid.cell_nodes[:, order]), held)
+    solver = ElasticSolver(grid, np.ascontiguousarray(grid.vtk_nodes[:, order]), held)
     solver.set_stiffness(cells, 0.05 if points == 1 else np.inf)
     bodies = solver.cycle.bodies
     motion, forces, solution = (solver.operator.zeros() for _ in range(3))
@@ -121,13 +121,13 @@ def test_stress_in_a_stiff_cylinder_is_eshelbys(ratio, shear):
     for axis in range(2):
         for side in range(2):
             held[grid.boundary_nodes(axis, side)] = True
-    corners = np.ascontiguousarray(grid.cell_nodes[:, [0, 1, 3, 2]])
+    corners = np.ascontiguousarray(grid.vtk_nodes[:, [0, 1, 3, 2]])
     solver = ElasticSolver(grid, corners, held)
     cells = cells_of(grid, np.where(inside, ratio, 1.0))
     solver.set_stiffness(cells, 0.05)
     place = grid.node_position - middle
     far = place * ([1.0, -1.0] if shear else [1.0, 1.0])
-    far[np.isin(np.arange(len(place)), grid.cell_nodes[inside])] = 0.0  # the body unstrained: no forces in it
+    far[np.isin(np.arange(len(place)), grid.vtk_nodes[inside])] = 0.0  # the body unstrained: no forces in it
     motion, forces = solver.operator.zeros(), solver.operator.zeros()
     rows = solver.finest.families.node_row[:, None] * solver.operator.width + np.arange(2)
     motion[rows] = far
@@ -185,7 +185,7 @@ def test_scheme_beside_stiff_bodies(dimension, caplog):
             scheme, history = at_rest(MultigridScheme, model, volume, model.virgin_state(), tolerance)
         assert not caplog.records
         assert history.iteration <= 25
-        displacements.append(scheme.state.displacement)
+        displacements.append(scheme.body.state.displacement)
     largest = np.abs(displacements[1]).max()
     assert np.abs(displacements[0] - displacements[1]).max() < 1e-4 * largest
 
@@ -203,7 +203,7 @@ def test_failed_rock_beside_stiff_bodies(dimension, caplog):
         with caplog.at_level(logging.WARNING):
             scheme, history = at_rest(MultigridScheme, model, volume, state, tolerance=1e-5)
         assert not caplog.records
-        assert (scheme.state.later_strain != 0.0).any()
+        assert (scheme.body.state.later_strain != 0.0).any()
         cycles.append(history.iteration)
     assert cycles[1] <= 1.5 * cycles[0] + 5
 
@@ -211,7 +211,7 @@ def test_failed_rock_beside_stiff_bodies(dimension, caplog):
 def test_bodies_are_absent_without_contrast():
     """Uniform rock with a tunnel: single precision, no blocks."""
     grid, stiff = bodies_2_or_3("ball", 2)
-    solver = ElasticSolver(grid, grid.cell_nodes, np.zeros((len(grid.node_index), 2), bool))
+    solver = ElasticSolver(grid, grid.vtk_nodes, np.zeros((len(grid.node_index), 2), bool))
     solver.set_stiffness(cells_of(grid, np.where(stiff, 0.0, MODULUS)), 0.05)
     assert solver.cycle.bodies is None
     assert solver.finest.residual.dtype == np.float32

@@ -25,7 +25,7 @@ from pipeline.source_tensors import (
 )
 from pipeline.voigt import tensor_from_voigt
 from seismic.events import extract_events
-from verification.answers.clustering_steps import synthetic_step
+from verification.clustering.steps import synthetic_step
 
 LAMBDA, MU = 20e9, 30e9
 SIX = arrays(np.float64, 6, elements=st.floats(-1.0, 1.0).filter(lambda x: x == 0.0 or abs(x) > 1e-6))

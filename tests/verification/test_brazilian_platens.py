@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from running import run_study
 
-from verification.answers.brazilian_disc_crack import read_crack
-from verification.answers.brazilian_platens import PlatenDisc, answer, stages_of, through_moment
+from verification.brazilian_disc.crack import read_crack
+from verification.brazilian_platens.answer import PlatenDisc, answer, stages_of, through_moment
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ from running import run_study
 
 from pipeline.voigt import tensor_from_voigt
 from seismic.families import closeness
-from verification.answers import clustering
-from verification.answers.clustering_families import certainly_recovered, least_angle, recover
-from verification.answers.clustering_points import (
+from verification.clustering import answer as clustering
+from verification.clustering.families import certainly_recovered, least_angle, recover
+from verification.clustering.points import (
     NOISE,
     balls,
     elongation,
@@ -23,7 +23,7 @@ from verification.answers.clustering_points import (
     make_points,
     share_of_noise_taken,
 )
-from verification.answers.clustering_steps import turned
+from verification.clustering.steps import turned
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from running import run_study
 
-from verification.answers import brittle_row, plastic
-from verification.closed_forms.brittle_row import BrittleRow
-from verification.closed_forms.plastic_ring import CoulombRock
-from verification.closed_forms.plastic_sphere import PlasticSphere
-from verification.closed_forms.plastic_tunnel import PlasticTunnel
+from verification.brittle_row import answer as brittle_row
+from verification.brittle_row.closed_form import BrittleRow
+from verification.plastic import answer as plastic
+from verification.plastic.ring import CoulombRock
+from verification.plastic.sphere import PlasticSphere
+from verification.plastic.tunnel import PlasticTunnel
 
 RADIUS = 8.0
 TABLE_2 = {

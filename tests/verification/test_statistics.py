@@ -8,8 +8,11 @@ import pytest
 from matplotlib.figure import Figure
 from running import run_study
 
-from verification.answers import statistics, statistics_locations, statistics_mechanisms, statistics_sizes
-from verification.answers.statistics_samples import clustered_locations
+from verification.statistics import answer as statistics
+from verification.statistics import locations as statistics_locations
+from verification.statistics import mechanisms as statistics_mechanisms
+from verification.statistics import sizes as statistics_sizes
+from verification.statistics.samples import clustered_locations
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,9 @@ from tiny_mines import FLAT, NEXT_STEP, STILL, TINY, changed, merged
 from mpm_core.gridding import Domain, failure_zone, make_grid
 from mpm_core.scene import parse_scene
 from mpm_core.stages import elastic_stage, mining_step
-from workflow.configuration import Mine, load
+from workflow.configuration import load
 from workflow.draft import draft_of
+from workflow.mine import Mine
 
 AUTO = {"grid.failure_zone": "auto"}
 ALONE = {key: value for key, value in TINY.items() if key != "record"}

@@ -245,8 +245,8 @@ def test_no_convergence_and_nan_leave_the_last_state_beside_the_output(mine, tmp
     with pytest.raises(InputError, match=r"no convergence: .* raise solver\.max_iterations"):
         stages.elastic_stage(parse_scene(made.scene_slice(0)), grid, failed)
     assert "displacement" in np.load(failed)
-    external_force = stages.Model.external_force
-    monkeypatch.setattr(stages.Model, "external_force", lambda model, step: external_force(model, step) * np.nan)
+    external_force = stages.external_force
+    monkeypatch.setattr(stages, "external_force", lambda model, step: external_force(model, step) * np.nan)
     with pytest.raises(InputError, match="not a number at iteration 0"):
         stages.elastic_stage(parse_scene(mine(TINY).scene_slice(0)), grid, failed)
 

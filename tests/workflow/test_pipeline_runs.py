@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import subprocess
 
 import meshio
@@ -148,6 +149,19 @@ def test_second_call_has_nothing_to_do(undisturbed, tiny_file):
     assert status == 0
     assert "Nothing to be done" in text
     assert jobs(text) == {}
+
+
+def test_snakemakes_own_report_needs_no_network(undisturbed, tiny_file, tmp_path, monkeypatch):
+    """`--report`, with proxies that are none: one page with the mine's report and catalogue in it, and no address."""
+    for name in ("http_proxy", "https_proxy"):
+        monkeypatch.setenv(name, "http://127.0.0.1:9")
+    page = tmp_path / "report.html"
+    status, text = snakemake(tiny_file, undisturbed[0], "--report", str(page))
+    assert status == 0, text
+    page = page.read_text(encoding="utf-8")
+    for result in ("report.html", "catalog.csv"):
+        assert f"results/tiny/{result}" in page
+    assert not re.findall(r"""<(?:script|link|img)[^>]+(?:src|href)=["']?https?:""", page)
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ PACKAGES = (SHARED, *APART, "verification", "workflow")
 NO_DATA = ("workflow/report/", "workflow/envs/", "workflow/rules/", "workflow/schemas/")
 BY_NAME = {  # modules that import others by a name made at run time, and who sees to it
     "verification/__main__.py",  # an answer: its rule names the module beside the stage
-    "workflow/configuration.py",  # excavations_from: what it makes is part of the slices of settings
+    "workflow/mine.py",  # excavations_from: what it makes is part of the slices of settings
 }
 # In place of the interpreter that runs a stage: one leaves empty results, one runs it and notes what files it has used.
 LEAVE_EMPTY = """#!/bin/sh
@@ -90,7 +90,7 @@ def test_every_file_that_is_no_module_belongs_to_one():
     """A template that no module beside it says the name of would be missed in silence."""
     files = (path for package in PACKAGES for path in (ROOT / package).rglob("*") if path.is_file())
     data = {name for name in names(files) if not name.endswith((".py", ".pyc")) and not name.startswith(NO_DATA)}
-    assert "catalogs/templates/report.html.j2" in data
+    assert "catalogs/report/templates/report.html.j2" in data
     claimed = {name for package in PACKAGES for module in modules(package) for name in names(source_files(module))}
     assert data - claimed == set()
 
@@ -110,22 +110,22 @@ def test_a_rule_depends_on_the_stage_that_it_runs():
 
 def test_what_is_not_there_has_no_sources():
     """A misspelt stage or module stops the workflow instead of depending on nothing."""
-    for absent in ("catalogs reprot", "catalog report", "tests/benchmarks/peer/", "config/defaults.yaml"):
+    for absent in ("catalogs reprot", "catalog report", "verification/benchmarks/peer/", "config/defaults.yaml"):
         with pytest.raises(ValueError, match="sources"):
             source_hash(absent)
 
 
 def test_a_stage_alone_counts_of_its_command_line():
     """What one stage imports within its function is no source of another, helpers that it calls are."""
-    assert "catalogs/templates/report.html.j2" in names(source_files("catalogs report"))
+    assert "catalogs/report/templates/report.html.j2" in names(source_files("catalogs report"))
     assert "catalogs/records/csv_reader.py" in names(source_files("catalogs record"))
     for stage in ("record", "quakeml", "compare", "spread", "twin", "vtk"):
         found = names(source_files(f"catalogs {stage}"))
         assert {"catalogs/__main__.py", "catalogs/__init__.py", "pipeline/stage.py"} <= found
-        assert not found & {"catalogs/report.py", "catalogs/templates/report.html.j2", "pipeline/pages.py"}
+        assert not found & {"catalogs/report/page.py", "catalogs/report/templates/report.html.j2", "pipeline/pages.py"}
     assert names(source_files("mpm_core grid")).isdisjoint({"mpm_core/multigrid/cycle.py", "mpm_core/stages.py"})
     assert "mpm_core/multigrid/cycle.py" in names(source_files("mpm_core step"))  # through its helper _solve
-    assert names(source_files("tests/benchmarks/peers/")) >= {"tests/benchmarks/peers/ogs.txt"}
+    assert names(source_files("verification/benchmarks/peers/")) >= {"verification/benchmarks/peers/ogs.txt"}
 
 
 @pytest.mark.slow
@@ -188,8 +188,8 @@ CATALOG = COMPARE | {"catalog": 1, "quakeml": 1}
 EVENTS = CATALOG | {"events": 2}
 MECHANICS = EVENTS | {"elastic": 1, "mining_step": 2}
 EDITS = {
-    "workflow/terminal.py verification/report.py tests/extremes/mines.py catalogs/vtk.py mpm_core/vtk.py": {},
-    "catalogs/templates/report.html.j2": REPORT,
+    "workflow/terminal.py verification/report.py verification/extremes/mines.py catalogs/vtk.py mpm_core/vtk.py": {},
+    "catalogs/report/templates/report.html.j2": REPORT,
     "pipeline/pages.py catalogs/figures/style.py": REPORT,
     "catalogs/records/csv_reader.py": {"record": 1} | COMPARE,
     "seismic/catalog.py": CATALOG,

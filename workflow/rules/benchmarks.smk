@@ -1,6 +1,6 @@
 """Speed beside other codes. `threads` is all there are: one case at a time, so that none disturbs another."""
 
-from tests.benchmarks.equilibrium import targets
+from verification.benchmarks import targets
 
 
 rule benchmark_case:
@@ -10,7 +10,7 @@ rule benchmark_case:
     output:
         targets.RUN,
     params:
-        code=source_hash("tests.benchmarks.equilibrium measure", "tests.benchmarks.equilibrium solve", "tests/benchmarks/peers/"),
+        code=source_hash("verification.benchmarks measure", "verification.benchmarks solve", "verification/benchmarks/peers/"),
         settings=targets.settings_slice,
         earlier=targets.smaller_runs,
         environments=f"{targets.RESULTS}/environments",
@@ -25,7 +25,7 @@ rule benchmark_case:
     conda:
         "../envs/environment.yaml"
     shell:
-        "stage tests.benchmarks.equilibrium measure {wildcards.problem} {wildcards.code} {wildcards.across}"
+        "stage verification.benchmarks measure {wildcards.problem} {wildcards.code} {wildcards.across}"
         " --earlier {params.earlier} --environments {params.environments} --output {output} --threads {threads} --log {log}"
 
 
@@ -38,7 +38,7 @@ rule benchmarks:
         figure=f"{targets.RESULTS}/figure.svg",
         page=f"{targets.RESULTS}/report.html",
     params:
-        code=source_hash("tests.benchmarks.equilibrium report"),
+        code=source_hash("verification.benchmarks report"),
         settings=targets.settings_slice,
     log:
         "logs/benchmarks/report.log",
@@ -51,5 +51,5 @@ rule benchmarks:
     conda:
         "../envs/environment.yaml"
     shell:
-        "stage tests.benchmarks.equilibrium report --runs {input.runs}"
+        "stage verification.benchmarks report --runs {input.runs}"
         " --table {output.table} --figure {output.figure} --page {output.page} --log {log}"

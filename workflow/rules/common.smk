@@ -261,7 +261,7 @@ def if_made(option, path, made):
 
 def answer_sources(wildcards):
     """Hash of what a study's answer runs: the stage, and the module that it is told by name."""
-    return source_hash("verification answer", f"verification.answers.{study(wildcards.study).answer}")
+    return source_hash("verification answer", f"verification.{study(wildcards.study).answer}.answer")
 
 
 def studies():

@@ -6,7 +6,7 @@ rule extremes:
     output:
         table="results/extremes/table.csv",
     params:
-        code=source_hash("tests.extremes", "config/default.yaml"),
+        code=source_hash("verification.extremes", "config/default.yaml"),
     log:
         "logs/extremes.log",
     benchmark:
@@ -18,4 +18,4 @@ rule extremes:
     conda:
         "../envs/environment.yaml"
     shell:
-        "stage tests.extremes --table {output.table} --log {log}"
+        "stage verification.extremes --table {output.table} --log {log}"

@@ -1,0 +1,132 @@
+"""The comparison as rows of text: what is measured, modelled, recorded, their difference, its 95 % interval."""
+
+import numpy as np
+import xarray as xr
+
+from catalogs.figures.stereonets import direction
+from catalogs.report.inputs import Evidence
+from catalogs.report.text import MISSING, between, fixed, number, whole, with_unit
+
+
+def _pair(comparison: xr.Dataset, name: str, form=number) -> list[str]:
+    """A value of the model and of the record."""
+    return [form(float(comparison[name].sel(catalogue=which))) for which in ("model", "record")]
+
+
+def hundredths(value: float) -> str:
+    """A number with two decimals: logarithms and b."""
+    return fixed(value, 2)
+
+
+def _row(name: str, modelled: str, recorded: str, value: str, interval: str) -> dict[str, str]:
+    return {"name": name, "modelled": modelled, "recorded": recorded, "value": value, "interval": interval}
+
+
+def location_rows(evidence: Evidence) -> list[dict]:
+    """Location: number and 95 % interval of each measure."""
+    comparison = evidence.comparison
+    if comparison is None:
+        return []
+
+    def near(pair: int) -> tuple[str, str]:
+        here = comparison["nearest_distance"].isel(pair=pair), comparison["nearest_distance_interval"].isel(pair=pair)
+        return with_unit(number(here[0]), " m"), between(here[1].values)
+
+    chance = between(comparison["energy_distance_null"].values)
+    return [
+        _row(
+            "distance between the centroids", "", "", with_unit(number(comparison["centroid_distance"]), " m"),
+            between(comparison["centroid_distance_interval"].values),
+        ),
+        _row(
+            f"energy distance (0: one distribution; by chance {chance} m)", "", "",
+            with_unit(number(comparison["energy_distance"]), " m"),
+            between(comparison["energy_distance_interval"].values),
+        ),
+        _row("from a modelled event to the nearest recorded, median", "", "", *near(0)),
+        _row("from a recorded event to the nearest modelled, median", "", "", *near(1)),
+        _row("from a recorded event to the nearest recorded, median", "", "", *near(2)),
+    ]  # fmt: skip
+
+
+def size_rows(evidence: Evidence) -> list[dict]:
+    """Sizes: both catalogues and their difference with 95 % interval."""
+    comparison = evidence.comparison
+    if comparison is None:
+        return []
+    free, bounded = (
+        [
+            with_unit(b, f" ± {error}")
+            for b, error in zip(*(_pair(comparison, name, hundredths) for name in names), strict=True)
+        ]
+        for names in (("b", "b_error"), ("b_truncated", "b_truncated_error"))
+    )
+    stable = [
+        text if text != MISSING else "no stable value"
+        for text in _pair(comparison, "completeness_stability", hundredths)
+    ]
+    return [
+        _row("events at or above the cut", *_pair(comparison, "events_above_cut", whole), "", ""),
+        _row(
+            "summed potency above the cut (m³); modelled over recorded", *_pair(comparison, "summed_potency"),
+            number(comparison["potency_ratio"]), between(comparison["potency_ratio_interval"].values),
+        ),
+        _row(
+            "b of potency; modelled − recorded", *free, fixed(float(comparison["b_difference"]), 2),
+            between(comparison["b_difference_interval"].values, hundredths),
+        ),
+        _row("b if no event may be larger than the largest", *bounded, "", ""),
+        _row("completeness, log P: fullest bin", *_pair(comparison, "completeness_curvature", hundredths), "", ""),
+        _row("completeness, log P: where b is stable", *stable, "", ""),
+    ]  # fmt: skip
+
+
+def _directions(comparison: xr.Dataset, kind: str) -> list[str]:
+    """Trend/plunge of the model's and the record's axis of one kind: mean or summed."""
+    trends, plunges = (_pair(comparison, f"{kind}_{name}", float) for name in ("trend", "plunge"))
+    return [
+        direction(trend, plunge) if trend == trend else MISSING for trend, plunge in zip(trends, plunges, strict=True)
+    ]
+
+
+def axis_rows(evidence: Evidence) -> list[dict]:
+    """Axes: mean trend and plunge of both, the angle between them with 95 % interval, and Kagan angles."""
+    comparison = evidence.comparison
+    rows = []
+    for axis in comparison["axis_name"].values:
+        here = comparison.sel(axis_name=axis)
+        cones = _pair(here, "mean_cone", lambda value: number(value, 2))
+        means = [with_unit(axis, f" ± {cone}°") for axis, cone in zip(_directions(here, "mean"), cones, strict=True)]
+        interval = between(here["mean_angle_interval"].values)
+        rows.append(
+            _row(
+                f"mean {axis} axis (trend/plunge), angle between",
+                *means,
+                with_unit(number(here["mean_angle"]), "°"),
+                interval,
+            )
+        )
+        summed = _directions(here, "summed")
+        rows.append(
+            _row(f"{axis} axis of the summed tensor", *summed, with_unit(number(here["summed_angle"]), "°"), "")
+        )
+    rows.append(
+        _row("Kagan angle of the summed tensors", "", "", with_unit(number(comparison["summed_kagan"]), "°"), "")
+    )
+    for pair, name in (("model_record", "all pairs"), ("nearest", "each modelled and its nearest recorded")):
+        here = comparison.sel(kagan_pair=pair)
+        interval = between(here["kagan_median_interval"].values)
+        rows.append(_row(f"median Kagan angle, {name}", "", "", with_unit(number(here["kagan_median"]), "°"), interval))
+    return rows
+
+
+def match_rows(evidence: Evidence) -> list[dict]:
+    """The few numbers of the headline: where, how large, how oriented."""
+    if evidence.comparison is None or not evidence.comparison["events_above_cut"].values.all():
+        return []
+    rows = size_rows(evidence)[:3]
+    if np.isfinite(evidence.comparison["energy_distance"]):
+        rows += location_rows(evidence)[:2]
+    if int(evidence.comparison.attrs.get("axes_present", 0)):
+        rows += [row for row in axis_rows(evidence) if row["name"].startswith(("mean P", "mean T"))]
+    return rows

@@ -1,0 +1,88 @@
+"""The record in words for the Result: what of it is compared, what was left out, and why a comparison is impossible."""
+
+import json
+
+import numpy as np
+
+from catalogs.report.inputs import Evidence
+from catalogs.report.text import number, percent, plural, typeset, whole
+from catalogs.sizes import LEAST_EVENTS
+
+
+def sentences(evidence: Evidence) -> list[str]:
+    """What was read, left out and compared; then what cannot be compared, and why. Empty without a record."""
+    if evidence.record is None:
+        if "record" in evidence.config and evidence.steps:
+            return [
+                "The record is not compared: no step of this mine has dates, so the model has no catalogue to set "
+                "beside it. Give steps start and end."
+            ]
+        return []
+    return [_account(evidence), *_impossible(evidence)]
+
+
+def _account(evidence: Evidence) -> str:
+    """How many events the file holds, how many of them count, and why the others do not."""
+    attributes, name = evidence.record.attrs, "record (a twin)" if evidence.is_twin else "record"
+    filters = json.loads(attributes.get("filter", "[]"))
+    dropped = json.loads(attributes.get("dropped", "{}"))
+    text = ""
+    if "rows" in attributes:
+        text = f"The {name} holds {plural(int(attributes['rows']), 'event')}"
+        lacking = [f"{whole(count)} {what}" for what, count in dropped.items()]
+        text += f", of which {', '.join(lacking)} are left out. " if lacking else ". "
+    crop = next((one for one in filters if one["filter"] == "domain"), None)
+    if crop is None:
+        return text + f"{plural(evidence.record.sizes['event'], 'recorded event')} are compared."
+    inside, outside = crop["after"], crop["before"] - crop["after"]
+    passed = "in the modelled months" if {one["filter"] for one in filters} <= {"start", "end", "domain"} else ""
+    passed = passed or "that pass the filters (dates, box, size, quality)"
+    if not crop["before"]:
+        text += f"No event lies {passed}." if passed.startswith("in") else "No event passes the filters."
+    elif not outside:
+        text += f"All {plural(inside, 'event')} {passed} lie inside the model's domain and are compared."
+    else:
+        text += f"Of {plural(crop['before'], 'event')} {passed}, {whole(inside)} lie inside the model's domain "
+        text += f"and {whole(outside)} outside"
+        share = 1 - crop["potency_after"] / crop["potency_before"] if crop["potency_before"] > 0 else np.nan
+        text += f", up to {number(crop['farthest'], 2)} m away, with {percent(share)} of their potency"
+        text += ". Only those inside are compared and shown."
+    if attributes.get("sizes_text"):
+        text += f" Magnitudes read: {typeset(str(attributes['sizes_text'])).replace(' - ', ' − ')}."
+    if attributes.get("times_text") and not evidence.is_twin:
+        text += f" Times read: {attributes['times_text']}."
+    return text
+
+
+def _impossible(evidence: Evidence) -> list[str]:
+    """Why the model and the record, or one of the three comparisons, cannot be compared."""
+    comparison = evidence.comparison
+    if comparison is None:
+        return []
+    attributes = comparison.attrs
+    counts = [int(value) for value in comparison["events_above_cut"].values]
+    totals = [int(value) for value in comparison["events_total"].values]
+    names = ("the model", "the record")
+    without = [
+        f"{name} has no event" + (f" of such a size (of {whole(total)})" if total else " here")
+        for name, count, total in zip(names, counts, totals, strict=True)
+        if not count
+    ]
+    if without:
+        cut = typeset(str(attributes.get("cut_text", "")))
+        return [f"Model and record cannot be compared: {', and '.join(without)}. Counted are events of {cut}."]
+    found = []
+    if not np.isfinite(comparison["energy_distance"]):
+        found.append(_sentence(attributes["location_text"]))
+    few = [f"{name} has {count}" for name, count in zip(names, counts, strict=True) if count < LEAST_EVENTS]
+    if not np.isfinite(comparison["b_difference"]):
+        why = f"{LEAST_EVENTS} events are needed in each, {' and '.join(few)}" if few else "events are all of one size"
+        found.append(f"b cannot be compared: {why}.")
+    if not int(attributes.get("axes_present", 0)):
+        found.append(_sentence(attributes.get("axes_text", "")))
+    return found
+
+
+def _sentence(text: str) -> str:
+    """A phrase of the comparison with a capital and a full stop."""
+    return typeset(text[:1].upper() + text[1:].rstrip(".")) + "." if text else ""

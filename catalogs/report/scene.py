@@ -1,0 +1,33 @@
+"""Excavations as the report lists them: one by one, and of a large mine by step."""
+
+import numpy as np
+
+from catalogs.report.inputs import Excavation
+
+
+def by_step(excavations: list[Excavation]) -> list[dict]:
+    """One row per step, in the order in which excavations name them: how many, their volumes m3, what misses most.
+
+    worst: the excavation whose volume the grid misses most, error: by which share of the solid's, NaN if none is known;
+    planned: whether no step of the run mines them.
+    """
+    rows = {}
+    for excavation in excavations:
+        rows.setdefault(excavation.step, []).append(excavation)
+    return [_row(step, members) for step, members in rows.items()]
+
+
+def _row(step: str, members: list[Excavation]) -> dict:
+    solid, drawn = (np.array([getattr(one, name) for one in members]) for name in ("solid", "drawn"))
+    error = np.full(len(members), np.nan)
+    np.divide(drawn - solid, solid, out=error, where=solid > 0)
+    worst = int(np.nanargmax(np.abs(error))) if np.isfinite(error).any() else 0
+    return {
+        "step": step,
+        "planned": members[0].planned,
+        "count": len(members),
+        "solid": float(solid.sum()),
+        "drawn": float(drawn.sum()),
+        "worst": members[worst].name,
+        "error": float(error[worst]),
+    }

@@ -1,0 +1,297 @@
+"""The report's words and tables: plain sentences and rows of text from the datasets."""
+
+import json
+import re
+
+import numpy as np
+import xarray as xr
+import yaml
+from scipy.spatial import cKDTree
+
+from catalogs.report.inputs import Evidence
+from catalogs.sizes import log_potency
+
+MISSING = "–"
+NAMED = 5  # excavations named in one sentence
+OFF_VOLUME = 0.05  # share of an excavation's volume that the grid may miss without a banner
+STEPS_NAMED = 12  # one by one in a sentence
+DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # ten times as fast where PyYAML was built with libyaml
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+BUDGET_ROWS = {
+    "events": "events",
+    "aseismic_share": "seismic strain not taken as events (1 − α)",
+    "overshoot": "overshoot before the drop (aseismic)",
+    "later": "later flow of failed rock (aseismic)",
+    "plastic": "all plastic strain of these steps",
+}
+
+
+def number(value, digits: int = 3) -> str:
+    """A number for a reader: significant digits, a true minus sign, thousands apart; a dash where there is none."""
+    value = float(value) if value is not None else np.nan
+    if not np.isfinite(value):
+        return MISSING
+    if value == 0:
+        return "0"
+    if 1e-3 <= abs(value) < 1e6:
+        decimals = max(digits - 1 - int(np.floor(np.log10(abs(value)))), 0)
+        return f"{value:,.{decimals}f}".replace(",", "\u202f").replace("-", "−")
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa}·10".replace("-", "−") + str(int(exponent)).translate(SUPERSCRIPT)
+
+
+def whole(value) -> str:
+    """A count with its thousands apart."""
+    return f"{int(value):,}".replace(",", "\u202f")
+
+
+def fixed(value, decimals: int) -> str:
+    """A number with so many decimals; a dash where there is none."""
+    return f"{round(value, decimals) + 0.0:.{decimals}f}".replace("-", "−") if np.isfinite(value) else MISSING
+
+
+def percent(share) -> str:
+    """A share as per cent."""
+    return f"{number(100 * float(share), 2)} %" if np.isfinite(float(share)) else MISSING
+
+
+def between(interval, form=number) -> str:
+    """An interval as text; a dash if it is not known."""
+    low, high = (float(value) for value in interval)
+    return f"{form(low)} to {form(high)}" if np.isfinite([low, high]).all() else MISSING
+
+
+def typeset(text: str) -> str:
+    """Plain text of a dataset with true minus and comparison signs."""
+    return re.sub(r"(?<![\w-])-(?=\d)", "−", text.replace(">=", "≥"))
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A number as text with its unit; a dash stays a dash."""
+    return text if text == MISSING else f"{text}{unit}"
+
+
+def plural(count: int, name: str) -> str:
+    return f"{whole(count)} {name}" + ("" if count == 1 else "s")
+
+
+def headline(evidence: Evidence) -> list[str]:
+    """The result in plain sentences."""
+    if not evidence.steps:
+        return ["This scene has no mining steps: it stops at elastic equilibrium, and the model makes no events."]
+    if evidence.catalog is None:
+        return ["The mining steps are computed; no catalogue of events was asked for."]
+    catalog, names = evidence.catalog, [step["step"] for step in evidence.dated]
+    if not names:
+        return ["No mining step has dates: what fails here failed before the record begins, and enters no catalogue."]
+    if not catalog.sizes["event"]:
+        which = ", ".join(names) if len(names) <= STEPS_NAMED else f"{names[0]} to {names[-1]}"
+        return [f"The model made no events in its {plural(len(names), 'dated step')} ({which})."]
+    step = catalog["step"].values
+    counts = events_by_step([(int((step == name).sum()), name) for name in names])
+    potency, resolved = catalog["potency"].values, evidence.resolved
+    unresolved = catalog.sizes["event"] - resolved.sizes["event"]
+    text = f"The model made {plural(len(step), 'event')} in {plural(len(names), 'dated step')}: {counts}. "
+    if unresolved:
+        text += f"{plural(unresolved, 'event')} of too few particles count in the potency budget only. "
+    size, mw = log_potency(resolved["potency"].values), resolved["mw"].values
+    if len(size):
+        largest = int(np.argmax(size))
+        place = ", ".join(
+            f"{axis} {fixed(value, 0)}" for axis, value in zip("xyz", resolved["location"].values[largest], strict=True)
+        )
+        text += (
+            f"Of the others log P runs from {fixed(size.min(), 1)} to {fixed(size.max(), 1)} "
+            f"(Mw {fixed(mw.min(), 1)} to {fixed(mw.max(), 1)}); "
+            f"the largest lies at {place} m in step {resolved['step'].values[largest]}. "
+        )
+    text += f"All events together release {number(potency.sum())} m³ of potency."
+    return [text, *_where(evidence)]
+
+
+def events_by_step(counts: list[tuple[int, str]]) -> str:
+    """How many events each step has, of (number, step); of many steps those with most, in order of time."""
+    if len(counts) > STEPS_NAMED:
+        least = sorted(counts, reverse=True)[NAMED - 1][0]
+        most = [(count, name) for count, name in counts if count >= least][:NAMED]
+        return f"most in these, {events_by_step(most)}"
+    return ", ".join(f"{whole(count)} in {name}" for count, name in counts)
+
+
+def _where(evidence: Evidence) -> list[str]:
+    rows, distance = near_excavations(evidence)
+    if not rows:
+        return []
+    first = max(rows, key=lambda row: row["potency"])
+    return [
+        f"Half of the events lie within {number(np.median(distance), 2)} m of an excavation; "
+        f"{percent(first['potency_share'])} of the potency is nearest to {first['name']}."
+    ]
+
+
+def near_excavations(evidence: Evidence) -> tuple[list[dict], np.ndarray]:
+    """Events and potency by nearest excavation mined so far, and each event's distance (m) from it."""
+    grid, events = evidence.grid, evidence.resolved
+    mined = ~np.isin(grid["piece_excavation"].values, evidence.planned)
+    if events is None or not events.sizes["event"] or not mined.any():
+        return [], np.zeros(0)
+    cell, owner = grid["piece_cell"].values[mined], grid["piece_excavation"].values[mined]
+    half = grid["cell_size"].values[cell] / 2
+    inside = (
+        np.ptp(np.stack([grid["cell_origin"].values.min(axis=0), grid["cell_origin"].values.max(axis=0)]), axis=0) > 0
+    )
+    centre = grid["cell_origin"].values[cell] + half[:, None] * inside
+    _, nearest = cKDTree(centre).query(events["location"].values)
+    beyond = np.abs(events["location"].values - centre[nearest]) - half[nearest][:, None]
+    distance = np.linalg.norm(np.maximum(beyond, 0.0)[:, inside], axis=1)
+    potency, rows = events["potency"].values, []
+    for index, excavation in enumerate(evidence.excavations):
+        here = owner[nearest] == index
+        if here.any():
+            rows.append(
+                {
+                    "name": excavation.name,
+                    "step": excavation.step,
+                    "events": int(here.sum()),
+                    "potency": float(potency[here].sum()),
+                    "potency_share": float(potency[here].sum() / potency.sum()),
+                    "distance": float(np.median(distance[here])),
+                }
+            )
+    return rows, distance
+
+
+def _finest_volume(evidence: Evidence) -> float:
+    """Volume of a finest cell, m3."""
+    attributes = evidence.grid.attrs
+    volume = float(evidence.grid["cell_size"].values.min()) ** int(attributes.get("dimension", 3))
+    return volume * float(attributes.get("thickness", 1.0))
+
+
+def banners(evidence: Evidence) -> list[tuple[str, str]]:
+    """What the reader must know before anything else: (kind, text)."""
+    found = []
+    if evidence.stale:
+        names = ", ".join(evidence.stale)
+        found.append(("stale", f"Older than the configuration: {names}. Run snakemake again before using this report."))
+    cut_short = [stage.attrs for stage in evidence.stages if int(stage.attrs["truncated"])]
+    if len(cut_short) > STEPS_NAMED:
+        worst = max(cut_short, key=lambda step: step["truncated_share"])
+        text = f"Truncated in {len(cut_short)} stages (section 11), most in step {worst['step']}: "
+        text += f"{percent(worst['truncated_share'])} of the overstressed volume lies in cells too coarse to fail; "
+        found.append(("truncated", text + "events are missing there. Refine the grid there."))
+    else:
+        for step in cut_short:
+            name = f"step {step['step']}" if step["stage"] == "step" else "the elastic stage"
+            share, where = percent(step["truncated_share"]), typeset(step["truncated_where"])
+            text = (
+                f"Truncated in {name}: {share} of the overstressed volume lies in cells too coarse to fail ({where}); "
+            )
+            found.append(("truncated", text + "events are missing there. Refine the grid here."))
+    if text := off_volume(evidence):
+        found.append(("volume", text))
+    for step in evidence.steps or [stage.attrs for stage in evidence.stages]:
+        if int(step.get("loose_pieces", 0)):
+            text = f"Loose rock in step {step['step']}: {plural(int(step['loose_pieces']), 'piece')}, "
+            text += f"{number(step['loose_volume'])} m³, "
+            text += f"{typeset(step['loose_where']).replace(' m3 ', ' m³ ')}, taken as excavated"
+            kind = "note" if step["loose_volume"] < _finest_volume(evidence) else "truncated"
+            found.append((kind, text + " from then on: nothing held it. Check the solids there."))
+    at_once = [row.name for row in evidence.excavations if row.dated and row.filled_at_once]
+    if at_once:
+        first, more = ", ".join(at_once[:NAMED]), len(at_once) - NAMED
+        text = f"Filled while being mined: {first}{f' and {more} more' if more > 0 else ''}. "
+        text += "Fill stands in them while their own step unloads the rock, and holds walls and failed rock in place: "
+        found.append(("note", text + "an opening that stands empty first (filled: a later step) makes more events."))
+    if evidence.is_twin:
+        text = "The record shown is a twin: a catalogue that this pipeline made itself with other settings. "
+        found.append(("twin", text + "It was not measured."))
+    if evidence.record is None and evidence.steps and "record" not in evidence.config:
+        found.append(
+            ("note", "No recorded catalogue was given: the model stands alone, nothing here says how well it fits.")
+        )
+    if evidence.comparison is not None and evidence.comparison["events_above_cut"].values.all():
+        found.append(("note", f"Model and record are compared at {typeset(evidence.comparison.attrs['cut_text'])}."))
+    return found
+
+
+def off_volume(evidence: Evidence) -> str:
+    """Which mined excavations have another volume on the grid than as solids; empty if none has."""
+    rows = [row for row in evidence.excavations if not row.planned and row.solid > 0]
+    off = [(row.drawn / row.solid - 1, row.name) for row in rows if abs(row.drawn / row.solid - 1) > OFF_VOLUME]
+    if not off:
+        return ""
+    off.sort(key=lambda entry: -abs(entry[0]))
+    named = ", ".join(f"{name} {100 * error:+.0f} %".replace("-", "−") for error, name in off[:NAMED])
+    more = f" and {len(off) - NAMED} more" if len(off) > NAMED else ""
+    return (
+        f"The grid misses the volume of {plural(len(off), 'excavation')} by more than {percent(OFF_VOLUME)}: "
+        f"{named}{more}. Refine the grid, or look whether these solids are whole (section 2)."
+    )
+
+
+def budget_rows(evidence: Evidence) -> tuple[list[str], list[dict], dict]:
+    """The catalogue's potency budget: component names, rows of text, and the scalars; empty without a budget."""
+    budget = json.loads(evidence.catalog.attrs.get("budget", "{}")) if evidence.catalog is not None else {}
+    rows = [
+        {"name": text, "values": [number(value) for value in budget[name]]}
+        for name, text in BUDGET_ROWS.items()
+        if name in budget
+    ]
+    if "closure" in budget:
+        rows.append(
+            {
+                "name": "what does not close, relative",
+                "values": [f"{value:.0e}".replace("-", "−") for value in budget["closure"]],
+            }
+        )
+    return budget.get("components", []), rows, budget
+
+
+def config_lines(config: dict, default: dict | None, indent: int = 0) -> list[tuple[str, bool]]:
+    """YAML of the resolved config, line by line, each with whether its value differs from the default's."""
+    lines = []
+    for name, value in config.items():
+        known = isinstance(default, dict) and name in default
+        other = default[name] if known else None
+        if isinstance(value, dict) and value:
+            lines.append((" " * indent + f"{name}:", False))
+            lines += config_lines(value, other if isinstance(other, dict) else {}, indent + 2)
+            continue
+        text = yaml.dump(
+            {name: value}, Dumper=DUMPER, sort_keys=False, allow_unicode=True, width=110,
+            default_flow_style=None if isinstance(value, list) else False,
+        )  # fmt: skip
+        changed = default is not None and not (known and other == value)
+        lines += [(" " * indent + line, changed) for line in text.splitlines()]
+    return lines
+
+
+def largest_events(catalog: xr.Dataset, count: int) -> np.ndarray:
+    """Indices of the events with the largest potency, largest first (ties: the earlier), tensors known."""
+    known = np.isfinite(catalog["potency_tensor"].values).all(axis=(1, 2))
+    potency = np.where(known, np.nan_to_num(catalog["potency"].values, nan=-1.0), -1.0)
+    order = np.argsort(-potency, kind="stable")[:count]
+    return order[known[order]]
+
+
+def ball_rows(events: xr.Dataset) -> list[dict]:
+    """One row of text per event, in the given order."""
+    rows = []
+    for index in range(events.sizes["event"]):
+        event = events.isel(event=index)
+        rows.append(
+            {
+                "rank": index + 1,
+                "date": str(event["time"].values.astype("datetime64[D]")).replace("NaT", MISSING),
+                "step": str(event["step"].values),
+                "location": ", ".join(fixed(value, 0) for value in event["location"].values),
+                "log_potency": fixed(float(np.log10(event["potency"].values)), 2),
+                "mw": fixed(float(event["mw"].values), 2),
+                "particles": whole(event["particles"].values),
+                "shares": [
+                    f"{100 * float(event[name].values):.0f} %".replace("-", "−") for name in ("iso", "clvd", "dc")
+                ],
+            }
+        )
+    return rows

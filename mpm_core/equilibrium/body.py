@@ -1,0 +1,252 @@
+"""Rock and fill as every scheme finds them: stress from motion, forces from stress, and what has flowed so far.
+
+A scheme moves the nodes of a body until its forces balance; how is the scheme's own (explicit.py, multigrid.py). The
+body says what follows: stress by the law of its rock, the unbalanced force, the energy on the way.
+
+The time step. For a cell of edge h the largest frequency is that of its dilation: K_e's largest eigenvalue over the
+mass at a corner is 4 (d lambda + 2 mu) / (rho h^2), in d dimensions. No frequency of the assembly exceeds the largest
+of its parts (Irons and Treharne 1971), and lumping the mass of hanging nodes onto their parents only lowers it, so
+dt = 2 / omega = h sqrt(rho / (d lambda + 2 mu)) is stable without damping. A lone sample of a cut cell ("subdivide") is
+off its centre, where a corner takes little of its mass: there 1 - xi^2 of the squared limit is left. Local damping c
+adds up to c |f| to a restoring force: a mode at the limit then grows unless dt <= 2 / (omega sqrt(1 + c)). With density
+scaling rho is chosen so that the limit is the same everywhere: all cells then reach rest in about the same number of
+steps. Weights are not touched by it.
+
+Flow. On its way to rest the model swings past it, a cell that has just failed most of all. Were failed rock to flow
+with every step, the strain of each swing would stay: a single cell under 10 MPa came to rest 13 to 36 % below its
+residual strength, however short the time step. So what has flowed since a state near rest is taken back before each
+step, and all strain since then gets one return to the surface (backward Euler): only what lies between states near rest
+counts. Those are the ends of increments and generations (`settle`).
+"""
+
+import numpy as np
+
+from mpm_core.equilibrium.convergence import NoRest
+from mpm_core.equilibrium.energy import Way, count_flow
+from mpm_core.kernels.flow import note_flow_start, take_back_flow
+from mpm_core.kernels.nodes import (
+    advance_nodes,
+    collect_to_parents,
+    largest_difference,
+    particle_masses,
+    spread_to_hanging,
+)
+from mpm_core.kernels.resting import UPDATE
+from mpm_core.model import Model
+from mpm_core.state import State
+
+TIME_STEP_SHARE = 0.98  # of the damped limit, 1 / sqrt(1 + c) of the undamped one
+FAILED_HOURGLASS = 0.01  # of the intact hourglass stiffness: a stiff one props failed rock up, as eight particles do.
+# Closure of a stope in cells of 4, 2, 1 m: 11.3, 13.7, 13.5 mm; at 0.1 8.4, 11.6, 12.3; eight particles 6.5, 9.9, 12.0
+
+
+class Body:
+    """A model's particles and nodes under way to rest.
+
+    `model` and the arrays of `state` are the caller's, the latter changed in place; work arrays are the body's own.
+    volume (particle,) m3; failed (particle,) bool; flowing (k,): failed particles that are there; mass (node,) kg;
+    hourglass (cell,) N/m: stiffness of each cell now, intact_hourglass: of intact rock; free: rigid motions that
+    nothing holds; unbalanced (node, d) N: forces at free nodes when last looked at; start (node, d) m: where
+    displacement is counted from when a run away is looked for; time_step s: stable, with damping.
+    """
+
+    def __init__(self, model: Model, state: State, volume: np.ndarray):
+        self.model = model
+        self.state = state
+        self.hanging = model.hanging
+        self.start = state.displacement.copy()
+        self.unbalanced = np.zeros_like(state.displacement)
+        self.count_flow_anew()
+        self.slot_force = np.zeros((model.scatter.slots, model.dimension))
+        self.set_volume(volume)
+
+    @property
+    def time_step_share(self) -> float:
+        """Time step over the limit without damping."""
+        return TIME_STEP_SHARE / np.sqrt(1.0 + self.model.scene.solver.damping)
+
+    def set_volume(self, volume: np.ndarray) -> None:
+        """Take over changed particle volumes: mass, time step and hourglass stiffness follow."""
+        model, particles = self.model, self.model.particles
+        self.volume = volume
+        lame, shear = model.elastic_constants[particles.material].T
+        size = model.grid.cell_size[particles.cell]
+        density, limit = density_and_limit(model, volume)
+        self.time_step = self.time_step_share * limit
+        self.mass = nodal_mass(model, density * volume)
+        self.free = model.free_motions(volume)
+        # stiffness that an intact particle gives its cell, N/m; 0 where it has company
+        alone = np.repeat(np.diff(particles.group_start) == 1, np.diff(particles.group_start))
+        hourglass = 4.0 * model.scene.solver.hourglass * (lame + 2.0 * shear) * volume / size**2
+        self.particle_hourglass = np.where(alone, hourglass, 0.0)
+        self.intact_hourglass = np.bincount(particles.cell, self.particle_hourglass, minlength=len(model.cell_nodes))
+        self.set_failed()
+
+    def set_failed(self) -> None:
+        """Take over which particles have failed."""
+        self.failed = self.state.failed >= 0
+        self.settle()
+        cell = self.model.particles.cell[self.flowing]
+        self.hourglass = self.intact_hourglass.copy()
+        np.subtract.at(self.hourglass, cell, (1.0 - FAILED_HOURGLASS) * self.particle_hourglass[self.flowing])
+
+    def settle(self) -> None:
+        """What has flowed so far stays; from here on flow is counted anew."""
+        state = self.state
+        self.way.end(self, count_flow(self))
+        self.flowing = np.flatnonzero(self.failed & (self.volume > 0.0))
+        count = len(self.flowing)
+        self.flow_start = np.empty((count, 6)), np.empty((count, 6))
+        note_flow_start(self.flowing, state.stress, state.later_strain, *self.flow_start)
+
+    def go_back(self, rest: dict[str, np.ndarray]) -> None:
+        """Return to a settled state kept earlier, its arrays by name; what has flowed since then is forgotten."""
+        for name, value in rest.items():
+            if isinstance(getattr(self.state, name), np.ndarray):
+                getattr(self.state, name)[...] = value
+        self.count_flow_anew()
+        self.set_failed()
+
+    def count_flow_anew(self) -> None:
+        """Nothing has flowed on the way to the present state."""
+        self.flowing = np.empty(0, np.int64)
+        self.flow_start = (np.empty((0, 6)), np.empty((0, 6)))
+        self.way = Way()
+
+    def take_back_flow(self) -> None:
+        """Stress of failed rock as if it had not flowed since flow was last counted anew."""
+        model, state = self.model, self.state
+        take_back_flow(
+            self.flowing,
+            self.flow_start[1],
+            model.particles.material,
+            model.elastic_constants,
+            state.stress,
+            state.later_strain,
+        )
+
+    def update(self, time_step: float, blocks: np.ndarray | None = None) -> None:
+        """Advance stress by time_step of nodal velocity, and its forces; in chosen blocks of cells, or in all."""
+        model, particles, state, scatter = self.model, self.model.particles, self.state, self.model.scatter
+        self.take_back_flow()
+        UPDATE[model.dimension](
+            scatter.blocks if blocks is None else blocks,
+            scatter.block_start,
+            scatter.slot_start,
+            model.cell_nodes,
+            scatter.cell_slots,
+            model.grid.cell_size,
+            particles.cell_groups_start,
+            particles.cell_groups,
+            particles.group_start,
+            particles.group_table,
+            model.mode_values,
+            time_step,
+            state.velocity,
+            self.volume,
+            particles.material,
+            model.elastic_constants,
+            model.residual_rows,
+            self.failed,
+            model.insitu,
+            self.hourglass,
+            state.stress,
+            state.later_strain,
+            state.hourglass_force,
+            self.slot_force,
+        )
+
+    def advance(self, external: np.ndarray, time_step: float) -> None:
+        """Unbalanced force under external forces (node, d) N; velocity and displacement advance by time_step of it."""
+        model, state, scatter = self.model, self.state, self.model.scatter
+        advance_nodes(
+            scatter.free_nodes,
+            scatter.sum_start,
+            scatter.sum_slots,
+            scatter.sum_weights,
+            self.slot_force,
+            external,
+            self.mass,
+            model.held,
+            model.scene.solver.damping,
+            time_step,
+            state.velocity,
+            state.displacement,
+            self.unbalanced,
+        )
+        spread_to_hanging(self.hanging, model.grid.node_parents, state.velocity)
+
+    def internal_force(self) -> np.ndarray:
+        """Forces -B^T sigma V of the present stress at free nodes, (node, d) N; nothing moves."""
+        self.update(0.0)
+        self.advance(np.zeros_like(self.unbalanced), 0.0)
+        return self.unbalanced.copy()
+
+    def displace(self, motion: np.ndarray) -> None:
+        """Move the nodes by motion (node, d) m, held ones too, in one stress update; hanging nodes follow parents.
+
+        Motions of nodes so given are no run away: `check_reach` counts from here.
+        """
+        model, state = self.model, self.state
+        kept = state.velocity.copy()
+        state.velocity[:] = motion
+        spread_to_hanging(self.hanging, model.grid.node_parents, state.velocity)
+        state.displacement += state.velocity
+        self.start += state.velocity
+        self.update(1.0)
+        state.velocity[:] = kept
+
+    def deform(self, strain: np.ndarray) -> None:
+        """Strain the whole mesh homogeneously by strain (d, d), from the lower corner of the domain.
+
+        Where the boundary is held this is its motion; elsewhere a first guess, exact for a homogeneous specimen.
+        """
+        self.update(0.0)
+        self.way.strain(self)
+        place = self.model.grid.node_index * self.model.grid.fine_cell
+        self.displace(np.sum(place[:, None, :] * strain, axis=2))
+
+    def come_to_rest(self) -> None:
+        """Take the rigid motions that nothing holds out of the displacement: the body is at rest."""
+        self.free.remove_from(self.state.displacement, self.model.grid.node_position, self.mass)
+        spread_to_hanging(self.hanging, self.model.grid.node_parents, self.state.displacement)
+
+    def stop_drift(self) -> None:
+        """Take them out of the velocity: damping by component pushes a body along what nothing holds."""
+        self.free.remove_from(self.state.velocity, self.model.grid.node_position, self.mass)
+
+    def check_reach(self, ratio: float) -> None:
+        """Raise NoRest if a node has moved farther than a finest cell; ratio: the unbalanced force that is left."""
+        reach = largest_difference(self.state.displacement, self.start)
+        if reach > self.model.grid.fine_cell:
+            raise NoRest(
+                f"rock moved {reach:.3g} m in this stage, more than a finest cell: it runs away (unbalanced ratio "
+                f"{ratio:.2g}); fill the excavation, raise residual strength, or mine it in more steps"
+            )
+
+    def drop_work_arrays(self) -> None:
+        """Nothing more is to be relaxed."""
+        self.slot_force = np.empty((0, self.model.dimension))
+
+
+def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, float]:
+    """Density (particle,) kg/m3 that time stepping works with, and the longest time step without damping, s."""
+    particles = model.particles
+    lame, shear = model.elastic_constants[particles.material].T
+    stiffness = model.dimension * lame + 2.0 * shear
+    lone = particles.sample >= 0
+    stiffness[lone] /= 1.0 - np.abs(particles.xi[lone]).max(axis=1, initial=0.0) ** 2
+    size = model.grid.cell_size[particles.cell]
+    if model.scene.solver.density_scaling:
+        return stiffness / size**2, 1.0  # the limit is 1 s everywhere
+    present = volume > 0.0
+    density = np.array([m.density for m in model.scene.materials.values()])[particles.material]
+    return density, float((size * np.sqrt(density / stiffness))[present].min()) if present.any() else 1.0
+
+
+def nodal_mass(model: Model, mass: np.ndarray) -> np.ndarray:
+    """Masses of particles (particle,) kg at the nodes by the shape functions; hanging nodes hand theirs on (Eq. 1)."""
+    nodal = np.zeros((len(model.grid.node_index), 1))
+    particle_masses(model.cell_nodes, model.particles.cell, model.particles.xi, mass, nodal[:, 0])
+    collect_to_parents(model.grid.node_parents, nodal)
+    return nodal[:, 0]

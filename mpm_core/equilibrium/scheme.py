@@ -1,0 +1,48 @@
+"""What a stage asks of a scheme. A scheme is a file: a class that offers this, named in stages.make_scheme."""
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from mpm_core.equilibrium.body import Body
+from mpm_core.equilibrium.brittle import Brittle
+from mpm_core.equilibrium.convergence import History
+from mpm_core.equilibrium.part import Part
+
+
+class Scheme(Protocol):
+    """Brings a body to rest. What it keeps about the body follows the body only through these methods."""
+
+    body: Body
+
+    def set_volume(self, volume: np.ndarray) -> None:
+        """Take over changed particle volumes (particle,) m3."""
+
+    def set_failed(self) -> None:
+        """Take over which particles have failed (state.failed)."""
+
+    def go_back(self, rest: dict[str, np.ndarray]) -> None:
+        """Return to a settled state kept earlier, its arrays by name; what has flowed since then is forgotten."""
+
+    def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
+        """Bring the 2-norm of the unbalanced force at free nodes to at most tolerance * reference (N).
+
+        external (node, d) N. Raises NoRest where there is no rest, InputError for NaN.
+        """
+
+    def drop_work_arrays(self) -> None:
+        """Nothing more is to be relaxed: what only that needs goes."""
+
+
+@runtime_checkable
+class SchemeInParts(Scheme, Protocol):
+    """A scheme for which a small part of the mine is less work than the whole."""
+
+    def part_around(self, brittle: Brittle, fresh: np.ndarray) -> Part | None:
+        """The part around rock that has just failed, particles (k,); None where that is too much of the mine."""
+
+    def scheme_of(self, part: Part) -> Scheme:
+        """The scheme that brings a part to rest."""
+
+    def take_back(self, part: Part) -> None:
+        """Take over what has happened in a part, which is at rest and settled."""

@@ -1,0 +1,230 @@
+"""The equilibrium benchmark: its mesh, its limits, its table and page on made-up times, and one small case."""
+
+import json
+import sys
+import time
+import xml.etree.ElementTree as ET
+
+import numba
+import numpy as np
+import pandas as pd
+import psutil
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.errors import InputError
+from verification.benchmarks import ours, targets
+from verification.benchmarks.measuring import DONE, FAILED, NOT_RUN, STOPPED, foreseen, watch
+from verification.benchmarks.page import number, write_report
+from verification.benchmarks.peers.stope import Block, sizes
+from verification.benchmarks.settings import FILE, PEERS, Case, parse, read_settings
+from verification.benchmarks.table import make_table, summary
+
+SETTINGS = read_settings()
+
+
+@pytest.fixture(scope="module")
+def block() -> Block:
+    return Block(SETTINGS.numbers(Case("coulomb", "ogs", 2), threads=1))
+
+
+def test_mesh_has_the_cells_and_unknowns_that_the_table_counts(block):
+    """Counted by formula for our schemes, which need no such mesh; nodes inside the stope belong to no cell."""
+    assert sizes(block.case) == {"cells": len(block.cells), "unknowns": 3 * (len(block.nodes) - len(block.outer))}
+    assert np.array_equal(np.unique(block.hexahedra), np.arange(len(block.nodes)))
+
+
+def test_hexahedra_are_cubes_in_vtk_order(block):
+    """From corner 0 to corners 1, 3, 4 go the edges along x, y, z; corner 6 is opposite."""
+    corner = block.position[block.hexahedra]
+    for other, direction in ((1, (1, 0, 0)), (3, (0, 1, 0)), (4, (0, 0, 1)), (6, (1, 1, 1))):
+        assert np.allclose(corner[:, other] - corner[:, 0], block.case["cell"] * np.array(direction))
+
+
+def test_support_of_the_walls_is_the_stress_on_their_areas(block):
+    """Opposite walls balance, and each bears stress times area: 10 x 30 x 10 m in 25, 40 and 28 MPa."""
+    force = block.support()
+    assert np.allclose(force.sum(axis=0), 0.0, atol=1.0)
+    areas = np.array([300.0, 100.0, 300.0])
+    assert np.allclose(np.abs(force).sum(axis=0), 2.0 * areas * [25e6, 40e6, 28e6])
+    lower_wall = block.nodes[:, 0] == block.lower[0]
+    assert force[lower_wall, 0].sum() == pytest.approx(-25e6 * areas[0])  # the stope's rock pressed it back, along -x
+
+
+@given(st.floats(-0.01, 0.01), st.floats(-0.01, 0.01))
+def test_closure_of_a_homogeneous_strain_is_strain_times_width(strain, shift):
+    """The side walls are 10 m apart; what moves the block as a whole, and motion along the walls, closes nothing."""
+    mesh = Block(SETTINGS.numbers(Case("elastic", "ogs", 2), threads=1))
+    moved = np.stack([strain * mesh.position[:, 0] + shift, mesh.position[:, 2], mesh.position[:, 0]], axis=1)
+    assert mesh.closure(moved) == pytest.approx(-10.0 * strain, abs=1e-12)
+
+
+def test_closure_weights_each_node_of_a_wall_by_its_area(block):
+    """1 mm at the lower wall's corner, which stands for a quarter of a 5 m cell's face of the wall's 10 x 30 m."""
+    moved = np.zeros((len(block.nodes), 3))
+    moved[(block.nodes == block.lower).all(axis=1), 0] = 1e-3
+    assert block.closure(moved) == pytest.approx(1e-3 * 0.25 * 25.0 / 300.0)
+
+
+def test_rock_flows_in_the_coulomb_problem():
+    """Else it would be the elastic one again: walls close by a tenth more at least (4,644 cells)."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    elastic, coulomb = (
+        ours.run(SETTINGS.mine(Case(problem, "multigrid", 3)))[0]["closure"] for problem in ("elastic", "coulomb")
+    )
+    numba.set_num_threads(before)
+    assert elastic > 4e-3
+    assert coulomb > 1.1 * elastic
+
+
+def row(code: str, cells: int, **values) -> dict:
+    """A made-up row that ran on a quiet machine."""
+    given = {"problem": "elastic", "code": code, "cells": cells, "unknowns": 3 * cells, "across": 1, "outcome": DONE}
+    given |= {"remark": "", "machine": "a machine", "begun": "2020-01-01 00:00:00", "threads": 2}
+    given |= {"others": 0.01, "version": "1", "memory": 1e-6 * cells, "iterations": 7, "repetitions": 1}
+    return given | values
+
+
+def made_up_rows() -> list[dict]:
+    """Multigrid at 2 µs per cell, explicit at ten times that until it is not run, and a peer that disagrees."""
+    rows = []
+    for cells in (1000, 10000, 100000):
+        for code, cost, closure in (("multigrid", 2e-6, 5e-3), ("multigrid_8", 4e-6, 4e-3), ("ogs", 2e-4, 5e-3)):
+            seconds = cost * cells
+            rows.append(row(code, cells, seconds=seconds, cpu_seconds=2 * seconds, closure=closure))
+        if cells < 100000:
+            rows.append(row("explicit", cells, seconds=2e-5 * cells, cpu_seconds=2e-5 * cells, closure=5.001e-3))
+    kept = ("problem", "code", "cells", "unknowns", "across", "machine", "begun", "threads")
+    unsolved = {key: value for key, value in row("explicit", 100000).items() if key in kept}
+    return [*rows, unsolved | {"outcome": NOT_RUN, "remark": "about 900 s foreseen"}]
+
+
+def test_table_takes_ratios_on_the_same_mesh():
+    """Wall and processor ratios to multigrid, nothing where a code did not run; closures beside their partner's."""
+    table = make_table(SETTINGS, made_up_rows()).set_index(["code", "cells"])
+    assert table.loc[("ogs", 10000), "ratio"] == pytest.approx(100.0)
+    assert table.loc[("explicit", 10000), "cpu_ratio"] == pytest.approx(5.0)
+    assert table.loc["multigrid", "us_per_cell"].to_numpy() == pytest.approx(2.0)
+    assert np.isnan(table.loc[("explicit", 100000), "ratio"])
+    assert table.loc[("explicit", 1000), "agrees"] == "yes"
+    assert table.loc[("ogs", 1000), "difference"] == pytest.approx(0.25)
+    assert table.loc[("ogs", 1000), "agrees"] == "no"
+
+
+def test_summary_compares_each_code_at_its_largest_size():
+    """OpenGeoSys at 100,000 cells is 100 times slower; explicit, not run there, is compared at 10,000."""
+    rows = {row["code"]: row for row in summary(SETTINGS, make_table(SETTINGS, made_up_rows()))}
+    assert list(rows) == ["multigrid", "explicit", "multigrid_8", "ogs"]
+    assert (rows["ogs"]["cells"], rows["explicit"]["cells"]) == (100000, 10000)
+    assert rows["ogs"]["ratio"] == pytest.approx(100.0)
+
+
+def test_report_writes_table_plot_and_page(tmp_path):
+    """The page says what was not run, who disagrees and whether the machine was busy."""
+    files = [tmp_path / name for name in ("table.csv", "figure.svg", "report.html")]
+    write_report(SETTINGS, made_up_rows(), *files)
+    assert len(pd.read_csv(files[0])) == 12
+    assert ET.parse(files[1]).getroot().tag.endswith("svg")
+    page = files[2].read_text()
+    for said in ("not run: about 900 s foreseen", "do not compare the times", ">OpenGeoSys</td>", "a machine"):
+        assert said in page
+    assert "Something else ran beside" not in page
+    write_report(SETTINGS, [row | {"others": 1.0} for row in made_up_rows()], *files)
+    assert "Something else ran beside 11 of 11 runs" in files[2].read_text()
+
+
+@pytest.mark.parametrize(("value", "text"), [(1234.5, "1,234"), (0.012345, "0.0123"), (7.0, "7"), (np.nan, "–")])
+def test_numbers_of_the_page_are_for_people(value, text):
+    """No exponents in what seconds and gigabytes come to."""
+    assert number(value) == text
+
+
+def earlier(*measured: tuple[int, float, float]) -> list[dict]:
+    return [row("ogs", cells, seconds=seconds, memory=memory) for cells, seconds, memory in measured]
+
+
+def test_a_case_is_left_out_when_the_smaller_ones_show_that_it_would_exceed_a_limit():
+    """Time grows by the power seen between the last two sizes, between 1 and 2; memory by what each cell added."""
+    limit, most = 100.0, 20.0
+    assert foreseen(1000, [], limit, most) == ""
+    assert foreseen(2000, earlier((1000, 0.49 * limit, 0.1)), limit, most) == ""
+    assert "s foreseen" in foreseen(2000, earlier((1000, 0.51 * limit, 0.1)), limit, most)
+    assert "s foreseen" in foreseen(2000, earlier((500, 0.1 * limit, 0.1), (1000, 0.4 * limit, 0.1)), limit, most)
+    assert "GB foreseen" in foreseen(2000, earlier((1000, 1.0, 0.51 * most)), limit, most)
+    assert "GB foreseen" in foreseen(3000, earlier((1000, 1.0, 0.3 * most), (2000, 2.0, 0.7 * most)), limit, most)
+    assert foreseen(3000, earlier((1000, 1.0, 0.5 * most), (2000, 2.0, 0.7 * most)), limit, most) == ""
+    stopped = [{"cells": 1000, "outcome": STOPPED, "remark": "took more than 9 s"}]
+    assert foreseen(2000, stopped, limit, most) == "1,000 cells: took more than 9 s"
+
+
+def test_a_code_may_have_a_time_limit_of_its_own():
+    text = yaml.safe_load(FILE.read_text()) | {"time_limit": "70 s"}
+    text["codes"]["explicit"]["time_limit"] = "5 min"
+    settings = parse(text)
+    assert [settings.time_limit_of(code) for code in ("explicit", "ogs")] == [300.0, 70.0]
+    text["codes"]["explicit"]["time_limit"] = "5 GB"
+    with pytest.raises(InputError, match=r"codes\.explicit\.time_limit: .*GB"):
+        parse(text)
+
+
+BEGINS = 'print(json.dumps({"begins": True}), flush=True)'
+
+
+def python(code: str) -> list[str]:
+    return [sys.executable, "-c", f"import json, subprocess, sys, time; {code}"]
+
+
+def test_a_process_is_heard_to_its_end():
+    """What it announced, or the last line of what it complained of."""
+    answer = {"seconds": 1.0, "converged": True, "reason": ""}
+    assert watch(python(f"{BEGINS}; print('noise'); print({json.dumps(json.dumps(answer))})"), 1, 60.0, 10.0) == (
+        DONE,
+        [answer],
+    )
+    outcome, answers = watch(python("sys.exit('no such mesh')"), 1, 60.0, 10.0)
+    assert outcome == FAILED
+    assert "no such mesh" in answers[-1]["reason"]
+
+
+def test_a_process_is_ended_at_its_limits_with_all_that_it_started(tmp_path):
+    """Time counts from the line that says that the solution begins."""
+    number_of_child = tmp_path / "child"
+    child = f"child = subprocess.Popen(['sleep', '600']); open({str(number_of_child)!r}, 'w').write(str(child.pid)); "
+    slow = watch(python(f"{child}{BEGINS}; time.sleep(600)"), 1, 0.3, 10.0)
+    assert slow == (STOPPED, [{"reason": "took more than 0.3 s"}])
+    start, pid = time.perf_counter(), int(number_of_child.read_text())
+    while psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE:
+        assert time.perf_counter() - start < 60.0  # a killed process takes a moment to go
+        time.sleep(0.05)
+    assert watch(python(f"{BEGINS}; time.sleep(600)"), 1, 60.0, 1e-6)[0] == STOPPED
+
+
+def test_cases_wait_for_each_other_and_for_the_smaller_ones():
+    """One row of all cases, so that none runs beside another; nothing waits for itself."""
+
+    class Wildcards:
+        problem, code, across = "coulomb", "ogs", str(SETTINGS.cells_across[2])
+
+    runs = targets.all_runs()
+    before = targets.runs_before(Wildcards)
+    place = runs.index(targets.file_of(targets.case_of(Wildcards)))
+    assert before[-1] == runs[place - 1]
+    assert set(targets.smaller_runs(Wildcards)) < set(before)
+    assert all(runs.index(file) < place for file in before)
+
+
+def test_settings_name_what_is_wrong():
+    """A mistake is one line that names file and key."""
+    with pytest.raises(InputError, match=r"benchmarks\.yaml: .*: missing"):
+        parse({"threads": 2})
+
+
+def test_packages_of_the_peers_are_pinned():
+    """Else a run today would not be the run of tomorrow."""
+    for code in SETTINGS.codes.values():
+        if code.script:
+            assert (PEERS / code.script).exists()
+            assert all("==" in line for line in (PEERS / code.requirements).read_text().split())

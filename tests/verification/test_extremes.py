@@ -1,0 +1,49 @@
+"""A reduced set of the scenes at the extremes, and of their relations; all of them: ``snakemake extremes``."""
+
+import numba
+import pytest
+
+from verification.extremes.mines import random_mine
+from verification.extremes.outcomes import ENDED, FAULTS, Outcome, run
+from verification.extremes.relations import RELATIONS, compare, is_rest
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(before)
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_a_scene_at_the_extremes_rests_or_says_in_one_line_why_not(seed, tmp_path):
+    outcome = run(random_mine(seed), tmp_path)
+    assert outcome.kind not in FAULTS, outcome.message
+
+
+@pytest.mark.parametrize("relation", RELATIONS)
+def test_scenes_that_are_alike_answer_alike(relation, tmp_path):
+    for seed in (1, 9):
+        values = random_mine(seed)
+        first = run(values, tmp_path)
+        assert "elastic" in first.stored
+        assert not compare(relation, values, first, lambda scene: run(scene, tmp_path))
+
+
+def test_a_rest_from_which_the_other_scheme_runs_away_holds_at_a_tenth_of_the_tolerance(tmp_path):
+    values = random_mine(285)
+    first = run(values, tmp_path)
+    asked = []
+    assert not compare("other scheme", values, first, lambda scene: asked.append(scene) or run(scene, tmp_path))
+    assert [scene["solver"]["tolerance"] for scene in asked] == [1e-4, pytest.approx(1e-5)]
+
+
+def test_a_rest_that_a_tighter_tolerance_undoes_is_none(tmp_path):
+    values = random_mine(285)
+    first = run(values, tmp_path)
+    assert not is_rest(values, first, lambda scene: Outcome(ENDED, "rock runs away"))
+    for state in first.stored.values():
+        if "node_displacement" in state:
+            state.node_displacement.values *= 1.1
+    assert not is_rest(values, first, lambda scene: run(scene, tmp_path))

@@ -1,0 +1,55 @@
+"""Which module imports which: no circle, and nothing that runs imports the tests."""
+
+import ast
+import re
+from graphlib import CycleError, TopologicalSorter
+
+from tiny_mines import ROOT
+
+PACKAGES = ("pipeline", "mpm_core", "seismic", "catalogs", "workflow", "verification")
+MODULES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+    for package in PACKAGES
+    for path in (ROOT / package).rglob("*.py")
+}
+
+
+def imports(source: str, modules=MODULES) -> set[str]:
+    """Modules of ours that a source imports anywhere, for its types alone too; "tests" for any of theirs."""
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [[alias.name] for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [[f"{node.module}.{alias.name}", node.module] for alias in node.names]
+        for either in names:
+            found |= {next((name for name in either if name in modules), "")}
+            found |= {"tests"} if either[-1].split(".")[0] == "tests" else set()
+    return found - {""}
+
+
+def circle(graph: dict[str, set[str]]) -> list[str]:
+    """Modules that import each other in a circle, if any do."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+def test_a_circle_is_found():
+    graph = {"a": imports("def f():\n    from b import x", {"a", "b"}), "b": imports("import a", {"a", "b"})}
+    assert sorted(set(circle(graph))) == ["a", "b"]
+
+
+def test_no_modules_import_each_other():
+    assert circle({name: imports(path.read_text()) - {name} for name, path in MODULES.items()}) == []
+
+
+def test_nothing_that_runs_imports_the_tests():
+    """Nor does a rule run them as a stage."""
+    assert not [name for name, path in MODULES.items() if "tests" in imports(path.read_text())]
+    rules = [ROOT / "Snakefile", *sorted((ROOT / "workflow/rules").glob("*.smk"))]
+    assert len(rules) > 5
+    assert not [path for path in rules if re.search(r"\b(from|import|stage) tests\b", path.read_text())]

@@ -1,0 +1,38 @@
+"""Cost per cell against size, log-log, and what the cost buys: the closure as cells shrink."""
+
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+from catalogs.figures import style
+from verification.benchmarks.settings import REFERENCE, Settings
+from verification.benchmarks.table import solved
+
+COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#d55e00", "#cc79a7", "#e69f00")  # Okabe and Ito (2008)
+MARKS = ("o", "s", "D", "^", "v", "P")
+
+
+def draw(settings: Settings, table: pd.DataFrame) -> Figure:
+    """Two rows, one column per problem."""
+    figure = style.new_figure(height=7.2)
+    axes = figure.subplots(2, len(settings.problems), sharex=True, sharey="row", squeeze=False)
+    for column, (problem, about) in enumerate(settings.problems.items()):
+        cost, closure = axes[:, column]
+        for number, (name, code) in enumerate(settings.codes.items()):
+            rows = solved(table, problem, name)
+            look = {"color": COLOURS[number % len(COLOURS)], "marker": MARKS[number % len(MARKS)]}
+            is_reference = name == REFERENCE  # may lie below another line
+            look |= {"markersize": 9, "linewidth": 3.0} if is_reference else {"markersize": 5, "linewidth": 1.5}
+            cost.plot(rows["cells"], rows["us_per_cell"], label=code.title, **look)
+            closure.plot(rows["cells"], rows["closure_mm"], **look)
+        cost.set(xscale="log", yscale="log", title=about["title"])
+        closure.set(xlabel="cells of rock")
+        for panel in (cost, closure):
+            panel.grid(which="major", color="#e2e2e2", linewidth=0.6)
+        cost.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes[0, 0].set_ylabel("wall time per cell (µs)")
+    axes[1, 0].set_ylabel("closure of the side walls (mm)")
+    axes[0, 0].legend(loc="upper left", ncols=2)
+    low, high = axes[0, 0].get_ylim()
+    axes[0, 0].set_ylim(low, high * 6)  # room for the legend
+    return figure

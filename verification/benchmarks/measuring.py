@@ -1,0 +1,184 @@
+"""One case in a process of its own: watched for time and memory, repeated if short, left out where that is foreseen."""
+
+import json
+import logging
+import math
+import os
+import shutil
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+
+import psutil
+
+from pipeline.stage import die_with_parent
+from verification.benchmarks.machine import machine, processor_time
+from verification.benchmarks.peers.stope import sizes
+from verification.benchmarks.settings import PEERS, ROOT, Case, Code, Settings
+
+POLL = 0.2  # s between two looks at a process
+PREPARATION = 900.0  # s that a process may take before its solution begins: meshes, compilation of kernels
+LEAST_GROWTH, MOST_GROWTH = 1.0, 2.0  # powers of the number of cells that time may follow
+DONE, STOPPED, NOT_RUN, FAILED, LEFT_OUT = "done", "stopped", "not run", "failed", "left out"
+
+
+class Unavailable(Exception):
+    """A peer that cannot be installed; the reason in one line."""
+
+
+def measure(settings: Settings, case: Case, threads: int, earlier: list[dict], environments: Path) -> dict:
+    """A row of the table: the case, its sizes, outcome and remark, and what was measured.
+
+    earlier: rows of the same code and problem with fewer cells. environments: folder of the peers' environments.
+    """
+    numbers = settings.numbers(case, threads)
+    row = asdict(case) | sizes(numbers) | {"outcome": DONE, "remark": "", "threads": threads, "machine": machine()}
+    row["begun"] = datetime.now(UTC).isoformat(sep=" ", timespec="seconds").removesuffix("+00:00")
+    time_limit = settings.time_limit_of(case.code)
+    remark = foreseen(row["cells"], earlier, time_limit, settings.memory_limit)
+    if remark:
+        return row | {"outcome": NOT_RUN, "remark": remark}
+    answers = []
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "case.json"
+        path.write_text(json.dumps(numbers))
+        try:
+            command = command_of(settings.codes[case.code], case, path, threads, environments)
+        except Unavailable as error:
+            return row | {"outcome": LEFT_OUT, "remark": str(error)}
+        before = processor_time()
+        while len(answers) < settings.repetitions:
+            outcome, more = watch(command, threads, time_limit, settings.memory_limit)
+            if outcome != DONE:
+                return row | {"outcome": outcome, "remark": more[-1]["reason"]}
+            answers += more
+            if more[-1]["seconds"] > settings.repeat_below:
+                break
+        taken, ours, elapsed = (now - then for now, then in zip(processor_time(), before, strict=True))
+    others = max(taken - ours, 0.0) / elapsed
+    middle = {key: statistics.median(answer[key] for answer in answers) for key in ("seconds", "cpu_seconds", "memory")}
+    return row | answers[-1] | middle | {"repetitions": len(answers), "others": others}
+
+
+def foreseen(cells: int, earlier: list[dict], time_limit: float, memory_limit: float) -> str:
+    """Why a case would not end within its limits (s, GB), by the smaller ones; empty if it would."""
+    if not earlier:
+        return ""
+    last = earlier[-1]
+    if last["outcome"] != DONE:
+        return last["remark"] if last["outcome"] == NOT_RUN else f"{last['cells']:,} cells: {last['remark']}"
+    power, per_cell = LEAST_GROWTH, last["memory"] / last["cells"]
+    if len(earlier) > 1:
+        before = earlier[-2]
+        power = math.log(last["seconds"] / before["seconds"]) / math.log(last["cells"] / before["cells"])
+        power = min(max(power, LEAST_GROWTH), MOST_GROWTH)
+        per_cell = (last["memory"] - before["memory"]) / (last["cells"] - before["cells"])  # libraries do not grow
+    seconds = last["seconds"] * (cells / last["cells"]) ** power
+    memory = last["memory"] + per_cell * (cells - last["cells"])
+    if seconds > time_limit:
+        return f"about {seconds:.0f} s foreseen, {time_limit:g} s allowed"
+    if memory > memory_limit:
+        return f"about {memory:.0f} GB foreseen, {memory_limit:g} GB allowed"
+    return ""
+
+
+def command_of(code: Code, case: Case, path: Path, threads: int, environments: Path) -> list[str]:
+    """What solves the case whose numbers stand in the file `path`."""
+    if code.script:
+        return [str(peer_python(code, environments)), str(PEERS / code.script), str(path)]
+    names = [case.problem, case.code, str(case.across)]
+    return [sys.executable, "-m", "verification.benchmarks", "solve", *names, "--threads", str(threads)]
+
+
+def peer_python(code: Code, environments: Path) -> Path:
+    """Python of a peer's environment, which uv makes where it is not there. Raises Unavailable."""
+    beside = Path(sys.executable).with_name("uv")
+    uv = str(beside) if beside.exists() else shutil.which("uv")
+    if not uv:
+        raise Unavailable("not installed: needs uv (pip install uv)")
+    folder = (environments / Path(code.requirements).stem).absolute()
+    python = folder / "bin" / "python"
+    steps = [["pip", "install", "--python", str(python), "-r", str(PEERS / code.requirements)]]
+    if not python.exists():
+        steps.insert(0, ["venv", "--python", sys.executable, str(folder)])
+    for step in steps:
+        made = subprocess.run([uv, "--quiet", *step], capture_output=True, text=True)
+        if made.returncode:
+            logging.info("uv %s: %s", step[0], made.stderr)
+            raise Unavailable("not installed: is there a network?")
+    return python
+
+
+def watch(command: list[str], threads: int, time_limit: float, memory_limit: float) -> tuple[str, list[dict]]:
+    """Run a command to its end or to its limits: outcome, and what it announced of its solutions.
+
+    Where it failed or was stopped the last answer has the reason. The time (s) counts from the line that says that a
+    solution begins, anew for each; memory (GB) is that of all its processes.
+    """
+    environment = os.environ | {
+        "PYTHONPATH": str(ROOT),
+        "OMP_NUM_THREADS": str(threads),
+        "NUMBA_NUM_THREADS": str(threads),
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        said, errors = Path(folder) / "said", Path(folder) / "errors"
+        with said.open("w") as out, errors.open("w") as err:
+            process = psutil.Popen(
+                command, stdout=out, stderr=err, env=environment, start_new_session=True, preexec_fn=die_with_parent
+            )
+            reason = _until_end(process, said, time_limit, memory_limit)
+        answers = [answer for answer in _answers(said) if "seconds" in answer]
+        logging.info("%s\n%s", " ".join(command), errors.read_text(errors="replace")[-4000:])
+        if reason:
+            return STOPPED, [{"reason": reason}]
+        if not answers or process.returncode:
+            last = (errors.read_text(errors="replace").strip().splitlines() or ["no message"])[-1]
+            return FAILED, [{"reason": f"ended with status {process.returncode}: {last[:200]}"}]
+        if not all(answer["converged"] for answer in answers):
+            return FAILED, [{"reason": answers[-1]["reason"][:200]}]
+        return DONE, answers
+
+
+def _until_end(process: psutil.Popen, said: Path, time_limit: float, memory_limit: float) -> str:
+    """Wait for a process, or end it with all that it has started: why, empty if it ended by itself."""
+    clock, limit, heard = time.perf_counter(), PREPARATION, 0
+    reason = ""
+    try:
+        while process.poll() is None and not reason:
+            time.sleep(POLL)
+            said_so_far = len(_answers(said))
+            if said_so_far != heard:
+                clock, heard = time.perf_counter(), said_so_far
+                limit = time_limit if heard % 2 else PREPARATION  # a solution has begun, or has ended
+            if time.perf_counter() - clock > limit:
+                reason = f"took more than {limit:g} s" + ("" if heard % 2 else " to prepare")
+            elif _memory(process) > memory_limit:
+                reason = f"took more than {memory_limit:g} GB"
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    return reason
+
+
+def _answers(said: Path) -> list[dict]:
+    """Whole lines of JSON; peers print other things too."""
+    lines = said.read_text(errors="replace").splitlines(keepends=True)
+    return [json.loads(line) for line in lines if line.startswith("{") and line.endswith("\n")]
+
+
+def _memory(process: psutil.Process) -> float:
+    """GB in memory, of a process and all that it has started."""
+    total = 0
+    try:
+        for one in (process, *process.children(recursive=True)):
+            total += one.memory_info().rss
+    except psutil.Error:  # ended meanwhile
+        pass
+    return total / 1e9

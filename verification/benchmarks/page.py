@@ -1,0 +1,54 @@
+"""results/benchmarks: table.csv, figure.svg and report.html."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from catalogs.figures import style
+from pipeline.datasets import atomic_path
+from pipeline.pages import page_templates
+from verification.benchmarks.figure import draw
+from verification.benchmarks.measuring import DONE
+from verification.benchmarks.settings import REFERENCE, Settings
+from verification.benchmarks.table import agreements, make_table, summary
+
+TEMPLATES = Path(__file__).parent / "templates"
+BUSY = 0.1  # processors that others kept busy during a run, above which the page warns
+
+
+def write_report(settings: Settings, rows: list[dict], table_path: Path, figure_path: Path, page: Path) -> None:
+    """Write the three files, each atomically."""
+    table = make_table(settings, rows)
+    with style.applied():
+        figure = style.save(draw(settings, table), figure_path)
+    with atomic_path(table_path) as temporary:
+        table.to_csv(temporary, index=False, float_format="%.6g")
+    environment = page_templates(TEMPLATES)
+    environment.filters["number"] = number
+    measured = table[table["outcome"] == DONE]
+    text = environment.get_template("page.html.j2").render(
+        settings=settings,
+        rows=table.to_dict("records"),
+        summary=summary(settings, table),
+        agreements=agreements(settings, table),
+        figure=figure,
+        reference=settings.codes[REFERENCE].title,
+        threads=sorted(set(table["threads"])),
+        machines=sorted(set(table["machine"])),
+        versions=sorted(set(measured["version"])),
+        first=table["begun"].min(),
+        last=table["begun"].max(),
+        solved=len(measured),
+        busy=int((measured["others"] > BUSY).sum()),
+        allowed=BUSY,
+        others=measured["others"].max(),
+    )
+    with atomic_path(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def number(value: float, digits: int = 3, largest: float = 100.0) -> str:
+    """A number for people: so many digits, thousands apart, a dash for none."""
+    if value is None or pd.isna(value):
+        return "–"
+    return f"{value:,.0f}" if abs(value) >= largest or float(value).is_integer() else f"{value:.{digits}g}"

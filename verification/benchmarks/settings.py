@@ -1,0 +1,157 @@
+"""What config/benchmarks.yaml asks for, checked: codes, problems, sizes, limits, and the scene of each case."""
+
+import functools
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from pipeline.errors import InputError
+from pipeline.quantities import parse_quantity
+from verification.studies import merge
+from workflow.configuration import load
+from workflow.mine import Mine
+
+ROOT = Path(__file__).resolve().parents[2]
+FILE = ROOT / "config" / "benchmarks.yaml"
+PEERS = ROOT / "verification" / "benchmarks" / "peers"
+REFERENCE = "multigrid"  # the code that ratios are taken to
+QUANTITIES = {"time_limit": "s", "memory_limit": "GB", "repeat_below": "s"}
+KEYS = (*QUANTITIES, "threads", "repetitions", "cells_across", "codes", "scene", "problems")
+CODE_KEYS = {"title", "scene", "script", "requirements", "agrees", "time_limit"}
+
+
+@dataclass(frozen=True)
+class Code:
+    """A code that is measured. Ours: `scene` changes the configuration. A peer: `script` and `requirements` in peers/.
+
+    agrees_with, within: the code whose closure it must give on the same mesh, and the share by which it may differ.
+    time_limit: its own, s, in place of that of all.
+    """
+
+    title: str
+    scene: dict = field(default_factory=dict)
+    script: str = ""
+    requirements: str = ""
+    agrees_with: str = ""
+    within: float = 0.0
+    time_limit: float | None = None
+
+
+@dataclass(frozen=True)
+class Case:
+    """One solution: names of code and problem, cells across the stope."""
+
+    problem: str
+    code: str
+    across: int
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The whole file; time_limit, repeat_below s, memory_limit GB."""
+
+    threads: int
+    time_limit: float
+    memory_limit: float
+    repetitions: int
+    repeat_below: float
+    cells_across: tuple[int, ...]
+    codes: dict[str, Code]
+    problems: dict[str, dict]
+    scene: dict
+
+    def cases(self) -> list[Case]:
+        """All cases in the order in which they run: codes in turns, so that a slow minute of the machine hits all."""
+        return [
+            Case(problem, code, across)
+            for across in self.cells_across
+            for problem in self.problems
+            for code in self.codes
+        ]
+
+    def time_limit_of(self, code: str) -> float:
+        """Seconds that a solution by this code may take."""
+        return self.codes[code].time_limit or self.time_limit
+
+    def mine(self, case: Case) -> Mine:
+        """The checked configuration of a case, as a mine's file would give it; of a peer's, the scene it stands for."""
+        scene = merge(self.scene, self.problems[case.problem]["scene"])
+        scene = merge(scene, self.codes[case.code].scene)
+        first, last = (parse_quantity(scene["excavations"][0][corner][0], "m") for corner in ("lower", "upper"))
+        changes = {
+            "name": f"{case.problem}-{case.code}-{case.across}",
+            "grid": {"coarse_cell": f"{(last - first) / case.across!r} m"},
+        }
+        return load(merge(_default(), merge(scene, changes)), FILE, _default())
+
+    def numbers(self, case: Case, threads: int) -> dict:
+        """The case as peers/stope.py describes it: SI numbers, lengths in cells."""
+        mine = self.mine(case)
+        values, host = mine.values, mine.values["materials"]["host"]
+        cell, stope = values["grid"]["coarse_cell"], values["excavations"][0]
+        lower = values["domain"]["lower"]
+
+        def in_cells(corner: list[float]) -> list[int]:
+            return [round((place - start) / cell) for place, start in zip(corner, lower, strict=True)]
+
+        numbers = {
+            "cells": in_cells(values["domain"]["upper"]),
+            "stope_lower": in_cells(stope["lower"]),
+            "stope_upper": in_cells(stope["upper"]),
+            "cell": cell,
+            "stress": [values["insitu_stress"]["constant"][axes] for axes in ("xx", "yy", "zz")],
+            "youngs_modulus": host["youngs_modulus"],
+            "poisson_ratio": host["poisson_ratio"],
+            "tolerance": values["solver"]["tolerance"],
+            "threads": threads,
+        }
+        if host["model"] == "coulomb":
+            numbers |= {key: host[key]["intact"] for key in ("cohesion", "friction_angle", "dilation_angle")}
+            numbers["increments"] = values["solver"]["increments"]
+        return numbers
+
+
+@functools.cache
+def _default() -> dict:
+    return yaml.safe_load((ROOT / "config" / "default.yaml").read_text(encoding="utf-8"))
+
+
+def _quantity(text: dict, key: str, where: str = "") -> float:
+    try:
+        return parse_quantity(text[key], QUANTITIES[key])
+    except ValueError as error:
+        raise InputError(f"{FILE.name}: {where}{key}: {error}") from error
+
+
+def _code(name: str, text: dict) -> Code:
+    unknown = sorted(set(text) - CODE_KEYS)
+    if unknown:
+        raise InputError(f"{FILE.name}: codes.{name}.{unknown[0]}: unknown key; there are {', '.join(CODE_KEYS)}")
+    if "title" not in text or ("scene" in text) == ("script" in text):
+        raise InputError(f"{FILE.name}: codes.{name}: needs a title, and scene (a code of ours) or script (a peer)")
+    partner = text.get("agrees", {"with": "", "within": 0.0})
+    given = {key: text[key] for key in text if key != "agrees"}
+    if "time_limit" in text:
+        given["time_limit"] = _quantity(text, "time_limit", f"codes.{name}.")
+    return Code(**given, agrees_with=partner["with"], within=float(partner["within"]))
+
+
+def parse(text: dict) -> Settings:
+    """Settings from the file's content. Raises InputError, one line, naming the key."""
+    wrong = sorted(set(text) ^ set(KEYS))
+    if wrong:
+        state = "missing" if wrong[0] in KEYS else "unknown key"
+        raise InputError(f"{FILE.name}: {wrong[0]}: {state}; the file has {', '.join(KEYS)}")
+    codes = {name: _code(name, entry) for name, entry in text["codes"].items()}
+    for partner in (REFERENCE, *(code.agrees_with for code in codes.values())):
+        if partner and partner not in codes:
+            raise InputError(f"{FILE.name}: codes: no '{partner}'; there are {', '.join(codes)}")
+    checked = {"codes": codes, "cells_across": tuple(sorted(text["cells_across"]))}
+    checked |= {key: _quantity(text, key) for key in QUANTITIES}
+    return Settings(**(text | checked))
+
+
+def read_settings(path: Path = FILE) -> Settings:
+    """The settings of a file."""
+    return parse(yaml.safe_load(Path(path).read_text(encoding="utf-8")))

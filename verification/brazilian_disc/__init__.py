@@ -1,0 +1,1 @@
+"""The Brazilian disc in plane strain: crack, peak load, events."""

@@ -1,0 +1,1 @@
+"""The Brazilian disc in 3-D, between platens."""

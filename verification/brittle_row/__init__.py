@@ -1,0 +1,1 @@
+"""A brittle row of cells."""

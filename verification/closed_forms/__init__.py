@@ -1,1 +1,0 @@
-"""Closed forms that the scenes are compared with: pure functions, SI units, tension positive, each with its source."""

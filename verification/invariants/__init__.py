@@ -1,0 +1,1 @@
+"""What every grid must keep: patch tests, totals, operator."""

@@ -1,0 +1,1 @@
+"""A hole in an elastic plate."""

@@ -1,0 +1,1 @@
+"""A single cell through failure."""

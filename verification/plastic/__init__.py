@@ -1,0 +1,1 @@
+"""Tunnels and cavities in plastic and in brittle rock."""

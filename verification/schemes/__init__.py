@@ -1,0 +1,1 @@
+"""Both schemes on the same mine."""

@@ -1,0 +1,161 @@
+"""Runs of one brittle scene that differ by what nobody can know better, and what each of them makes of the rock.
+
+Brittle failure localises: one run is one realisation, and schemes are compared by their runs together.
+"""
+
+import copy
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import xarray as xr
+
+from catalogs.sizes import LEAST_EVENTS, BValue, estimate_b, log_potency
+from mpm_core.scene import parse_scene
+from mpm_core.stages import mining_step
+from mpm_core.threads import use_threads
+from pipeline.errors import InputError
+from pipeline.source_tensors import scalar_potency
+from pipeline.voigt import tensor_from_voigt
+from seismic.events import extract_events
+from verification.results import Variant
+from workflow.mine import Mine
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run's last step did.
+
+    potency: sum over particles of the scalar of seismic strain times volume, m3; failed_volume m3; failed: particles
+    that have failed by its end (bool); sizes: log10 potency (m3) of resolved events; floor: the smallest that can be
+    resolved, m3; iterations of all its steps, and in how many generations failure spread in a part of the mine.
+    """
+
+    potency: float
+    failed_volume: float
+    failed: np.ndarray
+    sizes: np.ndarray
+    floor: float
+    iterations: int
+    in_parts: int
+
+    @property
+    def events(self) -> int:
+        """Number of resolved events."""
+        return len(self.sizes)
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """The same runs with two schemes, in the same order: runs by the scheme's name, explicit first."""
+
+    runs: dict[str, list[Run]]
+
+    @cached_property
+    def cut(self) -> float:
+        """log10 of the potency (m3) from which b is counted: the largest floor of all runs; NaN without failed rock."""
+        return float(log_potency(np.max([run.floor for runs in self.runs.values() for run in runs])))
+
+    def b_values(self) -> dict[str, list[BValue]]:
+        """b of log potency of each run, of its resolved events from the cut on; NaN of fewer than LEAST_EVENTS."""
+        return {scheme: [estimate_b(run.sizes, self.cut) for run in runs] for scheme, runs in self.runs.items()}
+
+    def values(self, quantity: str) -> tuple[np.ndarray, np.ndarray]:
+        """potency, failed_volume, events or b of the runs (run,) of both schemes."""
+        if quantity == "b":
+            explicit, other = ([value.b for value in values] for values in self.b_values().values())
+        else:
+            explicit, other = ([getattr(run, quantity) for run in runs] for runs in self.runs.values())
+        return np.array(explicit, float), np.array(other, float)
+
+    @property
+    def has_b(self) -> bool:
+        """Whether every run has enough events for a b-value."""
+        return bool(np.isfinite(self.values("b")).all())
+
+    @property
+    def why_no_b(self) -> str:
+        """How many events there are, where they are too few."""
+        counted = [value.events for values in self.b_values().values() for value in values]
+        return f"too few events: {min(counted)} to {max(counted)} from the cut on, {LEAST_EVENTS} needed in every run"
+
+    @property
+    def count(self) -> int:
+        """Number of runs of each scheme."""
+        return min(len(runs) for runs in self.runs.values())
+
+    @property
+    def alike(self) -> int:
+        """In how many pairs the same particles fail."""
+        return sum(np.array_equal(one.failed, other.failed) for one, other in zip(*self.runs.values(), strict=True))
+
+
+def read_pairs(variants: tuple[Variant, Variant], increments: list[int]) -> Pairs:
+    """The runs of two variants, that differ by their scheme alone."""
+    return Pairs({variant.values["solver"]["scheme"]: list(read_runs(variant, increments)) for variant in variants})
+
+
+def read_runs(variant: Variant, increments: list[int]) -> Iterator[Run]:
+    """Runs of a variant: the members of its ensemble, or, without one, one for each number of increments.
+
+    One of those may be the variant's own. The others are computed here, from its grid and elastic state: to start a
+    process for each stage of each would cost more than the stages of scenes so small.
+    """
+    if variant.values["ensemble"]:
+        for number in range(1, variant.mine.members + 1):
+            states = [variant.read(f"ensemble/{number}/steps/{step}.nc") for step in variant.step_names]
+            yield describe(states, variant.mine.member(number))
+        return
+    use_threads(1)
+    for parts in increments:
+        mine = with_increments(variant.mine, parts)
+        own = parts == variant.values["solver"]["increments"]
+        states = [variant.step(step) for step in variant.step_names] if own else compute(mine, variant)
+        yield describe(states, mine)
+
+
+def with_increments(mine: Mine, increments: int) -> Mine:
+    """The same mine, its rock taken out in so many parts."""
+    changed = copy.copy(mine)
+    changed.values = mine.values | {"solver": mine.values["solver"] | {"increments": increments}}
+    return changed
+
+
+def compute(mine: Mine, variant: Variant) -> list[xr.Dataset]:
+    """States after each step, by the ordinary stage. Raises InputError where one finds no rest."""
+    states = [variant.elastic]
+    with TemporaryDirectory() as folder:
+        for step in mine.mined_steps:
+            try:
+                scene = parse_scene(mine.step_slice(step))
+                states.append(mining_step(scene, variant.grid, states[-1], Path(folder) / "failed.npz")[0])
+            except InputError as error:
+                parts = mine.values["solver"]["increments"]
+                raise InputError(f"{mine.name}, {parts} increments, step {step}: {error}") from error
+    return states[1:]
+
+
+def describe(states: list[xr.Dataset], mine: Mine) -> Run:
+    """What the last of the states says."""
+    last = states[-1]
+    events = extract_events(last, mine.event_slice())[0]
+    strain, volume = tensor_from_voigt(last.seismic_strain.values), last.volume.values
+    return Run(
+        potency=float(np.sum(scalar_potency(strain) * volume)),
+        failed_volume=float(last.attrs["failed_volume"]),
+        failed=last.failed.values >= 0,
+        sizes=log_potency(events.potency.values[events.resolved.values == 1]),
+        floor=float(events.attrs["potency_floor"]),
+        iterations=sum(int(state.attrs["iterations"]) for state in states),
+        in_parts=sum(_generations_in_parts(state) for state in states),
+    )
+
+
+def _generations_in_parts(state: xr.Dataset) -> int:
+    """Generations of failure after which a part of the mine came to rest before the whole."""
+    part = state.convergence_cells.values < state.sizes["cell"]
+    generations = state.convergence_increment.values[part], state.convergence_generation.values[part]
+    return len(np.unique(np.stack(generations), axis=1).T)

@@ -1,0 +1,1 @@
+"""Elastic spheres, empty and filled."""

@@ -1,0 +1,278 @@
+"""One mine's configuration in SI units, cut into the slice that each stage depends on.
+
+A slice holds only what its stage needs, so that changing a value re-runs only what it changes. An excavation that is
+not mined yet looks the same in a slice whether it is planned or dated later: giving a planned stope its month runs
+that month.
+"""
+
+import copy
+import importlib
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mpm_core.scene import FACES, parse_scene
+from pipeline.provenance import config_hash
+from pipeline.voigt import NAMES
+
+NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "outside", "force", "toward")
+GRID_KEYS = ("coarse_cell", "levels", "buffer_cells", "cut_cells", "volume_error")
+
+
+@dataclass
+class Mine:
+    """A configuration in SI units (`values`) and as written (`text`, `default`); its paths are relative to `folder`."""
+
+    values: dict
+    text: dict
+    folder: Path
+    default: dict
+    steps: list[dict] = field(init=False)
+    excavations: list[dict] = field(init=False)
+    is_draft: bool = field(init=False, default=False)  # see workflow/draft.py
+    perturbation: int = field(init=False, default=0)  # number of the ensemble's member, 0: the mine itself
+    _numbered: list[dict] | None = field(init=False, default=None)
+    _number: dict[str, int] = field(init=False, default_factory=dict)
+
+    def __post_init__(self):
+        values = self.values
+        self.name = values["name"]
+        self.plane = None if values["plane"] == "none" else values["plane"]
+        self.dimension = 2 if self.plane else 3
+        self.listed_steps = values.get("steps", [])
+        undated = [step for step in self.listed_steps if "start" not in step]
+        implicit = [] if undated else [{"name": "history"}]
+        self.steps = implicit + self.listed_steps
+        self.excavations = list(values.get("excavations", []))
+        if "excavations_from" in values:
+            made = dict(values["excavations_from"])
+            source = importlib.import_module(f"workflow.mines.{made.pop('source')}")
+            self.excavations += source.excavations(self.path(made.pop("folder")), **made)
+
+    def path(self, name: str) -> Path:
+        """A path of the configuration, relative to the working directory."""
+        return Path(os.path.relpath(self.folder / name))
+
+    @property
+    def has_place(self) -> bool:
+        """Whether the frame says where on Earth the mine is: QuakeML cannot do without, all else can."""
+        return bool(set(self.values["frame"]) - {"surface"})
+
+    def step_index(self, name: str) -> int:
+        """Place of a step in order, -1 for one that is not listed."""
+        if self._numbered is not self.steps:  # a draft has others
+            self._numbered, self._number = self.steps, {step["name"]: index for index, step in enumerate(self.steps)}
+        return self._number.get(name, -1)
+
+    def boundary(self) -> dict[str, str]:
+        """Condition of each face of the domain."""
+        given = self.values["domain"]["boundary"]
+        if isinstance(given, str):
+            return dict.fromkeys(FACES, given)
+        return {face: given.get(face, given.get(face[0], given.get("others", "fixed"))) for face in FACES}
+
+    def grid_slice(self) -> dict:
+        """What grid.nc depends on: shapes, cells, the domain; no step, no material."""
+
+        def shape(entry: dict) -> dict:
+            made = {key: value for key, value in entry.items() if key not in NOT_SHAPE}
+            if entry.get("outside"):
+                made["outside"] = True
+            if "file" in made:
+                made["file"] = self.path(made["file"]).as_posix()
+            return {"name": entry["name"], **made}
+
+        values = self.values
+        grid = {key: values["grid"][key] for key in GRID_KEYS}
+        if values["grid"]["failure_zone"] != "none":
+            grid["failure_zone"] = values["grid"]["failure_zone"]
+        if self.is_draft:
+            grid["draft"] = True
+        return {
+            "name": self.name,
+            "plane": self.plane,
+            "thickness": values["thickness"],
+            "domain": {key: values["domain"][key] for key in ("lower", "upper")},
+            "grid": grid,
+            "excavations": [shape(entry) for entry in self.excavations],
+            "rock_bodies": [
+                {**shape(entry), "refine": entry.get("refine", False)} for entry in values.get("rock_bodies", [])
+            ],
+        }
+
+    def solids_slice(self) -> dict:
+        """What the picture of the solids depends on: their shapes, and the index of the step that mines each, or -1."""
+        return self.grid_slice() | {"mined": [self.step_index(entry["step"]) for entry in self.excavations]}
+
+    def solids(self) -> list[str]:
+        """Files that the grid is built from."""
+        entries = [*self.excavations, *self.values.get("rock_bodies", [])]
+        return [self.path(entry["file"]).as_posix() for entry in entries if "file" in entry]
+
+    def scene_slice(self, last: int) -> dict:
+        """What the mechanics up to step number `last` depend on, for mpm_core.scene.parse_scene."""
+        values = self.values
+
+        def excavation(entry: dict) -> dict:
+            mined = self.step_index(entry["step"])
+            filled = self.step_index(entry.get("filled", entry["step"]))
+            fill = entry.get("fill", "none")
+            placed = fill != "none" and 0 <= filled <= last
+            return {
+                "name": entry["name"],
+                "mined": mined if mined <= last else -1,
+                "fill": fill if placed else None,
+                "filled": filled if placed else -1,
+            }
+
+        def components(key: str) -> list[float]:
+            given = values["insitu_stress"].get(key, {})
+            return [given.get(name, 0.0) for name in NAMES]
+
+        def load(entry: dict) -> dict:
+            toward = {"toward": entry["toward"]} if "toward" in entry else {}
+            shape = {key: value for key, value in entry.items() if key not in NOT_SHAPE}
+            since = self.step_index(entry["step"])
+            return {"name": entry["name"], "since": since, "force": entry["force"], **toward, "shape": shape}
+
+        def listed(section: str) -> list[dict]:
+            return [entry for entry in values.get(section, []) if self.step_index(entry["step"]) <= last]
+
+        strains = [
+            {
+                "name": entry["name"],
+                "since": self.step_index(entry["step"]),
+                "strain": [entry["strain"].get(name, 0.0) for name in NAMES],
+            }
+            for entry in listed("strains")
+        ]
+        excavations = [excavation(entry) for entry in self.excavations]
+        used = {"host", *(entry["material"] for entry in values.get("rock_bodies", []))}
+        used |= {entry["fill"] for entry in excavations if entry["fill"]}
+        return {
+            "name": self.name,
+            "plane": self.plane,
+            "thickness": values["thickness"],
+            "particles_per_cell": round(values["grid"]["particles_per_cell"] ** (1 / self.dimension)),
+            "cut_cells": values["grid"]["cut_cells"],
+            "boundary": self.boundary(),
+            "surface": values["frame"]["surface"],
+            "insitu_stress": {key: components(key) for key in ("constant", "gradient")},
+            "materials": {name: entry for name, entry in values["materials"].items() if name in used},
+            "rock_bodies": [{"material": entry["material"]} for entry in values.get("rock_bodies", [])],
+            "excavations": excavations,
+            "loads": [load(entry) for entry in listed("loads")],
+            **({"strains": strains} if strains else {}),
+            **({"draft": True} if self.is_draft else {}),
+            **({"perturbation": self.perturbation} if self.perturbation else {}),
+            "steps": [{"name": step["name"]} for step in self.steps[: last + 1]],  # rock knows no dates
+            "solver": values["solver"],
+        }
+
+    @property
+    def members(self) -> int:
+        """How many perturbed members run beside the mine's own run; a draft and a member have none."""
+        return 0 if self.is_draft or self.perturbation else self.values["ensemble"]
+
+    def member(self, number: int) -> "Mine":
+        """A member of the ensemble: its steps and events are its own, grid and elastic state are the mine's."""
+        member = copy.copy(self)
+        member.perturbation = number
+        return member
+
+    def step_slice(self, step: str) -> dict:
+        """What steps/<step>.nc depends on, beside the state of the step before."""
+        return self.scene_slice(self.step_index(step))
+
+    def previous(self, step: str) -> str:
+        """Name of the step before, empty before the first."""
+        index = self.step_index(step)
+        return self.steps[index - 1]["name"] if index > 0 else ""
+
+    def schedule(self) -> list[dict]:
+        """Name, step, fill and step of filling of every excavation, for the report."""
+        return [
+            {
+                "name": entry["name"],
+                "step": entry["step"],
+                "fill": entry.get("fill", "none"),
+                "filled": entry.get("filled", entry["step"]),
+            }
+            for entry in self.excavations
+        ]
+
+    def picture_slice(self) -> dict:
+        """What the picture of the scene depends on: name, whether it has dates, and excavations of every step."""
+        mined = {step["name"]: [] for step in self.steps}
+        for entry in self.excavations:
+            if entry["step"] in mined:
+                mined[entry["step"]].append(entry["name"])
+        steps = [
+            {"name": step["name"], "dated": "start" in step, "excavations": mined[step["name"]]} for step in self.steps
+        ]
+        return {"steps": steps}
+
+    @property
+    def mined_steps(self) -> list[str]:
+        """Names of the steps that the configuration lists, in order; without any the scene stops at elastic.nc."""
+        return [step["name"] for step in self.steps] if self.listed_steps else []
+
+    @property
+    def dated_steps(self) -> list[str]:
+        """Names of the steps whose events enter the catalogue."""
+        return [step["name"] for step in self.listed_steps if "start" in step]
+
+    def event_slice(self, step: str = "") -> dict:
+        """What events and catalogue depend on, beside the steps; of the events of one step, its dates too."""
+        flat = {"thickness": self.values["thickness"]} if self.plane else {}
+        dates = {key: self.steps[self.step_index(step)].get(key, "") for key in ("start", "end")} if step else {}
+        return {"mine": self.name, "frame": self.values["frame"], **flat, **self.values["seismic"], **dates}
+
+    def spread_slice(self) -> dict:
+        """What spread.nc depends on, beside the runs of the ensemble."""
+        return {"mine": self.name, "members": self.members, "steps": self.dated_steps}
+
+    def comparison_slice(self) -> dict:
+        """What comparison.nc depends on, beside the two catalogues."""
+        return self.values["comparison"]
+
+    def report_slice(self, results: str) -> dict:
+        """What the report tells of the configuration: as written, the default, what is mined when, what is up to date.
+
+        results: folder of the mine's results.
+        """
+        return {
+            "config": self.text,
+            "default": self.default,
+            "excavations": self.schedule(),
+            "expected_hashes": {f"{results}/{path}": value for path, value in self.hashes().items()},
+        }
+
+    def hashes(self) -> dict[str, str]:
+        """The config_hash that each dataset carries if it is up to date, by its path below results/<mine>."""
+        hashes = {"grid.nc": self.grid_slice(), "elastic.nc": self.scene_slice(0)}
+        for step in self.mined_steps:
+            hashes |= {f"steps/{step}.nc": self.step_slice(step), f"events/{step}.nc": self.event_slice(step)}
+        hashes["catalog.nc"] = self.event_slice()
+        if "record" in self.values:
+            hashes |= {"record.nc": self.record_slice(), "comparison.nc": self.comparison_slice()}
+        if self.members:
+            hashes["spread.nc"] = self.spread_slice()
+        return {path: config_hash(values) for path, values in hashes.items()}
+
+    def record_slice(self) -> dict:
+        """What record.nc depends on, beside the recorded data."""
+        host = parse_scene(self.scene_slice(0)).materials["host"]
+        dated = [step for step in self.listed_steps if "start" in step]
+        # Only what was recorded while the model mines, and where, is comparable; the configuration may choose another
+        # time.
+        period = {"start": dated[0]["start"], "end": dated[-1]["end"]} if dated else {}
+        domain = {key: self.values["domain"][key] for key in ("lower", "upper")}
+        record = {
+            **self.values["record"],
+            "period": period,
+            "domain": domain | {"plane": self.plane},
+            "file": self.path(self.values["record"]["file"]).as_posix(),
+        }
+        elastic = {"lame_lambda": host.lame_lambda, "shear_modulus": host.shear_modulus}
+        return {"mine": self.name, "frame": self.values["frame"], **elastic, **record}
