@@ -36,7 +36,7 @@ from mpm_core.kernels.nodes import (
     sizes,
     spread_to_hanging,
 )
-from mpm_core.kernels.resting import UPDATE
+from mpm_core.kernels.resting import make_update
 from mpm_core.model import Model, State
 
 CHECK_EVERY = 20  # iterations between two looks at the unbalanced force
@@ -149,7 +149,7 @@ class ExplicitScheme:
         """Advance stress by time_step of nodal velocity, and its forces; in chosen blocks of cells, or in all."""
         model, particles, state, scatter = self.model, self.model.particles, self.state, self.model.scatter
         self._take_back_flow()
-        UPDATE[model.dimension](
+        make_update(model.law, model.dimension)(
             scatter.blocks if blocks is None else blocks,
             scatter.block_start,
             scatter.slot_start,

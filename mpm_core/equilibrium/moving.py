@@ -24,7 +24,7 @@ import numpy as np
 from mpm_core.equilibrium.energy import dissipate
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.grid.adjacency import leaf_lookup
-from mpm_core.kernels.moving import CYCLE, move_nodes
+from mpm_core.kernels.moving import make_cycle, move_nodes
 from mpm_core.kernels.nodes import spread_to_hanging
 from mpm_core.kernels.relocation import relocate, sort_by_cell
 from mpm_core.model import FLOW, Model, State
@@ -92,7 +92,7 @@ class MovingScheme(ExplicitScheme):
 
     def _cycle(self, time_step: float) -> None:
         model, state, scatter = self.model, self.state, self.model.scatter
-        CYCLE[model.dimension](
+        make_cycle(model.law, model.dimension)(
             scatter.block_start,
             scatter.slot_start,
             model.cell_nodes,
