@@ -1,29 +1,20 @@
 """A scene on its grid: everything that stays the same while equilibrium is sought; state.py has what does not."""
 
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 
-from mpm_core.constitutive.strength import elastic_row, strength_row
+from mpm_core.constitutive.laws import can_fail, law_of_all, rows_of_all
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.kernels.blocks import Scatter, build_scatter
 from mpm_core.loose import find_loose
 from mpm_core.occupancy import SAMPLES, Changes, Loose, Pieces, changes_of
 from mpm_core.particles import Particles, seed, volumes
 from mpm_core.rigid import RigidMotions, free_motions
-from mpm_core.scene import FACES, Material, Scene
+from mpm_core.scene import FACES, Scene
 from mpm_core.state import State
 from mpm_core.virgin import virgin_stress
-
-
-def _strength_rows(material: Material) -> tuple[np.ndarray, np.ndarray]:
-    if material.intact is None:
-        return elastic_row(), elastic_row()
-    rows = [
-        strength_row(s.friction_angle, s.dilation_angle, s.cohesion, s.tension_cutoff)
-        for s in (material.intact, material.residual)
-    ]
-    return rows[0], rows[1]
 
 
 @dataclass(frozen=True)
@@ -43,9 +34,11 @@ class Model:
     """(particle, 6) Pa, virgin stress; zero for fill, which starts without stress"""
     elastic_constants: np.ndarray
     """(material, 2) lambda, mu, Pa"""
+    law: ModuleType
+    """of failure, of all rock (constitutive.laws); kernels are made for it"""
     intact_rows: np.ndarray
     residual_rows: np.ndarray
-    """(material, column) strength rows of constitutive.strength"""
+    """(material, column) strength rows of the law"""
     held: np.ndarray
     """(node, d) bool: fixed or on a roller"""
     loose: Loose
@@ -69,10 +62,10 @@ class Model:
         """Share of each cell that is rock once `step` is mined, (cell,)."""
         return np.bitwise_count(self.changes.rock_samples(len(self.cell_nodes), step)) / SAMPLES
 
-    def is_coulomb(self) -> np.ndarray:
+    def can_fail(self) -> np.ndarray:
         """(particle,) bool: rock whose material can fail."""
-        can_fail = np.array([material.intact is not None for material in self.scene.materials.values()])
-        return self.particles.is_rock & can_fail[self.particles.material]
+        by_material = np.array([can_fail(material) for material in self.scene.materials.values()])
+        return self.particles.is_rock & by_material[self.particles.material]
 
     def virgin_state(self) -> State:
         """Nothing mined: all changes are zero. Position, cell: the model's own; a scheme that moves them copies."""
@@ -130,7 +123,8 @@ def build_model(
     insitu = virgin_stress(scene, particles.position)
     insitu[~particles.is_rock] = 0.0
     materials = scene.materials.values()
-    rows = [_strength_rows(material) for material in materials]
+    law = law_of_all(materials)
+    intact_rows, residual_rows = rows_of_all(law, materials, scene.frame_axes)
     return Model(
         scene=scene,
         grid=grid,
@@ -141,8 +135,9 @@ def build_model(
         mode_values=np.ascontiguousarray(mode_values),
         insitu=insitu,
         elastic_constants=np.array([(material.lame_lambda, material.shear_modulus) for material in materials]),
-        intact_rows=np.array([intact for intact, _ in rows]),
-        residual_rows=np.array([residual for _, residual in rows]),
+        law=law,
+        intact_rows=intact_rows,
+        residual_rows=residual_rows,
         held=_held(grid, scene),
         loose=loose,
     )

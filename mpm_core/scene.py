@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpm_core.constitutive.strength import residual_outside_intact, strength_row
+from mpm_core.constitutive.laws import Materials, can_fail, law_of
 from mpm_core.insitu import InsituStress
 from mpm_core.settings import FACES, MaterialSettings, ShapeSettings, SolverSettings
 from pipeline.errors import InputError
@@ -12,38 +12,6 @@ from pipeline.voigt import tensor_from_voigt
 
 DRAFT_LEVELS = 2  # that a draft run's grid lacks (workflow/draft.py, gridding.failure_zone)
 PLANES = {"xz": (0, 2), "xy": (0, 1), None: (0, 1, 2)}  # axes of the computation in the mine's frame
-
-
-@dataclass(frozen=True)
-class Strength:
-    """One strength set: angles in degrees, cohesion and tension cut-off in Pa (None: no cut-off)."""
-
-    friction_angle: float
-    dilation_angle: float
-    cohesion: float
-    tension_cutoff: float | None
-
-
-@dataclass(frozen=True)
-class Material:
-    """Elastic constants (Pa, kg/m3), and for Coulomb rock its intact and residual strength."""
-
-    name: str
-    youngs_modulus: float
-    poisson_ratio: float
-    density: float
-    intact: Strength | None = None
-    residual: Strength | None = None
-
-    @property
-    def lame_lambda(self) -> float:
-        """First Lame parameter, Pa."""
-        return self.youngs_modulus * self.poisson_ratio / ((1 + self.poisson_ratio) * (1 - 2 * self.poisson_ratio))
-
-    @property
-    def shear_modulus(self) -> float:
-        """Shear modulus, Pa."""
-        return self.youngs_modulus / (2 * (1 + self.poisson_ratio))
 
 
 @dataclass(frozen=True)
@@ -94,7 +62,7 @@ class Scene:
     cut_cells: str
     boundary: dict[str, str]
     insitu: InsituStress
-    materials: dict[str, Material]
+    materials: dict[str, MaterialSettings]
     rock_bodies: tuple[str, ...]
     excavations: tuple[Excavation, ...]
     loads: tuple[Load, ...]
@@ -112,59 +80,18 @@ class Scene:
         return PLANES[self.plane]
 
     @property
+    def frame_axes(self) -> tuple[int, int, int]:
+        """Axis of the mine's frame along each axis of the computation, whose third is out of the plane in 2-D."""
+        return (*self.axes, *({0, 1, 2} - set(self.axes)))
+
+    @property
     def voigt(self) -> list[int]:
         """Voigt components of the mine's frame in the computation's order, whose third axis is out of the plane."""
         return [0, 2, 1, 3, 5, 4] if self.plane == "xz" else [0, 1, 2, 3, 4, 5]
 
 
-def _strength(values: MaterialSettings, state: str) -> Strength:
-    cutoff = values.tension_cutoff
-    return Strength(
-        getattr(values.friction_angle, state),
-        getattr(values.dilation_angle, state),
-        getattr(values.cohesion, state),
-        None if cutoff == "none" else getattr(cutoff, state),
-    )
-
-
-def parse_material(name: str, values: MaterialSettings) -> Material:
-    """One entry of `materials`."""
-    elastic = (values.youngs_modulus, values.poisson_ratio, values.density)
-    if values.model == "elastic":
-        return Material(name, *elastic)
-    return Material(name, *elastic, intact=_strength(values, "intact"), residual=_strength(values, "residual"))
-
-
-def check_material(material: Material, allow_psi_above_phi: bool) -> None:
-    """Raise InputError where a strength cannot be: residual outside intact, dilation above friction."""
-    if material.intact is None:
-        return
-    intact, residual = material.intact, material.residual
-    where = f"materials.{material.name}"
-    rows = [strength_row(s.friction_angle, s.dilation_angle, s.cohesion, s.tension_cutoff) for s in (intact, residual)]
-    for key in ("friction_angle", "cohesion", "tension_cutoff"):
-        low, high = (getattr(strength, key) for strength in (residual, intact))
-        if low is not None and high is not None and low > high:
-            raise InputError(
-                f"{where}.{key}: residual {low:g} is above intact {high:g}; rock gains no strength by failing"
-            )
-    reason = residual_outside_intact(*rows)
-    if reason:
-        raise InputError(f"{where}: {reason}")
-    for state, strength in (("intact", intact), ("residual", residual)):
-        if strength.dilation_angle > strength.friction_angle and not allow_psi_above_phi:
-            raise InputError(
-                f"{where}.dilation_angle.{state}: {strength.dilation_angle:g} deg is above the friction angle "
-                f"{strength.friction_angle:g} deg, which creates energy; set allow_psi_above_phi: true if that is meant"
-            )
-
-
 def parse_scene(values: dict) -> Scene:
     """Build a Scene from a stage's configuration slice (plain SI values, see workflow/mine.py)."""
-    given = {name: MaterialSettings.of(entry, f"materials.{name}") for name, entry in values["materials"].items()}
-    materials = {name: parse_material(name, entry) for name, entry in given.items()}
-    for name, entry in given.items():
-        check_material(materials[name], entry.allow_psi_above_phi)
     stress = values["insitu_stress"]
     scene = Scene(
         mine=values["name"],
@@ -176,7 +103,7 @@ def parse_scene(values: dict) -> Scene:
         insitu=InsituStress(
             np.array(stress["constant"], float), np.array(stress["gradient"], float), float(values["surface"])
         ),
-        materials=materials,
+        materials=Materials.of({"materials": values["materials"]}).materials,
         rock_bodies=tuple(body["material"] for body in values["rock_bodies"]),
         excavations=tuple(Excavation(**entry) for entry in values["excavations"]),
         loads=tuple(_load(entry) for entry in values["loads"]),
@@ -244,22 +171,20 @@ def check_strains(scene: Scene) -> None:
 
 
 def check_virgin_stress(scene: Scene, lowest: float, highest: float) -> None:
-    """Raise InputError if virgin rock stands above its intact strength anywhere between two elevations, m.
+    """Raise InputError if virgin rock of the host stands above its intact strength anywhere between two elevations, m.
 
-    N s1 - s3 and s1 are convex along a line of stresses, and stress is linear in depth: the ends decide.
+    What a law admits is convex, and stress is linear in depth: the ends decide.
     """
-    for name in ("host",):
-        material = scene.materials[name]
-        if material.intact is None:
-            continue
-        strength = material.intact
-        row = strength_row(strength.friction_angle, strength.dilation_angle, strength.cohesion, strength.tension_cutoff)
-        for elevation in (lowest, highest):
-            s3, _, s1 = np.linalg.eigvalsh(tensor_from_voigt(scene.insitu.at(elevation)))
-            excess = max(row[0] * s1 - s3 - row[2], s1 - row[3])
-            if excess > 0.0:
-                raise InputError(
-                    f"insitu_stress: at elevation {elevation:.10g} m virgin stress is {excess / 1e6:.3g} MPa above the "
-                    f"intact strength of materials.{name}: it would fail before anything is mined; check stress, depth "
-                    "and strength"
-                )
+    material = scene.materials["host"]
+    if not can_fail(material):
+        return
+    law = law_of(material)
+    intact, _ = law.strength_rows(material, (0, 1, 2))
+    for elevation in (lowest, highest):
+        excess = law.overstress_of_tensor(tensor_from_voigt(scene.insitu.at(elevation)), intact)
+        if excess > 0.0:
+            raise InputError(
+                f"insitu_stress: at elevation {elevation:.10g} m virgin stress is {excess / 1e6:.3g} MPa above the "
+                "intact strength of materials.host: it would fail before anything is mined; check stress, depth "
+                "and strength"
+            )

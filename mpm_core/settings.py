@@ -1,6 +1,6 @@
 """The settings of the mechanics: those of a mine's configuration, and the slice that the grid is made from."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -127,30 +127,28 @@ class StrengthPair(Settings):
 
 
 class MaterialSettings(Settings):
-    """One rock or fill. An elastic one has no strength, a coulomb one needs all of it."""
+    """What all rocks and fills have. A law of failure (mpm_core.constitutive.laws) adds its strength."""
 
-    model: Literal["elastic", "coulomb"]
+    model: str
     youngs_modulus: Annotated[float, Unit("Pa", ge=1e-3, le=1e21)]
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
     density: Annotated[float, Unit("kg/m^3", ge=1e-3, le=1e6)]
-    friction_angle: AnglePair = None
-    dilation_angle: AnglePair = None
-    cohesion: StrengthPair = None
-    tension_cutoff: choose(is_section, StrengthPair, Literal["none"]) = None
-    """intact and residual, or none"""
-    allow_psi_above_phi: bool = False
-    """accept a dilation angle above the friction angle, which creates energy"""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _strength_by_model(cls, values: Any) -> Any:
-        if isinstance(values, dict):
-            for key in ("friction_angle", "dilation_angle", "cohesion", "tension_cutoff"):
-                if values.get("model") == "coulomb" and key not in values:
-                    raise refusal("missing key", key)
-                if values.get("model") == "elastic" and key in values:
-                    raise refusal("not a key of this model", key)
-        return values
+    @property
+    def lame_lambda(self) -> float:
+        """First Lame parameter, Pa."""
+        return self.youngs_modulus * self.poisson_ratio / ((1 + self.poisson_ratio) * (1 - 2 * self.poisson_ratio))
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus, Pa."""
+        return self.youngs_modulus / (2 * (1 + self.poisson_ratio))
+
+
+class ElasticMaterial(MaterialSettings):
+    """Rock or fill that does not fail."""
+
+    model: Literal["elastic"]
 
 
 class SolverSettings(Settings):

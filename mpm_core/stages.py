@@ -9,6 +9,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from mpm_core.checkpoint import Checkpoint
+from mpm_core.constitutive.regions import STRENGTH_FACTOR_CAP
 from mpm_core.datasets import read_grid, read_loose, read_state, state_dataset
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import above_strength, find_brittle
@@ -20,7 +21,7 @@ from mpm_core.equilibrium.moving import MovingScheme
 from mpm_core.equilibrium.multigrid import MultigridScheme
 from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.grid.adjacency import face_neighbors
-from mpm_core.kernels.failure import rate_strength
+from mpm_core.kernels.failure import make_rate_strength
 from mpm_core.loading import boundary_strain, external_force, strain_reaction
 from mpm_core.loose import describe_loose
 from mpm_core.memory import require, stage_bytes
@@ -33,7 +34,6 @@ from pipeline.errors import InputError
 SMALLER = "use fewer grid.levels, grid.buffer_cells or grid.particles_per_cell, or free some"
 LEAST_STAYS = 1e-5  # of virgin stress: what is less counts as this much; the default tolerance then asks for 1e-10
 ROUND_OFF = 1e-12  # of all forces since virgin rock: unbalanced force that is none
-STRENGTH_FACTOR_CAP = 10.0  # reported where nothing can fail
 
 
 def make_scheme(model: Model, state: State, volume: np.ndarray) -> Scheme:
@@ -75,9 +75,9 @@ def share_that_stays(model: Model, state: State, volume: np.ndarray) -> float:
 def mining_step(
     scene: Scene, grid: xr.Dataset, previous: xr.Dataset, failed_state: Path, checkpoint: Checkpoint | None = None
 ) -> tuple[xr.Dataset, dict]:
-    """Coulomb equilibrium after the last of the scene's steps, from the state of the step before.
+    """Equilibrium of rock that fails after the last of the scene's steps, from the state of the step before.
 
-    The first step starts from the elastic history, in which its rock is already mined: Coulomb is switched on.
+    The first step starts from the elastic history, in which its rock is already mined: failure is switched on.
     checkpoint: goes on from it if it is of the same inputs, and keeps it up to date (not where particles move: they
     have velocities of their own that no dataset holds).
     """
@@ -241,10 +241,10 @@ def hourglass_energy(body: Body) -> dict[str, float]:
 
 def rate(model: Model, state: State, volume: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Strength factor and excess shear stress (particle,), against the strength that the rock has now."""
-    factor = np.full(model.particles.count, STRENGTH_FACTOR_CAP)
+    factor = np.full(model.particles.count, STRENGTH_FACTOR_CAP)  # where nothing can fail
     excess = np.zeros(model.particles.count)
-    rock = np.flatnonzero(model.is_coulomb() & (volume > 0.0))
-    rate_strength(
+    rock = np.flatnonzero(model.can_fail() & (volume > 0.0))
+    make_rate_strength(model.law)(
         rock,
         state.stress + model.insitu,
         model.particles.material,
@@ -264,7 +264,7 @@ def truncation(model: Model, state: State, volume: np.ndarray) -> dict:
     """
     particles = model.particles
     failed = (state.failed >= 0) & (volume > 0.0)
-    above = above_strength(model, state, np.flatnonzero(model.is_coulomb() & ~failed & (volume > 0.0)))
+    above = above_strength(model, state, np.flatnonzero(model.can_fail() & ~failed & (volume > 0.0)))
     held = above[model.grid.cell_level[particles.cell[above]] < model.grid.levels - 1]
     if model.scene.draft or not len(held):
         return {"truncated": 0, "truncated_share": 0.0, "truncated_volume": 0.0, "truncated_where": ""}
@@ -282,7 +282,7 @@ def truncation(model: Model, state: State, volume: np.ndarray) -> dict:
 
 def refuse_overstressed_virgin(model: Model) -> None:
     """Raise InputError if rock of any body stands above its intact strength before anything is mined."""
-    above = above_strength(model, model.virgin_state(), np.flatnonzero(model.is_coulomb()))
+    above = above_strength(model, model.virgin_state(), np.flatnonzero(model.can_fail()))
     if len(above):
         first = above[0]
         name = list(model.scene.materials)[model.particles.material[first]]

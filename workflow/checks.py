@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 
+from mpm_core.constitutive.laws import can_fail
 from mpm_core.domain import base_cells
 from mpm_core.scene import check_virgin_stress, parse_scene
 from pipeline.errors import InputError
@@ -88,7 +89,7 @@ def _check_names(mine) -> None:
         fill = entry.get("fill", "none")
         if fill != "none" and fill not in materials:
             raise InputError(f"{where}.fill: '{fill}' is not one of the materials {', '.join(materials)}, none")
-        if fill != "none" and materials[fill]["model"] != "elastic":
+        if fill != "none" and can_fail(materials[fill]):
             raise InputError(f"{where}.fill: '{fill}' is {materials[fill]['model']}; only elastic fill is supported")
         if "filled" in entry and fill == "none":
             raise InputError(f"{where}.filled: there is no fill to place; name a material in fill")
@@ -182,7 +183,7 @@ def _check_ensemble(mine) -> None:
     if not mine.dated_steps:
         raise InputError("ensemble: no step has dates, hence no catalogue to show the spread of; set it to 0")
     bodies = {"host", *(entry["material"] for entry in mine.values.get("rock_bodies", []))}
-    if not any(mine.values["materials"][name]["model"] == "coulomb" for name in bodies):
+    if not any(can_fail(mine.values["materials"][name]) for name in bodies):
         raise InputError("ensemble: no rock can fail (materials), so all members are the same; set it to 0")
     if mine.values["solver"]["increments"] == 1:
         raise InputError(

@@ -11,6 +11,7 @@ finds, and the grid, stay the same when a planned stope gets its month.
 import contextlib
 import copy
 
+from mpm_core.constitutive.laws import can_fail
 from mpm_core.scene import DRAFT_LEVELS
 from pipeline.errors import InputError
 from workflow.checks import check_virgin
@@ -20,7 +21,7 @@ from workflow.mine import Mine
 def draft_of(mine: Mine) -> Mine | None:
     """What the draft runs; None where none is wanted (grid.failure_zone), or no rock can fail or be refined."""
     grid = mine.values["grid"]
-    brittle = any(material["model"] == "coulomb" for material in mine.values["materials"].values())
+    brittle = any(can_fail(material) for material in mine.values["materials"].values())
     if grid["failure_zone"] == "none" or grid["levels"] == 1 or not mine.listed_steps or not brittle or mine.is_draft:
         return None
     history = [step["name"] for step in mine.steps if "start" not in step]
@@ -49,6 +50,7 @@ def draft_of(mine: Mine) -> Mine | None:
 
 
 def as_if_failed(material: dict) -> dict:
-    """A Coulomb material with its residual strength from the start; an elastic one as it is."""
-    pairs = {key: value for key, value in material.items() if isinstance(value, dict)}
-    return material | {key: {"intact": pair["residual"], "residual": pair["residual"]} for key, pair in pairs.items()}
+    """A material with its residual strength from the start: the pairs of intact and residual in it, at any depth."""
+    if set(material) == {"intact", "residual"}:
+        return {"intact": material["residual"], "residual": material["residual"]}
+    return {key: as_if_failed(value) if isinstance(value, dict) else value for key, value in material.items()}

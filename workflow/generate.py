@@ -62,11 +62,16 @@ def generated() -> dict[Path, str]:
     }
 
 
-def section_of(annotation: Any) -> type[Settings] | None:
-    """The model that a field's type is or holds, as a list or mapping does; the first of several."""
+def sections_of(annotation: Any) -> list[type[Settings]]:
+    """The models that a field's type is or holds, as a list, mapping or choice does."""
     if isinstance(annotation, type) and issubclass(annotation, Settings):
-        return annotation
-    return next((found for part in get_args(annotation) if (found := section_of(part))), None)
+        return [annotation]
+    return [found for part in get_args(annotation) for found in sections_of(part)]
+
+
+def section_of(annotation: Any) -> type[Settings] | None:
+    """The model that a field's type is or holds; the first of several."""
+    return next(iter(sections_of(annotation)), None)
 
 
 def unit_of(field: FieldInfo) -> Unit | None:
@@ -126,30 +131,37 @@ def _tidy(part: Any) -> Any:
 def readme_text() -> str:
     """config/README.md."""
     parts, told = [README_HEAD], set()
-    queue = [("", MineSettings)]
+    queue = [("", "", MineSettings)]
     while queue:
-        path, model = queue.pop(0)
+        path, choice, model = queue.pop(0)
         rows = []
         shared = ShapeSettings.model_fields if issubclass(model, ShapeSettings) and model is not ShapeSettings else {}
         for name, field in model.model_fields.items():
             if name in shared:
                 continue
-            section = section_of(field.annotation)
+            sections = sections_of(field.annotation)
+            section = sections[0] if sections else None
             where = name if path in ("", SHAPE) else f"{path}.{name}"
-            if section and section not in told:
-                told.add(section)
-                queue.append((where, section))
+            for model_there in sections:
+                if model_there not in told:
+                    told.add(model_there)
+                    queue.append((where, _choice(model_there) if len(sections) > 1 else "", model_there))
             rows.append(
                 f"| `{name}` | {_kind(model, name, section)} | {_default(field)} | {_meaning(field, section)} |"
             )
         about = " ".join((model.__doc__ or "").split())
         if shared and ShapeSettings not in told:
             told.add(ShapeSettings)
-            queue.append((SHAPE, ShapeSettings))
+            queue.append((SHAPE, "", ShapeSettings))
         about += f" Beside these the keys of a [{SHAPE}](#{SHAPE.replace(' ', '-')})." if shared else ""
-        head = f"## {path}\n\n{about}\n" if path else ""
+        head = f"## {path}{choice}\n\n{about}\n" if path else ""
         parts.append("\n".join([head, "| key | value | default | meaning |", "|---|---|---|---|", *rows, ""]))
     return "\n".join(parts).replace("\n\n\n", "\n\n")
+
+
+def _choice(section: type[Settings]) -> str:
+    """What of a heading says which of several models a section is of."""
+    return f", model {get_args(section.model_fields['model'].annotation)[0]}"
 
 
 def _kind(model: type[Settings], name: str, section: type[Settings] | None) -> str:
@@ -168,7 +180,7 @@ def _words(part: dict, model: type[Settings]) -> str:
     if "$ref" in part:
         return "section"
     if "oneOf" in part or "anyOf" in part:
-        return " or ".join(_words(choice, model) for choice in part.get("oneOf", part.get("anyOf")))
+        return " or ".join(dict.fromkeys(_words(choice, model) for choice in part.get("oneOf", part.get("anyOf"))))
     if "enum" in part:
         return ", ".join(str(value) for value in part["enum"])
     if "const" in part:

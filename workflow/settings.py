@@ -6,12 +6,12 @@ from pydantic import Field, model_validator
 
 from catalogs.record_settings import RecordSettings
 from catalogs.settings import ComparisonSettings
+from mpm_core.constitutive.laws import AnyMaterial
 from mpm_core.settings import (
     BodySettings,
     DomainSettings,
     GridSettings,
     InsituSettings,
-    MaterialSettings,
     ShapeSettings,
     SolidSettings,
     SolverSettings,
@@ -122,7 +122,8 @@ class MineSettings(Settings):
     domain: DomainSettings
     grid: GridSettings = GridSettings()
     insitu_stress: InsituSettings
-    materials: dict[Name, MaterialSettings]
+    materials: dict[Name, AnyMaterial]
+    """rocks and fills; host is all rock that is in no body"""
     rock_bodies: Annotated[tuple[RockBody, ...], AsTuple] = ()
     excavations: Annotated[tuple[Excavation, ...], AsTuple] = ()
     excavations_from: ExcavationsFrom = None

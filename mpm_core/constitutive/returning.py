@@ -14,6 +14,7 @@ Planes (the other faces and tension planes are images of these under exchange of
 
 from numba import njit
 
+from mpm_core.constitutive.regions import ADMISSIBLE_ROUND_OFF, APEX_REGION, EDGE, ELASTIC, FACE, TENSION
 from mpm_core.constitutive.strength import (
     APEX,
     DILATION_FACTOR,
@@ -22,13 +23,6 @@ from mpm_core.constitutive.strength import (
     UNCONFINED_STRENGTH,
 )
 from mpm_core.simd.choices import choose
-
-# Where a return ended. TENSION: the tension cut-off acts, alone or together with Coulomb planes.
-ELASTIC, FACE, EDGE, APEX_REGION, TENSION = range(5)
-
-# A stress this little above strength, relative to its size, counts as admissible: some ten times the round-off that an
-# eigen-solve and the rebuilding of a tensor leave, so that a returned stress is never returned again.
-ADMISSIBLE_ROUND_OFF = 1e-13
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -89,7 +83,7 @@ def _coulomb_return(s1, s2, s3, lame_lambda, shear_modulus, row):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _tension_return(s1, s2, s3, lame_lambda, shear_modulus, tension):
+def tension_return(s1, s2, s3, lame_lambda, shear_modulus, tension):
     """Return to s1 <= T alone (Rankine, associated), with s1 > T: onto one plane, the edge of two, or (T, T, T)."""
     drop = lame_lambda * (s1 - tension) / (lame_lambda + 2.0 * shear_modulus)
     one_plane = s2 - drop <= tension
@@ -113,7 +107,7 @@ def return_principal(s1, s2, s3, lame_lambda, shear_modulus, row):
     strength = row[UNCONFINED_STRENGTH]
     above = _above(s1, s3, row)
     c1, c2, c3, region = _coulomb_return(s1, s2, s3, lame_lambda, shear_modulus, row)
-    r1, r2, r3 = _tension_return(s1, s2, s3, lame_lambda, shear_modulus, tension)
+    r1, r2, r3 = tension_return(s1, s2, s3, lame_lambda, shear_modulus, tension)
     # On the line t1 and t3 are known, hence two components of the plastic strain (none along s2 while t2 lies between
     # them), hence its trace, hence t2: whatever the dilation angle.
     l3 = min(n * tension - strength, tension)

@@ -10,7 +10,8 @@ A strength row is float64 (ROW_LENGTH,):
 | TENSILE_STRENGTH    | T: the cut-off, at most the apex; inf where neither exists (no friction, no cut-off) | Pa   |
 | APEX                | c / tan phi, hydrostatic tension at the tip of the cone; inf without friction       | Pa   |
 
-Kernels take a row as an array or as a tuple; in parallel loops take the tuple from `strength_of`.
+Kernels take a row as an array or as a tuple; in parallel loops take the tuple from `general.strength_of`. numba takes
+the columns as constants.
 
 Stress is admissible where N_phi s1 - s3 <= sigma_c and s1 <= T, with s1 >= s2 >= s3 and tension positive.
 """
@@ -18,7 +19,6 @@ Stress is admissible where N_phi s1 - s3 <= sigma_c and s1 <= T, with s1 >= s2 >
 import math
 
 import numpy as np
-from numba import njit
 
 from pipeline.errors import InputError
 
@@ -51,21 +51,6 @@ def strength_row(
     row[TENSILE_STRENGTH] = apex if tension_cutoff is None else min(tension_cutoff, apex)
     row[APEX] = apex
     return row
-
-
-def elastic_row() -> np.ndarray:
-    """Strength row of a material that never fails: infinite strength, no friction."""
-    return np.array([1.0, 1.0, math.inf, math.inf, math.inf])
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def strength_of(rows, index):
-    """Row `index` of rows (row, ROW_LENGTH) as a tuple, for kernels inside parallel loops.
-
-    A slice rows[index] would count references to the array: an atomic operation per particle on a line of memory that
-    all threads share.
-    """
-    return rows[index, 0], rows[index, 1], rows[index, 2], rows[index, 3], rows[index, 4]
 
 
 def residual_outside_intact(intact: np.ndarray, residual: np.ndarray) -> str:

@@ -31,7 +31,7 @@ from mpm_core.kernels.nodes import (
     particle_masses,
     spread_to_hanging,
 )
-from mpm_core.kernels.resting import UPDATE
+from mpm_core.kernels.resting import make_update
 from mpm_core.model import Model
 from mpm_core.state import State
 
@@ -129,7 +129,7 @@ class Body:
         """Advance stress by time_step of nodal velocity, and its forces; in chosen blocks of cells, or in all."""
         model, particles, state, scatter = self.model, self.model.particles, self.state, self.model.scatter
         self.take_back_flow()
-        UPDATE[model.dimension](
+        make_update(model.law, model.dimension)(
             scatter.blocks if blocks is None else blocks,
             scatter.block_start,
             scatter.slot_start,

@@ -7,7 +7,7 @@ import numpy as np
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.energy import dissipate, hourglass_energies
 from mpm_core.equilibrium.perturbation import borne_overstress
-from mpm_core.kernels.failure import any_neighbor, drop, overstress_of, stands_above
+from mpm_core.kernels.failure import any_neighbor, make_drop, make_overstress_of, make_stands_above
 from mpm_core.model import Model
 from mpm_core.state import HOURGLASS, OVERSHOOT, SEISMIC, State
 
@@ -31,10 +31,10 @@ class Brittle:
 
 
 def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, neighbors) -> Brittle:
-    """Coulomb rock of the finest level (of any, in a draft) still there at `step`; neighbours: grid.adjacency."""
+    """Rock that can fail, of the finest level (any, in a draft), still there at `step`; neighbours: grid.adjacency."""
     particles = model.particles
     small = model.scene.draft | (model.grid.cell_level[particles.cell] == model.grid.levels - 1)
-    may_fail = model.is_coulomb() & small & (volume > 0.0)
+    may_fail = model.can_fail() & small & (volume > 0.0)
     half = (model.rock_share(step)[particles.cell] >= 0.5) | (particles.sample >= 0)
     sound, sliver = np.flatnonzero(may_fail & half), np.flatnonzero(may_fail & ~half)
     borne = borne_overstress(particles, model.scene) if model.scene.perturbation else None
@@ -60,7 +60,7 @@ def above_strength(model: Model, state: State, candidates: np.ndarray, borne: np
     """
     above = np.empty(len(candidates), bool)
     borne = np.empty(0) if borne is None else borne
-    stands_above(
+    make_stands_above(model.law)(
         candidates, state.failed, state.stress, model.insitu, model.particles.material, model.intact_rows, borne, above
     )
     return candidates[above]
@@ -79,6 +79,7 @@ def weakest(
 def _overstress(model: Model, state: State, candidates: np.ndarray, borne: np.ndarray | None) -> np.ndarray:
     """How far candidates (particle indices) stand above intact strength, Pa; at most 0 where they do not."""
     excess = np.zeros(len(candidates))
+    overstress_of = make_overstress_of(model.law)
     overstress_of(candidates, state.stress, model.insitu, model.particles.material, model.intact_rows, excess)
     return excess if borne is None else excess - borne[candidates]
 
@@ -87,7 +88,7 @@ def fail(body: Body, particles: np.ndarray, step: int, increment: int, generatio
     """Drop these particles of a body to residual strength and release the hourglass force of their cells."""
     model, state = body.model, body.state
     energy = np.empty((len(particles), 2))
-    drop(
+    make_drop(model.law)(
         particles,
         state.stress,
         model.insitu,

@@ -5,7 +5,7 @@ and nodes that move by du. Equilibrium is r = F - sum B^T s' V - H = 0 (H: hourg
 while an increment relaxes. With G = sum B^T s0 V, weight and in-situ stress at the boundary, work is done by F + G.
 
 A way is straight, from one settled state a to the next, b. Along it strain is elastic but for the flow p of failed
-rock, whose path integral of stress : dp is d (kernels.energy.flow_energy). As stress and force are linear in strain and
+rock, whose path integral of stress : dp is d (kernels.energy). As stress and force are linear in strain and
 motion but for that, on every way
 
     (F + G) . du = [sum V s : C^-1 : s / 2] + [q^2 / 2 k] + sum V d + M,    work = stored + hourglass + flow + motion
@@ -30,7 +30,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mpm_core.kernels.energy import flow_energy, stored_energy, work_of_forces, work_of_stress
+from mpm_core.kernels.energy import make_flow_energy, stored_energy, work_of_forces, work_of_stress
 from mpm_core.kernels.nodes import advance_nodes
 from mpm_core.model import Model
 from mpm_core.state import BOUNDARY, FLOW, FORCES, GAINED, HOURGLASS, MOTION, OVERSHOOT, SEISMIC, State
@@ -120,7 +120,7 @@ def count_flow(body: Counted) -> float:
     """Count what has flowed as dissipated; how much more that is than at the mean stress of the way, J."""
     model, state = body.model, body.state
     energy = np.empty((len(body.flowing), 2))
-    flow_energy(
+    make_flow_energy(model.law)(
         body.flowing, *body.flow_start, model.insitu, state.stress, state.later_strain, model.particles.material,
         model.elastic_constants, model.residual_rows, energy,
     )  # fmt: skip

@@ -25,7 +25,7 @@ from mpm_core.equilibrium.body import Body, density_and_limit
 from mpm_core.equilibrium.energy import dissipate
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.grid.adjacency import leaf_lookup
-from mpm_core.kernels.moving import CYCLE, move_nodes
+from mpm_core.kernels.moving import make_cycle, move_nodes
 from mpm_core.kernels.nodes import spread_to_hanging
 from mpm_core.kernels.relocation import relocate, sort_by_cell
 from mpm_core.model import Model
@@ -97,7 +97,7 @@ class MovingBody(Body):
 
     def _cycle(self, time_step: float) -> None:
         model, state, scatter = self.model, self.state, self.model.scatter
-        CYCLE[model.dimension](
+        make_cycle(model.law, model.dimension)(
             scatter.block_start,
             scatter.slot_start,
             model.cell_nodes,

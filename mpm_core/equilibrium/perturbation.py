@@ -9,10 +9,11 @@ How many parts there are (solver.increments) moves all members alike, and is not
 
 import numpy as np
 
+from mpm_core.constitutive.laws import can_fail, law_of
 from mpm_core.particles import Particles
 from mpm_core.scene import Scene
 
-LARGEST_OVERSTRESS = 0.01  # of cohesion: far less than is known of any rock's strength
+LARGEST_OVERSTRESS = 0.01  # of cohesion, as the law of the rock has it: far less than is known of any rock's strength
 LARGEST_LATENESS = 0.5  # of an increment: their order stays
 
 
@@ -24,8 +25,9 @@ def borne_overstress(particles: Particles, scene: Scene) -> np.ndarray:
     """
     result = np.zeros(particles.count)
     if scene.perturbation:
-        materials = scene.materials.values()
-        cohesion = np.array([material.intact.cohesion if material.intact else 0.0 for material in materials])
+        cohesion = np.array(
+            [law_of(rock).cohesion(rock) if can_fail(rock) else 0.0 for rock in scene.materials.values()]
+        )
         rock = np.flatnonzero(particles.is_rock)
         share = LARGEST_OVERSTRESS * np.random.default_rng(scene.perturbation).random(len(rock))
         result[rock] = share * cohesion[particles.material[rock]]

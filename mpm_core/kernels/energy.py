@@ -1,12 +1,13 @@
 """Sums of energy over particles and nodes, in one fixed order: the same bits with any number of threads."""
 
+import functools
+
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.constitutive.coulomb import return_to_surface
 from mpm_core.constitutive.elastic import contraction, energy_density, strain_from_stress, stress_increment
-from mpm_core.constitutive.returning import ELASTIC
-from mpm_core.constitutive.strength import DILATION_FACTOR, FRICTION_FACTOR, strength_of
+from mpm_core.constitutive.general import strength_of
+from mpm_core.constitutive.regions import ELASTIC
 
 CHUNK = 8192  # entries summed one after the other; the sums of chunks are then added in order
 PARTS = 8  # of a way with flow: 4, 8, 16, 64 of them dissipate 186, 193, 196, 198 kJ around a tunnel without residual
@@ -107,60 +108,68 @@ def _chunks(values: np.ndarray) -> int:
     return -(-len(values) // CHUNK)
 
 
-@njit(parallel=True, error_model="numpy", cache=True)
-def flow_energy(
-    particles, stress_before, flow, insitu, stress, later_strain, material, elastic_constants, residual_rows, energy
-):
-    """Energy of the flow since the start: energy (k, 2) J/m3, written: dissipated, and how much more than mean stress.
+@functools.cache
+def make_flow_energy(law):
+    """The kernel for a law."""
+    length = law.ROW_LENGTH
 
-    The strain since then is taken in PARTS, each returned to the surface. A part dissipates the mean stress of its ends
-    times its flow; that of its end where that of its start is negative: rock that unloads and opens does so at its end,
-    and not at half the pressure before it. (All in one part, that was -425 MJ in one mine.) Only rock that dilates
-    above its friction gains energy.
-    Mean stress: that of start and end of the whole, times its flow.
-    particles (k,) indices; stress_before, flow (k, 6): stress (change since virgin, Pa) and later_strain at the start;
-    insitu, stress, later_strain (particle, 6); material (particle,); elastic_constants (material, 2) Pa; residual_rows
-    (material, column).
-    """
-    for i in prange(len(particles)):
-        p = particles[i]
-        m = material[p]
-        lame, shear = elastic_constants[m, 0], elastic_constants[m, 1]
-        exx, eyy, ezz = (
-            later_strain[p, 0] - flow[i, 0],
-            later_strain[p, 1] - flow[i, 1],
-            later_strain[p, 2] - flow[i, 2],
-        )
-        eyz, exz, exy = (
-            later_strain[p, 3] - flow[i, 3],
-            later_strain[p, 4] - flow[i, 4],
-            later_strain[p, 5] - flow[i, 5],
-        )
-        energy[i] = 0.0
-        if max(abs(exx), abs(eyy), abs(ezz), abs(eyz), abs(exz), abs(exy)) == 0.0:
-            continue
-        xx, yy, zz, yz, xz, xy = total_stress(stress_before, insitu, i, p)
-        dxx, dyy, dzz, dyz, dxz, dxy = total_stress(stress, insitu, p, p)
-        mean = 0.5 * contraction(
-            xx + dxx, yy + dyy, zz + dzz, yz + dyz, xz + dxz, xy + dxy, exx, eyy, ezz, eyz, exz, exy
-        )
-        fxx, fyy, fzz, fyz, fxz, fxy = stress_increment(lame, shear, exx, eyy, ezz, eyz, exz, exy)
-        dxx, dyy, dzz = (dxx - xx + fxx) / PARTS, (dyy - yy + fyy) / PARTS, (dzz - zz + fzz) / PARTS
-        dyz, dxz, dxy = (dyz - yz + fyz) / PARTS, (dxz - xz + fxz) / PARTS, (dxy - xy + fxy) / PARTS
-        row = strength_of(residual_rows, m)
-        gains = row[DILATION_FACTOR] > row[FRICTION_FACTOR]
-        dissipated = 0.0
-        for _ in range(PARTS):
-            bxx, byy, bzz, byz, bxz, bxy = xx, yy, zz, yz, xz, xy
-            txx, tyy, tzz, tyz, txz, txy = xx + dxx, yy + dyy, zz + dzz, yz + dyz, xz + dxz, xy + dxy
-            xx, yy, zz, yz, xz, xy, region = return_to_surface(txx, tyy, tzz, tyz, txz, txy, lame, shear, row)
-            if region == ELASTIC:
-                continue
-            exx, eyy, ezz, eyz, exz, exy = strain_from_stress(
-                lame, shear, txx - xx, tyy - yy, tzz - zz, tyz - yz, txz - xz, txy - xy
+    @njit(parallel=True, error_model="numpy", cache=True)
+    def flow_energy(
+        particles, stress_before, flow, insitu, stress, later_strain, material, elastic_constants, residual_rows, energy
+    ):
+        """Energy of the flow since the start: energy (k, 2) J/m3, written: dissipated, and how much more than mean
+        stress.
+
+        The strain since then is taken in PARTS, each returned to the surface. A part dissipates the mean stress of its
+        ends times its flow; that of its end where that of its start is negative: rock that unloads and opens does so at
+        its end, and not at half the pressure before it. (All in one part, that was -425 MJ in one mine.) Only rock
+        whose law says so (Coulomb: that dilates above its friction) gains energy.
+        Mean stress: that of start and end of the whole, times its flow.
+        particles (k,) indices; stress_before, flow (k, 6): stress (change since virgin, Pa) and later_strain at the
+        start; insitu, stress, later_strain (particle, 6); material (particle,); elastic_constants (material, 2) Pa;
+        residual_rows (material, column).
+        """
+        for i in prange(len(particles)):
+            p = particles[i]
+            m = material[p]
+            lame, shear = elastic_constants[m, 0], elastic_constants[m, 1]
+            exx, eyy, ezz = (
+                later_strain[p, 0] - flow[i, 0],
+                later_strain[p, 1] - flow[i, 1],
+                later_strain[p, 2] - flow[i, 2],
             )
-            at_end = contraction(xx, yy, zz, yz, xz, xy, exx, eyy, ezz, eyz, exz, exy)
-            at_start = contraction(bxx, byy, bzz, byz, bxz, bxy, exx, eyy, ezz, eyz, exz, exy)
-            dissipated += 0.5 * (at_end + (at_start if at_start > 0.0 or gains else at_end))
-        energy[i, 0] = dissipated
-        energy[i, 1] = dissipated - mean
+            eyz, exz, exy = (
+                later_strain[p, 3] - flow[i, 3],
+                later_strain[p, 4] - flow[i, 4],
+                later_strain[p, 5] - flow[i, 5],
+            )
+            energy[i] = 0.0
+            if max(abs(exx), abs(eyy), abs(ezz), abs(eyz), abs(exz), abs(exy)) == 0.0:
+                continue
+            xx, yy, zz, yz, xz, xy = total_stress(stress_before, insitu, i, p)
+            dxx, dyy, dzz, dyz, dxz, dxy = total_stress(stress, insitu, p, p)
+            mean = 0.5 * contraction(
+                xx + dxx, yy + dyy, zz + dzz, yz + dyz, xz + dxz, xy + dxy, exx, eyy, ezz, eyz, exz, exy
+            )
+            fxx, fyy, fzz, fyz, fxz, fxy = stress_increment(lame, shear, exx, eyy, ezz, eyz, exz, exy)
+            dxx, dyy, dzz = (dxx - xx + fxx) / PARTS, (dyy - yy + fyy) / PARTS, (dzz - zz + fzz) / PARTS
+            dyz, dxz, dxy = (dyz - yz + fyz) / PARTS, (dxz - xz + fxz) / PARTS, (dxy - xy + fxy) / PARTS
+            row = strength_of(residual_rows, m, length)
+            gains = law.gains_energy(row)
+            dissipated = 0.0
+            for _ in range(PARTS):
+                bxx, byy, bzz, byz, bxz, bxy = xx, yy, zz, yz, xz, xy
+                txx, tyy, tzz, tyz, txz, txy = xx + dxx, yy + dyy, zz + dzz, yz + dyz, xz + dxz, xy + dxy
+                xx, yy, zz, yz, xz, xy, region = law.return_to_surface(txx, tyy, tzz, tyz, txz, txy, lame, shear, row)
+                if region == ELASTIC:
+                    continue
+                exx, eyy, ezz, eyz, exz, exy = strain_from_stress(
+                    lame, shear, txx - xx, tyy - yy, tzz - zz, tyz - yz, txz - xz, txy - xy
+                )
+                at_end = contraction(xx, yy, zz, yz, xz, xy, exx, eyy, ezz, eyz, exz, exy)
+                at_start = contraction(bxx, byy, bzz, byz, bxz, bxy, exx, eyy, ezz, eyz, exz, exy)
+                dissipated += 0.5 * (at_end + (at_start if at_start > 0.0 or gains else at_end))
+            energy[i, 0] = dissipated
+            energy[i, 1] = dissipated - mean
+
+    return flow_energy

@@ -1,17 +1,11 @@
 """First failure: who stands above peak strength, and the brittle drop to residual strength."""
 
+import functools
 import math
 
 from numba import njit, prange
 
-from mpm_core.constitutive.coulomb import (
-    brittle_drop,
-    excess_shear_stress,
-    overstress,
-    strength_factor,
-    surely_admissible,
-)
-from mpm_core.constitutive.strength import UNCONFINED_STRENGTH, strength_of
+from mpm_core.constitutive.general import brittle_drop, strength_of
 
 STRENGTH_MARGIN = 1e-5  # of strength and stress: how far above strength rock may stand, as its rest is no exact one
 
@@ -29,20 +23,27 @@ def total_stress(stress, insitu, particle):
     )
 
 
-@njit(parallel=True, error_model="numpy", cache=True)
-def overstress_of(candidates, stress, insitu, material, rows, excess):
-    """How far candidates stand above strength, Pa: excess (candidate,), in place; 0 where bounds prove them below.
+@functools.cache
+def make_overstress_of(law):
+    """The kernel for a law."""
+    length = law.ROW_LENGTH
 
-    candidates (candidate,) particle indices; stress, insitu (particle, 6) Pa; rows (material, column) strength rows.
-    """
-    for i in prange(len(candidates)):
-        p = candidates[i]
-        xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
-        row = strength_of(rows, material[p])
-        if surely_admissible(xx, yy, zz, yz, xz, xy, row):
-            excess[i] = 0.0
-        else:
-            excess[i] = overstress(xx, yy, zz, yz, xz, xy, row)
+    @njit(parallel=True, error_model="numpy", cache=True)
+    def overstress_of(candidates, stress, insitu, material, rows, excess):
+        """How far candidates stand above strength, Pa: excess (candidate,), in place; 0 where bounds prove them below.
+
+        candidates (candidate,) particle indices; stress, insitu (particle, 6) Pa; rows (material, column).
+        """
+        for i in prange(len(candidates)):
+            p = candidates[i]
+            xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
+            row = strength_of(rows, material[p], length)
+            if law.surely_admissible(xx, yy, zz, yz, xz, xy, row):
+                excess[i] = 0.0
+            else:
+                excess[i] = law.overstress(xx, yy, zz, yz, xz, xy, row)
+
+    return overstress_of
 
 
 @njit(cache=True)
@@ -52,8 +53,8 @@ def size_of(xx, yy, zz, yz, xz, xy):
 
 
 @njit(error_model="numpy", cache=True)
-def strength_margin(stress, insitu, particle, row):
-    """How far a particle may stand above strength, Pa: in proportion to unconfined strength, virgin and present stress.
+def strength_margin(stress, insitu, particle, strength):
+    """How far a particle may stand above strength, Pa: in proportion to strength (Pa), virgin and present stress.
 
     So a scene of other strengths and stresses, all scaled alike, fails alike.
     """
@@ -62,26 +63,34 @@ def strength_margin(stress, insitu, particle, row):
         insitu[particle, 3], insitu[particle, 4], insitu[particle, 5],
     )  # fmt: skip
     present = size_of(*total_stress(stress, insitu, particle))
-    return STRENGTH_MARGIN * (row[UNCONFINED_STRENGTH] + virgin + present)
+    return STRENGTH_MARGIN * (strength + virgin + present)
 
 
-@njit(parallel=True, error_model="numpy", cache=True)
-def stands_above(candidates, failed, stress, insitu, material, rows, borne, above):
-    """Whether candidates, intact ones, stand above strength by more than a margin: above (candidate,) bool, written.
+@functools.cache
+def make_stands_above(law):
+    """The kernel for a law."""
+    length = law.ROW_LENGTH
 
-    failed (particle,) int32, -1 intact; borne (particle,) Pa or (0,): more, by place; other arguments as in
-    overstress_of.
-    """
-    for i in prange(len(candidates)):
-        p = candidates[i]
-        above[i] = False
-        if failed[p] >= 0:
-            continue
-        xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
-        row = strength_of(rows, material[p])
-        if not surely_admissible(xx, yy, zz, yz, xz, xy, row):
-            more = borne[p] if len(borne) else 0.0
-            above[i] = overstress(xx, yy, zz, yz, xz, xy, row) > strength_margin(stress, insitu, p, row) + more
+    @njit(parallel=True, error_model="numpy", cache=True)
+    def stands_above(candidates, failed, stress, insitu, material, rows, borne, above):
+        """Whether candidates, intact ones, stand above strength by more than a margin: above (candidate,) bool.
+
+        failed (particle,) int32, -1 intact; borne (particle,) Pa or (0,): more, by place; other arguments as in
+        overstress_of.
+        """
+        for i in prange(len(candidates)):
+            p = candidates[i]
+            above[i] = False
+            if failed[p] >= 0:
+                continue
+            xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
+            row = strength_of(rows, material[p], length)
+            if not law.surely_admissible(xx, yy, zz, yz, xz, xy, row):
+                more = borne[p] if len(borne) else 0.0
+                margin = strength_margin(stress, insitu, p, law.strength_size(row))
+                above[i] = law.overstress(xx, yy, zz, yz, xz, xy, row) > margin + more
+
+    return stands_above
 
 
 @njit(parallel=True, cache=True)
@@ -93,62 +102,77 @@ def any_neighbor(cells, neighbor_start, neighbors, chosen, found):
             found[i] |= chosen[neighbors[link]]
 
 
-@njit(error_model="numpy", cache=True)
-def drop(
-    particles,
-    stress,
-    insitu,
-    material,
-    elastic_constants,
-    intact_rows,
-    residual_rows,
-    overshoot_strain,
-    seismic_strain,
-    energy,
-):
-    """Brittle drop of the given particles (k,), in place: stress to residual; overshoot and seismic strain.
+@functools.cache
+def make_drop(law):
+    """The kernel for a law."""
+    length = law.ROW_LENGTH
 
-    energy (k, 2) J/m3, written: what overshoot and seismic strain dissipate, on two straight paths from trial stress to
-    peak and from peak to residual. Strain is fixed: it is what the elastic energy loses.
-    """
-    for i in range(len(particles)):
-        p = particles[i]
-        xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
-        m = material[p]
-        peak, residual, overshoot, seismic, _ = brittle_drop(
-            xx,
-            yy,
-            zz,
-            yz,
-            xz,
-            xy,
-            elastic_constants[m, 0],
-            elastic_constants[m, 1],
-            strength_of(intact_rows, m),
-            strength_of(residual_rows, m),
-        )
-        trial = (xx, yy, zz, yz, xz, xy)
-        energy[i] = 0.0
-        for k in range(6):
-            twice = 1.0 if k < 3 else 2.0  # shear stands twice in a tensor
-            energy[i, 0] += twice * 0.5 * (trial[k] + peak[k]) * overshoot[k]
-            energy[i, 1] += twice * 0.5 * (peak[k] + residual[k]) * seismic[k]
-            overshoot_strain[p, k] = overshoot[k]
-            seismic_strain[p, k] = seismic[k]
-            stress[p, k] = residual[k] - insitu[p, k]
+    @njit(error_model="numpy", cache=True)
+    def drop(
+        particles,
+        stress,
+        insitu,
+        material,
+        elastic_constants,
+        intact_rows,
+        residual_rows,
+        overshoot_strain,
+        seismic_strain,
+        energy,
+    ):
+        """Brittle drop of the given particles (k,), in place: stress to residual; overshoot and seismic strain.
+
+        energy (k, 2) J/m3, written: what overshoot and seismic strain dissipate, on two straight paths from trial
+        stress to peak and from peak to residual. Strain is fixed: it is what the elastic energy loses.
+        """
+        for i in range(len(particles)):
+            p = particles[i]
+            xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
+            m = material[p]
+            peak, residual, overshoot, seismic, _ = brittle_drop(
+                law.return_to_surface,
+                xx,
+                yy,
+                zz,
+                yz,
+                xz,
+                xy,
+                elastic_constants[m, 0],
+                elastic_constants[m, 1],
+                strength_of(intact_rows, m, length),
+                strength_of(residual_rows, m, length),
+            )
+            trial = (xx, yy, zz, yz, xz, xy)
+            energy[i] = 0.0
+            for k in range(6):
+                twice = 1.0 if k < 3 else 2.0  # shear stands twice in a tensor
+                energy[i, 0] += twice * 0.5 * (trial[k] + peak[k]) * overshoot[k]
+                energy[i, 1] += twice * 0.5 * (peak[k] + residual[k]) * seismic[k]
+                overshoot_strain[p, k] = overshoot[k]
+                seismic_strain[p, k] = seismic[k]
+                stress[p, k] = residual[k] - insitu[p, k]
+
+    return drop
 
 
-@njit(parallel=True, error_model="numpy", cache=True)
-def rate_strength(particles, total_stress, material, intact_rows, residual_rows, failed, factor, excess):
-    """Strength factor and excess shear stress of rock, against the strength it has now: factor, excess (particle,)."""
-    for i in prange(len(particles)):
-        p = particles[i]
-        row = strength_of(residual_rows if failed[p] else intact_rows, material[p])
-        xx = total_stress[p, 0]
-        yy = total_stress[p, 1]
-        zz = total_stress[p, 2]
-        yz = total_stress[p, 3]
-        xz = total_stress[p, 4]
-        xy = total_stress[p, 5]
-        factor[p] = strength_factor(xx, yy, zz, yz, xz, xy, row)
-        excess[p] = excess_shear_stress(xx, yy, zz, yz, xz, xy, row)
+@functools.cache
+def make_rate_strength(law):
+    """The kernel for a law."""
+    length = law.ROW_LENGTH
+
+    @njit(parallel=True, error_model="numpy", cache=True)
+    def rate_strength(particles, total_stress, material, intact_rows, residual_rows, failed, factor, excess):
+        """Strength factor and excess shear stress (particle,) of rock, against the strength it has now, written."""
+        for i in prange(len(particles)):
+            p = particles[i]
+            row = strength_of(residual_rows if failed[p] else intact_rows, material[p], length)
+            xx = total_stress[p, 0]
+            yy = total_stress[p, 1]
+            zz = total_stress[p, 2]
+            yz = total_stress[p, 3]
+            xz = total_stress[p, 4]
+            xy = total_stress[p, 5]
+            factor[p] = law.strength_factor(xx, yy, zz, yz, xz, xy, row)
+            excess[p] = law.excess_shear_stress(xx, yy, zz, yz, xz, xy, row)
+
+    return rate_strength

@@ -5,13 +5,13 @@ returns to its residual surface: what its stress changes less is a force that el
 Eight particles go side by side (simd): one by one they take four times the time.
 """
 
+import functools
+
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.constitutive.coulomb import return_lanes
-from mpm_core.constitutive.strength import ROW_LENGTH
 from mpm_core.simd.lanes import LANES as W
-from mpm_core.simd.lanes import POINT_WIDTH, fill, load, store
+from mpm_core.simd.lanes import POINT_WIDTH, fill, load, load_row, store
 
 VOIGT = ((0, 5, 4), (5, 1, 3), (4, 3, 2))
 """place of the tensor's component j, k among six numbers"""
@@ -51,32 +51,10 @@ def sum_corners(work, dimension):
                     store(work, other, even + odd)
 
 
-@njit(inline="always", error_model="numpy")
-def _take_returned(work, stress, lame, shear, strength):
-    """Replace the stress in six rows from `stress` on by what a return to the surface takes off it.
-
-    strength: first of the rows of the strength row; lame, shear: lanes, Pa.
-    """
-    xx, yy, zz = load(work, stress), load(work, stress + W), load(work, stress + 2 * W)
-    yz, xz, xy = load(work, stress + 3 * W), load(work, stress + 4 * W), load(work, stress + 5 * W)
-    row = (
-        load(work, strength),
-        load(work, strength + W),
-        load(work, strength + 2 * W),
-        load(work, strength + 3 * W),
-        load(work, strength + 4 * W),
-    )
-    rxx, ryy, rzz, ryz, rxz, rxy = return_lanes(xx, yy, zz, yz, xz, xy, lame, shear, row)
-    store(work, stress, xx - rxx)
-    store(work, stress + W, yy - ryy)
-    store(work, stress + 2 * W, zz - rzz)
-    store(work, stress + 3 * W, yz - ryz)
-    store(work, stress + 4 * W, xz - rxz)
-    store(work, stress + 5 * W, xy - rxy)
-
-
-def make_add_flow_forces(dimension):
-    """The kernel for d = dimension."""
+@functools.cache
+def make_add_flow_forces(law, dimension):
+    """The kernel for a law and d = dimension."""
+    length = law.ROW_LENGTH
     width, corners = POINT_WIDTH[dimension], 1 << dimension
     # First elements of the parts of `work`, in rows of LANES numbers; before them values at corners, then by mode.
     shape = corners * dimension * W
@@ -86,7 +64,7 @@ def make_add_flow_forces(dimension):
     stress = held + 6 * W
     constant = stress + 6 * W
     strength = constant + 4 * W
-    size = strength + ROW_LENGTH * W
+    size = strength + length * W
 
     @njit(parallel=True, error_model="numpy", cache=True)
     def add_flow_forces(
@@ -133,7 +111,7 @@ def make_add_flow_forces(dimension):
                     work[constant + W + lane] = elastic_constants[rock, 1]
                     work[constant + 2 * W + lane] = slope[entry]
                     work[constant + 3 * W + lane] = volume[particle] * slope[entry]
-                    for k in range(ROW_LENGTH):
+                    for k in range(length):
                         work[strength + k * W + lane] = residual_rows[rock, k]
 
                 sum_modes(work, dimension)
@@ -155,7 +133,16 @@ def make_add_flow_forces(dimension):
                             change += lame * dilation
                         place = VOIGT[j][k] * W
                         store(work, stress + place, load(work, trial + place) + change)
-                _take_returned(work, stress, lame, shear, strength)
+                xx, yy, zz = load(work, stress), load(work, stress + W), load(work, stress + 2 * W)
+                yz, xz, xy = load(work, stress + 3 * W), load(work, stress + 4 * W), load(work, stress + 5 * W)
+                row = load_row(work, strength, length)
+                rxx, ryy, rzz, ryz, rxz, rxy = law.return_lanes(xx, yy, zz, yz, xz, xy, lame, shear, row)
+                store(work, stress, xx - rxx)
+                store(work, stress + W, yy - ryy)
+                store(work, stress + 2 * W, zz - rzz)
+                store(work, stress + 3 * W, yz - ryz)
+                store(work, stress + 4 * W, xz - rxz)
+                store(work, stress + 5 * W, xy - rxy)
                 for k in range(6):
                     before = load(work, trial + k * W) - load(work, held + k * W)
                     fallen = load(work, stress + k * W) - before
@@ -177,7 +164,3 @@ def make_add_flow_forces(dimension):
                             forces[place + j] += work[(dimension * corner + j) * W + lane]
 
     return add_flow_forces
-
-
-ADD_FLOW_FORCES = {2: make_add_flow_forces(2), 3: make_add_flow_forces(3)}
-"""by dimension"""

@@ -10,10 +10,12 @@ Fields on a cell are handled by their modes (modes.py). "Stress" is the change s
 stress for fill. Volumes stay those of the unstrained rock (small strain).
 """
 
+import functools
+
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.constitutive.strength import strength_of
+from mpm_core.constitutive.general import strength_of
 from mpm_core.kernels.modes import (
     add_slopes_2,
     add_slopes_3,
@@ -30,8 +32,10 @@ from mpm_core.kernels.relocation import LOWEST
 from mpm_core.kernels.resting import flow_at_residual
 
 
-def make_cycle(dimension: int):
-    """The kernel for 2 (plane strain) or 3 dimensions; its arguments are described in it."""
+@functools.cache
+def make_cycle(law, dimension: int):
+    """The kernel for a law and 2 (plane strain) or 3 dimensions; its arguments are described in it."""
+    length = law.ROW_LENGTH
     corners = 1 << dimension
     fields = 2 * dimension + 1
     sample, value, add_value, add_slopes = {
@@ -143,10 +147,11 @@ def make_cycle(dimension: int):
                         xi[particle, 1] = y
                         if failed[particle]:
                             dissipated[particle] += flow_at_residual(
+                                law.return_to_surface,
                                 particle,
                                 elastic_constants[material[particle], 0],
                                 elastic_constants[material[particle], 1],
-                                strength_of(residual_rows, material[particle]),
+                                strength_of(residual_rows, material[particle], length),
                                 insitu,
                                 stress,
                                 later_strain,
@@ -190,9 +195,6 @@ def make_cycle(dimension: int):
     return cycle
 
 
-CYCLE = {2: make_cycle(2), 3: make_cycle(3)}
-
-
 @njit(parallel=True, error_model="numpy", cache=True)
 def move_nodes(
     free_nodes,
@@ -213,7 +215,7 @@ def move_nodes(
     """Nodes without parents take what their slots and those of their hanging children hold, and move (Eqs 1 to 4).
 
     a = (f - c |f| sgn v) / m and v = (m v) / m + a dt, with v before the step in the damping. free_nodes, sum_start,
-    sum_slots, sum_weights: see blocks.Scatter; slot_values (slot, 2 d + 2) from `CYCLE`; external_force, held
+    sum_slots, sum_weights: see blocks.Scatter; slot_values (slot, 2 d + 2) from the cycle; external_force, held
     (node, d). What strains, v, takes for m in f / m at least the mass of any particle nearby: a node at the corner of
     one full cell has that, a node that a lone particle hardly touches has not, but the full gradient of its stress.
     The acceleration that particles get is f / m, and conserves momentum.

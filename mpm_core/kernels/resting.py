@@ -8,21 +8,22 @@ their own (Flanagan and Belytschko 1981): 4 kappa (lambda + 2 mu) V / h^2 per un
 "Stress" here is what enters the force: the change since virgin for rock, the full stress for fill.
 """
 
+import functools
+
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.constitutive.coulomb import return_to_surface
 from mpm_core.constitutive.elastic import contraction, strain_from_stress
-from mpm_core.constitutive.returning import ELASTIC
-from mpm_core.constitutive.strength import strength_of
+from mpm_core.constitutive.general import strength_of
+from mpm_core.constitutive.regions import ELASTIC
 
 
-@njit(cache=True, error_model="numpy")
-def flow_at_residual(particle, lame_lambda, shear_modulus, row, insitu, stress, later_strain):
+@njit(error_model="numpy")
+def flow_at_residual(return_to_surface, particle, lame_lambda, shear_modulus, row, insitu, stress, later_strain):
     """Return a failed particle's stress to its residual surface; the elastic strain it gives up is plastic, aseismic.
 
-    row: its residual strength row; insitu, stress, later_strain (particle, 6). Returns what the flow dissipates, J/m3,
-    at the stress it ends at: see equilibrium.energy.
+    return_to_surface: of its law; row: its residual strength row; insitu, stress, later_strain (particle, 6). Returns
+    what the flow dissipates, J/m3, at the stress it ends at: see equilibrium.energy.
     """
     xx = stress[particle, 0] + insitu[particle, 0]
     yy = stress[particle, 1] + insitu[particle, 1]
@@ -50,8 +51,10 @@ def flow_at_residual(particle, lame_lambda, shear_modulus, row, insitu, stress, 
     return contraction(rxx, ryy, rzz, ryz, rxz, rxy, exx, eyy, ezz, eyz, exz, exy)
 
 
-def make_update(dimension: int):
-    """The kernel for 2 (plane strain) or 3 dimensions; its arguments are described in it."""
+@functools.cache
+def make_update(law, dimension: int):
+    """The kernel for a law and 2 (plane strain) or 3 dimensions; its arguments are described in it."""
+    length = law.ROW_LENGTH
     modes = 1 << dimension
 
     @njit(parallel=True, error_model="numpy", cache=True)
@@ -157,10 +160,11 @@ def make_update(dimension: int):
                             stress[particle, 5] += 0.5 * double * (gradient[0, 1] + gradient[1, 0])
                         if failed[particle]:
                             flow_at_residual(
+                                law.return_to_surface,
                                 particle,
                                 lame,
                                 shear,
-                                strength_of(residual_rows, material[particle]),
+                                strength_of(residual_rows, material[particle], length),
                                 insitu,
                                 stress,
                                 later_strain,
@@ -224,6 +228,3 @@ def make_update(dimension: int):
                         slot_force[slot, j] -= force[corner, j]
 
     return update
-
-
-UPDATE = {2: make_update(2), 3: make_update(3)}

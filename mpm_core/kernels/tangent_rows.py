@@ -4,11 +4,12 @@ A particle's matrix (6, 6) takes engineering strain to the stress that flow take
 operator: strain is that of modal sums (kernels.modes) without their factor, stress that of modal forces.
 """
 
+import functools
+
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.constitutive.strength import strength_of
-from mpm_core.constitutive.tangent import fallen_stiffness
+from mpm_core.constitutive.general import strength_of
 from mpm_core.kernels.flow_rows import VOIGT, sum_corners, sum_modes
 from mpm_core.simd.lanes import LANES as W
 from mpm_core.simd.lanes import (
@@ -23,8 +24,10 @@ from mpm_core.simd.lanes import (
 )
 
 
-def make_measure_tangents(dimension):
-    """The kernel for d = dimension."""
+@functools.cache
+def make_measure_tangents(law, dimension):
+    """The kernel for a law and d = dimension."""
+    length = law.ROW_LENGTH
     width, corners = POINT_WIDTH[dimension], 1 << dimension
 
     @njit(parallel=True, error_model="numpy", cache=True)
@@ -67,7 +70,7 @@ def make_measure_tangents(dimension):
                         gradient[j, k] += slope[entry] * derivative * values[place + j]
             dilation = lame * (gradient[0, 0] + gradient[1, 1] + gradient[2, 2])
             matrix = np.zeros((6, 6))
-            yields[entry] = fallen_stiffness(
+            yields[entry] = law.fallen_stiffness(
                 trial_stress[entry, 0] + dilation + 2.0 * shear * gradient[0, 0],
                 trial_stress[entry, 1] + dilation + 2.0 * shear * gradient[1, 1],
                 trial_stress[entry, 2] + dilation + 2.0 * shear * gradient[2, 2],
@@ -76,7 +79,7 @@ def make_measure_tangents(dimension):
                 trial_stress[entry, 5] + shear * (gradient[0, 1] + gradient[1, 0]),
                 lame,
                 shear,
-                strength_of(residual_rows, rock),
+                strength_of(residual_rows, rock, length),
                 matrix,
             )
             scale = volume[particle] * slope[entry] ** 2
@@ -85,10 +88,6 @@ def make_measure_tangents(dimension):
                     matrices[entry, 6 * a + b] = scale * matrix[a, b]
 
     return measure_tangents
-
-
-MEASURE_TANGENTS = {2: make_measure_tangents(2), 3: make_measure_tangents(3)}
-"""by dimension"""
 
 
 @njit(inline="always", error_model="numpy")

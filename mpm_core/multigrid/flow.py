@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numba import parallel_chunksize
 
-from mpm_core.kernels.flow_rows import ADD_FLOW_FORCES, total_stresses
+from mpm_core.kernels.flow_rows import make_add_flow_forces, total_stresses
 from mpm_core.model import Model
 from mpm_core.multigrid.families import Families
 from mpm_core.simd.lanes import LANES
@@ -57,7 +57,7 @@ class FlowForces:
         """Add to `forces` what falls short of elastic ones at displacement `values`, copies filled in; flat arrays."""
         model = self.model
         with parallel_chunksize(1):  # failed rock is in few of the blocks
-            ADD_FLOW_FORCES[model.dimension](
+            make_add_flow_forces(model.law, model.dimension)(
                 self.block_start,
                 self.particles,
                 self.corner_rows,

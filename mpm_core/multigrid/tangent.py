@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mpm_core.kernels.tangent_rows import MEASURE_TANGENTS
+from mpm_core.kernels.tangent_rows import make_measure_tangents
 from mpm_core.model import Model
 from mpm_core.multigrid.flow import FlowForces
 from mpm_core.multigrid.level import Level
@@ -24,7 +24,7 @@ def measure(model: Model, flow: FlowForces, values: np.ndarray) -> tuple[np.ndar
     """Rock that flows at displacement `values` (a flat array, copies filled in): cells (k,), shapes, matrices."""
     count = len(flow.particles)
     matrices, yields = np.empty((count, 36), np.float32), np.empty(count, bool)
-    MEASURE_TANGENTS[model.dimension](
+    make_measure_tangents(model.law, model.dimension)(
         flow.particles, flow.corner_rows, flow.slope, flow.table_row, model.mode_values, values, flow.volume,
         model.particles.material, model.elastic_constants, model.residual_rows, flow.trial_stress, matrices, yields,
     )  # fmt: skip

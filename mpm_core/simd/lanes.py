@@ -102,6 +102,25 @@ def load(typing, array, start):
     return kind(array, types.intp), generate
 
 
+@intrinsic(prefer_literal=True)
+def load_row(typing, array, start, length):
+    """`length` (a constant) times LANES numbers of a flat array, one after the other from `start`, as a tuple."""
+    kind = types.UniTuple(Lanes(array.dtype), length.literal_value)
+
+    def generate(context, builder, sig, args):
+        start = context.cast(builder, args[1], sig.args[1], types.intp)
+        values = []
+        for number in range(kind.count):
+            place = builder.add(start, context.get_constant(types.intp, number * LANES))
+            pointer = _element_pointer(context, builder, sig.args[0], args[0], place)
+            value = builder.load(builder.bitcast(pointer, context.get_value_type(kind.dtype).as_pointer()))
+            value.align = _alignment(context, sig.args[0])
+            values.append(value)
+        return context.make_tuple(builder, kind, values)
+
+    return kind(array, start, length), generate
+
+
 @intrinsic
 def store(typing, array, start, value):
     """Write the numbers to array[start : start + LANES] of a flat array."""

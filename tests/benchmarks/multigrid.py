@@ -22,11 +22,12 @@ import numba
 import numpy as np
 from numba import njit, parallel_chunksize, prange
 
-from mpm_core.constitutive.arrays import return_particles
+from mpm_core.constitutive.arrays import make_return_particles
+from mpm_core.constitutive.laws import coulomb
 from mpm_core.constitutive.strength import strength_row
 from mpm_core.grid import build_grid
 from mpm_core.grid.mesh import BIT_ORDER
-from mpm_core.kernels.flow_rows import ADD_FLOW_FORCES
+from mpm_core.kernels.flow_rows import make_add_flow_forces
 from mpm_core.multigrid.anderson import Anderson
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import ElasticCells
@@ -141,6 +142,8 @@ def yielding_particles(count: int):
     regions, index = np.zeros(count, np.int8), np.zeros(count, np.int64)
     moduli = np.full(count, LAME), np.full(count, SHEAR)
 
+    return_particles = make_return_particles(coulomb)
+
     def call():
         work[:] = stress
         return_particles(work, *moduli, rows, index, strain, regions)
@@ -175,9 +178,11 @@ def flowing_rock(solver, cell_size, count: int):
         forces,
     )
 
+    add_flow_forces = make_add_flow_forces(coulomb, 3)
+
     def call():
         with parallel_chunksize(1):
-            ADD_FLOW_FORCES[3](*arguments)
+            add_flow_forces(*arguments)
 
     call()
     assert np.count_nonzero(forces) > len(cells)

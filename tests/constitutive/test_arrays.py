@@ -4,9 +4,10 @@ import numba
 import numpy as np
 import pytest
 
-from mpm_core.constitutive.arrays import return_particles, strength_of_particles
-from mpm_core.constitutive.coulomb import excess_shear_stress, return_to_surface, strength_factor
+from mpm_core.constitutive.arrays import make_return_particles, make_strength_of_particles
 from mpm_core.constitutive.elastic import lame_parameters, strain_from_stress
+from mpm_core.constitutive.laws import coulomb
+from mpm_core.constitutive.laws.coulomb import excess_shear_stress, return_to_surface, strength_factor
 from mpm_core.constitutive.strength import strength_row
 
 ROWS = np.array([strength_row(30, 10, 2e6, 1e6), strength_row(20, 10, 1e6, 0.0), strength_row(0, 0, 5e6)])
@@ -23,9 +24,9 @@ def particles(count):
 def test_array_kernels_repeat_the_scalar_kernels():
     stress, lame_lambda, shear_modulus, indices = particles(300)
     returned, plastic, regions = stress.copy(), np.ones((300, 6)), np.full(300, 9, np.int8)
-    return_particles(returned, lame_lambda, shear_modulus, ROWS, indices, plastic, regions)
+    make_return_particles(coulomb)(returned, lame_lambda, shear_modulus, ROWS, indices, plastic, regions)
     factor, excess = np.empty(300), np.empty(300)
-    strength_of_particles(stress, ROWS, indices, factor, excess)
+    make_strength_of_particles(coulomb)(stress, ROWS, indices, factor, excess)
     assert 0 < np.count_nonzero(regions) < 300
     for p in range(300):
         constants, row = (lame_lambda[p], shear_modulus[p]), ROWS[indices[p]]
@@ -48,7 +49,7 @@ def test_one_and_two_threads_give_the_same_bits():
             numba.set_num_threads(threads)
             stress, lame_lambda, shear_modulus, indices = particles(20_001)
             plastic, regions = np.zeros_like(stress), np.zeros(len(stress), np.int8)
-            return_particles(stress, lame_lambda, shear_modulus, ROWS, indices, plastic, regions)
+            make_return_particles(coulomb)(stress, lame_lambda, shear_modulus, ROWS, indices, plastic, regions)
             outcomes.append(stress.tobytes() + plastic.tobytes() + regions.tobytes())
     finally:
         numba.set_num_threads(before)

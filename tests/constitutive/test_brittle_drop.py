@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 
-from mpm_core.constitutive.coulomb import brittle_drop
+from mpm_core.constitutive import general
 from mpm_core.constitutive.elastic import lame_parameters, stress_increment
+from mpm_core.constitutive.laws.coulomb import return_to_surface
 from mpm_core.constitutive.returning import EDGE, ELASTIC, TENSION
 from mpm_core.constitutive.strength import residual_inside_intact, strength_row
 
@@ -15,6 +16,11 @@ from .twins import strength_rows, stresses
 ROCK = lame_parameters(57e9, 0.25)  # lambda = G = 22.8 GPa
 INTACT = strength_row(30, 10, 2e6)
 RESIDUAL = strength_row(20, 10, 1e6)
+
+
+def brittle_drop(*arguments):
+    """Of Coulomb rock."""
+    return general.brittle_drop(return_to_surface, *arguments)
 
 
 def test_uniaxial_drop_by_hand():
@@ -44,7 +50,9 @@ def test_triaxial_drop_does_not_depend_on_the_overshoot_much(confinement):
     """
     strength = 3.0 * confinement + INTACT[2]
     drops = [
-        brittle_drop(-confinement, -confinement, -strength * beyond, 0, 0, 0, *ROCK, INTACT, RESIDUAL)
+        brittle_drop(
+            return_to_surface, -confinement, -confinement, -strength * beyond, 0, 0, 0, *ROCK, INTACT, RESIDUAL
+        )
         for beyond in (1.0001, 1.1)
     ]
     (_, _, small, seismic_small, _), (_, _, large, seismic_large, _) = drops

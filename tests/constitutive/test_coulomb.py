@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_core.constitutive.coulomb import (
+from mpm_core.constitutive.elastic import lame_parameters, strain_from_stress
+from mpm_core.constitutive.laws.coulomb import (
     STRENGTH_FACTOR_CAP,
     excess_shear_stress,
     overstress,
@@ -15,7 +16,6 @@ from mpm_core.constitutive.coulomb import (
     strength_factor,
     surely_admissible,
 )
-from mpm_core.constitutive.elastic import lame_parameters, strain_from_stress
 from mpm_core.constitutive.returning import APEX_REGION, EDGE, ELASTIC, FACE, TENSION
 from mpm_core.constitutive.strength import strength_row
 

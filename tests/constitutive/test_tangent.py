@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from mpm_core.constitutive.coulomb import return_to_surface
+from mpm_core.constitutive.laws.coulomb import fallen_stiffness, return_to_surface
 from mpm_core.constitutive.strength import strength_row
-from mpm_core.constitutive.tangent import fallen_stiffness
 
 LAME, SHEAR = 20e9, 25e9
 

@@ -17,8 +17,8 @@ from mechanics.scenes import (
     strength_margin,
     uniform,
 )
-from mpm_core.constitutive.coulomb import overstress
 from mpm_core.constitutive.elastic import strain_from_stress
+from mpm_core.constitutive.laws.coulomb import overstress
 from mpm_core.equilibrium.body import FAILED_HOURGLASS
 from mpm_core.equilibrium.brittle import above_strength, fail, find_brittle, new_failures, weakest
 from mpm_core.equilibrium.cascade import Ramp, run_cascade

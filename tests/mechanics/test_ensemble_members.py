@@ -21,7 +21,7 @@ from mechanics.scenes import (
     strength_margin,
     uniform,
 )
-from mpm_core.constitutive.coulomb import overstress
+from mpm_core.constitutive.laws.coulomb import overstress
 from mpm_core.equilibrium.brittle import above_strength, find_brittle, new_failures, weakest
 from mpm_core.equilibrium.perturbation import LARGEST_OVERSTRESS, borne_overstress, lateness
 from mpm_core.grid.adjacency import face_neighbors

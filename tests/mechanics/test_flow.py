@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mechanics.scenes import COULOMB, grid_around, make_dataset, make_scene, uniform
-from mpm_core.constitutive.arrays import return_particles
+from mpm_core.constitutive.arrays import make_return_particles
+from mpm_core.constitutive.laws import coulomb
 from mpm_core.constitutive.strength import strength_row
-from mpm_core.kernels.energy import flow_energy
+from mpm_core.kernels.energy import make_flow_energy
 from mpm_core.kernels.flow import take_back_flow
 from mpm_core.stages import elastic_stage, mining_step
 
@@ -55,7 +56,7 @@ def flow_between(before, strain):
     after[:3] += ROCK[0] * strain[:3].sum()
     stress, flow = after[None].copy(), np.zeros((1, 6))
     one = np.zeros(1, np.int64)
-    return_particles(stress, *ROCK[:, None], ROW[None], one, flow, np.zeros(1, np.int8))
+    make_return_particles(coulomb)(stress, *ROCK[:, None], ROW[None], one, flow, np.zeros(1, np.int8))
     return stress[0], flow[0]
 
 
@@ -64,7 +65,7 @@ def dissipation_of(before, strain):
     after, flow = flow_between(before, strain)
     tensors = [values[None] for values in (0.5 * before, np.zeros(6), 0.5 * before, after - 0.5 * before, flow)]
     energy, material = np.empty((1, 2)), np.zeros(1, np.int16)
-    flow_energy(np.zeros(1, np.int64), *tensors, material, ROCK[None], ROW[None], energy)
+    make_flow_energy(coulomb)(np.zeros(1, np.int64), *tensors, material, ROCK[None], ROW[None], energy)
     mean = float((0.5 * (before + after) * flow * TWICE).sum())
     assert energy[0, 1] == pytest.approx(energy[0, 0] - mean, rel=1e-9, abs=1e-6)
     return energy[0, 0]

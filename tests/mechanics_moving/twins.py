@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpm_core.constitutive.coulomb import return_to_surface
 from mpm_core.constitutive.elastic import strain_from_stress, stress_increment
+from mpm_core.constitutive.laws.coulomb import return_to_surface
 from mpm_core.grid import MultiLevelGrid
 from mpm_core.grid.mesh import CORNERS
 

@@ -1,0 +1,151 @@
+"""What serves any law, of its return to the surface alone: the brittle drop, rows as tuples, lanes, and a tangent."""
+
+import numpy as np
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np.arrayobj import load_item, make_array
+
+from mpm_core.constitutive.elastic import strain_from_stress, stress_increment
+from mpm_core.constitutive.regions import ELASTIC
+from mpm_core.simd.lanes import LANES
+
+STEP = 1e-6  # of the stress: between two returns
+
+
+@intrinsic(prefer_literal=True)
+def strength_of(typing, rows, index, length):
+    """The first `length` (a constant) numbers of row `index` of rows (row, column), as a tuple.
+
+    A slice rows[index] would count references to the array: an atomic operation per particle on a line of memory that
+    all threads share.
+    """
+    kind = types.UniTuple(rows.dtype, length.literal_value)
+
+    def generate(context, builder, sig, args):
+        array_type = sig.args[0]
+        array = make_array(array_type)(context, builder, args[0])
+        row = context.cast(builder, args[1], sig.args[1], types.intp)
+        numbers = []
+        for column in range(kind.count):
+            place = [row, context.get_constant(types.intp, column)]
+            pointer = cgutils.get_item_pointer(context, builder, array_type, array, place, wraparound=False)
+            numbers.append(load_item(context, builder, array_type, pointer))
+        return context.make_tuple(builder, kind, numbers)
+
+    return kind(rows, index, length), generate
+
+
+@njit(error_model="numpy")
+def brittle_drop(return_to_surface, xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, intact_row, residual_row):
+    """First yield: (peak stress (6), residual stress (6), overshoot strain (6), seismic strain (6), region).
+
+    The trial stress is projected to the intact surface, and that point to the residual surface, by a law's
+    `return_to_surface`. Through the elastic compliance the first drop is the overshoot (aseismic: it depends on the
+    step size), the second the seismic strain. Both strains are plastic, tensor shear. region is that of the return to
+    the intact surface; where it is ELASTIC the rock has not failed: both stresses are the trial and both strains zero.
+    """
+    trial = (xx, yy, zz, yz, xz, xy)
+    nothing = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    pxx, pyy, pzz, pyz, pxz, pxy, region = return_to_surface(
+        xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, intact_row
+    )
+    if region == ELASTIC:
+        return trial, trial, nothing, nothing, region
+    rxx, ryy, rzz, ryz, rxz, rxy, _ = return_to_surface(
+        pxx, pyy, pzz, pyz, pxz, pxy, lame_lambda, shear_modulus, residual_row
+    )
+    overshoot = strain_from_stress(
+        lame_lambda, shear_modulus, xx - pxx, yy - pyy, zz - pzz, yz - pyz, xz - pxz, xy - pxy
+    )
+    seismic = strain_from_stress(
+        lame_lambda, shear_modulus, pxx - rxx, pyy - ryy, pzz - rzz, pyz - ryz, pxz - rxz, pxy - rxy
+    )
+    return (pxx, pyy, pzz, pyz, pxz, pxy), (rxx, ryy, rzz, ryz, rxz, rxy), overshoot, seismic, region
+
+
+@intrinsic
+def _numbers_at(typing, values, lane):
+    """One lane of a tuple of lanes: a tuple of numbers."""
+    kind = types.UniTuple(values.dtype.element, values.count)
+
+    def generate(context, builder, sig, args):
+        place = context.cast(builder, args[1], sig.args[1], types.int32)
+        parts = cgutils.unpack_tuple(builder, args[0], kind.count)
+        return context.make_tuple(builder, kind, [builder.extract_element(part, place) for part in parts])
+
+    return kind(values, lane), generate
+
+
+@intrinsic
+def _with_numbers_at(typing, values, lane, numbers):
+    """A tuple of lanes with one lane of each replaced by a number of a tuple."""
+
+    def generate(context, builder, sig, args):
+        place = context.cast(builder, args[1], sig.args[1], types.int32)
+        old, new = (cgutils.unpack_tuple(builder, args[k], values.count) for k in (0, 2))
+        parts = [builder.insert_element(part, number, place) for part, number in zip(old, new, strict=True)]
+        return context.make_tuple(builder, values, parts)
+
+    return values(values, lane, numbers), generate
+
+
+@njit(error_model="numpy")
+def lane_sum(values):
+    """Sum of all lanes."""
+    total = 0.0
+    for lane in range(LANES):
+        total += _numbers_at((values,), lane)[0]
+    return total
+
+
+def lane_by_lane(return_to_surface):
+    """A law's `return_lanes`, one lane after the other."""
+
+    @njit(error_model="numpy")
+    def return_lanes(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
+        stress = (xx, yy, zz, yz, xz, xy)
+        for lane in range(LANES):
+            sxx, syy, szz, syz, sxz, sxy = _numbers_at(stress, lane)
+            lame, shear = _numbers_at((lame_lambda, shear_modulus), lane)
+            rxx, ryy, rzz, ryz, rxz, rxy, _ = return_to_surface(
+                sxx, syy, szz, syz, sxz, sxy, lame, shear, _numbers_at(row, lane)
+            )
+            stress = _with_numbers_at(stress, lane, (rxx, ryy, rzz, ryz, rxz, rxy))
+        return stress
+
+    return return_lanes
+
+
+def tangent_by_differences(return_to_surface):
+    """A law's `fallen_stiffness` (see tangent.py), by forward differences of its return."""
+
+    @njit(error_model="numpy")
+    def fallen_stiffness(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row, matrix):
+        trial = (xx, yy, zz, yz, xz, xy)
+        txx, tyy, tzz, tyz, txz, txy, region = return_to_surface(
+            xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row
+        )
+        if region == ELASTIC:
+            return False
+        returned = (txx, tyy, tzz, tyz, txz, txy)
+        size = 0.0
+        for a in range(6):
+            size = max(size, abs(trial[a]))
+        step = STEP * size / shear_modulus
+        for b in range(6):
+            strain = np.zeros(6)
+            strain[b] = step if b < 3 else 0.5 * step
+            change = stress_increment(
+                lame_lambda, shear_modulus, strain[0], strain[1], strain[2], strain[3], strain[4], strain[5]
+            )
+            rxx, ryy, rzz, ryz, rxz, rxy, _ = return_to_surface(
+                xx + change[0], yy + change[1], zz + change[2], yz + change[3], xz + change[4], xy + change[5],
+                lame_lambda, shear_modulus, row,
+            )  # fmt: skip
+            after = (rxx, ryy, rzz, ryz, rxz, rxy)
+            for a in range(6):
+                matrix[a, b] = (change[a] - (after[a] - returned[a])) / step
+        return True
+
+    return fallen_stiffness

@@ -1,0 +1,113 @@
+"""Laws of failure. Each is one module here and one entry of LAWS; all other code asks the law.
+
+A law is brittle: intact rock that stands above its strength drops to its intact surface and from there to its residual
+one (general.brittle_drop); failed rock returns to the residual one. What a law's module offers:
+
+| name | what |
+|---|---|
+| NAME | value of `model` in a mine file |
+| Material | settings of a rock with this law: keys with their units; validators refuse what cannot be, above all a residual surface that leaves the intact one. What may differ between intact and residual rock is a pair {intact, residual} |
+| ROW_LENGTH | numbers in a strength row |
+| strength_rows(material, axes) | intact and residual row, float64 (ROW_LENGTH,); axes: see Scene.frame_axes |
+| cohesion(material) | Pa of intact rock; members of an ensemble differ by a share of it |
+| overstress_of_tensor(tensor, row) | `overstress` of (3, 3), Pa, by numpy: to check a configuration without waiting for numba |
+| surely_admissible(*stress, row) | whether cheap bounds prove stress admissible |
+| overstress(*stress, row) | how far stress is above strength, Pa; at most 0 where admissible. What is admissible is convex |
+| return_to_surface(*stress, lame_lambda, shear_modulus, row) | plastic return of an elastic trial stress: six components and where it ended (regions.py). ELASTIC: bit for bit the trial, also for a stress that was returned |
+| return_lanes(the same) | six components of lanes (simd/lanes.py), to round-off the same; general.lane_by_lane makes it |
+| fallen_stiffness(the same, matrix) | see tangent.py; general.tangent_by_differences makes it |
+| strength_factor(*stress, row) | strength over stress: 0 to STRENGTH_FACTOR_CAP, at least 1 where admissible |
+| excess_shear_stress(*stress, row) | Pa, negative below strength |
+| strength_size(row) | Pa: what a margin above strength is in proportion to |
+| gains_energy(row) | whether flow may gain energy |
+
+Those from surely_admissible on are compiled by numba: scalar, without allocation (but for fallen_stiffness) or
+fastmath; *stress is xx, yy, zz, yz, xz, xy, Pa, tension positive, in the axes of the computation; row is a tuple. For
+isotropic laws isotropic.py and tangent.py make three of them from a return of principal stresses.
+
+Kernels are made for a law, as a module, and a dimension. numba finds its functions as it compiles and keeps what it
+compiled by the module's name, so other processes find it: functions themselves would be kept by a random number.
+"""  # noqa: E501
+
+from collections.abc import Iterable, Mapping
+from functools import reduce
+from types import ModuleType
+from typing import Annotated, Any, Union
+
+import numpy as np
+from pydantic import BeforeValidator, Discriminator, Tag
+
+from mpm_core.constitutive.laws import coulomb
+from mpm_core.constitutive.mixture import mix
+from mpm_core.settings import ElasticMaterial, MaterialSettings
+from pipeline.settings import TAG, Settings, refusal, short
+
+LAWS = (coulomb,)
+MODELS = {"elastic": ElasticMaterial} | {law.NAME: law.Material for law in LAWS}
+
+
+def _of_a_model(values: Any) -> Any:
+    """The same, if it names its model and has no key of another one's."""
+    if isinstance(values, Mapping):
+        if "model" not in values:
+            raise refusal("missing key", "model")
+        name = values["model"]
+        if name not in list(MODELS):
+            raise refusal(f"{short(name)} is not one of {', '.join(MODELS)}", "model")
+        others = {key for model in MODELS.values() for key in model.model_fields} - set(MODELS[name].model_fields)
+        for key in values:
+            if key in others:
+                raise refusal("not a key of this model", key)
+    return values
+
+
+def _tag(values: Any) -> str:
+    name = values.get("model") if isinstance(values, Mapping) else getattr(values, "model", "elastic")
+    return f"{TAG}{name}"
+
+
+AnyMaterial = Annotated[
+    Union[tuple(Annotated[model, Tag(f"{TAG}{name}")] for name, model in MODELS.items())],  # noqa: UP007
+    Discriminator(_tag),
+    BeforeValidator(_of_a_model),
+]
+"""one rock or fill, as its model says"""
+
+
+class Materials(Settings):
+    """Materials as a stage's slice has them."""
+
+    materials: dict[str, AnyMaterial]
+
+
+def can_fail(material: MaterialSettings | Mapping) -> bool:
+    """Whether a material, or its section of a slice, has a law of failure."""
+    return _tag(material) != f"{TAG}elastic"
+
+
+def law_of(material: MaterialSettings) -> ModuleType:
+    """The law of a material that can fail."""
+    return next(law for law in LAWS if material.model == law.NAME)
+
+
+def law_of_all(materials: Iterable[MaterialSettings]) -> ModuleType:
+    """One law for all rock of a scene: a mixture where there are several, in the order of LAWS; LAWS[0] for none."""
+    names = {material.model for material in materials if can_fail(material)}
+    return reduce(mix, [law for law in LAWS if law.NAME in names] or LAWS[:1])
+
+
+def rows_of_all(
+    law: ModuleType, materials: Iterable[MaterialSettings], axes: tuple[int, int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Intact and residual strength rows of materials, (material, law.ROW_LENGTH); NaN for one that cannot fail.
+
+    law: from law_of_all; axes: see Scene.frame_axes.
+    """
+    materials = list(materials)
+    rows = np.full((2, len(materials), law.ROW_LENGTH), np.nan)
+    for number, material in enumerate(materials):
+        if can_fail(material):
+            own = law_of(material)
+            for kind, row in enumerate(own.strength_rows(material, axes)):
+                rows[kind, number] = row if own is law else law.row_of(own, row)
+    return rows[0], rows[1]
