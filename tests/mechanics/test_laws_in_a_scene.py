@@ -41,7 +41,7 @@ def tunnel(scheme, host, body):
         host=HARD,
         stress=uniform(-17e6, -15e6, -16e6),
         excavations=[excavation()],
-        solver={"scheme": scheme, "tolerance": 1e-6, "increments": 2},
+        solver={"scheme": scheme, "tolerance": 1e-6, "cascade_tolerance": 1e-6, "increments": 2},
         rock_bodies=[{"material": "fill"}],
     )
     scene = replace(scene, materials={"host": host or scene.materials["host"], "fill": body or scene.materials["host"]})
