@@ -1,6 +1,5 @@
 """What serves any law, of its return to the surface alone: the brittle drop, rows as tuples, lanes, and a tangent."""
 
-import numpy as np
 from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
@@ -134,10 +133,15 @@ def tangent_by_differences(return_to_surface):
             size = max(size, abs(trial[a]))
         step = STEP * size / shear_modulus
         for b in range(6):
-            strain = np.zeros(6)
-            strain[b] = step if b < 3 else 0.5 * step
             change = stress_increment(
-                lame_lambda, shear_modulus, strain[0], strain[1], strain[2], strain[3], strain[4], strain[5]
+                lame_lambda,
+                shear_modulus,
+                step if b == 0 else 0.0,
+                step if b == 1 else 0.0,
+                step if b == 2 else 0.0,
+                0.5 * step if b == 3 else 0.0,
+                0.5 * step if b == 4 else 0.0,
+                0.5 * step if b == 5 else 0.0,
             )
             rxx, ryy, rzz, ryz, rxz, rxy, _ = return_to_surface(
                 xx + change[0], yy + change[1], zz + change[2], yz + change[3], xz + change[4], xy + change[5],

@@ -50,9 +50,7 @@ def test_triaxial_drop_does_not_depend_on_the_overshoot_much(confinement):
     """
     strength = 3.0 * confinement + INTACT[2]
     drops = [
-        brittle_drop(
-            return_to_surface, -confinement, -confinement, -strength * beyond, 0, 0, 0, *ROCK, INTACT, RESIDUAL
-        )
+        brittle_drop(-confinement, -confinement, -strength * beyond, 0, 0, 0, *ROCK, INTACT, RESIDUAL)
         for beyond in (1.0001, 1.1)
     ]
     (_, _, small, seismic_small, _), (_, _, large, seismic_large, _) = drops

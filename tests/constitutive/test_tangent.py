@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from mpm_core.constitutive.general import tangent_by_differences
 from mpm_core.constitutive.laws.coulomb import fallen_stiffness, return_to_surface
 from mpm_core.constitutive.strength import strength_row
 
@@ -41,6 +42,20 @@ def test_tangent_is_the_slope_of_the_return(strength):
         else:
             assert not fallen(stress, 0.0 * strain, row).any()
     assert yielding > 200
+
+
+def test_differences_of_the_return_are_its_tangent():
+    """What a law without a tangent of its own takes: within 1e-4 of G, as its step is 1e-6 of the stress."""
+    by_differences, random = tangent_by_differences(return_to_surface), np.random.default_rng(1)
+    row, one, other, yielding = tuple(strength_row(30.0, 10.0, 5e6, 1e6)), np.zeros((6, 6)), np.zeros((6, 6)), 0
+    for _ in range(300):
+        stress = random.normal(size=6) * 1e7 - np.array([2e7, 2e7, 2e7, 0, 0, 0])
+        yields = fallen_stiffness(*stress, LAME, SHEAR, row, one)
+        assert by_differences(*stress, LAME, SHEAR, row, other) == yields
+        if yields:
+            yielding += 1
+            assert np.abs(one - other).max() < 1e-4 * SHEAR
+    assert 100 < yielding < 300
 
 
 def test_associated_flow_has_a_symmetric_tangent():

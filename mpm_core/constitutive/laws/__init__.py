@@ -43,35 +43,35 @@ from mpm_core.settings import ElasticMaterial, MaterialSettings
 from pipeline.settings import TAG, Settings, refusal, short
 
 LAWS = (coulomb,)
-MODELS = {"elastic": ElasticMaterial} | {law.NAME: law.Material for law in LAWS}
 
 
-def _of_a_model(values: Any) -> Any:
-    """The same, if it names its model and has no key of another one's."""
-    if isinstance(values, Mapping):
-        if "model" not in values:
-            raise refusal("missing key", "model")
-        name = values["model"]
-        if name not in list(MODELS):
-            raise refusal(f"{short(name)} is not one of {', '.join(MODELS)}", "model")
-        others = {key for model in MODELS.values() for key in model.model_fields} - set(MODELS[name].model_fields)
-        for key in values:
-            if key in others:
-                raise refusal("not a key of this model", key)
-    return values
+def any_material(laws: Iterable[ModuleType]) -> Any:
+    """The type of one rock or fill: elastic, or of one of these laws, as its `model` says."""
+    models = {"elastic": ElasticMaterial} | {law.NAME: law.Material for law in laws}
+
+    def of_a_model(values: Any) -> Any:
+        if isinstance(values, Mapping):
+            if "model" not in values:
+                raise refusal("missing key", "model")
+            name = values["model"]
+            if name not in list(models):
+                raise refusal(f"{short(name)} is not one of {', '.join(models)}", "model")
+            others = {key for model in models.values() for key in model.model_fields} - set(models[name].model_fields)
+            for key in values:
+                if key in others:
+                    raise refusal("not a key of this model", key)
+        return values
+
+    choices = tuple(Annotated[model, Tag(f"{TAG}{name}")] for name, model in models.items())
+    return Annotated[Union[choices], Discriminator(_tag), BeforeValidator(of_a_model)]  # noqa: UP007
 
 
-def _tag(values: Any) -> str:
-    name = values.get("model") if isinstance(values, Mapping) else getattr(values, "model", "elastic")
+def _tag(material: Any) -> str:
+    name = material.get("model") if isinstance(material, Mapping) else getattr(material, "model", "elastic")
     return f"{TAG}{name}"
 
 
-AnyMaterial = Annotated[
-    Union[tuple(Annotated[model, Tag(f"{TAG}{name}")] for name, model in MODELS.items())],  # noqa: UP007
-    Discriminator(_tag),
-    BeforeValidator(_of_a_model),
-]
-"""one rock or fill, as its model says"""
+AnyMaterial = any_material(LAWS)
 
 
 class Materials(Settings):
