@@ -5,8 +5,7 @@ steps, with a look after each: what then still fails is little, and is at rest a
 after each late failure, and to the full one for another look: twice the iterations in the demo mine.) A stage ends
 with a look at full tolerance.
 A failure is felt a few cells away. From fresh ones on it spreads in the part of the mine around them, the rest held
-still (part.py); what the whole mine at rest then lets fail is the next round. A month of renison_scale, 6.5 million
-cells, takes 3 to 4 minutes that way; with the whole mine at rest after each generation it had not ended after 10.
+still (part.py); what the whole mine at rest then lets fail is the next round. In a large mine that is most of the time.
 Intact rock is elastic in between, so what fails does not depend on the scheme's way to rest.
 
 All rock above strength fails at once, or (solver.weakest_first) the weakest first: its failure may relieve the rest. A
