@@ -20,7 +20,7 @@ from pipeline.datasets import atomic_path, clear_parts
 PAUSE = 30.0  # s at least between two checkpoints
 SHARE = 0.015  # of the time that writing them may take
 OF_FAILED, UNCHANGED = changed_in(Extent.FAILED), changed_in(Extent.NONE)
-PLACE = ("increment", "generation", "iteration", "tightened")  # where the history stands
+COUNTERS = ("increment", "generation", "iteration", "tightened")  # of the history
 
 
 def key_of(provenance: dict[str, str], *inputs: Path) -> str:
@@ -50,14 +50,14 @@ class Checkpoint:
         now = time.perf_counter()
         if now - self.last < max(self.pause, self.cost / SHARE):
             return
-        place = {name: getattr(history, name) for name in PLACE}
+        counters = {name: getattr(history, name) for name in COUNTERS}
         with atomic_path(self.path) as temporary, temporary.open("wb") as file:
             rest = {name: value for name, value in history.rest.items() if name not in UNCHANGED}
             beside = _named("table_", history.table()) | _named("rest_", rest)
             failed = np.flatnonzero(state.failed >= 0)
             of_failed = {name: getattr(state, name)[failed] for name in OF_FAILED}
             others = {name: value for name, value in vars(state).items() if name not in (*OF_FAILED, *UNCHANGED)}
-            np.savez(file, key=self.key, **place, **others, **of_failed, **beside)
+            np.savez(file, key=self.key, **counters, **others, **of_failed, **beside)
         self.last = time.perf_counter()
         self.cost = self.last - now
 
@@ -84,7 +84,7 @@ class Checkpoint:
                 array[:] = values[name]
             else:
                 setattr(state, name, values[name].item())
-        for name in PLACE:
+        for name in COUNTERS:
             setattr(history, name, int(values[name]))
         history.rest = {name: values[f"rest_{name}"] for name in vars(state) if f"rest_{name}" in values}
         columns = [values[f"table_{name}"].tolist() for name in COLUMNS]

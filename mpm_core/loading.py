@@ -15,7 +15,7 @@ from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
 def external_force(model: Model, step: int) -> np.ndarray:
     """Forces of all that was mined, filled and loaded up to `step`, relative to virgin: (node, d) N, on free nodes.
 
-    Void: r lacks B^T sigma0 - N^T b over the mined volume (design section 5). Fill weighs its own density; free
+    Void: r lacks B^T sigma0 - N^T b over the mined volume (docs/method.md, 4). Fill weighs its own density; free
     faces lose their virgin traction, as do traction faces where rock is mined; loads are shared by volume.
     Raises InputError for a load whose rock is mined, and where forces drive what nothing holds.
     """

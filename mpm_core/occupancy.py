@@ -12,7 +12,7 @@ from numba import njit
 from mpm_core.scene import Excavation
 
 SAMPLES = 64  # inside tests per cell, one bit each: 4 x 4 x 4 in 3-D, 8 x 8 in 2-D (geometry/inside.py)
-SLIVER = 2  # samples: a share of fewer than 2 / 64 (the design says 0.02) is dropped
+SLIVER = 2  # samples: a share of fewer than 2 / 64 is dropped
 FULL = np.uint64(2**64 - 1)
 NOTHING = np.uint64(0)
 ROCK = -1  # owner of what no excavation has mined

@@ -265,17 +265,17 @@ def truncation(model: Model, state: State, volume: np.ndarray) -> dict:
     particles = model.particles
     failed = (state.failed >= 0) & (volume > 0.0)
     above = above_strength(model, state, np.flatnonzero(model.can_fail() & ~failed & (volume > 0.0)))
-    held = above[model.grid.cell_level[particles.cell[above]] < model.grid.levels - 1]
-    if model.scene.draft or not len(held):
+    coarse = above[model.grid.cell_level[particles.cell[above]] < model.grid.levels - 1]
+    if model.scene.draft or not len(coarse):
         return {"truncated": 0, "truncated_share": 0.0, "truncated_volume": 0.0, "truncated_where": ""}
-    share = volume[held].sum() / (volume[above].sum() + volume[failed].sum())
+    share = volume[coarse].sum() / (volume[above].sum() + volume[failed].sum())
     names = ["xyz"[axis] for axis in model.scene.axes]
-    box = zip(names, particles.position[held].min(axis=0), particles.position[held].max(axis=0), strict=True)
+    box = zip(names, particles.position[coarse].min(axis=0), particles.position[coarse].max(axis=0), strict=True)
     where = ", ".join(f"{name} {low:.0f} to {high:.0f} m" for name, low, high in box)
     return {
         "truncated": 1,
         "truncated_share": float(share),
-        "truncated_volume": float(volume[held].sum() * model.scene.thickness),
+        "truncated_volume": float(volume[coarse].sum() * model.scene.thickness),
         "truncated_where": f"{where}; more grid.buffer_cells would let it fail",
     }
 
@@ -286,8 +286,8 @@ def refuse_overstressed_virgin(model: Model) -> None:
     if len(above):
         first = above[0]
         name = list(model.scene.materials)[model.particles.material[first]]
-        place = ", ".join(f"{value:.10g}" for value in model.particles.position[first])
+        where = ", ".join(f"{value:.10g}" for value in model.particles.position[first])
         raise InputError(
-            f"insitu_stress: virgin rock of materials.{name} stands above its intact strength, first at ({place}) m: "
+            f"insitu_stress: virgin rock of materials.{name} stands above its intact strength, first at ({where}) m: "
             "it would fail before anything is mined; check stress, depth and strength"
         )

@@ -121,8 +121,12 @@ def _file(name: str) -> Path | None:
 
 @functools.cache
 def _data(folder: Path) -> dict[str, set[Path]]:
-    """Files of a folder that are no modules, by their name and by that of the folder in it that they stand below."""
-    found = {path.name: _below(path) if path.is_dir() else {path} for path in folder.iterdir()}
+    """Files of a folder that are no modules, by their name and by that of the folder in it that they stand below.
+
+    What stands below a package in it belongs to the modules of that.
+    """
+    entries = (path for path in folder.iterdir() if not (path / "__init__.py").is_file())
+    found = {path.name: _below(path) if path.is_dir() else {path} for path in entries}
     return {name: {file for file in files if file.suffix not in CODE} for name, files in found.items()}
 
 

@@ -24,7 +24,7 @@ class Variant:
     mine: Mine
     read: Callable[[str], xr.Dataset]
     costs: Callable[[str], tuple[float, float] | None] = lambda stage: None
-    held: dict[str, xr.Dataset] = field(default_factory=dict)
+    kept: dict[str, xr.Dataset] = field(default_factory=dict)
 
     @property
     def values(self) -> dict:
@@ -41,9 +41,9 @@ class Variant:
         return parse_scene(self.mine.step_slice(step) if step else self.mine.scene_slice(0))
 
     def _dataset(self, path: str) -> xr.Dataset:
-        if path not in self.held:
-            self.held[path] = self.read(path)
-        return self.held[path]
+        if path not in self.kept:
+            self.kept[path] = self.read(path)
+        return self.kept[path]
 
     @property
     def grid(self) -> xr.Dataset:

@@ -203,8 +203,8 @@ class Body:
         """
         self.update(0.0)
         self.way.strain(self)
-        place = self.model.grid.node_index * self.model.grid.fine_cell
-        self.displace(np.sum(place[:, None, :] * strain, axis=2))
+        position = self.model.grid.node_index * self.model.grid.fine_cell
+        self.displace(np.sum(position[:, None, :] * strain, axis=2))
 
     def come_to_rest(self) -> None:
         """Take the rigid motions that nothing holds out of the displacement: the body is at rest."""

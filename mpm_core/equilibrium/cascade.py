@@ -5,8 +5,7 @@ steps, with a look after each: what then still fails is little, and is at rest a
 after each late failure, and to the full one for another look: twice the iterations in the demo mine.) A stage ends
 with a look at full tolerance.
 A failure is felt a few cells away. From fresh ones on it spreads in the part of the mine around them, the rest held
-still (part.py); what the whole mine at rest then lets fail is the next round. A month of renison_scale, 6.5 million
-cells, takes 3 to 4 minutes that way; with the whole mine at rest after each generation it had not ended after 10.
+still (part.py); what the whole mine at rest then lets fail is the next round. In a large mine that is most of the time.
 Intact rock is elastic in between, so what fails does not depend on the scheme's way to rest.
 
 All rock above strength fails at once, or (solver.weakest_first) the weakest first: its failure may relieve the rest. A
@@ -22,7 +21,7 @@ import numpy as np
 from mpm_core.equilibrium.brittle import Brittle, fail, new_failures, weakest
 from mpm_core.equilibrium.convergence import History, NoRest
 from mpm_core.equilibrium.part import Part
-from mpm_core.equilibrium.perturbation import lateness
+from mpm_core.equilibrium.perturbation import delays
 from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
 from mpm_core.state import State
 from pipeline.errors import InputError
@@ -132,17 +131,17 @@ def run_cascade(
     """
     model, solver = scheme.body.model, scheme.body.model.scene.solver
     reference, loose = ramp.reference, max(solver.cascade_tolerance, solver.tolerance)
-    late = lateness(model.scene, step)
+    delay = delays(model.scene, step)
 
     def load_at(increment: int) -> np.ndarray:
-        return ramp.start + (ramp.target - ramp.start) * ((increment + late[increment]) / solver.increments)
+        return ramp.start + (ramp.target - ramp.start) * ((increment + delay[increment]) / solver.increments)
 
     resumed = history.increment
     for increment in range(max(resumed, 1), solver.increments + 1):
         external = load_at(increment)
         if increment != resumed:
             if ramp.strain.any():
-                scheme.body.deform(ramp.strain * (1.0 + late[increment] - late[increment - 1]) / solver.increments)
+                scheme.body.deform(ramp.strain * (1.0 + delay[increment] - delay[increment - 1]) / solver.increments)
             history.increment, history.generation, history.tightened = increment, 0, 0
         last = increment == solver.increments
         try:

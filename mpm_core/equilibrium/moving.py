@@ -1,8 +1,8 @@
 """Scheme `explicit` with `solver.move`: particles carry the motion and travel through the grid (paper section 2.2).
 
-Every step is the full cycle of Eqs (1) to (6) with the errata: nothing is kept at the nodes. That is pure FLIP (Eq. 5):
-particle velocities that the nodes do not see are neither damped nor do they move or strain anything. They are no part
-of the datasets: every stage starts with particles at rest.
+Every step is the full cycle of Eqs (1) to (6), corrected (docs/method.md, 1): nothing is kept at the nodes. That is
+pure FLIP (Eq. 5): particle velocities that the nodes do not see are neither damped nor do they move or strain
+anything. They are no part of the datasets: every stage starts with particles at rest.
 
 What stays small-strain: the loads of excavations are nodal forces fixed in space, volumes and virgin stresses are those
 of each particle's first place. So particles may travel, but a wall that moves by a good part of a cell takes its load

@@ -14,7 +14,7 @@ from mpm_core.particles import Particles
 from mpm_core.scene import Scene
 
 LARGEST_OVERSTRESS = 0.01  # of cohesion, as the law of the rock has it: far less than is known of any rock's strength
-LARGEST_LATENESS = 0.5  # of an increment: their order stays
+LARGEST_DELAY = 0.5  # of an increment: their order stays
 
 
 def borne_overstress(particles: Particles, scene: Scene) -> np.ndarray:
@@ -34,7 +34,7 @@ def borne_overstress(particles: Particles, scene: Scene) -> np.ndarray:
     return result
 
 
-def lateness(scene: Scene, step: int) -> np.ndarray:
+def delays(scene: Scene, step: int) -> np.ndarray:
     """By what share of an increment each of them ends late in this member, (increments + 1,); else 0.
 
     Uniform between -1/2 and 1/2, but 0 where the step starts and ends: all that it changes is changed in the end.
@@ -42,5 +42,5 @@ def lateness(scene: Scene, step: int) -> np.ndarray:
     result = np.zeros(scene.solver.increments + 1)
     if scene.perturbation:
         random = np.random.default_rng([scene.perturbation, 1 + step])
-        result[1:-1] = LARGEST_LATENESS * random.uniform(-1.0, 1.0, scene.solver.increments - 1)
+        result[1:-1] = LARGEST_DELAY * random.uniform(-1.0, 1.0, scene.solver.increments - 1)
     return result

@@ -15,11 +15,11 @@ from mpm_core.grid.mesh import MultiLevelGrid
 CUBE = {2: 2, 3: 1}
 """halvings, by dimension: cells are taken by cubes of four or two finest cells, and larger ones that hold such cubes.
 Failed cells in cubes that touch, if only at corners, are one patch. In 2-D, where a patch is felt farther off, cubes
-of two cells took 1.4 +- 1.0 % of the potency (32 tunnels). In 3-D, where failures are scattered all over a mine, the
-history of renison_scale takes 373 and 415 s (two runs), with cubes of four 453 s."""
+of two cells took 1.4 +- 1.0 % of the potency (32 tunnels). In 3-D failures are scattered all over a mine, and cubes of
+four cells take a tenth longer (renison_scale)."""
 BORDER = 0.02  # (a / R)^d at most, for every patch: potency -0.2 +- 0.2, 0.1 +- 0.2 (tunnels), -0.4 +- 0.1 % (sphere)
 REACHES = (40, 24, 16, 10, 6, 4)  # finest cells, in whole cubes, around failed rock: the widest that is not too much
-LARGEST = 0.25  # of all cells: history of the demo 39 s, with 0.1 of them 47 s (cubes of four cells)
+LARGEST = 0.25  # of all cells: with 0.1 of them the demo's history takes a fifth longer
 MOST = 300_000  # cells: a month of renison_scale took as long with 600,000, and 0.6 GB more
 
 

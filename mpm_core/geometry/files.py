@@ -1,6 +1,6 @@
 """Solids from files that mine planning packages write: STL, OBJ, PLY, DXF, OMF.
 
-trimesh, ezdxf and omf are imported where a file is read: together they take 1.5 s, and most stages read none.
+trimesh, ezdxf and omf are imported where a file is read: that takes long, and most stages read none.
 """
 
 import logging

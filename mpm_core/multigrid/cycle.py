@@ -29,7 +29,7 @@ SHIFT = {True: 1e-7, False: 1e-3}
 DOUBLE_SHIFT = 1e-11  # the same in double precision: stiff bodies in it move freely in soft rock
 
 
-def slowness(wave_over_shear: float, hourglass: float) -> float:
+def stiffness_ratio(wave_over_shear: float, hourglass: float) -> float:
     """c above: from the largest (l + 2 m) / m and the share kappa of the hourglass stiffness (inf where none acts)."""
     return max(wave_over_shear, SLOW_HOURGLASS / hourglass)
 
@@ -108,7 +108,7 @@ class Cycle:
     """One V-cycle over levels, finest first, as a linear map from residual to solution, symmetric if they are."""
 
     def __init__(self, levels: list[Level], slow: float, held: bool, bodies: StiffBodies | None = None):
-        """slow: see `slowness`; held: whether anything holds the body; bodies: on the finest level, if any."""
+        """slow: see `stiffness_ratio`; held: whether anything holds the body; bodies: on the finest level, if any."""
         self.levels, self.slow, self.held, self.bodies = levels, slow, held, bodies
         dimension = levels[0].grid.dimension
         self.steps = [(np.float32(keep), np.float32(factor)) for keep, factor in chebyshev(slow, dimension)]

@@ -20,7 +20,7 @@ from numba import njit
 
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.multigrid.coarsening import LevelGrid, coarsen, finest_grid
-from mpm_core.multigrid.cycle import MOST_UNKNOWNS, Cycle, slowness
+from mpm_core.multigrid.cycle import MOST_UNKNOWNS, Cycle, stiffness_ratio
 from mpm_core.multigrid.level import Level
 from mpm_core.multigrid.stiff_bodies import StiffBodies, host_shear
 from mpm_core.multigrid.stiffness import ElasticCells
@@ -163,7 +163,7 @@ class Hierarchy:
             coarse.set_diagonal()
             most *= 2.0 ** (coarse.grid.dimension - 2)
         bodies = None if host == np.inf else StiffBodies(self.levels[0], cells, host)
-        return Cycle(self.levels, slowness(cells.wave_over_shear, hourglass), body_is_held, bodies)
+        return Cycle(self.levels, stiffness_ratio(cells.wave_over_shear, hourglass), body_is_held, bodies)
 
     def _filled(self, grid: LevelGrid, constants: np.ndarray) -> np.ndarray:
         """Constants (cell, 4) with the stiffness of cells that reach past a held face."""

@@ -23,7 +23,7 @@ from mechanics.scenes import (
 )
 from mpm_core.constitutive.laws.coulomb import overstress
 from mpm_core.equilibrium.brittle import above_strength, find_brittle, new_failures, weakest
-from mpm_core.equilibrium.perturbation import LARGEST_OVERSTRESS, borne_overstress, lateness
+from mpm_core.equilibrium.perturbation import LARGEST_OVERSTRESS, borne_overstress, delays
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels import blocks
 from mpm_core.stages import elastic_stage, mining_step
@@ -89,13 +89,13 @@ def test_a_member_fails_what_stands_above_its_own_threshold():
 def test_increments_keep_their_order_and_end_where_the_step_ends(member, step, increments):
     """Whatever the member: all is changed in the end, nothing is put back on the way, no two steps are alike."""
     scene = make_scene(solver={"increments": increments}, perturbation=member)
-    late = lateness(scene, step)
+    late = delays(scene, step)
     ends = np.arange(increments + 1) + late
     assert (np.diff(ends) > 0.0).all()
     assert (ends[0], ends[-1]) == (0.0, increments)
     assert (np.abs(late) <= 0.5).all()
-    assert (lateness(replace(scene, perturbation=0), step) == 0.0).all()
-    for other in (lateness(scene, step + 1), lateness(replace(scene, perturbation=member + 1), step)):
+    assert (delays(replace(scene, perturbation=0), step) == 0.0).all()
+    for other in (delays(scene, step + 1), delays(replace(scene, perturbation=member + 1), step)):
         assert (late[1:-1] != other[1:-1]).all()
 
 

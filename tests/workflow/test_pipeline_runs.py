@@ -80,7 +80,7 @@ COLUMNS = (
 
 @pytest.mark.parametrize("path", CONTRACT)
 def test_every_dataset_keeps_the_contract(undisturbed, path):
-    """Name, dimensions, type and unit of each variable, and the attributes, as design section 4 promises them."""
+    """Name, dimensions, type and unit of each variable, and the attributes, as promised."""
     table, attributes = CONTRACT[path]
     with xr.open_dataset(undisturbed[0] / "results/tiny" / path) as dataset:
         dataset.load()

@@ -52,7 +52,7 @@ def stage_of(snakemake: psutil.Process, name: str) -> psutil.Process | None:
 def test_killed_in_a_mechanics_stage_and_resumed_gives_the_same_bytes(spoiled, tiny_file, undisturbed):
     """Twice: as the stage starts, before it could say whom it belongs to, and in the midst of its work.
 
-    Only Snakemake is killed; its stage must end by itself. Then --unlock and --rerun-incomplete (design section 8).
+    Only Snakemake is killed; its stage must end by itself. Then --unlock and --rerun-incomplete.
     """
     results, log = spoiled / "results/tiny", spoiled / "logs/tiny/steps/history.log"
     (results / "steps/history.nc").unlink()

@@ -47,7 +47,7 @@ def rigid_motions(model: Model, random: np.random.Generator) -> dict[str, float]
     modulus = host(model).confined_modulus
     way, turn = random.standard_normal(d), random.standard_normal((d, d))
     spin = turn - turn.T
-    moved, turned = scheme_of(model), scheme_of(model)
+    moved, turned = scheme_of(model).body, scheme_of(model).body
     moved.displace(np.tile(way, (len(model.grid.node_index), 1)))
     turned.deform(spin)
     return {
@@ -63,11 +63,11 @@ def largest(values: np.ndarray) -> float:
 
 def resultants(model: Model, random: np.random.Generator) -> tuple[float, float]:
     """Total force and moment of random stress and hourglass forces, as share of the sums of their terms' sizes."""
-    scheme = scheme_of(model)
-    state = scheme.body.state
+    body = scheme_of(model).body
+    state = body.state
     state.stress[:] = 1e6 * random.standard_normal(state.stress.shape)
     state.hourglass_force[:] = 1e6 * random.standard_normal(state.hourglass_force.shape)
-    force = scheme.body.internal_force()
+    force = body.internal_force()
     arm = model.grid.node_position - model.grid.node_position.mean(axis=0)
     total = np.abs(force.sum(axis=0)).max() / np.abs(force).sum()
     moment = 0.0
@@ -80,7 +80,7 @@ def resultants(model: Model, random: np.random.Generator) -> tuple[float, float]
 
 def nodal_mass(model: Model) -> tuple[float, np.ndarray]:
     """Mass at the nodes, kg (per metre of a section), and its centre (d,) m."""
-    mass = scheme_of(model).mass
+    mass = scheme_of(model).body.mass
     return float(mass.sum()), (mass[:, None] * model.grid.node_position).sum(axis=0) / mass.sum()
 
 
@@ -152,10 +152,11 @@ def solve_smooth(variant: Variant, smooth: dict, particles_per_edge: int) -> Sol
     collect_to_parents(grid.node_parents, force)
     force[model.held] = 0.0
     scheme = scheme_of(model)
-    scheme.body.displace(field.displacement(grid.node_position))
+    body = scheme.body
+    body.displace(field.displacement(grid.node_position))
     scheme.relax(force, tolerance, norm(force), History(tolerance))
     found = np.zeros((particles.count, d))
-    interpolate(model.cell_nodes, particles.cell, particles.xi, scheme.body.state.displacement, found)
+    interpolate(model.cell_nodes, particles.cell, particles.xi, body.state.displacement, found)
     exact = field.displacement(particles.position)
     tensor = rock.stress(field.gradient(particles.position))
     stress = np.stack([tensor[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))], axis=1)
@@ -164,7 +165,7 @@ def solve_smooth(variant: Variant, smooth: dict, particles_per_edge: int) -> Sol
         float(grid.cell_size.max()),
         len(grid.cell_level),
         mean_square(found - exact, volume) / mean_square(exact, volume),
-        mean_square(scheme.body.state.stress - stress, volume) / mean_square(stress, volume),
+        mean_square(body.state.stress - stress, volume) / mean_square(stress, volume),
     )
 
 
