@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 if TYPE_CHECKING:
     from workflow.configuration import Mine
 
-NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "outside", "force", "toward")
+NOT_SHAPE = ("name", "step", "fill", "filled", "pressure", "material", "refine", "outside", "force", "toward")
 PLACED = {"units", "scale", "offset"}  # of what a file holds
 HEIGHTS = {"lower", "upper", "height"}
 FLAT = 1e-9  # of a polygon's length: less width is none
