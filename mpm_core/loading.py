@@ -108,7 +108,7 @@ def _require_balance(model: "Model", volume: np.ndarray, force: np.ndarray, step
 
 
 def _touched(model: "Model", volume: np.ndarray) -> np.ndarray:
-    """Nodes (node,) bool of cells with rock or fill: where pressure ends within a void nothing is there to be pushed."""
+    """Nodes (node,) bool of cells with rock or fill: where pressure ends in a void there is nothing to push."""
     present = model.particles.cell[volume > 0.0]
     touched = np.zeros(len(model.grid.node_index), bool)
     touched[model.cell_nodes[present]] = True
