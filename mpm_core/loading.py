@@ -1,4 +1,4 @@
-"""What acts on a model from outside: mined rock, weight, lost tractions, configured loads, a strained boundary."""
+"""What acts on a model from outside: mined rock, weight, pressure, lost tractions, loads, a strained boundary."""
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from mpm_core.kernels.nodes import collect_to_parents, particle_loads
 from mpm_core.model import Model
 from mpm_core.scene import FACES, Load, Scene
 from mpm_core.virgin import virgin_body_force, virgin_stress
+from mpm_core.wall_pressure import wall_pressure
 from pipeline.errors import InputError
 from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
 
@@ -15,8 +16,9 @@ from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
 def external_force(model: Model, step: int) -> np.ndarray:
     """Forces of all that was mined, filled and loaded up to `step`, relative to virgin: (node, d) N, on free nodes.
 
-    Void: r lacks B^T sigma0 - N^T b over the mined volume (docs/method.md, 4). Fill weighs its own density; free
-    faces lose their virgin traction, as do traction faces where rock is mined; loads are shared by volume.
+    Void: r lacks B^T sigma0 - N^T b over the mined volume (docs/method.md, 4), less the pressure on its walls
+    (wall_pressure.py). Fill weighs its own density; free faces lose their virgin traction, as do traction faces where
+    rock is mined; loads are shared by volume.
     Raises InputError for a load whose rock is mined, and where forces drive what nothing holds.
     """
     particles, scene = model.particles, model.scene
@@ -38,9 +40,15 @@ def external_force(model: Model, step: int) -> np.ndarray:
             force += load_force(model, load, np.where(rock, volume, 0.0))
             acting = np.flatnonzero((missing != 0.0) | force.any(axis=1))
     nodal = np.zeros((len(model.grid.node_index), model.dimension))
-    _spread(model, acting, model.insitu[acting] * missing[acting, None], force[acting], nodal)
-    _add_lost_traction(model, nodal, 1.0 - model.rock_share(step))
+    stress_volume = model.insitu[acting] * missing[acting, None]
+    inside, cell_pressure = wall_pressure(model, step, acting)
+    if len(inside):
+        stress_volume[:, :3] += (inside * missing[acting])[:, None]
+    _spread(model, acting, stress_volume, force[acting], nodal)
+    _add_lost_traction(model, nodal, 1.0 - model.rock_share(step), cell_pressure)
     collect_to_parents(model.grid.node_parents, nodal)
+    if len(inside):
+        nodal[~_touched(model, volume)] = 0.0
     nodal[model.held] = 0.0
     _require_balance(model, volume, nodal, step)
     return nodal
@@ -90,13 +98,26 @@ def _require_balance(model: Model, volume: np.ndarray, force: np.ndarray, step: 
     if motions.driven_by(force, model.grid.node_position):
         raise InputError(
             f"domain.boundary: in step {name} nothing keeps the model where it is "
-            f"({motions.describe(model.scene.axes)}), and the forces on it (loads, excavations, lost traction) "
-            "do not balance; give more faces fixed or roller, or balance the loads"
+            f"({motions.describe(model.scene.axes)}), and the forces on it (loads, excavations, pressure, lost "
+            "traction) do not balance; give more faces fixed or roller, or balance the loads"
         )
 
 
-def _add_lost_traction(model: Model, nodal: np.ndarray, mined_share: np.ndarray) -> None:
-    """Take the virgin traction off free faces of the domain, and off traction faces where rock is mined."""
+def _touched(model: Model, volume: np.ndarray) -> np.ndarray:
+    """Nodes (node,) bool of cells with rock or fill: where pressure ends in a void there is nothing to push."""
+    present = model.particles.cell[volume > 0.0]
+    touched = np.zeros(len(model.grid.node_index), bool)
+    touched[model.cell_nodes[present]] = True
+    parents = model.grid.node_parents[touched]
+    touched[parents[parents >= 0]] = True
+    return touched
+
+
+def _add_lost_traction(model: Model, nodal: np.ndarray, mined_share: np.ndarray, pressure: np.ndarray) -> None:
+    """Take the virgin traction off free faces of the domain, and off traction faces where rock is mined.
+
+    pressure (cell,) Pa or (0,): mean over each cell. What it pushes outwards at such a face is no rock.
+    """
     component = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
     grid, scene = model.grid, model.scene
     for axis in range(model.dimension):
@@ -113,6 +134,8 @@ def _add_lost_traction(model: Model, nodal: np.ndarray, mined_share: np.ndarray)
             corners = [corner for corner in range(1 << model.dimension) if (corner >> axis) & 1 == side]
             lost = 1.0 if condition == "free" else mined_share[cells]
             share = -traction * (lost * area / len(corners))[:, None]
+            if len(pressure):
+                share[:, axis] -= (2 * side - 1) * pressure[cells] * area / len(corners)
             for corner in corners:
                 np.add.at(nodal, model.cell_nodes[cells, corner], share)
 

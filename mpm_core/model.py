@@ -23,6 +23,8 @@ class Model:
 
     scene: Scene
     grid: MultiLevelGrid
+    pieces: Pieces
+    """of cells inside excavations, of all that the grid knows"""
     changes: Changes
     particles: Particles
     scatter: Scatter
@@ -128,6 +130,7 @@ def build_model(
     return Model(
         scene=scene,
         grid=grid,
+        pieces=pieces,
         changes=changes,
         particles=particles,
         scatter=build_scatter(cell_nodes, grid.node_parents),

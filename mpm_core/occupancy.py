@@ -27,6 +27,10 @@ class Pieces:
     excavation: np.ndarray
     samples: np.ndarray
 
+    def of(self, chosen: np.ndarray) -> "Pieces":
+        """Those that are chosen, (piece,) bool."""
+        return Pieces(self.cell[chosen], self.excavation[chosen], self.samples[chosen])
+
 
 @dataclass(frozen=True)
 class Loose:

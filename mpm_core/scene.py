@@ -16,12 +16,22 @@ PLANES = {"xz": (0, 2), "xy": (0, 1), None: (0, 1, 2)}  # axes of the computatio
 
 @dataclass(frozen=True)
 class Excavation:
-    """When a solid is mined and filled: indices into the stage's steps; fill None for a void."""
+    """When a solid is mined and filled: indices into the stage's steps; fill None for a void.
+
+    pressure: (step, Pa) pairs, the pressure on its walls from that step on, steps ascending.
+    """
 
     name: str
     mined: int
     fill: str | None
     filled: int
+    pressure: tuple[tuple[int, float], ...] = ()
+
+    def pressure_at(self, step: int) -> float:
+        """Pressure inside once `step` is mined and filled, Pa; 0 before it is mined and once it is filled."""
+        if not 0 <= self.mined <= step or (self.fill is not None and 0 <= self.filled <= step):
+            return 0.0
+        return next((value for since, value in reversed(self.pressure) if since <= step), 0.0)
 
 
 @dataclass(frozen=True)
@@ -105,7 +115,7 @@ def parse_scene(values: dict) -> Scene:
         ),
         materials=Materials.of({"materials": values["materials"]}).materials,
         rock_bodies=tuple(body["material"] for body in values["rock_bodies"]),
-        excavations=tuple(Excavation(**entry) for entry in values["excavations"]),
+        excavations=tuple(_excavation(entry) for entry in values["excavations"]),
         loads=tuple(_load(entry) for entry in values["loads"]),
         strains=tuple(
             BoundaryStrain(entry["name"], entry["since"], tuple(entry["strain"])) for entry in values.get("strains", [])
@@ -118,6 +128,11 @@ def parse_scene(values: dict) -> Scene:
     check_boundary(scene)
     check_strains(scene)
     return scene
+
+
+def _excavation(entry: dict) -> Excavation:
+    pressure = tuple((int(since), float(value)) for since, value in entry.get("pressure", ()))
+    return Excavation(**entry | {"pressure": pressure})
 
 
 def _load(entry: dict) -> Load:

@@ -99,6 +99,7 @@ def _check_names(mine) -> None:
             raise InputError(
                 f"{where}.filled: '{entry['filled']}' comes before the excavation is mined in '{entry['step']}'"
             )
+        _check_pressure(mine, where, entry, mined, filled)
     for index, entry in enumerate(mine.values.get("rock_bodies", [])):
         where = f"rock_bodies.{entry.get('name', index)}"
         if entry["material"] not in materials:
@@ -124,6 +125,25 @@ def _check_names(mine) -> None:
                     f"{where}.strain.{name}: out of the plane, where plane strain has none; "
                     f"give {', '.join(IN_PLANE[mine.plane])}"
                 )
+
+
+def _check_pressure(mine, where: str, entry: dict, mined: int, filled: int) -> None:
+    """Pressure begins when the excavation is mined or later, and before it is filled."""
+    if "pressure" not in entry:
+        return
+    given, names = entry["pressure"], [step["name"] for step in mine.steps]
+    by_step = isinstance(given, dict)
+    for step in given if by_step else [entry["step"]]:
+        key, index = f"{where}.pressure.{step}" if by_step else f"{where}.pressure", mine.step_index(step)
+        if by_step and index < 0:
+            raise InputError(f"{key}: '{step}' is not one of the steps {', '.join(names)}")
+        if by_step and not 0 <= mined <= index:
+            raise InputError(f"{key}: comes before the excavation is mined in '{entry['step']}'; leave it out")
+        if entry.get("fill", "none") != "none" and -1 < filled <= index:
+            raise InputError(
+                f"{key}: the excavation is filled by then, and pressure acts on the walls of an opening; leave one "
+                "out, or place the fill in a later step (filled)"
+            )
 
 
 def _check_force(mine, where: str, entry: dict) -> None:

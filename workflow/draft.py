@@ -30,6 +30,9 @@ def draft_of(mine: Mine) -> Mine | None:
 
     def moved(entry: dict) -> dict:
         given = {key: name.get(entry[key], rest) for key in ("step", "filled") if key in entry}
+        if isinstance(entry.get("pressure"), dict):  # the last of those that come together
+            steps = [step["name"] for step in mine.steps]
+            given["pressure"] = {name.get(steps[index], rest): value for index, value in mine.pressure(entry)}
         return entry | given
 
     draft = copy.copy(mine)

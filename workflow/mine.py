@@ -15,7 +15,7 @@ from mpm_core.scene import FACES, parse_scene
 from pipeline.provenance import config_hash
 from pipeline.voigt import NAMES
 
-NOT_SHAPE = ("name", "step", "fill", "filled", "material", "refine", "outside", "force", "toward")
+NOT_SHAPE = ("name", "step", "fill", "filled", "pressure", "material", "refine", "outside", "force", "toward")
 GRID_KEYS = ("coarse_cell", "levels", "buffer_cells", "cut_cells", "volume_error")
 
 
@@ -118,11 +118,13 @@ class Mine:
             filled = self.step_index(entry.get("filled", entry["step"]))
             fill = entry.get("fill", "none")
             placed = fill != "none" and 0 <= filled <= last
+            pressure = [pair for pair in self.pressure(entry) if mined <= pair[0] <= last]
             return {
                 "name": entry["name"],
                 "mined": mined if mined <= last else -1,
                 "fill": fill if placed else None,
                 "filled": filled if placed else -1,
+                **({"pressure": pressure} if pressure else {}),
             }
 
         def components(key: str) -> list[float]:
@@ -183,6 +185,12 @@ class Mine:
     def step_slice(self, step: str) -> dict:
         """What steps/<step>.nc depends on, beside the state of the step before."""
         return self.scene_slice(self.step_index(step))
+
+    def pressure(self, entry: dict) -> list[list]:
+        """Pressure in an excavation: [step number, Pa] from when on, in order of steps; none of one that is planned."""
+        given = entry.get("pressure", {})
+        by_step = given if isinstance(given, dict) else {entry["step"]: given}
+        return sorted([self.step_index(step), value] for step, value in by_step.items() if self.step_index(step) >= 0)
 
     def previous(self, step: str) -> str:
         """Name of the step before, empty before the first."""

@@ -17,10 +17,24 @@ from mpm_core.settings import (
     SolverSettings,
 )
 from pipeline.frame import Frame
-from pipeline.settings import AsTuple, Date, Name, Point, Settings, Size, Unit, choose, is_list, refusal, whole_number
+from pipeline.settings import (
+    AsTuple,
+    Date,
+    Name,
+    Point,
+    Settings,
+    Size,
+    Unit,
+    choose,
+    is_list,
+    is_section,
+    refusal,
+    whole_number,
+)
 from seismic.settings import SeismicSettings
 
 Strain = Annotated[float, Field(ge=-0.5, le=0.5)]
+Pressure = Annotated[float, Unit("Pa", ge=0, le=1e13)]
 ForcePart = Annotated[float, Unit("N", ge=-1e20, le=1e20)]
 
 
@@ -41,6 +55,11 @@ class Excavation(SolidSettings):
     filled: str = None
     """step at whose end the fill is placed, in all that then stands open within the solid; without it the fill stands
     in the opening while the same step unloads the rock: walls lean on it from the start, and fewer events come of it"""
+    pressure: choose(
+        lambda value: not is_section(value), Pressure, Annotated[dict[str, Pressure], Field(min_length=1)]
+    ) = None
+    """on its walls, from inside: from the step that mines it until it is filled; or from each of several steps on,
+    until the next of them: {history: 5 MPa, "2019-08": 0 MPa}"""
 
 
 class ExcavationsFrom(Settings):

@@ -66,11 +66,12 @@ def cut_out(
     number = _numbers(cells, len(chosen))
     grid, nodes, cell_nodes, held = _crop_grid(model, chosen, cells)
     particles, indices = _crop_particles(model.particles, chosen, number)
-    changes = model.changes
+    changes, pieces = model.changes, model.pieces.of(chosen[model.pieces.cell])
     ours = chosen[changes.cell]
     part = replace(
         model,
         grid=grid,
+        pieces=replace(pieces, cell=number[pieces.cell]),
         changes=Changes(number[changes.cell[ours]], changes.owner[ours], changes.step[ours], changes.samples[ours]),
         particles=particles,
         scatter=build_scatter(cell_nodes, grid.node_parents),

@@ -151,6 +151,12 @@ COARSE = {
         "insitu_stress": {"constant": {"yy": "-15 MPa"}},
     },
 }
+PRESSED = COARSE["biaxial"] | {
+    "excavations": [
+        {"name": "hole", "step": "history", "shape": "circle", "center": ["100 m", "100 m"], "radius": "10 m",
+         "fill": "none", "pressure": "20 MPa"}
+    ]
+}  # fmt: skip
 SERIES = ["fraction_200cm", "fraction_100cm", "subdivide_200cm", "subdivide_100cm"]
 
 
@@ -202,6 +208,19 @@ def test_the_exact_field_has_no_error(coarse):
     np.testing.assert_allclose(wall, exact, atol=0.35 * 30e6)  # 2 cells off, a/h = 10, hoop stress to 75 MPa
     exact = rock.hole.plate.at(2 * points).polar_stress(np.angle(AROUND))
     np.testing.assert_allclose(interpolated(rock, 2 * points), exact, atol=0.005 * 30e6)
+
+
+def test_a_hole_with_pressure_inside(tmp_path):
+    """30 and 15 MPa, 20 MPa inside, at 1 m: stress and displacement as good as without; by theory the wall bears it."""
+    box = {"domain.lower": ["40 m", "40 m"], "domain.upper": ["160 m", "160 m"]}
+    results = run_study("kirsch", tmp_path, {"multilevel": PRESSED}, **box)
+    rock = Rock(results["multilevel"])
+    radial, _, shear = rock.hole.plate.at(rock.hole.radius * AROUND).polar_stress(np.angle(AROUND))
+    np.testing.assert_allclose(radial, -20e6, rtol=1e-9)
+    np.testing.assert_allclose(shear, 0.0, atol=1e-3)
+    assert rock.stress_error(*ring(rock)).max() < 0.008
+    largest = np.abs(rock.hole.plate.at(rock.hole.radius * AROUND).moved).max()
+    assert rock.displacement_error(*ring(rock)) < 0.02 * largest
 
 
 def test_a_wrong_field_has_the_error_it_was_given(coarse):

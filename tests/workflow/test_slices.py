@@ -36,6 +36,21 @@ def test_a_planned_stope_looks_like_one_dated_later(accept):
     }
 
 
+def test_pressure_on_a_wall_stands_in_the_slices_of_the_steps_that_it_acts_in(accept):
+    """One value from the step that mines; a mapping by step; none before, and none where none is given."""
+    one = accept(TINY, **{"excavations.0.pressure": "5 MPa"})
+    assert one.step_slice("2019-08")["excavations"][0]["pressure"] == [[0, 5e6]]
+    assert "pressure" not in one.step_slice("2019-08")["excavations"][1]
+    by_step = accept(TINY, **{"excavations.0.pressure": {"2019-08": "0 MPa", "history": "30 bar"}})
+    assert by_step.step_slice("history")["excavations"][0]["pressure"] == [[0, 3e6]]
+    assert by_step.step_slice("2019-08")["excavations"][0]["pressure"] == [[0, 3e6], [1, 0.0]]
+    late = accept(TINY, **{"excavations.0.step": "2019-08", "excavations.0.pressure": "5 MPa"})
+    assert "pressure" not in late.step_slice("history")["excavations"][0]
+    assert late.grid_slice() == accept(TINY).grid_slice()
+    planned = accept(TINY, **{"excavations.2.pressure": "5 MPa", "excavations.2.fill": "none"})
+    assert "pressure" not in planned.step_slice("2019-08")["excavations"][2]
+
+
 @pytest.mark.parametrize(
     ("key", "value", "same"),
     [

@@ -95,6 +95,19 @@ class InfinitePlate:
         return Field(xx, yy, xy, moved.real, moved.imag)
 
 
+@dataclass(frozen=True)
+class PressedPlate:
+    """A pressure (Pa) inside the hole: `plate` under virgin stress plus that pressure, less the pressure all round."""
+
+    plate: "InfinitePlate | BoxedPlate"
+    pressure: float
+
+    def at(self, points: np.ndarray) -> Field:
+        """Field at points (point,) complex."""
+        field = self.plate.at(points)
+        return Field(field.xx - self.pressure, field.yy - self.pressure, field.xy, field.ux, field.uy)
+
+
 class BoxedPlate:
     """The same hole in the middle of a square box whose faces are fixed, or keep their virgin traction.
 

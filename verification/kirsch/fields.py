@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.spatial import cKDTree
 
-from verification.kirsch.closed_form import BoxedPlate, Field, polar_stress
+from verification.kirsch.closed_form import BoxedPlate, Field, PressedPlate, polar_stress
 from verification.results import Variant
 
 UNCUT = 0.999  # share of a cell that is rock, from which on it counts as whole
@@ -21,7 +21,7 @@ class Hole:
     far_stress: float
     cell: float
     particles_per_cell: int
-    plate: BoxedPlate
+    plate: PressedPlate
 
 
 solved_plate = lru_cache(BoxedPlate)  # most variants share one
@@ -35,8 +35,10 @@ def read_hole(variant: Variant) -> Hole:
     stress = tuple(constant.get(name, 0.0) for name in ("xx", "yy", "xy"))
     shear_modulus = rock["youngs_modulus"] / (2 * (1 + rock["poisson_ratio"]))
     half_width = 0.5 * (values["domain"]["upper"][0] - values["domain"]["lower"][0])
+    pressure = hole.get("pressure", 0.0)
+    pressed = (stress[0] + pressure, stress[1] + pressure, stress[2])
     plate = solved_plate(
-        hole["radius"], stress, shear_modulus, rock["poisson_ratio"], half_width, values["domain"]["boundary"]
+        hole["radius"], pressed, shear_modulus, rock["poisson_ratio"], half_width, values["domain"]["boundary"]
     )
     grid = values["grid"]
     return Hole(
@@ -45,7 +47,7 @@ def read_hole(variant: Variant) -> Hole:
         far_stress=float(np.abs(stress).max()),
         cell=grid["coarse_cell"] / 2 ** (grid["levels"] - 1),
         particles_per_cell=grid["particles_per_cell"],
-        plate=plate,
+        plate=PressedPlate(plate, pressure),
     )
 
 

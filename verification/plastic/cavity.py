@@ -7,6 +7,7 @@ import xarray as xr
 from scipy.spatial import cKDTree
 
 from pipeline.voigt import tensor_from_voigt
+from verification.hoek_brown.closed_form import HoekBrownRock, HoekBrownTunnel
 from verification.plastic.ring import CoulombRock, PlasticRing
 from verification.plastic.sphere import PlasticSphere
 from verification.plastic.tunnel import PlasticTunnel
@@ -20,11 +21,15 @@ def read_pressure(variant: Variant) -> float:
     return -min(variant.values["insitu_stress"]["constant"].values())
 
 
-def plastic_ring(variant: Variant) -> PlasticRing:
+def plastic_ring(variant: Variant) -> PlasticRing | HoekBrownTunnel:
     """The closed form of a variant under all-round stress: a tunnel in plane strain, a sphere in space."""
+    hole, host = variant.values["excavations"][0], variant.values["materials"]["host"]
+    if host["model"] == "hoek_brown":
+        return HoekBrownTunnel(
+            hole["radius"], read_pressure(variant), HoekBrownRock.of(host), hole.get("pressure", 0.0)
+        )
     kind = PlasticTunnel if variant.mine.plane else PlasticSphere
-    radius = variant.values["excavations"][0]["radius"]
-    return kind(radius, read_pressure(variant), CoulombRock.of(variant.values["materials"]["host"]))
+    return kind(hole["radius"], read_pressure(variant), CoulombRock.of(host))
 
 
 class Cavity:

@@ -37,12 +37,12 @@ from typing import Annotated, Any, Union
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Tag
 
-from mpm_core.constitutive.laws import coulomb
+from mpm_core.constitutive.laws import coulomb, hoek_brown, weak_planes
 from mpm_core.constitutive.mixture import mix
 from mpm_core.settings import ElasticMaterial, MaterialSettings
 from pipeline.settings import TAG, Settings, refusal, short
 
-LAWS = (coulomb,)
+LAWS = (coulomb, hoek_brown, weak_planes)
 
 
 def any_material(laws: Iterable[ModuleType]) -> Any:

@@ -1,0 +1,1 @@
+"""A stope beside a fault."""

@@ -1,0 +1,1 @@
+"""Hoek-Brown rock around a tunnel with pressure inside."""

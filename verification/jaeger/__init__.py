@@ -1,0 +1,1 @@
+"""Strength of rock with weak planes against their angle."""
