@@ -33,7 +33,7 @@ from mpm_core.constitutive.returning import return_principal as coulomb_return
 from mpm_core.constitutive.strength import strength_row as coulomb_row
 from pipeline.errors import InputError
 
-from .twins import magnitudes, principal, rotated, rotation_from, stiffness, stresses
+from .twins import components, magnitudes, matrix, principal, rotated, rotation_from, stiffness, stresses
 
 MEGA = 1e6
 ROWS = {
@@ -237,6 +237,37 @@ def test_strength_factor_and_excess_are_those_of_circles(tensor, row):
     beyond = s1 - s3 - max(0.0, room(s1, row))
     if abs(beyond) > 1e-6 * size and s1 < row[APEX]:
         assert (excess_shear_stress(*tensor, row) > 0.0) == (beyond > 0.0)
+
+
+@settings(max_examples=300, deadline=None)
+@given(stresses(), rows())
+def test_overstress_is_what_numpy_makes_of_it(tensor, row):
+    """The check of a configuration and the kernel agree, but for round-off, which the apex makes large."""
+    size = np.abs(tensor).max()
+    allowed = 1e-9 * size + 100.0 * room(row[APEX] - 1e-15 * size, row)
+    assert overstress(*tensor, row) == pytest.approx(hoek_brown.overstress_of_tensor(matrix(tensor), row), abs=allowed)
+
+
+def test_tangent_is_the_slope_of_the_return():
+    """What small strains take off elastic stress, beside central differences of the return of tensors: 1e-4."""
+    lame, shear = lame_parameters(57e9, 0.25)
+    row, random, found, seen = ROWS["dilation"], np.random.default_rng(3), np.zeros((6, 6)), 0
+    for trial in trials(400, 9):
+        tensor = rotated(components(np.diag(trial)), rotation_from(int(random.integers(10**6))))
+        apart = np.diff(trial).max() < -1e-2 * np.abs(trial).max()
+        if not apart or return_principal(*trial, lame, shear, row)[3] != FACE:
+            continue
+        assert hoek_brown.fallen_stiffness(*tensor, lame, shear, row, found)
+        exact = np.zeros((6, 6))
+        for b in range(6):
+            strain = np.zeros(6)
+            strain[b] = 1e-5 * np.abs(trial).max() / shear * (1.0 if b < 3 else 0.5)
+            change = 2.0 * shear * strain + lame * strain[:3].sum() * np.array([1, 1, 1, 0, 0, 0])
+            ends = [np.array(return_to_surface(*(tensor + way * change), lame, shear, row)[:6]) for way in (1, -1)]
+            exact[:, b] = (2.0 * change - (ends[0] - ends[1])) / (2.0 * strain[b] * (1.0 if b < 3 else 2.0))
+        np.testing.assert_allclose(found, exact, rtol=0, atol=1e-4 * shear)
+        seen += 1
+    assert seen > 3
 
 
 def test_excess_shear_stress_of_a_straight_curve_is_ryders():

@@ -71,15 +71,14 @@ def test_rock_is_at_residual_strength_inside_and_at_the_peak_on_the_front(tunnel
 
 @ALL
 def test_strain_that_is_not_elastic_flows_by_the_dilation_angle(tunnel):
-    """Plastic strain (total less Hooke's) is zero outside; inside radial = -N_psi (hoop + axial), both compressive.
-    2e-4 of p / E: Gauss's rule across the kink where axial stress becomes a major one."""
+    """Plastic strain (total less Hooke's) is zero outside; inside radial = -N_psi (hoop + axial), both compressive."""
     r, nu = places(tunnel), tunnel.rock.poisson_ratio
     total = np.array([slope(tunnel.displacement, r), tunnel.displacement(r) / r, 0 * r])
     change = np.array(tunnel.stress(r)) + 30e6
     strain = total - ((1 + nu) * change - nu * change.sum(axis=0)) / tunnel.rock.youngs_modulus
     size, inside = 30e6 / tunnel.rock.youngs_modulus, r < tunnel.plastic_radius
     np.testing.assert_allclose(strain[:, ~inside], 0.0, atol=1e-6 * size)
-    np.testing.assert_allclose(strain[0], -tunnel.rock.dilation * (strain[1] + strain[2]), atol=2e-4 * size)
+    np.testing.assert_allclose(strain[0], -tunnel.rock.dilation * (strain[1] + strain[2]), atol=1e-5 * size)
     assert (strain[1, inside] < 0.0).all()
     assert (strain[2, inside] < 1e-6 * size).all()
 
@@ -104,15 +103,14 @@ def test_enough_pressure_leaves_the_wall_elastic():
 
 def test_tunnel_on_coarse_cells(tmp_path):
     """a/h = 4: plastic radius within a cell, stress and closure within twice the study's bounds; the pressure that the
-    wall needs; nothing fails at 17 MPa."""
+    wall needs, from two rings, within 20 %; at 17 MPa no more than two of a cut cell's small particles fail."""
     coarse = {"grid.levels": 6, "solver.increments": 4, "domain.upper": ["64 m", "64 m"], "grid.coarse_cell": "16 m"}
     results = run_study("hoek_brown", tmp_path, ["perfect", "pressure_8", "pressure_17"], **coarse)
     rows, figure = hoek_brown.answer(results)
     assert figure.axes
-    allowed = {"plastic radius": 1.0, "stress": 0.06, "displacement": 0.10, "coarse": 0.0, "below which": 0.10}
-    for name, bound in (allowed | {"fails": 0.0, "left over": 0.01}).items():
+    allowed = {"plastic radius": 1.0, "stress": 0.06, "displacement": 0.10, "coarse": 0.0, "below which": 0.20}
+    for name, bound in (allowed | {"rock that fails": 0.02, "left over": 0.01}).items():
         chosen = [row for row in rows if name in row.quantity and row.allowed is not None]
         assert chosen, name
         for row in chosen:
-            if name != "fails" or "rock that fails" in row.quantity:
-                assert row.error <= bound, row
+            assert row.error <= bound, row

@@ -25,8 +25,7 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import brentq
 
-POINTS = 40  # of Gauss's rule, for each stretch
-STRETCHES = 20
+POINTS = 60  # of Gauss's rule, on the edge and on the face
 
 
 @dataclass(frozen=True)
@@ -117,6 +116,18 @@ class HoekBrownTunnel:
         hoop = radial + curve.sigma_ci * w**curve.a
         return radial, hoop, np.minimum(self._axial(radial, hoop), hoop)
 
+    @property
+    def edge_radius(self) -> float:
+        """Where axial stress becomes a major one, m: the wall's radius where it never does."""
+
+        def above(r: float) -> float:
+            radial, hoop, _ = self._failed(np.array(r))
+            return float(self._axial(radial, hoop) - hoop)
+
+        if self.plastic_radius == self.radius or above(self.radius) <= 0.0:
+            return self.radius
+        return brentq(above, self.radius, self.plastic_radius, rtol=1e-14)
+
     def _axial(self, radial, hoop):
         return self.pressure + self.rock.poisson_ratio * (radial + hoop - 2 * self.pressure)
 
@@ -137,9 +148,9 @@ class HoekBrownTunnel:
         edge = (self.pressure - self.front_pressure) * front / (2 * self.rock.shear_modulus)
         knots, weights = np.polynomial.legendre.leggauss(POINTS)
         inner = np.minimum(r, front)
+        kink = np.maximum(inner, self.edge_radius)
         driven = np.zeros_like(inner)
-        for part in range(STRETCHES):
-            low, high = (inner + (front - inner) * at / STRETCHES for at in (part, part + 1))
+        for low, high in ((inner, kink), (kink, front)):
             for knot, weight in zip(knots, weights, strict=True):
                 x = 0.5 * (low + high) + 0.5 * (high - low) * knot
                 driven += weight * 0.5 * (high - low) * self._drive(x) * x**m
