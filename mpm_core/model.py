@@ -69,6 +69,10 @@ class Model:
         by_material = np.array([can_fail(material) for material in self.scene.materials.values()])
         return self.particles.is_rock & by_material[self.particles.material]
 
+    def is_brittle(self) -> bool:
+        """Whether some rock loses strength when it fails; if not, it is perfectly plastic."""
+        return not np.array_equal(self.intact_rows, self.residual_rows, equal_nan=True)
+
     def virgin_state(self) -> State:
         """Nothing mined: all changes are zero. Position, cell: the model's own; a scheme that moves them copies."""
         return State.virgin(self.particles, len(self.grid.node_index), len(self.cell_nodes), self.dimension)

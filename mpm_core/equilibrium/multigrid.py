@@ -7,15 +7,15 @@ With failed rock the unbalanced force depends on the displacement through the re
 state in which flow was last counted anew (Body.settle), whatever the way. Its zero is sought by Anderson
 acceleration with the same V-cycle, whose stiffness is elastic at first.
 
-Where much rock flows that is far too stiff. After TANGENT_FROM cycles the V-cycle has the consistent tangent
-(multigrid/tangent.py) of the displacement found so far, made anew every TANGENT_CYCLES; Anderson acceleration goes on
-with it, forgetting what was before, and a step after which the residual has grown is halved. To 1e-5, a tunnel of 12 of
-32 m in failed rock (friction 30 degrees, cohesion 5 MPa, 2-D, no tension cut-off), cycles, in brackets without: 54 (67)
-at 40 cells across, 138 (271) at 80; with associated flow 68 (96) and 129 (more than 400); with a cut-off of zero 125
-(353) and 347 (more than 400). Newton's method proper, GMRES to a tenth of the linear residual and a line search, took
-50 and 87 where a prototype of this took 33 and 55, both from cycle 20 on: its linear residual is not the true one.
-Without dilation and with hardly any cohesion neither finds rest, and explicit steps take over. Such a cycle takes about
-twice the time: in scenes this small there is little gain in seconds.
+Where much rock flows that is far too stiff. After TANGENT_FROM cycles, in perfectly plastic rock earlier, the V-cycle
+has the consistent tangent (multigrid/tangent.py) of the displacement found so far, made anew every TANGENT_CYCLES;
+Anderson acceleration goes on with it, forgetting what was before, and a step after which the residual has grown is
+halved. To 1e-5, a tunnel of 12 of 32 m in failed rock (friction 30 degrees, cohesion 5 MPa, 2-D, no tension cut-off),
+cycles, in brackets without: 54 (67) at 40 cells across, 138 (271) at 80; with associated flow 68 (96) and 129 (more
+than 400); with a cut-off of zero 125 (353) and 347 (more than 400). Newton's method proper, GMRES to a tenth of the
+linear residual and a line search, took 50 and 87 where a prototype of this took 33 and 55, both from cycle 20 on: its
+linear residual is not the true one. Without dilation and with hardly any cohesion neither finds rest, and explicit
+steps take over. Such a cycle takes about twice the time: in scenes this small there is little gain in seconds.
 """
 
 import logging
@@ -49,7 +49,9 @@ WORSE = 10.0  # times the smallest residual so far: forget the way there
 STALL = 16  # cycles without progress: forget, too. In 10 million perfectly plastic cells the steps had shrunk to a
 # hundredth while the residual stayed at 1.07 times the tolerance, 60 cycles long and to the last allowed
 STALLED = 0.97  # of the residual so many cycles ago: no progress
-TANGENT_FROM = 40  # cycles, from which on the V-cycle has the tangent
+TANGENT_FROM = 40  # cycles, from which on the V-cycle has the tangent. Where rock fails brittly most relaxations end
+# before, and from cycle 12 on the demo's first month takes a fifth longer.
+TANGENT_FROM_PLASTIC = 6  # where no rock loses strength: it gains by the tangent from the start
 TANGENT_CYCLES = 8  # with one tangent
 GROWTH = 2.0  # of the residual in a step with the tangent; a step that leads to more is halved
 HALVINGS = 6  # at most
@@ -202,14 +204,15 @@ class MultigridScheme:
         solver.to_rows(self.body.unbalanced, elastic)
         size, _ = balance(free, elastic, force, residual)
         anderson = self._anderson(free)
-        smallest, since, follows, taken_over = ratio, [ratio], TANGENT_FROM, False
+        first = TANGENT_FROM if self.model.is_brittle() else TANGENT_FROM_PLASTIC
+        smallest, since, follows, taken_over = ratio, [ratio], first, False
         try:
             for cycle in range(FLOW_CYCLES):
                 stands = len(since) > STALL and ratio > STALLED * since[-1 - STALL]
                 if cycle == follows or ratio > WORSE * smallest or stands:
                     anderson.forget()
                     smallest, since = ratio, [ratio]
-                    if cycle >= TANGENT_FROM:
+                    if cycle >= first:
                         solver.set_tangents(self.model, self.flow, displacement)
                         follows, taken_over = cycle + TANGENT_CYCLES, True
                 anderson.turn(residual, solver.precondition(residual, size), size, step, not taken_over)

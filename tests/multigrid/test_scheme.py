@@ -88,7 +88,8 @@ def test_plastic_equilibrium_is_that_of_the_explicit_scheme(dimension):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_threads_change_no_bit(dimension, monkeypatch):
     """Elastic solution and flow, with the tangent from the fourth cycle on, on one thread and on two."""
-    monkeypatch.setattr(multigrid, "TANGENT_FROM", 3)
+    for name in ("TANGENT_FROM", "TANGENT_FROM_PLASTIC"):
+        monkeypatch.setattr(multigrid, name, 3)
     before = numba.get_num_threads()
     states = []
     try:
