@@ -1,0 +1,139 @@
+"""Parts of the report by themselves: sums of many, sentences, tables, numbers."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from catalogs.figures import convergence
+from catalogs.report import page as report
+from catalogs.report import record as report_record
+from catalogs.report.inputs import Excavation, read_resources
+from catalogs.report.scene import by_step
+from catalogs.report.text import events_by_step, number
+
+
+def excavation(name: str, step: str, solid: float, drawn: float) -> Excavation:
+    return Excavation(name, step, "none", step, solid, drawn, step == "planned", False)
+
+
+def test_many_excavations_are_summed_by_step_with_the_worst_of_them():
+    """In the order of the list; a solid without volume has no error, and loses nothing of the sums."""
+    rows = by_step(
+        [
+            excavation("a", "history", 10.0, 9.0),
+            excavation("b", "2019-08", 4.0, 5.0),
+            excavation("c", "history", 20.0, 20.2),
+            excavation("d", "planned", 0.0, 0.0),
+        ]
+    )
+    assert [(row["step"], row["count"], row["solid"], row["drawn"]) for row in rows] == [
+        ("history", 2, 30.0, 29.2),
+        ("2019-08", 1, 4.0, 5.0),
+        ("planned", 1, 0.0, 0.0),
+    ]
+    assert [row["worst"] for row in rows] == ["a", "b", "d"]
+    assert [row["error"] for row in rows] == pytest.approx([-0.1, 0.25, np.nan], nan_ok=True)
+    assert [row["planned"] for row in rows] == [False, False, True]
+
+
+def test_many_excavations_with_events_end_with_the_sum_of_the_others(monkeypatch):
+    """No event and no potency is lost."""
+    rows = [
+        {
+            "name": f"drive {n}",
+            "step": "history",
+            "events": n,
+            "potency": 0.1 * n,
+            "potency_share": n / 10,
+            "distance": 2.0,
+        }
+        for n in (1, 4, 2, 3)
+    ]
+    assert report._with_most_potency(rows) == rows
+    monkeypatch.setattr(report, "MANY", 3)
+    monkeypatch.setattr(report, "MOST", 2)
+    *most, others = report._with_most_potency(rows)
+    assert [row["name"] for row in (*most, others)] == ["drive 4", "drive 3", "2 others"]
+    assert others["events"] == 3
+    assert others["potency"] == pytest.approx(0.3)
+    assert others["potency_share"] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (0.0, "0"),
+        (np.nan, "–"),
+        (-1234.5, "−1\u202f234"),
+        (0.01234, "0.0123"),
+        (1.5e-7, "1.50·10⁻⁷"),
+        (-3.2e9, "−3.20·10⁹"),
+    ],
+)
+def test_numbers_read_as_a_person_writes_them(value, expected):
+    assert number(value) == expected
+
+
+def test_iterations_run_on_where_the_counter_starts_anew():
+    restarting = [0, 1, 2, 0, 1, 0, 5]
+    assert list(convergence.running_iteration(np.array(restarting))) == [0, 1, 2, 3, 4, 5, 10]
+    assert list(convergence.running_iteration(np.array([1, 2, 3, 1, 2]))) == [1, 2, 3, 4, 5]
+
+
+def evidence_of(count: int, **attributes) -> SimpleNamespace:
+    """What the report tells of a record by its attributes alone."""
+    return SimpleNamespace(is_twin=False, record=xr.Dataset({"x": ("event", np.zeros(count))}, attrs=attributes))
+
+
+def test_result_says_so_when_all_of_the_record_counts():
+    """And nothing of an outside that there is not; none at all is said, too."""
+    domain = {
+        "filter": "domain",
+        "before": 60,
+        "after": 60,
+        "potency_before": 1.0,
+        "potency_after": 1.0,
+        "farthest": None,
+    }
+    record = evidence_of(60, rows=60, dropped="{}", filter=json.dumps([domain]))
+    assert report_record._account(record) == (
+        "The record holds 60 events. All 60 events in the modelled months lie inside the model's domain and are "
+        "compared."
+    )
+    none = evidence_of(0, rows=60, filter=json.dumps([domain | {"before": 0, "after": 0}]))
+    assert report_record._account(none).endswith("No event lies in the modelled months.")
+
+
+def test_a_member_of_an_ensemble_is_one_row_of_the_resources(tmp_path):
+    """Times add up, the largest peak counts; members in order of their numbers, after the mine's own stages."""
+    for member, stage, seconds, peak in ((10, "a", 1, 5), (2, "steps/a", 3, 7), (2, "events/a", 4, 6)):
+        path = tmp_path / "ensemble" / str(member) / f"{stage}.tsv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"s\tmax_rss\tcpu_time\n{seconds}\t{peak}\t1\n")
+    (tmp_path / "spread.tsv").write_text("s\tmax_rss\tcpu_time\n1\t1\t1\n")
+    rows = read_resources(tmp_path)
+    assert [row["stage"] for row in rows] == ["spread", "ensemble/2, all stages", "ensemble/10, all stages"]
+    assert (rows[1]["s"], rows[1]["max_rss"], rows[1]["cpu_time"]) == (7, 7, 2)
+
+
+def test_resources_of_several_runs_are_averaged_and_gaps_stay_gaps(tmp_path):
+    (tmp_path / "grid.tsv").write_text("s\tmax_rss\n1.0\t-\n3.0\t-\n")
+    (row,) = read_resources(tmp_path)
+    assert row["stage"] == "grid"
+    assert row["s"] == 2.0
+    assert np.isnan(row["max_rss"])
+
+
+def test_events_of_many_steps_are_told_by_those_with_most():
+    """In order of time; of few steps each is told."""
+    counts = [(number % 7 * 10, f"m{number}") for number in range(30)]
+    told = events_by_step(counts)
+    assert told.startswith("most in these, ")
+    entries = told.removeprefix("most in these, ").split(", ")
+    assert len(entries) <= 5
+    assert {entry.split(" in ")[0] for entry in entries} <= {"60", "50"}
+    assert "60 in m6" in entries
+    assert events_by_step(counts[:3]) == "0 in m0, 10 in m1, 20 in m2"
