@@ -165,11 +165,11 @@ class SolverSettings(Settings):
     max_iterations: Many = 40000
     """of one relaxation; more is an error"""
     max_generations: Many = 2000
-    """of brittle failure in one increment; more is an error"""
+    """of brittle failure in one increment; more is a collapse"""
     weakest_first: Annotated[float, Field(ge=0, le=1)] = 0.0
     """0: all rock above strength fails at once; 0.9: only what has 0.9 of the overstress nearby"""
     collapse: Literal["error", "keep"] = "error"
-    """rock that finds no rest after a failure: error | keep (the last state of rest, the last step)"""
+    """rock that finds no rest after a failure, or fails on: error | keep (the last state of rest, the last step)"""
     damping: Annotated[float, Field(ge=0, lt=1)] = 0.7
     """local damping (Cundall), 0.7 to 0.85"""
     density_scaling: bool = True

@@ -24,7 +24,6 @@ from mpm_core.equilibrium.part import Part
 from mpm_core.equilibrium.perturbation import delays
 from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
 from mpm_core.state import State
-from pipeline.errors import InputError
 
 TIGHTER = 4.0  # between two tolerances of the last increment
 
@@ -62,13 +61,13 @@ def fail_next(scheme: Scheme, brittle: Brittle, step: int, history: History, par
     history.failures(len(fresh))
     if not len(fresh):
         return fresh
+    if solver.collapse == "keep":
+        keep_rest(scheme, history)
     if history.generation >= solver.max_generations:
-        raise InputError(
+        raise NoRest(
             f"the cascade of failure has not ended after {solver.max_generations} generations; raise "
             "solver.max_generations, or mine in smaller steps"
         )
-    if solver.collapse == "keep":
-        keep_rest(scheme, history)
     fail(scheme.body, fresh, step, history.increment, history.generation)
     history.generation += 1
     scheme.set_failed()
@@ -125,9 +124,9 @@ def run_cascade(
 
     `save` is called where the whole mine is between two generations; a history that stands within an increment (a saved
     one) goes on from there.
-    Collapse: after rock has failed it finds no rest. That is an error, or (solver.collapse "keep") the last state of
-    rest is the result, at cascade_tolerance, with rock above strength that would fail next.
-    Raises InputError when the cascade has not ended after solver.max_generations.
+    Collapse: after rock has failed it finds no rest, or fails on after solver.max_generations. That is an error
+    (NoRest), or (solver.collapse "keep") the last state of rest is the result, at cascade_tolerance, with rock above
+    strength that would fail next.
     """
     model, solver = scheme.body.model, scheme.body.model.scene.solver
     reference, loose = ramp.reference, max(solver.cascade_tolerance, solver.tolerance)

@@ -112,6 +112,20 @@ def test_a_collapse_is_an_error_or_its_last_rest(tmp_path):
         run("xz", tmp_path, host=COULOMB, force=36e6, steps=2, solver=keep)
 
 
+def test_a_cascade_without_end_is_an_error_or_its_last_rest(tmp_path):
+    """Two generations are asked for, more would follow: kept, the state is at rest with two of them."""
+    few = {"max_generations": 2, "weakest_first": 0.8}
+    with pytest.raises(InputError, match="has not ended after 2 generations"):
+        run("xz", tmp_path, host=HARDLY_SOFTER, force=36e6, steps=1, solver=few)
+    keep = {**few, "collapse": "keep"}
+    state, facts = run("xz", tmp_path, host=HARDLY_SOFTER, force=36e6, steps=1, solver=keep)
+    assert facts["collapsed"] == 1
+    assert facts["unbalanced_ratio"] <= 3e-3
+    failed = state.failed.values >= 0
+    assert set(state.failure_order.values[failed, 1]) == {0, 1}
+    assert (state.strength_factor.values[~failed & (state.volume.values > 0.0)] < 1.0).any()
+
+
 def test_a_cylinder_under_load_comes_to_rest(tmp_path):
     """3-D; its end faces lie in faces of the domain, which are free."""
     state, facts = run(None, tmp_path)
