@@ -5,6 +5,7 @@ import json
 import numpy as np
 import xarray as xr
 
+from mpm_core.constitutive.laws import plane_normals
 from mpm_core.fields import FIELDS, variable
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodes import interpolate
@@ -162,6 +163,8 @@ def state_dataset(
         "scheme": scene.solver.scheme,
         **attributes,
     }
+    if normals := plane_normals(scene.materials):
+        dataset.attrs["plane_normals"] = json.dumps(normals)
     return dataset
 
 

@@ -52,6 +52,9 @@ FIELDS = (
     _field("step", "event", TEXT, "", "name of the mining step; empty in a record"),
 )
 NAMES = tuple(field.name for field in FIELDS)
+ON_PLANES = _field(
+    "on_planes", "event", "f8", "1", "share of the potency that is slip on weak planes; only where rock has some"
+)
 
 
 def event_dataset(values: Mapping[str, NDArray], attributes: Mapping) -> xr.Dataset:
@@ -95,6 +98,8 @@ def check_events(dataset: xr.Dataset, source: str) -> xr.Dataset:
         field.check(dataset, source)
         if field.dtype == TEXT:
             dataset[field.name] = dataset[field.name].astype(TEXT)
+    if ON_PLANES.name in dataset:
+        ON_PLANES.check(dataset, source)
     for dim, size in SIZES.items():
         if dataset.sizes[dim] != size:
             raise InputError(f"{source}: dimension {dim} has length {dataset.sizes[dim]}, not {size}; {REMEDY}")

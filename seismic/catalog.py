@@ -9,7 +9,7 @@ import xarray as xr
 
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
-from pipeline.event_table import NAMES, event_dataset
+from pipeline.event_table import NAMES, ON_PLANES, event_dataset
 from pipeline.voigt import COMPONENTS, voigt_from_tensor
 from seismic.budget import add_budgets
 
@@ -40,9 +40,10 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
     if len(set(names)) < len(names):
         raise InputError(f"catalog: a step appears twice among {', '.join(names)}: give each step once")
 
-    joined = {
-        name: np.concatenate([step[name].values for step in dated or [steps[0].isel(event=[])]]) for name in NAMES
-    }
+    sources = dated or [steps[0].isel(event=[])]
+    planes = ON_PLANES.name in steps[0]
+    names_of = [*NAMES, *([ON_PLANES.name] if planes else [])]
+    joined = {name: np.concatenate([step[name].values for step in sources]) for name in names_of}
     order = np.argsort(joined["time"], kind="stable")  # ties stay in the order of steps, and of events in a step
     values = {name: column[order] for name, column in joined.items()}
 
@@ -56,14 +57,19 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
         "truncated_where": "; ".join(f"{step.attrs['step']}: {step.attrs['truncated_where']}" for step in truncated),
         "budget": json.dumps(add_budgets([json.loads(step.attrs["budget"]) for step in dated])),
     }
-    return event_dataset(values, attributes)
+    on_planes = values.pop(ON_PLANES.name, None)
+    catalog = event_dataset(values, attributes)
+    if planes:
+        catalog[ON_PLANES.name] = (ON_PLANES.dims, on_planes, ON_PLANES.attributes)
+    return catalog
 
 
 def write_csv(catalog: xr.Dataset, path: str | os.PathLike) -> None:
     """Write the catalogue as a plain table, one row per event below one row of column names, atomically.
 
     date, time (UTC, microseconds); x_m, y_m, z_m east, north, up; log10_potency (of m3); moment_n_m; mw;
-    potency_xx_m3 ... potency_xy_m3 (tensor shear, opening positive); step; resolved (0: too few particles).
+    potency_xx_m3 ... potency_xy_m3 (tensor shear, opening positive); step; resolved (0: too few particles);
+    on_planes, where rock has weak planes: share of the potency that is slip on them.
     """
     day = pd.DatetimeIndex(catalog["time"].values)
     table = {"date": day.strftime("%Y-%m-%d"), "time": day.strftime("%H:%M:%S.%f")}
@@ -77,6 +83,8 @@ def write_csv(catalog: xr.Dataset, path: str | os.PathLike) -> None:
     tensor = voigt_from_tensor(catalog["potency_tensor"].values)
     table |= {f"potency_{name}_m3": _text(tensor[:, i], ".9e") for i, name in enumerate(COMPONENTS)}
     table |= {"step": catalog["step"].values, "resolved": catalog["resolved"].values}
+    if ON_PLANES.name in catalog:
+        table[ON_PLANES.name] = _text(catalog[ON_PLANES.name].values, ".4f")
     with atomic_path(path) as temporary:
         pd.DataFrame(table).to_csv(temporary, index=False, lineterminator="\n", encoding="utf-8")
 

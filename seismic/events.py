@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.event_table import event_dataset
+from pipeline.event_table import ON_PLANES, event_dataset
 from pipeline.source_tensors import (
     moment_from_potency,
     moment_magnitude,
@@ -33,6 +33,7 @@ STRAINS = {
 VARIABLES = (*STRAINS.values(), "position", "spacing", "volume", "failed", "failure_order")
 STEP_ATTRIBUTES = ("mine", "step", "step_index", "lame_lambda", "shear_modulus")
 UNDATED = {"start": "", "end": "", "dated": 0}
+ALONG_PLANES = 1e-6  # share of a strain that may deform planes within themselves, and it is still slip along them
 LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")
 
 
@@ -101,7 +102,27 @@ def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Datase
         np.count_nonzero(resolved),
     )
     log_budget(budget)
-    return event_dataset(values, attributes), budget
+    events = event_dataset(values, attributes)
+    if "plane_normals" in step.attrs:
+        slip = weight * slips_on_planes(step, source)
+        share = np.bincount(event, slip, minlength=len(resolved)) / np.bincount(event, weight, minlength=len(resolved))
+        events[ON_PLANES.name] = (ON_PLANES.dims, share, ON_PLANES.attributes)
+    return events, budget
+
+
+def slips_on_planes(step: xr.Dataset, source: NDArray) -> NDArray:
+    """Which particles (k,) of a step slipped on weak planes, (k,) bool: their seismic strain leaves the planes as they
+    are, whatever they do along and across each other."""
+    normals = json.loads(step.attrs["plane_normals"])
+    material, strain = step["material"].values[source], tensor_from_voigt(step["seismic_strain"].values[source])
+    found = np.zeros(len(source), bool)
+    for index, name in enumerate(json.loads(step.attrs["material_names"])):
+        if name in normals:
+            own = np.flatnonzero(material == index)
+            along = np.eye(3) - np.outer(normals[name], normals[name])
+            within = np.linalg.norm(along @ strain[own] @ along, axis=(1, 2))
+            found[own] = within <= ALONG_PLANES * np.linalg.norm(strain[own], axis=(1, 2))
+    return found
 
 
 def dated(step: xr.Dataset, start: str, end: str) -> xr.Dataset:

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from catalogs.report.inputs import Evidence
 from catalogs.sizes import log_potency
+from pipeline.event_table import ON_PLANES
 
 MISSING = "–"
 NAMED = 5  # excavations named in one sentence
@@ -106,6 +107,12 @@ def headline(evidence: Evidence) -> list[str]:
             f"the largest lies at {place} m in step {resolved['step'].values[largest]}. "
         )
     text += f"All events together release {number(potency.sum())} m³ of potency."
+    if ON_PLANES.name in catalog:
+        share = catalog[ON_PLANES.name].values
+        text += (
+            f" {plural(int((share > 0.5).sum()), 'event')} slipped on weak planes, wholly or for the most part: "
+            f"{fixed(100 * float((share * potency).sum() / potency.sum()), 0)} % of all potency."
+        )
     return [text, *_where(evidence)]
 
 

@@ -56,6 +56,24 @@ def test_a_single_particle_is_as_large_as_its_cube(make_step, make_settings):
     assert_allclose(events.source_size, 2 * np.sqrt(4 / 3), rtol=1e-14)
 
 
+def test_events_tell_how_much_of_them_is_slip_on_weak_planes(make_step, make_settings):
+    """A row of three materials: shear xy is slip on planes across x and across y, not across z, and rock without planes
+    has none. Weights 1, 1, 2, 4: the last particle's is none. Without planes anywhere nothing is said."""
+    strain = np.array([SHEAR, SHEAR, 2 * SHEAR, 4 * SHEAR])
+    step = make_step(line([0, 0, 0], 4), strain)
+    assert "on_planes" not in extract_events(step, make_settings())[0]
+    step = step.assign(material=("particle", np.array([0, 1, 1, 2], np.int16)))
+    names = json.dumps(["bedded", "fault", "host"])
+
+    def share(**normals):
+        labelled = step.assign_attrs(material_names=names, plane_normals=json.dumps(normals))
+        return extract_events(labelled, make_settings())[0]["on_planes"].values
+
+    assert_allclose(share(bedded=[1.0, 0.0, 0.0], fault=[0.0, -1.0, 0.0]), [4 / 8])
+    assert_allclose(share(bedded=[1.0, 0.0, 0.0], fault=[0.0, 0.0, 1.0]), [1 / 8])
+    assert_allclose(share(bedded=[0.6, 0.8, 0.0]), [0.0])  # some of it deforms these planes
+
+
 def test_two_mechanisms_at_one_place_are_two_events(make_step, make_settings):
     position = np.repeat(line([0, 0, 0], 5), 2, axis=0)
     strain = np.tile([SHEAR, 0.5 * OPENING], (5, 1))

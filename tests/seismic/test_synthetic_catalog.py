@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from pipeline.datasets import write_dataset
 from pipeline.errors import InputError
-from pipeline.event_table import NAMES, read_events, write_events
+from pipeline.event_table import NAMES, ON_PLANES, read_events, write_events
 from pipeline.provenance import provenance
 from seismic.catalog import merge, write_csv
 from seismic.events import extract_events
@@ -40,6 +40,23 @@ def test_only_dated_steps_by_time(event_steps):
         assert_array_equal(catalog[name].values, expected)
     assert json.loads(catalog.attrs["steps"]) == ["2019-08", "2019-09"]
     assert catalog.attrs["potency_floor"] == max(august.attrs["potency_floor"], september.attrs["potency_floor"])
+
+
+def test_slip_on_planes_stands_in_catalogue_and_table(event_steps, tmp_path):
+    """Where every step tells of it; else neither has the column."""
+    shares = [np.linspace(0.0, 1.0, step.sizes["event"]) for step in event_steps]
+    field = [
+        step.assign(on_planes=("event", share, ON_PLANES.attributes))
+        for step, share in zip(event_steps, shares, strict=True)
+    ]
+    catalog = merge(field)
+    assert_array_equal(catalog["on_planes"].values, np.concatenate([shares[2], shares[0]]))
+    write_events(catalog, tmp_path / "catalog.nc")
+    assert_array_equal(read_events(tmp_path / "catalog.nc")["on_planes"].values, catalog["on_planes"].values)
+    for name, given in (("with", catalog), ("without", merge(event_steps))):
+        write_csv(given, tmp_path / f"{name}.csv")
+    assert_allclose(pd.read_csv(tmp_path / "with.csv")["on_planes"], catalog["on_planes"].values, atol=5e-5)
+    assert "on_planes" not in pd.read_csv(tmp_path / "without.csv")
 
 
 def test_catalog_budget_is_the_sum_of_its_steps(event_steps):

@@ -43,6 +43,10 @@ def variant_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
     share = float(share_within(tensors, normal).max())
     quantity = f"{name}: largest share of an event's potency that is not slip along the planes"
     rows.append(Row(quantity, 0.0, share, share, allowed))
+    on_planes = float(np.concatenate([event["on_planes"].values for event in events]).min())
+    rows.append(
+        Row(f"{name}: least share of an event that its table puts on planes", 1.0, on_planes, 1.0 - on_planes, 0.0)
+    )
     cell = float(variant.grid.attrs["fine_cell"])
     off = float(np.maximum(np.abs((places - middle) @ normal) - half, 0.0).max() / cell)
     rows.append(Row(f"{name}: farthest event outside the fault, cells", 0.0, off, off, 1.0))

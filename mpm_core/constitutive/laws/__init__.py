@@ -20,6 +20,7 @@ one (general.brittle_drop); failed rock returns to the residual one. What a law'
 | excess_shear_stress(*stress, row) | Pa, negative below strength |
 | strength_size(row) | Pa: what a margin above strength is in proportion to |
 | gains_energy(row) | whether flow may gain energy |
+| plane_normal(material) | only where a law has weak planes: their unit normal (3,) in the mine's frame |
 
 Those from surely_admissible on are compiled by numba: scalar, without allocation (but for fallen_stiffness) or
 fastmath; *stress is xx, yy, zz, yz, xz, xy, Pa, tension positive, in the axes of the computation; row is a tuple. For
@@ -88,6 +89,13 @@ def can_fail(material: MaterialSettings | Mapping) -> bool:
 def law_of(material: MaterialSettings) -> ModuleType:
     """The law of a material that can fail."""
     return next(law for law in LAWS if material.model == law.NAME)
+
+
+def plane_normals(materials: Mapping[str, MaterialSettings]) -> dict[str, list[float]]:
+    """Unit normal in the mine's frame of the weak planes of those materials that have some, by name."""
+    weak = {name: material for name, material in materials.items() if can_fail(material)}
+    weak = {name: material for name, material in weak.items() if hasattr(law_of(material), "plane_normal")}
+    return {name: law_of(material).plane_normal(material).tolist() for name, material in weak.items()}
 
 
 def law_of_all(materials: Iterable[MaterialSettings]) -> ModuleType:

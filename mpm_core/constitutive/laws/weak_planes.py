@@ -127,6 +127,11 @@ def strength_rows(material: Material, axes: tuple[int, int, int]) -> tuple[np.nd
     return intact, residual
 
 
+def plane_normal(material: Material) -> np.ndarray:
+    """Unit normal (3,) of the planes in the mine's frame."""
+    return material.planes.normal
+
+
 def cohesion(material: Material) -> float:
     """The smaller one of intact rock and planes, Pa."""
     return min(material.cohesion.intact, material.planes.cohesion.intact)
