@@ -19,6 +19,7 @@ from catalogs.report import page as report
 from catalogs.report.page import write_report
 from catalogs.report.text import between, config_lines, number
 from pipeline.datasets import read_dataset, write_dataset
+from pipeline.event_table import ON_PLANES, read_events, write_events
 
 SMALL = {"coarse": 16.0}  # 4 m in the finest of three levels: about 4,000 cells
 SECTIONS = (
@@ -83,6 +84,18 @@ def test_headline_counts_the_events_of_the_catalogue(page, mine):
     step = list(read_dataset(mine.catalog)["step"].values)
     expected = f"150 events in 2 dated steps: {step.count('2019-08')} in 2019-08, {step.count('2019-09')} in 2019-09."
     assert expected in page.sections["headline"]
+
+
+def test_headline_tells_of_events_on_weak_planes(page, mine, tmp_path):
+    """Half of the events slipped on planes wholly, the others not at all; without planes not a word."""
+    catalog = read_events(mine.catalog)
+    share = np.arange(150) % 2.0
+    write_events(catalog.assign(on_planes=("event", share, ON_PLANES.attributes)), tmp_path / "catalog.nc")
+    potency = catalog["potency"].values
+    percent = 100 * potency[1::2].sum() / potency.sum()
+    expected = f"75 events slipped on weak planes, wholly or for the most part: {percent:.0f} %"
+    assert expected in make_page(mine, tmp_path, catalog=tmp_path / "catalog.nc").sections["headline"]
+    assert "weak planes" not in page.sections["headline"]
 
 
 def test_numbers_of_the_datasets_reach_the_page(page, mine):
