@@ -15,7 +15,7 @@ def use_threads(threads: int) -> None:
 
 @contextmanager
 def threads_for(cells: int) -> Iterator[None]:
-    """One thread while kernels go over few cells. No result depends on it (see multigrid.families, kernels.blocks)."""
+    """One thread while kernels go over few cells. No result depends on it (see multigrid.siblings, kernels.blocks)."""
     before = numba.get_num_threads()
     if before == 1 or cells > FEW_CELLS:
         yield

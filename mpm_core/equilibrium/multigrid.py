@@ -258,7 +258,7 @@ class MultigridScheme:
     def _flow_forces(self) -> FlowForces:
         """Of the rock that has failed by now."""
         if self.flow is None:
-            self.flow = FlowForces(self.model, self.solver.finest.families, self.body.volume)
+            self.flow = FlowForces(self.model, self.solver.finest.siblings, self.body.volume)
             self.flow.take_in(self.body.flowing)
         return self.flow
 

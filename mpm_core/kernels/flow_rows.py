@@ -1,4 +1,4 @@
-"""What failed rock no longer carries, on the rows of the elastic operator (multigrid.families).
+"""What failed rock no longer carries, on the rows of the elastic operator (multigrid.siblings).
 
 While equilibrium is sought, stress is thought to change elastically everywhere, as the operator has it. Failed rock
 returns to its residual surface: what its stress changes less is a force that elastic rock would have had.

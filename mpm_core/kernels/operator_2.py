@@ -1,6 +1,6 @@
-"""The elastic operator in plane strain: forces K u of families of four sibling cells, eight families at a time.
+"""The elastic operator in plane strain: forces K u of groups of four sibling cells, eight groups at a time.
 
-As operator_3.py with 9 nodes per family; per cell with modal sums a
+As operator_3.py with 9 nodes per group; per cell with modal sums a
 
     linear      f_x = (l (a_x,x + a_y,y) + 2 m a_x,x ; m (a_y,x + a_x,y))    and so on
     quadratic   f_xy = p a_xy        p = s (l + 3 m) + g
@@ -14,16 +14,16 @@ from numba import njit, prange
 from mpm_core.simd.lanes import LANES as W
 from mpm_core.simd.lanes import add_to_points_2, gather_points_2, load, store
 
-NODES = 9  # of a family, place x + 3 y
+NODES = 9  # of a group, place x + 3 y
 ROWS = 24  # of the scratch: sums along y by layer, x, component, then differences
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def apply_families_2(batch_start, row_start, places, constants, values, forces):
-    """Forces K u of all families, on the rows of their own blocks: `forces`, written.
+def apply_siblings_2(batch_start, row_start, places, constants, values, forces):
+    """Forces K u of all groups, on the rows of their own blocks: `forces`, written.
 
-    batch_start, row_start (block + 1,), places (batch * 9 * LANES,) int32: see multigrid.families; constants
-    (batch * 4 * 4 * LANES,): l, m, g (N/m2) and s above, by cell of the family; values, forces (row * 2,): displacement
+    batch_start, row_start (block + 1,), places (batch * 9 * LANES,) int32: see multigrid.siblings; constants
+    (batch * 4 * 4 * LANES,): l, m, g (N/m2) and s above, by cell of the group; values, forces (row * 2,): displacement
     and force of each row. float64 or float32 throughout. Copies of a node hold their own part of the force.
     """
     for block in prange(len(batch_start) - 1):

@@ -1,6 +1,6 @@
-"""The elastic operator in 3-D: forces K u of families of eight sibling cells, eight families at a time.
+"""The elastic operator in 3-D: forces K u of groups of eight sibling cells, eight groups at a time.
 
-The cells of a family share 27 nodes. Sums and differences of neighbouring nodes along z, then y, then x give the modes
+The cells of a group share 27 nodes. Sums and differences of neighbouring nodes along z, then y, then x give the modes
 of all eight cells (kernels/modes.py) with a third of the additions and reads that cell by cell would take. Per cell
 with modal sums a of the displacement (mode: product of local coordinates; component: x, y, z) the modal forces are
 
@@ -20,7 +20,7 @@ from numba import njit, prange
 from mpm_core.simd.lanes import LANES as W
 from mpm_core.simd.lanes import add_to_points_3, gather_points_3, load, prefetch, store
 
-NODES = 27  # of a family, place x + 3 y + 9 z
+NODES = 27  # of a group, place x + 3 y + 9 z
 Y = 144  # first row of the half of the scratch that holds sums along z and y; forces use them the other way round
 ROWS = 288
 
@@ -168,11 +168,11 @@ def _undo_along_z(work, places, start, forces):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def apply_families_3(batch_start, row_start, places, constants, values, forces):
-    """Forces K u of all families, on the rows of their own blocks: `forces`, written.
+def apply_siblings_3(batch_start, row_start, places, constants, values, forces):
+    """Forces K u of all groups, on the rows of their own blocks: `forces`, written.
 
-    batch_start, row_start (block + 1,), places (batch * 27 * LANES,) int32: see multigrid.families; constants
-    (batch * 8 * 4 * LANES,): l, m, g (N/m) and s above, by cell of the family; values, forces (row * 4,): displacement
+    batch_start, row_start (block + 1,), places (batch * 27 * LANES,) int32: see multigrid.siblings; constants
+    (batch * 8 * 4 * LANES,): l, m, g (N/m) and s above, by cell of the group; values, forces (row * 4,): displacement
     and force of each row. float64 or float32 throughout. Copies of a node hold their own part of the force.
     """
     for block in prange(len(batch_start) - 1):

@@ -18,7 +18,7 @@ def make_spread(width: int):
 
     @njit(parallel=True, error_model="numpy", cache=True)
     def spread_to_copies(copies, copy_start, parents, values):
-        """Copies take the mean of their parents: values (row * width,), in place; see multigrid.families."""
+        """Copies take the mean of their parents: values (row * width,), in place; see multigrid.siblings."""
         for copy in prange(len(copies)):
             first, last = copy_start[copy], copy_start[copy + 1]
             weight = values.dtype.type(1.0 / (last - first))
@@ -60,7 +60,7 @@ def make_restrict(width: int):
     def restrict(row_node, link_start, links, fine_weights, fine, coarse):
         """Coarse rows take what the finer level holds, by the transpose of `prolong`: coarse (row * width,), written.
 
-        row_node (coarse row,): see multigrid.families; links: rows of the finer level; fine_weights (fine row,).
+        row_node (coarse row,): see multigrid.siblings; links: rows of the finer level; fine_weights (fine row,).
         """
         last = len(links) - 1
         for row in prange(len(row_node)):
@@ -86,7 +86,7 @@ def make_prolong(width: int):
     def prolong(row_node, parent_start, parents, inverse_diagonal, coarse, step, solution):
         """Step of the finer level = mean of each row's coarse parents, 0 where D^-1 is 0; added to the solution.
 
-        row_node (fine row,): see multigrid.families; parents: coarse rows. Hanging nodes have none; D^-1 is 0 there.
+        row_node (fine row,): see multigrid.siblings; parents: coarse rows. Hanging nodes have none; D^-1 is 0 there.
         """
         for row in prange(len(row_node)):
             here = row * width

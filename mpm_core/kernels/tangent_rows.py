@@ -1,4 +1,4 @@
-"""The tangent of rock that flows, on the rows of the elastic operator (multigrid.families): what it lacks in stiffness.
+"""The tangent of rock that flows, on the rows of the elastic operator (multigrid.siblings): what it lacks in stiffness.
 
 A particle's matrix (6, 6) takes engineering strain to the stress that flow takes off the elastic one, in units of the
 operator: strain is that of modal sums (kernels.modes) without their factor, stress that of modal forces.

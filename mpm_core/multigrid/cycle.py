@@ -144,7 +144,7 @@ class Cycle:
             self._move(bodies, level)
             self._update_residual(level)
         RESTRICT[dimension](
-            coarse.families.row_node, transfer.link_start, transfer.links, transfer.fine_weights,
+            coarse.siblings.row_node, transfer.link_start, transfer.links, transfer.fine_weights,
             level.residual, coarse.residual,
         )  # fmt: skip
         coarse.operator.collect(coarse.residual)
@@ -152,7 +152,7 @@ class Cycle:
         self.run(index + 1)
         coarse.operator.spread(coarse.solution)
         PROLONG[dimension](
-            level.families.row_node, transfer.parent_start, transfer.parents, level.inverse_diagonal,
+            level.siblings.row_node, transfer.parent_start, transfer.parents, level.inverse_diagonal,
             coarse.solution, level.step, level.solution,
         )  # fmt: skip
         if bodies:

@@ -7,7 +7,7 @@ from numba import parallel_chunksize
 
 from mpm_core.kernels.flow_rows import make_add_flow_forces, total_stresses
 from mpm_core.model import Model
-from mpm_core.multigrid.families import Families
+from mpm_core.multigrid.siblings import Siblings
 from mpm_core.simd.lanes import LANES
 from mpm_core.state import State
 
@@ -18,25 +18,25 @@ class FlowForces:
     By failed particle (k,), in order of the operator's blocks: see kernels.flow_rows.
     """
 
-    def __init__(self, model: Model, families: Families, volume: np.ndarray):
+    def __init__(self, model: Model, siblings: Siblings, volume: np.ndarray):
         """volume (particle,) m3."""
-        self.model, self.families, self.volume = model, families, volume
+        self.model, self.siblings, self.volume = model, siblings, volume
         self.particles = self.block = self.order = np.empty(0, np.int64)
         self.corner_rows = np.empty((0, 1 << model.dimension), np.int32)
         self.slope, self.table_row = np.empty(0), np.empty(0, np.int64)
 
     def take_in(self, particles: np.ndarray) -> None:
         """Rock that has failed besides: indices, ascending. The order of entries is that of all taken in at once."""
-        tables, families, corners = self.model.particles, self.families, 1 << self.model.dimension
+        tables, siblings, corners = self.model.particles, self.siblings, 1 << self.model.dimension
         cell = tables.cell[particles]
-        batch = families.cell_place[cell] // (corners * LANES)
-        block = np.searchsorted(families.batch_start, batch, side="right") - 1
+        batch = siblings.cell_place[cell] // (corners * LANES)
+        block = np.searchsorted(siblings.batch_start, batch, side="right") - 1
         group = np.searchsorted(tables.group_start, particles, side="right") - 1
         more = {
             "order": block * tables.count + particles,
             "particles": particles,
             "block": block,
-            "corner_rows": families.corner_rows(cell),
+            "corner_rows": siblings.corner_rows(cell),
             "slope": 2.0 / corners / self.model.grid.cell_size[cell],
             "table_row": tables.group_table[group] + particles - tables.group_start[group],
         }
@@ -44,7 +44,7 @@ class FlowForces:
         places = np.searchsorted(self.order, more["order"][ascending])
         for name, values in more.items():
             setattr(self, name, np.insert(getattr(self, name), places, values[ascending], axis=0))
-        self.block_start = np.searchsorted(self.block, np.arange(len(families.batch_start)))
+        self.block_start = np.searchsorted(self.block, np.arange(len(siblings.batch_start)))
         self.carried, self.trial_stress = np.empty((2, len(self.particles), 6))
 
     def begin(self, state: State, take_back_flow: Callable[[], None]) -> None:

@@ -152,7 +152,7 @@ class Hierarchy:
         for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
             width = fine.grid.cell_width.astype(float) ** (coarse.grid.dimension - 2)
             fine.transfer = build_transfer(
-                fine.grid, fine.families, coarse.grid, coarse.families, fine.coarse_of_cell,
+                fine.grid, fine.siblings, coarse.grid, coarse.siblings, fine.coarse_of_cell,
                 constants[:, 1] if most == np.inf else np.minimum(constants[:, 1], most * width),
             )  # fmt: skip
             parts = np.bincount(fine.coarse_of_cell, filled[:, 1])

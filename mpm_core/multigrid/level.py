@@ -3,18 +3,18 @@
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.kernels.operator_2 import apply_families_2
-from mpm_core.kernels.operator_3 import apply_families_3
+from mpm_core.kernels.operator_2 import apply_siblings_2
+from mpm_core.kernels.operator_3 import apply_siblings_3
 from mpm_core.kernels.operator_cells import add_row_sums, apply_cells
 from mpm_core.kernels.operator_rows import COLLECT, SPREAD
 from mpm_core.multigrid.coarsening import LevelGrid
-from mpm_core.multigrid.families import Families, build_families
+from mpm_core.multigrid.siblings import Siblings, build_siblings
 from mpm_core.multigrid.stiffness import ElasticCells
 from mpm_core.multigrid.tangent_entries import Tangents
 from mpm_core.multigrid.transfer import Transfer
 from mpm_core.simd.lanes import LANES, POINT_WIDTH
 
-APPLY = {2: apply_families_2, 3: apply_families_3}
+APPLY = {2: apply_siblings_2, 3: apply_siblings_3}
 
 
 @njit(parallel=True, cache=True)
@@ -84,40 +84,40 @@ def _invert(node_row, node_parents, held, sums, inverse_diagonal):
 class Operator:
     """C^T K C of a level in one precision, on flat nodal arrays of its rows."""
 
-    def __init__(self, families: Families, dimension: int, precision):
-        self.families, self.dimension, self.precision = families, dimension, precision
+    def __init__(self, siblings: Siblings, dimension: int, precision):
+        self.siblings, self.dimension, self.precision = siblings, dimension, precision
         self.width = POINT_WIDTH[dimension]
-        self.places = families.places.reshape(-1)
-        self.constants = np.zeros((len(families.places) << dimension, 4, LANES), precision)
-        self.block_cells = np.zeros(len(families.row_start), np.int64)
+        self.places = siblings.places.reshape(-1)
+        self.constants = np.zeros((len(siblings.places) << dimension, 4, LANES), precision)
+        self.block_cells = np.zeros(len(siblings.row_start), np.int64)
         self.cell_rows = np.empty((0, 1 << dimension), np.int32)
         self.stiffness = np.empty((0, dimension << dimension, dimension << dimension), precision)
         self.tangents: Tangents | None = None  # of rock that flows: the operator is then that of flow
 
     def set_constants(self, constants: np.ndarray) -> None:
         """Take over l, m, g and s of each cell, (cell, 4)."""
-        _place_constants(self.families.cell_place, constants, self.constants)
+        _place_constants(self.siblings.cell_place, constants, self.constants)
 
     def set_cells(self, cells: ElasticCells) -> None:
         """Take over constants, and the matrices of irregular cells."""
-        families, corners = self.families, 1 << self.dimension
+        siblings, corners = self.siblings, 1 << self.dimension
         self.set_constants(cells.constants)
-        place = families.cell_place[cells.irregular]
+        place = siblings.cell_place[cells.irregular]
         slot = place // LANES
         self.constants[slot, :, place % LANES] = 0.0
         order = np.argsort(slot, kind="stable")
-        self.cell_rows = families.corner_rows(cells.irregular[order])
-        self.block_cells = np.searchsorted(slot[order] // corners, families.batch_start)
+        self.cell_rows = siblings.corner_rows(cells.irregular[order])
+        self.block_cells = np.searchsorted(slot[order] // corners, siblings.batch_start)
         self.stiffness = cells.stiffness[order].astype(self.precision)
 
     def set_hourglass(self, cells: np.ndarray, constants: np.ndarray) -> None:
         """Take over g (k,) of some cells (k,), regular ones."""
-        place = self.families.cell_place[cells]
+        place = self.siblings.cell_place[cells]
         self.constants[place // LANES, 2, place % LANES] = constants
 
     def in_double_precision(self) -> "Operator":
         """The same operator in float64."""
-        other = Operator(self.families, self.dimension, np.float64)
+        other = Operator(self.siblings, self.dimension, np.float64)
         other.constants[:] = self.constants
         other.block_cells, other.cell_rows = self.block_cells, self.cell_rows
         other.stiffness = self.stiffness.astype(np.float64)
@@ -126,21 +126,21 @@ class Operator:
 
     def zeros(self) -> np.ndarray:
         """A nodal array of zeros."""
-        return np.zeros(self.families.rows * self.width, self.precision)
+        return np.zeros(self.siblings.rows * self.width, self.precision)
 
     def spread(self, values: np.ndarray) -> None:
         """Fill in the copies, hanging nodes included."""
-        f = self.families
+        f = self.siblings
         SPREAD[self.dimension](f.copies, f.copy_start, f.parents, values)
 
     def collect(self, values: np.ndarray) -> None:
         """Add what copies hold to the nodes that they stand for; the copies' own values are then meaningless."""
-        f = self.families
+        f = self.siblings
         COLLECT[self.dimension](f.targets, f.target_start, f.sources, f.source_weights, values)
 
     def apply(self, values: np.ndarray, forces: np.ndarray) -> None:
         """forces = C^T K C values; the copies of `values` are filled in, those of `forces` are meaningless."""
-        f = self.families
+        f = self.siblings
         self.spread(values)
         APPLY[self.dimension](f.batch_start, f.row_start, self.places, self.constants.reshape(-1), values, forces)
         if len(self.stiffness):
@@ -151,7 +151,7 @@ class Operator:
 
     def sum_stiffness(self, sums: np.ndarray) -> None:
         """Sums over the cells at each node that `_invert` needs: sums (row * 4,) float32, written."""
-        f = self.families
+        f = self.siblings
         _sum_at_corners(f.batch_start, f.row_start, f.places, self.constants, sums)
         add_row_sums(self.block_cells, self.cell_rows, self.stiffness, sums)
         COLLECT[3](f.targets, f.target_start, f.sources, f.source_weights, sums)  # rows of four, as in 3-D
@@ -166,14 +166,14 @@ class Level:
 
     def __init__(self, grid: LevelGrid, held: np.ndarray):
         self.grid, self.held = grid, held
-        self.families = build_families(grid.cell_index, grid.cell_width, grid.cell_nodes, grid.node_parents)
+        self.siblings = build_siblings(grid.cell_index, grid.cell_width, grid.cell_nodes, grid.node_parents)
         self._make_arrays(np.float32)
         self.transfer: Transfer | None = None
         self.coarse_of_cell: np.ndarray | None = None
         self.kept: np.ndarray | None = None
 
     def _make_arrays(self, precision) -> None:
-        self.operator = Operator(self.families, self.grid.dimension, precision)
+        self.operator = Operator(self.siblings, self.grid.dimension, precision)
         self.residual, self.solution, self.step, self.change = (self.operator.zeros() for _ in range(4))
         self.inverse_diagonal = self.operator.zeros()
 
@@ -189,7 +189,7 @@ class Level:
 
     def set_diagonal(self) -> None:
         """D^-1 by element, from the operator's constants; 0 on copies, where held and where nothing is attached."""
-        size = 4 * self.families.rows  # in 3-D that of a work array: memory that a cycle needs anyway
+        size = 4 * self.siblings.rows  # in 3-D that of a work array: memory that a cycle needs anyway
         sums = self.change if size == len(self.change) else np.empty(size, self.operator.precision)
         self.operator.sum_stiffness(sums)
-        _invert(self.families.node_row, self.grid.node_parents, self.held, sums, self.inverse_diagonal)
+        _invert(self.siblings.node_row, self.grid.node_parents, self.held, sums, self.inverse_diagonal)

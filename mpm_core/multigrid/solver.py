@@ -36,7 +36,7 @@ class Solution:
 class ElasticSolver:
     """Solves C^T K C u = f on a multi-level grid with held nodes.
 
-    Vectors between its methods are flat nodal arrays of rows (multigrid.families), float64.
+    Vectors between its methods are flat nodal arrays of rows (multigrid.siblings), float64.
     """
 
     def __init__(self, grid: MultiLevelGrid, cell_nodes: np.ndarray, held: np.ndarray):
@@ -44,7 +44,7 @@ class ElasticSolver:
         self.grid = grid
         self.hierarchy = Hierarchy(grid, cell_nodes, held)
         self.finest = self.hierarchy.levels[0]
-        self.operator = Operator(self.finest.families, grid.dimension, np.float64)
+        self.operator = Operator(self.finest.siblings, grid.dimension, np.float64)
         self.rigid: list[np.ndarray] = []
 
     def set_stiffness(self, cells: ElasticCells, hourglass: float, free: RigidMotions | None = None) -> None:
@@ -72,13 +72,13 @@ class ElasticSolver:
         rows: the array to write, a new one without it.
         """
         rows = self.operator.zeros() if rows is None else rows
-        take_from_nodes(self.finest.families.row_node, self.finest.inverse_diagonal, self.operator.width, values, rows)
+        take_from_nodes(self.finest.siblings.row_node, self.finest.inverse_diagonal, self.operator.width, values, rows)
         return rows
 
     def to_nodes(self, rows: np.ndarray, values: np.ndarray) -> None:
         """Write values at nodes (node, d), hanging ones too, from a flat array, whose copies are filled in."""
         self.operator.spread(rows)
-        give_to_nodes(self.finest.families.node_row, self.operator.width, rows, values)
+        give_to_nodes(self.finest.siblings.node_row, self.operator.width, rows, values)
 
     def precondition(self, residual: np.ndarray, size: float) -> np.ndarray:
         """One V-cycle: the solution (float32, an array of the finest level) times `size` approximates A^-1 residual.

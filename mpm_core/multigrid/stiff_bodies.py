@@ -104,13 +104,13 @@ class StiffBodies:
         self.stiff = np.flatnonzero(self.relative > STIFF)
         self.hanging = grid.node_parents[:, 0] >= 0
         self.free = finest.inverse_diagonal[
-            finest.families.node_row[:, None] * finest.operator.width + np.arange(self.dimension)
+            finest.siblings.node_row[:, None] * finest.operator.width + np.arange(self.dimension)
         ] != 0.0  # fmt: skip
         self.touched = self._touched(cells)
         motions = self._motions()
         moved = np.flatnonzero(np.diff(motions.indptr))
         node, component = moved // self.dimension, moved % self.dimension
-        self.elements = finest.families.node_row[node].astype(np.int64) * finest.operator.width + component
+        self.elements = finest.siblings.node_row[node].astype(np.int64) * finest.operator.width + component
         self.motions = motions[moved]
         self.transposed = self.motions.T.tocsr()
         self.blas = ThreadpoolController()

@@ -46,13 +46,13 @@ def set_tangents(levels: list[Level], model: Model, flow: FlowForces, values: np
     """Take the tangents at displacement `values` over on all levels, finest first."""
     corners = 1 << model.dimension
     cells, shapes, matrices = measure(model, flow, values)
-    levels[0].operator.tangents = pack(levels[0].families, cells, shapes, matrices, levels[0].operator.precision)
+    levels[0].operator.tangents = pack(levels[0].siblings, cells, shapes, matrices, levels[0].operator.precision)
     for fine, coarse in pairwise(levels):
         cells, matrices = merge(fine.coarse_of_cell[cells], matrices)
         matrices *= fine.kept[cells, None]
         centre = np.zeros((len(cells), corners))
         centre[:, 0] = 1.0
-        coarse.operator.tangents = pack(coarse.families, cells, centre, matrices, coarse.operator.precision)
+        coarse.operator.tangents = pack(coarse.siblings, cells, centre, matrices, coarse.operator.precision)
 
 
 def drop_tangents(levels: list[Level]) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpm_core.kernels.tangent_rows import TAKE_TANGENTS_OFF
-from mpm_core.multigrid.families import Families
+from mpm_core.multigrid.siblings import Siblings
 from mpm_core.simd.lanes import LANES
 
 
@@ -32,21 +32,21 @@ class Tangents:
 
 
 def pack(
-    families: Families, cells: np.ndarray, shapes: np.ndarray, matrices: np.ndarray, precision=np.float32
+    siblings: Siblings, cells: np.ndarray, shapes: np.ndarray, matrices: np.ndarray, precision=np.float32
 ) -> Tangents:
     """Tangents of entries in any order: cells (k,), shapes (k, 2^d) modes at their places, matrices (k, 36)."""
     corners = shapes.shape[1]
-    block = np.searchsorted(families.batch_start, families.cell_place[cells] // (corners * LANES), side="right") - 1
+    block = np.searchsorted(siblings.batch_start, siblings.cell_place[cells] // (corners * LANES), side="right") - 1
     order = np.argsort(block, kind="stable")
     block = block[order]
-    counts = np.bincount(block, minlength=len(families.batch_start) - 1)
+    counts = np.bincount(block, minlength=len(siblings.batch_start) - 1)
     batches = -(-counts // LANES)
     batch_start = np.append(0, np.cumsum(batches))
     rank = np.arange(len(block)) - np.append(0, np.cumsum(counts))[block]
     batch, lane = batch_start[block] + rank // LANES, rank % LANES
     places = np.empty((batch_start[-1], corners, LANES), np.int32)
-    places[:] = np.repeat(families.row_start[:-1], batches)[:, None, None]  # rows that hold nothing
-    places[batch, :, lane] = families.corner_rows(cells[order])
+    places[:] = np.repeat(siblings.row_start[:-1], batches)[:, None, None]  # rows that hold nothing
+    places[batch, :, lane] = siblings.corner_rows(cells[order])
     packed = []
     for values in (shapes, matrices):
         lanes = np.zeros((batch_start[-1], values.shape[1], LANES), precision)

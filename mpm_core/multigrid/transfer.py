@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit, prange
 
 from mpm_core.multigrid.coarsening import LevelGrid
-from mpm_core.multigrid.families import Families
+from mpm_core.multigrid.siblings import Siblings
 
 VOID = 0.1  # of the stiffest cell near by: a cell with less is void
 SHARES = (0.5 ** np.bitwise_count(np.arange(8))).astype(np.float32)
@@ -135,9 +135,9 @@ class Transfer:
 
 def build_transfer(
     fine: LevelGrid,
-    fine_families: Families,
+    fine_siblings: Siblings,
     coarse: LevelGrid,
-    coarse_families: Families,
+    coarse_siblings: Siblings,
     coarse_of_cell: np.ndarray,
     shear: np.ndarray,
 ) -> Transfer:
@@ -155,7 +155,7 @@ def build_transfer(
     parents = np.empty(parent_start[-1], np.int32)
     _link_parents(home, upper, between, parent_start, coarse_of_cell, coarse.cell_nodes, parents)
     link_start, links = np.zeros(len(coarse.node_parents) + 1, np.int32), np.empty(len(parents), np.int32)
-    _transpose(parent_start, parents, fine_families.node_row, coarse_families.node_row, link_start, links)
-    weights = np.zeros(fine_families.rows, np.float32)
-    weights[fine_families.node_row] = SHARES[between]
+    _transpose(parent_start, parents, fine_siblings.node_row, coarse_siblings.node_row, link_start, links)
+    weights = np.zeros(fine_siblings.rows, np.float32)
+    weights[fine_siblings.node_row] = SHARES[between]
     return Transfer(parent_start, parents, link_start, links, weights)

@@ -8,7 +8,7 @@ set up in a third of an elastic solution (see also tests.benchmarks.setup). Medi
 Roofline: a kernel that does F operations on B bytes from memory takes at least F over the processor's speed and B over
 the memory's. Both are measured here by plain loops on as many threads. `of memory` and `of arithmetic` are what the
 kernel reaches of either; the larger one is its bound. Where both are small it is neither: latency, or instructions that
-only move numbers (gathering the rows of eight families, see simd/lanes.py).
+only move numbers (gathering the rows of eight groups, see simd/lanes.py).
 """
 
 import argparse
@@ -155,16 +155,16 @@ def yielding_particles(count: int):
 
 def flowing_rock(solver, cell_size, count: int):
     """Forces of failed rock, about `count` cells of one particle whose stress is above their strength throughout."""
-    families, generator = solver.finest.families, np.random.default_rng(3)
-    place = families.cell_place
+    siblings, generator = solver.finest.siblings, np.random.default_rng(3)
+    place = siblings.cell_place
     cells = np.argsort(place, kind="stable")[:: max(1, len(place) // count)]
     batch = place[cells] // (8 * LANES)
     trial = generator.normal(0.0, 3e6, (len(cells), 6)) - [90e6, 25e6, 20e6, 0, 0, 0]
     values, forces = (solver.operator.zeros() for _ in range(2))
     arguments = (
-        np.searchsorted(batch, families.batch_start),
+        np.searchsorted(batch, siblings.batch_start),
         np.arange(len(cells)),
-        families.corner_rows(cells),
+        siblings.corner_rows(cells),
         0.25 / cell_size[cells],
         np.zeros(len(cells), np.int64),
         np.eye(1, 8),

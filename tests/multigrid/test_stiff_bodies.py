@@ -129,7 +129,7 @@ def test_stress_in_a_stiff_cylinder_is_eshelbys(ratio, shear):
     far = place * ([1.0, -1.0] if shear else [1.0, 1.0])
     far[np.isin(np.arange(len(place)), grid.vtk_nodes[inside])] = 0.0  # the body unstrained: no forces in it
     motion, forces = solver.operator.zeros(), solver.operator.zeros()
-    rows = solver.finest.families.node_row[:, None] * solver.operator.width + np.arange(2)
+    rows = solver.finest.siblings.node_row[:, None] * solver.operator.width + np.arange(2)
     motion[rows] = far
     solver.operator.apply(motion, forces)
     pull = np.empty_like(far)

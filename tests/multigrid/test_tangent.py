@@ -59,10 +59,10 @@ def test_all_levels_store_the_energy_of_a_linear_motion(dimension):
     strain, energies = random.normal(size=(dimension, dimension)), []
     for level in levels:
         operator, grid = level.operator, level.grid
-        tangents = pack(level.families, cells, centre[: len(cells)], matrices)
+        tangents = pack(level.siblings, cells, centre[: len(cells)], matrices)
         values, forces = operator.zeros(), operator.zeros()
         rows = values.reshape(-1, operator.width)
-        rows[level.families.node_row, :dimension] = grid.node_index @ strain * (16.0 / grid.extent[0])
+        rows[level.siblings.node_row, :dimension] = grid.node_index @ strain * (16.0 / grid.extent[0])
         operator.spread(values)
         tangents.take_off(values, forces)
         energies.append(np.sum(values.astype(float) * forces))

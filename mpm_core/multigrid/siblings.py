@@ -1,12 +1,12 @@
-"""How the cells of one grid level lie in memory for the elastic operator: families, batches, blocks and rows.
+"""How the cells of one grid level lie in memory for the elastic operator: groups, batches, blocks and rows.
 
-A *family* is the 2^d sibling cells of one parent, which share 3^d nodes; siblings that are split are missing from it.
-LANES families side by side are a *batch*, a run of batches is a *block*. A nodal array has *rows* of its own for every
+A *group* is the 2^d sibling cells of one parent, which share 3^d nodes; siblings that are split are missing from it.
+LANES groups side by side are a *batch*, a run of batches is a *block*. A nodal array has *rows* of its own for every
 block, so blocks never write to the same place and the result does not depend on the number of threads::
 
     block 0:  none | nodes in order of first touch ...     block 1:  none | nodes ...
 
-The first row of a block stands for nodes that a family lacks; it holds nothing. A node in several blocks has a row in
+The first row of a block stands for nodes that a group lacks; it holds nothing. A node in several blocks has a row in
 each: the first is its own, the others are *copies*. A hanging node is a copy in every block. Copies take their value
 from the rows of their parents (its own row, or those of the 2 or 4 parents of a hanging node) before the operator is
 applied, and give them their part of the force afterwards: C and C^T in one, in a fixed order.
@@ -19,12 +19,12 @@ from numba import njit, prange
 
 from mpm_core.simd.lanes import LANES
 
-FAMILIES_PER_BLOCK = (64, 4096)  # fewest and most: large blocks have few copies, many blocks keep all threads busy
-BLOCKS = 32  # wanted if families per block allow
+GROUPS_PER_BLOCK = (64, 4096)  # fewest and most: large blocks have few copies, many blocks keep all threads busy
+BLOCKS = 32  # wanted if groups per block allow
 
 
 @dataclass(frozen=True)
-class Families:
+class Siblings:
     """Layout of one level. Rows are numbered through all blocks.
 
     batch_start, row_start (block + 1,) int64; places (batch, 3^d, LANES) int32 row of each node; cell_place (cell,)
@@ -66,10 +66,10 @@ class Families:
 
 
 @njit(cache=True)
-def _gather_families(cell_index, cell_width):
-    """(families, family of each cell, place of each cell in it). Cells in Morton order; siblings meet in one family."""
+def _gather_groups(cell_index, cell_width):
+    """(groups, group of each cell, place of each cell in it). Cells in Morton order; siblings meet in one group."""
     cells, dimension = cell_index.shape
-    family = np.empty(cells, np.int32)
+    group = np.empty(cells, np.int32)
     place = np.empty(cells, np.int8)
     parent = np.full((32, dimension), -1, np.int64)  # the latest by level: Morton order visits a parent's cells at once
     latest = np.empty(32, np.int32)
@@ -88,17 +88,17 @@ def _gather_families(cell_index, cell_width):
         if not same:
             latest[level] = count
             count += 1
-        family[cell] = latest[level]
+        group[cell] = latest[level]
         place[cell] = child
-    return count, family, place
+    return count, group, place
 
 
 @njit(cache=True)
-def _family_nodes(families, family, place, cell_nodes):
-    """(family, 3^d) int32: nodes at place x + 3 y + 9 z, -1 where no cell of the family has a corner."""
+def _group_nodes(groups, group, place, cell_nodes):
+    """(group, 3^d) int32: nodes at place x + 3 y + 9 z, -1 where no cell of the group has a corner."""
     cells, corners = cell_nodes.shape
     dimension = 2 if corners == 4 else 3
-    nodes = np.full((families, 3**dimension), -1, np.int32)
+    nodes = np.full((groups, 3**dimension), -1, np.int32)
     for cell in range(cells):
         for corner in range(corners):
             position = 0
@@ -106,21 +106,21 @@ def _family_nodes(families, family, place, cell_nodes):
             for axis in range(dimension):
                 position += step * (((place[cell] >> axis) & 1) + ((corner >> axis) & 1))
                 step *= 3
-            nodes[family[cell], position] = cell_nodes[cell, corner]
+            nodes[group[cell], position] = cell_nodes[cell, corner]
     return nodes
 
 
 @njit(cache=True)
-def _number_rows(block_start, family_nodes, nodes, lanes):
+def _number_rows(block_start, group_nodes, nodes, lanes):
     """Rows by first touch, block by block: (row_start, places, row_node, node_row)."""
     blocks = len(block_start) - 1
-    width = family_nodes.shape[1]
+    width = group_nodes.shape[1]
     batches = 0
     for block in range(blocks):
         batches += (block_start[block + 1] - block_start[block] + lanes - 1) // lanes
     row_start = np.zeros(blocks + 1, np.int64)
     places = np.empty((batches, width, lanes), np.int32)
-    row_node = np.empty(blocks + family_nodes.size, np.int32)
+    row_node = np.empty(blocks + group_nodes.size, np.int32)
     node_row = np.full(nodes, -1, np.int32)
     seen_in = np.full(nodes, -1, np.int32)
     row_of = np.empty(nodes, np.int32)
@@ -134,7 +134,7 @@ def _number_rows(block_start, family_nodes, nodes, lanes):
         for begin in range(first, last, lanes):
             for lane in range(lanes):
                 for position in range(width):
-                    node = family_nodes[begin + lane, position] if begin + lane < last else -1
+                    node = group_nodes[begin + lane, position] if begin + lane < last else -1
                     if node < 0:
                         places[batch, position, lane] = nothing
                         continue
@@ -152,10 +152,10 @@ def _number_rows(block_start, family_nodes, nodes, lanes):
 
 
 @njit(parallel=True, cache=True)
-def _place_cells(family, place, families_per_block, batch_start, corners, lanes, cell_place):
+def _place_cells(group, place, groups_per_block, batch_start, corners, lanes, cell_place):
     """Places of cells among (batch, 2^d, LANES): cell_place (cell,), written."""
-    for cell in prange(len(family)):
-        block, rank = divmod(family[cell], families_per_block)
+    for cell in prange(len(group)):
+        block, rank = divmod(group[cell], groups_per_block)
         batch = batch_start[block] + rank // lanes
         cell_place[cell] = (batch * corners + place[cell]) * lanes + rank % lanes
 
@@ -220,24 +220,24 @@ def _list_copies(row_node, node_row, node_parents):
     return copy, copy_start, parents, targets, target_start, sources, weights
 
 
-def build_families(cell_index, cell_width, cell_nodes, node_parents) -> Families:
+def build_siblings(cell_index, cell_width, cell_nodes, node_parents) -> Siblings:
     """Layout of a level whose cells are in Morton order.
 
     cell_index (cell, d) lower corners and cell_width (cell,) powers of two, in any common unit that divides both;
     cell_nodes (cell, 2^d) in bit order; node_parents (node, 2^(d-1)) with -1 padding.
     """
-    families, family, place = _gather_families(cell_index, cell_width)
-    fewest, most = FAMILIES_PER_BLOCK
-    per_block = min(max(-(-families // BLOCKS), fewest), most)
+    groups, group, place = _gather_groups(cell_index, cell_width)
+    fewest, most = GROUPS_PER_BLOCK
+    per_block = min(max(-(-groups // BLOCKS), fewest), most)
     per_block = -(-per_block // LANES) * LANES
-    block_start = np.append(np.arange(0, families, per_block), families)
-    family_nodes = _family_nodes(families, family, place, cell_nodes)
-    row_start, places, row_node, node_row = _number_rows(block_start, family_nodes, len(node_parents), LANES)
+    block_start = np.append(np.arange(0, groups, per_block), groups)
+    group_nodes = _group_nodes(groups, group, place, cell_nodes)
+    row_start, places, row_node, node_row = _number_rows(block_start, group_nodes, len(node_parents), LANES)
     batches = -(-np.diff(block_start) // LANES)
     batch_start = np.append(0, np.cumsum(batches)).astype(np.int64)
-    cell_place = np.empty(len(family), np.int32)
-    _place_cells(family, place, per_block, batch_start, cell_nodes.shape[1], LANES, cell_place)
-    return Families(
+    cell_place = np.empty(len(group), np.int32)
+    _place_cells(group, place, per_block, batch_start, cell_nodes.shape[1], LANES, cell_place)
+    return Siblings(
         batch_start,
         row_start,
         places,
