@@ -30,6 +30,14 @@ def run(mine: Mine, grid: xr.Dataset, tmp_path) -> list[xr.Dataset]:
     return states
 
 
+def test_pressure_on_walls_follows_the_steps_of_the_draft():
+    """History's steps keep their own; of all later ones, which come together, the last counts."""
+    later = {"excavations.0.pressure": {"2019-09": "1 MPa", "history": "5 MPa", "2019-08": "2 MPa"}}
+    draft = draft_of(mine_of(ALONE, **later, steps=[*TINY["steps"], NEXT_STEP]))
+    assert draft.mined_steps == ["draft-0", "draft-1"]
+    assert draft.step_slice("draft-1")["excavations"][0]["pressure"] == [[0, 5e6], [1, 1e6]]
+
+
 def test_the_draft_is_two_levels_coarser_and_mines_everything():
     mine = mine_of(ALONE, **{"grid.levels": 4})
     draft = draft_of(mine)
