@@ -30,7 +30,7 @@ def elastic(arguments: argparse.Namespace) -> None:
 
 
 def step(arguments: argparse.Namespace) -> None:
-    """Coulomb equilibrium after this mining step"""
+    """Equilibrium of rock that fails after this mining step"""
     _solve(arguments)
 
 

@@ -18,7 +18,7 @@ from mpm_core.constitutive.general import strength_of
 from mpm_core.constitutive.regions import ELASTIC
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", inline="always")
 def flow_at_residual(return_to_surface, particle, lame_lambda, shear_modulus, row, insitu, stress, later_strain):
     """Return a failed particle's stress to its residual surface; the elastic strain it gives up is plastic, aseismic.
 

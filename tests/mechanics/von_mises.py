@@ -1,6 +1,7 @@
 """A law of failure that only tests know: von Mises, associated, with a residual yield stress. No cut-off.
 
-Its kernels are compiled by numba with those of the package, which find it as a module.
+Its kernels are compiled by numba with those of the package, which find it as a module. The folder of compiled kernels
+knows the package's sources only: after a change here remove .numba_cache.
 """
 
 import math

@@ -22,7 +22,7 @@ rule elastic:
 
 
 rule mining_step:
-    """Coulomb equilibrium after one mining step, from the state of the step before.
+    """Equilibrium of rock that fails after one mining step, from the state of the step before.
 
     Before the events of steps that are done: those take one core, so that steps on all cores would wait beside an idle one.
     """
