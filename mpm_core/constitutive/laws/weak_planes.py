@@ -44,6 +44,7 @@ NX, NY, NZ, COHESION, FRICTION, DILATION, TENSION, CORNER = range(ROCK_LENGTH, R
 SLIP, OPENING, BOTH = range(5, 8)
 """where a return ended, beside the regions of the rock alone: on the plane in shear, in tension, on plane and rock"""
 MOST_ROUNDS = 60
+MOST_TURNS = 8  # of rock and plane, for what is above strength by round-off; and of all that again. One is usual
 CLOSE = 1e-14  # of the stress: traction that two rounds differ by
 STEP = 1e-7  # of the stress: between two returns
 
@@ -282,12 +283,8 @@ def _slip_beside_rock(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_mod
 
 
 @njit(cache=True, error_model="numpy")
-def return_to_surface(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
-    """Plastic return of an elastic trial stress: (xx, yy, zz, yz, xz, xy, region), Pa: rock, plane, or both.
-
-    The rock's return alone, if the plane bears it; else the plane's alone, if the rock bears that; else both act. An
-    admissible stress comes back bit for bit with region ELASTIC; so does a returned one.
-    """
+def _return_once(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
+    """`return_to_surface` to round-off of the trial stress, which may be much for the stress that is left."""
     rock = _rock(row)
     txx, tyy, tzz, tyz, txz, txy, region = coulomb.return_to_surface(
         xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, rock
@@ -302,7 +299,7 @@ def return_to_surface(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
         region = BOTH
         gx, gy, gz = _slip_beside_rock(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row)
         txx, tyy, tzz, tyz, txz, txy = _relieved(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row)
-    for _ in range(MOST_ROUNDS):  # twice at most but where round-off is large beside strength
+    for _ in range(MOST_TURNS):
         txx, tyy, tzz, tyz, txz, txy, more = coulomb.return_to_surface(
             txx, tyy, tzz, tyz, txz, txy, lame_lambda, shear_modulus, rock
         )
@@ -314,6 +311,25 @@ def return_to_surface(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
         txx, tyy, tzz, tyz, txz, txy = _relieved(
             txx, tyy, tzz, tyz, txz, txy, gx, gy, gz, lame_lambda, shear_modulus, row
         )
+    return txx, tyy, tzz, tyz, txz, txy, region
+
+
+@njit(cache=True, error_model="numpy")
+def return_to_surface(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
+    """Plastic return of an elastic trial stress: (xx, yy, zz, yz, xz, xy, region), Pa: rock, plane, or both.
+
+    The rock's return alone, if the plane bears it; else the plane's alone, if the rock bears that; else both act. An
+    admissible stress comes back bit for bit with region ELASTIC; so does a returned one.
+    """
+    txx, tyy, tzz, tyz, txz, txy, region = _return_once(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row)
+    if region == ELASTIC:
+        return txx, tyy, tzz, tyz, txz, txy, region
+    for _ in range(MOST_TURNS):
+        txx, tyy, tzz, tyz, txz, txy, more = _return_once(txx, tyy, tzz, tyz, txz, txy, lame_lambda, shear_modulus, row)
+        if more == ELASTIC:
+            break
+        if more != region:
+            region = BOTH
     return txx, tyy, tzz, tyz, txz, txy, region
 
 
