@@ -42,11 +42,11 @@ def main(arguments: list[str] | None = None) -> None:
 def events(chosen: argparse.Namespace) -> None:
     """Events of one mining step."""
     # here: the catalogue need not wait for numba and scikit-learn, nor be made again when they are used otherwise
-    from seismic.events import VARIABLES, extract_events
+    from seismic.events import OF_PLANES, VARIABLES, extract_events
 
     log_compilation()
     settings = read_slice(chosen.settings)
-    step = read_dataset(chosen.step, VARIABLES)
+    step = read_dataset(chosen.step, (*VARIABLES, *OF_PLANES))
     try:
         dataset, _ = extract_events(step, settings)
     except InputError as error:

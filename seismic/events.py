@@ -31,6 +31,7 @@ STRAINS = {
     "plastic": "plastic_strain_step",
 }
 VARIABLES = (*STRAINS.values(), "position", "spacing", "volume", "failed", "failure_order")
+OF_PLANES = ("material",)  # what else is needed where rock has weak planes
 STEP_ATTRIBUTES = ("mine", "step", "step_index", "lame_lambda", "shear_modulus")
 UNDATED = {"start": "", "end": "", "dated": 0}
 ALONG_PLANES = 1e-6  # share of a strain that may deform planes within themselves, and it is still slip along them

@@ -154,11 +154,18 @@ def told(done) -> list[str]:
     return [line for line in done.stderr.splitlines() if "; log: " not in line and "compiling" not in line]
 
 
-def test_command_lines_end_to_end(make_scattered_step, make_settings, tmp_path):
-    """events, then catalog; the same bytes as from the functions in this process; the budget in the log."""
+@pytest.mark.parametrize("planes", [False, True])
+def test_command_lines_end_to_end(planes, make_scattered_step, make_settings, tmp_path):
+    """events, then catalog; the same bytes as from the functions in this process; the budget in the log. Rock with weak
+    planes, too."""
+    step = make_scattered_step(2, 150, **AUGUST)
+    if planes:
+        step = step.assign(material=("particle", np.arange(step.sizes["particle"], dtype=np.int16) % 2)).assign_attrs(
+            material_names=json.dumps(["fault", "host"]), plane_normals=json.dumps({"fault": [0.0, 0.0, 1.0]})
+        )
     (tmp_path / "slice.json").write_text(json.dumps(make_settings()))
     settings = str(tmp_path / "slice.json")
-    write_dataset(make_scattered_step(2, 150, **AUGUST), tmp_path / "step.nc")
+    write_dataset(step, tmp_path / "step.nc")
     done = run_seismic(
         *("events", "--step", str(tmp_path / "step.nc"), "--settings", settings),
         *("--output", str(tmp_path / "events.nc"), "--log", str(tmp_path / "events.log")),
@@ -172,14 +179,16 @@ def test_command_lines_end_to_end(make_scattered_step, make_settings, tmp_path):
     )
     assert (done.returncode, len(told(done))) == (0, 1), done.stderr
 
-    events, _ = extract_events(make_scattered_step(2, 150, **AUGUST), make_settings())
+    events, _ = extract_events(step, make_settings())
     made = provenance(make_settings(), "seismic events")
     write_events(events.assign_attrs(made), tmp_path / "here_events.nc")
     catalog = merge([read_events(tmp_path / "here_events.nc")])
     made = provenance(make_settings(), "seismic catalog")
     write_events(catalog.assign_attrs(made), tmp_path / "here_catalog.nc")
     write_csv(catalog, tmp_path / "here_catalog.csv")
-    assert len(pd.read_csv(tmp_path / "catalog.csv")) == events.sizes["event"]
+    table = pd.read_csv(tmp_path / "catalog.csv")
+    assert len(table) == events.sizes["event"]
+    assert ("on_planes" in table) == planes
     for name in ("events.nc", "catalog.nc", "catalog.csv"):
         assert (tmp_path / name).read_bytes() == (tmp_path / f"here_{name}").read_bytes()
 
