@@ -58,7 +58,10 @@ def random_holes(random, dimension):
     for _ in range(3):
         lower = random.uniform(-2.0, 12.0, dimension)
         boxes.append(box(lower, lower + random.uniform(3.0, 7.0, dimension)))
-    inside = lambda x: np.any([one(x) for one in boxes], axis=0)  # noqa: E731
+
+    def inside(x):
+        return np.any([one(x) for one in boxes], axis=0)
+
     return inside, lambda x: inside(x) & holes[tuple(np.moveaxis((x / edge).astype(int) % 24, -1, 0))]
 
 

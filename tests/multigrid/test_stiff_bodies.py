@@ -60,11 +60,14 @@ def test_cycles_do_not_grow_with_stiffness(dimension, kind):
 def test_blocks_of_nodes_where_single_ones_are_too_many(kind, monkeypatch):
     """Larger bodies: a block of nodes moves as one, still within the bound."""
     grid, stiff = bodies_2_or_3(kind, 3)
-    monkeypatch.setattr(stiff_bodies, "MOST_ENTRIES", 150_000)
+    monkeypatch.setattr(stiff_bodies, "MOST_ENTRIES", 30_000)
+    tried, dissect = [], stiff_bodies.dissect
+    monkeypatch.setattr(stiff_bodies, "dissect", lambda *of: tried.append(len(of[1])) or dissect(*of))
     for ratio in (1e2, 1e8):
         solution = solve(grid, cells_of(grid, np.where(stiff, ratio * MODULUS, MODULUS)))
         assert solution.ratio <= 1e-6
         assert solution.iterations <= 25, ratio
+    assert tried[-1] < 0.3 * tried[0]  # blocks, after single nodes
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 777.0])
