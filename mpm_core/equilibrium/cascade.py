@@ -23,9 +23,11 @@ from mpm_core.equilibrium.convergence import History, NoRest
 from mpm_core.equilibrium.part import Part
 from mpm_core.equilibrium.perturbation import delays
 from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
+from mpm_core.model import Model
 from mpm_core.state import State
 
 TIGHTER = 4.0  # between two tolerances of the last increment
+PLASTIC_TOLERANCE = 0.05  # between generations where no rock loses strength: yield is led by the load, not by a drop
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,18 @@ def relax_and_fail(
         save(scheme.body.state, history)
 
 
+def loose_tolerance(model: Model) -> float:
+    """Unbalanced force over the reference at which the next generation is looked for.
+
+    Where no rock loses strength nothing drops when it is found to yield: it only flows on from there. At rest before
+    it does, an increment has first to be solved as if its rock were elastic, far above strength.
+    """
+    solver = model.scene.solver
+    given = max(solver.cascade_tolerance, solver.tolerance)
+    plastic = model.can_fail().any() and not model.is_brittle() and solver.collapse != "keep"
+    return max(given, PLASTIC_TOLERANCE) if plastic else given
+
+
 def run_cascade(
     scheme: Scheme,
     brittle: Brittle,
@@ -129,7 +143,7 @@ def run_cascade(
     strength that would fail next.
     """
     model, solver = scheme.body.model, scheme.body.model.scene.solver
-    reference, loose = ramp.reference, max(solver.cascade_tolerance, solver.tolerance)
+    reference, loose = ramp.reference, loose_tolerance(model)
     delay = delays(model.scene, step)
 
     def load_at(increment: int) -> np.ndarray:
