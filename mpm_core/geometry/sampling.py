@@ -9,7 +9,7 @@ from mpm_core.geometry.crossing import TOLERANCE
 NUDGE = TOLERANCE * np.array([1.0, 0.8191725, 0.6710436])
 
 # A sub-cell's point along one axis, in 8ths (16ths) of the sub-cell, by the sub-cell's place along the other axes. The
-# best of the mirror-symmetric patterns of this form by the error of a half-space's share; in 2-D, bit reversal.
+# best of the point-symmetric patterns of this form by the error of a half-space's share; in 2-D, bit reversal.
 PLACES_2D = np.array([0, 4, 2, 6, 1, 5, 3, 7])
 PLACES_3D = 4 * np.array([2, 0, 3, 1])[:, None] + np.array([0, 2, 1, 3])
 
@@ -20,7 +20,8 @@ def sample_points(dimension: int) -> np.ndarray:
     One point per sub-cell, moved within it so that along each axis all 64 points are at different, evenly spaced places
     (multi-jittered sampling, Chiu et al. 1994). A flat wall moving through the cell then meets one point after the
     other, where sub-cell centres would come in whole layers: the share beside an axis-parallel wall is good to 1 %
-    instead of 8 %, beside a wall at 45 degrees to 1.4 instead of 4.3 %. The pattern is its own mirror image.
+    instead of 8 %, beside a wall at 45 degrees to 1.4 instead of 4.3 %. The pattern is symmetric about the centre of the cell, but not its
+    own image in a mirror: mirrored openings are sampled alike only to these figures (1/64 or 2/64 of a cell).
     """
     if dimension == 2:
         i, j = np.meshgrid(np.arange(8), np.arange(8), indexing="ij")

@@ -53,10 +53,10 @@ def made_up(potency: float, sizes=(), failed=(True, False)) -> Run:
 @given(st.lists(st.tuples(st.floats(1.0, 9.0), st.floats(1.0, 9.0)), min_size=3, max_size=9))
 def test_means_are_apart_by_what_students_tests_say(pairs):
     """Welch's statistic for independent runs, that of paired differences for their standard error."""
-    explicit, other = np.array(pairs).T + np.arange(len(pairs)) ** 2 * [[1.0], [1.1]]
-    means = schemes.Means(explicit, other)
-    np.testing.assert_allclose(means.apart, abs(ttest_ind(other, explicit, equal_var=False).statistic), rtol=1e-7)
-    paired = ttest_rel(other, explicit).statistic
+    first, other = np.array(pairs).T + np.arange(len(pairs)) ** 2 * [[1.0], [1.1]]
+    means = schemes.Means(first, other)
+    np.testing.assert_allclose(means.apart, abs(ttest_ind(other, first, equal_var=False).statistic), rtol=1e-7)
+    paired = ttest_rel(other, first).statistic
     if np.isfinite(paired) and abs(paired) < 1e6:
         np.testing.assert_allclose(means.difference, paired * means.pair_error, rtol=1e-6, atol=1e-12)
 

@@ -23,20 +23,20 @@ QUANTITIES = {  # of a run: name, and by which short name the mean of the pairs'
 
 @dataclass(frozen=True)
 class Means:
-    """A quantity of the runs (run,) of two schemes: their means, and how well these are known."""
+    """A quantity of the runs (run,) of two variants: their means, and how well these are known."""
 
-    explicit: np.ndarray
+    first: np.ndarray
     other: np.ndarray
 
     @property
     def difference(self) -> float:
-        """Mean of the other scheme less that of the explicit one."""
-        return float(self.other.mean() - self.explicit.mean())
+        """Mean of the other variant less that of the first."""
+        return float(self.other.mean() - self.first.mean())
 
     @property
     def error(self) -> float:
         """Standard error of the difference, runs taken as independent samples: sqrt(s1^2 / n1 + s2^2 / n2)."""
-        return float(np.sqrt(sum(runs.var(ddof=1) / len(runs) for runs in (self.explicit, self.other))))
+        return float(np.sqrt(sum(runs.var(ddof=1) / len(runs) for runs in (self.first, self.other))))
 
     @property
     def apart(self) -> float:
@@ -48,7 +48,7 @@ class Means:
     @property
     def pair_error(self) -> float:
         """Standard error of the mean difference of pairs."""
-        pairs = self.other - self.explicit
+        pairs = self.other - self.first
         return float(pairs.std(ddof=1) / np.sqrt(len(pairs)))
 
 
@@ -109,19 +109,21 @@ def brittle_rows(scene: str, pairs: Pairs, allowed: dict[str, float]) -> list[Ro
             rows.append(Row(f"{what}, mean", np.nan, np.nan, np.nan, None, pairs.why_no_b))
             continue
         means = Means(*pairs.values(quantity))
-        explicit = float(means.explicit.mean())
-        spread = " and ".join(f"{runs.std(ddof=1):.2g}" for runs in (means.explicit, means.other))
+        mean = float(means.first.mean())
+        spread = " and ".join(f"{runs.std(ddof=1):.2g}" for runs in (means.first, means.other))
         remark = (
             f"standard deviation of runs {spread}, standard error {means.error:.2g}; "
             f"pairs differ by {means.difference:.2g} ± {means.pair_error:.2g}"
         )
         by = allowed["standard_errors"]
         compared = f"means of {pairs.count} runs, {' and '.join(pairs.runs)}, apart in standard errors"
-        rows.append(Row(f"{what}, {compared}", explicit, explicit + means.difference, means.apart, by, remark))
-        if bound:
-            share = means.difference / explicit
+        rows.append(Row(f"{what}, {compared}", mean, mean + means.difference, means.apart, by, remark))
+        if bound and pairs.same_scene:
+            share = means.difference / mean
             compared = "mean difference of pairs, share of the mean"
             rows.append(Row(f"{what}, {compared}", 0.0, share, abs(share), allowed[bound]))
+    if not pairs.same_scene:
+        return rows
     taken = " and ".join(f"{np.mean([run.iterations for run in runs]):.0f}" for runs in pairs.runs.values())
     quantity = f"{scene}, brittle: pairs in which the very same rock fails"
     alike, count = pairs.alike, pairs.count

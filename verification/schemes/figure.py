@@ -57,9 +57,9 @@ def convergence(axes: Axes, scene: str, schemes: dict[str, Variant]) -> None:
 
 
 def compare(axes: Axes, quantity: str, pairs: Pairs) -> None:
-    """Runs of both schemes, those of a pair joined; beside them mean and standard error."""
+    """Runs of both variants, those of a pair joined; beside them mean and standard error."""
     axes.set(xlim=(-0.5, 1.5), ylabel=LABELS[quantity])
-    axes.set_xticks([0, 1], list(pairs.runs))
+    axes.set_xticks([0, 1], [name.replace("_", "\n") for name in pairs.runs])
     if quantity == "b" and not pairs.has_b:
         axes.set_yticks([])
         axes.text(0.5, 0.5, "too few events", transform=axes.transAxes, ha="center", color=style.OUTLINE)
@@ -69,7 +69,7 @@ def compare(axes: Axes, quantity: str, pairs: Pairs) -> None:
         axes.yaxis.set_major_locator(MaxNLocator(nbins="auto", integer=True))
     axes.plot([0, 1], both, color=style.BEFORE_RECORD, linewidth=0.7, zorder=1)
     for place, side, scheme, values in zip((0, 1), (-1, 1), pairs.runs, both, strict=True):
-        look = {"color": COLOURS[scheme], "zorder": 2}
+        look = {"color": COLOURS.get(scheme, style.MODELLED), "zorder": 2}
         axes.plot(np.full(len(values), place), values, "o", markersize=3.5, **look)
         error = values.std(ddof=1) / np.sqrt(len(values))
         axes.errorbar(place + side * ASIDE, values.mean(), error, fmt="D", markersize=4.5, capsize=4.0, **look)

@@ -50,7 +50,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Pairs:
-    """The same runs with two schemes, in the same order: runs by the scheme's name, explicit first."""
+    """The same runs of two variants, in the same order: runs by name of the scheme, explicit first, or of the variant."""
 
     runs: dict[str, list[Run]]
 
@@ -61,15 +61,15 @@ class Pairs:
 
     def b_values(self) -> dict[str, list[BValue]]:
         """b of log potency of each run, of its resolved events from the cut on; NaN of fewer than LEAST_EVENTS."""
-        return {scheme: [estimate_b(run.sizes, self.cut) for run in runs] for scheme, runs in self.runs.items()}
+        return {name: [estimate_b(run.sizes, self.cut) for run in runs] for name, runs in self.runs.items()}
 
     def values(self, quantity: str) -> tuple[np.ndarray, np.ndarray]:
-        """potency, failed_volume, events or b of the runs (run,) of both schemes."""
+        """potency, failed_volume, events or b of the runs (run,) of both."""
         if quantity == "b":
-            explicit, other = ([value.b for value in values] for values in self.b_values().values())
+            first, other = ([value.b for value in values] for values in self.b_values().values())
         else:
-            explicit, other = ([getattr(run, quantity) for run in runs] for runs in self.runs.values())
-        return np.array(explicit, float), np.array(other, float)
+            first, other = ([getattr(run, quantity) for run in runs] for runs in self.runs.values())
+        return np.array(first, float), np.array(other, float)
 
     @property
     def has_b(self) -> bool:
@@ -84,8 +84,13 @@ class Pairs:
 
     @property
     def count(self) -> int:
-        """Number of runs of each scheme."""
+        """Number of runs of each variant."""
         return min(len(runs) for runs in self.runs.values())
+
+    @property
+    def same_scene(self) -> bool:
+        """Whether the runs differ by their scheme alone: pairs share all else, and particles can be compared."""
+        return set(self.runs) == {"explicit", "multigrid"}
 
     @property
     def alike(self) -> int:
@@ -94,8 +99,10 @@ class Pairs:
 
 
 def read_pairs(variants: tuple[Variant, Variant], increments: list[int]) -> Pairs:
-    """The runs of two variants, that differ by their scheme alone."""
-    return Pairs({variant.values["solver"]["scheme"]: list(read_runs(variant, increments)) for variant in variants})
+    """The runs of two variants, that differ by their scheme alone, or, with one scheme, by a mirror."""
+    schemes = [variant.values["solver"]["scheme"] for variant in variants]
+    names = schemes if schemes[0] != schemes[1] else [variant.mine.name.partition("-")[2] for variant in variants]
+    return Pairs({name: list(read_runs(variant, increments)) for name, variant in zip(names, variants, strict=True)})
 
 
 def read_runs(variant: Variant, increments: list[int]) -> Iterator[Run]:
