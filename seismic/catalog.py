@@ -14,7 +14,10 @@ from pipeline.voigt import COMPONENTS, voigt_from_tensor
 from seismic.budget import add_budgets
 
 # What the steps of one catalogue must share, with a plain name for the user.
-SHARED = ("mine", "kind", "lame_lambda", "shear_modulus", "seismic_fraction", "closeness", "cluster", "frame")
+SHARED = (
+    *("mine", "kind", "lame_lambda", "shear_modulus", "frame"),
+    *("seismic_fraction", "method", "closeness", "least_particles", "cluster"),
+)
 
 
 def merge(steps: list[xr.Dataset]) -> xr.Dataset:
@@ -55,6 +58,7 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
         "truncated": int(bool(truncated)),
         "truncated_share": float(max((step.attrs["truncated_share"] for step in dated), default=0.0)),
         "truncated_where": "; ".join(f"{step.attrs['step']}: {step.attrs['truncated_where']}" for step in truncated),
+        "unlike_potency": float(sum(step.attrs["unlike_potency"] for step in dated)),
         "budget": json.dumps(add_budgets([json.loads(step.attrs["budget"]) for step in dated])),
     }
     on_planes = values.pop(ON_PLANES.name, None)

@@ -21,7 +21,8 @@ from pipeline.source_tensors import (
 from pipeline.voigt import tensor_from_voigt
 from seismic.budget import log_budget, potency_budget
 from seismic.clusters import find_clusters
-from seismic.families import find_families
+from seismic.families import closeness, find_families
+from seismic.regions import find_regions
 from seismic.settings import EventSettings
 
 STRAINS = {
@@ -73,9 +74,9 @@ def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Datase
     position = np.asarray(step["position"].values, dtype=np.float64)[source]
     spacing = np.asarray(step["spacing"].values, dtype=np.float64)[source]
 
-    family, leader = find_families(potency, chosen.closeness)
-    label, resolved = find_clusters(position, spacing, family, chosen.cluster)
-    rank = _rank_events(step["failure_order"].values[source], label, len(resolved))
+    order = step["failure_order"].values[source]
+    label, resolved = find_events(position, spacing, potency, order, chosen)
+    rank = _rank_events(order, label, len(resolved))
     event, resolved = rank[label], resolved[np.argsort(rank)]
 
     event_potency = _sum_by(event, potency, len(resolved))
@@ -94,13 +95,15 @@ def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Datase
     }
     budget = potency_budget(strain, volume, chosen.seismic_fraction, event_potency, scalars, where)
     attributes = _attributes(step, chosen, strain["seismic"][breaks], spacing) | {"budget": json.dumps(budget)}
+    attributes["unlike_potency"] = unlike_potency(potency, event, event_potency, chosen.closeness)
     logging.info(
-        "%s: %d failed particles, %d families, %d events, %d of them resolved",
+        "%s: %d failed particles, %d events, %d of them resolved; %.2e of %.2e m3 in particles that are unlike their event",
         where,
         len(source),
-        len(leader),
         len(resolved),
         np.count_nonzero(resolved),
+        attributes["unlike_potency"],
+        scalars["particle_scalars"],
     )
     log_budget(budget)
     events = event_dataset(values, attributes)
@@ -109,6 +112,30 @@ def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Datase
         share = np.bincount(event, slip, minlength=len(resolved)) / np.bincount(event, weight, minlength=len(resolved))
         events[ON_PLANES.name] = (ON_PLANES.dims, share, ON_PLANES.attributes)
     return events, budget
+
+
+def find_events(
+    position: NDArray, spacing: NDArray, potency: NDArray, failure_order: NDArray, settings: EventSettings
+) -> tuple[NDArray, NDArray]:
+    """Event of every particle, (particle,) from 0, and which events are resolved (event,) bool, by the chosen method.
+
+    position (particle, 3) and spacing (particle,) m; potency (particle, 6) m3; failure_order (particle, 2).
+    """
+    if settings.method == "families":
+        family, _ = find_families(potency, settings.closeness)
+        return find_clusters(position, spacing, family, settings.clustering)
+    label = find_regions(position, spacing, potency, failure_order, settings.closeness)
+    return label, np.bincount(label) >= settings.fewest
+
+
+def unlike_potency(potency: NDArray, event: NDArray, event_potency: NDArray, threshold: float) -> float:
+    """Scalar potency, m3, of particles whose cosine with their event's tensor is below the threshold.
+
+    potency (particle, 6), event (particle,), event_potency (event, 6) m3.
+    """
+    own = tensor_from_voigt(potency)
+    unlike = closeness(own, tensor_from_voigt(event_potency)[event]) < threshold
+    return float(np.sum(scalar_potency(own)[unlike]))
 
 
 def slips_on_planes(step: xr.Dataset, source: NDArray) -> NDArray:
@@ -238,7 +265,7 @@ def _microseconds(date: str, where: str) -> int:
 def _attributes(step: xr.Dataset, settings: EventSettings, strain: NDArray, spacing: NDArray) -> dict:
     """Attributes of the event dataset.
 
-    potency_floor, m3: potency of `min_samples` full particles (cells, at one particle per cell) of the median spacing
+    potency_floor, m3: potency of `fewest` full particles (cells, at one particle per cell) of the median spacing
     at the median drop of this step's failed particles: the smallest event that can be resolved. location_error, m:
     the median spacing, below which the model cannot tell where something failed. Both NaN where nothing failed.
     """
@@ -247,14 +274,16 @@ def _attributes(step: xr.Dataset, settings: EventSettings, strain: NDArray, spac
         location_error = float(np.median(spacing))
         full = location_error**settings.dimension * (settings.thickness or 1.0)
         drop = settings.seismic_fraction * np.median(scalar_potency(tensor_from_voigt(strain)))
-        floor = float(settings.cluster.min_samples * drop * full)
+        floor = float(settings.fewest * drop * full)
     kept = {name: step.attrs[name] for name in (*STEP_ATTRIBUTES, *UNDATED, *LABEL_ATTRIBUTES)}
     return kept | {
         "kind": "synthetic",
         "potency_floor": floor,
         "location_error": location_error,
         "seismic_fraction": settings.seismic_fraction,
+        "method": settings.method,
         "closeness": settings.closeness,
-        "cluster": json.dumps(settings.cluster.given(), sort_keys=True),
+        "least_particles": settings.fewest,
+        "cluster": json.dumps(settings.cluster.given() if settings.cluster else {}, sort_keys=True),
         "frame": json.dumps(settings.frame.given(), sort_keys=True),
     }

@@ -11,10 +11,11 @@ Positive = whole_number(ge=1, le=1_000_000)
 
 
 class ClusterSettings(Settings):
-    """How a family is separated into events (seismic.clusters)."""
+    """How a family is separated into events (seismic.clusters); of method families alone."""
 
     method: Literal["dbscan", "single_linkage", "kmeans"] = "dbscan"
-    """dbscan: dense places; single_linkage: all that a chain of steps within the radius joins; kmeans: compact ones"""
+    """dbscan: dense places (min_samples up to 3: single linkage); single_linkage: all that a chain of steps within the
+    radius joins; kmeans: compact ones"""
     radius_cells: Annotated[float, Field(gt=0, le=1000)] = 1.8
     """neighbours are within so many particle spacings"""
     min_samples: Positive = 3
@@ -32,19 +33,41 @@ class ClusterSettings(Settings):
 class SeismicSettings(Settings):
     """How plastic strain becomes events."""
 
+    method: Literal["regions", "families"] = "regions"
+    """regions: what fails together, touches and is alike; families: the paper's, alike anywhere, then dense places"""
     closeness: Annotated[float, Field(gt=0, lt=1)] = 0.8
-    """cosine of two potency tensors above which their mechanisms are of one family"""
+    """cosine of potency tensors above which mechanisms are alike"""
+    least_particles: Positive = 3
+    """smaller events are not resolved (families: cluster.min_samples)"""
     seismic_fraction: Annotated[float, Field(gt=0, le=1)] = 1.0
     """share alpha of the brittle drop that is seismic"""
-    cluster: ClusterSettings = ClusterSettings()
+    cluster: ClusterSettings = None
+    """how a family is separated into events; families alone"""
+
+    @model_validator(mode="after")
+    def _separated(self) -> Self:
+        if self.cluster is not None and self.method != "families":
+            raise refusal("regions need no clusters; leave it out, or take method families", "cluster")
+        return self
+
+    @property
+    def clustering(self) -> ClusterSettings:
+        """How a family is separated."""
+        return self.cluster or ClusterSettings()
+
+    @property
+    def fewest(self) -> int:
+        """Particles of the smallest event that is resolved."""
+        return self.clustering.min_samples if self.method == "families" else self.least_particles
 
 
 class EventSettings(SeismicSettings):
     """The slice of the event and catalogue stages: all of `seismic`, and whose events, where and when."""
 
+    method: Literal["regions", "families"]
     closeness: Annotated[float, Field(gt=0, lt=1)]
+    least_particles: Positive
     seismic_fraction: Annotated[float, Field(gt=0, le=1)]
-    cluster: ClusterSettings
     mine: str
     """its name"""
     frame: Frame

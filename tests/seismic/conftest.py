@@ -29,7 +29,8 @@ def scattered_step(seed=0, count=400, **attributes):
 def event_settings(**changes):
     """Settings of the event stage, with some of them changed."""
     cluster = {"method": "dbscan", "radius_cells": 1.8, "min_samples": 3}
-    settings = {"mine": "testmine", "closeness": 0.8, "cluster": cluster, "seismic_fraction": 1.0}
+    settings = {"mine": "testmine", "closeness": 0.8, "seismic_fraction": 1.0, "least_particles": 3}
+    settings |= {"method": "families", "cluster": cluster}
     return settings | {"frame": {"latitude": -41.8, "longitude": 145.4, "surface": 2000.0}} | changes
 
 

@@ -67,7 +67,7 @@ TINY = {
     ],
     "steps": [{"name": "history"}, {"name": "2019-08", "start": "2019-08-01", "end": "2019-09-01"}],
     "solver": {"tolerance": 1e-3, "increments": 2},
-    "seismic": {"cluster": {"min_samples": 2}},
+    "seismic": {"least_particles": 2},
     "comparison": {"resamplings": 99},
     "record": {
         "file": "record.csv",

@@ -141,7 +141,9 @@ def budget_rows(separations: dict[str, list[Separation]], settings: dict, allowe
         for method, cluster in settings["methods"].items():
             stage = {
                 "mine": step.attrs["mine"],
+                "method": "families",
                 "closeness": chosen["closeness"],
+                "least_particles": 3,
                 "cluster": _with_number(cluster, points.clusters),
                 "seismic_fraction": 1.0,
                 "frame": {"surface": 0.0},

@@ -1,0 +1,183 @@
+"""Events as regions of rock that failed together, touch, and have like mechanisms.
+
+Two failed particles are linked where they touch, failed in the same increment at most one generation apart, and the
+cosine of their potency tensors is above the threshold. Regions grow from single particles along these links: in each
+round every region chooses one that it is linked to, and two that choose each other join. Chosen is that of the largest
+
+    cosine of both tensors * links between both / sqrt(particles of the smaller)
+
+(the face of a region grows about so with its particles), of those with which the region may join at all: if
+
+    |sum P| >= threshold * sum |P|    over the particles of both,
+
+where the left side over the right one is the mean cosine between a particle and its event's tensor, weighted by
+potency; and if no particle is opposed to that tensor, so no chain of links turns a mechanism round. It ends when none
+may join. Which regions join depends on what is around them, not on the rest of the mine, and not on the order of the
+particles: sums are taken in the order of their places, and equal choices are settled by a lot drawn from these.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from seismic.clusters import neighbour_graph, number_by_first
+
+TOUCHING = 1.05  # cells share a face where their centres are within so many of the larger spacing: across an edge 1.09
+GENERATIONS_APART = 1
+# The nine-component norm of a symmetric tensor is the ordinary norm of six components with shear times sqrt(2).
+NINE_NORM = np.array([1.0, 1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0), np.sqrt(2.0)])
+
+
+def find_regions(
+    position: NDArray, spacing: NDArray, potency: NDArray, failure_order: NDArray, threshold: float
+) -> NDArray:
+    """Event of every particle, (particle,) int64 from 0, numbered by each one's first particle.
+
+    position (particle, 3) m; spacing (particle,) m; potency (particle, 6) m3, tensor shear, none of them zero;
+    failure_order (particle, 2): increment and generation; threshold: cosine above 0 and below 1.
+    """
+    position = np.asarray(position, np.float64)
+    if len(position) == 0:
+        return np.empty(0, np.int64)
+    potency, failure_order = np.asarray(potency, np.float64), np.asarray(failure_order)
+    order = np.lexsort((*potency.T, *position.T, failure_order[:, 0]))  # potency: particles may lie at one place
+    tensor = potency[order] * NINE_NORM
+    tensor /= np.abs(tensor).max()  # no underflow when squared
+    first, second = links(position[order], np.asarray(spacing)[order], tensor, failure_order[order], threshold)
+    region = grow(tensor, lots(position[order]), first, second, threshold)
+    label = np.empty(len(order), np.int64)
+    label[order] = region
+    return number_by_first(label)
+
+
+def links(
+    position: NDArray, spacing: NDArray, tensor: NDArray, failure_order: NDArray, threshold: float
+) -> tuple[NDArray, NDArray]:
+    """Pairs of linked particles, first < second, (link,) int64 each. Arguments as find_regions, tensors in NINE_NORM."""
+    touching = neighbour_graph(position, spacing, failure_order[:, 0], TOUCHING).tocoo()
+    upper = touching.row < touching.col
+    first, second = touching.row[upper].astype(np.int64), touching.col[upper].astype(np.int64)
+    generation = failure_order[:, 1].astype(np.int64)
+    unit = tensor / np.linalg.norm(tensor, axis=1)[:, None]
+    linked = np.abs(generation[first] - generation[second]) <= GENERATIONS_APART
+    linked &= np.einsum("ij,ij->i", unit[first], unit[second]) > threshold
+    return first[linked], second[linked]
+
+
+def lots(position: NDArray) -> NDArray:
+    """A random-looking number of each place, (particle,) uint64: splitmix64 of the bits of its coordinates."""
+    bits = np.ascontiguousarray(position + 0.0).view(np.uint64)  # + 0.0: no negative zero
+    lot = np.zeros(len(position), np.uint64)
+    for column in bits.T:
+        lot = _mix(lot + column)
+    return lot
+
+
+def _mix(value: NDArray) -> NDArray:
+    value = value + np.uint64(0x9E3779B97F4A7C15)
+    value = (value ^ (value >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    value = (value ^ (value >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return value ^ (value >> np.uint64(31))
+
+
+def grow(tensor: NDArray, lot: NDArray, first: NDArray, second: NDArray, threshold: float) -> NDArray:
+    """Region of every particle, (particle,) int64: the number of one of its particles. Mutual best joining, see above.
+
+    tensor (particle, 6) in NINE_NORM; lot (particle,); first, second (link,): pairs of particles.
+    """
+    count = len(tensor)
+    total, scalar, size = tensor.copy(), np.linalg.norm(tensor, axis=1), np.ones(count)
+    region, following, last = np.arange(count), np.full(count, -1), np.arange(count)
+    least = np.ones(count)  # (region,) the smallest cosine of a particle with the region's tensor
+    best, score = np.empty(count, np.int64), np.empty(count)
+    shared = np.ones(len(first))
+    while len(first):
+        _choose(tensor, total, scalar, size, least, following, lot, first, second, shared, threshold, best, score)
+        if not _join(first, second, best, tensor, total, scalar, size, least, region, following, last):
+            break
+        first, second = region[first], region[second]
+        apart = first != second
+        pair = np.minimum(first, second)[apart] * count + np.maximum(first, second)[apart]
+        pair, number = np.unique(pair, return_inverse=True)
+        shared = np.bincount(number, shared[apart])
+        first, second = np.divmod(pair, count)
+    return region
+
+
+@njit(cache=True)
+def _choose(tensor, total, scalar, size, least, following, lot, first, second, shared, threshold, best, score):
+    """The region that each linked region would best join, itself where there is none; best, score (region,) in place.
+
+    shared (link,): how many links of particles each pair of regions has.
+    """
+    for link in range(len(first)):
+        for region in (first[link], second[link]):
+            best[region], score[region] = region, -1.0
+    for link in range(len(first)):
+        a, b = first[link], second[link]
+        aa = ab = bb = 0.0
+        for k in range(6):
+            aa += total[a, k] * total[a, k]
+            ab += total[a, k] * total[b, k]
+            bb += total[b, k] * total[b, k]
+        joined = np.sqrt(aa + 2.0 * ab + bb)
+        value = ab / np.sqrt(aa * bb) * shared[link] / np.sqrt(min(size[a], size[b]))
+        if joined < threshold * (scalar[a] + scalar[b]) or (value < score[a] and value < score[b]):
+            continue
+        # Surely none is opposed where its angle to the old tensor and that of old and new one are below 90 degrees.
+        turn_a, turn_b = (aa + ab) / (np.sqrt(aa) * joined), (ab + bb) / (np.sqrt(bb) * joined)
+        sure_a, sure_b = least[a] ** 2 > 1.0 - turn_a**2, least[b] ** 2 > 1.0 - turn_b**2
+        if not sure_a and _opposed(a, a, b, tensor, total, following):
+            continue
+        if not sure_b and _opposed(b, a, b, tensor, total, following):
+            continue
+        for own, other in ((a, b), (b, a)):
+            equal = value == score[own] and (lot[own] ^ lot[other]) > (lot[own] ^ lot[best[own]])
+            if value > score[own] or equal:
+                score[own], best[own] = value, other
+
+
+@njit(cache=True)
+def _opposed(particle, a, b, tensor, total, following):
+    """Whether one of a chain of particles is opposed to the tensors of two regions together."""
+    while particle >= 0:
+        product = 0.0
+        for k in range(6):
+            product += tensor[particle, k] * (total[a, k] + total[b, k])
+        if product <= 0.0:
+            return True
+        particle = following[particle]
+    return False
+
+
+@njit(cache=True)
+def _join(first, second, best, tensor, total, scalar, size, least, region, following, last):
+    """Join regions that chose each other, in place, under the smaller number; how many pairs did.
+
+    The particles of a region are a chain: it begins at the region's number, `following` (particle,) leads on, -1 at its
+    end, and last (region,) is that end.
+    """
+    joined = 0
+    for link in range(len(first)):
+        a, b = min(first[link], second[link]), max(first[link], second[link])
+        if best[a] != b or best[b] != a:
+            continue
+        joined += 1
+        best[a], best[b] = a, b
+        scalar[a] += scalar[b]
+        size[a] += size[b]
+        whole = 0.0
+        for k in range(6):
+            total[a, k] += total[b, k]
+            whole += total[a, k] * total[a, k]
+        following[last[a]], last[a] = b, last[b]
+        least[a], particle = 1.0, a
+        while particle >= 0:
+            region[particle] = a
+            square = product = 0.0
+            for k in range(6):
+                square += tensor[particle, k] * tensor[particle, k]
+                product += tensor[particle, k] * total[a, k]
+            least[a] = min(least[a], product / np.sqrt(square * whole))
+            particle = following[particle]
+    return joined

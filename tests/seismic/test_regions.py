@@ -1,0 +1,217 @@
+"""Events as regions: what is linked, what may join, and that neither order nor rock far away decides."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.ndimage import gaussian_filter
+from sklearn.metrics import adjusted_rand_score
+
+from pipeline.voigt import tensor_from_voigt
+from seismic.events import extract_events, unlike_potency
+from seismic.families import closeness
+from seismic.regions import find_regions
+
+SHEAR = np.array([0, 0, 0, 0, 0, 1.0])
+OPENING = np.array([1.0, 0, 0, 0, 0, 0])
+
+
+def lattice(*counts):
+    """Centres of cubes of 1 m, (particle, 3), far from the origin."""
+    return np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), -1).reshape(-1, len(counts)) + [1e5, 2e5, -300.0]
+
+
+def smooth_field(seed, *counts):
+    """Particles of a lattice whose mechanisms, sizes, increments and generations change over some cells."""
+    generator = np.random.default_rng(seed)
+
+    def smooth(width):
+        return gaussian_filter(generator.normal(size=counts), width).ravel()
+
+    potency = np.stack([smooth(2.0) for _ in range(6)], -1)
+    potency += 0.4 * potency.std() * generator.normal(size=potency.shape)
+    increment = (smooth(4.0) > 0.0).astype(int)
+    generation = smooth(3.0)
+    generation = np.floor(12 * (generation - generation.min()) / np.ptp(generation)).astype(int)
+    size = 10 ** generator.normal(-3.0, 0.4, (len(potency), 1))
+    return lattice(*counts), np.ones(len(potency)), size * potency, np.column_stack([increment, generation])
+
+
+def regions_of(potency, position=None, order=None, threshold=0.8):
+    """Regions of a row of particles, all of one generation unless given."""
+    potency = np.asarray(potency, float)
+    position = lattice(len(potency), 1, 1) if position is None else position
+    order = np.zeros((len(potency), 2), int) if order is None else np.asarray(order)
+    return find_regions(position, np.ones(len(potency)), potency, order, threshold)
+
+
+def test_what_touches_fails_together_and_is_alike_is_one_event():
+    assert_array_equal(regions_of([SHEAR] * 4), 0)
+    assert_array_equal(regions_of([SHEAR, SHEAR, OPENING, OPENING]), [0, 0, 1, 1])
+    assert_array_equal(regions_of([SHEAR, -SHEAR, SHEAR]), [0, 1, 2])
+
+
+@pytest.mark.parametrize(
+    ("order", "expected"),
+    [
+        ([[1, 3], [1, 4], [1, 5]], [0, 0, 0]),  # linked one to the next
+        ([[1, 3], [1, 5], [1, 6]], [0, 1, 1]),  # two generations apart
+        ([[1, 0], [2, 0], [2, 0]], [0, 1, 1]),  # the same generation of another increment
+    ],
+)
+def test_generations_are_linked_within_an_increment_only(order, expected):
+    assert_array_equal(regions_of([SHEAR] * 3, order=order), expected)
+
+
+@pytest.mark.parametrize(
+    ("second", "expected"),
+    [
+        ([1, 0, 0], [0, 0]),  # a face
+        ([1, 1, 0], [0, 1]),  # an edge
+        ([2, 0, 0], [0, 1]),  # a cell between them
+    ],
+)
+def test_only_cells_that_share_a_face_touch(second, expected):
+    assert_array_equal(regions_of([SHEAR] * 2, position=np.array([[0, 0, 0], second], float)), expected)
+
+
+def test_a_coarse_cell_touches_the_fine_ones_beside_it():
+    """A cube of 2 m beside two of 1 m, of which one shares its face and the other lies across its edge."""
+    position = np.array([[0, 0, 0], [1.5, 0.5, 0.5], [1.5, 1.5, 0.5]])
+    label = find_regions(position, np.array([2.0, 1.0, 1.0]), np.tile(SHEAR, (3, 1)), np.zeros((3, 2), int), 0.8)
+    assert_array_equal(label, [0, 0, 0])  # the third through the second
+    label = find_regions(position[::2], np.array([2.0, 1.0]), np.tile(SHEAR, (2, 1)), np.zeros((2, 2), int), 0.8)
+    assert_array_equal(label, [0, 1])
+
+
+def test_no_chain_turns_a_mechanism_round():
+    """A row whose mechanism turns by 10 degrees a cell is alike all along (0.98); no member is opposed to its event,
+    and the mean cosine with it is at least the threshold."""
+    angle = np.radians(10.0 * np.arange(37))
+    potency = np.cos(angle)[:, None] * SHEAR + np.sin(angle)[:, None] * OPENING * np.sqrt(2.0)
+    label = regions_of(potency)
+    tensor = tensor_from_voigt(potency)
+    for region in range(label.max() + 1):
+        own = tensor[label == region]
+        cosine = closeness(own, own.sum(axis=0)[None])
+        assert cosine.min() > 0.0
+        assert np.average(cosine, weights=np.linalg.norm(own, axis=(1, 2))) >= 0.8
+    assert 4 <= label.max() + 1 <= 10
+
+
+def test_a_small_opposed_particle_joins_no_event():
+    """Its weight would hardly move the mean cosine; a chain of small ones leads to it."""
+    angle = np.radians(30.0 * np.arange(7))
+    chain = 1e-6 * (np.cos(angle)[:, None] * SHEAR + np.sin(angle)[:, None] * OPENING * np.sqrt(2.0))
+    potency = np.concatenate([np.tile(SHEAR, (4, 1)), chain])
+    label = regions_of(potency)
+    own = tensor_from_voigt(potency)[label == 0]
+    assert 4 <= len(own) <= 4 + 3
+    assert (closeness(own, own.sum(axis=0)[None]) > 0.0).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_order_of_particles_is_nothing(seed):
+    position, spacing, potency, order = smooth_field(seed, 9, 8, 7)
+    label = find_regions(position, spacing, potency, order, 0.8)
+    shuffled = np.random.default_rng(seed).permutation(len(label))
+    again = find_regions(position[shuffled], spacing[shuffled], potency[shuffled], order[shuffled], 0.8)
+    assert adjusted_rand_score(label[shuffled], again) == 1.0
+    assert 20 < label.max() < len(label) / 2
+
+
+def test_equal_particles_in_any_order_are_one_event():
+    """All choices are equal: lots decide, whatever the order, and the end is the same."""
+    position = lattice(6, 6, 6)
+    shuffled = np.random.default_rng(0).permutation(len(position))
+    assert_array_equal(regions_of(np.tile(SHEAR, (216, 1)), position=position[shuffled]), 0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rock_far_away_changes_no_event(seed):
+    """Half of a field alone, against the whole: the same events from 15 cells off the cut on."""
+    position, spacing, potency, order = smooth_field(seed, 60, 12, 12)
+    label = find_regions(position, spacing, potency, order, 0.8)
+    half = position[:, 0] < 1e5 + 40
+    alone = find_regions(position[half], spacing[half], potency[half], order[half], 0.8)
+    away = position[half, 0] < 1e5 + 25
+    assert adjusted_rand_score(label[half][away], alone[away]) >= 0.99
+
+
+def slow_regions(position, potency, order, threshold):
+    """The definition, over sets of particles. Equal choices, drawn by lot there, are the test's to avoid."""
+
+    def cosine(a, b):
+        return np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b))
+
+    tensor = tensor_from_voigt(potency)
+    linked = {
+        (i, j)
+        for i in range(len(tensor))
+        for j in range(len(tensor))
+        if np.abs(position[i] - position[j]).sum() == 1.0
+        and order[i][0] == order[j][0]
+        and abs(order[i][1] - order[j][1]) <= 1
+        and cosine(tensor[i], tensor[j]) > threshold
+    }
+    regions = [{i} for i in range(len(tensor))]
+
+    def may_join(one, other):
+        parts = [sum(tensor[i] for i in region) for region in (one, other)]
+        whole = parts[0] + parts[1]
+        if np.linalg.norm(whole) < threshold * sum(np.linalg.norm(tensor[i]) for i in one | other):
+            return False
+        return all(cosine(tensor[i], whole) > 0.0 for i in one | other)
+
+    while True:
+        best = []
+        for one in regions:
+            own, choices = sum(tensor[i] for i in one), []
+            for number, other in enumerate(regions):
+                shared = sum((i, j) in linked for i in one for j in other)
+                if other is not one and shared and may_join(one, other):
+                    value = cosine(own, sum(tensor[i] for i in other)) * shared / np.sqrt(min(len(one), len(other)))
+                    choices.append((value, number))
+            best.append(max(choices)[1] if choices else None)
+        pairs = [(a, b) for a, b in enumerate(best) if b is not None and best[b] == a and a < b]
+        if not pairs:
+            return regions
+        gone = {b for _, b in pairs}
+        for a, b in pairs:
+            regions[a] |= regions[b]
+        regions = [region for number, region in enumerate(regions) if number not in gone]
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from([0.6, 0.8, 0.95]))
+def test_the_definition_written_plainly_gives_the_same(seed, threshold):
+    position, spacing, potency, order = smooth_field(seed, 5, 4, 3)
+    order //= 4  # more links
+    label = find_regions(position, spacing, potency, order, threshold)
+    expected = np.empty(len(label), int)
+    for number, region in enumerate(slow_regions(position, potency, order, threshold)):
+        expected[list(region)] = number
+    assert adjusted_rand_score(label, expected) == 1.0
+
+
+def test_events_of_a_step_by_regions_close_the_budget(make_scattered_step, make_settings):
+    """In space and in a plane: sums of scalars, what is resolved, potency of unlike particles within its bounds."""
+    chosen = make_settings(method="regions", least_particles=2)
+    del chosen["cluster"]
+    step = make_scattered_step()
+    for thickness in (None, 2.0):
+        events, budget = extract_events(step, chosen | ({"thickness": thickness} if thickness else {}))
+        assert budget["event_scalars"] == pytest.approx(float(events.potency.sum()), rel=1e-14)
+        assert_array_equal(events.resolved, events.particles >= 2)
+        assert 0.0 <= events.attrs["unlike_potency"] < budget["particle_scalars"]
+
+
+def test_potency_of_unlike_particles():
+    """One of 3 at 45 degrees from an event that the other two decide."""
+    potency = np.array([4 * SHEAR, 4 * SHEAR, (SHEAR + np.sqrt(2.0) * OPENING)])
+    total = potency.sum(axis=0)[None]
+    cosine = closeness(tensor_from_voigt(potency), tensor_from_voigt(total))
+    assert_allclose(cosine[2], (9 + 1) / np.sqrt(2 * (81 + 1)))
+    assert unlike_potency(potency, np.zeros(3, int), total, 0.8) == pytest.approx(2 * np.sqrt(2.0))
+    assert unlike_potency(potency, np.zeros(3, int), total, 0.75) == 0.0
