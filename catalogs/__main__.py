@@ -97,6 +97,7 @@ def report(chosen: argparse.Namespace) -> None:
         record=chosen.record,
         comparison=chosen.comparison,
         spread=chosen.spread,
+        closeness=chosen.closeness,
         benchmarks=chosen.benchmarks,
         output=chosen.output,
         figures=chosen.figures,
@@ -132,7 +133,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--cut", type=float, required=True, help="smallest log10 of potency in m3")
     made.add_argument("--seed", type=int, default=1)
     shown = stage("report", report, "grid", "output", "figures", settings=True)
-    for name in ("elastic", "catalog", "record", "comparison", "spread", "benchmarks"):
+    for name in ("elastic", "catalog", "record", "comparison", "spread", "closeness", "benchmarks"):
         shown.add_argument(f"--{name}", type=Path)
     for name in ("steps", "events"):
         shown.add_argument(f"--{name}", type=Path, nargs="*", default=[])

@@ -1,11 +1,11 @@
-"""Command lines: `python -m seismic events` (one step) and `python -m seismic catalog` (all steps)."""
+"""Command lines: `python -m seismic events` (one step), `catalog` and `closeness` (all steps)."""
 
 import argparse
 import logging
 
 import numpy as np
 
-from pipeline.datasets import read_dataset
+from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
 from pipeline.event_table import read_events, write_events
 from pipeline.progress import log_compilation
@@ -23,7 +23,9 @@ def main(arguments: list[str] | None = None) -> None:
     every = stages.add_parser("catalog", help="the catalogue of all dated steps")
     every.add_argument("--events", required=True, nargs="+", help="events/<step>.nc of every step")
     every.add_argument("--csv", required=True, help="the same catalogue as a table")
-    for stage in (one, every):
+    tried = stages.add_parser("closeness", help="sizes of events at several values of closeness")
+    tried.add_argument("--steps", required=True, nargs="+", help="steps/<step>.nc of every dated step")
+    for stage in (one, every, tried):
         stage.add_argument(
             "--settings",
             required=True,
@@ -35,6 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
     run, does = {
         "events": (events, "seismic events of one step, from its plastic strain"),
         "catalog": (catalog, "the catalogue of all dated steps"),
+        "closeness": (closeness, "sizes of events at several values of closeness"),
     }[chosen.stage]
     run_stage(f"{chosen.stage} {chosen.output}", chosen.log, lambda: run(chosen), does)
 
@@ -52,6 +55,17 @@ def events(chosen: argparse.Namespace) -> None:
     except InputError as error:
         raise InputError(f"{chosen.step}: {error}") from error
     write_events(dataset.assign_attrs(provenance(settings, "seismic events")), chosen.output)
+
+
+def closeness(chosen: argparse.Namespace) -> None:
+    """Sizes of events at several values of closeness."""
+    from seismic.closeness import sizes_by_closeness
+    from seismic.events import OF_PLANES, VARIABLES
+
+    settings = read_slice(chosen.settings)
+    steps = (read_dataset(path, (*VARIABLES, *OF_PLANES)) for path in chosen.steps)
+    sizes = sizes_by_closeness(steps, settings)
+    write_dataset(sizes.assign_attrs(provenance(settings, "seismic closeness")), chosen.output)
 
 
 def catalog(chosen: argparse.Namespace) -> None:

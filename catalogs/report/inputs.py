@@ -47,7 +47,7 @@ class Evidence:
     """Everything the report tells of.
 
     stages: elastic, then the steps in order, each with its convergence table and attributes only; state: what is
-    SHOWN of the last of them; catalog, record, comparison, spread: None where there is none; files: {path: attributes}
+    SHOWN of the last of them; catalog, record, comparison, spread, closeness: None where there is none; files: {path: attributes}
     of all read.
     """
 
@@ -62,6 +62,7 @@ class Evidence:
     record: xr.Dataset | None
     comparison: xr.Dataset | None
     spread: xr.Dataset | None
+    closeness: xr.Dataset | None
     files: dict[str, dict]
     stale: list[str]
     resources: list[dict]
@@ -81,6 +82,11 @@ class Evidence:
         if self.catalog is None:
             return None
         return self.catalog.isel(event=np.flatnonzero(self.catalog["resolved"].values == 1))
+
+    @property
+    def particle_scalars(self) -> float:
+        """Sum of the scalar potencies of all particles of the catalogue, m3; 0 where none failed."""
+        return float(json.loads(self.catalog.attrs.get("budget", "{}")).get("particle_scalars") or 0.0)
 
     @property
     def record_label(self) -> str:
@@ -134,6 +140,7 @@ def read_evidence(
     record,
     comparison,
     spread,
+    closeness,
     benchmarks,
     expected_hashes: dict | None,
     excavations: Sequence[Scheduled] | None,
@@ -174,6 +181,7 @@ def read_evidence(
         record=read(record, check=True),
         comparison=read(comparison),
         spread=read(spread),
+        closeness=read(closeness),
         files=files,
         stale=_stale(files, expected_hashes or {}),
         resources=read_resources(benchmarks),

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from catalogs.figures import beachballs, convergence, events, rock, scene, sizes, stereonets, style, views
 from catalogs.mechanisms import mean_axis, trend_plunge
 from catalogs.report import energy, match, text
+from catalogs.report.closeness import closeness_rows, intervals_contain, unlike
 from catalogs.report.inputs import Evidence, read_evidence
 from catalogs.report.record import sentences
 from catalogs.report.scene import by_step
@@ -44,6 +45,7 @@ def write_report(
     record: str | os.PathLike | None = None,
     comparison: str | os.PathLike | None = None,
     spread: str | os.PathLike | None = None,
+    closeness: str | os.PathLike | None = None,
     benchmarks: str | os.PathLike | None = None,
     default: dict | None = None,
     excavations: Sequence[Scheduled] | None = None,
@@ -52,14 +54,14 @@ def write_report(
     """Write the page to `output` (atomically) and each of its figures as SVG into the folder `figures`.
 
     config: the resolved configuration as the user wrote it (units as text), default: config/default.yaml, for the marks
-    of what differs; grid, elastic, steps, events, catalog, record, comparison, spread: datasets, absent stages None or
+    of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness: datasets, absent stages None or
     empty; benchmarks: folder of Snakemake's benchmark files of this mine; excavations: when each is mined,
     if not as `config` says; expected_hashes: {dataset path: config_hash it should carry}, for the banner of stale
     results.
     Same inputs, same bytes. Raises InputError where a dataset is unreadable or is no catalogue.
     """
     evidence = read_evidence(
-        config, default, grid, elastic, list(steps), list(events), catalog, record, comparison, spread,
+        config, default, grid, elastic, list(steps), list(events), catalog, record, comparison, spread, closeness,
         benchmarks, expected_hashes, excavations,
     )  # fmt: skip
     gallery = Gallery(Path(figures))
@@ -76,10 +78,11 @@ def write_report(
             "budget": _budget(evidence),
         }
     gallery.remove_others()
+    rows = sections["sizes"]["closeness"] if sections["sizes"] else []
     page = _environment().get_template("report.html.j2").render(
         evidence=evidence,
         mine=evidence.grid.attrs["mine"],
-        headline=text.headline(evidence) + headline_of_spread(evidence),
+        headline=text.headline(evidence) + intervals_contain(rows) + headline_of_spread(evidence),
         match=match.match_rows(evidence),
         beside=sentences(evidence),
         banners=text.banners(evidence),
@@ -222,6 +225,8 @@ def _sizes(evidence: Evidence, gallery: Gallery) -> dict | None:
         "by_cut": gallery.add("b_against_cut", sizes.b_against_cut(catalogs)),
         "rows": match.size_rows(evidence),
         "fits": catalogs,
+        "closeness": closeness_rows(evidence, catalogs[0].cut) if MODEL_LABEL in shown else [],
+        "unlike": unlike(evidence),
         "text": "" if evidence.comparison is None else text.typeset(evidence.comparison.attrs.get("size_text", "")),
     }
 

@@ -125,11 +125,16 @@ def events_of(wildcards):
     return [f"results/{wildcards.mine}/events/{step}.nc" for step in mine_of(wildcards).mined_steps]
 
 
+def dated_steps_of(wildcards):
+    """States of the dated steps, in order."""
+    return [f"results/{wildcards.mine}/steps/{step}.nc" for step in mine_of(wildcards).dated_steps]
+
+
 def all_results():
     """Every stage's file: a missing intermediate is made again, not overlooked behind a standing report."""
     files = ["report.html"]
     if MINE.dated_steps:
-        files += ["catalog.nc", "catalog.csv"]
+        files += ["catalog.nc", "catalog.csv", "closeness.nc"]
         if HAS_QUAKEML:
             files.append("catalog.xml")
         if "record" in MINE.values:

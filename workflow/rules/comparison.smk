@@ -139,6 +139,7 @@ rule report:
         catalog=result("catalog.nc") if HAS_CATALOG else [],
         matched=[result("record.nc"), result("comparison.nc")] if HAS_RECORD else [],
         spread=result("spread.nc") if MINE.members else [],
+        closeness=result("closeness.nc") if HAS_CATALOG else [],
     output:
         page=report(kept(f"{RESULTS}/report.html"), caption="../report/report.rst", category="{mine}"),
         figures=directory(f"{RESULTS}/figures"),
@@ -149,6 +150,7 @@ rule report:
         record=if_made("record", "record.nc", HAS_RECORD),
         comparison=if_made("comparison", "comparison.nc", HAS_RECORD),
         spread=if_made("spread", "spread.nc", MINE.members),
+        closeness=if_made("closeness", "closeness.nc", HAS_CATALOG),
         benchmarks="benchmarks/{mine}",
     log:
         "logs/{mine}/report.log",
@@ -162,7 +164,7 @@ rule report:
         "../envs/environment.yaml"
     shell:
         "stage catalogs report --settings {params.settings:q} --grid {input.grid} --elastic {input.elastic} --steps {input.steps}"
-        " --events {input.events} {params.catalog} {params.record} {params.comparison} {params.spread}"
+        " --events {input.events} {params.catalog} {params.record} {params.comparison} {params.spread} {params.closeness}"
         " --benchmarks {params.benchmarks} --output {output.page} --figures {output.figures} --log {log}"
 
 

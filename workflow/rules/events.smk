@@ -1,5 +1,5 @@
 rule events:
-    """Seismic events of one step: potency tensors, families of like mechanisms, clusters in space."""
+    """Seismic events of one step: rock that fails together, touches and has like mechanisms."""
     input:
         step=f"{RESULTS}/steps/{{step}}.nc",
     output:
@@ -43,6 +43,29 @@ rule catalog:
         "../envs/environment.yaml"
     shell:
         "stage seismic catalog --events {input.events} --settings {params.settings:q} --output {output.catalog} --csv {output.table} --log {log}"
+
+
+rule closeness:
+    """Sizes of the events of all dated steps at several values of closeness, for the report."""
+    input:
+        steps=dated_steps_of,
+    output:
+        kept(f"{RESULTS}/closeness.nc"),
+    params:
+        code=source_hash("seismic closeness"),
+        settings=slice_of("catalog"),
+    log:
+        "logs/{mine}/closeness.log",
+    benchmark:
+        "benchmarks/{mine}/closeness.tsv"
+    threads: 1
+    resources:
+        mem_mb=reading_memory("events"),
+        runtime=60,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "NUMBA_NUM_THREADS={threads} stage seismic closeness --steps {input.steps} --settings {params.settings:q} --output {output} --log {log}"
 
 
 rule vtk_events:

@@ -1,0 +1,55 @@
+"""What closeness, a choice of the extraction, makes of the number, b and the largest of the modelled events."""
+
+import numpy as np
+
+from catalogs.report.inputs import Evidence
+from catalogs.report.text import fixed, percent, whole, with_unit
+from catalogs.sizes import estimate_b, log_potency
+
+
+def closeness_rows(evidence: Evidence, cut: float) -> list[dict]:
+    """A row for each closeness tried: events, those from the cut (log10 m3) on, their b, the largest log P."""
+    found = evidence.closeness
+    if found is None or not found.sizes["event"]:
+        return []
+    size, at, rows = log_potency(found["potency"].values), found["closeness"].values, []
+    for value in np.atleast_1d(found.attrs["tried"]):
+        own = size[at == value]
+        fit = estimate_b(own, cut)
+        rows.append(
+            {
+                "closeness": f"{value:g}",
+                "own": bool(value == found.attrs["own"]),
+                "events": whole(len(own)),
+                "above": whole(fit.events),
+                "b": fit.b,
+                "b_text": with_unit(fixed(fit.b, 2), f" ± {fixed(fit.error, 2)}"),
+                "largest": fixed(own.max(initial=-np.inf), 2),
+            }
+        )
+    return rows
+
+
+def intervals_contain(rows: list[dict]) -> list[str]:
+    """What the intervals of the report's head contain and what they do not, in one sentence; none without rows."""
+    known = [row for row in rows if np.isfinite(row["b"])]
+    if not known:
+        return []
+    low, high = (pick(known, key=lambda row: row["b"]) for pick in (min, max))
+    spread = (
+        f"Intervals of b tell how well so few events know it, at one closeness. Extracted from the same rock at "
+        f"{known[0]['closeness']} to {known[-1]['closeness']} it is {fixed(low['b'], 2)} to {fixed(high['b'], 2)} "
+        "(section 6); cell size and increments are in no interval."
+    )
+    return [spread]
+
+
+def unlike(evidence: Evidence) -> str:
+    """Which share of the potency lies in particles unlike their event; empty where no event was made."""
+    if evidence.catalog is None or "unlike_potency" not in evidence.catalog.attrs:
+        return ""
+    scalars = evidence.particle_scalars
+    if not scalars:
+        return ""
+    share, at = float(evidence.catalog.attrs["unlike_potency"]) / scalars, float(evidence.catalog.attrs["closeness"])
+    return f"{percent(share)} of the potency is in rock whose own tensor is further than closeness {at:g} from its event's."

@@ -1,0 +1,53 @@
+"""Sizes of events at several values of closeness, and what the report tells of them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.testing import assert_array_equal
+
+from catalogs.report.closeness import closeness_rows, intervals_contain, unlike
+from catalogs.sizes import estimate_b, log_potency
+from seismic.closeness import CLOSENESS, sizes_by_closeness
+from seismic.events import extract_events
+
+
+def test_each_closeness_has_the_events_that_an_extraction_at_it_has(make_scattered_step, make_settings):
+    """Two steps, one after the other, and the mine's own closeness among those tried."""
+    steps = [make_scattered_step(seed) for seed in (0, 1)]
+    chosen = make_settings(method="regions", closeness=0.85, least_particles=2)
+    del chosen["cluster"]
+    found = sizes_by_closeness(iter(steps), chosen)
+    assert_array_equal(found.attrs["tried"], sorted([*CLOSENESS, 0.85]))
+    for value in found.attrs["tried"]:
+        expected = []
+        for step in steps:
+            events, _ = extract_events(step, chosen | {"closeness": value})
+            expected += events.potency.values[events.resolved.values == 1].tolist()
+        assert expected
+        assert_array_equal(found.potency.values[found.closeness.values == value], expected)
+
+
+def test_rows_and_sentence_say_what_the_sizes_are(make_scattered_step, make_settings):
+    chosen = make_settings(method="regions", least_particles=1)
+    del chosen["cluster"]
+    found = sizes_by_closeness([make_scattered_step(0, 900)], chosen)
+    evidence = SimpleNamespace(closeness=found)
+    cut = float(np.median(log_potency(found.potency.values)))
+    rows = closeness_rows(evidence, cut)
+    assert [row["closeness"] for row in rows] == ["0.6", "0.7", "0.8", "0.9", "0.95"]
+    assert [row["own"] for row in rows] == [False, False, True, False, False]
+    own = log_potency(found.potency.values[found.closeness.values == 0.9])
+    assert rows[3]["b"] == estimate_b(own, cut).b
+    assert rows[3]["events"] == str(len(own))
+    assert rows[3]["largest"].replace("−", "-") == f"{own.max():.2f}"
+    (sentence,) = intervals_contain(rows)
+    b = [row["b"] for row in rows]
+    assert f"it is {min(b):.2f} to {max(b):.2f} (section 6)" in sentence
+    assert intervals_contain([]) == []
+    assert closeness_rows(SimpleNamespace(closeness=None), cut) == []
+
+
+def test_share_of_unlike_rock():
+    catalog = SimpleNamespace(attrs={"unlike_potency": 0.5, "closeness": 0.8})
+    assert unlike(SimpleNamespace(catalog=catalog, particle_scalars=2.0)).startswith("25 % of the potency")
+    assert unlike(SimpleNamespace(catalog=catalog, particle_scalars=0.0)) == ""
