@@ -89,6 +89,7 @@ def report(chosen: argparse.Namespace) -> None:
         default=settings.default,
         excavations=settings.excavations,
         expected_hashes=settings.expected_hashes,
+        insitu=settings.insitu,
         grid=chosen.grid,
         elastic=chosen.elastic,
         steps=chosen.steps,

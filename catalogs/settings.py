@@ -53,6 +53,17 @@ class Scheduled(Settings):
     """step at whose end the fill is placed; empty: while it is mined"""
 
 
+class InsituStress(Settings):
+    """The stress before mining, linear in depth, for the report."""
+
+    constant: Annotated[tuple[float, ...], AsTuple]
+    """Voigt components at the surface, Pa, tension positive"""
+    gradient: Annotated[tuple[float, ...], AsTuple]
+    """of depth, Pa/m"""
+    surface: float
+    """elevation, m"""
+
+
 class ReportSlice(Settings):
     """The slice of the report."""
 
@@ -62,6 +73,7 @@ class ReportSlice(Settings):
     excavations: Annotated[tuple[Scheduled, ...], AsTuple]
     expected_hashes: dict[str, str]
     """config_hash that each dataset should carry, by its path"""
+    insitu: InsituStress
 
 
 class SpreadSettings(Settings):

@@ -97,7 +97,7 @@ def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Datase
     attributes = _attributes(step, chosen, strain["seismic"][breaks], spacing) | {"budget": json.dumps(budget)}
     attributes["unlike_potency"] = unlike_potency(potency, event, event_potency, chosen.closeness)
     logging.info(
-        "%s: %d failed particles, %d events, %d of them resolved; %.2e of %.2e m3 in particles that are unlike their event",
+        "%s: %d failed particles, %d events, %d of them resolved; %.2e of %.2e m3 in particles unlike their event",
         where,
         len(source),
         len(resolved),

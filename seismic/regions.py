@@ -53,7 +53,7 @@ def find_regions(
 def links(
     position: NDArray, spacing: NDArray, tensor: NDArray, failure_order: NDArray, threshold: float
 ) -> tuple[NDArray, NDArray]:
-    """Pairs of linked particles, first < second, (link,) int64 each. Arguments as find_regions, tensors in NINE_NORM."""
+    """Pairs of linked particles, first < second, (link,) int64 each; as find_regions has them, tensors in NINE_NORM."""
     touching = neighbour_graph(position, spacing, failure_order[:, 0], TOUCHING).tocoo()
     upper = touching.row < touching.col
     first, second = touching.row[upper].astype(np.int64), touching.col[upper].astype(np.int64)

@@ -254,6 +254,7 @@ class Mine:
             "default": self.default,
             "excavations": self.schedule(),
             "expected_hashes": {f"{results}/{path}": value for path, value in self.hashes().items()},
+            "insitu": self.scene_slice(0)["insitu_stress"] | {"surface": self.values["frame"]["surface"]},
         }
 
     def hashes(self) -> dict[str, str]:

@@ -7,15 +7,17 @@ import xarray as xr
 from matplotlib import colormaps, dates
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from catalogs.figures import style, views
+from catalogs.figures import panels, style, views
 from catalogs.sizes import log_potency
 
 SMALLEST, LARGEST = 2.0, 15.0  # points: diameters of the smallest and largest event shown
 UNDATED = "#9a9a9a"
+CROWD = 2000  # events: more of them hide the workings, and each other; they are counted
+BINS = 60  # along the longer side of a view
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,8 @@ def event_limits(grid: xr.Dataset, catalogs: list[xr.Dataset]) -> tuple[np.ndarr
 def locations(grid: xr.Dataset, catalogs: dict[str, xr.Dataset], planned: list[int]) -> Figure:
     """Plans and sections, one column per catalogue (keys: labels), same limits; size by log P, colour by time.
 
-    Excavations lie underneath as silhouettes. One catalogue alone fills the width with its views.
+    Excavations lie underneath as silhouettes. One catalogue alone fills the width with its views. A catalogue of more
+    than CROWD events is shown as their number per square instead.
     """
     lower, upper = event_limits(grid, list(catalogs.values()))
     scale = common_scale(list(catalogs.values()))
@@ -66,12 +69,40 @@ def locations(grid: xr.Dataset, catalogs: dict[str, xr.Dataset], planned: list[i
     planes = [(view, label) for view in projections for label in catalogs]
     named = [replace(view, name=f"{label}\n{view.name.lower()}") for view, label in planes]
     beside = len(catalogs) if len(catalogs) > 1 else None
-    figure, array, bar = views.panels(named, lower, upper, beside, bar=True, tallest=13.0)
+    figure, array, bar = panels.panels(named, lower, upper, beside, bar=True, tallest=13.0)
     for axes, (view, label) in zip(array, planes, strict=True):
-        views.draw_excavations(axes, grid, view, planned)
-        draw_events(axes, catalogs[label], view, scale)
-    _keys(figure, bar, scale)
+        views.draw_excavations(axes, grid, view, planned, fill=not is_crowd(catalogs[label]))
+        if is_crowd(catalogs[label]):
+            draw_density(figure, axes, catalogs[label], view, lower, upper)
+        else:
+            draw_events(axes, catalogs[label], view, scale)
+    if all(is_crowd(catalog) for catalog in catalogs.values()):
+        bar.set_axis_off()
+    else:
+        _keys(figure, bar, scale)
     return figure
+
+
+def is_crowd(catalog: xr.Dataset) -> bool:
+    """Whether its events are shown as a density."""
+    return catalog.sizes["event"] > CROWD
+
+
+def draw_density(figure: Figure, axes: Axes, catalog: xr.Dataset, view: views.View, lower, upper) -> None:
+    """Events per square of a projection, on a logarithmic scale, with a colour bar inside the panel."""
+    place = catalog["location"].values[:, view.axes]
+    low, extent = lower[view.axes], (upper - lower)[view.axes]
+    side = extent.max() / BINS
+    edges = [low[axis] + side * np.arange(np.ceil(extent[axis] / side) + 1) for axis in (0, 1)]
+    count = np.histogram2d(*place.T, bins=edges)[0].T
+    drawn = axes.pcolormesh(
+        *edges, np.where(count > 0, count, np.nan), norm=LogNorm(1, max(count.max(), 2)), cmap="cividis_r",
+        rasterized=True, zorder=1,
+    )  # fmt: skip
+    inset = axes.inset_axes([0.03, 0.05, 0.35, 0.03])
+    figure.colorbar(drawn, cax=inset, orientation="horizontal")
+    inset.set_title(f"events per {side:.2g} m square", fontsize=8, loc="left", pad=2)
+    inset.tick_params(labelsize=7.5)
 
 
 def draw_events(axes: Axes, catalog: xr.Dataset, view: views.View, scale: Scale) -> None:
@@ -108,7 +139,7 @@ def _keys(figure: Figure, bar: Axes, scale: Scale) -> None:
         )
         for value in values
     ]  # fmt: skip
-    views.key(figure, handles)
+    panels.key(figure, handles)
 
 
 def nearness(comparison: xr.Dataset) -> Figure:

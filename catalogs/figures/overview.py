@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from catalogs.figures import style, views
+from catalogs.figures import panels, style, views
 from catalogs.settings import MinedStep
 from pipeline.datasets import atomic_path
 
@@ -43,7 +43,7 @@ def overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | 
     lower, upper = views.domain(grid)
     place = np.empty((0, 3)) if record is None else record["location"].values
     cuts, side = _cuts(grid), (upper - lower).max() * (upper > lower)
-    figure, array, _ = views.panels(
+    figure, array, _ = panels.panels(
         cuts, lower - MARGIN * side, upper + MARGIN * side, columns=min(len(cuts), 2), tallest=13.0
     )
     names = json.loads(grid.attrs["excavation_names"])
@@ -86,7 +86,7 @@ def overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | 
             handles=handles, loc="upper left", bbox_to_anchor=(right.x0, below.y1), ncols=1 + len(handles) // 20
         )
     else:
-        views.key(figure, handles, columns=5)
+        panels.key(figure, handles, columns=5)
     return figure
 
 

@@ -6,11 +6,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from catalogs.figures import style, views
+from catalogs.figures import panels, style, views
 
 MOST_STRENGTH_FACTOR = 3.0  # shown range: above it nobody looks
-FAILED = "#b2182b"
+FAILED, TOO_COARSE = "#b2182b", "#f4a582"
 ARROWS = 22  # displacement arrows along the longer side of a section
+SHORTEST = 0.2  # of the longest arrow: shorter ones are dots that say nothing
 
 
 def failed_rock(
@@ -27,7 +28,7 @@ def failed_rock(
     """
     failed = state["failed"].values
     lower, upper = views.frame_limits(grid, [state["position"].values[failed >= 0]], margin=0.05)
-    figure, array, _ = views.panels(cut_views, lower, upper)
+    figure, array, _ = panels.panels(cut_views, lower, upper)
     colours = np.array(style.step_colours(dated))
     for axes, view in zip(array, cut_views, strict=True):
         views.draw_excavations(axes, grid, view, planned)
@@ -40,12 +41,13 @@ def failed_rock(
     label = [names[index] + ("" if dated[index] else " (before the record)") for index in present]
     handles = [Patch(color=colours[index], label=text) for index, text in zip(present, label, strict=True)]
     handles.append(Patch(facecolor=style.EXCAVATION, edgecolor=style.OUTLINE, label="excavated"))
-    views.key(figure, handles)
+    panels.key(figure, handles)
     return figure
 
 
 def strength_factor(grid: xr.Dataset, state: xr.Dataset, cut_views: list[views.View], planned: list[int]) -> Figure:
-    """Sections coloured by strength factor; rock that has failed is red, fill is apart."""
+    """Sections coloured by strength factor; rock that has failed, and what coarse cells keep from failing, apart."""
+    finest = float(grid["cell_size"].values.min())
     figure, array, bar, *_ = _sections(grid, cut_views)
     for axes, view in zip(array, cut_views, strict=True):
         corner, size, chosen = _rock(axes, grid, state, view, planned)
@@ -55,9 +57,15 @@ def strength_factor(grid: xr.Dataset, state: xr.Dataset, cut_views: list[views.V
         )
         failed = state["failed"].values[chosen] >= 0
         views.draw_squares(axes, corner[failed], size[failed], facecolors=FAILED, zorder=1.2)
+        coarse = ~failed & (value < 1.0) & (grid["cell_size"].values[state["cell"].values[chosen]] > 1.01 * finest)
+        views.draw_squares(axes, corner[coarse], size[coarse], facecolors=TOO_COARSE, zorder=1.2)
     figure.colorbar(drawn, cax=bar, label="strength factor (1)", extend="both")
-    handles = [Patch(color=FAILED, label="has failed"), Patch(color=style.FILL, label="fill")]
-    views.key(figure, handles)
+    handles = [
+        Patch(color=FAILED, label="has failed"),
+        Patch(color=TOO_COARSE, label="above strength, in cells too coarse to fail"),
+        Patch(color=style.FILL, label="fill"),
+    ]
+    panels.key(figure, handles)
     return figure
 
 
@@ -81,9 +89,11 @@ def displacement(grid: xr.Dataset, state: xr.Dataset, cut_views: list[views.View
         _, first = np.unique(box, axis=0, return_index=True)
         point = centre[framed][first]
         arrow = 1e3 * state["displacement"].values[chosen][framed][first][:, view.axes]
+        long = np.linalg.norm(arrow, axis=1) > SHORTEST * largest
+        point, arrow = point[long], arrow[long]
         axes.quiver(
             *point.T, *arrow.T, color="white", angles="xy", scale_units="xy", scale=largest / (1.3 * spacing),
-            width=0.003, zorder=3,
+            width=0.004, zorder=3,
         )  # fmt: skip
     figure.colorbar(drawn, cax=bar, label="displacement (mm)", extend="max")
     return figure
@@ -98,7 +108,7 @@ def _squares(state: xr.Dataset, view: views.View, chosen: np.ndarray) -> tuple[n
 def _sections(grid: xr.Dataset, cut_views: list[views.View]):
     """A figure with panels and a colour bar's axes for the surroundings of the excavations, and their limits."""
     lower, upper = views.frame_limits(grid, [], margin=0.2)
-    return *views.panels(cut_views, lower, upper, bar=True), lower, upper
+    return *panels.panels(cut_views, lower, upper, bar=True), lower, upper
 
 
 def _rock(axes, grid: xr.Dataset, state: xr.Dataset, view: views.View, planned: list[int]):

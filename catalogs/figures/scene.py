@@ -5,13 +5,13 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from catalogs.figures import style, views
+from catalogs.figures import panels, style, views
 
 
 def grid_levels(grid: xr.Dataset, cut_views: list[views.View]) -> Figure:
     """Plan and sections through the whole domain, cells coloured by level."""
     lower, upper = views.domain(grid)
-    figure, array, _ = views.panels(cut_views, lower, upper)
+    figure, array, _ = panels.panels(cut_views, lower, upper)
     level, size = grid["cell_level"].values, grid["cell_size"].values
     colours = style.level_colours(int(grid.attrs["levels"]))
     for axes, view in zip(array, cut_views, strict=True):
@@ -27,14 +27,14 @@ def grid_levels(grid: xr.Dataset, cut_views: list[views.View]) -> Figure:
         Patch(color=colours(index), label=f"level {index}: {float(grid.attrs['coarse_cell']) / 2**index:g} m")
         for index in range(int(grid.attrs["levels"]))
     ]
-    views.key(figure, handles)
+    panels.key(figure, handles)
     return figure
 
 
 def excavated_share(grid: xr.Dataset, cut_views: list[views.View], planned: list[int]) -> Figure:
     """The same cuts near the excavations: the share of each cell inside an excavation, planned ones dashed."""
     lower, upper = views.frame_limits(grid, [])
-    figure, array, bar = views.panels(cut_views, lower, upper, bar=True)
+    figure, array, bar = panels.panels(cut_views, lower, upper, bar=True)
     drawn = None
     for axes, view in zip(array, cut_views, strict=True):
         cells = views.cut_cells(grid, view)

@@ -14,6 +14,8 @@ DENSITIES = (2, 4, 6, 8, 12, 16, 24)  # multiples of a uniform distribution
 LEAST_CONTOURED = 8  # axes: a density of fewer is a picture of its own smoothing
 CELL, NET, BAR = 3.3, 2.6, 1.0  # inches: a panel, the net in it, the colour bar
 MOST_POINTS = 600  # of one net: the contours tell the rest
+WIDEST_CONE = 45.0  # degrees: a wider one says that there is no mean
+INSITU = {"P": "σ₁ in situ", "B": "σ₂ in situ", "T": "σ₃ in situ"}
 
 
 @dataclass(frozen=True)
@@ -32,9 +34,10 @@ class Axes:
     mean_cone: np.ndarray
 
 
-def stereonets(catalogs: list[Axes]) -> Figure:
+def stereonets(catalogs: list[Axes], insitu: np.ndarray | None = None) -> Figure:
     """A row of three nets per catalogue: axes (dots), their density (contours), mean axis (star) and its 95 % cone.
 
+    insitu: (3, xyz), the most, middle and least compressive axis of the stress before mining, a cross on P, B and T.
     Placed by hand: the overlay on which mplstereonet draws azimuths is lost in matplotlib's layouts.
     """
     width, height = 3 * CELL + BAR, (CELL + 0.35) * len(catalogs)
@@ -47,10 +50,19 @@ def stereonets(catalogs: list[Axes]) -> Figure:
             axes = figure.add_axes(place, projection="equal_area_stereonet")
             axes.set_title(f"{axes_of.label}: {name}", pad=16)
             drawn = _net(axes, axes_of, column) or drawn
+            if insitu is not None:
+                _mark_insitu(axes, insitu[column], INSITU[name])
         if drawn is not None:
             place = [3 * CELL / width, (bottom + 0.2 * NET) / height, 0.15 / width, 0.6 * NET / height]
             figure.colorbar(drawn, cax=figure.add_axes(place), label="density\n(multiples of uniform)")
     return figure
+
+
+def _mark_insitu(axes, vector: np.ndarray, label: str) -> None:
+    """A cross at a principal axis of the stress before mining."""
+    trend, plunge = trend_plunge(vector)
+    axes.line(plunge, trend, "x", markersize=9, markeredgecolor="#009e73", markeredgewidth=2.2, label=label, zorder=6)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.05), handletextpad=0.2, ncols=2, columnspacing=0.8)
 
 
 def direction(trend: float, plunge: float) -> str:
@@ -81,10 +93,11 @@ def _net(axes, axes_of: Axes, column: int):
     axes.line(plunge[::every], trend[::every], ".", markersize=2.5, color="k", alpha=0.4, rasterized=True)
     mean = axes_of.mean_trend[column], axes_of.mean_plunge[column], axes_of.mean_cone[column]
     if np.isfinite(mean[:2]).all():
-        cone = np.isfinite(mean[2]) and mean[2] > 0
+        known = np.isfinite(mean[2]) and mean[2] > 0
+        cone = known and mean[2] <= WIDEST_CONE
         axes.line(
             mean[1], mean[0], "*", markersize=13, markerfacecolor="white", markeredgecolor="k", markeredgewidth=1.2,
-            label=f"mean {direction(mean[0], mean[1])}" + (f" ± {mean[2]:.0f}°" if cone else ""),
+            label=f"mean {direction(mean[0], mean[1])}" + (f" ± {mean[2]:.0f}°" if known else ""),
         )  # fmt: skip
         if cone:
             axes.cone(mean[1], mean[0], mean[2], facecolor="none", edgecolor="k", linewidth=1.3)

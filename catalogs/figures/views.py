@@ -6,7 +6,6 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.figure import Figure
 
 from catalogs.figures import style
 
@@ -14,12 +13,7 @@ EAST, NORTH, UP = 0, 1, 2
 AXIS_LABELS = ("east x (m)", "north y (m)", "elevation z (m)")
 AXIS_NAMES = ("x", "y", "z")
 EDGES_ABOVE = 5.0  # points: smaller cells are drawn without edges, which would hide their colour
-LEFT, RIGHT, TOP, BOTTOM, KEY, BAR = 0.85, 0.15, 0.5, 0.55, 0.35, 0.95  # inches: labels of a panel, key, colour bar
-DIGIT = 0.075  # inches
-NARROWEST = 1.65  # inches: a column's title fits
-SHORT = 1.2  # inches: no room for a long axis label
 WHOLE_FROM = 1e4  # m: grid coordinates; half a cell more or less does not help to find a place
-NEARLY = 0.75  # of the largest scale
 INSIDE = 0.5  # a cell belongs to an excavation's outline from this share
 
 
@@ -46,14 +40,19 @@ class View:
 
 
 PLAN = View("Plan", EAST, NORTH, UP)
+LONG_PLAN = View(
+    "Plan, north to the right", NORTH, EAST, UP
+)  # of a mine that reaches north: below the section along it
 LOOKING_NORTH = View("Section looking north", EAST, UP, NORTH)
 LOOKING_WEST = View("Section looking west", NORTH, UP, EAST)
 
 
 def projections(grid: xr.Dataset) -> list[View]:
-    """Two sections and the plan, which in two columns lies below the section along x; in 2-D the one plane."""
+    """Two sections and the plan, which lies along the longer of them; in 2-D the one plane."""
     if int(grid.attrs["dimension"]) == 3:
-        return [LOOKING_NORTH, LOOKING_WEST, PLAN]
+        corners = piece_corners(grid)
+        east, north = (np.ptp(corners, axis=0) if len(corners) else np.ones(3))[:2]
+        return [LOOKING_NORTH, LOOKING_WEST, LONG_PLAN if north > east else PLAN]
     return [PLAN if grid.attrs.get("plane") == "xy" else LOOKING_NORTH]
 
 
@@ -213,84 +212,6 @@ def draw_excavations(
             ),
             autolim=False,
         )
-
-
-def panels(
-    views: list[View],
-    lower: np.ndarray,
-    upper: np.ndarray,
-    columns: int | None = None,
-    bar: bool = False,
-    tallest: float = 9.5,
-) -> tuple[Figure, list[Axes], Axes | None]:
-    """A figure with one scale for all its panels, in reading order, room for a key below and, if asked, a colour bar.
-
-    columns: if None, the most (least paper) that show the scene nearly as large as any does; tallest: inches.
-    Placed by hand: matplotlib's layouts give panels of equal aspect different scales, or paper between them.
-    """
-    if columns is None:
-        scales = {count: _scale(views, lower, upper, count, bar, tallest) for count in range(1, len(views) + 1)}
-        columns = max(count for count, scale in scales.items() if scale >= NEARLY * max(scales.values()))
-    scale = _scale(views, lower, upper, columns, bar, tallest)
-    widths, heights = _extents(views, lower, upper, columns)
-    widths, heights = [max(scale * width, NARROWEST) for width in widths], [scale * height for height in heights]
-    width = sum(widths) + (LEFT + RIGHT) * columns + BAR * bar
-    height = sum(heights) + (TOP + BOTTOM) * len(heights) + KEY
-    figure = style.new_figure(width, height, layout=None)
-    array = []
-    for number, view in enumerate(views):
-        row, column = divmod(number, columns)
-        left = sum(widths[:column]) + LEFT * (column + 1) + RIGHT * column
-        bottom = KEY + sum(heights[row + 1 :]) + TOP * (len(heights) - row - 1) + BOTTOM * (len(heights) - row)
-        size = scale * (upper - lower)[view.axes]
-        axes = figure.add_axes([left / width, bottom / height, size[0] / width, size[1] / height])
-        dress(axes, view, lower, upper)
-        if size[1] < SHORT:
-            axes.set_ylabel(f"{AXIS_NAMES[view.vertical]} (m)")
-        wide = max(0.65, DIGIT * (1 + max(len(f"{edge[view.horizontal]:.0f}") for edge in (lower, upper))))
-        prune = "both" if np.abs([lower, upper]).max() >= WHOLE_FROM else None  # long numbers reach beyond the panel
-        axes.locator_params(axis="x", nbins=int(np.clip(size[0] / wide, 1, 7)), prune=prune)
-        axes.locator_params(axis="y", nbins=int(np.clip(size[1] / 0.4, 1, 7)))
-        array.append(axes)
-    if not bar:
-        return figure, array, None
-    tall = min(height - KEY - TOP - BOTTOM, 3.6)
-    place = [(width - BAR + 0.1) / width, 1 - (TOP + tall) / height, 0.17 / width, tall / height]
-    return figure, array, figure.add_axes(place)
-
-
-def _extents(views: list[View], lower, upper, columns: int) -> tuple[list[float], list[float]]:
-    """Widths of the columns and heights of the rows, m."""
-    extent = np.maximum(upper - lower, 1e-3)
-    rows = -(-len(views) // columns)
-    return (
-        [max(extent[view.horizontal] for view in views[column::columns]) for column in range(columns)],
-        [max(extent[view.vertical] for view in views[row * columns : (row + 1) * columns]) for row in range(rows)],
-    )
-
-
-def _scale(views: list[View], lower, upper, columns: int, bar: bool, tallest: float) -> float:
-    """Inches per metre at which so many columns fit the paper."""
-    widths, heights = _extents(views, lower, upper, columns)
-    across = style.WIDTH - (LEFT + RIGHT) * columns - BAR * bar
-    down = tallest - (TOP + BOTTOM) * len(heights) - KEY
-    return min(across / sum(widths), down / sum(heights))
-
-
-def key(figure: Figure, handles: list, columns: int = 8) -> None:
-    """A key in the paper left for it below the panels."""
-    figure.legend(handles=handles, loc="lower center", ncols=min(len(handles), columns), borderaxespad=0.3)
-
-
-def dress(axes: Axes, view: View, lower: np.ndarray, upper: np.ndarray) -> None:
-    """Title, axis names with units, equal scales and limits."""
-    axes.set_title(view.title)
-    axes.set_xlabel(AXIS_LABELS[view.horizontal])
-    axes.set_ylabel(AXIS_LABELS[view.vertical])
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlim(lower[view.horizontal], upper[view.horizontal])
-    axes.set_ylim(lower[view.vertical], upper[view.vertical])
-    axes.ticklabel_format(style="plain", useOffset=False)
 
 
 def mark_cuts(axes: Axes, view: View, cut_views: list[View]) -> None:

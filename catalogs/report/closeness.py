@@ -51,5 +51,6 @@ def unlike(evidence: Evidence) -> str:
     scalars = evidence.particle_scalars
     if not scalars:
         return ""
-    share, at = float(evidence.catalog.attrs["unlike_potency"]) / scalars, float(evidence.catalog.attrs["closeness"])
-    return f"{percent(share)} of the potency is in rock whose own tensor is further than closeness {at:g} from its event's."
+    attributes = evidence.catalog.attrs
+    share = percent(float(attributes["unlike_potency"]) / scalars)
+    return f"{share} of the potency is in rock less than {attributes['closeness']:g} close to its event's tensor."

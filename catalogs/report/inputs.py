@@ -10,14 +10,14 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from catalogs.settings import Scheduled
+from catalogs.settings import InsituStress, Scheduled
 from pipeline.datasets import read_dataset
 from pipeline.errors import InputError
 from pipeline.event_table import check_events
 
 COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 CONVERGENCE = tuple(f"convergence_{name}" for name in COLUMNS)
-SHOWN = ("position", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor")
+SHOWN = ("position", "cell", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor")
 ENSEMBLE = "ensemble"  # folder of its members
 UNDATED = {"start": "", "end": "", "dated": 0}
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
@@ -47,8 +47,8 @@ class Evidence:
     """Everything the report tells of.
 
     stages: elastic, then the steps in order, each with its convergence table and attributes only; state: what is
-    SHOWN of the last of them; catalog, record, comparison, spread, closeness: None where there is none; files: {path: attributes}
-    of all read.
+    SHOWN of the last of them; catalog, record, comparison, spread, closeness: None where there is none; files:
+    {path: attributes} of all read.
     """
 
     config: dict
@@ -66,6 +66,7 @@ class Evidence:
     files: dict[str, dict]
     stale: list[str]
     resources: list[dict]
+    insitu: InsituStress | None
 
     @property
     def steps(self) -> list[dict]:
@@ -144,6 +145,7 @@ def read_evidence(
     benchmarks,
     expected_hashes: dict | None,
     excavations: Sequence[Scheduled] | None,
+    insitu: InsituStress | None,
 ) -> Evidence:
     """Read the files of one mine; paths that are None do not exist in this scene. Raises InputError (unreadable)."""
     files: dict[str, dict] = {}
@@ -185,6 +187,7 @@ def read_evidence(
         files=files,
         stale=_stale(files, expected_hashes or {}),
         resources=read_resources(benchmarks),
+        insitu=insitu,
     )
 
 

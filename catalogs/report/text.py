@@ -181,20 +181,6 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
     if evidence.stale:
         names = ", ".join(evidence.stale)
         found.append(("stale", f"Older than the configuration: {names}. Run snakemake again before using this report."))
-    cut_short = [stage.attrs for stage in evidence.stages if int(stage.attrs["truncated"])]
-    if len(cut_short) > STEPS_NAMED:
-        worst = max(cut_short, key=lambda step: step["truncated_share"])
-        text = f"Truncated in {len(cut_short)} stages (section 11), most in step {worst['step']}: "
-        text += f"{percent(worst['truncated_share'])} of the overstressed volume lies in cells too coarse to fail; "
-        found.append(("truncated", text + "events are missing there. Refine the grid there."))
-    else:
-        for step in cut_short:
-            name = f"step {step['step']}" if step["stage"] == "step" else "the elastic stage"
-            share, where = percent(step["truncated_share"]), typeset(step["truncated_where"])
-            text = (
-                f"Truncated in {name}: {share} of the overstressed volume lies in cells too coarse to fail ({where}); "
-            )
-            found.append(("truncated", text + "events are missing there. Refine the grid here."))
     if text := off_volume(evidence):
         found.append(("volume", text))
     for step in evidence.steps or [stage.attrs for stage in evidence.stages]:

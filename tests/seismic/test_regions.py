@@ -19,7 +19,8 @@ OPENING = np.array([1.0, 0, 0, 0, 0, 0])
 
 def lattice(*counts):
     """Centres of cubes of 1 m, (particle, 3), far from the origin."""
-    return np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), -1).reshape(-1, len(counts)) + [1e5, 2e5, -300.0]
+    cubes = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), -1).reshape(-1, len(counts))
+    return cubes + np.array([1e5, 2e5, -300.0])
 
 
 def smooth_field(seed, *counts):

@@ -50,7 +50,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Pairs:
-    """The same runs of two variants, in the same order: runs by name of the scheme, explicit first, or of the variant."""
+    """The same runs of two variants, in one order: runs by name of the scheme, explicit first, or of the variant."""
 
     runs: dict[str, list[Run]]
 

@@ -1,0 +1,246 @@
+"""The sections of the report: of each its figures, rows and numbers, as the template shows them."""
+
+import numpy as np
+
+from catalogs.figures import (
+    beachballs,
+    convergence,
+    events,
+    record,
+    rock,
+    scene,
+    sizes,
+    source_types,
+    stereonets,
+    style,
+    views,
+)
+from catalogs.mechanisms import mean_axis, trend_plunge
+from catalogs.report import energy, match, text
+from catalogs.report.closeness import closeness_rows, unlike
+from catalogs.report.gallery import Gallery
+from catalogs.report.inputs import Evidence
+from catalogs.report.insitu import insitu_axes
+from catalogs.report.scene import by_step
+from catalogs.report.spread import section as section_of_spread
+from catalogs.sizes import b_by_cut, cut_grid, estimate_b, log_potency
+from pipeline.source_tensors import moment_from_potency
+
+BALLS = 10
+MANY = 40  # rows: a longer list is folded or scrolls, or ends after the MOST that have most potency
+MOST = 20
+MODEL_LABEL = "Modelled"
+
+
+def sections_of(evidence: Evidence, gallery: Gallery) -> dict:
+    """All sections by their names in the template; None where there is nothing to show."""
+    return {
+        "scene": _scene(evidence, gallery),
+        "convergence": _convergence(evidence, gallery),
+        "rock": _rock(evidence, gallery),
+        "events": _events(evidence, gallery),
+        "sizes": _sizes(evidence, gallery),
+        "spread": section_of_spread(evidence, gallery.add),
+        "axes": _axes(evidence, gallery),
+        "balls": _balls(evidence, gallery),
+        "budget": _budget(evidence),
+    }
+
+
+def _cuts(evidence: Evidence) -> list[views.View]:
+    """Cut planes through the fullest layers of what the dated steps mine; if nothing is dated, of all that is mined."""
+    grid, rows = evidence.grid, evidence.excavations
+    wanted = [index for index, row in enumerate(rows) if row.dated] or [
+        index for index, row in enumerate(rows) if not row.planned
+    ]
+    cell, owner = grid["piece_cell"].values, grid["piece_excavation"].values
+    size = grid["cell_size"].values[cell]
+    weight = grid["piece_fraction"].values * size ** int(grid.attrs["dimension"]) * np.isin(owner, wanted)
+    return views.cuts(grid, grid["cell_origin"].values[cell] + size[:, None] / 2, weight)
+
+
+def _scene(evidence: Evidence, gallery: Gallery) -> dict:
+    cuts, rows = _cuts(evidence), evidence.excavations
+    return {
+        "levels": gallery.add("grid_levels", scene.grid_levels(evidence.grid, cuts)),
+        "share": gallery.add("excavated_share", scene.excavated_share(evidence.grid, cuts, evidence.planned))
+        if evidence.grid.sizes["piece"]
+        else None,
+        "table": scene.level_table(evidence.grid),
+        "excavations": rows,
+        "steps": by_step(rows) if len(rows) > MANY else [],
+    }
+
+
+def _convergence(evidence: Evidence, gallery: Gallery) -> dict | None:
+    if not evidence.stages:
+        return None
+    figure = gallery.add("convergence", convergence.convergence(evidence.stages))
+    failures = [int(stage["convergence_new_failures"].values.sum()) for stage in evidence.stages]
+    return {"figure": figure, "table": list(zip([stage.attrs for stage in evidence.stages], failures, strict=True))}
+
+
+def _rock(evidence: Evidence, gallery: Gallery) -> dict | None:
+    if evidence.state is None:
+        return None
+    grid, state, cuts, planned = evidence.grid, evidence.state, _cuts(evidence), evidence.planned
+    sections = [view for view in cuts if view.vertical == views.UP] or cuts
+    shown = {"failed": None, "table": evidence.steps, "energy": energy.section(evidence)}
+    if (state["failed"].values >= 0).any():
+        last = max(int(step["step_index"]) for step in evidence.steps)
+        names, dated = ["" for _ in range(last + 1)], [False] * (last + 1)
+        for step in evidence.steps:
+            names[int(step["step_index"])], dated[int(step["step_index"])] = step["step"], bool(int(step["dated"]))
+        shown["failed"] = gallery.add("failed_rock", rock.failed_rock(grid, state, cuts, names, dated, planned))
+    shown["strength"] = gallery.add("strength_factor", rock.strength_factor(grid, state, sections, planned))
+    shown["displacement"] = gallery.add("displacement", rock.displacement(grid, state, sections, planned))
+    return shown
+
+
+def _shown(evidence: Evidence) -> dict:
+    """Catalogues that have events to show, by label: the modelled one first."""
+    found = {} if evidence.catalog is None else {MODEL_LABEL: evidence.resolved}
+    if evidence.record is not None:
+        found[evidence.record_label] = evidence.record
+    return found if any(catalog.sizes["event"] for catalog in found.values()) else {}
+
+
+def _events(evidence: Evidence, gallery: Gallery) -> dict | None:
+    shown = _shown(evidence)
+    if not shown:
+        return None
+    rows, _ = text.near_excavations(evidence)
+    compared = evidence.comparison is not None
+    located = compared and bool(np.isfinite(evidence.comparison["energy_distance"]))
+    return {
+        "figure": gallery.add("events", events.locations(evidence.grid, shown, evidence.planned)),
+        "near": _with_most_potency(rows),
+        "nearness": gallery.add("nearness", events.nearness(evidence.comparison)) if located else None,
+        "rows": match.location_rows(evidence) if located else [],
+        "text": text.typeset(evidence.comparison.attrs.get("location_text", "")) if compared else "",
+        "crowd": any(events.is_crowd(catalog) for catalog in shown.values()),
+        "beside": len(shown) > 1,
+        "in_time": _in_time(evidence, gallery),
+    }
+
+
+def _in_time(evidence: Evidence, gallery: Gallery) -> dict | None:
+    """The record in time; None without one, or without a cut."""
+    if evidence.comparison is None or not np.isfinite(evidence.comparison["cut"]):
+        return None
+    figure = record.in_time(
+        evidence.record, evidence.resolved, evidence.dated, evidence.record_label, float(evidence.comparison["cut"])
+    )
+    return None if figure is None else gallery.add("record_in_time", figure)
+
+
+def _with_most_potency(rows: list[dict]) -> list[dict]:
+    """Rows of excavations with events beside them; where they are many, those with most potency and the others' sum."""
+    if len(rows) <= MANY:
+        return rows
+    rows = sorted(rows, key=lambda row: -row["potency"])
+    others = rows[MOST:]
+    sums = {name: sum(row[name] for row in others) for name in ("events", "potency", "potency_share")}
+    return [*rows[:MOST], {"name": f"{len(others)} others", "step": "", **sums, "distance": np.nan}]
+
+
+def _sizes(evidence: Evidence, gallery: Gallery) -> dict | None:
+    shown = _shown(evidence)
+    if not shown:
+        return None
+    catalogs = [_size_fit(evidence, label, catalog) for label, catalog in shown.items()]
+    return {
+        "figure": gallery.add("potency_frequency", sizes.potency_frequency(catalogs)),
+        "by_cut": gallery.add("b_against_cut", sizes.b_against_cut(catalogs)),
+        "rows": match.size_rows(evidence),
+        "fits": catalogs,
+        "closeness": closeness_rows(evidence, catalogs[0].cut) if MODEL_LABEL in shown else [],
+        "unlike": unlike(evidence),
+        "text": "" if evidence.comparison is None else text.typeset(evidence.comparison.attrs.get("size_text", "")),
+    }
+
+
+def _size_fit(evidence: Evidence, label: str, catalog) -> sizes.Sizes:
+    """b of one catalogue: from the comparison, or above the model's own floor if it stands alone."""
+    values = log_potency(catalog["potency"].values)
+    modelled, comparison = label == MODEL_LABEL, evidence.comparison
+    colour = style.MODELLED if modelled else style.RECORDED
+    if comparison is not None:
+        here = comparison.sel(catalogue="model" if modelled else "record")
+        by_cut = np.stack([comparison["cut_log_potency"], here["b_by_cut"], here["b_by_cut_error"]])
+        fit = [float(here[name]) for name in ("b", "b_error", "a")]
+        return sizes.Sizes(label, colour, values, *fit, float(comparison["cut"]), by_cut)
+    floor = float(evidence.catalog.attrs["potency_floor"]) if modelled else np.nan
+    known = values[np.isfinite(values)]
+    cut = np.log10(floor) if floor > 0 else known.min(initial=np.inf)
+    fit = estimate_b(known, cut)
+    table = [(value.cut, value.b, value.error) for value in b_by_cut(known, cut_grid(known))]
+    return sizes.Sizes(
+        label, colour, values, fit.b, fit.error, fit.a, float(cut), np.array(table, float).reshape(-1, 3).T
+    )
+
+
+def _axes(evidence: Evidence, gallery: Gallery) -> dict | None:
+    nets = [net for net in (_net(evidence, *item) for item in _shown(evidence).items()) if net is not None]
+    if not nets:
+        return None
+    compared = evidence.comparison is not None and int(evidence.comparison.attrs.get("axes_present", 0))
+    typed = {label: catalog for label, catalog in _shown(evidence).items() if np.isfinite(catalog["dc"].values).any()}
+    colours = {label: style.MODELLED if label == MODEL_LABEL else style.RECORDED for label in typed}
+    return {
+        "figure": gallery.add("stereonets", stereonets.stereonets(nets, insitu_axes(evidence))),
+        "types": gallery.add("source_types", source_types.source_types(typed, colours)) if typed else None,
+        "kagan": gallery.add("kagan_angles", stereonets.kagan_angles(evidence.comparison)) if compared else None,
+        "rows": match.axis_rows(evidence) if compared else [],
+        "text": "" if evidence.comparison is None else evidence.comparison.attrs.get("axes_text", ""),
+    }
+
+
+def _net(evidence: Evidence, label: str, catalog) -> stereonets.Axes | None:
+    """Axes of one catalogue with their means; None if it has none."""
+    modelled, comparison = label == MODEL_LABEL, evidence.comparison
+    vectors = np.stack([catalog[f"{name}_axis"].values for name in "pbt"])
+    known = np.isfinite(vectors).all(axis=(0, 2))
+    if not known.any():
+        return None
+    vectors = vectors[:, known]
+    mean, cone = [*trend_plunge(mean_axis(vectors)[0])], np.full(3, np.nan)
+    if comparison is not None and int(comparison.attrs.get("axes_present", 0)):
+        here = comparison.sel(catalogue="model" if modelled else "record")
+        mean, cone = [here["mean_trend"].values, here["mean_plunge"].values], here["mean_cone"].values
+    look = (style.MODELLED, "Blues") if modelled else (style.RECORDED, "Oranges")
+    return stereonets.Axes(label, *look, vectors, *mean, cone)
+
+
+def _balls(evidence: Evidence, gallery: Gallery) -> dict | None:
+    if evidence.catalog is None:
+        return None
+    largest = text.largest_events(evidence.resolved, BALLS)
+    if not len(largest):
+        return None
+    chosen = evidence.resolved.isel(event=largest)
+    rows = text.ball_rows(chosen)
+    titles = [
+        f"{row['rank']}: log P {row['log_potency']}, Mw {row['mw']}\n{row['location']} m\n{row['step']}" for row in rows
+    ]
+    axes_of = np.stack([chosen["p_axis"].values, chosen["t_axis"].values], axis=1)
+    lame_lambda, shear_modulus = (float(chosen.attrs[name]) for name in ("lame_lambda", "shear_modulus"))
+    tensors = moment_from_potency(chosen["potency_tensor"].values, lame_lambda, shear_modulus)
+    return {
+        "figure": gallery.add("beach_balls", beachballs.beach_balls(tensors, titles, axes_of, style.MODELLED)),
+        "rows": rows,
+    }
+
+
+def _budget(evidence: Evidence) -> dict | None:
+    components, rows, budget = text.budget_rows(evidence)
+    if not rows:
+        return None
+    return {
+        "components": components,
+        "rows": rows,
+        "budget": budget,
+        "floor": float(evidence.catalog.attrs["potency_floor"]),
+        "seismic_fraction": float(evidence.catalog.attrs["seismic_fraction"]),
+        "shear_modulus": float(evidence.catalog.attrs["shear_modulus"]),
+    }
