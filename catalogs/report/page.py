@@ -9,13 +9,12 @@ import jinja2
 import numpy as np
 
 from catalogs.figures import style
-from catalogs.report import match, text
+from catalogs.report import match, sections, text
 from catalogs.report.by_step import caption, missing_potency, step_rows
 from catalogs.report.closeness import intervals_contain
 from catalogs.report.gallery import Gallery
 from catalogs.report.inputs import Evidence, read_evidence
 from catalogs.report.record import sentences
-from catalogs.report.sections import MANY, sections_of
 from catalogs.report.spread import headline as headline_of_spread
 from catalogs.report.text import fixed, number, percent, whole
 from catalogs.settings import InsituStress, Scheduled
@@ -60,9 +59,9 @@ def write_report(
     )  # fmt: skip
     gallery = Gallery(Path(figures))
     with style.applied():
-        sections = sections_of(evidence, gallery)
+        shown = sections.sections_of(evidence, gallery)
     gallery.remove_others()
-    rows = sections["sizes"]["closeness"] if sections["sizes"] else []
+    rows = shown["sizes"]["closeness"] if shown["sizes"] else []
     page = _environment().get_template("report.html.j2").render(
         evidence=evidence,
         mine=evidence.grid.attrs["mine"],
@@ -72,11 +71,11 @@ def write_report(
         banners=[("truncated", said) for said in missing_potency(evidence)] + text.banners(evidence),
         step_rows=step_rows(evidence),
         step_caption=caption(evidence) if evidence.dated else "",
-        many=MANY,
+        many=sections.MANY,
         config_lines=text.config_lines(config, default),
         versions=_versions(evidence),
         files=[(_short(path, output), attributes) for path, attributes in evidence.files.items()],
-        **sections,
+        **shown,
     )  # fmt: skip
     with atomic_path(output) as temporary:
         temporary.write_text(page, encoding="utf-8")

@@ -15,7 +15,7 @@ import yaml
 from catalogs.comparison import compare
 from catalogs.figures import events, style
 from catalogs.report import energy as report_energy
-from catalogs.report import page as report
+from catalogs.report import sections
 from catalogs.report.page import write_report
 from catalogs.report.text import between, config_lines, number
 from pipeline.datasets import read_dataset, write_dataset
@@ -142,7 +142,7 @@ def test_the_page_says_where_the_energy_of_each_step_went(page, mine):
 def test_many_excavations_are_folded_under_their_sums(page, mine, tmp_path, monkeypatch):
     """Four here; a list of over a hundred would hide what follows."""
     assert not any(tag == "details" for tag, _ in page.tags)
-    monkeypatch.setattr(report, "MANY", 2)
+    monkeypatch.setattr(sections, "MANY", 2)
     folded = make_page(mine, tmp_path)
     assert [tag for tag, _ in folded.tags if tag in ("details", "summary")] == ["details", "summary"]
     names = ("excavation_volume", "excavation_volume_grid")
@@ -183,7 +183,8 @@ def test_record_of_measured_events_is_not_called_a_twin(mine, tmp_path):
 
 
 def test_banners_name_truncation_and_stale_files(page):
-    assert "Truncated in step 2019-09: 3.4 %" in page.sections["headline"]
+    assert "of potency is missing beside the 0.629 m³" in page.sections["headline"]
+    assert "3.4 % of the rock that has failed or should lies in cells too coarse to fail" in page.sections["headline"]
     assert "Older than the configuration" in page.sections["headline"]
     assert "catalog.nc" in page.sections["headline"]
     assert "grid.nc" not in page.sections["headline"]

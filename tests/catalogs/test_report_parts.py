@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 
 from catalogs.figures import convergence
-from catalogs.report import page as report
 from catalogs.report import record as report_record
+from catalogs.report import sections
 from catalogs.report.inputs import Excavation, read_resources
 from catalogs.report.scene import by_step
 from catalogs.report.text import events_by_step, number
@@ -52,10 +52,10 @@ def test_many_excavations_with_events_end_with_the_sum_of_the_others(monkeypatch
         }
         for n in (1, 4, 2, 3)
     ]
-    assert report._with_most_potency(rows) == rows
-    monkeypatch.setattr(report, "MANY", 3)
-    monkeypatch.setattr(report, "MOST", 2)
-    *most, others = report._with_most_potency(rows)
+    assert sections._with_most_potency(rows) == rows
+    monkeypatch.setattr(sections, "MANY", 3)
+    monkeypatch.setattr(sections, "MOST", 2)
+    *most, others = sections._with_most_potency(rows)
     assert [row["name"] for row in (*most, others)] == ["drive 4", "drive 3", "2 others"]
     assert others["events"] == 3
     assert others["potency"] == pytest.approx(0.3)

@@ -1,0 +1,174 @@
+"""What the report says first, and the pictures that answer to it: numbers by hand, places by the eye's rules."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import report_fixtures as fixtures
+import xarray as xr
+from matplotlib import dates
+
+from catalogs.figures import events, panels, record, rock, style, views
+from catalogs.report.by_step import missing_potency, step_rows
+from catalogs.report.inputs import Excavation
+from catalogs.report.insitu import insitu_axes
+from catalogs.settings import InsituStress
+
+
+def step(name: str, share: float, month: int) -> dict:
+    """Attributes of a dated step of 2019."""
+    return {
+        "step": name,
+        "start": f"2019-{month:02d}-01T00:00:00Z",
+        "end": f"2019-{month + 1:02d}-01T00:00:00Z",
+        "truncated": int(share > 0),
+        "truncated_share": share,
+        "truncated_where": f"x 0 to {month} m; more grid.buffer_cells would let it fail" if share else "",
+    }
+
+
+def events_of(potency, step_names=None, days=None) -> xr.Dataset:
+    """A catalogue of sizes, steps and days of 2019 (1 January is 0)."""
+    count = len(potency)
+    time = np.datetime64("2019-01-01", "ns") + np.array(np.zeros(count) if days is None else days) * np.timedelta64(
+        1, "D"
+    )
+    return xr.Dataset(
+        {
+            "potency": ("event", np.array(potency, float)),
+            "step": ("event", np.array(step_names if step_names is not None else [""] * count, object)),
+            "time": ("event", time.astype("datetime64[ns]")),
+            "location": (("event", "xyz"), np.zeros((count, 3))),
+        }
+    )
+
+
+def test_missing_potency_is_each_steps_own_share():
+    """3 m3 with a quarter truncated lack 1, 2 m3 with a half lack 2; a step without lacks none."""
+    catalog = events_of([1.0, 2.0, 2.0, 5.0], ["a", "a", "b", "c"])
+    dated = [step("a", 0.25, 1), step("b", 0.5, 2), step("c", 0.0, 3)]
+    (text,) = missing_potency(SimpleNamespace(dated=dated, stages=[], catalog=catalog))
+    assert text.startswith("About 3.0 m³ of potency is missing beside the 10.0 m³")
+    assert "25 to 50 %" in text
+    assert "most in b, x 0 to 2 m." in text
+    assert missing_potency(SimpleNamespace(dated=dated[2:], stages=[], catalog=catalog)) == []
+
+
+def test_rock_too_coarse_before_the_record_is_said_without_an_estimate():
+    before = SimpleNamespace(attrs=step("history", 0.3, 1))
+    (text,) = missing_potency(
+        SimpleNamespace(dated=[step("a", 0.0, 2)], stages=[before], catalog=events_of([1.0], ["a"]))
+    )
+    assert text.startswith("In the steps before the record, 30 % of the rock")
+
+
+def test_each_step_stands_beside_what_was_recorded_while_it_was_mined():
+    """The day on which one step ends and the next begins is the next one's; smaller events do not count."""
+    model = events_of([1e-1, 1e-2, 1e-3, 1e-1], ["a", "a", "a", "b"])
+    recorded = events_of([1e-2, 1e-2, 1e-3, 1e-1], days=[0.0, 30.99, 5.0, 31.0])
+    rows = step_rows(
+        SimpleNamespace(
+            catalog=model,
+            resolved=model,
+            record=recorded,
+            comparison={"cut": np.float64(-2.0)},
+            dated=[step("a", 0.0, 1), step("b", 0.0, 2)],
+            excavations=[Excavation(name, at, "none", at, 9.0, drawn, False, True) for name, at, drawn in
+                         [("x", "a", 5.0), ("y", "a", 6.0), ("z", "b", 7.0)]],
+        )
+    )  # fmt: skip
+    assert [(row["days"], row["mined"]) for row in rows] == [("31.0", "11.00"), ("28.0", "7.000")]
+    assert [row["modelled"] for row in rows] == [("2", "0.110"), ("1", "0.100")]
+    assert [row["recorded"] for row in rows] == [("2", "0.0200"), ("1", "0.100")]
+
+
+def test_insitu_axes_are_those_at_the_depth_of_the_events():
+    """East most compressed at the surface, north 50 m below it; potency decides where between events that is."""
+    stress = InsituStress(constant=(-3.0, -1.0, -2.0, 0, 0, 0), gradient=(0, -0.1, 0, 0, 0, 0), surface=100.0)
+    catalog = events_of([1e-9, 1.0])
+    catalog["location"].values[:, 2] = [100.0, 50.0]
+    axes = insitu_axes(SimpleNamespace(insitu=stress, resolved=catalog))
+    np.testing.assert_allclose(np.abs(axes), [[0, 1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-9)
+    shallow = insitu_axes(SimpleNamespace(insitu=stress, resolved=catalog.isel(event=[0])))
+    np.testing.assert_allclose(np.abs(shallow), [[1, 0, 0], [0, 0, 1], [0, 1, 0]], atol=1e-9)
+    assert insitu_axes(SimpleNamespace(insitu=None, resolved=catalog)) is None
+
+
+def test_record_in_time_adds_up_what_counts():
+    """Cumulative potency ends at the sum above the cut; the model's stands at the end of its step."""
+    generator = np.random.default_rng(0)
+    recorded = events_of(10 ** generator.uniform(-3, -1, 300), days=generator.uniform(0, 59, 300))
+    model = events_of([0.5, 0.25, 1e-4], ["a", "b", "b"])
+    with style.applied():
+        figure = record.in_time(recorded, model, [step("a", 0.0, 1), step("b", 0.0, 2)], "Recorded", -2.0)
+    below = figure.axes[1]
+    ends = {line.get_label(): line.get_xydata()[-1] for line in below.get_lines()}
+    potency = recorded["potency"].values
+    assert ends["Recorded"][1] == pytest.approx(potency[potency >= 1e-2].sum())
+    assert ends["Modelled, by step"].tolist() == [dates.date2num(np.datetime64("2019-03-01")), 0.75]
+    assert record.in_time(events_of([]), model, [], "Recorded", -2.0) is None
+
+
+def test_completeness_in_time_follows_a_network_that_gets_better():
+    """200 events from log P -2 on, then 200 from -3 on: fullest bins of exact power laws lie at their lower ends."""
+    generator = np.random.default_rng(0)
+    sizes = [start + generator.exponential(0.3, 200) for start in (-2.0, -3.0)]
+    middle, fullest = record.completeness(np.arange(400.0), np.concatenate(sizes))
+    assert np.all(np.abs(fullest[middle < 140] + 2.0) <= 0.3)
+    assert np.all(np.abs(fullest[middle > 260] + 3.0) <= 0.3)
+
+
+def test_very_many_events_are_counted_per_square():
+    grid = fixtures.make_grid(**{"coarse": 16.0})
+    place = np.tile(grid["cell_origin"].values.mean(axis=0), (events.CROWD + 1, 1))
+    catalog = events_of(np.ones(len(place))).assign(location=(("event", "xyz"), place))
+    lower, upper = views.domain(grid)
+    with style.applied():
+        figure = style.new_figure()
+        axes = figure.subplots()
+        events.draw_density(figure, axes, catalog, views.PLAN, lower, upper)
+    (mesh,) = [artist for artist in axes.collections if artist.get_array() is not None]
+    assert events.is_crowd(catalog)
+    assert not events.is_crowd(catalog.isel(event=slice(events.CROWD)))
+    assert np.nansum(mesh.get_array()) == events.CROWD + 1
+    assert np.isfinite(mesh.get_array()).sum() == 1
+
+
+@pytest.mark.parametrize(("east", "north", "long"), [(30.0, 200.0, True), (200.0, 30.0, False)])
+def test_the_plan_lies_along_the_longer_section_and_is_no_mirror_image(east, north, long):
+    """Seen from above: with north to the right, east points down."""
+    plan = views.LONG_PLAN if long else views.PLAN
+    lower, upper = np.zeros(3), np.array([east, north, 40.0])
+    with style.applied():
+        _, array, _ = panels.panels([views.LOOKING_NORTH, views.LOOKING_WEST, plan], lower, upper)
+    right, up = ([0, 1], [-1, 0]) if long else ([1, 0], [0, 1])  # east, north
+    axes = array[2]
+    (left, end), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    assert np.sign([end - left, top - bottom]).tolist() == ([1, -1] if long else [1, 1])
+    assert right[0] * up[1] - right[1] * up[0] == 1
+    if long:
+        boxes = [one.get_position() for one in array]
+        assert boxes[2].x0 == pytest.approx(boxes[1].x0)  # below the section along it
+        assert boxes[2].y1 < boxes[1].y0
+
+
+def test_rock_above_strength_in_coarse_cells_is_not_shown_as_rock_that_fails_next():
+    """Every coarse cell above strength, and no fine one, has its own colour."""
+    grid = fixtures.make_grid(**{"coarse": 16.0})
+    state = fixtures.make_state(grid, 2)
+    state["failed"][:] = -1
+    state["excavation"][:] = -1
+    state["volume"][:] = grid["cell_size"].values ** 3
+    state["strength_factor"][:] = 0.9
+    with style.applied():
+        cuts = views.cuts(grid, state["position"].values, np.ones(grid.sizes["cell"]))[:1]
+        figure = rock.strength_factor(grid, state, cuts, [])
+    colour = np.array(style.mpl.colors.to_rgb(rock.TOO_COARSE))
+    drawn = [
+        one
+        for one in figure.axes[0].collections
+        if one.get_array() is None and len(one.get_facecolors()) and np.allclose(one.get_facecolors()[0, :3], colour)
+    ]
+    cells = views.cut_cells(grid, cuts[0])
+    coarse = grid["cell_size"].values[cells] > grid["cell_size"].values.min()
+    assert sum(len(one.get_paths()) for one in drawn) == coarse.sum() > 0
