@@ -25,6 +25,11 @@ MAGNITUDE, MAGNITUDE_TYPE = "magnitude", "magnitude_type"
 UNITS = {**dict.fromkeys((*MINE_COORDINATES, "depth"), "m"), "potency": "m^3", "moment": "N m", "time_uncertainty": "s"}
 UNITS |= {f"{kind}_{name}": UNITS[kind] for kind in TENSOR_KINDS for name in COMPONENTS}
 TEXTS = ("time", MAGNITUDE_TYPE, "step")  # kinds of columns that hold no numbers
+READ_BY = {  # keys of a record that not every reader uses
+    **dict.fromkeys(("columns", "units", "missing", "decimal", "date_order", "time_zone"), ("csv",)),
+    **dict.fromkeys(("twin", "conversions"), ("csv", "quakeml")),
+    **dict.fromkeys(("rigidity", "match_within", "orientations"), ("elk_creek",)),
+}
 
 
 Numbers = dict[str, float]  # by column of the file
@@ -182,6 +187,9 @@ class RecordSettings(Settings):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
+        for key, readers in READ_BY.items():
+            if key in self.model_fields_set and self.reader not in readers:
+                raise refusal(f"not used by reader {self.reader}, by {' and '.join(readers)} only; leave it out", key)
         for kind, unit in (self.units or {}).items():
             if kind not in UNITS or (self.columns and kind not in self.columns.model_fields_set):
                 raise refusal(f"not a named column with a unit; such are {', '.join(UNITS)}", "units", kind)

@@ -232,4 +232,6 @@ def _reason(found: Mapping) -> str:
         if limit in context:
             return f"{value} is {words} of {context[limit]:g}"
     wanted = next((name for part, name in TYPES.items() if kind.startswith(part)), None)
+    if found["input"] is None and wanted in ("object", "array"):
+        return f"nothing stands below it; give it {'keys' if wanted == 'object' else 'entries'}, or leave it out"
     return f"{value} is not of type '{wanted}'" if wanted else f"{value}: {found['msg']}"

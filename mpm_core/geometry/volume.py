@@ -4,7 +4,8 @@ A closed surface has it by Gauss's theorem, if no part overlaps another: W is wh
 sum over the facets. Where W is neither 0 nor 1 (overlaps, bodies that look different ways) what that sum has wrong is
 added up over cells; elsewhere this is exactly zero. An open surface has no such sum, and all is added up over cells.
 Cells are halved where the surface passes, or where it is open and W is near 1/2, until there are some thousand of
-them; of those the last, 64 points are asked. Plain arrays; lengths in m from a local origin.
+them; of those the last, 64 points are asked. What all lies on the surface of its convex hull, as boxes and most prisms
+do, has one W within it, and nothing to be added up. Plain arrays; lengths in m from a local origin.
 """
 
 import numpy as np
@@ -17,6 +18,8 @@ ROOT_CELLS = 4  # along the longest side
 ENOUGH_CELLS = 1000  # to be halved no more: the volume of a smooth open body is good to 1e-3
 ENOUGH_CLOSED = 300  # of a closed body, of which only what overlaps is added up
 MOST_HALVINGS = 20
+ROUND_OFF = 1e-12  # of the solid's size: how far a corner may lie beyond the plane of a facet of its hull
+MANY_CORNERS = 512  # each is held against each facet
 UNDECIDED = 0.3  # of W from 1/2, beyond which a cell without any surface lies on one side: W changes slowly there
 
 
@@ -31,6 +34,8 @@ def volume_within(corners: np.ndarray, is_closed: bool, lower: np.ndarray, upper
         return 0.0
     whole = flux_within(corners, lower, upper) if is_closed else 0.0
     winding_number = winding_number_of(corners)
+    if is_closed and is_on_its_hull(corners) and np.rint(abs(winding_number(places.mean(axis=0)[None])[0])) == 1:
+        return abs(whole)
 
     def missing(points: np.ndarray) -> np.ndarray:
         """By how much the sum over the facets is wrong at points: what is to be added up, 0 where it is right."""
@@ -41,6 +46,21 @@ def volume_within(corners: np.ndarray, is_closed: bool, lower: np.ndarray, upper
         return (w != 0) - np.copysign(1.0, whole) * w
 
     return abs(whole) + _sum_over_cells(corners, is_closed, lower, upper, winding_number, missing)
+
+
+def is_on_its_hull(corners: np.ndarray) -> bool:
+    """Whether every facet (facet, corner, dimension) lies on the surface of the convex hull of all corners.
+
+    W is then the same everywhere within it, and 0 without if the surface is closed. False where corners are many.
+    """
+    places = corners.reshape(-1, corners.shape[2])
+    if len(places) > MANY_CORNERS:
+        return False
+    edge = corners[:, 1] - corners[:, 0]
+    normal = np.cross(edge, corners[:, 2] - corners[:, 0]) if corners.shape[2] == 3 else edge[:, ::-1] * [1, -1]
+    height = normal @ places.T - (normal * corners[:, 0]).sum(axis=1)[:, None]
+    slack = ROUND_OFF * np.ptp(places, axis=0).max() * np.linalg.norm(normal, axis=1)
+    return bool(((height.max(axis=1) <= slack) | (height.min(axis=1) >= -slack)).all())
 
 
 def _sum_over_cells(corners, is_closed, lower, upper, winding_number, value) -> float:

@@ -16,18 +16,8 @@ import numpy as np
 from numba import njit, prange
 
 from mpm_core.constitutive.general import strength_of
-from mpm_core.kernels.modes import (
-    add_slopes_2,
-    add_slopes_3,
-    add_value_2,
-    add_value_3,
-    sample_2,
-    sample_3,
-    to_corners,
-    to_modes,
-    value_2,
-    value_3,
-)
+from mpm_core.kernels import modes_2, modes_3
+from mpm_core.kernels.modes import to_corners, to_modes
 from mpm_core.kernels.relocation import LOWEST
 from mpm_core.kernels.resting import flow_at_residual
 
@@ -38,10 +28,7 @@ def make_cycle(law, dimension: int):
     length = law.ROW_LENGTH
     corners = 1 << dimension
     fields = 2 * dimension + 1
-    sample, value, add_value, add_slopes = {
-        2: (sample_2, value_2, add_value_2, add_slopes_2),
-        3: (sample_3, value_3, add_value_3, add_slopes_3),
-    }[dimension]
+    modes = {2: modes_2, 3: modes_3}[dimension]
 
     @njit(parallel=True, error_model="numpy", cache=True)
     def cycle(
@@ -119,13 +106,13 @@ def make_cycle(law, dimension: int):
                     if time_step > 0.0:
                         lame = step * elastic_constants[material[particle], 0]
                         shear = step * elastic_constants[material[particle], 1]
-                        vx, xx, xy, xz = sample(motion, 0, x, y, z)
-                        vy, yx, yy, yz = sample(motion, 1, x, y, z)
-                        velocity[particle, 0] += share * value(motion, dimension, x, y, z)
-                        velocity[particle, 1] += share * value(motion, dimension + 1, x, y, z)
+                        vx, xx, xy, xz = modes.sample(motion, 0, x, y, z)
+                        vy, yx, yy, yz = modes.sample(motion, 1, x, y, z)
+                        velocity[particle, 0] += share * modes.value(motion, dimension, x, y, z)
+                        velocity[particle, 1] += share * modes.value(motion, dimension + 1, x, y, z)
                         if dimension == 3:
-                            vz, zx, zy, zz = sample(motion, 2, x, y, z)
-                            velocity[particle, 2] += share * value(motion, dimension + 2, x, y, z)
+                            vz, zx, zy, zz = modes.sample(motion, 2, x, y, z)
+                            velocity[particle, 2] += share * modes.value(motion, dimension + 2, x, y, z)
                             volumetric = lame * (xx + yy + zz)
                             stress[particle, 0] += volumetric + 2.0 * shear * xx
                             stress[particle, 1] += volumetric + 2.0 * shear * yy
@@ -166,20 +153,20 @@ def make_cycle(law, dimension: int):
                     xx = stress[particle, 0] * weight
                     yy = stress[particle, 1] * weight
                     xy = stress[particle, 5] * weight
-                    add_value(sums, 0, x, y, z, m * velocity[particle, 0])
-                    add_value(sums, 1, x, y, z, m * velocity[particle, 1])
-                    add_value(sums, dimension, x, y, z, m)
+                    modes.add_value(sums, 0, x, y, z, m * velocity[particle, 0])
+                    modes.add_value(sums, 1, x, y, z, m * velocity[particle, 1])
+                    modes.add_value(sums, dimension, x, y, z, m)
                     if dimension == 3:
                         zz = stress[particle, 2] * weight
                         yz = stress[particle, 3] * weight
                         xz = stress[particle, 4] * weight
-                        add_value(sums, 2, x, y, z, m * velocity[particle, 2])
-                        add_slopes(sums, dimension + 1, x, y, z, xx, xy, xz)
-                        add_slopes(sums, dimension + 2, x, y, z, xy, yy, yz)
-                        add_slopes(sums, dimension + 3, x, y, z, xz, yz, zz)
+                        modes.add_value(sums, 2, x, y, z, m * velocity[particle, 2])
+                        modes.add_slopes(sums, dimension + 1, x, y, z, xx, xy, xz)
+                        modes.add_slopes(sums, dimension + 2, x, y, z, xy, yy, yz)
+                        modes.add_slopes(sums, dimension + 3, x, y, z, xz, yz, zz)
                     else:
-                        add_slopes(sums, dimension + 1, x, y, z, xx, xy, 0.0)
-                        add_slopes(sums, dimension + 2, x, y, z, xy, yy, 0.0)
+                        modes.add_slopes(sums, dimension + 1, x, y, z, xx, xy, 0.0)
+                        modes.add_slopes(sums, dimension + 2, x, y, z, xy, yy, 0.0)
 
                 for j in range(dimension + 1, fields):
                     to_corners(sums, j, dimension)

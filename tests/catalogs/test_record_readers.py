@@ -196,9 +196,9 @@ def test_every_fault_of_a_record_is_one_line_that_says_where(tmp_path, change, m
 
 
 def test_missing_files_are_named(tmp_path):
-    for reader in ("csv", "quakeml"):
+    for reader in ({"reader": "csv", "columns": COLUMNS}, {"reader": "quakeml"}):
         with pytest.raises(InputError, match="nowhere"):
-            read_record(SETTINGS | {"reader": reader, "file": str(tmp_path / "nowhere"), "columns": COLUMNS})
+            read_record(SETTINGS | reader | {"file": str(tmp_path / "nowhere")})
     (tmp_path / "not.xml").write_text("<a/>")
     with pytest.raises(InputError, match=r"not.xml"):
         read_record(SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "not.xml")})

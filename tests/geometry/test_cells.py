@@ -18,6 +18,7 @@ from mpm_core.geometry import (
     popcount,
     sample_mask,
     sampling,
+    volume,
 )
 from mpm_core.geometry import inside as inside_module
 from tests.geometry import twins
@@ -291,3 +292,19 @@ def test_volume_within_a_box_is_that_of_the_part_in_it(seed, lower, size, dimens
     parts = turned.volume_within(lower, middle) + turned.volume_within(start, upper)
     assert parts == pytest.approx(turned.volume_within(lower, upper), abs=1e-12)
     assert turned.volume_within(np.full(dimension, -9.0), np.full(dimension, 9.0)) == pytest.approx(turned.volume)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_body_on_its_hull_has_the_volume_that_cells_would_add_up(seed, monkeypatch):
+    """To the last bit: turned boxes, cut by a box; wound twice it is neither empty nor twice as large."""
+    random = np.random.default_rng(seed)
+    turn = np.linalg.qr(random.standard_normal((3, 3)))[0]
+    box = build_shape({"name": "b", "shape": "box", "lower": [-3, -2, -1], "upper": [3, 2, 1]}, 3)
+    corners = (box.vertices @ turn)[box.facets]
+    lower, upper = np.array([-9.0, -9.0, -0.5]), np.full(3, 9.0)
+    assert volume.is_on_its_hull(corners)
+    assert not volume.is_on_its_hull(np.concatenate([corners, corners + 1.0]))
+    once = volume.volume_within(corners, True, lower, upper)
+    assert volume.volume_within(np.repeat(corners, 2, axis=0), True, lower, upper) == pytest.approx(once, rel=0.02)
+    monkeypatch.setattr(volume, "is_on_its_hull", lambda corners: False)
+    assert volume.volume_within(corners, True, lower, upper) == once

@@ -36,6 +36,7 @@ LOW_ARCH = SHAFT | {"path": SHAFT["path"][:2], "profile": "arched", "height": "2
 BOW_TIE = [["20 m", "30 m"], ["40 m", "40 m"], ["40 m", "30 m"], ["20 m", "40 m"]]
 ON_GLOBE = {"time": "date", "latitude": "x", "longitude": "y", "depth": "z", "log_potency": "size"}
 QUAKEML = {"reader": "quakeml", "file": "record.csv", "location_error": "5 m"}
+ELK_CREEK = QUAKEML | {"reader": "elk_creek"}
 BALL = {"name": "stope_1", "step": "2019-08", "shape": "sphere", "center": ["40 m", "40 m", "40 m"]}
 FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("grid.levles", 3, "grid.levles: unknown key", "did you mean levels?"),
@@ -193,7 +194,12 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("record", {"reader": "elk_creek", "file": "."}, "record.location_error: missing", "record.orientations"),
     ("record", QUAKEML | {"filter": {"maximum": {"rms": 1}}}, "record.filter.maximum: ", "a QuakeML file has no"),
     ("record.orientations", {"start": "2010-09-01"}, "record.orientations.location_error: missing key", ""),
-    ("grid", None, "grid: None is not of type 'object'", ""),
+    ("grid", None, "grid: nothing stands below it", "give it keys, or leave it out"),
+    ("seismic.cluster", None, "seismic.cluster: nothing stands below it", "leave it out"),
+    ("excavations", None, "excavations: nothing stands below it", "give it entries"),
+    ("record.rigidity", "33 GPa", "record.rigidity: not used by reader csv", "by elk_creek only; leave it out"),
+    ("record", QUAKEML | {"time_zone": "UTC"}, "record.time_zone: not used by reader quakeml", "by csv only"),
+    ("record", ELK_CREEK | {"twin": True}, "record.twin: not used by reader elk_creek", "by csv and quakeml only"),
     ("plane", None, "plane: None is not one of none, xz, xy", ""),
     ("excavations.0.radius", None, "excavations[0].radius: None has no unit", "'1 m'"),
     ("ensemble", -1, "ensemble: ", "minimum of 0"),

@@ -22,12 +22,14 @@ MAY_IMPORT = {
     "catalogs": {"catalogs", "pipeline"},
 }
 TINIES = {"tiny": TINY, "flat": FLAT, "still": STILL}
+GENERATED = generated()
+SCHEMA = jsonschema.Draft202012Validator(schema())
 
 
-@pytest.mark.parametrize("path", generated(), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", GENERATED, ids=lambda path: path.name)
 def test_generated_files_are_up_to_date(path):
     """After a change of a model: python -m workflow.generate."""
-    assert path.read_text(encoding="utf-8") == generated()[path], "stale: run python -m workflow.generate"
+    assert path.read_text(encoding="utf-8") == GENERATED[path], "stale: run python -m workflow.generate"
 
 
 def scenes() -> dict[str, dict]:
@@ -42,10 +44,13 @@ def scenes() -> dict[str, dict]:
     return found | TINIES
 
 
+SCENES = scenes()
+
+
 def refuses(config: dict) -> tuple[bool, bool]:
     """Whether the models and the JSON schema made from them refuse a configuration."""
     config = with_yaml_habits(config)
-    by_schema = not jsonschema.Draft202012Validator(schema()).is_valid(config)
+    by_schema = not SCHEMA.is_valid(config)
     try:
         MineSettings.read(config)
     except InputError:
@@ -53,10 +58,10 @@ def refuses(config: dict) -> tuple[bool, bool]:
     return False, by_schema
 
 
-@pytest.mark.parametrize("name", scenes())
+@pytest.mark.parametrize("name", SCENES)
 def test_models_and_schema_take_our_own_scenes(name):
     """Mines, variants of studies, and what tests start from."""
-    scene = scenes()[name]
+    scene = SCENES[name]
     assert refuses(merged(scene)) == (False, False)
     assert refuses(scene) == (False, False)  # models have the defaults themselves
 
