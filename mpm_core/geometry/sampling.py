@@ -20,8 +20,8 @@ def sample_points(dimension: int) -> np.ndarray:
     One point per sub-cell, moved within it so that along each axis all 64 points are at different, evenly spaced places
     (multi-jittered sampling, Chiu et al. 1994). A flat wall moving through the cell then meets one point after the
     other, where sub-cell centres would come in whole layers: the share beside an axis-parallel wall is good to 1 %
-    instead of 8 %, beside a wall at 45 degrees to 1.4 instead of 4.3 %. The pattern is symmetric about the centre of the
-    cell, but not its own image in a mirror: mirrored openings are sampled alike only to these figures (1/64 or 2/64).
+    instead of 8 %, beside a wall at 45 degrees to 1.4 instead of 4.3 %. The pattern is symmetric about a cell's centre,
+    but not its own image in a mirror: mirrored openings are sampled alike only to these figures (1/64 or 2/64).
     """
     if dimension == 2:
         i, j = np.meshgrid(np.arange(8), np.arange(8), indexing="ij")

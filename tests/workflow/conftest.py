@@ -1,5 +1,7 @@
 """One run of a tiny mine that most tests look at, copies of it that they may spoil, and its configuration checked."""
 
+import fcntl
+import os
 import shutil
 from pathlib import Path
 
@@ -24,12 +26,32 @@ def tiny_file(base) -> Path:
 
 
 @pytest.fixture(scope="session")
-def undisturbed(base, tiny_file) -> tuple[Path, str]:
-    """Folder and terminal text of one run of the tiny mine to its report, on two cores."""
+def undisturbed(base, tiny_file, tmp_path_factory) -> tuple[Path, str]:
+    """Folder and terminal text of one run of the tiny mine to its report, on two cores.
+
+    One run for all workers of pytest-xdist: the first makes it, the others copy it, mine file and time stamps included.
+    """
     folder = base / "undisturbed"
-    status, text = finished(start(tiny_file, folder))
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return folder, run_to_report(tiny_file, folder)
+    shared = tmp_path_factory.getbasetemp().parent / "one tiny mine"
+    with open(shared.with_suffix(".lock"), "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # until the file is closed
+        if shared.is_dir():
+            shutil.copytree(shared, base, dirs_exist_ok=True)
+        else:
+            text = run_to_report(tiny_file, folder)
+            (base / "terminal.txt").write_text(text)
+            shutil.copytree(base, shared.with_suffix(".part"))
+            shared.with_suffix(".part").rename(shared)
+    return folder, (base / "terminal.txt").read_text()
+
+
+def run_to_report(mine_file: Path, folder: Path) -> str:
+    """Terminal text of a run of a mine in a folder."""
+    status, text = finished(start(mine_file, folder))
     assert status == 0, text
-    return folder, text
+    return text
 
 
 @pytest.fixture
