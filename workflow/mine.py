@@ -262,7 +262,7 @@ class Mine:
         hashes = {"grid.nc": self.grid_slice(), "elastic.nc": self.scene_slice(0)}
         for step in self.mined_steps:
             hashes |= {f"steps/{step}.nc": self.step_slice(step), f"events/{step}.nc": self.event_slice(step)}
-        hashes["catalog.nc"] = self.event_slice()
+        hashes |= dict.fromkeys(("catalog.nc", "closeness.nc"), self.event_slice())
         if "record" in self.values:
             hashes |= {"record.nc": self.record_slice(), "comparison.nc": self.comparison_slice()}
         if self.members:

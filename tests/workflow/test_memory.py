@@ -60,7 +60,7 @@ def test_rules_know_it_once_the_grid_stands(undisturbed, tiny_file, tmp_path, ac
     status, text = snakemake(tiny_file, tmp_path / "new", "--dry-run", "--quiet", "host")
     assert status == 0, text
     later = {rule for rule, amounts in asked(text).items() if amounts == {"<TBD>"}}
-    assert later == {"elastic", "mining_step", "events", "report"}
+    assert later == {"elastic", "mining_step", "events", "closeness", "report"}
     status, text = snakemake(tiny_file, undisturbed[0], "--dry-run", "--quiet", "host", "--forceall")
     assert status == 0, text
     grid = str(undisturbed[0] / "results/tiny/grid.nc")

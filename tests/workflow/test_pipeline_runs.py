@@ -23,7 +23,7 @@ from tiny_mines import (
     write_mine,
 )
 
-EVENT_STAGES = {"events": 2, "catalog": 1, "quakeml": 1, "compare": 1, "report": 1, "all": 1}
+EVENT_STAGES = {"events": 2, "catalog": 1, "closeness": 1, "quakeml": 1, "compare": 1, "report": 1, "all": 1}
 
 GRID = """
 cell_origin cell,xyz float64 m | cell_size cell float64 m | cell_level cell int8 1 | cell_nodes cell,corner int32 1
@@ -94,7 +94,7 @@ def test_every_dataset_keeps_the_contract(undisturbed, path):
 def test_all_results_are_there_and_nothing_half_written(undisturbed):
     """Every stage file, the tables and the page; no temporary file is left."""
     results = undisturbed[0] / "results/tiny"
-    others = {"catalog.csv", "catalog.xml", "comparison.nc"}
+    others = {"catalog.csv", "catalog.xml", "closeness.nc", "comparison.nc"}
     assert set(hashes(results)) == set(CONTRACT) | others
     assert (results / "report.html").stat().st_size > 10_000
     assert list((results / "figures").iterdir())
@@ -182,8 +182,7 @@ def test_a_filter_of_the_record_runs_the_comparison_only(undisturbed, base):
 def test_a_value_of_the_later_step_leaves_the_earlier_alone(undisturbed, base):
     """The fill is placed in 2019-08: its stiffness changes that step and what follows."""
     mine = changed(TINY, **{"materials.fill.youngs_modulus": "2 GPa"})
-    expected = {"mining_step": 1, "events": 1, "catalog": 1, "quakeml": 1, "compare": 1, "report": 1, "all": 1}
-    assert dry(mine, base, undisturbed[0]) == expected
+    assert dry(mine, base, undisturbed[0]) == EVENT_STAGES | {"mining_step": 1, "events": 1}
 
 
 def test_the_end_of_a_month_runs_no_mechanics(undisturbed, base):
@@ -212,7 +211,7 @@ def test_a_planned_stope_gets_its_month_and_only_that_is_run(spoiled, base):
     with edited(base / "files" / "tiny.yaml", mine) as file:
         status, text = snakemake(file, spoiled)
     assert status == 0, text
-    once = ("mining_step", "events", "catalog", "quakeml", "record", "compare", "report", "all")
+    once = ("mining_step", "events", "catalog", "closeness", "quakeml", "record", "compare", "report", "all")
     assert jobs(text) == dict.fromkeys(once, 1)
     after = hashes(results)
     remade = {path for path in after if after[path] != before.get(path)}
@@ -221,6 +220,7 @@ def test_a_planned_stope_gets_its_month_and_only_that_is_run(spoiled, base):
         "catalog.nc",
         "catalog.csv",
         "catalog.xml",
+        "closeness.nc",
         "record.nc",
         "comparison.nc",
     }

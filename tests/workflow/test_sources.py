@@ -148,7 +148,7 @@ def test_stages_use_no_file_that_their_sources_lack(tmp_path):
         ran.add(stage)
     assert ran == {
         *(f"mpm_core {stage}" for stage in ("grid", "elastic", "step", "vtk", "solids")),
-        *("seismic events", "seismic catalog"),
+        *("seismic events", "seismic catalog", "seismic closeness"),
         *(
             f"catalogs {stage}"
             for stage in ("scene", "record", "quakeml", "compare", "spread", "twin", "vtk", "report")
@@ -185,7 +185,7 @@ def standing(tmp_path_factory):
 REPORT = {"report": 1}
 COMPARE = REPORT | {"compare": 1}
 CATALOG = COMPARE | {"catalog": 1, "quakeml": 1}
-EVENTS = CATALOG | {"events": 2}
+EVENTS = CATALOG | {"events": 2, "closeness": 1}
 MECHANICS = EVENTS | {"elastic": 1, "mining_step": 2}
 EDITS = {
     "workflow/terminal.py verification/report.py verification/extremes/mines.py catalogs/vtk.py mpm_core/vtk.py": {},

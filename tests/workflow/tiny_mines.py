@@ -22,6 +22,7 @@ STAGES = {
     "mining_step",
     "events",
     "catalog",
+    "closeness",
     "quakeml",
     "record",
     "compare",
