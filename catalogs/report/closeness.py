@@ -46,10 +46,7 @@ def intervals_contain(rows: list[dict]) -> list[str]:
 
 def unlike(evidence: Evidence) -> str:
     """Which share of the potency lies in particles unlike their event; empty where no event was made."""
-    if evidence.catalog is None or "unlike_potency" not in evidence.catalog.attrs:
+    if evidence.catalog is None or not evidence.catalog.sizes["event"]:
         return ""
-    scalars = evidence.particle_scalars
-    if not scalars:
-        return ""
-    share, at = float(evidence.catalog.attrs["unlike_potency"]) / scalars, float(evidence.catalog.attrs["closeness"])
-    return f"{percent(share)} of the potency is in rock whose own tensor is further than closeness {at:g} from its event's."
+    share = percent(evidence.catalog.attrs["unlike_share"])
+    return f"{share} of the potency is in particles further than the threshold from their event's tensor."

@@ -47,8 +47,8 @@ class Evidence:
     """Everything the report tells of.
 
     stages: elastic, then the steps in order, each with its convergence table and attributes only; state: what is
-    SHOWN of the last of them; catalog, record, comparison, spread, closeness: None where there is none; files: {path: attributes}
-    of all read.
+    SHOWN of the last of them; catalog, record, comparison, spread, closeness: None where there is none; files: {path:
+    attributes} of all read.
     """
 
     config: dict
@@ -82,11 +82,6 @@ class Evidence:
         if self.catalog is None:
             return None
         return self.catalog.isel(event=np.flatnonzero(self.catalog["resolved"].values == 1))
-
-    @property
-    def particle_scalars(self) -> float:
-        """Sum of the scalar potencies of all particles of the catalogue, m3; 0 where none failed."""
-        return float(json.loads(self.catalog.attrs.get("budget", "{}")).get("particle_scalars") or 0.0)
 
     @property
     def record_label(self) -> str:

@@ -54,9 +54,9 @@ def write_report(
     """Write the page to `output` (atomically) and each of its figures as SVG into the folder `figures`.
 
     config: the resolved configuration as the user wrote it (units as text), default: config/default.yaml, for the marks
-    of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness: datasets, absent stages None or
-    empty; benchmarks: folder of Snakemake's benchmark files of this mine; excavations: when each is mined,
-    if not as `config` says; expected_hashes: {dataset path: config_hash it should carry}, for the banner of stale
+    of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness: datasets, absent
+    stages None or empty; benchmarks: folder of Snakemake's benchmark files of this mine; excavations: when each is
+    mined, if not as `config` says; expected_hashes: {dataset path: config_hash it should carry}, for the banner of stale
     results.
     Same inputs, same bytes. Raises InputError where a dataset is unreadable or is no catalogue.
     """
