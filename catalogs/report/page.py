@@ -56,8 +56,8 @@ def write_report(
     config: the resolved configuration as the user wrote it (units as text), default: config/default.yaml, for the marks
     of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness: datasets, absent
     stages None or empty; benchmarks: folder of Snakemake's benchmark files of this mine; excavations: when each is
-    mined, if not as `config` says; expected_hashes: {dataset path: config_hash it should carry}, for the banner of stale
-    results.
+    mined, if not as `config` says; expected_hashes: {dataset path: config_hash it should carry}, for the banner of
+    stale results.
     Same inputs, same bytes. Raises InputError where a dataset is unreadable or is no catalogue.
     """
     evidence = read_evidence(
