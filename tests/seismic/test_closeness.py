@@ -45,7 +45,8 @@ def test_rows_and_sentence_say_what_the_sizes_are(make_scattered_step, make_sett
     assert rows[3]["largest"].replace("−", "-") == f"{own.max():.2f}"
     (sentence,) = intervals_contain(rows)
     b = [row["b"] for row in rows]
-    assert f"it is {min(b):.2f} to {max(b):.2f} (section 6)" in sentence
+    assert f"b is {min(b):.2f} to {max(b):.2f} (section 6)" in sentence
+    assert "events at closeness 0.8; not the choice of closeness, increments or cell size" in sentence
     assert intervals_contain([]) == []
     assert closeness_rows(SimpleNamespace(closeness=None), cut) == []
 

@@ -27,7 +27,7 @@ from tiny_mines import (
     write_mine,
 )
 
-EVENT_STAGES = {"events": 2, "catalog": 1, "quakeml": 1, "compare": 1, "report": 1, "all": 1}
+EVENT_STAGES = {"events": 2, "closeness": 1, "catalog": 1, "quakeml": 1, "compare": 1, "report": 1, "all": 1}
 
 GRID = """
 cell_origin cell,xyz float64 m | cell_size cell float64 m | cell_level cell int8 1 | cell_nodes cell,corner int32 1
@@ -98,7 +98,7 @@ def test_every_dataset_keeps_the_contract(undisturbed, path):
 def test_all_results_are_there_and_nothing_half_written(undisturbed):
     """Every stage file, the tables and the page; no temporary file is left."""
     results = undisturbed[0] / "results/tiny"
-    others = {"catalog.csv", "catalog.xml", "comparison.nc"}
+    others = {"catalog.csv", "catalog.xml", "comparison.nc", "closeness.nc"}
     assert set(hashes(results)) == set(CONTRACT) | others
     assert (results / "report.html").stat().st_size > 10_000
     assert list((results / "figures").iterdir())
@@ -263,7 +263,7 @@ def test_a_planned_stope_gets_its_month_and_only_that_is_run(spoiled, base):
     with edited(base / "files" / "tiny.yaml", mine) as file:
         status, text = snakemake(file, spoiled)
     assert status == 0, text
-    once = ("mining_step", "events", "catalog", "quakeml", "record", "compare", "report", "all")
+    once = ("mining_step", "events", "catalog", "closeness", "quakeml", "record", "compare", "report", "all")
     assert jobs(text) == dict.fromkeys(once, 1)
     after = hashes(results)
     remade = {path for path in after if after[path] != before.get(path)}
@@ -274,6 +274,7 @@ def test_a_planned_stope_gets_its_month_and_only_that_is_run(spoiled, base):
         "catalog.xml",
         "record.nc",
         "comparison.nc",
+        "closeness.nc",
     }
     steps = json.loads(xr.open_dataset(results / "catalog.nc").attrs["steps"])
     assert steps == ["2019-08", "2019-09"]

@@ -185,7 +185,7 @@ def standing(tmp_path_factory):
 REPORT = {"report": 1}
 COMPARE = REPORT | {"compare": 1}
 CATALOG = COMPARE | {"catalog": 1, "quakeml": 1}
-EVENTS = CATALOG | {"events": 2}
+EVENTS = CATALOG | {"events": 2, "closeness": 1}
 MECHANICS = EVENTS | {"elastic": 1, "mining_step": 2}
 EDITS = {
     "workflow/terminal.py verification/report.py verification/extremes/mines.py catalogs/vtk.py mpm_core/vtk.py": {},
