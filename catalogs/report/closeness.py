@@ -47,7 +47,7 @@ def intervals_contain(rows: list[dict]) -> list[str]:
 
 def unlike(evidence: Evidence) -> str:
     """Which share of the potency lies in particles unlike their event; empty where no event was made."""
-    if evidence.catalog is None or not evidence.catalog.sizes["event"]:
+    if evidence.catalog is None or "unlike_share" not in evidence.catalog.attrs or not evidence.catalog.sizes["event"]:
         return ""
     share = percent(evidence.catalog.attrs["unlike_share"])
     return f"{share} of the potency is in particles further than the threshold from their event's tensor."
