@@ -1,4 +1,4 @@
-"""From plastic strain to seismic events: potency, families, clusters, events, catalogue."""
+"""From plastic strain to seismic events: potency, events, catalogue."""
 
 from pipeline.provenance import use_numba_cache
 

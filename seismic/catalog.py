@@ -51,6 +51,9 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
     values = {name: column[order] for name, column in joined.items()}
 
     truncated = [step for step in dated if step.attrs["truncated"]]
+    budgets = [json.loads(step.attrs["budget"]) for step in dated]
+    budget = add_budgets(budgets)
+    unlike = [step.attrs["unlike_share"] * own["particle_scalars"] for step, own in zip(dated, budgets, strict=True)]
     attributes = {name: first[name] for name in SHARED} | {
         "steps": json.dumps(names),
         "potency_floor": _largest(dated, "potency_floor"),
@@ -58,8 +61,8 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
         "truncated": int(bool(truncated)),
         "truncated_share": float(max((step.attrs["truncated_share"] for step in dated), default=0.0)),
         "truncated_where": "; ".join(f"{step.attrs['step']}: {step.attrs['truncated_where']}" for step in truncated),
-        "unlike_potency": float(sum(step.attrs["unlike_potency"] for step in dated)),
-        "budget": json.dumps(add_budgets([json.loads(step.attrs["budget"]) for step in dated])),
+        "unlike_share": float(sum(unlike) / budget["particle_scalars"]) if budget["particle_scalars"] else 0.0,
+        "budget": json.dumps(budget),
     }
     on_planes = values.pop(ON_PLANES.name, None)
     catalog = event_dataset(values, attributes)

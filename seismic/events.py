@@ -95,15 +95,14 @@ def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Datase
     }
     budget = potency_budget(strain, volume, chosen.seismic_fraction, event_potency, scalars, where)
     attributes = _attributes(step, chosen, strain["seismic"][breaks], spacing) | {"budget": json.dumps(budget)}
-    attributes["unlike_potency"] = unlike_potency(potency, event, event_potency, chosen.closeness)
+    attributes["unlike_share"] = unlike_share(potency, event, event_potency, chosen.closeness)
     logging.info(
-        "%s: %d failed particles, %d events, %d of them resolved; %.2e of %.2e m3 in particles unlike their event",
+        "%s: %d failed particles, %d events, %d of them resolved; %.3f of the potency in particles unlike their event",
         where,
         len(source),
         len(resolved),
         np.count_nonzero(resolved),
-        attributes["unlike_potency"],
-        scalars["particle_scalars"],
+        attributes["unlike_share"],
     )
     log_budget(budget)
     events = event_dataset(values, attributes)
@@ -128,14 +127,15 @@ def find_events(
     return label, np.bincount(label) >= settings.fewest
 
 
-def unlike_potency(potency: NDArray, event: NDArray, event_potency: NDArray, threshold: float) -> float:
-    """Scalar potency, m3, of particles whose cosine with their event's tensor is below the threshold.
+def unlike_share(potency: NDArray, event: NDArray, event_potency: NDArray, threshold: float) -> float:
+    """Share of the scalar potency in particles whose cosine with their event's tensor is below the threshold.
 
     potency (particle, 6), event (particle,), event_potency (event, 6) m3.
     """
     own = tensor_from_voigt(potency)
     unlike = closeness(own, tensor_from_voigt(event_potency)[event]) < threshold
-    return float(np.sum(scalar_potency(own)[unlike]))
+    scalar = scalar_potency(own)
+    return float(np.sum(scalar[unlike]) / np.sum(scalar)) if len(own) else 0.0
 
 
 def slips_on_planes(step: xr.Dataset, source: NDArray) -> NDArray:

@@ -11,9 +11,11 @@ round every region chooses one that it is linked to, and two that choose each ot
     |sum P| >= threshold * sum |P|    over the particles of both,
 
 where the left side over the right one is the mean cosine between a particle and its event's tensor, weighted by
-potency; and if no particle is opposed to that tensor, so no chain of links turns a mechanism round. It ends when none
-may join. Which regions join depends on what is around them, not on the rest of the mine, and not on the order of the
-particles: sums are taken in the order of their places, and equal choices are settled by a lot drawn from these.
+potency; and if no particle is opposed to that tensor, so no chain of links turns a mechanism round. What then chooses
+a region that has just grown, and is far smaller (SMALL), joins it in the same round, the best first, if it still may:
+else a large region would take one neighbour a round. It ends when none may join. Which regions join depends on what is
+around them, not on the rest of the mine, and not on the order of the particles: sums are taken in the order of their
+places, and equal choices are settled by a lot drawn from these.
 """
 
 import numpy as np
@@ -24,6 +26,7 @@ from seismic.clusters import neighbour_graph, number_by_first
 
 TOUCHING = 1.05  # cells share a face where their centres are within so many of the larger spacing: across an edge 1.09
 GENERATIONS_APART = 1
+SMALL = 0.003  # of a region's particles: such a one need not wait until the region chooses it
 # The nine-component norm of a symmetric tensor is the ordinary norm of six components with shear times sqrt(2).
 NINE_NORM = np.array([1.0, 1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0), np.sqrt(2.0)])
 
@@ -40,7 +43,7 @@ def find_regions(
     if len(position) == 0:
         return np.empty(0, np.int64)
     potency, failure_order = np.asarray(potency, np.float64), np.asarray(failure_order)
-    order = np.lexsort((*potency.T, *position.T, failure_order[:, 0]))  # potency: particles may lie at one place
+    order = np.lexsort((*failure_order.T[::-1], *potency.T, *position.T))  # particles may lie at one place
     tensor = potency[order] * NINE_NORM
     tensor /= np.abs(tensor).max()  # no underflow when squared
     first, second = links(position[order], np.asarray(spacing)[order], tensor, failure_order[order], threshold)
@@ -53,7 +56,7 @@ def find_regions(
 def links(
     position: NDArray, spacing: NDArray, tensor: NDArray, failure_order: NDArray, threshold: float
 ) -> tuple[NDArray, NDArray]:
-    """Pairs of linked particles, first < second, (link,) int64 each; as find_regions has them, tensors in NINE_NORM."""
+    """Linked particles, first < second, (link,) int64 each. Arguments as find_regions, tensors in NINE_NORM."""
     touching = neighbour_graph(position, spacing, failure_order[:, 0], TOUCHING).tocoo()
     upper = touching.row < touching.col
     first, second = touching.row[upper].astype(np.int64), touching.col[upper].astype(np.int64)
@@ -80,7 +83,9 @@ def _mix(value: NDArray) -> NDArray:
     return value ^ (value >> np.uint64(31))
 
 
-def grow(tensor: NDArray, lot: NDArray, first: NDArray, second: NDArray, threshold: float) -> NDArray:
+def grow(
+    tensor: NDArray, lot: NDArray, first: NDArray, second: NDArray, threshold: float, small: float = SMALL
+) -> NDArray:
     """Region of every particle, (particle,) int64: the number of one of its particles. Mutual best joining, see above.
 
     tensor (particle, 6) in NINE_NORM; lot (particle,); first, second (link,): pairs of particles.
@@ -93,7 +98,21 @@ def grow(tensor: NDArray, lot: NDArray, first: NDArray, second: NDArray, thresho
     shared = np.ones(len(first))
     while len(first):
         _choose(tensor, total, scalar, size, least, following, lot, first, second, shared, threshold, best, score)
-        if not _join(first, second, best, tensor, total, scalar, size, least, region, following, last):
+        if not _join(
+            np.unique([first, second]),
+            best,
+            score,
+            threshold,
+            small,
+            tensor,
+            total,
+            scalar,
+            size,
+            least,
+            region,
+            following,
+            last,
+        ):
             break
         first, second = region[first], region[second]
         apart = first != second
@@ -120,21 +139,35 @@ def _choose(tensor, total, scalar, size, least, following, lot, first, second, s
             aa += total[a, k] * total[a, k]
             ab += total[a, k] * total[b, k]
             bb += total[b, k] * total[b, k]
-        joined = np.sqrt(aa + 2.0 * ab + bb)
         value = ab / np.sqrt(aa * bb) * shared[link] / np.sqrt(min(size[a], size[b]))
-        if joined < threshold * (scalar[a] + scalar[b]) or (value < score[a] and value < score[b]):
+        if value < score[a] and value < score[b]:
             continue
-        # Surely none is opposed where its angle to the old tensor and that of old and new one are below 90 degrees.
-        turn_a, turn_b = (aa + ab) / (np.sqrt(aa) * joined), (ab + bb) / (np.sqrt(bb) * joined)
-        sure_a, sure_b = least[a] ** 2 > 1.0 - turn_a**2, least[b] ** 2 > 1.0 - turn_b**2
-        if not sure_a and _opposed(a, a, b, tensor, total, following):
-            continue
-        if not sure_b and _opposed(b, a, b, tensor, total, following):
+        if not _may_join(a, b, threshold, tensor, total, scalar, least, following):
             continue
         for own, other in ((a, b), (b, a)):
             equal = value == score[own] and (lot[own] ^ lot[other]) > (lot[own] ^ lot[best[own]])
             if value > score[own] or equal:
                 score[own], best[own] = value, other
+
+
+@njit(cache=True)
+def _may_join(a, b, threshold, tensor, total, scalar, least, following):
+    """Whether two regions would be alike enough together, and no particle of either opposed to their tensor."""
+    aa = ab = bb = 0.0
+    for k in range(6):
+        aa += total[a, k] * total[a, k]
+        ab += total[a, k] * total[b, k]
+        bb += total[b, k] * total[b, k]
+    joined = np.sqrt(aa + 2.0 * ab + bb)
+    if joined < threshold * (scalar[a] + scalar[b]):
+        return False
+    # Surely none is opposed where its angle to the old tensor and that of old and new one are below 90 degrees.
+    turn_a, turn_b = (aa + ab) / (np.sqrt(aa) * joined), (ab + bb) / (np.sqrt(bb) * joined)
+    sure_a = turn_a > 0.0 and least[a] ** 2 > 1.0 - turn_a**2
+    sure_b = turn_b > 0.0 and least[b] ** 2 > 1.0 - turn_b**2
+    if not sure_a and _opposed(a, a, b, tensor, total, following):
+        return False
+    return sure_b or not _opposed(b, a, b, tensor, total, following)
 
 
 @njit(cache=True)
@@ -151,33 +184,63 @@ def _opposed(particle, a, b, tensor, total, following):
 
 
 @njit(cache=True)
-def _join(first, second, best, tensor, total, scalar, size, least, region, following, last):
-    """Join regions that chose each other, in place, under the smaller number; how many pairs did.
+def _join(linked, best, score, threshold, small, tensor, total, scalar, size, least, region, following, last):
+    """Join regions that chose each other, and small ones to their choice, in place; how many regions are gone.
 
+    linked (k,): the regions that have links, ascending; best, score: as _choose left them.
     The particles of a region are a chain: it begins at the region's number, `following` (particle,) leads on, -1 at its
     end, and last (region,) is that end.
     """
-    joined = 0
-    for link in range(len(first)):
-        a, b = min(first[link], second[link]), max(first[link], second[link])
-        if best[a] != b or best[b] != a:
+    hub = np.full(len(linked), -1)  # what a region that has grown, or is part of one, belongs to now
+    others = np.empty(len(linked), np.int64)
+    waiting = gone = 0
+    for row, a in enumerate(linked):
+        b = best[a]
+        if a < b and best[b] == a:
+            _add(a, b, tensor, total, scalar, size, least, following, last)
+            hub[row], hub[np.searchsorted(linked, b)] = a, a
+            gone += 1
+        elif b != a and best[b] != a:
+            others[waiting] = a
+            waiting += 1
+    others = others[:waiting]
+    for other in others[np.argsort(-score[others], kind="mergesort")]:
+        own = hub[np.searchsorted(linked, best[other])]
+        if own < 0 or size[other] > small * size[own]:
             continue
-        joined += 1
-        best[a], best[b] = a, b
-        scalar[a] += scalar[b]
-        size[a] += size[b]
-        whole = 0.0
-        for k in range(6):
-            total[a, k] += total[b, k]
-            whole += total[a, k] * total[a, k]
-        following[last[a]], last[a] = b, last[b]
-        least[a], particle = 1.0, a
-        while particle >= 0:
-            region[particle] = a
-            square = product = 0.0
+        if _may_join(own, other, threshold, tensor, total, scalar, least, following):
+            _add(own, other, tensor, total, scalar, size, least, following, last)
+            gone += 1
+    for row, a in enumerate(linked):
+        if hub[row] == a:
+            whole = 0.0
             for k in range(6):
-                square += tensor[particle, k] * tensor[particle, k]
-                product += tensor[particle, k] * total[a, k]
-            least[a] = min(least[a], product / np.sqrt(square * whole))
-            particle = following[particle]
-    return joined
+                whole += total[a, k] * total[a, k]
+            least[a], particle = 1.0, a
+            while particle >= 0:
+                region[particle] = a
+                square = product = 0.0
+                for k in range(6):
+                    square += tensor[particle, k] * tensor[particle, k]
+                    product += tensor[particle, k] * total[a, k]
+                least[a] = min(least[a], product / np.sqrt(square * whole))
+                particle = following[particle]
+    return gone
+
+
+@njit(cache=True)
+def _add(a, b, tensor, total, scalar, size, least, following, last):
+    """Add region b to region a, in place; least becomes a bound: no particle's cosine with the tensor is below it."""
+    aa = ab = bb = 0.0
+    for k in range(6):
+        aa += total[a, k] * total[a, k]
+        ab += total[a, k] * total[b, k]
+        bb += total[b, k] * total[b, k]
+        total[a, k] += total[b, k]
+    joined = np.sqrt(aa + 2.0 * ab + bb)
+    turned_a = np.arccos(least[a]) + np.arccos(min((aa + ab) / (np.sqrt(aa) * joined), 1.0))
+    turned_b = np.arccos(least[b]) + np.arccos(min((ab + bb) / (np.sqrt(bb) * joined), 1.0))
+    least[a] = np.cos(min(max(turned_a, turned_b), 0.5 * np.pi))
+    scalar[a] += scalar[b]
+    size[a] += size[b]
+    following[last[a]], last[a] = b, last[b]

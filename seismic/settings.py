@@ -14,8 +14,8 @@ class ClusterSettings(Settings):
     """How a family is separated into events (seismic.clusters); of method families alone."""
 
     method: Literal["dbscan", "single_linkage", "kmeans"] = "dbscan"
-    """dbscan: dense places (min_samples up to 3: single linkage); single_linkage: all that a chain of steps within the
-    radius joins; kmeans: compact ones"""
+    """dbscan: dense places (single linkage, at its default of 3 samples); single_linkage: all that a chain of steps
+    within the radius joins; kmeans: compact ones"""
     radius_cells: Annotated[float, Field(gt=0, le=1000)] = 1.8
     """neighbours are within so many particle spacings"""
     min_samples: Positive = 3
@@ -33,8 +33,9 @@ class ClusterSettings(Settings):
 class SeismicSettings(Settings):
     """How plastic strain becomes events."""
 
-    method: Literal["regions", "families"] = "regions"
-    """regions: what fails together, touches and is alike; families: the paper's, alike anywhere, then dense places"""
+    method: Literal["simultaneous", "families"] = "simultaneous"
+    """simultaneous: rock that fails together, touches and is alike; families: the paper's, alike anywhere in the mine,
+    then clusters"""
     closeness: Annotated[float, Field(gt=0, lt=1)] = 0.8
     """cosine of potency tensors above which mechanisms are alike"""
     least_particles: Positive = 3
@@ -47,7 +48,7 @@ class SeismicSettings(Settings):
     @model_validator(mode="after")
     def _separated(self) -> Self:
         if self.cluster is not None and self.method != "families":
-            raise refusal("regions need no clusters; leave it out, or take method families", "cluster")
+            raise refusal("method simultaneous has no clusters; leave it out, or take method families", "cluster")
         return self
 
     @property
@@ -64,7 +65,7 @@ class SeismicSettings(Settings):
 class EventSettings(SeismicSettings):
     """The slice of the event and catalogue stages: all of `seismic`, and whose events, where and when."""
 
-    method: Literal["regions", "families"]
+    method: Literal["simultaneous", "families"]
     closeness: Annotated[float, Field(gt=0, lt=1)]
     least_particles: Positive
     seismic_fraction: Annotated[float, Field(gt=0, le=1)]

@@ -36,21 +36,18 @@ def intervals_contain(rows: list[dict]) -> list[str]:
     if not known:
         return []
     low, high = (pick(known, key=lambda row: row["b"]) for pick in (min, max))
-    spread = (
-        f"Intervals of b tell how well so few events know it, at one closeness. Extracted from the same rock at "
-        f"{known[0]['closeness']} to {known[-1]['closeness']} it is {fixed(low['b'], 2)} to {fixed(high['b'], 2)} "
-        "(section 6); cell size and increments are in no interval."
-    )
-    return [spread]
+    own = next(row["closeness"] for row in rows if row["own"])
+    return [
+        f"An interval of the model's b contains the sampling of its events at closeness {own}; not the choice of "
+        "closeness, increments or cell size. "
+        f"Extracted from the same rock at {known[0]['closeness']} to {known[-1]['closeness']} "
+        f"b is {fixed(low['b'], 2)} to {fixed(high['b'], 2)} (section 6)."
+    ]
 
 
 def unlike(evidence: Evidence) -> str:
     """Which share of the potency lies in particles unlike their event; empty where no event was made."""
-    if evidence.catalog is None or "unlike_potency" not in evidence.catalog.attrs:
+    if evidence.catalog is None or "unlike_share" not in evidence.catalog.attrs or not evidence.catalog.sizes["event"]:
         return ""
-    scalars = evidence.particle_scalars
-    if not scalars:
-        return ""
-    attributes = evidence.catalog.attrs
-    share = percent(float(attributes["unlike_potency"]) / scalars)
-    return f"{share} of the potency is in rock less than {attributes['closeness']:g} close to its event's tensor."
+    share = percent(evidence.catalog.attrs["unlike_share"])
+    return f"{share} of the potency is in particles further than the threshold from their event's tensor."

@@ -85,11 +85,6 @@ class Evidence:
         return self.catalog.isel(event=np.flatnonzero(self.catalog["resolved"].values == 1))
 
     @property
-    def particle_scalars(self) -> float:
-        """Sum of the scalar potencies of all particles of the catalogue, m3; 0 where none failed."""
-        return float(json.loads(self.catalog.attrs.get("budget", "{}")).get("particle_scalars") or 0.0)
-
-    @property
     def record_label(self) -> str:
         return RECORD_LABELS[self.record.attrs["kind"]]
 

@@ -174,7 +174,13 @@ def test_model_and_record_give_one_tensor_the_same_axes_and_shares():
     """A level shear, through the events of a step and through a record: the same bytes."""
     strain = np.tile([0, 1e-3, -1e-3, 0, 4e-4, -2e-4], (4, 1))
     step = synthetic_step(1.25 * np.arange(4)[:, None] * [1, 0, 0], strain)
-    chosen = {"mine": "testmine", "method": "regions", "closeness": 0.8, "least_particles": 3, "seismic_fraction": 1.0}
+    chosen = {
+        "mine": "testmine",
+        "method": "simultaneous",
+        "closeness": 0.8,
+        "least_particles": 3,
+        "seismic_fraction": 1.0,
+    }
     chosen["frame"] = {"surface": 0.0}
     modelled, _ = extract_events(step, chosen)
     moduli = {name: step.attrs[name] for name in ("lame_lambda", "shear_modulus")}

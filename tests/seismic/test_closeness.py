@@ -1,12 +1,15 @@
 """Sizes of events at several values of closeness, and what the report tells of them."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from numpy.testing import assert_array_equal
 
 from catalogs.report.closeness import closeness_rows, intervals_contain, unlike
 from catalogs.sizes import estimate_b, log_potency
+from seismic.catalog import merge
 from seismic.closeness import CLOSENESS, sizes_by_closeness
 from seismic.events import extract_events
 
@@ -14,7 +17,7 @@ from seismic.events import extract_events
 def test_each_closeness_has_the_events_that_an_extraction_at_it_has(make_scattered_step, make_settings):
     """Two steps, one after the other, and the mine's own closeness among those tried."""
     steps = [make_scattered_step(seed) for seed in (0, 1)]
-    chosen = make_settings(method="regions", closeness=0.85, least_particles=2)
+    chosen = make_settings(method="simultaneous", closeness=0.85, least_particles=2)
     del chosen["cluster"]
     found = sizes_by_closeness(iter(steps), chosen)
     assert_array_equal(found.attrs["tried"], sorted([*CLOSENESS, 0.85]))
@@ -28,7 +31,7 @@ def test_each_closeness_has_the_events_that_an_extraction_at_it_has(make_scatter
 
 
 def test_rows_and_sentence_say_what_the_sizes_are(make_scattered_step, make_settings):
-    chosen = make_settings(method="regions", least_particles=1)
+    chosen = make_settings(method="simultaneous", least_particles=1)
     del chosen["cluster"]
     found = sizes_by_closeness([make_scattered_step(0, 900)], chosen)
     evidence = SimpleNamespace(closeness=found)
@@ -42,12 +45,20 @@ def test_rows_and_sentence_say_what_the_sizes_are(make_scattered_step, make_sett
     assert rows[3]["largest"].replace("−", "-") == f"{own.max():.2f}"
     (sentence,) = intervals_contain(rows)
     b = [row["b"] for row in rows]
-    assert f"it is {min(b):.2f} to {max(b):.2f} (section 6)" in sentence
+    assert f"b is {min(b):.2f} to {max(b):.2f} (section 6)" in sentence
+    assert "events at closeness 0.8; not the choice of closeness, increments or cell size" in sentence
     assert intervals_contain([]) == []
     assert closeness_rows(SimpleNamespace(closeness=None), cut) == []
 
 
-def test_share_of_unlike_rock():
-    catalog = SimpleNamespace(attrs={"unlike_potency": 0.5, "closeness": 0.8})
-    assert unlike(SimpleNamespace(catalog=catalog, particle_scalars=2.0)).startswith("25 % of the potency")
-    assert unlike(SimpleNamespace(catalog=catalog, particle_scalars=0.0)) == ""
+def test_share_of_unlike_rock(make_scattered_step, make_settings):
+    """Of a catalogue: the shares of its steps, weighted by what their particles released."""
+    chosen = make_settings(method="simultaneous", closeness=0.8)
+    del chosen["cluster"]
+    steps = [extract_events(make_scattered_step(seed, step=f"s{seed}", step_index=2), chosen)[0] for seed in (0, 1)]
+    catalog = merge([step.assign_attrs(unlike_share=share) for step, share in zip(steps, (0.1, 0.5), strict=True)])
+    weights = [json.loads(step.attrs["budget"])["particle_scalars"] for step in steps]
+    assert weights[0] != weights[1]
+    assert catalog.attrs["unlike_share"] == pytest.approx(np.average([0.1, 0.5], weights=weights))
+    assert unlike(SimpleNamespace(catalog=catalog)).startswith(f"{100 * catalog.attrs['unlike_share']:.2g} % of")
+    assert unlike(SimpleNamespace(catalog=catalog.isel(event=[]))) == ""

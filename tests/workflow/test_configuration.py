@@ -182,7 +182,12 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("seismic.closeness", 0, "seismic.closeness: ", "not above the minimum of 0"),
     ("seismic.closeness", -0.5, "seismic.closeness: ", "not above the minimum of 0"),
     ("seismic.cluster.clusters", 3, "seismic.cluster.clusters: ", "take kmeans"),
-    ("seismic.cluster", {"min_samples": 2}, "seismic.cluster: regions need no clusters", "take method families"),
+    (
+        "seismic.cluster",
+        {"min_samples": 2},
+        "seismic.cluster: method simultaneous has no clusters",
+        "take method families",
+    ),
     ("comparison.size_bin", 0, "comparison.size_bin: ", "minimum of 0.01"),
     ("comparison.maximum_events", 1.5, "comparison.maximum_events: ", "not of type 'integer'"),
     ("excavations.0", SHAFT, "excavations.drive.path: stretch 2 is too steep", "cylinder, box or prism"),
