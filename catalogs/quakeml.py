@@ -1,8 +1,10 @@
 """A catalogue as QuakeML 1.2, for exchange: written through ObsPy, read back identical, with the same bytes every time.
 
 What any reader understands: origin time, latitude, longitude, depth (m below sea level, = -z), moment magnitude, and
-the moment tensor in N m, Up-South-East (rr = zz, tt = yy, pp = xx, rt = -yz, rp = xz, tp = -xy). Beside that, in the
-namespace NAMESPACE and bit for bit, every variable of pipeline.event_table per event and the attributes once (JSON).
+the moment tensor in N m, Up-South-East (rr = zz, tt = yy, pp = xx, rt = -yz, rp = xz, tp = -xy), with its own shares,
+sizes from 0 to 1 as QuakeML has them (those of the potency tensor, signed, stand in our namespace). Events of a model
+are rock bursts: rock that breaks because it is mined (Storchak et al. 2012); recorded ones may be of other making, and
+are called induced or triggered. Beside that, in the namespace NAMESPACE and bit for bit, every variable of pipeline.event_table per event and the attributes once (JSON).
 ObsPy makes random resource identifiers and stamps the time unless told otherwise: here every one is given.
 """
 
@@ -36,11 +38,11 @@ from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
 from pipeline.event_table import FIELDS, check_events, new_catalog
 from pipeline.fields import TEXT, Field
-from pipeline.source_tensors import moment_from_potency
+from pipeline.source_tensors import moment_from_potency, source_shares
 
 NAMESPACE = "urn:mine-seismicity:catalogue:1"
 PREFIX = "mine"
-EVENT_TYPE = "induced or triggered event"
+EVENT_TYPES = {"synthetic": "rock burst", "twin": "rock burst", "recorded": "induced or triggered event"}
 ATTRIBUTES = "attributes"
 # Component of QuakeML's tensor -> sign, row, column in east, north, up.
 UP_SOUTH_EAST = {
@@ -82,6 +84,7 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
         float(catalog.attrs.get("shear_modulus", np.nan)),
     )
     base = f"smi:local/{_word(catalog.attrs['mine'])}/{catalog.attrs['kind']}"
+    shares = np.abs(source_shares(moment))[:, [2, 1, 0]]  # DC, CLVD, ISO
     texts = {field.name: _texts(catalog[field.name].values) for field in FIELDS}
     events = []
     for index in range(catalog.sizes["event"]):
@@ -95,7 +98,8 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
             mw=float(catalog["mw"].values[index]),
             scalar_moment=float(catalog["moment"].values[index]),
             moment=moment[index],
-            shares=[float(catalog[share].values[index]) for share in ("dc", "clvd", "iso")],
+            shares=shares[index].tolist(),
+            event_type=EVENT_TYPES[catalog.attrs["kind"]],
         )
         event.extra = {name: {"value": text[index], "namespace": NAMESPACE} for name, text in texts.items()}
         events.append(event)
@@ -105,7 +109,7 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
     return result
 
 
-def _obspy_event(name: str, time, time_uncertainty, place, location_error, mw, scalar_moment, moment, shares) -> Event:
+def _obspy_event(name: str, time, time_uncertainty, place, location_error, mw, scalar_moment, moment, shares, event_type) -> Event:
     """One event with an origin, and a magnitude and a moment tensor where they are known."""
     origin = Origin(
         resource_id=ResourceIdentifier(f"{name}/origin"),
@@ -122,7 +126,7 @@ def _obspy_event(name: str, time, time_uncertainty, place, location_error, mw, s
         origin.origin_uncertainty = OriginUncertainty(
             horizontal_uncertainty=location_error, preferred_description="horizontal uncertainty"
         )
-    event = Event(resource_id=ResourceIdentifier(name), event_type=EVENT_TYPE, origins=[origin])
+    event = Event(resource_id=ResourceIdentifier(name), event_type=event_type, origins=[origin])
     event.preferred_origin_id = origin.resource_id
     if np.isfinite(mw):
         size = Magnitude(resource_id=ResourceIdentifier(f"{name}/magnitude"), mag=mw, magnitude_type="Mw")

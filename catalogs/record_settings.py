@@ -26,13 +26,14 @@ UNITS = {**dict.fromkeys((*MINE_COORDINATES, "depth"), "m"), "potency": "m^3", "
 UNITS |= {f"{kind}_{name}": UNITS[kind] for kind in TENSOR_KINDS for name in COMPONENTS}
 TEXTS = ("time", MAGNITUDE_TYPE, "step")  # kinds of columns that hold no numbers
 READ_BY = {  # keys of a record that not every reader uses
-    **dict.fromkeys(("columns", "units", "missing", "decimal", "date_order", "time_zone"), ("csv",)),
+    **dict.fromkeys(("columns", "tensor_frame", "units", "missing", "decimal", "date_order", "time_zone"), ("csv",)),
     **dict.fromkeys(("twin", "conversions"), ("csv", "quakeml")),
     **dict.fromkeys(("rigidity", "match_within", "orientations"), ("elk_creek",)),
 }
 
 
 Numbers = dict[str, float]  # by column of the file
+Words = dict[str, choose(is_list, Annotated[tuple[str, ...], Field(min_length=1), AsTuple], str)]
 Box = Annotated[tuple[Length, ...], Field(min_length=2, max_length=3), AsTuple]
 
 
@@ -128,6 +129,10 @@ class FilterSettings(Settings):
     """the most that a column of the file may hold, by its name"""
     minimum: Numbers = None
     """the least"""
+    only: Words = None
+    """text, or a list of texts, of which one stands in a column of the file: {status: [manual, reviewed]}"""
+    without: Words = None
+    """text, or a list of texts, of which none does: {status: automatic}"""
 
 
 class OrientationSettings(Settings):
@@ -153,6 +158,8 @@ class RecordSettings(Settings):
     """needed but by elk_creek with orientations"""
     columns: ColumnSettings = None
     """of a CSV file"""
+    tensor_frame: Literal["ENU", "NED", "USE"] = None
+    """what x, y and z of the tensor columns mean: east north up, north east down, or up south east; else ENU"""
     units: dict[str, str] = None
     """kind of column: its unit, if not m, m^3, N m or s and not in the file"""
     missing: Annotated[tuple[float, ...], AsTuple] = None
@@ -201,6 +208,11 @@ class RecordSettings(Settings):
         if self.reader == "quakeml" and self.filter:
             for key in self.filter.model_fields_set & {"maximum", "minimum"}:
                 raise refusal("a QuakeML file has no columns; leave it out", "filter", key)
+        if self.reader != "csv" and self.filter:
+            for key in self.filter.model_fields_set & {"only", "without"}:
+                raise refusal(f"reader {self.reader} has no columns of text; leave it out", "filter", key)
+        if self.tensor_frame and not {f"{kind}_xx" for kind in TENSOR_KINDS} & self.columns.model_fields_set:
+            raise refusal("of which tensor? name its six columns, or leave it out", "tensor_frame")
         if self.time_zone:
             try:
                 check_zone(self.time_zone)

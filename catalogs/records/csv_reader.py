@@ -27,6 +27,11 @@ from pipeline.errors import InputError
 from pipeline.source_tensors import potency_from_moment
 from pipeline.voigt import COMPONENTS
 
+FRAMES = {  # axes of a tensor's frame (row) in east, north, up; up south east is that of moment tensor catalogues
+    "ENU": np.eye(3),
+    "NED": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+    "USE": np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]),
+}
 CODES = (-99.0, -999.0, -9999.0)  # written for a missing value, unless record.missing names others
 
 
@@ -36,8 +41,8 @@ def read(settings: RecordSlice) -> xr.Dataset:
     settings.columns names the file's columns: time (one column, or a list of two or three:
     date, time of day, offset; see catalogs.records.times), x, y, z (m) or latitude, longitude (degrees), depth (m below
     sea level), at least one of potency (m3), log_potency, moment (N m), mw, or magnitude with magnitude_type, and
-    optionally potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m), time_uncertainty (s),
-    step. units: {kind of column: unit}, where it is not the one above and not in the file; decimal, date_order,
+    optionally potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m), in the axes of
+    tensor_frame, time_uncertainty (s), step. units: {kind of column: unit}, where it is not the one above and not in the file; decimal, date_order,
     time_zone: what cannot be found from the file; conversions: catalogs.records.magnitudes; missing: numbers that stand
     for a missing value, else CODES. How the table is read: catalogs.records.csv_table.
 
@@ -73,7 +78,9 @@ def read(settings: RecordSlice) -> xr.Dataset:
     limits = settings.filter
     quality = table.rows if limits and (limits.maximum or limits.minimum) else ()
     quality = {name: table.numbers(name, strict=False) for name in quality}
-    return filter_events(record, settings, quality, source=str(path), repeated=table.repeated)
+    words = table.rows if limits and (limits.only or limits.without) else ()
+    words = {name: table.text(name).to_numpy(str) for name in words}
+    return filter_events(record, settings, quality, source=str(path), repeated=table.repeated, words=words)
 
 
 def _listed(value: str | list[str]) -> list[str]:
@@ -160,13 +167,15 @@ def _sizes(
 
 
 def _tensor(numbers: Mapping, settings: RecordSlice) -> np.ndarray | None:
-    """Potency tensors (event, 3, 3) m3, NaN where a component is empty; None if no columns are named."""
+    """Potency tensors (event, 3, 3) m3, east north up, NaN where a component is empty; None without columns."""
+    axes = FRAMES[settings.tensor_frame or "ENU"]
     for kind in TENSOR_KINDS:
         if f"{kind}_xx" not in numbers:
             continue
         tensor = np.empty((len(numbers[f"{kind}_xx"]), 3, 3))
         for name, (i, j) in COMPONENTS.items():
             tensor[:, i, j] = tensor[:, j, i] = numbers[f"{kind}_{name}"]
+        tensor = axes.T @ tensor @ axes
         tensor[~np.isfinite(tensor).all(axis=(1, 2)) | ~tensor.any(axis=(1, 2))] = np.nan  # zero: never computed
         if kind == "potency":
             return tensor
