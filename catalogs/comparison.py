@@ -10,8 +10,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs import sizes
+from catalogs.blocks import block_labels
 from catalogs.comparison_layout import described
-from catalogs.locations import block_labels
 from catalogs.measures import CATALOGUES, TAILS, axes_measures, location_measures, size_measures
 from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
 from catalogs.settings import ComparisonSettings
