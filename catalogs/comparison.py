@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from catalogs import sizes
 from catalogs.blocks import block_labels
 from catalogs.comparison_layout import described
-from catalogs.measures import CATALOGUES, TAILS, axes_measures, location_measures, size_measures
+from catalogs.completeness import completeness, fullest_bin, next_edge, rounding
+from catalogs.measures import TAILS, axes_measures, location_measures
 from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
 from catalogs.settings import ComparisonSettings
+from catalogs.size_measures import CATALOGUES, size_measures
 from pipeline.errors import InputError
 from pipeline.event_table import check_events
 
@@ -33,13 +35,20 @@ def compare(catalog: xr.Dataset, record: xr.Dataset, settings: ComparisonSetting
     both = (catalog, record)
     x = [sizes.log_potency(events["potency"].values) for events in both]
     resolved = [events["resolved"].values == 1 for events in both]
-    result, attributes = _cut(catalog, x[1][resolved[1]], settings)
+    rounded = rounding(x[1])  # what is modelled is not
+    result, attributes = _cut(catalog, x[1][resolved[1]], rounded, settings)
     cut = float(result["cut"][1])
     used = [good & (value >= cut) for good, value in zip(resolved, x, strict=True)]
     blocks = [_blocks(events, settings) for events in both]
 
     result |= _sums(both, used, resolved, blocks, settings)
-    sized, text = size_measures([value[good] for value, good in zip(x, resolved, strict=True)], cut, settings)
+    sized, laws = size_measures(
+        [value[good] for value, good in zip(x, resolved, strict=True)],
+        [0.0, rounded],
+        cut,
+        [False, attributes["cut_is"] == "record completeness"],
+        settings,
+    )
     result |= sized
     located, location_attributes = location_measures(both, used, blocks, settings)
     result |= located
@@ -60,10 +69,10 @@ def compare(catalog: xr.Dataset, record: xr.Dataset, settings: ComparisonSetting
         "period_model": _period(catalog),
         "period_record": _period(record),
         "settings": json.dumps(settings.model_dump(mode="json"), sort_keys=True),
-        "size_text": text,
         "size_bin_width": settings.size_bin,
         "kagan_bin_width": KAGAN_BIN,
         **attributes,
+        **laws,
         **location_attributes,
         **axes_attributes,
     }
@@ -87,18 +96,18 @@ def _blocks(events: xr.Dataset, settings: ComparisonSettings) -> NDArray:
     )
 
 
-def _cut(catalog: xr.Dataset, recorded: NDArray, settings: ComparisonSettings) -> tuple[dict, dict]:
-    """The cut both catalogues take, log10 P, and which of the two catalogues sets it."""
+def _cut(catalog: xr.Dataset, recorded: NDArray, rounded: float, settings: ComparisonSettings) -> tuple[dict, dict]:
+    """The cut both catalogues take, log10 P, and which of the two sets it; the edge of a bin if sizes are rounded."""
     floor = float(catalog.attrs.get("potency_floor", np.nan))
     floor = float(np.log10(floor)) if floor > 0 else np.nan
-    stable = sizes.completeness_by_stability(recorded, settings.cut_step)
-    complete = sizes.completeness_by_curvature(recorded, settings.cut_step) if np.isnan(stable) else stable
+    stable = completeness(recorded, settings.cut_step, rounded)
+    complete = fullest_bin(recorded, settings.cut_step, rounded) if np.isnan(stable) else stable
     how = "b is stable above it" if np.isfinite(stable) else "no stable completeness: the fullest bin instead"
     if np.isnan(floor) and np.isnan(complete):
         cut, which = np.nan, "nothing"
         text = "no cut, as the model has no failed rock to set a floor, and the record no event"
     elif np.isnan(complete) or floor >= complete:
-        cut, which = floor, "model floor"
+        cut, which = next_edge(recorded, floor, rounded), "model floor"
         record = f"complete from {complete:.2f}: {how}" if np.isfinite(complete) else "without enough events to tell"
         text = f"log P >= {cut:.2f}, the model's floor (the record is {record})"
     else:

@@ -7,9 +7,10 @@ event_model, event_record, size_bin, trial_cut and angle carry coordinates. NaN 
 events, no tensors, no stable completeness).
 
 Attributes: mine, record_kind ("recorded" | "twin"), period_model, period_record, settings (JSON, defaults filled in),
-cut_is ("model floor" | "record completeness" | "nothing"), location_blocks, location_error (m), axes_present (0 | 1),
-summed_weight ("unit": over unit tensors where the record has orientations only | "potency"), size_bin_width,
-kagan_bin_width (degrees), config_hash, source_hash, versions. cut_text, size_text, location_text and axes_text are
+cut_is ("model floor" | "record completeness" | "nothing"), law_model, law_record ("power law" | "truncated power law" |
+"no power law" | "too few events": what sizes above the cut follow), location_blocks, location_error (m),
+axes_present (0 | 1), summed_weight ("unit": over unit tensors where the record has orientations only | "potency"),
+size_bin_width, kagan_bin_width (degrees), config_hash, source_hash, versions. cut_text, size_text, location_text and axes_text are
 sentences for the reader of the report; they also say why a number does not exist.
 """
 
@@ -69,19 +70,22 @@ FIELDS = (
     # sizes: N(>= P) = 10^a P^-b
     _field("b", "catalogue", "1", "b of potency, maximum likelihood without an upper bound; of magnitudes it is 1.5 b"),
     _field("b_error", "catalogue", "1", "its standard error"),
-    _field("b_interval", "catalogue interval", "1", "its 95 % interval"),
+    _field("b_interval", "catalogue interval", "1", "its 95 % interval, with the choice of the cut"),
     _field("b_magnitude", "catalogue", "1", "b of moment magnitudes: 1.5 b of potency"),
     _field("a", "catalogue", "1", "a in log10 N(>= P) = a - b log10 P, P in m3"),
     _field("b_truncated", "catalogue", "1", "b of potency if no event may be larger than the largest"),
     _field("b_truncated_error", "catalogue", "1", "its standard error"),
     _field("b_truncated_interval", "catalogue interval", "1", "its 95 % interval"),
     _field("largest_log_potency", "catalogue", LOG, "largest event"),
-    _field("b_difference", "", "1", "b of the model minus that of the record"),
+    _field("b_difference", "", "1", "b of the model minus that of the record, both truncated if either law is"),
     _field("b_difference_error", "", "1", "its standard error"),
     _field("b_difference_interval", "interval", "1", "its 95 % interval"),
     _field("b_difference_p_value", "", "1", "chance of as large a difference if both follow one law"),
     _field("completeness_curvature", "catalogue", LOG, "lower edge of the fullest bin"),
-    _field("completeness_stability", "catalogue", LOG, "lowest cut from which b is stable; NaN: there is none"),
+    _field("power_law_p_value", "catalogue", "1", "chance of so bad a fit if sizes follow a power law (bootstrap)"),
+    _field("truncated_law_p_value", "catalogue", "1", "the same of a power law that ends at the largest event"),
+    _field("size_rounding", "catalogue", LOG, "width of the bins that sizes are rounded to; 0: they are not"),
+    _field("completeness_stability", "catalogue", LOG, "size from which b is stable, and a margin; NaN: none"),
     _field("cut_log_potency", "trial_cut", LOG, "cuts of the next three"),
     _field("b_by_cut", "catalogue trial_cut", "1", "b of potency of the events at or above each cut"),
     _field("b_by_cut_error", "catalogue trial_cut", "1", "its standard error"),

@@ -1,4 +1,4 @@
-"""The three comparisons of two catalogues as variables of comparison.nc (their layout: catalogs.comparison_layout).
+"""The comparisons of places and axes as variables of comparison.nc (their layout: catalogs.comparison_layout).
 
 `both` is (catalogue, record) in the form of pipeline.event_table, `used` which of their events count, `blocks` the
 block of each event. Every function returns the variables, and the sentences that go with them.
@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs import sizes
 from catalogs.locations import compare_locations
 from catalogs.mechanisms import (
     AXIS_NAMES,
@@ -32,63 +31,6 @@ MOST_DRAWS = 4  # smeared copies of a modelled event
 DISTANCES = 12
 LEAST_AXES = 2
 AXES_RESAMPLINGS = 499
-
-
-def size_measures(x: list[NDArray], cut: float, settings: ComparisonSettings) -> tuple[dict, str]:
-    """b with and without an upper bound, against the cut, their difference, and the counts for plots."""
-    plain = [sizes.estimate_b(values, cut) for values in x]
-    bounded = [sizes.estimate_b(values, cut, bound="largest") for values in x]
-    difference = sizes.difference_b(*plain)
-    grid = sizes.cut_grid(np.concatenate(x), settings.cut_step)
-    table = [sizes.b_by_cut(values, grid) for values in x]
-    edges = sizes.cut_grid(np.concatenate(x), settings.size_bin)
-    counted = [sizes.counts(values, edges, settings.size_bin) for values in x]
-    stable = [sizes.completeness_by_stability(values, settings.cut_step) for values in x]
-
-    def column(values, name):
-        return [getattr(value, name) for value in values]
-
-    by_catalogue = {
-        "b": column(plain, "b"),
-        "b_error": column(plain, "error"),
-        "b_magnitude": column(plain, "magnitude"),
-        "a": column(plain, "a"),
-        "b_truncated": column(bounded, "b"),
-        "b_truncated_error": column(bounded, "error"),
-        "largest_log_potency": [float(values.max()) if values.size else np.nan for values in x],
-        "completeness_curvature": [sizes.completeness_by_curvature(values, settings.cut_step) for values in x],
-        "completeness_stability": stable,
-    }
-    result = {name: ("catalogue", np.array(values, float)) for name, values in by_catalogue.items()}
-    for name, values in (("b_interval", plain), ("b_truncated_interval", bounded)):
-        result[name] = (("catalogue", "interval"), [[value.lower, value.upper] for value in values])
-    result |= {
-        "b_difference": ((), difference.difference),
-        "b_difference_error": ((), difference.error),
-        "b_difference_interval": ("interval", [difference.lower, difference.upper]),
-        "b_difference_p_value": ((), difference.p_value),
-        "cut_log_potency": ("trial_cut", grid),
-        "size_bin_lower": ("size_bin", edges),
-        "incremental": (("catalogue", "size_bin"), np.array([one for one, _ in counted], np.int64)),
-        "cumulative": (("catalogue", "size_bin"), np.array([all_ for _, all_ in counted], np.int64)),
-        "events_by_cut": (
-            ("catalogue", "trial_cut"),
-            np.array([column(values, "events") for values in table], np.int64),
-        ),
-    }
-    for name, key in (("b_by_cut", "b"), ("b_by_cut_error", "error")):
-        result[name] = (("catalogue", "trial_cut"), np.array([column(values, key) for values in table], float))
-    said = [_b_text(name, *found) for name, *found in zip(CATALOGUES, plain, stable, strict=True)]
-    return result, "; ".join(said)
-
-
-def _b_text(name: str, value: sizes.BValue, stable: float) -> str:
-    """b of one catalogue in words."""
-    if not np.isfinite(value.b):
-        why = f"{sizes.LEAST_EVENTS} are needed" if value.events < sizes.LEAST_EVENTS else "all of one size"
-        return f"{name}: no b, n = {value.events} ({why})"
-    complete = f"stable from log P = {stable:.1f}" if np.isfinite(stable) else "no stable completeness"
-    return f"{name}: b = {value.b:.2f} ({value.lower:.2f} to {value.upper:.2f}), n = {value.events}, {complete}"
 
 
 def location_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dict, dict]:

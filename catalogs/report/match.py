@@ -6,6 +6,7 @@ import xarray as xr
 from catalogs.figures.stereonets import direction
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import MISSING, between, fixed, number, whole, with_unit
+from catalogs.size_law import POWER, TRUNCATED
 
 
 def _pair(comparison: xr.Dataset, name: str, form=number) -> list[str]:
@@ -61,11 +62,16 @@ def size_rows(evidence: Evidence) -> list[dict]:
         ]
         for names in (("b", "b_error"), ("b_truncated", "b_truncated_error"))
     )
+    laws = [str(comparison.attrs[f"law_{which}"]) for which in ("model", "record")]
+    # b of a law that the sizes do not follow is no result
+    free = [b if law == POWER else MISSING for b, law in zip(free, laws, strict=True)]
+    bounded = [b if law in (POWER, TRUNCATED) else MISSING for b, law in zip(bounded, laws, strict=True)]
     stable = [
         text if text != MISSING else "no stable value"
         for text in _pair(comparison, "completeness_stability", hundredths)
     ]
     return [
+        _row("sizes follow (tested before b is given)", *laws, "", ""),
         _row("events at or above the cut", *_pair(comparison, "events_above_cut", whole), "", ""),
         _row(
             "summed potency above the cut (m³); modelled over recorded", *_pair(comparison, "summed_potency"),
@@ -124,7 +130,7 @@ def match_rows(evidence: Evidence) -> list[dict]:
     """The few numbers of the headline: where, how large, how oriented."""
     if evidence.comparison is None or not evidence.comparison["events_above_cut"].values.all():
         return []
-    rows = size_rows(evidence)[:3]
+    rows = size_rows(evidence)[:4]
     if np.isfinite(evidence.comparison["energy_distance"]):
         rows += location_rows(evidence)[:2]
     if int(evidence.comparison.attrs.get("axes_present", 0)):
