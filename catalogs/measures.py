@@ -33,7 +33,7 @@ LEAST_AXES = 2
 AXES_RESAMPLINGS = 499
 
 
-def location_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dict, dict]:
+def location_measures(both, used, blocks, steps, settings: ComparisonSettings) -> tuple[dict, dict]:
     """Centroids, energy distance, nearest distances and cross-K, the model smeared by the record's location error."""
     generator = np.random.default_rng([settings.seed, 1])
     error = float(both[1].attrs.get("location_error", 0.0))
@@ -47,6 +47,8 @@ def location_measures(both, used, blocks, settings: ComparisonSettings) -> tuple
             *points,
             blocks[0][chosen[0]],
             blocks[1][chosen[1]],
+            model_steps=steps[0][chosen[0]],
+            record_steps=steps[1][chosen[1]],
             seed=settings.seed,
             location_error=error,
             draws=draws,
@@ -80,16 +82,17 @@ def location_measures(both, used, blocks, settings: ComparisonSettings) -> tuple
     if found is None:
         count = [len(np.unique(labels[kept])) for labels, kept in zip(blocks, used, strict=True)]
         text = (
-            f"locations cannot be compared: an interval needs two blocks ({kind}s) of events above the cut in each "
-            f"catalogue; the model has {count[0]}, the record {count[1]}"
+            f"locations cannot be compared: an interval needs, in one step, two modelled events above the cut and two "
+            f"blocks ({kind}s) of recorded ones; the model has {count[0]}, the record {count[1]} in all"
         )
     else:
         low, high = found.energy_interval
         text = (
             f"energy distance {found.energy_distance:.1f} m ({low:.1f} to {high:.1f}), p = {found.energy_p_value:.3f}; "
             f"centroids {found.offset_distance:.0f} m apart ({found.offset_distance_interval[0]:.0f} to "
-            f"{found.offset_distance_interval[1]:.0f}); model smeared by {error:g} m; resampled by {kind}: "
-            f"{found.blocks[0]} and {found.blocks[1]} blocks"
+            f"{found.offset_distance_interval[1]:.0f}); model smeared by {error:g} m; within {found.steps} "
+            f"step{'s' * (found.steps > 1)}; resampled: {found.blocks[0]} modelled events, {found.blocks[1]} {kind}s of "
+            "the record"
         )
     return variables, {"location_blocks": kind, "location_error": error, "location_text": text}
 
@@ -190,6 +193,7 @@ def _absent_axes() -> dict:
         "mean_strength": "catalogue axis_name",
         "mean_angle": "axis_name",
         "mean_angle_interval": "axis_name interval",
+        "mean_angle_p_value": "axis_name",
         "summed_tensor": "catalogue xyz axis",
         "summed_axis": "catalogue axis_name xyz",
         "summed_trend": "catalogue axis_name",

@@ -7,6 +7,7 @@ from catalogs.figures.stereonets import direction
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import MISSING, between, fixed, number, whole, with_unit
 from catalogs.size_law import POWER, TRUNCATED
+from catalogs.spread import ALL
 
 
 def _pair(comparison: xr.Dataset, name: str, form=number) -> list[str]:
@@ -50,6 +51,17 @@ def location_rows(evidence: Evidence) -> list[dict]:
     ]  # fmt: skip
 
 
+def _runs(evidence: Evidence) -> str:
+    """What was varied of the model, and how far its potency then moved; a model that ran once has no interval."""
+    if evidence.spread is None:
+        return "the model ran once and has none"
+    _, _, least, largest = evidence.spread["potency_statistics"].sel(period=ALL).values
+    own = float(evidence.spread["potency"].sel(period=ALL).values[0])
+    if not own > 0:
+        return "the model made no events"
+    return f"the model's ensemble, {int(evidence.spread.attrs['members'])} members: × {number(least / own)} to {number(largest / own)}"
+
+
 def size_rows(evidence: Evidence) -> list[dict]:
     """Sizes: both catalogues and their difference with 95 % interval."""
     comparison = evidence.comparison
@@ -74,7 +86,15 @@ def size_rows(evidence: Evidence) -> list[dict]:
         _row("sizes follow (tested before b is given)", *laws, "", ""),
         _row("events at or above the cut", *_pair(comparison, "events_above_cut", whole), "", ""),
         _row(
-            "summed potency above the cut (m³); modelled over recorded", *_pair(comparison, "summed_potency"),
+            "events per day compared (interval: the record's)", *_pair(comparison, "event_rate"), "",
+            between(comparison["event_rate_interval"].values),
+        ),
+        _row(
+            "potency per day compared (m³; interval: the record's)", *_pair(comparison, "potency_rate"), "",
+            between(comparison["potency_rate_interval"].values),
+        ),
+        _row(
+            f"summed potency above the cut (m³); modelled over recorded (interval: the record's days; {_runs(evidence)})", *_pair(comparison, "summed_potency"),
             number(comparison["potency_ratio"]), between(comparison["potency_ratio_interval"].values),
         ),
         _row(
@@ -106,7 +126,7 @@ def axis_rows(evidence: Evidence) -> list[dict]:
         interval = between(here["mean_angle_interval"].values)
         rows.append(
             _row(
-                f"mean {axis} axis (trend/plunge), angle between",
+                f"mean {axis} axis (trend/plunge), angle between (p = {number(here['mean_angle_p_value'], 2)} if one)",
                 *means,
                 with_unit(number(here["mean_angle"]), "°"),
                 interval,
@@ -130,7 +150,7 @@ def match_rows(evidence: Evidence) -> list[dict]:
     """The few numbers of the headline: where, how large, how oriented."""
     if evidence.comparison is None or not evidence.comparison["events_above_cut"].values.all():
         return []
-    rows = size_rows(evidence)[:4]
+    rows = size_rows(evidence)[:6]
     if np.isfinite(evidence.comparison["energy_distance"]):
         rows += location_rows(evidence)[:2]
     if int(evidence.comparison.attrs.get("axes_present", 0)):
