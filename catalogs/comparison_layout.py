@@ -6,13 +6,12 @@ catalog.nc and record.nc, in their order), size_bin, trial_cut, distance, angle,
 event_model, event_record, size_bin, trial_cut and angle carry coordinates. NaN where a number does not exist (too few
 events, no tensors, no stable completeness).
 
-Attributes: mine, record_kind ("recorded" | "twin"), period_model, period_record, period_text, settings (JSON, defaults filled in),
+Attributes: mine, record_kind ("recorded" | "twin"), period_model, period_record, settings (JSON, defaults filled in),
 cut_is ("model floor" | "record completeness" | "nothing"), law_model, law_record ("power law" | "truncated power law" |
 "no power law" | "too few events": what sizes above the cut follow), location_blocks, location_error (m),
 axes_present (0 | 1), summed_weight ("unit": over unit tensors where the record has orientations only | "potency"),
-size_bin_width, kagan_bin_width (degrees), config_hash, source_hash, versions. cut_text, size_text, location_text and
-axes_text are
-sentences for the reader of the report; they also say why a number does not exist.
+size_bin_width, kagan_bin_width (degrees), config_hash, source_hash, versions. period_text, cut_text, size_text,
+location_text and axes_text are sentences for the reader of the report; they also say why a number does not exist.
 """
 
 import numpy as np
@@ -36,10 +35,10 @@ FIELDS = (
     _field("model_axes_used", "event_model", "1", "1: in the statistics, and with a tensor", np.int8),
     _field("record_axes_used", "event_record", "1", "1: in the statistics, and with a tensor", np.int8),
     _field("events_total", "catalogue", "1", "events of the catalogue", np.int64),
-    _field("events_resolved", "catalogue", "1", "events of enough particles (all of a record) in the time compared", np.int64),
+    _field("events_resolved", "catalogue", "1", "of enough particles (all of a record) in the time compared", np.int64),
     _field("events_above_cut", "catalogue", "1", "of these at or above the cut: the events compared", np.int64),
     _field("events_with_axes", "catalogue", "1", "events whose axes are compared", np.int64),
-    _field("blocks", "catalogue", "1", "blocks of events that are resampled; of the model every event is one", np.int64),
+    _field("blocks", "catalogue", "1", "blocks that are resampled; of the model every event is one", np.int64),
     _field("cut", "", LOG, "smallest size that counts in both catalogues: the larger of the next two"),
     _field("model_floor", "", LOG, "smallest size that the model's cells resolve"),
     _field("record_completeness", "", LOG, "size from which the record is complete (stable b, else the fullest bin)"),
@@ -53,7 +52,7 @@ FIELDS = (
     _field("summed_potency_all", "catalogue", "m3", "potency of every event"),
     _field("potency_ratio", "", "1", "summed potency, model over record"),
     _field("potency_ratio_all", "", "1", "potency of every event, model over record"),
-    _field("potency_ratio_interval", "interval", "1", "its 95 % interval: the record's days resampled, empty ones too; the model as it is"),
+    _field("potency_ratio_interval", "interval", "1", "its 95 % interval: of the record's days, the model as it is"),
     # location
     _field("centroid", "catalogue xyz", "m", "mean location of the events compared"),
     _field("centroid_offset", "xyz", "m", "centroid of the model minus that of the record"),

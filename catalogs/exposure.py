@@ -1,34 +1,19 @@
 """How long a catalogue was recorded, and rates and sums per day of it, with days on which nothing happened.
 
-The time both catalogues share is that of the dated steps during which was recorded. A record does not say when it was
-switched on: where its first event comes later than chance allows, it begins with that event's day; so at its end.
+The time both catalogues share is that of the dated steps during which was recorded (`catalogs.periods`).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm, t
 
 from catalogs.settings import DatedStep
 
 DAY = np.timedelta64(86400 * 10**9, "ns")
-SILENCE = np.log(100.0)  # mean waiting times: a longer silence has a chance of 1 % if days with events are random
-LEAST_DAYS = 4  # with events, for an interval
+LEAST_DAYS = 10  # with events, for an interval: fewer have not seen what large events they may have
 TAILS = (0.025, 0.975)
-
-
-def recorded_period(time: NDArray) -> tuple[np.datetime64, np.datetime64]:
-    """First and last instant (UTC, ns) of recording, from the times of all events of a file, NaT ignored.
-
-    Whole days from the first to the last event, and on either side as much silence as chance may leave. Of fewer than
-    two days with events the silence is without bounds: all of time.
-    """
-    time = np.asarray(time, "datetime64[ns]")
-    days = np.unique(time[~np.isnat(time)].astype("datetime64[D]"))
-    if len(days) < 2:
-        return np.datetime64("1678-01-01", "ns"), np.datetime64("2261-12-31", "ns")
-    wait = int(np.ceil(SILENCE * (days[-1] - days[0]).astype(int) / (len(days) - 1)))
-    return (days[0] - wait).astype("datetime64[ns]"), (days[-1] + 1 + wait).astype("datetime64[ns]")
 
 
 @dataclass(frozen=True)
@@ -81,7 +66,9 @@ def total_interval(sums: NDArray, resamplings: int, generator: np.random.Generat
 
     Blocks, empty ones too, are drawn with replacement, and the logarithm of the sum is divided by its own standard
     error in every draw (bootstrap-t: Efron and Tibshirani 1993, 12.5): sums of few or large events are so skew that
-    quantiles of the drawn sums themselves would hold too little.
+    quantiles of the drawn sums themselves would hold too little. A few large events stand for a tail that was hardly
+    seen; what they say is worth no more than (sum)^2 / sum of squares equal ones (Kish 1965), and the interval is
+    stretched as Student's t of so many is over the normal distribution.
     """
     count = len(sums)
     if np.count_nonzero(sums) < LEAST_DAYS:
@@ -92,5 +79,7 @@ def total_interval(sums: NDArray, resamplings: int, generator: np.random.Generat
         error = np.sqrt(np.maximum(weights @ sums**2 - total**2 / count, 0.0)) / total
         centred = (np.log(total) - np.log(sums.sum())) / error
     own = np.sqrt(np.sum((sums - sums.mean()) ** 2)) / sums.sum()
+    worth = max(sums.sum() ** 2 / np.sum(sums**2), 2.0)
+    stretch = t.ppf(TAILS[1], worth - 1) / norm.ppf(TAILS[1])
     low, high = np.quantile(centred[np.isfinite(centred)], TAILS)
-    return sums.sum() * np.exp(-own * np.array([high, low]))
+    return sums.sum() * np.exp(-stretch * own * np.array([high, low]))

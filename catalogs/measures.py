@@ -91,8 +91,8 @@ def location_measures(both, used, blocks, steps, settings: ComparisonSettings) -
             f"energy distance {found.energy_distance:.1f} m ({low:.1f} to {high:.1f}), p = {found.energy_p_value:.3f}; "
             f"centroids {found.offset_distance:.0f} m apart ({found.offset_distance_interval[0]:.0f} to "
             f"{found.offset_distance_interval[1]:.0f}); model smeared by {error:g} m; within {found.steps} "
-            f"step{'s' * (found.steps > 1)}; resampled: {found.blocks[0]} modelled events, {found.blocks[1]} {kind}s of "
-            "the record"
+            f"step{'s' * (found.steps > 1)}; resampled: {found.blocks[0]} modelled events, "
+            f"{found.blocks[1]} {kind}s of the record"
         )
     return variables, {"location_blocks": kind, "location_error": error, "location_text": text}
 

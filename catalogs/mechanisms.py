@@ -118,8 +118,8 @@ def compare_axes(model: AxesSample, record: AxesSample, seed: int = 0, resamplin
     """Mean axes, their cones and angles, and Kagan angles of two catalogues, as named in catalogs.comparison.
 
     Cones and intervals (95 %) resample blocks with replacement. Resampled angles are larger than the angle itself and
-    never 0: the interval of the angle is what a test of each angle leaves, `_angle_test`. Of all pairs of events at most MOST_PAIRS are drawn
-    for the Kagan angles; record_record leaves out an event with itself.
+    never 0: the interval of the angle is what a test of each angle leaves, `_angle_test`. Of all pairs of events at
+    most MOST_PAIRS are drawn for the Kagan angles; record_record leaves out an event with itself.
     """
     generator = np.random.default_rng(seed)
     sides = (model, record)

@@ -11,7 +11,7 @@ class ComparisonSettings(Settings):
     """How a modelled catalogue is compared with a recorded one."""
 
     blocks: Literal["day", "step", "cluster", "event"] = "day"
-    """what of a record is resampled for intervals: day | step | cluster | event (clustered events are not independent)"""
+    """what of a record is resampled: day | step | cluster | event (clustered events are not independent)"""
     block_days: Annotated[float, Field(ge=0.001, le=100_000)] = 1.0
     """length of a block, with blocks: day"""
     cluster_radius: Size = 20.0

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from catalogs.exposure import recorded_period
+from catalogs.periods import recorded_period
 from catalogs.record_settings import FIRST_YEAR, LAST_YEAR, DomainBox, RecordSlice
 from pipeline.errors import InputError
 
@@ -111,12 +111,11 @@ def _periods(time: np.ndarray, settings: RecordSlice, source: str) -> dict[str, 
     ended = parse_time(chosen["end"], f"{source}: record.filter.end") if chosen.get("end") else last
     common = [max(modelled[0], begun, first), min(modelled[1], ended, last)]
     if common[0] >= common[1]:
-        key = (
-            "record.filter: start and end leave" if max(modelled[0], first) < min(modelled[1], last) else "the file has"
-        )
+        filtered = max(modelled[0], first) < min(modelled[1], last)
+        key = "record.filter: start and end leave" if filtered else "the file has"
         raise InputError(
-            f"{source}: {key} nothing of the modelled months, {_day(modelled[0])} to {_day(modelled[1])}: its events run "
-            f"from {_day(time.min())} to {_day(time.max())}; check the steps' dates and the record's times"
+            f"{source}: {key} nothing of the modelled months, {_day(modelled[0])} to {_day(modelled[1])}: its events "
+            f"run from {_day(time.min())} to {_day(time.max())}; check the steps' dates and the record's times"
         )
     found = {"modelled": modelled, "recorded": [time.min(), time.max()], "common": common}
     return {name: [str(moment)[:19] for moment in pair] for name, pair in found.items()}

@@ -59,7 +59,8 @@ def _runs(evidence: Evidence) -> str:
     own = float(evidence.spread["potency"].sel(period=ALL).values[0])
     if not own > 0:
         return "the model made no events"
-    return f"the model's ensemble, {int(evidence.spread.attrs['members'])} members: × {number(least / own)} to {number(largest / own)}"
+    members = f"its ensemble of {int(evidence.spread.attrs['members'])}"
+    return f"the model's: × {number(least / own)} to {number(largest / own)} in {members}"
 
 
 def size_rows(evidence: Evidence) -> list[dict]:
@@ -94,7 +95,9 @@ def size_rows(evidence: Evidence) -> list[dict]:
             between(comparison["potency_rate_interval"].values),
         ),
         _row(
-            f"summed potency above the cut (m³); modelled over recorded (interval: the record's days; {_runs(evidence)})", *_pair(comparison, "summed_potency"),
+            "summed potency above the cut (m³); modelled over recorded "
+            f"(interval: the record's days; {_runs(evidence)})",
+            *_pair(comparison, "summed_potency"),
             number(comparison["potency_ratio"]), between(comparison["potency_ratio_interval"].values),
         ),
         _row(
