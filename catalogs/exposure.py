@@ -68,7 +68,7 @@ def total_interval(sums: NDArray, resamplings: int, generator: np.random.Generat
     error in every draw (bootstrap-t: Efron and Tibshirani 1993, 12.5): sums of few or large events are so skew that
     quantiles of the drawn sums themselves would hold too little. A few large events stand for a tail that was hardly
     seen; what they say is worth no more than (sum)^2 / sum of squares equal ones (Kish 1965), and the interval is
-    stretched as Student's t of so many is over the normal distribution.
+    stretched as Student's t of so many is over the normal distribution, less one degree each for the sum and the worth.
     """
     count = len(sums)
     if np.count_nonzero(sums) < LEAST_DAYS:
@@ -79,7 +79,7 @@ def total_interval(sums: NDArray, resamplings: int, generator: np.random.Generat
         error = np.sqrt(np.maximum(weights @ sums**2 - total**2 / count, 0.0)) / total
         centred = (np.log(total) - np.log(sums.sum())) / error
     own = np.sqrt(np.sum((sums - sums.mean()) ** 2)) / sums.sum()
-    worth = max(sums.sum() ** 2 / np.sum(sums**2), 2.0)
-    stretch = t.ppf(TAILS[1], worth - 1) / norm.ppf(TAILS[1])
+    worth = max(sums.sum() ** 2 / np.sum(sums**2), 3.0)
+    stretch = t.ppf(TAILS[1], worth - 2) / norm.ppf(TAILS[1])
     low, high = np.quantile(centred[np.isfinite(centred)], TAILS)
     return sums.sum() * np.exp(-stretch * own * np.array([high, low]))
