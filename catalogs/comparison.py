@@ -10,38 +10,52 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs import sizes
+from catalogs.blocks import block_labels
 from catalogs.comparison_layout import described
-from catalogs.locations import block_labels
-from catalogs.measures import CATALOGUES, TAILS, axes_measures, location_measures, size_measures
+from catalogs.completeness import completeness, fullest_bin, next_edge, rounding
+from catalogs.exposure import Exposure, total_interval
+from catalogs.measures import axes_measures, location_measures
 from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
-from catalogs.settings import ComparisonSettings
+from catalogs.settings import ComparisonSlice
+from catalogs.size_measures import CATALOGUES, size_measures
 from pipeline.errors import InputError
 from pipeline.event_table import check_events
 
 
-def compare(catalog: xr.Dataset, record: xr.Dataset, settings: ComparisonSettings) -> xr.Dataset:
+def compare(catalog: xr.Dataset, record: xr.Dataset, settings: ComparisonSlice) -> xr.Dataset:
     """The three comparisons of a synthetic catalogue with a recorded one; layout: catalogs.comparison_layout.
 
     catalog, record: form of pipeline.event_table. settings: or their values. Raises InputError for an unknown setting,
     a catalogue of the wrong form or for another mine. A catalogue with too few events, or none, gives NaN and a
     sentence, not an error.
     """
-    settings = ComparisonSettings.of(settings, "comparison")
+    settings = ComparisonSlice.of(settings, "comparison")
     catalog, record = check_events(catalog, "catalog"), check_events(record, "record")
     if catalog.attrs["mine"] != record.attrs["mine"]:
         raise InputError(f"comparison: catalog is of mine {catalog.attrs['mine']}, record of {record.attrs['mine']}")
     both = (catalog, record)
     x = [sizes.log_potency(events["potency"].values) for events in both]
     resolved = [events["resolved"].values == 1 for events in both]
-    result, attributes = _cut(catalog, x[1][resolved[1]], settings)
+    rounded = rounding(x[1])  # what is modelled is not
+    result, attributes = _cut(catalog, x[1][resolved[1]], rounded, settings)
     cut = float(result["cut"][1])
+    exposure = Exposure.of(settings.steps, json.loads(record.attrs.get("period", "{}")).get("common"))
+    steps = [exposure.step(events["time"].values) for events in both]
+    resolved = [good & (step >= 0) for good, step in zip(resolved, steps, strict=True)]
     used = [good & (value >= cut) for good, value in zip(resolved, x, strict=True)]
-    blocks = [_blocks(events, settings) for events in both]
+    # The model orders its events but does not date them: no days of it are resampled, each event is by itself.
+    blocks = [np.arange(catalog.sizes["event"]), _blocks(record, settings)]
 
-    result |= _sums(both, used, resolved, blocks, settings)
-    sized, text = size_measures([value[good] for value, good in zip(x, resolved, strict=True)], cut, settings)
+    result |= _sums(both, used, resolved, blocks, exposure, settings)
+    sized, laws = size_measures(
+        [value[good] for value, good in zip(x, resolved, strict=True)],
+        [0.0, rounded],
+        cut,
+        [False, attributes["cut_is"] == "record completeness"],
+        settings,
+    )
     result |= sized
-    located, location_attributes = location_measures(both, used, blocks, settings)
+    located, location_attributes = location_measures(both, used, blocks, steps, settings)
     result |= located
     oriented, axes_attributes = axes_measures(both, used, blocks, settings)
     result |= oriented
@@ -59,11 +73,12 @@ def compare(catalog: xr.Dataset, record: xr.Dataset, settings: ComparisonSetting
         "record_kind": record.attrs["kind"],
         "period_model": _period(catalog),
         "period_record": _period(record),
+        "period_text": _period_text(record, exposure),
         "settings": json.dumps(settings.model_dump(mode="json"), sort_keys=True),
-        "size_text": text,
         "size_bin_width": settings.size_bin,
         "kagan_bin_width": KAGAN_BIN,
         **attributes,
+        **laws,
         **location_attributes,
         **axes_attributes,
     }
@@ -76,7 +91,23 @@ def _period(events: xr.Dataset) -> str:
     return f"{str(time.min())[:19]} to {str(time.max())[:19]}" if time.size else "no dated events"
 
 
-def _blocks(events: xr.Dataset, settings: ComparisonSettings) -> NDArray:
+def _period_text(record: xr.Dataset, exposure: Exposure) -> str:
+    """Which time is compared, in words."""
+    period = json.loads(record.attrs.get("period", "{}"))
+    if not period or not np.isfinite(exposure.days):
+        return "no dated steps: all events of both are compared, and no rates"
+    modelled, common = period["modelled"], period["common"]
+    days = f"{exposure.days:.3g} days"
+    if common == modelled:
+        return f"{modelled[0][:10]} to {modelled[1][:10]}, {days}, both catalogues"
+    return (
+        f"only {common[0][:10]} to {common[1][:10]}, {days}: the record ({period['recorded'][0][:10]} to "
+        f"{period['recorded'][1][:10]}, as filtered) is not of all modelled months ({modelled[0][:10]} to "
+        f"{modelled[1][:10]}), and both catalogues are cut to the time they share"
+    )
+
+
+def _blocks(events: xr.Dataset, settings: ComparisonSlice) -> NDArray:
     return block_labels(
         settings.blocks,
         events["time"].values,
@@ -87,18 +118,18 @@ def _blocks(events: xr.Dataset, settings: ComparisonSettings) -> NDArray:
     )
 
 
-def _cut(catalog: xr.Dataset, recorded: NDArray, settings: ComparisonSettings) -> tuple[dict, dict]:
-    """The cut both catalogues take, log10 P, and which of the two catalogues sets it."""
+def _cut(catalog: xr.Dataset, recorded: NDArray, rounded: float, settings: ComparisonSlice) -> tuple[dict, dict]:
+    """The cut both catalogues take, log10 P, and which of the two sets it; the edge of a bin if sizes are rounded."""
     floor = float(catalog.attrs.get("potency_floor", np.nan))
     floor = float(np.log10(floor)) if floor > 0 else np.nan
-    stable = sizes.completeness_by_stability(recorded, settings.cut_step)
-    complete = sizes.completeness_by_curvature(recorded, settings.cut_step) if np.isnan(stable) else stable
+    stable = completeness(recorded, settings.cut_step, rounded)
+    complete = fullest_bin(recorded, settings.cut_step, rounded) if np.isnan(stable) else stable
     how = "b is stable above it" if np.isfinite(stable) else "no stable completeness: the fullest bin instead"
     if np.isnan(floor) and np.isnan(complete):
         cut, which = np.nan, "nothing"
         text = "no cut, as the model has no failed rock to set a floor, and the record no event"
     elif np.isnan(complete) or floor >= complete:
-        cut, which = floor, "model floor"
+        cut, which = next_edge(recorded, floor, rounded), "model floor"
         record = f"complete from {complete:.2f}: {how}" if np.isfinite(complete) else "without enough events to tell"
         text = f"log P >= {cut:.2f}, the model's floor (the record is {record})"
     else:
@@ -113,38 +144,39 @@ def _cut(catalog: xr.Dataset, recorded: NDArray, settings: ComparisonSettings) -
     )
 
 
-def _sums(both, used, resolved, blocks, settings: ComparisonSettings) -> dict:
-    """Counts and summed potency, and their ratio with an interval from resampled blocks."""
+def _sums(both, used, resolved, blocks, exposure: Exposure, settings: ComparisonSlice) -> dict:
+    """Counts and summed potency, per day of exposure, and their ratio.
+
+    Intervals resample the record's blocks of days, empty ones too; the model, one realisation, has none.
+    """
     generator = np.random.default_rng(settings.seed)
     potency = [events["potency"].values for events in both]
     summed = [float(value[kept].sum()) for value, kept in zip(potency, used, strict=True)]
     whole = [float(np.nansum(value)) for value in potency]
-    drawn = []
-    for value, kept, labels in zip(potency, used, blocks, strict=True):
-        per_block = np.bincount(labels[kept], weights=value[kept], minlength=int(labels.max(initial=-1)) + 1)
-        count = per_block.size
-        if count == 0:
-            drawn.append(np.zeros(settings.resamplings))
-            continue
-        weights = generator.multinomial(count, np.full(count, 1 / count), size=settings.resamplings)
-        drawn.append(np.einsum("rb,b->r", weights.astype(float), per_block))
+    time, kept = both[1]["time"].values, used[1]
+    intervals = {}
+    for name, values in (("event_rate", np.ones(kept.sum())), ("potency_rate", potency[1][kept])):
+        per_block = exposure.sums(time[kept], values, settings.block_days)
+        intervals[name] = total_interval(per_block, settings.resamplings, generator)
     counts = {
         "events_total": [events.sizes["event"] for events in both],
         "events_resolved": [int(good.sum()) for good in resolved],
         "events_above_cut": [int(kept.sum()) for kept in used],
         "blocks": [len(np.unique(labels[kept])) for labels, kept in zip(blocks, used, strict=True)],
     }
-    interval = np.full(2, np.nan)
-    if summed[0] > 0 and summed[1] > 0:
-        possible = drawn[1] > 0
-        interval = np.quantile(drawn[0][possible] / drawn[1][possible], TAILS)
+    days = exposure.days
     return {
         **{name: ("catalogue", np.array(value, np.int64)) for name, value in counts.items()},
         "model_used": ("event_model", used[0].astype(np.int8)),
         "record_used": ("event_record", used[1].astype(np.int8)),
+        "exposure": ((), days),
+        "event_rate": ("catalogue", np.array(counts["events_above_cut"]) / days),
+        "potency_rate": ("catalogue", np.array(summed) / days),
+        "event_rate_interval": ("interval", intervals["event_rate"] / days),
+        "potency_rate_interval": ("interval", intervals["potency_rate"] / days),
         "summed_potency": ("catalogue", summed),
         "summed_potency_all": ("catalogue", whole),
         "potency_ratio": ((), summed[0] / summed[1] if summed[1] > 0 else np.nan),
         "potency_ratio_all": ((), whole[0] / whole[1] if whole[1] > 0 else np.nan),
-        "potency_ratio_interval": ("interval", interval),
+        "potency_ratio_interval": ("interval", summed[0] / intervals["potency_rate"][::-1]),
     }

@@ -7,10 +7,11 @@ event_model, event_record, size_bin, trial_cut and angle carry coordinates. NaN 
 events, no tensors, no stable completeness).
 
 Attributes: mine, record_kind ("recorded" | "twin"), period_model, period_record, settings (JSON, defaults filled in),
-cut_is ("model floor" | "record completeness" | "nothing"), location_blocks, location_error (m), axes_present (0 | 1),
-summed_weight ("unit": over unit tensors where the record has orientations only | "potency"), size_bin_width,
-kagan_bin_width (degrees), config_hash, source_hash, versions. cut_text, size_text, location_text and axes_text are
-sentences for the reader of the report; they also say why a number does not exist.
+cut_is ("model floor" | "record completeness" | "nothing"), law_model, law_record ("power law" | "truncated power law" |
+"no power law" | "too few events": what sizes above the cut follow), location_blocks, location_error (m),
+axes_present (0 | 1), summed_weight ("unit": over unit tensors where the record has orientations only | "potency"),
+size_bin_width, kagan_bin_width (degrees), config_hash, source_hash, versions. period_text, cut_text, size_text,
+location_text and axes_text are sentences for the reader of the report; they also say why a number does not exist.
 """
 
 import numpy as np
@@ -34,19 +35,24 @@ FIELDS = (
     _field("model_axes_used", "event_model", "1", "1: in the statistics, and with a tensor", np.int8),
     _field("record_axes_used", "event_record", "1", "1: in the statistics, and with a tensor", np.int8),
     _field("events_total", "catalogue", "1", "events of the catalogue", np.int64),
-    _field("events_resolved", "catalogue", "1", "events of enough particles; all of a record", np.int64),
+    _field("events_resolved", "catalogue", "1", "of enough particles (all of a record) in the time compared", np.int64),
     _field("events_above_cut", "catalogue", "1", "of these at or above the cut: the events compared", np.int64),
     _field("events_with_axes", "catalogue", "1", "events whose axes are compared", np.int64),
-    _field("blocks", "catalogue", "1", "blocks of events that are resampled for intervals", np.int64),
+    _field("blocks", "catalogue", "1", "blocks that are resampled; of the model every event is one", np.int64),
     _field("cut", "", LOG, "smallest size that counts in both catalogues: the larger of the next two"),
     _field("model_floor", "", LOG, "smallest size that the model's cells resolve"),
     _field("record_completeness", "", LOG, "size from which the record is complete (stable b, else the fullest bin)"),
     # sums of potency
+    _field("exposure", "", "d", "time compared: of the dated steps, what both catalogues are known for"),
+    _field("event_rate", "catalogue", "1/d", "events compared per day of exposure"),
+    _field("event_rate_interval", "interval", "1/d", "95 % interval of the record's, days resampled, empty ones too"),
+    _field("potency_rate", "catalogue", "m3/d", "potency of the events compared per day of exposure"),
+    _field("potency_rate_interval", "interval", "m3/d", "95 % interval of the record's, days resampled"),
     _field("summed_potency", "catalogue", "m3", "potency of the events compared"),
     _field("summed_potency_all", "catalogue", "m3", "potency of every event"),
     _field("potency_ratio", "", "1", "summed potency, model over record"),
     _field("potency_ratio_all", "", "1", "potency of every event, model over record"),
-    _field("potency_ratio_interval", "interval", "1", "its 95 % interval, blocks resampled"),
+    _field("potency_ratio_interval", "interval", "1", "its 95 % interval: of the record's days, the model as it is"),
     # location
     _field("centroid", "catalogue xyz", "m", "mean location of the events compared"),
     _field("centroid_offset", "xyz", "m", "centroid of the model minus that of the record"),
@@ -69,19 +75,22 @@ FIELDS = (
     # sizes: N(>= P) = 10^a P^-b
     _field("b", "catalogue", "1", "b of potency, maximum likelihood without an upper bound; of magnitudes it is 1.5 b"),
     _field("b_error", "catalogue", "1", "its standard error"),
-    _field("b_interval", "catalogue interval", "1", "its 95 % interval"),
+    _field("b_interval", "catalogue interval", "1", "its 95 % interval, with the choice of the cut"),
     _field("b_magnitude", "catalogue", "1", "b of moment magnitudes: 1.5 b of potency"),
     _field("a", "catalogue", "1", "a in log10 N(>= P) = a - b log10 P, P in m3"),
     _field("b_truncated", "catalogue", "1", "b of potency if no event may be larger than the largest"),
     _field("b_truncated_error", "catalogue", "1", "its standard error"),
     _field("b_truncated_interval", "catalogue interval", "1", "its 95 % interval"),
     _field("largest_log_potency", "catalogue", LOG, "largest event"),
-    _field("b_difference", "", "1", "b of the model minus that of the record"),
+    _field("b_difference", "", "1", "b of the model minus that of the record, both truncated if either law is"),
     _field("b_difference_error", "", "1", "its standard error"),
     _field("b_difference_interval", "interval", "1", "its 95 % interval"),
     _field("b_difference_p_value", "", "1", "chance of as large a difference if both follow one law"),
     _field("completeness_curvature", "catalogue", LOG, "lower edge of the fullest bin"),
-    _field("completeness_stability", "catalogue", LOG, "lowest cut from which b is stable; NaN: there is none"),
+    _field("power_law_p_value", "catalogue", "1", "chance of so bad a fit if sizes follow a power law (bootstrap)"),
+    _field("truncated_law_p_value", "catalogue", "1", "the same of a power law that ends at the largest event"),
+    _field("size_rounding", "catalogue", LOG, "width of the bins that sizes are rounded to; 0: they are not"),
+    _field("completeness_stability", "catalogue", LOG, "size from which b is stable, and a margin; NaN: none"),
     _field("cut_log_potency", "trial_cut", LOG, "cuts of the next three"),
     _field("b_by_cut", "catalogue trial_cut", "1", "b of potency of the events at or above each cut"),
     _field("b_by_cut_error", "catalogue trial_cut", "1", "its standard error"),
@@ -96,7 +105,8 @@ FIELDS = (
     _field("mean_cone", "catalogue axis_name", DEGREE, "half angle of its 95 % bootstrap cone"),
     _field("mean_strength", "catalogue axis_name", "1", "its eigenvalue: 1/3 for uniform axes, 1 for parallel ones"),
     _field("mean_angle", "axis_name", DEGREE, "angle between the catalogues' mean axes"),
-    _field("mean_angle_interval", "axis_name interval", DEGREE, "its 95 % interval"),
+    _field("mean_angle_interval", "axis_name interval", DEGREE, "its 95 % interval; from 0 if they may be one"),
+    _field("mean_angle_p_value", "axis_name", "1", "chance of as large an angle if the mean axes are one"),
     _field("summed_tensor", "catalogue xyz axis", "m3", "sum of potency tensors, or of unit tensors (summed_weight)"),
     _field("summed_axis", "catalogue axis_name xyz", "1", "principal axes of the summed tensor, unit vectors"),
     _field("summed_trend", "catalogue axis_name", DEGREE, "their trend, clockwise from north"),

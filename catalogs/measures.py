@@ -1,4 +1,4 @@
-"""The three comparisons of two catalogues as variables of comparison.nc (their layout: catalogs.comparison_layout).
+"""The comparisons of places and axes as variables of comparison.nc (their layout: catalogs.comparison_layout).
 
 `both` is (catalogue, record) in the form of pipeline.event_table, `used` which of their events count, `blocks` the
 block of each event. Every function returns the variables, and the sentences that go with them.
@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs import sizes
 from catalogs.locations import compare_locations
 from catalogs.mechanisms import (
     AXIS_NAMES,
@@ -34,64 +33,7 @@ LEAST_AXES = 2
 AXES_RESAMPLINGS = 499
 
 
-def size_measures(x: list[NDArray], cut: float, settings: ComparisonSettings) -> tuple[dict, str]:
-    """b with and without an upper bound, against the cut, their difference, and the counts for plots."""
-    plain = [sizes.estimate_b(values, cut) for values in x]
-    bounded = [sizes.estimate_b(values, cut, bound="largest") for values in x]
-    difference = sizes.difference_b(*plain)
-    grid = sizes.cut_grid(np.concatenate(x), settings.cut_step)
-    table = [sizes.b_by_cut(values, grid) for values in x]
-    edges = sizes.cut_grid(np.concatenate(x), settings.size_bin)
-    counted = [sizes.counts(values, edges, settings.size_bin) for values in x]
-    stable = [sizes.completeness_by_stability(values, settings.cut_step) for values in x]
-
-    def column(values, name):
-        return [getattr(value, name) for value in values]
-
-    by_catalogue = {
-        "b": column(plain, "b"),
-        "b_error": column(plain, "error"),
-        "b_magnitude": column(plain, "magnitude"),
-        "a": column(plain, "a"),
-        "b_truncated": column(bounded, "b"),
-        "b_truncated_error": column(bounded, "error"),
-        "largest_log_potency": [float(values.max()) if values.size else np.nan for values in x],
-        "completeness_curvature": [sizes.completeness_by_curvature(values, settings.cut_step) for values in x],
-        "completeness_stability": stable,
-    }
-    result = {name: ("catalogue", np.array(values, float)) for name, values in by_catalogue.items()}
-    for name, values in (("b_interval", plain), ("b_truncated_interval", bounded)):
-        result[name] = (("catalogue", "interval"), [[value.lower, value.upper] for value in values])
-    result |= {
-        "b_difference": ((), difference.difference),
-        "b_difference_error": ((), difference.error),
-        "b_difference_interval": ("interval", [difference.lower, difference.upper]),
-        "b_difference_p_value": ((), difference.p_value),
-        "cut_log_potency": ("trial_cut", grid),
-        "size_bin_lower": ("size_bin", edges),
-        "incremental": (("catalogue", "size_bin"), np.array([one for one, _ in counted], np.int64)),
-        "cumulative": (("catalogue", "size_bin"), np.array([all_ for _, all_ in counted], np.int64)),
-        "events_by_cut": (
-            ("catalogue", "trial_cut"),
-            np.array([column(values, "events") for values in table], np.int64),
-        ),
-    }
-    for name, key in (("b_by_cut", "b"), ("b_by_cut_error", "error")):
-        result[name] = (("catalogue", "trial_cut"), np.array([column(values, key) for values in table], float))
-    said = [_b_text(name, *found) for name, *found in zip(CATALOGUES, plain, stable, strict=True)]
-    return result, "; ".join(said)
-
-
-def _b_text(name: str, value: sizes.BValue, stable: float) -> str:
-    """b of one catalogue in words."""
-    if not np.isfinite(value.b):
-        why = f"{sizes.LEAST_EVENTS} are needed" if value.events < sizes.LEAST_EVENTS else "all of one size"
-        return f"{name}: no b, n = {value.events} ({why})"
-    complete = f"stable from log P = {stable:.1f}" if np.isfinite(stable) else "no stable completeness"
-    return f"{name}: b = {value.b:.2f} ({value.lower:.2f} to {value.upper:.2f}), n = {value.events}, {complete}"
-
-
-def location_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dict, dict]:
+def location_measures(both, used, blocks, steps, settings: ComparisonSettings) -> tuple[dict, dict]:
     """Centroids, energy distance, nearest distances and cross-K, the model smeared by the record's location error."""
     generator = np.random.default_rng([settings.seed, 1])
     error = float(both[1].attrs.get("location_error", 0.0))
@@ -105,6 +47,8 @@ def location_measures(both, used, blocks, settings: ComparisonSettings) -> tuple
             *points,
             blocks[0][chosen[0]],
             blocks[1][chosen[1]],
+            model_steps=steps[0][chosen[0]],
+            record_steps=steps[1][chosen[1]],
             seed=settings.seed,
             location_error=error,
             draws=draws,
@@ -138,16 +82,17 @@ def location_measures(both, used, blocks, settings: ComparisonSettings) -> tuple
     if found is None:
         count = [len(np.unique(labels[kept])) for labels, kept in zip(blocks, used, strict=True)]
         text = (
-            f"locations cannot be compared: an interval needs two blocks ({kind}s) of events above the cut in each "
-            f"catalogue; the model has {count[0]}, the record {count[1]}"
+            f"locations cannot be compared: an interval needs, in one step, two modelled events above the cut and two "
+            f"blocks ({kind}s) of recorded ones; the model has {count[0]}, the record {count[1]} in all"
         )
     else:
         low, high = found.energy_interval
         text = (
             f"energy distance {found.energy_distance:.1f} m ({low:.1f} to {high:.1f}), p = {found.energy_p_value:.3f}; "
             f"centroids {found.offset_distance:.0f} m apart ({found.offset_distance_interval[0]:.0f} to "
-            f"{found.offset_distance_interval[1]:.0f}); model smeared by {error:g} m; resampled by {kind}: "
-            f"{found.blocks[0]} and {found.blocks[1]} blocks"
+            f"{found.offset_distance_interval[1]:.0f}); model smeared by {error:g} m; within {found.steps} "
+            f"step{'s' * (found.steps > 1)}; resampled: {found.blocks[0]} modelled events, "
+            f"{found.blocks[1]} {kind}s of the record"
         )
     return variables, {"location_blocks": kind, "location_error": error, "location_text": text}
 
@@ -248,6 +193,7 @@ def _absent_axes() -> dict:
         "mean_strength": "catalogue axis_name",
         "mean_angle": "axis_name",
         "mean_angle_interval": "axis_name interval",
+        "mean_angle_p_value": "axis_name",
         "summed_tensor": "catalogue xyz axis",
         "summed_axis": "catalogue axis_name xyz",
         "summed_trend": "catalogue axis_name",

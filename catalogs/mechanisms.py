@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.stats import chi2, f
 
 from pipeline.source_tensors import point_down
 
@@ -116,8 +117,9 @@ class AxesSample:
 def compare_axes(model: AxesSample, record: AxesSample, seed: int = 0, resamplings: int = 499) -> dict[str, NDArray]:
     """Mean axes, their cones and angles, and Kagan angles of two catalogues, as named in catalogs.comparison.
 
-    Cones and intervals (95 %) resample blocks with replacement. Of all pairs of events at most MOST_PAIRS are drawn
-    for the Kagan angles; record_record leaves out an event with itself.
+    Cones and intervals (95 %) resample blocks with replacement. Resampled angles are larger than the angle itself and
+    never 0: the interval of the angle is what a test of each angle leaves, `_angle_test`. Of all pairs of events at
+    most MOST_PAIRS are drawn for the Kagan angles; record_record leaves out an event with itself.
     """
     generator = np.random.default_rng(seed)
     sides = (model, record)
@@ -131,6 +133,8 @@ def compare_axes(model: AxesSample, record: AxesSample, seed: int = 0, resamplin
         cones.append(np.quantile(angle_between_axes(again, means[-1]), 0.95, axis=0))
         drawn.append(again)
     means = np.array(means)
+    angle = angle_between_axes(means[0], means[1])
+    reach, p_value = _angle_test(means, drawn, [len(np.unique(side.blocks)) for side in sides], angle)
     trend, plunge = trend_plunge(means)
     result = {
         "mean_axis": means,
@@ -138,10 +142,32 @@ def compare_axes(model: AxesSample, record: AxesSample, seed: int = 0, resamplin
         "mean_plunge": plunge,
         "mean_cone": np.array(cones),
         "mean_strength": np.array(strengths),
-        "mean_angle": angle_between_axes(means[0], means[1]),
-        "mean_angle_interval": np.quantile(angle_between_axes(drawn[0], drawn[1]), TAILS, axis=0).T,
+        "mean_angle": angle,
+        "mean_angle_interval": np.stack([np.maximum(angle - reach, 0.0), np.minimum(angle + reach, 90.0)], axis=-1),
+        "mean_angle_p_value": p_value,
     }
     return result | _kagan_distributions(sides, weights, generator)
+
+
+def _angle_test(means: NDArray, drawn: list[NDArray], blocks: list[int], angle: NDArray) -> tuple[NDArray, NDArray]:
+    """How far, degrees (3,), the mean axes' angle may be off in 95 of 100 cases, and p (3,) of the angle if it is 0.
+
+    means (2, 3, 3); drawn: of each catalogue (resampling, 3, 3). How much both means move in a resampling, less each
+    other, is taken for the error of their difference; the angle cannot be off by more than that. Few blocks scatter
+    less than what they are drawn from: the distance of two components grows as Hotelling's T2 of so many does over its
+    limit, chi-square.
+    """
+    moved = []
+    for mean, again in zip(means, drawn, strict=True):
+        same = np.where(np.sum(again * mean, axis=-1, keepdims=True) < 0, -1.0, 1.0)
+        moved.append(same * again - mean)
+    if np.sum(means[0] * means[1], axis=-1).min() < 0:  # axes: turn the second to the side of the first
+        moved[1] = moved[1] * np.where(np.sum(means[0] * means[1], axis=-1) < 0, -1.0, 1.0)[:, None]
+    fewest = max(min(blocks), 4)
+    few = np.sqrt(2 * (fewest - 1) / (fewest - 2) * f.ppf(0.95, 2, fewest - 2) / chi2.ppf(0.95, 2))
+    chord = few * np.linalg.norm(moved[0] - moved[1], axis=-1)
+    off = np.degrees(2 * np.arcsin(np.minimum(chord / 2, 1.0)))
+    return np.quantile(off, 0.95, axis=0), (1 + np.sum(off >= angle, axis=0)) / (len(off) + 1)
 
 
 def _kagan_distributions(

@@ -109,7 +109,9 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
     return result
 
 
-def _obspy_event(name: str, time, time_uncertainty, place, location_error, mw, scalar_moment, moment, shares, event_type) -> Event:
+def _obspy_event(
+    name: str, time, time_uncertainty, place, location_error, mw, scalar_moment, moment, shares, event_type
+) -> Event:
     """One event with an origin, and a magnitude and a moment tensor where they are known."""
     origin = Origin(
         resource_id=ResourceIdentifier(f"{name}/origin"),

@@ -11,7 +11,7 @@ class ComparisonSettings(Settings):
     """How a modelled catalogue is compared with a recorded one."""
 
     blocks: Literal["day", "step", "cluster", "event"] = "day"
-    """what is resampled for intervals: day | step | cluster | event (clustered events are not independent)"""
+    """what of a record is resampled: day | step | cluster | event (clustered events are not independent)"""
     block_days: Annotated[float, Field(ge=0.001, le=100_000)] = 1.0
     """length of a block, with blocks: day"""
     cluster_radius: Size = 20.0
@@ -26,6 +26,20 @@ class ComparisonSettings(Settings):
     """of log10 P, in plots"""
     cut_step: Annotated[float, Field(ge=0.01, le=1)] = 0.1
     """of log10 P, in searching completeness and in b against the cut"""
+
+
+class DatedStep(Settings):
+    """A step whose events are in the catalogue: ISO dates, UTC, start <= time < end."""
+
+    name: str
+    start: str
+    end: str
+
+
+class ComparisonSlice(ComparisonSettings):
+    """The slice of the comparison: its settings, and the dated steps in order."""
+
+    steps: Annotated[tuple[DatedStep, ...], AsTuple] = ()
 
 
 class MinedStep(Settings):

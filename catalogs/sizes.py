@@ -1,4 +1,4 @@
-"""How sizes are distributed: N(>= P) = 10^a P^-b in log10 potency, its completeness, and how two of them differ.
+"""b of sizes, N(>= P) = 10^a P^-b in log10 potency, and how two of them differ; its tests: catalogs.size_law.
 
 x is log10 of the scalar potency in m3 throughout. b of magnitudes is 1.5 times b of log potency, as Mw = 2/3 log M0.
 Above a cut c the excess x - c is exponential with rate beta = b ln 10, cut off at an upper bound if there is one; the
@@ -17,8 +17,6 @@ B_MAGNITUDE_PER_B_POTENCY = 1.5
 LN10 = np.log(10.0)
 CONFIDENCE = 0.95
 LEAST_EVENTS = 10  # fewer give no b worth printing
-STABILITY_WINDOW = 0.75  # of log P: half a unit of magnitude (Cao and Gao 2002)
-STABILITY_EVENTS = 100  # at the upper end of the window: b is known to 10 % there
 
 
 @dataclass(frozen=True)
@@ -100,14 +98,6 @@ def estimate_b(
     return BValue(beta / LN10, error / LN10, lower / LN10, upper / LN10, count, cut, limit)
 
 
-def shi_bolt_error(x: NDArray, b: float, cut: float, bin_width: float = 0.0) -> float:
-    """Standard error of b from the scatter of the sizes, right also if b drifts (Shi and Bolt 1982)."""
-    values = above(x, cut, bin_width)
-    if values.size < 2:
-        return np.nan
-    return LN10 * b**2 * np.sqrt(np.sum((values - values.mean()) ** 2) / (values.size * (values.size - 1)))
-
-
 @dataclass(frozen=True)
 class BDifference:
     """b of the first minus b of the second, its standard error, interval, and the chance of as much if both are one."""
@@ -164,39 +154,3 @@ def counts(x: NDArray, lower_edges: NDArray, width: float) -> tuple[NDArray, NDA
     cumulative = x.size - np.searchsorted(x, edges, side="left")
     above_end = x.size - np.searchsorted(x, edges + width, side="left")
     return cumulative - above_end, cumulative
-
-
-def completeness_by_curvature(x: NDArray, width: float = 0.1) -> float:
-    """Lower edge of the fullest bin (maximum curvature, Wiemer and Wyss 2000): where counting surely fails below."""
-    edges = cut_grid(x, width)
-    return float(edges[np.argmax(counts(x, edges, width)[0])]) if edges.size else np.nan
-
-
-def completeness_by_stability(x: NDArray, width: float = 0.1, bin_width: float = 0.0) -> float:
-    """Lowest cut above which b no longer climbs (Cao and Gao 2002; Woessner and Wiemer 2005); NaN if there is none.
-
-    From that cut on, over STABILITY_WINDOW, b averaged stays within the standard error (Shi and Bolt) of b at the cut,
-    and b at the window's end within twice the error of the difference; STABILITY_EVENTS must be left at its end.
-    Not searched below the maximum of the counts. NaN is a result: the sizes follow no one law.
-    """
-    start = completeness_by_curvature(x, width)
-    if np.isnan(start):
-        return np.nan
-    cuts = cut_grid(x, width)
-    cuts = cuts[cuts >= start - 1e-9]
-    if bin_width:
-        cuts = np.round(cuts / bin_width) * bin_width
-    table = b_by_cut(x, cuts, bin_width)
-    length = round(STABILITY_WINDOW / width)
-    for index in range(len(cuts) - length):
-        window = table[index : index + length + 1]
-        if window[-1].events < STABILITY_EVENTS:
-            break
-        first, last = window[0], window[-1]
-        error = shi_bolt_error(x, first.b, first.cut, bin_width)
-        # b at the end is of a part of the same events: variances subtract, they do not add
-        drift = np.sqrt(max(last.error**2 - first.error**2, 0.0))
-        average = np.mean([value.b for value in window])
-        if abs(average - first.b) <= error and abs(last.b - first.b) <= 2 * drift:
-            return float(first.cut)
-    return np.nan

@@ -242,7 +242,10 @@ class Mine:
 
     def comparison_slice(self) -> dict:
         """What comparison.nc depends on, beside the two catalogues."""
-        return self.values["comparison"]
+        dated = [step for step in self.listed_steps if "start" in step]
+        return self.values["comparison"] | {
+            "steps": [{key: step[key] for key in ("name", "start", "end")} for step in dated]
+        }
 
     def report_slice(self, results: str) -> dict:
         """What the report tells of the configuration: as written, the default, what is mined when, what is up to date.
@@ -273,8 +276,7 @@ class Mine:
         """What record.nc depends on, beside the recorded data."""
         host = parse_scene(self.scene_slice(0)).materials["host"]
         dated = [step for step in self.listed_steps if "start" in step]
-        # Only what was recorded while the model mines, and where, is comparable; the configuration may choose another
-        # time.
+        # Only what was recorded while the model mines, and where, is comparable; the configuration may choose less.
         period = {"start": dated[0]["start"], "end": dated[-1]["end"]} if dated else {}
         domain = {key: self.values["domain"][key] for key in ("lower", "upper")}
         record = {

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from catalogs.periods import recorded_period
 from catalogs.record_settings import FIRST_YEAR, LAST_YEAR, DomainBox, RecordSlice
 from pipeline.errors import InputError
 
@@ -20,8 +21,14 @@ FARTHEST = 1e8  # m; more than twice round the Earth, hence no coordinate
 
 
 def limits_of(settings: RecordSlice) -> dict:
-    """The filters of a record: what the configuration names, and the modelled months where it names no dates."""
-    return {key: value for part in (settings.period, settings.filter) if part for key, value in part.given().items()}
+    """The filters of a record: what the configuration names, its dates within the modelled months."""
+    chosen = settings.filter.given() if settings.filter else {}
+    period = settings.period.given() if settings.period else {}
+    for key, choose in (("start", max), ("end", min)):
+        if period.get(key):
+            own = [chosen[key]] if chosen.get(key) else []
+            chosen[key] = choose([period[key], *own], key=lambda text: parse_time(text, "record.filter"))
+    return chosen
 
 
 def filter_events(
@@ -40,13 +47,14 @@ def filter_events(
 
     settings: filter (lower, upper: 3 numbers in m, a box, its faces included; start, end: ISO text, start <= time <
     end, UTC; minimum_potency in m3; maximum and minimum: {column: value}, quality columns of the file in its own
-    units); period (start and end of the modelled months, where filter has none); domain (lower, upper in m, plane:
+    units); period (start and end of the modelled months); domain (lower, upper in m, plane:
     "xz", "xy" or null; absent: no crop). columns: name -> (event,) numbers of the file. A missing value passes no
     filter.
 
     Raises InputError naming `source` and the key for an unknown column, a bad date, when a filter of the
-    configuration leaves no event, or when none of the file lies in the domain: such a record is of other ground. None
-    left by the modelled months, or by the domain in them, is a record without events.
+    configuration leaves no event, when none of the file lies in the domain (such a record is of other ground), or when
+    it was recorded before or after the modelled months. None left by these months, or by the domain in them, is a
+    record without events. attrs["period"] (JSON): modelled, recorded and common, each start and end, ISO, UTC.
     """
     where = f"{source}: record.filter"
     chosen = settings.filter.given() if settings.filter else {}
@@ -63,6 +71,8 @@ def filter_events(
     if not (beyond == 0).any():
         raise InputError(_other_ground(events, box, source))
     kept = np.ones(events.sizes["event"], bool)
+    if settings.period and settings.period.given():
+        attributes["period"] = json.dumps(_periods(events["time"].values, settings, source))
     account = []
     for key, value, passes in _conditions(events, limits_of(settings), columns, where):
         before = int(kept.sum())
@@ -90,6 +100,29 @@ def filter_events(
     filtered = events.isel(event=np.flatnonzero(kept))
     filtered.attrs |= attributes | {"filter": json.dumps(account)}
     return filtered
+
+
+def _periods(time: np.ndarray, settings: RecordSlice, source: str) -> dict[str, list[str]]:
+    """The modelled, the recorded and the common period. Raises InputError where there is no common one."""
+    period, chosen = settings.period, settings.filter.given() if settings.filter else {}
+    modelled = [parse_time(text, "record.period") for text in (period.start, period.end)]
+    first, last = recorded_period(time)
+    begun = parse_time(chosen["start"], f"{source}: record.filter.start") if chosen.get("start") else first
+    ended = parse_time(chosen["end"], f"{source}: record.filter.end") if chosen.get("end") else last
+    common = [max(modelled[0], begun, first), min(modelled[1], ended, last)]
+    if common[0] >= common[1]:
+        filtered = max(modelled[0], first) < min(modelled[1], last)
+        key = "record.filter: start and end leave" if filtered else "the file has"
+        raise InputError(
+            f"{source}: {key} nothing of the modelled months, {_day(modelled[0])} to {_day(modelled[1])}: its events "
+            f"run from {_day(time.min())} to {_day(time.max())}; check the steps' dates and the record's times"
+        )
+    found = {"modelled": modelled, "recorded": [time.min(), time.max()], "common": common}
+    return {name: [str(moment)[:19] for moment in pair] for name, pair in found.items()}
+
+
+def _day(moment: np.datetime64) -> str:
+    return str(moment)[:10]
 
 
 def _warn(crop: Mapping, source: str) -> None:

@@ -6,6 +6,8 @@ import xarray as xr
 from catalogs.figures.stereonets import direction
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import MISSING, between, fixed, number, whole, with_unit
+from catalogs.size_law import POWER, TRUNCATED
+from catalogs.spread import ALL
 
 
 def _pair(comparison: xr.Dataset, name: str, form=number) -> list[str]:
@@ -49,6 +51,18 @@ def location_rows(evidence: Evidence) -> list[dict]:
     ]  # fmt: skip
 
 
+def _runs(evidence: Evidence) -> str:
+    """What was varied of the model, and how far its potency then moved; a model that ran once has no interval."""
+    if evidence.spread is None:
+        return "the model ran once and has none"
+    _, _, least, largest = evidence.spread["potency_statistics"].sel(period=ALL).values
+    own = float(evidence.spread["potency"].sel(period=ALL).values[0])
+    if not own > 0:
+        return "the model made no events"
+    members = f"its ensemble of {int(evidence.spread.attrs['members'])}"
+    return f"the model's: × {number(least / own)} to {number(largest / own)} in {members}"
+
+
 def size_rows(evidence: Evidence) -> list[dict]:
     """Sizes: both catalogues and their difference with 95 % interval."""
     comparison = evidence.comparison
@@ -61,14 +75,29 @@ def size_rows(evidence: Evidence) -> list[dict]:
         ]
         for names in (("b", "b_error"), ("b_truncated", "b_truncated_error"))
     )
+    laws = [str(comparison.attrs[f"law_{which}"]) for which in ("model", "record")]
+    # b of a law that the sizes do not follow is no result
+    free = [b if law == POWER else MISSING for b, law in zip(free, laws, strict=True)]
+    bounded = [b if law in (POWER, TRUNCATED) else MISSING for b, law in zip(bounded, laws, strict=True)]
     stable = [
         text if text != MISSING else "no stable value"
         for text in _pair(comparison, "completeness_stability", hundredths)
     ]
     return [
+        _row("sizes follow (tested before b is given)", *laws, "", ""),
         _row("events at or above the cut", *_pair(comparison, "events_above_cut", whole), "", ""),
         _row(
-            "summed potency above the cut (m³); modelled over recorded", *_pair(comparison, "summed_potency"),
+            "events per day compared (interval: the record's)", *_pair(comparison, "event_rate"), "",
+            between(comparison["event_rate_interval"].values),
+        ),
+        _row(
+            "potency per day compared (m³; interval: the record's)", *_pair(comparison, "potency_rate"), "",
+            between(comparison["potency_rate_interval"].values),
+        ),
+        _row(
+            "summed potency above the cut (m³); modelled over recorded "
+            f"(interval: the record's days; {_runs(evidence)})",
+            *_pair(comparison, "summed_potency"),
             number(comparison["potency_ratio"]), between(comparison["potency_ratio_interval"].values),
         ),
         _row(
@@ -100,7 +129,7 @@ def axis_rows(evidence: Evidence) -> list[dict]:
         interval = between(here["mean_angle_interval"].values)
         rows.append(
             _row(
-                f"mean {axis} axis (trend/plunge), angle between",
+                f"mean {axis} axis (trend/plunge), angle between (p = {number(here['mean_angle_p_value'], 2)} if one)",
                 *means,
                 with_unit(number(here["mean_angle"]), "°"),
                 interval,
@@ -124,7 +153,7 @@ def match_rows(evidence: Evidence) -> list[dict]:
     """The few numbers of the headline: where, how large, how oriented."""
     if evidence.comparison is None or not evidence.comparison["events_above_cut"].values.all():
         return []
-    rows = size_rows(evidence)[:3]
+    rows = size_rows(evidence)[:6]
     if np.isfinite(evidence.comparison["energy_distance"]):
         rows += location_rows(evidence)[:2]
     if int(evidence.comparison.attrs.get("axes_present", 0)):

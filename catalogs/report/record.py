@@ -18,7 +18,8 @@ def sentences(evidence: Evidence) -> list[str]:
                 "beside it. Give steps start and end."
             ]
         return []
-    return [_account(evidence), *_impossible(evidence)]
+    text = evidence.comparison.attrs.get("period_text", "") if evidence.comparison is not None else ""
+    return [*([f"Time compared: {text}."] if text else []), _account(evidence), *_impossible(evidence)]
 
 
 def _account(evidence: Evidence) -> str:

@@ -23,6 +23,7 @@ from catalogs.report.inputs import Evidence
 from catalogs.report.insitu import insitu_axes
 from catalogs.report.scene import by_step
 from catalogs.report.spread import section as section_of_spread
+from catalogs.size_law import NONE, TRUNCATED
 from catalogs.sizes import b_by_cut, cut_grid, estimate_b, log_potency
 from pipeline.source_tensors import moment_from_potency
 
@@ -169,7 +170,13 @@ def _size_fit(evidence: Evidence, label: str, catalog) -> sizes.Sizes:
         here = comparison.sel(catalogue="model" if modelled else "record")
         by_cut = np.stack([comparison["cut_log_potency"], here["b_by_cut"], here["b_by_cut_error"]])
         fit = [float(here[name]) for name in ("b", "b_error", "a")]
-        return sizes.Sizes(label, colour, values, *fit, float(comparison["cut"]), by_cut)
+        law, cut = comparison.attrs["law_model" if modelled else "law_record"], float(comparison["cut"])
+        if law == TRUNCATED:  # its line through the same number of events at the cut
+            b = float(here["b_truncated"])
+            fit = [b, float(here["b_truncated_error"]), fit[2] + (b - fit[0]) * cut]
+        elif law == NONE:
+            fit = [np.nan] * 3
+        return sizes.Sizes(label, colour, values, *fit, cut, by_cut)
     floor = float(evidence.catalog.attrs["potency_floor"]) if modelled else np.nan
     known = values[np.isfinite(values)]
     cut = np.log10(floor) if floor > 0 else known.min(initial=np.inf)

@@ -99,7 +99,7 @@ def test_much_of_a_record_outside_or_none_inside_is_told_on_the_terminal(tmp_pat
     assert not [entry for entry in caplog.records if entry.levelname == "WARNING"]
     read_record(settings_for(tmp_path, domain=DOMAIN))
     assert "1 of 3 events lie outside the domain, up to 5 m away, and are not compared" in caplog.text
-    read_record(settings_for(tmp_path, domain=DOMAIN, period={"start": "2030-01-01", "end": "2030-02-01"}))
+    read_record(settings_for(tmp_path, domain=DOMAIN, period={"start": "2019-08-10", "end": "2019-08-20"}))
     assert "no event in the domain in these months" in caplog.text
 
 
@@ -143,21 +143,31 @@ def test_a_record_of_other_ground_is_refused_with_both_places(tmp_path):
         read_record(settings_for(tmp_path, domain=domain))
 
 
-@pytest.mark.parametrize("settings", [{"period": {"start": "2030-01-01", "end": "2030-02-01"}}, {}])
-def test_quiet_months_or_a_quiet_domain_are_a_record_without_events(tmp_path, settings):
-    """Nobody asked for these filters: the report says that there is nothing to compare."""
-    late = {"filter": {"start": "2019-09-01"}, "domain": DOMAIN} if not settings else settings
-    record = read_record(settings_for(tmp_path, **late))
+def test_a_quiet_domain_is_a_record_without_events(tmp_path):
+    """Nobody asked for this filter: the report says that there is nothing to compare."""
+    record = read_record(settings_for(tmp_path, filter={"start": "2019-09-01"}, domain=DOMAIN))
     assert record.sizes["event"] == 0
     assert json.loads(record.attrs["filter"])[-1]["after"] == 0
     write_dataset(record, tmp_path / "record.nc")
     assert read_dataset(tmp_path / "record.nc").sizes["event"] == 0
 
 
-def test_a_filter_of_the_configuration_comes_before_the_modelled_months(tmp_path):
+def test_a_record_of_another_year_is_refused_with_both_times(tmp_path):
+    period = {"start": "2030-01-01", "end": "2030-02-01"}
+    with pytest.raises(InputError, match=r"nothing of the modelled months, 2030-01-01 to 2030-02-01.* 2019-08-01 to"):
+        read_record(settings_for(tmp_path, period=period))
+    months = {"start": "2019-08-02", "end": "2019-09-01"}
+    with pytest.raises(InputError, match=r"record\.filter: start and end leave nothing of the modelled months"):
+        read_record(settings_for(tmp_path, period=months, filter={"end": "2019-08-02"}))
+
+
+def test_a_filter_of_the_configuration_narrows_the_modelled_months_and_never_widens_them(tmp_path):
     period = {"start": "2019-08-02", "end": "2019-09-01"}
     assert read_record(settings_for(tmp_path, period=period)).sizes["event"] == 1
-    assert read_record(settings_for(tmp_path, period=period, filter={"end": "2019-09-02"})).sizes["event"] == 2
+    wider = read_record(settings_for(tmp_path, period=period, filter={"end": "2019-09-02"}))
+    assert wider.sizes["event"] == 1
+    narrow = read_record(settings_for(tmp_path, period=period, filter={"end": "2019-08-20"}))
+    assert json.loads(narrow.attrs["period"])["common"] == ["2019-08-02T00:00:00", "2019-08-20T00:00:00"]
 
 
 @pytest.mark.parametrize(

@@ -113,24 +113,6 @@ def test_difference_of_b_errs_five_times_in_a_hundred():
     assert np.mean([one.p_value < 0.05 for one in found]) == pytest.approx(0.05, abs=0.027)
 
 
-def test_completeness_is_found_where_detection_fails():
-    """Detection falls off around -1.2 (a normal ramp, 0.15 wide): 1 of 20 events is lost at -0.95."""
-    generator = np.random.default_rng(4)
-    x = simulated_sizes(generator, 60_000, 0.8) - 2.5
-    seen = x[generator.random(x.size) < 1 / (1 + np.exp(-(x + 1.2) / 0.09))]
-    assert sizes.completeness_by_curvature(seen) == pytest.approx(-1.2, abs=0.15)
-    assert -1.15 <= sizes.completeness_by_stability(seen) <= -0.7
-
-
-def test_a_b_that_climbs_without_end_has_no_stable_completeness():
-    """Sizes whose slope grows with size (as in the Elk Creek record): NaN is the result."""
-    generator = np.random.default_rng(5)
-    x = generator.normal(-0.5, 0.7, 20_000)
-    assert np.isnan(sizes.completeness_by_stability(x))
-    table = [one.b for one in sizes.b_by_cut(x, np.arange(-0.5, 1.0, 0.3))]
-    assert np.all(np.diff(table) > 0)
-
-
 def test_counts_per_bin_and_above_on_the_edges():
     incremental, cumulative = sizes.counts(
         np.array([-1.0, -0.9, -0.8, -0.5, np.nan]), np.array([-1.0, -0.8, -0.6]), 0.2
@@ -138,9 +120,3 @@ def test_counts_per_bin_and_above_on_the_edges():
     assert incremental.tolist() == [2, 1, 1]
     assert cumulative.tolist() == [4, 2, 1]
     assert sizes.cut_grid(np.array([]), 0.1).size == 0
-
-
-def test_shi_bolt_error_agrees_with_fisher_where_the_law_holds():
-    x = simulated_sizes(np.random.default_rng(6), 5000, 0.9)
-    found = sizes.estimate_b(x, 0.0)
-    assert sizes.shi_bolt_error(x, found.b, 0.0) == pytest.approx(found.error, rel=0.1)

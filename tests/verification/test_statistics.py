@@ -28,14 +28,15 @@ def test_the_reduced_study_holds_wider_bounds(study, tmp_path):
     chosen["mechanisms"]["cone"] |= {"catalogues": 10, "resamplings": 60}
     chosen["locations"] |= {"pairs": 60, "resamplings": 99}
     chosen["locations"]["shift"] |= {"pairs": 60, "resamplings": 99}
+    chosen["locations"]["steps"] |= {"alike_pairs": 60, "shifted_pairs": 60}
     wider = {"bias": 0.1 + 4 * 200**-0.5, "coverage": 4 * 0.0155, "scatter": 0.05 + 4 * 0.05}
-    wider |= {"random_angles": 4 * 0.0071, "cone": 4 * 0.07, "false_alarms": 4 * 0.0282}
+    wider |= {"random_angles": 4 * 0.0071, "cone": 4 * 0.07, "false_alarms": 4 * 0.0282, "energy": 0.25}
     results = run_study("statistics", tmp_path)
     results.study = replace(study, settings=chosen, allowed=study.allowed | wider)
     rows, figure = statistics.answer(results)
     assert isinstance(figure, Figure)
     assert [row.quantity for row in rows if row.passed is False] == []
-    assert sum(row.passed is True for row in rows) == 3 * len(chosen["sizes"]["cases"]) + 18
+    assert sum(row.passed is True for row in rows) == 3 * len(chosen["sizes"]["cases"]) + 30
     assert len({row.quantity for row in rows}) == len(rows)
 
 

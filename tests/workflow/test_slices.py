@@ -75,14 +75,16 @@ def test_every_setting_of_the_comparison_can_be_set(accept):
     """Its slice holds all of them, those of the default as well."""
     chosen = {"maximum_events": 500, "size_bin": 0.4, "cut_step": 0.2, "cluster_radius": "15 m", "block_days": 2}
     slice_ = accept(TINY, **{f"comparison.{key}": value for key, value in chosen.items()}).comparison_slice()
-    assert slice_ == {"blocks": "day", "resamplings": 99, "seed": 1} | chosen | {"cluster_radius": 15.0}
+    steps = [{"name": "2019-08", "start": "2019-08-01", "end": "2019-09-01"}]
+    given = {"blocks": "day", "resamplings": 99, "seed": 1, "steps": steps}
+    assert slice_ == given | chosen | {"cluster_radius": 15.0}
 
 
 def test_dates_reach_the_events_of_their_step_alone(accept):
-    """No slice of the mechanics has them, nor have the events of another step."""
+    """And what is compared with them. No slice of the mechanics has them, nor have the events of another step."""
     before, after = accept(TINY), accept(TINY, **{"steps.1.end": "2019-09-15"})
     changed = {path for path, made_from in after.hashes().items() if made_from != before.hashes()[path]}
-    assert changed == {"events/2019-08.nc", "record.nc"}
+    assert changed == {"events/2019-08.nc", "record.nc", "comparison.nc"}
     assert after.event_slice("2019-08")["end"] == "2019-09-15"
     assert after.event_slice("history")["start"] == ""
 

@@ -8,6 +8,7 @@ from verification.statistics.figure import draw
 from verification.statistics.locations import false_alarms, find_shift, location_rows
 from verification.statistics.mechanisms import mechanism_rows, random_pairs
 from verification.statistics.sizes import difference_row, estimate_cases, size_rows
+from verification.statistics.steps import step_rows
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
@@ -23,5 +24,6 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         difference_row(settings["sizes"], seed, allowed["coverage"]),
         *mechanism_rows(settings["mechanisms"], pairs, seed, allowed),
         *location_rows(alarms, power, settings["locations"], allowed),
+        *step_rows(settings["locations"], seed, allowed),
     ]
     return rows, draw(estimates, pairs, alarms, power, settings, allowed)

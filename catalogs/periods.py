@@ -1,0 +1,21 @@
+"""When was recorded: a file of events does not say when the network was switched on, only when something happened."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+SILENCE = np.log(100.0)  # mean waiting times: a longer silence has a chance of 1 % if days with events are random
+
+
+def recorded_period(time: NDArray) -> tuple[np.datetime64, np.datetime64]:
+    """First and last instant (UTC, ns) of recording, from the times of all events of a file, NaT ignored.
+
+    Whole days from the first to the last event, and on either side as much silence as chance may leave: where the
+    first event comes later, the record begins with that silence before it; so at its end. Of fewer than
+    two days with events the silence is without bounds: all of time.
+    """
+    time = np.asarray(time, "datetime64[ns]")
+    days = np.unique(time[~np.isnat(time)].astype("datetime64[D]"))
+    if len(days) < 2:
+        return np.datetime64("1678-01-01", "ns"), np.datetime64("2261-12-31", "ns")
+    wait = int(np.ceil(SILENCE * (days[-1] - days[0]).astype(int) / (len(days) - 1)))
+    return (days[0] - wait).astype("datetime64[ns]"), (days[-1] + 1 + wait).astype("datetime64[ns]")

@@ -1,0 +1,68 @@
+"""Coverage of the 95 % intervals of the comparison: of b, of angles between mean axes, of potency and number of events.
+
+Each case draws many catalogues of known truth; what is asked is the share whose interval holds it, and in how many an
+interval is given at all.
+"""
+
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from verification.coverage.cases import axes_coverage, size_coverage, sum_coverage
+from verification.results import Results
+from verification.rows import Row
+
+
+@dataclass(frozen=True)
+class Found:
+    """Of a case: its name, catalogues drawn, share of these with an interval, share of those that holds the truth."""
+
+    name: str
+    drawn: int
+    given: float
+    held: float
+
+
+def answer(results: Results) -> tuple[list[Row], Figure]:
+    """Two rows of each case, and a figure of all."""
+    settings, allowed = results.settings, results.allowed
+    found = []
+    for group, (part, cover) in enumerate((("sizes", size_coverage), ("axes", axes_coverage), ("sums", sum_coverage))):
+        chosen = settings[part]
+        for number, case in enumerate(chosen["cases"]):
+            given, held = cover(case, chosen, [settings["seed"], group, number])
+            found.append(Found(case["name"], chosen["catalogues"], given, held))
+    return [row for one in found for row in _rows(one, allowed)], _draw(found, allowed["coverage"])
+
+
+def _rows(one: Found, allowed: dict) -> list[Row]:
+    least, often = allowed["coverage"], allowed["given"]
+    error = (0.95 * 0.05 / max(one.given * one.drawn, 1)) ** 0.5
+    return [
+        Row(
+            f"{one.name}: coverage of the 95 % interval (error: short of {least:g})",
+            0.95, one.held, max(0.0, least - one.held), 0.0,
+            f"{one.drawn} catalogues, Monte Carlo standard error {error:.4f}",
+        ),
+        Row(
+            f"{one.name}: share of catalogues with an interval (error: short of {often:g})",
+            1.0, one.given, max(0.0, often - one.given), 0.0,
+            "the others: no law, no completeness or too few days, in words",
+        ),
+    ]  # fmt: skip
+
+
+def _draw(found: list[Found], least: float) -> Figure:
+    """Coverage case by case, with two Monte Carlo standard errors."""
+    figure = style.new_figure(width=style.WIDTH, height=0.3 * len(found) + 1.2)
+    axes = figure.subplots()
+    error = [200 * (0.95 * 0.05 / max(one.given * one.drawn, 1)) ** 0.5 for one in found]
+    place = range(len(found))
+    axes.errorbar([100 * one.held for one in found], place, xerr=error, fmt="o", color=style.MODELLED, markersize=4)
+    axes.axvline(95, color=style.OUTLINE, linewidth=0.8)
+    axes.axvline(100 * least, color=style.RECORDED, linewidth=0.8, linestyle=":")
+    axes.set_yticks(place, [one.name for one in found])
+    axes.invert_yaxis()
+    axes.set_xlabel("truth inside the 95 % interval (%; bars: 2 Monte Carlo errors; dotted: asked for)")
+    return figure
