@@ -104,6 +104,7 @@ FIELDS = (
     _field("mean_plunge", "catalogue axis_name", DEGREE, "its plunge below the horizontal"),
     _field("mean_cone", "catalogue axis_name", DEGREE, "half angle of its 95 % bootstrap cone"),
     _field("mean_strength", "catalogue axis_name", "1", "its eigenvalue: 1/3 for uniform axes, 1 for parallel ones"),
+    _field("axis_clear_share", "catalogue axis_name", "1", "share of the potency whose axis is clear, and counted"),
     _field("mean_angle", "axis_name", DEGREE, "angle between the catalogues' mean axes"),
     _field("mean_angle_interval", "axis_name interval", DEGREE, "its 95 % interval; from 0 if they may be one"),
     _field("mean_angle_p_value", "axis_name", "1", "chance of as large an angle if the mean axes are one"),

@@ -23,7 +23,7 @@ from catalogs.mechanisms import (
     trend_plunge,
 )
 from catalogs.settings import ComparisonSettings
-from pipeline.source_tensors import principal_axes, source_shares
+from pipeline.source_tensors import clear_axes, principal_axes, scalar_potency, source_shares
 
 CATALOGUES = ("model", "record")
 TAILS = (0.025, 0.975)
@@ -119,7 +119,7 @@ def axes_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dic
         days = record["orientation_time"].values.astype("datetime64[D]")
         samples[0] = _sample(model, tensors[0], known[0], blocks[0])
         samples.append(
-            AxesSample(principal_axes(record_tensors), record["orientation_location"].values, days.astype(np.int64))
+            AxesSample(clear_axes(record_tensors), record["orientation_location"].values, days.astype(np.int64))
         )
         period = f"{days.min()} to {days.max()}" if days.size else "no time"
         text = (
@@ -140,6 +140,13 @@ def axes_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dic
         found = compare_axes(*samples, seed=settings.seed, resamplings=min(settings.resamplings, AXES_RESAMPLINGS))
         found |= _summed(tensors[0][known[0]], record_tensors, weight)
         variables |= {name: (dims[name], value) for name, value in found.items()}
+        size = [
+            scalar_potency(tensors[0][known[0]]),
+            np.ones(len(samples[1].axes)) if apart else scalar_potency(record_tensors),
+        ]
+        clear = np.array([one.clear_share(weight) for one, weight in zip(samples, size, strict=True)])
+        variables["axis_clear_share"] = (dims["axis_clear_share"], clear)
+        text += _left_out(clear, "events" if apart else "potency")
     variables |= {
         "events_with_axes": ("catalogue", np.array(count, np.int64)),
         "model_axes_used": ("event_model", known[0].astype(np.int8)),
@@ -148,8 +155,22 @@ def axes_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dic
     return variables, {"axes_present": int(present), "axes_text": text, "summed_weight": weight}
 
 
+def _left_out(clear: NDArray, of: str) -> str:
+    """What of the catalogues has no clear axes, in words; empty where all have."""
+    if (clear == 1.0).all():
+        return ""
+    shares = [
+        ", ".join(f"{name} {100 * (1 - share):.0f} %" for name, share in zip(AXIS_NAMES, row, strict=True))
+        for row in clear
+    ]
+    return (
+        f"; left out where two principal values are within 10 % of the largest: of the model's potency {shares[0]}, of "
+        f"the record's {of} {shares[1]}; Kagan angles take sources with three clear axes"
+    )
+
+
 def _sample(events: xr.Dataset, tensor: NDArray, kept: NDArray, blocks: NDArray) -> AxesSample:
-    return AxesSample(principal_axes(tensor[kept]), events["location"].values[kept], blocks[kept])
+    return AxesSample(clear_axes(tensor[kept]), events["location"].values[kept], blocks[kept])
 
 
 def _during(time: NDArray, window: str | None) -> NDArray:
@@ -191,6 +212,7 @@ def _absent_axes() -> dict:
         "mean_plunge": "catalogue axis_name",
         "mean_cone": "catalogue axis_name",
         "mean_strength": "catalogue axis_name",
+        "axis_clear_share": "catalogue axis_name",
         "mean_angle": "axis_name",
         "mean_angle_interval": "axis_name interval",
         "mean_angle_p_value": "axis_name",

@@ -47,13 +47,19 @@ def mean_axis(axes: NDArray, weights: NDArray | None = None) -> tuple[NDArray, N
 
     The orientation matrix is the weighted mean of a a^T (Scheidegger 1965; Woodcock 1977): the maximum likelihood
     mean of a Bingham or Watson distribution. Its largest eigenvalue is 1 for parallel axes, 1/3 for uniform ones.
+    Axes that are NaN (pipeline.source_tensors.clear_axes) do not count; NaN where none does.
     """
     axes = np.asarray(axes, float)
-    weights = np.ones(axes.shape[-2]) if weights is None else np.asarray(weights, float)
-    outer = axes[..., :, None] * axes[..., None, :]
-    matrix = np.einsum("...e,...eij->...ij", weights, outer) / weights.sum(axis=-1)[..., None, None]
+    clear = np.isfinite(axes).all(axis=-1)
+    axes = np.where(clear[..., None], axes, 0.0)
+    weights = clear * (1.0 if weights is None else np.asarray(weights, float))
+    total = weights.sum(axis=-1)
+    matrix = (
+        np.einsum("...e,...ei,...ej->...ij", weights, axes, axes) / np.where(total > 0, total, 1.0)[..., None, None]
+    )
     values, vectors = np.linalg.eigh(matrix)
-    return point_down(vectors[..., 2]), values[..., 2]
+    known = total > 0
+    return np.where(known[..., None], point_down(vectors[..., 2]), np.nan), np.where(known, values[..., 2], np.nan)
 
 
 def frames(axes: NDArray) -> NDArray:
@@ -101,7 +107,7 @@ def random_frames(count: int, generator: np.random.Generator) -> NDArray:
 
 @dataclass(frozen=True)
 class AxesSample:
-    """Axes of one catalogue: rows P, B, T (event, 3, 3), where (event, 3) m, and the block (event,) of each event."""
+    """Axes of one catalogue: rows P, B, T (event, 3, 3), NaN where unclear; where (event, 3) m, and blocks (event,)."""
 
     axes: NDArray
     location: NDArray
@@ -112,6 +118,11 @@ class AxesSample:
         labels = np.unique(self.blocks, return_inverse=True)[1].reshape(-1)
         count = int(labels.max()) + 1
         return generator.multinomial(count, np.full(count, 1 / count), size=resamplings)[:, labels].astype(float)
+
+    def clear_share(self, size: NDArray) -> NDArray:
+        """Share (3,) of the summed size (event,) whose P, B and T axes are clear."""
+        clear = np.isfinite(self.axes).all(axis=-1)
+        return size @ clear / size.sum()
 
 
 def compare_axes(model: AxesSample, record: AxesSample, seed: int = 0, resamplings: int = 499) -> dict[str, NDArray]:
@@ -130,7 +141,7 @@ def compare_axes(model: AxesSample, record: AxesSample, seed: int = 0, resamplin
         again = np.stack([mean_axis(side.axes[:, row], weight)[0] for row in range(3)], axis=1)
         means.append(np.array([axis for axis, _ in found]))
         strengths.append([strength for _, strength in found])
-        cones.append(np.quantile(angle_between_axes(again, means[-1]), 0.95, axis=0))
+        cones.append(_quantile(angle_between_axes(again, means[-1]), 0.95))
         drawn.append(again)
     means = np.array(means)
     angle = angle_between_axes(means[0], means[1])
@@ -161,28 +172,40 @@ def _angle_test(means: NDArray, drawn: list[NDArray], blocks: list[int], angle: 
     for mean, again in zip(means, drawn, strict=True):
         same = np.where(np.sum(again * mean, axis=-1, keepdims=True) < 0, -1.0, 1.0)
         moved.append(same * again - mean)
-    if np.sum(means[0] * means[1], axis=-1).min() < 0:  # axes: turn the second to the side of the first
-        moved[1] = moved[1] * np.where(np.sum(means[0] * means[1], axis=-1) < 0, -1.0, 1.0)[:, None]
+    # axes: turn the second to the side of the first
+    moved[1] = moved[1] * np.where(np.sum(means[0] * means[1], axis=-1) < 0, -1.0, 1.0)[:, None]
     fewest = max(min(blocks), 4)
     few = np.sqrt(2 * (fewest - 1) / (fewest - 2) * f.ppf(0.95, 2, fewest - 2) / chi2.ppf(0.95, 2))
     chord = few * np.linalg.norm(moved[0] - moved[1], axis=-1)
     off = np.degrees(2 * np.arcsin(np.minimum(chord / 2, 1.0)))
-    return np.quantile(off, 0.95, axis=0), (1 + np.sum(off >= angle, axis=0)) / (len(off) + 1)
+    p_value = (1 + np.sum(off >= angle, axis=0)) / (len(off) + 1)
+    return _quantile(off, 0.95), np.where(np.isfinite(angle), p_value, np.nan)
+
+
+def _quantile(values: NDArray, share: float) -> NDArray:
+    """Quantile over the first dimension of what is finite; NaN where nothing is."""
+    found = np.isfinite(values).any(axis=0)
+    return np.where(found, np.nanquantile(np.where(found, values, 0.0), share, axis=0), np.nan)
 
 
 def _kagan_distributions(
     sides: tuple[AxesSample, AxesSample], weights: list[NDArray], generator: np.random.Generator
 ) -> dict[str, NDArray]:
-    """Kagan angles of the pairs KAGAN_PAIRS: share per bin, median, and the median's interval."""
-    model, record = sides
+    """Kagan angles of the pairs KAGAN_PAIRS, of sources with three clear axes: share per bin, median, its interval."""
+    full = [np.flatnonzero(np.isfinite(side.axes).all(axis=(1, 2))) for side in sides]
+    model, record = (
+        AxesSample(side.axes[own], side.location[own], side.blocks[own]) for side, own in zip(sides, full, strict=True)
+    )
+    weights = [weight[:, own] for weight, own in zip(weights, full, strict=True)]
     modelled, recorded = _pairs(len(model.axes), len(record.axes), generator)
     one, other = _pairs(len(record.axes), len(record.axes), generator)
     one, other = one[one != other], other[one != other]
-    nearest = cKDTree(record.location).query(model.location)[1]
+    beside = np.arange(len(model.axes) if len(record.axes) else 0)
+    nearest = cKDTree(record.location).query(model.location[beside])[1] if len(beside) else beside
     # of each kind of pair: its angles, and how often each pair is drawn when the events are drawn (model's, record's)
     angles = [
         (kagan_angle(model.axes[modelled], record.axes[recorded]), lambda m, r: m[modelled] * r[recorded]),
-        (kagan_angle(model.axes, record.axes[nearest]), lambda m, r: m),
+        (kagan_angle(model.axes[beside], record.axes[nearest]), lambda m, r: m[beside]),
         (kagan_angle(record.axes[one], record.axes[other]), lambda m, r: r[one] * r[other]),
         (kagan_angle(random_frames(MOST_PAIRS, generator), np.eye(3)), None),
     ]

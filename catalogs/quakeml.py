@@ -2,9 +2,10 @@
 
 What any reader understands: origin time, latitude, longitude, depth (m below sea level, = -z), moment magnitude, and
 the moment tensor in N m, Up-South-East (rr = zz, tt = yy, pp = xx, rt = -yz, rp = xz, tp = -xy), with its own shares,
-sizes from 0 to 1 as QuakeML has them (those of the potency tensor, signed, stand in our namespace). Events of a model
-are rock bursts: rock that breaks because it is mined (Storchak et al. 2012); recorded ones may be of other making, and
-are called induced or triggered. Beside that, in the namespace NAMESPACE and bit for bit, every variable of pipeline.event_table per event and the attributes once (JSON).
+sizes from 0 to 1 as QuakeML has them; those of the potency tensor, signed, stand in our namespace. Events of a model
+are rock bursts, rock that breaks because it is mined; recorded ones may be of other making and are called induced or
+triggered (event types: Storchak et al. 2012). Beside that, in the namespace NAMESPACE and bit for bit, every variable
+of pipeline.event_table per event and the attributes once (JSON).
 ObsPy makes random resource identifiers and stamps the time unless told otherwise: here every one is given.
 """
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 HORIZONTAL = 1e-9  # of a unit vector's component: far above round-off, far below any angle that can be measured
+APART = 0.1  # of the largest principal value: nearer ones leave their axes to chance, half a tensor's error turns them
 TIE = 1e-9  # of the largest principal value: equal ones differ by 1e-15 in the demo, others by 1e-4 and more
 DOWN_NORTH_EAST = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
@@ -65,6 +66,18 @@ def principal_axes(tensor: NDArray) -> NDArray:
         axes[tied[..., row], row + 1] = level
     axes[tied.all(axis=-1)] = DOWN_NORTH_EAST
     return point_down(axes)
+
+
+def clear_axes(tensor: NDArray) -> NDArray:
+    """Principal axes (..., 3, 3), rows P, B, T, NaN where the principal value is within APART of another.
+
+    A crack that opens has a T axis, and any two lines across it are as good a P and B axis: none is given.
+    """
+    axes = principal_axes(tensor)
+    values = np.linalg.eigvalsh(np.asarray(tensor, float))
+    near = np.diff(values, axis=-1) <= APART * np.max(np.abs(values), axis=-1, keepdims=True)  # P to B, B to T
+    unclear = np.stack([near[..., 0], near[..., 0] | near[..., 1], near[..., 1]], axis=-1)
+    return np.where(unclear[..., None], np.nan, axes)
 
 
 def point_down(axes: NDArray) -> NDArray:

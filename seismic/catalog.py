@@ -74,16 +74,23 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
 def write_csv(catalog: xr.Dataset, path: str | os.PathLike) -> None:
     """Write the catalogue as a plain table, one row per event below one row of column names, atomically.
 
-    date, time (UTC, microseconds); x_m, y_m, z_m east, north, up; log10_potency (of m3); moment_n_m; mw;
-    potency_xx_m3 ... potency_xy_m3 (tensor shear, opening positive); step; resolved (0: too few particles);
-    on_planes, where rock has weak planes: share of the potency that is slip on them.
+    date, time_utc: to the second, which keeps the order of a step's events; time_uncertainty_s: half of the step, as
+    the model dates no event within it; x_m, y_m, z_m east, north, up; location_uncertainty_m: the size of a cell;
+    log10_potency_m3; moment_n_m; mw; potency_xx_m3 ... potency_xy_m3 (tensor shear, opening positive); step; resolved
+    (0: too few particles); on_planes, where rock has weak planes: share of the potency that is slip on them.
     """
     day = pd.DatetimeIndex(catalog["time"].values)
-    table = {"date": day.strftime("%Y-%m-%d"), "time": day.strftime("%H:%M:%S.%f")}
+    table = {
+        "date": day.strftime("%Y-%m-%d"),
+        "time_utc": day.strftime("%H:%M:%S"),
+        "time_uncertainty_s": _text(catalog["time_uncertainty"].values, ".0f"),
+    }
     location = catalog["location"].values
     table |= {f"{axis}_m": _text(location[:, i], ".3f") for i, axis in enumerate("xyz")}
+    error = np.full(len(day), float(catalog.attrs["location_error"]))
     table |= {
-        "log10_potency": _text(np.log10(catalog["potency"].values), ".6f"),
+        "location_uncertainty_m": _text(error, ".3g"),
+        "log10_potency_m3": _text(np.log10(catalog["potency"].values), ".6f"),
         "moment_n_m": _text(catalog["moment"].values, ".9e"),
         "mw": _text(catalog["mw"].values, ".4f"),
     }

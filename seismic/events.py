@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.event_table import ON_PLANES, event_dataset
 from pipeline.source_tensors import (
+    clear_axes,
     moment_from_potency,
     moment_magnitude,
-    principal_axes,
     scalar_moment,
     scalar_potency,
     source_shares,
@@ -225,7 +225,7 @@ def _describe(potency: NDArray, lame_lambda: float, shear_modulus: float) -> dic
     moment = scalar_moment(moment_from_potency(tensor, lame_lambda, shear_modulus))
     values = {"potency_tensor": tensor, "potency": scalar_potency(tensor), "moment": moment}
     values["mw"] = moment_magnitude(moment)
-    axes, shares = principal_axes(tensor), source_shares(tensor)
+    axes, shares = clear_axes(tensor), source_shares(tensor)
     values |= {f"{name}_axis": axes[:, row] for row, name in enumerate("pbt")}
     values |= {name: shares[:, column] for column, name in enumerate(("iso", "clvd", "dc"))}
     return values

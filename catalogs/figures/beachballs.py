@@ -67,6 +67,8 @@ def beach_balls(moment_tensors: np.ndarray, titles: list[str], axes_of: np.ndarr
     for axes, tensor, title, pair in zip(array, moment_tensors, titles, axes_of, strict=False):
         draw_ball(axes, tensor, colour=colour)
         for vector, name in zip(pair, "PT", strict=True):
+            if np.isnan(vector).any():  # an axis that is not clear
+                continue
             axes.text(
                 *project(vector), name, fontsize=8.5, ha="center", va="center", zorder=7,
                 bbox={"boxstyle": "circle,pad=0.12", "facecolor": "white", "edgecolor": "k", "linewidth": 0.5},

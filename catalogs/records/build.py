@@ -8,10 +8,10 @@ from catalogs.record_settings import SIZE_NAMES, RecordSlice
 from pipeline.errors import InputError
 from pipeline.event_table import new_catalog
 from pipeline.source_tensors import (
+    clear_axes,
     moment_from_potency,
     moment_magnitude,
     moment_of_magnitude,
-    principal_axes,
     scalar_moment,
     scalar_potency,
     source_shares,
@@ -53,7 +53,7 @@ def build_record(
         moments = moment_from_potency(tensor[known], lame, mu)
         from_tensor = scalar_potency(tensor[known])
         axes, shares = np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
-        axes[known], shares[known] = principal_axes(tensor[known]), source_shares(tensor[known])
+        axes[known], shares[known] = clear_axes(tensor[known]), source_shares(tensor[known])
         derived = {f"{name}_axis": axes[:, row] for row, name in enumerate("pbt")}
         derived |= {name: shares[:, column] for column, name in enumerate(("iso", "clvd", "dc"))}
         moment[known] = scalar_moment(moments)

@@ -38,11 +38,11 @@ CODES = (-99.0, -999.0, -9999.0)  # written for a missing value, unless record.m
 def read(settings: RecordSlice) -> xr.Dataset:
     """The events of a CSV file in the form of pipeline.event_table, filtered (catalogs.records.filters).
 
-    settings.columns names the file's columns: time (one column, or a list of two or three:
-    date, time of day, offset; see catalogs.records.times), x, y, z (m) or latitude, longitude (degrees), depth (m below
-    sea level), at least one of potency (m3), log_potency, moment (N m), mw, or magnitude with magnitude_type, and
-    optionally potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m), in the axes of
-    tensor_frame, time_uncertainty (s), step. units: {kind of column: unit}, where it is not the one above and not in the file; decimal, date_order,
+    settings.columns names the file's columns: time (one column, or a list of two or three: date, time of day, offset;
+    see catalogs.records.times), x, y, z (m) or latitude, longitude (degrees), depth (m below sea level), at least one
+    of potency (m3), log_potency, moment (N m), mw, or magnitude with magnitude_type, and optionally potency_xx, _yy,
+    _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m) in the axes of tensor_frame, time_uncertainty (s),
+    step. units: {kind of column: unit}, where it is not the one above and not in the file; decimal, date_order,
     time_zone: what cannot be found from the file; conversions: catalogs.records.magnitudes; missing: numbers that stand
     for a missing value, else CODES. How the table is read: catalogs.records.csv_table.
 

@@ -37,6 +37,7 @@ def filter_events(
     columns: Mapping[str, np.ndarray] | None = None,
     source: str = "record",
     repeated: np.ndarray | None = None,
+    words: Mapping[str, np.ndarray] | None = None,
 ) -> xr.Dataset:
     """The whole events that pass every filter and lie in the domain; attrs["filter"]: what each took (JSON).
 
@@ -47,9 +48,9 @@ def filter_events(
 
     settings: filter (lower, upper: 3 numbers in m, a box, its faces included; start, end: ISO text, start <= time <
     end, UTC; minimum_potency in m3; maximum and minimum: {column: value}, quality columns of the file in its own
-    units); period (start and end of the modelled months); domain (lower, upper in m, plane:
-    "xz", "xy" or null; absent: no crop). columns: name -> (event,) numbers of the file. A missing value passes no
-    filter.
+    units; only and without: {column: text or texts}); period (start and end of the modelled months); domain (lower,
+    upper in m, plane: "xz", "xy" or null; absent: no crop). columns, words: name -> (event,) numbers, and texts, of the
+    file. A missing number passes no filter.
 
     Raises InputError naming `source` and the key for an unknown column, a bad date, when a filter of the
     configuration leaves no event, when none of the file lies in the domain (such a record is of other ground), or when
@@ -66,6 +67,7 @@ def filter_events(
     attributes = {"rows": events.sizes["event"], "dropped": json.dumps(dropped)}
     events = events.isel(event=np.flatnonzero(whole))
     columns = {name: np.asarray(values)[whole] for name, values in columns.items()}
+    words = {name: np.asarray(values)[whole] for name, values in (words or {}).items()}
     box = domain_box(settings.domain) if settings.domain else None
     beyond = distance_beyond(events["location"].values, *box) if box else np.zeros(events.sizes["event"])
     if not (beyond == 0).any():
@@ -74,7 +76,7 @@ def filter_events(
     if settings.period and settings.period.given():
         attributes["period"] = json.dumps(_periods(events["time"].values, settings, source))
     account = []
-    for key, value, passes in _conditions(events, limits_of(settings), columns, where):
+    for key, value, passes in _conditions(events, limits_of(settings), columns, words, where):
         before = int(kept.sum())
         kept &= passes
         after = int(kept.sum())
@@ -195,7 +197,7 @@ def _other_ground(events: xr.Dataset, box: tuple[np.ndarray, np.ndarray], source
     )
 
 
-def _conditions(events: xr.Dataset, settings: Mapping, columns: Mapping[str, np.ndarray], where: str):
+def _conditions(events: xr.Dataset, settings: Mapping, columns: Mapping, words: Mapping, where: str):
     """Yield (key, value, (event,) bool) for each filter named, always in the same order."""
     location = events["location"].values
     for key, inside in (("lower", np.greater_equal), ("upper", np.less_equal)):
@@ -218,6 +220,13 @@ def _conditions(events: xr.Dataset, settings: Mapping, columns: Mapping[str, np.
                     f"{where}.{key}.{column}: no such column of numbers; the file has {', '.join(columns)}"
                 )
             yield f"{key}.{column}", float(bound), inside(np.asarray(columns[column], float), float(bound))
+    for key in ("only", "without"):
+        for column, listed in (settings.get(key) or {}).items():
+            if column not in words:
+                raise InputError(f"{where}.{key}.{column}: no such column; the file has {', '.join(words)}")
+            texts = [listed] if isinstance(listed, str) else list(listed)
+            found = np.isin(words[column], texts)
+            yield f"{key}.{column}", texts, found if key == "only" else ~found
 
 
 def parse_time(text: str, where: str) -> np.datetime64:

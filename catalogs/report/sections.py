@@ -207,7 +207,7 @@ def _net(evidence: Evidence, label: str, catalog) -> stereonets.Axes | None:
     """Axes of one catalogue with their means; None if it has none."""
     modelled, comparison = label == MODEL_LABEL, evidence.comparison
     vectors = np.stack([catalog[f"{name}_axis"].values for name in "pbt"])
-    known = np.isfinite(vectors).all(axis=(0, 2))
+    known = np.isfinite(vectors).all(axis=2).any(axis=0)
     if not known.any():
         return None
     vectors = vectors[:, known]

@@ -5,7 +5,7 @@ from hypothesis import strategies as some
 from scipy.spatial.transform import Rotation
 
 from catalogs import mechanisms as m
-from pipeline.source_tensors import point_down, principal_axes
+from pipeline.source_tensors import clear_axes, point_down, principal_axes
 
 UNIT = some.integers(0, 2**32 - 1).map(np.random.default_rng)
 
@@ -103,3 +103,40 @@ def test_turned_catalogue_shows_its_turn():
     np.testing.assert_allclose(found["kagan_share"].sum(axis=1), 1.0)
     low, high = found["mean_angle_interval"][0]
     assert low < 40 < high < 46
+
+
+def crack_sample(generator, count, normal, spread=3.0):
+    """Sources that merely open, their normals about one direction, as clear axes have them; far from each other."""
+    normals = scattered(generator, normal, count, spread)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    axes = clear_axes(normals[:, :, None] * normals[:, None, :])
+    return m.AxesSample(axes, generator.normal(size=(count, 3)), np.arange(count))
+
+
+def test_cracks_of_one_direction_are_compared_by_their_clear_axis_alone():
+    """T axes of two catalogues agree; what lies across them is no axis, so there is no Kagan angle and no mean P."""
+    generator = np.random.default_rng(0)
+    samples = [crack_sample(generator, 40, np.array([0.6, 0.0, 0.8])) for _ in range(2)]
+    found = m.compare_axes(*samples, resamplings=99)
+    assert found["mean_angle"][2] < 2.0
+    assert found["mean_angle_interval"][2][0] == 0.0
+    assert np.isnan(found["mean_angle"][:2]).all()
+    assert np.isnan(found["mean_cone"][:, :2]).all()
+    assert np.isnan(found["mean_angle_p_value"][:2]).all()
+    assert np.isnan(found["kagan_median"][:3]).all()
+    assert samples[0].clear_share(np.ones(40)).tolist() == [0.0, 0.0, 1.0]
+
+
+def test_sources_without_clear_axes_change_nothing_for_the_others():
+    """Twenty shear sources, with and without twenty explosions beside them: the same means and Kagan angles."""
+    generator = np.random.default_rng(1)
+    shear = m.AxesSample(m.random_frames(20, generator), generator.normal(size=(20, 3)), np.arange(20))
+    none = np.full((20, 3, 3), np.nan)
+    mixed = m.AxesSample(
+        np.concatenate([shear.axes, none]), np.concatenate([shear.location, np.zeros((20, 3))]), np.arange(40)
+    )
+    record = m.AxesSample(m.random_frames(30, generator), generator.normal(size=(30, 3)), np.arange(30))
+    alone, beside = (m.compare_axes(one, record, resamplings=99) for one in (shear, mixed))
+    for name in ("mean_axis", "mean_strength", "mean_angle", "kagan_median", "kagan_share"):
+        np.testing.assert_allclose(beside[name][:2], alone[name][:2], atol=1e-12)
+    assert mixed.clear_share(np.ones(40)).tolist() == [0.5] * 3

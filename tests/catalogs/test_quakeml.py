@@ -60,7 +60,7 @@ def test_obspy_accepts_the_file_and_reads_what_any_reader_should(catalog, tmp_pa
     write_quakeml(catalog, tmp_path / "catalog.xml")
     assert _validate(str(tmp_path / "catalog.xml"))
     event = read_events(str(tmp_path / "catalog.xml"))[0]
-    assert event.event_type == "induced or triggered event"
+    assert event.event_type == "rock burst"
     assert event.preferred_origin().depth == -catalog["location"].values[0, 2]
     assert event.preferred_magnitude().magnitude_type == "Mw"
     potency = catalog["potency_tensor"].values[0]
@@ -71,6 +71,25 @@ def test_obspy_accepts_the_file_and_reads_what_any_reader_should(catalog, tmp_pa
     assert tensor.m_rt == pytest.approx(-2 * SHEAR * potency[1, 2])  # south is -y
     assert tensor.m_rp == pytest.approx(2 * SHEAR * potency[0, 2])
     assert tensor.m_tp == pytest.approx(-2 * SHEAR * potency[0, 1])
+
+
+def test_shares_are_those_of_the_moment_tensor_beside_them(tmp_path):
+    """A crack that opens, lambda = mu: potency diag(1, 0, 0), moment diag(3, 1, 1): tr / 3 = 5/3, CLVD 4/3, no shear.
+    A closing one has the same sizes: QuakeML's shares have no sign."""
+    catalog = made_up_catalog(2)
+    catalog["potency_tensor"][0], catalog["potency_tensor"][1] = np.diag([1.0, 0, 0]), np.diag([-1.0, 0, 0])
+    catalog.attrs |= {"lame_lambda": 1e10, "shear_modulus": 1e10}
+    write_quakeml(catalog, tmp_path / "catalog.xml")
+    for event in read_events(str(tmp_path / "catalog.xml")):
+        tensor = event.preferred_focal_mechanism().moment_tensor
+        shares = tensor.iso, tensor.clvd, tensor.double_couple
+        np.testing.assert_allclose(shares, [5 / 9, 4 / 9, 0.0], atol=1e-12)
+
+
+def test_recorded_events_are_not_called_rock_bursts(tmp_path):
+    catalog = made_up_catalog(1).assign_attrs(kind="recorded")
+    write_quakeml(catalog, tmp_path / "catalog.xml")
+    assert read_events(str(tmp_path / "catalog.xml"))[0].event_type == "induced or triggered event"
 
 
 def test_an_empty_catalogue_is_still_a_valid_file(catalog, tmp_path):

@@ -9,6 +9,7 @@ from catalog_fixtures import FRAME, LAME, SETTINGS, SHEAR, made_up_catalog
 
 from catalogs.comparison import compare
 from catalogs.frame import MineFrame
+from catalogs.quakeml import UP_SOUTH_EAST
 from catalogs.records import READERS, read_record
 from catalogs.records.filters import parse_time
 from pipeline.datasets import read_dataset, write_dataset
@@ -58,6 +59,62 @@ def test_csv_in_degrees_with_moment_tensors_and_time_zones(tmp_path):
     np.testing.assert_allclose(record["potency_tensor"][0], potency, rtol=1e-12)
     np.testing.assert_allclose(record["potency"][0], np.sqrt(2 * np.sum(potency**2)))
     np.testing.assert_allclose(record["moment"][0], np.sqrt(np.sum(moment**2) / 2))
+
+
+FRAMES = {"ENU": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "NED": [[0, 1, 0], [1, 0, 0], [0, 0, -1]]}
+FRAMES |= {"USE": [[0, 0, 1], [0, -1, 0], [1, 0, 0]]}  # up, south, east in east, north, up
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("kind", ["potency", "moment"])
+def test_one_tensor_in_three_frames_is_one_tensor(tmp_path, frame, kind):
+    """Each file has the components along its own axes, i.T.j."""
+    potency = np.array([[2.0, 0.3, 0.1], [0.3, -1.0, 0.2], [0.1, 0.2, 0.5]])
+    tensor = potency if kind == "potency" else LAME * np.trace(potency) * np.eye(3) + 2 * SHEAR * potency
+    axes, names = np.array(FRAMES[frame], float), ["xx", "yy", "zz", "yz", "xz", "xy"]
+    there = [float(axes[i] @ tensor @ axes[j]) for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))]
+    text = "when,x,y,z," + ",".join(names) + "\n2019-08-01,1,2,3," + ",".join(map(repr, there)) + "\n"
+    columns = {"time": "when", "x": "x", "y": "y", "z": "z"} | {f"{kind}_{name}": name for name in names}
+    record = read_record(settings_for(tmp_path, text, columns, tensor_frame=frame))
+    np.testing.assert_allclose(record["potency_tensor"][0], potency, rtol=1e-12)
+
+
+def test_up_south_east_is_what_quakeml_calls_so(tmp_path):
+    """m_rt of QuakeML is minus north-up: the same sign as in catalogs.quakeml."""
+    for key, (sign, i, j) in UP_SOUTH_EAST.items():
+        first, second = (FRAMES["USE"]["rtp".index(letter)] for letter in key[2:])
+        assert (
+            np.dot(first, np.eye(3)[i]) * np.dot(second, np.eye(3)[j])
+            + np.dot(first, np.eye(3)[j]) * np.dot(second, np.eye(3)[i]) * (i != j)
+            == sign
+        )
+
+
+WORDS = """date,x,y,z,log P,status
+2019-08-01,100,200,300,-1.0,automatic
+2019-08-02,110,200,300,-2.0, manual
+2019-08-03,120,200,300,0.5,reviewed
+2019-08-04,130,200,300,0.5,
+"""
+
+
+@pytest.mark.parametrize(
+    ("chosen", "kept"),
+    [
+        ({"only": {"status": ["manual", "reviewed"]}}, [110, 120]),
+        ({"only": {"status": "automatic"}}, [100]),
+        ({"without": {"status": "automatic"}}, [110, 120, 130]),
+        ({"without": {"status": ["automatic", "manual"]}, "only": {"status": "reviewed"}}, [120]),
+    ],
+)
+def test_columns_of_text_are_filters_too(tmp_path, chosen, kept):
+    """A tag of automatic locations; no tag is none of the tags."""
+    columns = {key: COLUMNS[key] for key in ("x", "y", "z", "log_potency")} | {"time": "date"}
+    record = read_record(settings_for(tmp_path, WORDS, columns, filter=chosen))
+    assert record["location"].values[:, 0].tolist() == kept
+    account = json.loads(record.attrs["filter"])
+    assert account[-1]["filter"].split(".") == [*list(chosen)[:1], "status"] or len(chosen) == 2
+    assert account[-1]["after"] == len(kept)
 
 
 def test_filters_count_before_and_after(tmp_path):
@@ -192,6 +249,10 @@ def test_a_filter_of_the_configuration_narrows_the_modelled_months_and_never_wid
         ({"filter": {"start": "soon"}}, "record.filter.start: 'soon' is not an ISO date"),
         ({"filter": {"maximum": {"residual": 1}}}, "record.filter.maximum.residual: no such column"),
         ({"filter": {"box": 1}}, "record.filter.box: unknown key"),
+        ({"filter": {"only": {"tag": "a"}}}, "record.filter.only.tag: no such column; the file has date, time of day"),
+        ({"filter": {"without": {"quality": []}}}, "record.filter.without.quality: "),
+        ({"tensor_frame": "NED"}, "record.tensor_frame: of which tensor"),
+        ({"tensor_frame": "XYZ"}, "record.tensor_frame: 'XYZ' is not one of ENU, NED, USE"),
         ({"location_error": None}, "record.location_error: missing"),
         ({"shear_modulus": None}, "shear_modulus is missing"),
         ({"reader": "excel"}, "record.reader: 'excel' is not one of quakeml, csv, elk_creek"),

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from catalogs.record_settings import RecordSlice
 from catalogs.records.build import build_record
 from pipeline.source_tensors import (
+    clear_axes,
     moment_from_potency,
     moment_magnitude,
     moment_of_magnitude,
@@ -244,3 +245,31 @@ def test_many_tensors_as_one_by_one():
             for j in range(3):
                 moments += (LAMBDA * trace * (i == j) + 2 * MU * tensor[i, j]) ** 2
         assert moment == pytest.approx(math.sqrt(moments / 2), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("values", "clear"),
+    [
+        ([-1.0, 0.0, 1.0], [True, True, True]),  # double couple
+        ([0.0, 0.0, 1.0], [False, False, True]),  # a crack opens
+        ([-1.0, 0.0, 0.0], [True, False, False]),  # one closes
+        ([1.0, 1.0, 1.0], [False, False, False]),  # explosion
+        ([-1.0, 0.05, 0.1], [True, False, False]),  # within a tenth
+        ([-1.0, -0.2, 0.1], [True, True, True]),
+    ],
+)
+def test_axes_are_given_where_principal_values_are_apart(values, clear):
+    """In a turned frame; what is given is the principal axis."""
+    turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    tensor = turn @ np.diag(values) @ turn.T
+    found = clear_axes(tensor)
+    assert np.isfinite(found).all(axis=-1).tolist() == clear
+    expected = point_down(turn.T)
+    assert_allclose(found[clear], expected[clear], atol=1e-9)
+
+
+def test_a_lot_of_tensors_have_the_axes_of_each():
+    tensors = np.array([np.diag([0.0, 0.0, 1.0]), np.diag([-1.0, 0.0, 1.0])])
+    together = clear_axes(tensors)
+    for one, tensor in zip(together, tensors, strict=True):
+        assert_allclose(one, clear_axes(tensor))

@@ -127,13 +127,16 @@ def test_table_holds_the_catalog(event_steps, tmp_path):
     assert (
         list(table.columns)
         == (
-            "date time x_m y_m z_m log10_potency moment_n_m mw potency_xx_m3 potency_yy_m3 potency_zz_m3 potency_yz_m3 "
+            "date time_utc time_uncertainty_s x_m y_m z_m location_uncertainty_m log10_potency_m3 moment_n_m mw potency_xx_m3 potency_yy_m3 potency_zz_m3 potency_yz_m3 "
             "potency_xz_m3 potency_xy_m3 step resolved"
         ).split()
     )
-    assert_array_equal(pd.to_datetime(table.date + "T" + table.time).to_numpy(), catalog["time"].values)
+    time = pd.to_datetime(table.date + "T" + table.time_utc).to_numpy()
+    assert np.all(np.abs(time - catalog["time"].values) <= np.timedelta64(1, "s"))
+    assert_allclose(table.time_uncertainty_s, catalog["time_uncertainty"], atol=0.5)
+    assert_allclose(table.location_uncertainty_m, catalog.attrs["location_error"], rtol=5e-3)
     assert_allclose(table[["x_m", "y_m", "z_m"]], catalog["location"], atol=5.01e-4)
-    assert_allclose(10**table.log10_potency, catalog["potency"], rtol=2e-6)
+    assert_allclose(10**table.log10_potency_m3, catalog["potency"], rtol=2e-6)
     assert_allclose(table.moment_n_m, catalog["moment"], rtol=1e-9)
     assert_allclose(table.mw, catalog["mw"], atol=5.01e-5)
     tensor = catalog["potency_tensor"].values

@@ -69,7 +69,7 @@ CONTRACT = {
     "record.nc": (EVENTS, EVENT_FACTS | {"location_error"}),
 }
 COLUMNS = (
-    "date,time,x_m,y_m,z_m,log10_potency,moment_n_m,mw,"
+    "date,time_utc,time_uncertainty_s,x_m,y_m,z_m,location_uncertainty_m,log10_potency_m3,moment_n_m,mw,"
     "potency_xx_m3,potency_yy_m3,potency_zz_m3,potency_yz_m3,potency_xz_m3,potency_xy_m3"
 )
 
@@ -135,7 +135,7 @@ def test_catalogue_as_table_and_as_quakeml(undisturbed):
         rows = list(csv.DictReader(file))
     assert ",".join(rows[0]).startswith(COLUMNS)
     np.testing.assert_allclose([float(row["x_m"]) for row in rows], catalog.location[:, 0], atol=1e-3)
-    np.testing.assert_allclose([float(row["log10_potency"]) for row in rows], np.log10(catalog.potency), atol=1e-6)
+    np.testing.assert_allclose([float(row["log10_potency_m3"]) for row in rows], np.log10(catalog.potency), atol=1e-6)
     assert _validate(str(results / "catalog.xml"))
 
 
