@@ -51,7 +51,7 @@ def compare(catalog: xr.Dataset, record: xr.Dataset, settings: ComparisonSlice) 
         [value[good] for value, good in zip(x, resolved, strict=True)],
         [0.0, rounded],
         cut,
-        [False, attributes["cut_is"] == "record completeness"],
+        [False, attributes["cut_is"] == "record completeness" and attributes["cut_stable"] == 1],
         settings,
     )
     result |= sized
@@ -140,7 +140,7 @@ def _cut(catalog: xr.Dataset, recorded: NDArray, rounded: float, settings: Compa
         text = f"log P >= {cut:.2f}, the record's completeness ({how}); {model}"
     return (
         {"cut": ((), cut), "model_floor": ((), floor), "record_completeness": ((), complete)},
-        {"cut_is": which, "cut_text": text},
+        {"cut_is": which, "cut_text": text, "cut_stable": int(np.isfinite(stable))},
     )
 
 

@@ -7,7 +7,8 @@ event_model, event_record, size_bin, trial_cut and angle carry coordinates. NaN 
 events, no tensors, no stable completeness).
 
 Attributes: mine, record_kind ("recorded" | "twin"), period_model, period_record, settings (JSON, defaults filled in),
-cut_is ("model floor" | "record completeness" | "nothing"), law_model, law_record ("power law" | "truncated power law" |
+cut_is ("model floor" | "record completeness" | "nothing"), cut_stable (1: b of the record is stable),
+law_model, law_record ("power law" | "truncated power law" |
 "no power law" | "too few events": what sizes above the cut follow), location_blocks, location_error (m),
 axes_present (0 | 1), summed_weight ("unit": over unit tensors where the record has orientations only | "potency"),
 size_bin_width, kagan_bin_width (degrees), config_hash, source_hash, versions. period_text, cut_text, size_text,

@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.sizes import LN10
+from catalogs.sizes import LEAST_EVENTS, LN10
 
 LAG = 0.3  # of log P: b at a cut is compared with b at one so much higher
 MARGIN = 0.4  # of log P, some 0.3 of Mw, between where b stops climbing and the cut: detection still nears 1 there
@@ -165,4 +165,5 @@ def _chosen(counts: NDArray, width: float) -> NDArray:
         drift = np.sqrt(np.maximum(variance[:, lag:] - variance[:, :-lag], 0.0))
         level = (beta[:, lag:] - beta[:, :-lag] <= CLIMB * drift) & (count[:, lag:] >= LEAST_ABOVE)
     cut = np.minimum(np.argmax(level, axis=1) + margin, counts.shape[1] - 1)
-    return np.where(level.any(axis=1), cut, -1)
+    enough = np.take_along_axis(count, cut[:, None], axis=1)[:, 0] >= LEAST_EVENTS
+    return np.where(level.any(axis=1) & enough, cut, -1)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-SILENCE = np.log(100.0)  # mean waiting times: a longer silence has a chance of 1 % if days with events are random
+SILENCE = np.log(1000.0)  # mean waits: a longer silence has a chance of 0.1 % if days with events are random
 
 
 def recorded_period(time: NDArray) -> tuple[np.datetime64, np.datetime64]:

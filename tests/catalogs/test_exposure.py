@@ -37,10 +37,10 @@ def test_days_without_events_count():
 
 
 def test_a_record_begins_with_its_first_event_only_where_the_silence_before_is_no_chance():
-    """An event every other day: nine days of silence are likely enough, a month is not."""
+    """An event every other day: a fortnight of silence is likely enough, a month is not."""
     begun, ended = recorded_period(days(*range(0, 40, 2)))
-    assert begun == np.datetime64("2019-08-01") - np.timedelta64(10, "D")
-    assert ended == np.datetime64("2019-09-09") + np.timedelta64(10, "D")
+    assert begun == np.datetime64("2019-08-01") - np.timedelta64(14, "D")
+    assert ended == np.datetime64("2019-09-09") + np.timedelta64(14, "D")
     assert recorded_period(days(3))[0] < np.datetime64("1700-01-01")
 
 
