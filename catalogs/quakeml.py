@@ -85,7 +85,9 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
         float(catalog.attrs.get("shear_modulus", np.nan)),
     )
     base = f"smi:local/{_word(catalog.attrs['mine'])}/{catalog.attrs['kind']}"
-    shares = np.abs(source_shares(moment))[:, [2, 1, 0]]  # DC, CLVD, ISO
+    shares = np.full((len(moment), 3), np.nan)
+    known = np.isfinite(moment).all(axis=(1, 2))
+    shares[known] = np.abs(source_shares(moment[known]))[:, [2, 1, 0]]  # DC, CLVD, ISO
     texts = {field.name: _texts(catalog[field.name].values) for field in FIELDS}
     events = []
     for index in range(catalog.sizes["event"]):

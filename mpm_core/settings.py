@@ -159,7 +159,7 @@ class SolverSettings(Settings):
     tolerance: Tolerance = 1e-5
     """unbalanced force at rest over the force that the step releases, 2-norms"""
     cascade_tolerance: Tolerance = 1e-3
-    """the same between two generations of failure; at least 0.05 where no rock loses strength"""
+    """the same between two generations of failure; where no rock loses strength 50 times as much, up to 0.05"""
     increments: whole_number(ge=1, le=1000) = 4
     """parts in which the rock of one step is taken out"""
     max_iterations: Many = 40000

@@ -5,9 +5,10 @@ import xarray as xr
 from matplotlib import dates
 from matplotlib.figure import Figure
 
+from catalogs.completeness import fullest_bin
 from catalogs.figures import style
 from catalogs.figures.events import days_since_1970
-from catalogs.sizes import completeness_by_curvature, log_potency
+from catalogs.sizes import log_potency
 
 WINDOW = 100  # events: from as many in a row the fullest bin is found
 LEAST = 40  # fewer events in all have no completeness in time
@@ -65,5 +66,5 @@ def completeness(days: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.nda
     """Middle day and fullest bin (log10 m3) of windows of WINDOW events in a row, half overlapping; days ascending."""
     width = min(WINDOW, len(days))
     starts = range(0, len(days) - width + 1, max(width // 2, 1))
-    found = [completeness_by_curvature(size[start : start + width]) for start in starts]
+    found = [fullest_bin(size[start : start + width]) for start in starts]
     return np.array([np.median(days[start : start + width]) for start in starts]), np.array(found)

@@ -27,7 +27,7 @@ from mpm_core.model import Model
 from mpm_core.state import State
 
 TIGHTER = 4.0  # between two tolerances of the last increment
-PLASTIC_TOLERANCE = 0.05  # between generations where no rock loses strength: yield is led by the load, not by a drop
+PLASTIC_LOOSER, PLASTIC_TOLERANCE = 50.0, 0.05  # times the given one, to so much: where no rock loses strength
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def loose_tolerance(model: Model) -> float:
     solver = model.scene.solver
     given = max(solver.cascade_tolerance, solver.tolerance)
     plastic = model.can_fail().any() and not model.is_brittle() and solver.collapse != "keep"
-    return max(given, PLASTIC_TOLERANCE) if plastic else given
+    return max(given, min(PLASTIC_LOOSER * given, PLASTIC_TOLERANCE)) if plastic else given
 
 
 def run_cascade(

@@ -106,7 +106,7 @@ def test_a_catalog_of_history_alone_is_empty_and_valid(event_steps, tmp_path):
     write_csv(again, tmp_path / "catalog.csv")
     table = pd.read_csv(tmp_path / "catalog.csv")
     assert len(table) == 0
-    assert list(table.columns[:5]) == ["date", "time", "x_m", "y_m", "z_m"]
+    assert list(table.columns[:5]) == ["date", "time_utc", "time_uncertainty_s", "x_m", "y_m"]
 
 
 def test_steps_that_do_not_belong_together_are_refused(event_steps):
@@ -127,7 +127,8 @@ def test_table_holds_the_catalog(event_steps, tmp_path):
     assert (
         list(table.columns)
         == (
-            "date time_utc time_uncertainty_s x_m y_m z_m location_uncertainty_m log10_potency_m3 moment_n_m mw potency_xx_m3 potency_yy_m3 potency_zz_m3 potency_yz_m3 "
+            "date time_utc time_uncertainty_s x_m y_m z_m location_uncertainty_m log10_potency_m3 moment_n_m mw "
+            "potency_xx_m3 potency_yy_m3 potency_zz_m3 potency_yz_m3 "
             "potency_xz_m3 potency_xy_m3 step resolved"
         ).split()
     )
