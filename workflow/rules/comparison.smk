@@ -177,7 +177,7 @@ rule twin:
     params:
         code=source_hash("catalogs twin"),
         noise=10,  # m, root mean square
-        cut=-2.5,  # log10 of potency in m3
+        cut=-3.0,  # log10 of potency in m3
     log:
         f"logs/{MINE.name}/twin.log",
     benchmark:
