@@ -30,6 +30,7 @@ TAILS = (0.025, 0.975)
 MOST_DRAWS = 4  # smeared copies of a modelled event
 DISTANCES = 12
 LEAST_AXES = 2
+LEAST_LEFT_OUT = 5e-4  # share without a clear axis that is worth a sentence
 AXES_RESAMPLINGS = 499
 
 
@@ -157,10 +158,10 @@ def axes_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dic
 
 def _left_out(clear: NDArray, of: str) -> str:
     """What of the catalogues has no clear axes, in words; empty where all have."""
-    if (clear == 1.0).all():
+    if (clear > 1.0 - LEAST_LEFT_OUT).all():
         return ""
     shares = [
-        ", ".join(f"{name} {100 * (1 - share):.0f} %" for name, share in zip(AXIS_NAMES, row, strict=True))
+        ", ".join(f"{name} {100 * max(1 - share, 0):.1f} %" for name, share in zip(AXIS_NAMES, row, strict=True))
         for row in clear
     ]
     return (

@@ -4,6 +4,7 @@ import numpy as np
 
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import fixed, percent, whole, with_unit
+from catalogs.size_law import NONE
 from catalogs.sizes import estimate_b, log_potency
 
 
@@ -30,18 +31,22 @@ def closeness_rows(evidence: Evidence, cut: float) -> list[dict]:
     return rows
 
 
-def intervals_contain(rows: list[dict]) -> list[str]:
+def intervals_contain(evidence: Evidence, rows: list[dict]) -> list[str]:
     """What the intervals of the report's head contain and what they do not, in one sentence; none without rows."""
     known = [row for row in rows if np.isfinite(row["b"])]
+    law = "" if evidence.comparison is None else evidence.comparison.attrs.get("law_model", "")
     if not known:
         return []
     low, high = (pick(known, key=lambda row: row["b"]) for pick in (min, max))
     own = next(row["closeness"] for row in rows if row["own"])
+    range_of_b = f"{fixed(low['b'], 2)} to {fixed(high['b'], 2)} (section 6)."
+    tried = f"at {known[0]['closeness']} to {known[-1]['closeness']}"
+    if law == NONE:
+        text = "No power law describes the sizes of the model's events. "
+        return [text + f"Fitted all the same, to the same rock extracted {tried} closeness, b is {range_of_b}"]
     return [
         f"An interval of the model's b contains the sampling of its events at closeness {own}; not the choice of "
-        "closeness, increments or cell size. "
-        f"Extracted from the same rock at {known[0]['closeness']} to {known[-1]['closeness']} "
-        f"b is {fixed(low['b'], 2)} to {fixed(high['b'], 2)} (section 6)."
+        f"closeness, increments or cell size. Extracted from the same rock {tried} b is {range_of_b}"
     ]
 
 

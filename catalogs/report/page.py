@@ -65,7 +65,7 @@ def write_report(
     page = _environment().get_template("report.html.j2").render(
         evidence=evidence,
         mine=evidence.grid.attrs["mine"],
-        headline=text.headline(evidence) + intervals_contain(rows) + headline_of_spread(evidence),
+        headline=text.headline(evidence) + intervals_contain(evidence, rows) + headline_of_spread(evidence),
         match=match.match_rows(evidence),
         beside=sentences(evidence),
         banners=[("truncated", said) for said in missing_potency(evidence)] + text.banners(evidence),

@@ -6,6 +6,7 @@ import numpy as np
 
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import number, percent, plural, typeset, whole
+from catalogs.size_law import NONE, POWER, TRUNCATED
 from catalogs.sizes import LEAST_EVENTS
 
 
@@ -77,11 +78,23 @@ def _impossible(evidence: Evidence) -> list[str]:
         found.append(_sentence(attributes["location_text"]))
     few = [f"{name} has {count}" for name, count in zip(names, counts, strict=True) if count < LEAST_EVENTS]
     if not np.isfinite(comparison["b_difference"]):
-        why = f"{LEAST_EVENTS} events are needed in each, {' and '.join(few)}" if few else "events are all of one size"
-        found.append(f"b cannot be compared: {why}.")
+        laws = [f"those of {name} {_follow(attributes[f'law_{name.split()[1]}'])}" for name in names]
+        why = (
+            f"{LEAST_EVENTS} events are needed in each, {' and '.join(few)}"
+            if few
+            else f"sizes are no power law, {', '.join(laws)}"
+        )
+        found.append(f"b is not compared: {why}.")
     if not int(attributes.get("axes_present", 0)):
         found.append(_sentence(attributes.get("axes_text", "")))
     return found
+
+
+def _follow(law: str) -> str:
+    """What sizes do, of the name of a law."""
+    return {POWER: "follow one", TRUNCATED: "follow one that ends at the largest", NONE: "follow none"}.get(
+        law, "are too few"
+    )
 
 
 def _sentence(text: str) -> str:

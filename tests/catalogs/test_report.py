@@ -328,7 +328,7 @@ def test_result_counts_the_record_inside_and_outside_the_domain(mine, tmp_path):
             True,
             "Model and record cannot be compared: the record has no event here. Counted are events of log P ≥ ",
         ),
-        (slice(0, 7), True, "b cannot be compared: 10 events are needed in each, the record has "),
+        (slice(0, 7), True, "b is not compared: 10 events are needed in each, the record has "),
         (slice(0, 1), True, "Locations cannot be compared: an interval needs, in one step, two"),
         (slice(0, 40), False, "The record has no tensors: axes cannot be compared."),
     ],

@@ -43,11 +43,11 @@ def test_rows_and_sentence_say_what_the_sizes_are(make_scattered_step, make_sett
     assert rows[3]["b"] == estimate_b(own, cut).b
     assert rows[3]["events"] == str(len(own))
     assert rows[3]["largest"].replace("−", "-") == f"{own.max():.2f}"
-    (sentence,) = intervals_contain(rows)
+    (sentence,) = intervals_contain(SimpleNamespace(comparison=None), rows)
     b = [row["b"] for row in rows]
     assert f"b is {min(b):.2f} to {max(b):.2f} (section 6)" in sentence
     assert "events at closeness 0.8; not the choice of closeness, increments or cell size" in sentence
-    assert intervals_contain([]) == []
+    assert intervals_contain(SimpleNamespace(comparison=None), []) == []
     assert closeness_rows(SimpleNamespace(closeness=None), cut) == []
 
 
