@@ -10,6 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 
 from catalogs.figures import panels, style, views
 from catalogs.sizes import log_potency
@@ -99,10 +100,13 @@ def draw_density(figure: Figure, axes: Axes, catalog: xr.Dataset, view: views.Vi
         *edges, np.where(count > 0, count, np.nan), norm=LogNorm(1, max(count.max(), 2)), cmap="cividis_r",
         rasterized=True, zorder=1,
     )  # fmt: skip
-    inset = axes.inset_axes([0.03, 0.05, 0.35, 0.03])
+    panel = axes.get_position()
+    wide, tall = panel.width * figure.get_figwidth(), panel.height * figure.get_figheight()  # inches
+    axes.add_patch(Rectangle((0, 0), 1.45 / wide, 0.48 / tall, transform=axes.transAxes, color="white", zorder=4))
+    inset = axes.inset_axes([0.1 / wide, 0.2 / tall, 1.2 / wide, 0.07 / tall], zorder=5)
     figure.colorbar(drawn, cax=inset, orientation="horizontal")
-    inset.set_title(f"events per {side:.2g} m square", fontsize=8, loc="left", pad=2)
-    inset.tick_params(labelsize=7.5)
+    inset.set_title(f"events per {side:.2g} m square", fontsize=7.5, fontweight="normal", loc="left", pad=2)
+    inset.tick_params(labelsize=7)
 
 
 def draw_events(axes: Axes, catalog: xr.Dataset, view: views.View, scale: Scale) -> None:

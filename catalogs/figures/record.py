@@ -10,7 +10,7 @@ from catalogs.figures import style
 from catalogs.figures.events import days_since_1970
 from catalogs.sizes import log_potency
 
-WINDOW = 100  # events: from as many in a row the fullest bin is found
+WINDOW, WINDOWS = 100, 30  # events from which the fullest bin is found, more where there would be so many windows
 LEAST = 40  # fewer events in all have no completeness in time
 
 
@@ -63,8 +63,8 @@ def in_time(record: xr.Dataset, model: xr.Dataset, steps: list[dict], label: str
 
 
 def completeness(days: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Middle day and fullest bin (log10 m3) of windows of WINDOW events in a row, half overlapping; days ascending."""
-    width = min(WINDOW, len(days))
+    """Middle day and fullest bin (log10 m3) of windows of events in a row, half overlapping; days ascending."""
+    width = min(max(WINDOW, len(days) // WINDOWS), len(days))
     starts = range(0, len(days) - width + 1, max(width // 2, 1))
     found = [fullest_bin(size[start : start + width]) for start in starts]
     return np.array([np.median(days[start : start + width]) for start in starts]), np.array(found)
