@@ -11,6 +11,7 @@ from tiny_mines import TINY, changed, finished, merged, start, write_mine
 
 from pipeline.errors import InputError
 from workflow.configuration import load
+from workflow.owners import NOTES
 
 
 @pytest.fixture(scope="session")
@@ -39,6 +40,8 @@ def undisturbed(base, tiny_file, tmp_path_factory) -> tuple[Path, str]:
         fcntl.flock(lock, fcntl.LOCK_EX)  # until the file is closed
         if shared.is_dir():
             shutil.copytree(shared, base, dirs_exist_ok=True)
+            for note in (folder / NOTES).iterdir():  # whose results they are: this worker's own file's
+                note.write_text(str(tiny_file.resolve()), encoding="utf-8")
         else:
             text = run_to_report(tiny_file, folder)
             (base / "terminal.txt").write_text(text)

@@ -227,7 +227,7 @@ def test_no_event_left_by_the_filter_and_spoiled_records(mine, tmp_path):
             read_record(settings | others)
         return str(error.value)
 
-    assert "filter.start: no event left (60 before" in line(text, filter={"start": "2031-01-01"})
+    assert "record.filter: start and end leave nothing of the modelled" in line(text, filter={"start": "2031-01-01"})
     assert "column 'z' (record.columns.z) is missing" in line(text.replace(",z,", ",depth,"))
     rows = text.splitlines()
     rows[3] = rows[3].split(",")[0] + ",nan,1,1,-2"

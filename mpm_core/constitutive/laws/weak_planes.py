@@ -43,7 +43,7 @@ ROW_LENGTH = ROCK_LENGTH + 8
 NX, NY, NZ, COHESION, FRICTION, DILATION, TENSION, CORNER = range(ROCK_LENGTH, ROW_LENGTH)
 SLIP, OPENING, BOTH = range(5, 8)
 """where a return ended, beside the regions of the rock alone: on the plane in shear, in tension, on plane and rock"""
-MOST_ROUNDS = 60
+MOST_ROUNDS = 1000  # some three are usual; rock and planes that hardly bear anything, far above it, take 100 to 10,000
 MOST_TURNS = 8  # of rock and plane, for what is above strength by round-off; and of all that again. One is usual
 CLOSE = 1e-14  # of the stress: traction that two rounds differ by
 STEP = 1e-7  # of the stress: between two returns
