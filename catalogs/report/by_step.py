@@ -14,8 +14,8 @@ def missing_potency(evidence: Evidence) -> list[str]:
     """One sentence or two on rock that was too coarse to fail; empty where there is none.
 
     What a step's events would release more is estimated by its truncated share s: rock above strength in coarse cells,
-    taken to release per volume what the failed rock of the step did, so s / (1 - s) of it. (Demo, first month: 2.7
-    estimated, 2.9 found with grid.failure_zone: auto.)
+    taken to release per volume what the failed rock of the step did, so s / (1 - s) of it. It is
+    an estimate: no run without coarse rock was set beside it.
     """
     short = [step for step in evidence.dated if int(step["truncated"])]
     before = [stage.attrs for stage in evidence.stages if int(stage.attrs["truncated"]) and stage.attrs not in short]
