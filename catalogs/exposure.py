@@ -3,12 +3,14 @@
 The time both catalogues share is that of the dated steps during which was recorded (`catalogs.periods`).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
+from catalogs.records.times import parse_time
 from catalogs.settings import DatedStep
 
 DAY = np.timedelta64(86400 * 10**9, "ns")
@@ -26,7 +28,8 @@ class Exposure:
     @classmethod
     def of(cls, steps: tuple[DatedStep, ...], common: tuple[str, str] | None) -> "Exposure":
         """The dated steps, cut to the common period (ISO text) if it is known."""
-        start, end = (np.array([getattr(one, key) for one in steps], "datetime64[ns]") for key in ("start", "end"))
+        windows = [window(one.model_dump()) for one in steps]
+        start, end = np.array(windows, "datetime64[ns]").reshape(-1, 2).T
         if common:
             first, last = (np.datetime64(text, "ns") for text in common)
             start, end = np.clip(start, first, last), np.clip(end, first, last)
@@ -59,6 +62,11 @@ class Exposure:
             inside = (time >= start) & (time < end)
             found.append(np.bincount((time[inside] - start) // length, values[inside], minlength=count))
         return np.concatenate(found)
+
+
+def window(step: Mapping[str, str]) -> tuple[np.datetime64, np.datetime64]:
+    """Start and end of a dated step (UTC, ns), from its ISO texts."""
+    return tuple(parse_time(step[key], f"step {key}") for key in ("start", "end"))
 
 
 def total_interval(sums: NDArray, resamplings: int, generator: np.random.Generator) -> NDArray:

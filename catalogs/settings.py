@@ -20,8 +20,8 @@ class ComparisonSettings(Settings):
     """of blocks, for each interval"""
     seed: whole_number(ge=0, le=2**32 - 1) = 1
     """of all that is drawn"""
-    maximum_events: whole_number(ge=100, le=100_000) = 3000
-    """of each catalogue in the comparison of locations, drawn at random beyond it"""
+    maximum_events: whole_number(ge=100, le=5000) = 3000
+    """of each catalogue in the comparison of locations, drawn at random beyond it; 1.1 GB, and with their square"""
     size_bin: Annotated[float, Field(ge=0.01, le=2)] = 0.2
     """of log10 P, in plots"""
     cut_step: Annotated[float, Field(ge=0.01, le=1)] = 0.1

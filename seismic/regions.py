@@ -23,12 +23,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from seismic.clusters import neighbour_graph, number_by_first
+from seismic.families import NINE_NORM
 
 TOUCHING = 1.05  # cells share a face where their centres are within so many of the larger spacing: across an edge 1.09
 GENERATIONS_APART = 1
 SMALL = 0.003  # of a region's particles: such a one need not wait until the region chooses it
-# The nine-component norm of a symmetric tensor is the ordinary norm of six components with shear times sqrt(2).
-NINE_NORM = np.array([1.0, 1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0), np.sqrt(2.0)])
 
 
 def find_regions(
@@ -98,21 +97,10 @@ def grow(
     shared = np.ones(len(first))
     while len(first):
         _choose(tensor, total, scalar, size, least, following, lot, first, second, shared, threshold, best, score)
+        linked = np.unique([first, second])
         if not _join(
-            np.unique([first, second]),
-            best,
-            score,
-            threshold,
-            small,
-            tensor,
-            total,
-            scalar,
-            size,
-            least,
-            region,
-            following,
-            last,
-        ):
+            linked, best, score, threshold, small, tensor, total, scalar, size, least, region, following, last
+        ):  # fmt: skip
             break
         first, second = region[first], region[second]
         apart = first != second
@@ -121,6 +109,17 @@ def grow(
         shared = np.bincount(number, shared[apart])
         first, second = np.divmod(pair, count)
     return region
+
+
+@njit(inline="always")
+def _products(total, a, b):
+    """Products of two regions' tensors: of the first with itself, of both, of the second with itself."""
+    aa = ab = bb = 0.0
+    for k in range(6):
+        aa += total[a, k] * total[a, k]
+        ab += total[a, k] * total[b, k]
+        bb += total[b, k] * total[b, k]
+    return aa, ab, bb
 
 
 @njit(cache=True)
@@ -134,11 +133,7 @@ def _choose(tensor, total, scalar, size, least, following, lot, first, second, s
             best[region], score[region] = region, -1.0
     for link in range(len(first)):
         a, b = first[link], second[link]
-        aa = ab = bb = 0.0
-        for k in range(6):
-            aa += total[a, k] * total[a, k]
-            ab += total[a, k] * total[b, k]
-            bb += total[b, k] * total[b, k]
+        aa, ab, bb = _products(total, a, b)
         value = ab / np.sqrt(aa * bb) * shared[link] / np.sqrt(min(size[a], size[b]))
         if value < score[a] and value < score[b]:
             continue
@@ -153,11 +148,7 @@ def _choose(tensor, total, scalar, size, least, following, lot, first, second, s
 @njit(cache=True)
 def _may_join(a, b, threshold, tensor, total, scalar, least, following):
     """Whether two regions would be alike enough together, and no particle of either opposed to their tensor."""
-    aa = ab = bb = 0.0
-    for k in range(6):
-        aa += total[a, k] * total[a, k]
-        ab += total[a, k] * total[b, k]
-        bb += total[b, k] * total[b, k]
+    aa, ab, bb = _products(total, a, b)
     joined = np.sqrt(aa + 2.0 * ab + bb)
     if joined < threshold * (scalar[a] + scalar[b]):
         return False
@@ -231,11 +222,8 @@ def _join(linked, best, score, threshold, small, tensor, total, scalar, size, le
 @njit(cache=True)
 def _add(a, b, tensor, total, scalar, size, least, following, last):
     """Add region b to region a, in place; least becomes a bound: no particle's cosine with the tensor is below it."""
-    aa = ab = bb = 0.0
+    aa, ab, bb = _products(total, a, b)
     for k in range(6):
-        aa += total[a, k] * total[a, k]
-        ab += total[a, k] * total[b, k]
-        bb += total[b, k] * total[b, k]
         total[a, k] += total[b, k]
     joined = np.sqrt(aa + 2.0 * ab + bb)
     turned_a = np.arccos(least[a]) + np.arccos(min((aa + ab) / (np.sqrt(aa) * joined), 1.0))

@@ -6,6 +6,7 @@ from matplotlib import dates
 from matplotlib.figure import Figure
 
 from catalogs.completeness import fullest_bin
+from catalogs.exposure import window
 from catalogs.figures import style
 from catalogs.figures.events import days_since_1970
 from catalogs.sizes import log_potency
@@ -45,7 +46,7 @@ def in_time(record: xr.Dataset, model: xr.Dataset, steps: list[dict], label: str
     edges, sums = [], []
     own, name = log_potency(model["potency"].values), model["step"].values
     for step in steps:
-        start, end = (dates.date2num(np.datetime64(step[key].replace("Z", ""), "ns")) for key in ("start", "end"))
+        start, end = (dates.date2num(moment) for moment in window(step))
         inside = (name == step["step"]) & (own >= cut)
         total = sums[-1] if sums else 0.0
         edges += [start, end]

@@ -19,7 +19,8 @@ import pandas as pd
 import xarray as xr
 
 from catalogs.record_settings import DomainBox, OrientationSettings, RecordSlice
-from catalogs.records.filters import distance_beyond, domain_box, filter_events, limits_of, parse_time
+from catalogs.records.filters import distance_beyond, domain_box, filter_events, limits_of
+from catalogs.records.times import parse_time
 from pipeline.errors import InputError
 from pipeline.event_table import new_catalog
 from pipeline.source_tensors import moment_magnitude

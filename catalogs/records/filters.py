@@ -8,11 +8,11 @@ import logging
 from collections.abc import Mapping
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
 from catalogs.periods import recorded_period
-from catalogs.record_settings import FIRST_YEAR, LAST_YEAR, DomainBox, RecordSlice
+from catalogs.record_settings import DomainBox, RecordSlice
+from catalogs.records.times import parse_time
 from pipeline.errors import InputError
 
 DOMAIN = "domain"
@@ -227,18 +227,3 @@ def _conditions(events: xr.Dataset, settings: Mapping, columns: Mapping, words: 
             texts = [listed] if isinstance(listed, str) else list(listed)
             found = np.isin(words[column], texts)
             yield f"{key}.{column}", texts, found if key == "only" else ~found
-
-
-def parse_time(text: str, where: str) -> np.datetime64:
-    """ISO 8601 text as UTC, ns; a time zone is converted, text without one is UTC. Raises InputError naming `where`."""
-    try:
-        moment = pd.Timestamp(text)
-    except (ValueError, TypeError) as error:
-        raise InputError(f"{where}: {text!r} is not an ISO date") from error
-    if moment is pd.NaT:
-        raise InputError(f"{where}: {text!r} is not an ISO date")
-    if not FIRST_YEAR <= moment.year <= LAST_YEAR:
-        raise InputError(f"{where}: {text!r}: years run from {FIRST_YEAR} to {LAST_YEAR} here")
-    if moment.tzinfo is not None:
-        moment = moment.tz_convert("UTC").tz_localize(None)
-    return np.datetime64(moment.to_datetime64(), "ns")

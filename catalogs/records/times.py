@@ -22,6 +22,21 @@ PATTERN = re.compile(f"{DATE}{CLOCK}{OFFSET}", re.IGNORECASE)
 NANOSECONDS = {"hour": 3_600_000_000_000, "minute": 60_000_000_000, "whole": 1_000_000_000}
 
 
+def parse_time(text: str, where: str) -> np.datetime64:
+    """ISO 8601 text as UTC, ns; a time zone is converted, text without one is UTC. Raises InputError naming `where`."""
+    try:
+        moment = pd.Timestamp(text)
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{where}: {text!r} is not an ISO date") from error
+    if moment is pd.NaT:
+        raise InputError(f"{where}: {text!r} is not an ISO date")
+    if not FIRST_YEAR <= moment.year <= LAST_YEAR:
+        raise InputError(f"{where}: {text!r}: years run from {FIRST_YEAR} to {LAST_YEAR} here")
+    if moment.tzinfo is not None:
+        moment = moment.tz_convert("UTC").tz_localize(None)
+    return np.datetime64(moment.to_datetime64(), "ns")
+
+
 def parse_times(text: pd.Series, order: str | None, zone: str | None, source: str) -> tuple[np.ndarray, int]:
     """UTC times (event,) datetime64[ns] of a column of text, NaT where it is empty or no date; how many had no offset.
 

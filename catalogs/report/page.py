@@ -10,9 +10,9 @@ import numpy as np
 
 from catalogs.figures import style
 from catalogs.report import match, sections, text
-from catalogs.report.by_step import caption, missing_potency, step_rows
 from catalogs.report.closeness import intervals_contain
 from catalogs.report.gallery import Gallery
+from catalogs.report.head import caption, missing_potency, step_rows
 from catalogs.report.inputs import Evidence, read_evidence
 from catalogs.report.record import sentences
 from catalogs.report.spread import headline as headline_of_spread

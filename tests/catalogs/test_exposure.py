@@ -102,3 +102,15 @@ def test_the_interval_of_an_angle_reaches_0_if_the_axes_may_be_one(turn):
     assert low <= turn <= high
     assert (low == 0.0) == (turn == 0.0)
     assert (result["mean_angle_p_value"] < 0.05) == (turn > 0)
+
+
+def test_two_events_sixty_years_apart_leave_all_of_time_open():
+    """Silence of centuries on either side, which nanoseconds cannot tell: it came round at the other end of time."""
+    first, last = recorded_period(np.array(["1960-01-01", "2019-08-01"], "datetime64[ns]"))
+    assert first <= np.datetime64("1700-01-01") < np.datetime64("2200-01-01") <= last
+
+
+def test_dates_with_a_zone_are_those_of_utc():
+    steps = (DatedStep(name="a", start="2019-08-01T00:00:00Z", end="2019-08-02 12:00"),)
+    assert Exposure.of(steps, None).days == 1.5
+    assert np.isnan(Exposure.of((), None).days)

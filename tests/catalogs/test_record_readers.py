@@ -11,7 +11,7 @@ from catalogs.comparison import compare
 from catalogs.frame import MineFrame
 from catalogs.quakeml import UP_SOUTH_EAST
 from catalogs.records import READERS, read_record
-from catalogs.records.filters import parse_time
+from catalogs.records.times import parse_time
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
 

@@ -1,5 +1,6 @@
 """What the report says first, and the pictures that answer to it: numbers by hand, places by the eye's rules."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,7 @@ import xarray as xr
 from matplotlib import dates
 
 from catalogs.figures import events, panels, record, rock, style, views
-from catalogs.report.by_step import missing_potency, step_rows
+from catalogs.report.head import missing_potency, step_rows
 from catalogs.report.inputs import Excavation
 from catalogs.report.insitu import insitu_axes
 from catalogs.settings import InsituStress
@@ -80,6 +81,18 @@ def test_each_step_stands_beside_what_was_recorded_while_it_was_mined():
     assert [(row["days"], row["mined"]) for row in rows] == [("31.0", "11.00"), ("28.0", "7.000")]
     assert [row["modelled"] for row in rows] == [("2", "0.110"), ("1", "0.100")]
     assert [row["recorded"] for row in rows] == [("2", "0.0200"), ("1", "0.100")]
+
+
+def test_a_record_that_ends_within_a_step_says_for_how_many_of_its_days_it_is():
+    recorded = events_of([1e-2], days=[3.0])
+    recorded.attrs["period"] = json.dumps({"common": ["2019-01-01T00:00:00", "2019-02-11T00:00:00"]})
+    rows = step_rows(
+        SimpleNamespace(
+            catalog=recorded, resolved=recorded, record=recorded, comparison=None, excavations=[],
+            dated=[step("a", 0.0, 1), step("b", 0.0, 2), step("c", 0.0, 3)],
+        )
+    )  # fmt: skip
+    assert [(row["days"], row["recorded_days"]) for row in rows] == [("31.0", "31.0"), ("28.0", "10.0"), ("31.0", "0")]
 
 
 def test_insitu_axes_are_those_at_the_depth_of_the_events():

@@ -1,5 +1,6 @@
 """Files as other programs write them: units, places, several bodies, blocks, odd headers, and what bounds no volume."""
 
+import itertools
 import logging
 import time
 
@@ -150,13 +151,16 @@ def test_solids_of_a_text_stl_are_picked_by_name(tmp_path):
         read_solid(path, "stope", element="C")
 
 
-@pytest.mark.parametrize("header", [b"solid COLOR=" + bytes(range(200, 255)), b"\x00" * 80, b"solid facet vertex"])
-@pytest.mark.parametrize("after", [b"", b"\x00\x01 left over"])
+@pytest.mark.parametrize(
+    ("header", "after"),
+    [
+        *itertools.product([b"solid COLOR=" + bytes(range(200, 255)), b"\x00" * 80], [b"", b"\x00\x01 left over"]),
+        (b"solid facet vertex", b""),  # with something left over it is a text file cut off, as far as anyone can tell
+    ],
+)
 def test_binary_stl_with_an_odd_header(tmp_path, header, after):
     path = tmp_path / "stope.stl"
     trimesh.Trimesh(BOX.vertices, BOX.facets).export(path)
-    if after and b"vertex" in header:
-        pytest.skip("that is a text file cut off, as far as anyone can tell")
     path.write_bytes(header.ljust(80)[:80] + path.read_bytes()[80:] + after)
     assert read_solid(path, "stope").volume == pytest.approx(64)
     with pytest.raises(InputError, match="no names: remove `element`"):

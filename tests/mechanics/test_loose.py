@@ -233,7 +233,10 @@ def test_debris_around_a_free_body_falls(tmp_path):
     """Nothing holds a body in space: the largest piece is the model, smaller ones are loose, and no force is left."""
     boundary = dict.fromkeys(FACES, "free")
     body, debris = box([3.0, 3.0], [13.0, 11.0]), box([5.0, 13.0], [7.0, 14.0])
-    space = lambda x: ~body(x) & ~debris(x)  # noqa: E731
+
+    def space(x):
+        return ~body(x) & ~debris(x)
+
     (state, _), (facts, _) = run("xz", boundary, [excavation()], [space], uniform(-1e6, 0.0, -1e6), 1, tmp_path)
     assert facts["loose_pieces"] == 1
     assert state.volume.values.sum() == pytest.approx(80.0)

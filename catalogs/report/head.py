@@ -1,8 +1,11 @@
 """What matters first: how much potency is missing, and each step's modelled events beside the recorded ones."""
 
+import json
+
 import numpy as np
 import xarray as xr
 
+from catalogs.exposure import DAY, window
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import number, percent, plural, typeset, whole
 from catalogs.sizes import log_potency
@@ -14,8 +17,8 @@ def missing_potency(evidence: Evidence) -> list[str]:
     """One sentence or two on rock that was too coarse to fail; empty where there is none.
 
     What a step's events would release more is estimated by its truncated share s: rock above strength in coarse cells,
-    taken to release per volume what the failed rock of the step did, so s / (1 - s) of it. It is
-    an estimate: no run without coarse rock was set beside it.
+    taken to release per volume what the failed rock of the step did, so s / (1 - s) of it. An estimate: no run without
+    coarse rock was set beside it.
     """
     short = [step for step in evidence.dated if int(step["truncated"])]
     before = [stage.attrs for stage in evidence.stages if int(stage.attrs["truncated"]) and stage.attrs not in short]
@@ -54,12 +57,14 @@ def step_rows(evidence: Evidence) -> list[dict]:
     mined = {}
     for row in evidence.excavations:
         mined[row.step] = mined.get(row.step, 0.0) + row.drawn
-    rows = []
+    rows, common = [], _common(evidence)
     for step in evidence.dated:
-        start, end = (np.datetime64(step[key].replace("Z", ""), "ns") for key in ("start", "end"))
+        start, end = window(step)
+        begun, ended = (np.clip(moment, *common) for moment in (start, end))
         row = {
             "step": step["step"],
-            "days": number((end - start) / np.timedelta64(1, "D"), 3),
+            "days": number((end - start) / DAY, 3),
+            "recorded_days": number((ended - begun) / DAY, 3),
             "mined": number(mined.get(step["step"], 0.0), 4),
             "modelled": _count(evidence.resolved, evidence.resolved["step"].values == step["step"], cut),
         }
@@ -68,6 +73,12 @@ def step_rows(evidence: Evidence) -> list[dict]:
             row["recorded"] = _count(evidence.record, (time >= start) & (time < end), cut)
         rows.append(row)
     return rows
+
+
+def _common(evidence: Evidence) -> list[np.datetime64]:
+    """Start and end of what was recorded of the modelled months; of the record's whole time where it does not say."""
+    period = json.loads(evidence.record.attrs.get("period", "{}")) if evidence.record is not None else {}
+    return [np.datetime64(text, "ns") for text in period.get("common", ("1678-01-01", "2261-12-31"))]
 
 
 def _count(catalog: xr.Dataset, chosen: np.ndarray, cut: float) -> tuple[str, str]:
