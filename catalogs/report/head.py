@@ -10,8 +10,6 @@ from catalogs.report.inputs import Evidence
 from catalogs.report.text import number, percent, plural, typeset, whole
 from catalogs.sizes import log_potency
 
-NAMED = 3  # places
-
 
 def missing_potency(evidence: Evidence) -> list[str]:
     """One sentence or two on rock that was too coarse to fail; empty where there is none.
@@ -28,7 +26,7 @@ def missing_potency(evidence: Evidence) -> list[str]:
     shares = sorted(float(step["truncated_share"]) for step in short or before)
     span = percent(shares[0]) if len(shares) == 1 else f"{number(100 * shares[0], 2)} to {percent(shares[-1])}"
     where = typeset(worst["truncated_where"]).split(";")[0]
-    which = "the dated steps" if short else "the steps before the record"
+    which = "the dated steps" if short else "the steps before the record" if evidence.steps else "the elastic stage"
     text = f"In {which}, {span} of the rock that has failed or should lies in cells too coarse to fail"
     place = f"; most in {worst['step']}, {where}. Refine the grid there (section 11)."
     if not short or evidence.catalog is None:

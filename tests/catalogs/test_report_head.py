@@ -48,19 +48,22 @@ def test_missing_potency_is_each_steps_own_share():
     """3 m3 with a quarter truncated lack 1, 2 m3 with a half lack 2; a step without lacks none."""
     catalog = events_of([1.0, 2.0, 2.0, 5.0], ["a", "a", "b", "c"])
     dated = [step("a", 0.25, 1), step("b", 0.5, 2), step("c", 0.0, 3)]
-    (text,) = missing_potency(SimpleNamespace(dated=dated, stages=[], catalog=catalog))
+    (text,) = missing_potency(SimpleNamespace(dated=dated, steps=dated, stages=[], catalog=catalog))
     assert text.startswith("About 3.0 m³ of potency is missing beside the 10.0 m³")
     assert "25 to 50 %" in text
     assert "most in b, x 0 to 2 m." in text
-    assert missing_potency(SimpleNamespace(dated=dated[2:], stages=[], catalog=catalog)) == []
+    assert missing_potency(SimpleNamespace(dated=dated[2:], steps=dated, stages=[], catalog=catalog)) == []
 
 
 def test_rock_too_coarse_before_the_record_is_said_without_an_estimate():
-    before = SimpleNamespace(attrs=step("history", 0.3, 1))
+    """In the history, beside a dated step without any; and in a scene that stops at elastic equilibrium."""
+    before, dated = SimpleNamespace(attrs=step("history", 0.3, 1)), [step("a", 0.0, 2)]
     (text,) = missing_potency(
-        SimpleNamespace(dated=[step("a", 0.0, 2)], stages=[before], catalog=events_of([1.0], ["a"]))
+        SimpleNamespace(dated=dated, steps=dated, stages=[before], catalog=events_of([1.0], ["a"]))
     )
     assert text.startswith("In the steps before the record, 30 % of the rock")
+    (text,) = missing_potency(SimpleNamespace(dated=[], steps=[], stages=[before], catalog=None))
+    assert text.startswith("In the elastic stage, 30 % of the rock")
 
 
 def test_each_step_stands_beside_what_was_recorded_while_it_was_mined():
