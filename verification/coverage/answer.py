@@ -64,5 +64,6 @@ def _draw(found: list[Found], least: float) -> Figure:
     axes.axvline(100 * least, color=style.RECORDED, linewidth=0.8, linestyle=":")
     axes.set_yticks(place, [one.name for one in found])
     axes.invert_yaxis()
+    axes.set_xlim(right=100.0)
     axes.set_xlabel("truth inside the 95 % interval (%; bars: 2 Monte Carlo errors; dotted: asked for)")
     return figure
