@@ -20,8 +20,7 @@ def grid(arguments: argparse.Namespace) -> None:
     log_compilation()
     use_threads(arguments.threads)
     scene = read_slice(arguments.scene)
-    draft = read_dataset(arguments.draft) if arguments.draft else None
-    write_dataset(make_grid(scene, provenance(scene, "mpm_core grid"), draft), arguments.output)
+    write_dataset(make_grid(scene, provenance(scene, "mpm_core grid")), arguments.output)
 
 
 def elastic(arguments: argparse.Namespace) -> None:
@@ -64,17 +63,18 @@ def _solve(arguments: argparse.Namespace) -> None:
 
 def vtk(arguments: argparse.Namespace) -> None:
     """a state for ParaView"""
-    from mpm_core.datasets import read_grid
+    from mpm_core.datasets import read_grid, read_pieces
     from mpm_core.vtk import write_vtu
 
-    grid, _, pieces = read_grid(read_dataset(arguments.grid))
-    write_vtu(grid, pieces, read_dataset(arguments.state), arguments.output)
+    state = read_dataset(arguments.state)
+    write_vtu(read_grid(state)[0], read_pieces(read_dataset(arguments.grid)), state, arguments.output)
 
 
 def solids(arguments: argparse.Namespace) -> None:
     """the solids for ParaView"""
-    from mpm_core.gridding import domain_of, read_solids
+    from mpm_core.gridding import domain_of
     from mpm_core.settings import GridSlice
+    from mpm_core.solids import read_solids
     from mpm_core.vtk import INDEX, write_solids
 
     scene = GridSlice.of(read_slice(arguments.scene))
@@ -99,8 +99,6 @@ def main() -> None:
             stage.add_argument(f"--{option}", required=True)
         if name != "vtk":
             stage.add_argument("--scene", required=True, help="file of the configuration's slice, JSON, SI units")
-        if name == "grid":
-            stage.add_argument("--draft", help="last step of a draft run: fine cells where rock failed in it")
         stage.add_argument("--log")
         stage.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()

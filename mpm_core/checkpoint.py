@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from mpm_core.equilibrium.convergence import COLUMNS, History
+from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.state import Extent, State, changed_in
 from pipeline.datasets import atomic_path, clear_parts
 
@@ -45,8 +46,8 @@ class Checkpoint:
     last: float = field(default_factory=time.perf_counter)
     cost: float = 0.0
 
-    def save(self, state: State, history: History) -> None:
-        """Write state and convergence table if it is time to."""
+    def save(self, state: State, history: History, grid: MultiLevelGrid) -> None:
+        """Write state, the cells that it has, and the convergence table, if it is time to."""
         now = time.perf_counter()
         if now - self.last < max(self.pause, self.cost / SHARE):
             return
@@ -57,23 +58,28 @@ class Checkpoint:
             failed = np.flatnonzero(state.failed >= 0)
             of_failed = {name: getattr(state, name)[failed] for name in OF_FAILED}
             others = {name: value for name, value in vars(state).items() if name not in (*OF_FAILED, *UNCHANGED)}
-            np.savez(file, key=self.key, **counters, **others, **of_failed, **beside)
+            cells = {"cells_index": grid.cell_index, "cells_level": grid.cell_level}
+            np.savez(file, key=self.key, **counters, **cells, **others, **of_failed, **beside)
         self.last = time.perf_counter()
         self.cost = self.last - now
 
-    def load(self, state: State, history: History) -> bool:
-        """Put state and table back, in place; False where there is none of this stage, whole."""
+    def read(self) -> dict[str, np.ndarray]:
+        """All that is saved, by name; nothing where there is none of this stage, whole."""
         try:
             with np.load(self.path, allow_pickle=False) as saved:
                 if str(saved["key"]) != self.key:
                     logging.info("%s is of other inputs; the stage starts anew", self.path)
-                    return False
-                values = {name: saved[name] for name in saved.files}
+                    return {}
+                return {name: saved[name] for name in saved.files}
         except FileNotFoundError:
-            return False
+            return {}
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             logging.warning("%s is not readable (%s); the stage starts anew", self.path, error)
-            return False
+            return {}
+
+    @staticmethod
+    def restore(values: dict[str, np.ndarray], state: State, history: History) -> None:
+        """Put what was read back into a state on the saved cells, and into the history, in place."""
         failed = np.flatnonzero(values["failed"] >= 0)
         for name, array in vars(state).items():
             if name in UNCHANGED:
@@ -93,7 +99,6 @@ class Checkpoint:
             "going on from increment %d, generation %d, iteration %d",
             history.increment, history.generation, history.iteration,
         )  # fmt: skip
-        return True
 
     def remove(self) -> None:
         """The stage has ended: nothing of it stays, nor what a kill has left of one half written."""

@@ -10,7 +10,7 @@ from mpm_core.fields import FIELDS, variable
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodes import interpolate
 from mpm_core.model import Model
-from mpm_core.occupancy import SAMPLES, Loose, Pieces
+from mpm_core.occupancy import SAMPLES, Loose, Places
 from mpm_core.scene import PLANES, Scene
 from mpm_core.state import ARRAYS, State
 from pipeline.errors import InputError
@@ -44,12 +44,9 @@ def _to_file(values: np.ndarray, dims: tuple[str, ...], scene: Scene) -> np.ndar
     return reorder(values, scene.voigt) if dims[-1] == "voigt" else values
 
 
-def grid_dataset(
-    grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, plane: str | None, attributes: dict
-) -> xr.Dataset:
-    """The dataset of grid.nc. attributes: excavation names and volumes, thickness, provenance."""
-    axes = PLANES[plane]
-    values = {
+def _cells(grid: MultiLevelGrid, body: np.ndarray, axes: tuple[int, ...]) -> dict[str, np.ndarray]:
+    """Variables of cells and nodes, by name."""
+    return {
         "cell_origin": embed(grid.cell_origin, axes),
         "cell_size": grid.cell_size,
         "cell_level": grid.cell_level,
@@ -57,62 +54,86 @@ def grid_dataset(
         "cell_body": body,
         "node_position": embed(grid.node_position, axes),
         "node_parents": grid.node_parents,
-        "piece_cell": pieces.cell,
-        "piece_excavation": pieces.excavation,
-        "piece_samples": pieces.samples,
-        "piece_fraction": np.bitwise_count(pieces.samples) / SAMPLES,
     }
-    dataset = xr.Dataset({name: variable(name, array) for name, array in values.items()})
-    dataset.attrs = CONVENTIONS | {
+
+
+def _of_domain(grid: MultiLevelGrid, axes: tuple[int, ...]) -> dict:
+    """Attributes of a dataset with cells."""
+    return {
         "dimension": grid.dimension,
-        "plane": plane or "none",
         "domain_lower": embed(grid.origin, axes),
         "domain_upper": embed(grid.origin + grid.shape * grid.fine_cell, axes),
         "coarse_cell": grid.fine_cell * 2 ** (grid.levels - 1),
         "fine_cell": grid.fine_cell,
         "levels": grid.levels,
-        **attributes,
     }
-    topology = "face" if grid.dimension == 2 else "volume"
-    dataset["mesh"] = xr.Variable(
-        (),
-        np.int32(0),
-        {
-            "cf_role": "mesh_topology",
-            "topology_dimension": grid.dimension,
-            "node_coordinates": "node_position",
-            f"{topology}_node_connectivity": "cell_nodes",
-        },
-    )
+
+
+def _mesh(dimension: int) -> xr.Variable:
+    """UGRID's variable that says which others are the mesh."""
+    topology = "face" if dimension == 2 else "volume"
+    attributes = {
+        "cf_role": "mesh_topology",
+        "topology_dimension": dimension,
+        "node_coordinates": "node_position",
+        f"{topology}_node_connectivity": "cell_nodes",
+    }
+    return xr.Variable((), np.int32(0), attributes)
+
+
+def grid_dataset(
+    grid: MultiLevelGrid, body: np.ndarray, pieces: Places, plane: str | None, attributes: dict
+) -> xr.Dataset:
+    """The dataset of grid.nc. attributes: excavation names and volumes, thickness, provenance."""
+    axes = PLANES[plane]
+    values = _cells(grid, body, axes) | {
+        "piece_origin": embed(grid.origin + pieces.place * grid.fine_cell, axes),
+        "piece_excavation": pieces.excavation,
+        "piece_samples": pieces.samples,
+        "piece_fraction": np.bitwise_count(pieces.samples) / SAMPLES,
+    }
+    dataset = xr.Dataset({name: variable(name, array) for name, array in values.items()})
+    dataset.attrs = CONVENTIONS | {"plane": plane or "none", **_of_domain(grid, axes), **attributes}
+    dataset["mesh"] = _mesh(grid.dimension)
     return dataset
 
 
-def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray, Pieces]:
-    """Grid, rock body of each cell and pieces, from the dataset of grid.nc."""
+def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray]:
+    """Grid and rock body of each cell, from the dataset of grid.nc or of a state."""
     attributes = dataset.attrs
-    plane = None if attributes["plane"] == "none" else attributes["plane"]
-    axes = list(PLANES[plane])
-    origin, fine = np.asarray(attributes["domain_lower"])[axes], float(attributes["fine_cell"])
-
-    def index(positions: xr.DataArray) -> np.ndarray:
-        values = positions.values[:, axes]
-        values -= origin
-        values /= fine
-        return np.rint(values, out=values).astype(np.int32)
-
+    fine = float(attributes["fine_cell"])
+    axes = _axes(dataset)
+    origin = np.asarray(attributes["domain_lower"])[axes]
     grid = MultiLevelGrid(
         origin=origin,
         fine_cell=fine,
         levels=int(attributes["levels"]),
         shape=np.rint((np.asarray(attributes["domain_upper"])[axes] - origin) / fine).astype(np.int64),
-        cell_index=index(dataset.cell_origin),
+        cell_index=_index(dataset, "cell_origin"),
         cell_level=dataset.cell_level.values,
         vtk_nodes=dataset.cell_nodes.values,
-        node_index=index(dataset.node_position),
+        node_index=_index(dataset, "node_position"),
         node_parents=dataset.node_parents.values,
     )
-    pieces = Pieces(dataset.piece_cell.values, dataset.piece_excavation.values, dataset.piece_samples.values)
-    return grid, dataset.cell_body.values, pieces
+    return grid, dataset.cell_body.values
+
+
+def read_pieces(dataset: xr.Dataset) -> Places:
+    """What excavations take of finest cells, from the dataset of grid.nc."""
+    return Places(_index(dataset, "piece_origin"), dataset.piece_excavation.values, dataset.piece_samples.values)
+
+
+def _axes(dataset: xr.Dataset) -> list[int]:
+    plane = dataset.attrs["plane"]
+    return list(PLANES[None if plane == "none" else plane])
+
+
+def _index(dataset: xr.Dataset, name: str) -> np.ndarray:
+    """Places (n, d) int32 in fine units of a variable of places, m."""
+    values = dataset[name].values[:, _axes(dataset)]
+    values -= np.asarray(dataset.attrs["domain_lower"])[_axes(dataset)]
+    values /= float(dataset.attrs["fine_cell"])
+    return np.rint(values, out=values).astype(np.int32)
 
 
 def state_dataset(
@@ -144,17 +165,15 @@ def state_dataset(
         **{f"loose_{name}": column for name, column in vars(model.loose).items()},
         **{f"convergence_{name}": column for name, column in table.items()},
     }
-    dataset = xr.Dataset(
-        {
-            name: variable(name, _to_file(values[name], field.dims, scene))
-            for name, field in FIELDS.items()
-            if name in values
-        }
-    )
+    values = {name: _to_file(array, FIELDS[name].dims, scene) for name, array in values.items()}
+    values |= _cells(model.grid, model.body, scene.axes)
+    dataset = xr.Dataset({name: variable(name, values[name]) for name in FIELDS if name in values})
+    dataset["mesh"] = _mesh(model.dimension)
     host = scene.materials["host"]
     dataset.attrs = CONVENTIONS | {
         "mine": scene.mine,
         "plane": scene.plane or "none",
+        **_of_domain(model.grid, scene.axes),
         "thickness": scene.thickness,
         "material_names": json.dumps(list(scene.materials)),
         "lame_lambda": host.lame_lambda,

@@ -21,7 +21,7 @@ def _table(*entries: Field | str) -> dict[str, Field]:
 
 
 FIELDS = _table(
-    # grid.nc
+    # cells: of grid.nc, of which the first step starts, and of each state
     Field("cell_origin", ("cell", "xyz"), np.float64, "m", "lower corner of each cell"),
     Field("cell_size", CELLS, np.float64, "m", "edge of each cell"),
     Field("cell_level", CELLS, np.int8, "1", "level, 0 coarsest"),
@@ -29,7 +29,7 @@ FIELDS = _table(
     Field("cell_body", CELLS, np.int16, "1", "index of the rock body, -1 host"),
     Field("node_position", ("node", "xyz"), np.float64, "m", "place of each node"),
     Field("node_parents", ("node", "parent"), np.int32, "1", "a hanging node moves with the mean of these, -1 none"),
-    Field("piece_cell", ("piece",), np.int32, "1", "cell of each part of a cell inside an excavation"),
+    Field("piece_origin", ("piece", "xyz"), np.float64, "m", "lower corner of each finest cell inside an excavation"),
     Field("piece_excavation", ("piece",), np.int16, "1", "index of that excavation"),
     Field("piece_samples", ("piece",), np.uint64, "1", "64 points of the cell, one bit each: inside or not"),
     Field("piece_fraction", ("piece",), np.float64, "1", "share of the cell inside that excavation"),

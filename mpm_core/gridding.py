@@ -2,65 +2,22 @@
 
 import json
 import logging
-from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
 
 from mpm_core.datasets import grid_dataset
 from mpm_core.domain import Domain, base_cells
-from mpm_core.geometry.files import Picked, read_outline, read_solid
-from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, contains, sample_mask
-from mpm_core.geometry.shapes import build_shape
+from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, sample_mask
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.building import GridCount, build_grid
 from mpm_core.grid.mesh import MultiLevelGrid
-from mpm_core.grid.octree import RefinedVolume
+from mpm_core.grid.octree import children, morton_codes
 from mpm_core.memory import require, stage_bytes
-from mpm_core.occupancy import FULL, SAMPLES, SLIVER, Pieces
-from mpm_core.scene import DRAFT_LEVELS, PLANES
-from mpm_core.settings import GridSlice, SolidSettings
+from mpm_core.occupancy import FULL, SAMPLES, SLIVER, Places
+from mpm_core.settings import GridSlice
+from mpm_core.solids import bodies_at, read_solids
 from pipeline.errors import InputError
-
-ZONE_RINGS = 2  # of the draft's finest cells around those that failed
-ROUND_OFF = 1e-6  # of a cell: positions are those of particles
-
-
-def read_solids(entries: Sequence[SolidSettings], section: str, domain: Domain) -> list[Solid | Outside]:
-    """Solids of a section of the configuration ("excavations"), in order; `outside`: what they leave of the domain.
-
-    entries: or their values.
-
-    Raises InputError naming the entry, also for one that lies outside the domain.
-    """
-    dimension = len(domain.lower)
-    solids = []
-    for entry in (SolidSettings.of(one, section) for one in entries):
-        try:
-            if entry.file and dimension == 2:
-                raise InputError(f"{entry.name}: file: a plane strain scene needs a shape in its plane, not a solid")
-            if entry.file and entry.shape:
-                solids.append(build_shape(with_outline(entry), dimension))
-            elif entry.file:
-                solids.append(read_solid(entry.file, entry.name, Picked.of(entry.given())))
-            else:
-                solids.append(build_shape(entry.given(), dimension))
-        except InputError as error:
-            raise InputError(f"{section}.{entry.name}: {str(error).removeprefix(entry.name + ': ')}") from error
-        check_inside(solids[-1], domain, section, bool(entry.file))
-        if entry.outside:
-            solids[-1] = Outside(solids[-1], domain.lower, domain.upper)
-    return solids
-
-
-def with_outline(entry: SolidSettings) -> dict:
-    """A prism's keys with the polygon of its drawing; `height` stands on the polyline's own elevations."""
-    given = entry.given()
-    outline = read_outline(entry.file, entry.name, Picked.of(given))
-    made = given | {"polygon": outline[:, :2].tolist()}
-    if entry.height:
-        made |= {"base": outline[:, 2].tolist(), "top": (outline[:, 2] + entry.height).tolist()}
-    return made
 
 
 def domain_of(values: GridSlice) -> Domain:
@@ -70,60 +27,55 @@ def domain_of(values: GridSlice) -> Domain:
     return Domain(lower, base_cells(lower, upper, coarse), coarse, values.grid.levels)
 
 
-def check_inside(solid: Solid, domain: Domain, section: str, from_file: bool = False) -> None:
-    """Raise InputError for a solid outside the domain; one that is partly outside is cut off at the boundary."""
-    lower, upper = solid.bounds
-    if (upper <= domain.lower).any() or (lower >= domain.upper).any():
-        raise InputError(
-            f"{section}.{solid.name}: lies outside the domain ({_span(lower, upper)}; "
-            f"domain {_span(domain.lower, domain.upper)}): check its coordinates"
-            f"{', its units, scale and offset' if from_file else ''} and domain.lower, domain.upper"
-        )
-    if (lower < domain.lower).any() or (upper > domain.upper).any():
-        logging.warning("%s.%s reaches beyond the domain; the part inside is used", section, solid.name)
+def cut_pieces(
+    index: np.ndarray, domain: Domain, solids: list[Solid | Outside], chosen: np.ndarray, whole: bool
+) -> Places:
+    """Parts of finest cells inside chosen excavations (k,), numbers of solids, by excavation and cell.
 
-
-def _span(lower, upper) -> str:
-    return ", ".join(f"{a:.10g} to {b:.10g} m" for a, b in zip(lower, upper, strict=True))
-
-
-def cut_pieces(grid: MultiLevelGrid, domain: Domain, solids: list[Solid | Outside], whole: bool, draft: bool) -> Pieces:
-    """Parts of the finest cells inside each excavation, by excavation and cell. `whole`: in or out by the half.
-
-    Raises InputError for an excavation that is too thin for these cells; a draft does without it.
+    index (n, d): lower corners of the finest cells that may be, fine units, in Morton order. `whole`: in or out by the
+    half. Raises InputError for an excavation that is too thin for these cells.
     """
-    finest = np.flatnonzero(grid.cell_level == grid.levels - 1).astype(np.int32)
-    index = grid.cell_index[finest]
+    fine = domain.cell(domain.levels - 1)
     # Cells of one base cell stand together (Morton order): a solid looks at few base cells, not at all finest cells.
-    halvings = grid.levels - 1
+    halvings = domain.levels - 1
     base = index >> halvings
     start = np.flatnonzero(np.append(True, (base[1:] != base[:-1]).any(axis=1))) if len(base) else np.empty(0, int)
     end, base = np.append(start[1:], len(index)), base[start]
     parts = []
-    for number, solid in enumerate(solids):
-        lower = (solid.bounds[0] - domain.lower) / grid.fine_cell - 1
-        upper = (solid.bounds[1] - domain.lower) / grid.fine_cell
+    for number in chosen:
+        solid = solids[number]
+        lower = (solid.bounds[0] - domain.lower) / fine - 1
+        upper = (solid.bounds[1] - domain.lower) / fine
         first, last = np.floor(lower / 2**halvings), np.floor(upper / 2**halvings)
         blocks = np.flatnonzero(((base >= first) & (base <= last)).all(axis=1))
         near = np.concatenate([np.arange(start[block], end[block]) for block in blocks] or [np.empty(0, int)])
         near = near[((index[near] >= lower) & (index[near] <= upper)).all(axis=1)]
-        kind = classify_cells(solid, domain.lower, grid.fine_cell, index[near])
+        kind = classify_cells(solid, domain.lower, fine, index[near])
         samples = np.where(kind == INSIDE, FULL, np.uint64(0))
         crossed = (kind != INSIDE) & (kind != OUTSIDE)
-        samples[crossed] = sample_mask(solid, domain.lower, grid.fine_cell, index[near][crossed])
+        samples[crossed] = sample_mask(solid, domain.lower, fine, index[near][crossed])
         if whole:
             samples = np.where(np.bitwise_count(samples) >= SAMPLES // 2, FULL, np.uint64(0))
         keep = np.bitwise_count(samples) >= SLIVER
-        if not keep.any() and not draft:
+        if not keep.any():
             raise InputError(
                 f"excavations.{solid.name}: adds no volume: it is thinner than a fraction of the finest cell, "
-                f"{grid.fine_cell:g} m; refine grid.levels or leave it out"
+                f"{fine:g} m; refine grid.levels or leave it out"
             )
-        parts.append((finest[near][keep], np.full(keep.sum(), number), samples[keep]))
-    if not parts:
-        return Pieces(np.empty(0, np.int32), np.empty(0, np.int16), np.empty(0, np.uint64))
-    cell, excavation, samples = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Pieces(cell.astype(np.int32), excavation.astype(np.int16), samples)
+        parts.append(Places(index[near][keep], np.full(keep.sum(), number, np.int16), samples[keep]))
+    return Places.all_of(parts, len(domain.lower))
+
+
+def touched_cells(classify, domain: Domain) -> np.ndarray:
+    """Lower corners (n, d) int32, fine units, of the finest cells of which `classify` (see octree) marks the parents,
+    in Morton order."""
+    index = np.stack(np.meshgrid(*map(np.arange, domain.base_shape), indexing="ij"), axis=-1)
+    index = np.ascontiguousarray(index.reshape(-1, len(domain.base_shape)).astype(np.int32))
+    for level in range(domain.levels - 1):
+        index = children(index[classify(level, index)])
+    code = np.empty(len(index), np.int64)
+    morton_codes(index, code)
+    return index[np.argsort(code, kind="stable")]
 
 
 def compare_volumes(name: str, solid: float, gridded: float, allowed: float, cell: float) -> None:
@@ -141,14 +93,6 @@ def compare_volumes(name: str, solid: float, gridded: float, allowed: float, cel
         )
 
 
-def assign_bodies(grid: MultiLevelGrid, bodies: list[Solid | Outside]) -> np.ndarray:
-    """Rock body of each cell by its centre, later ones winning: (cell,) int16, -1 host."""
-    body = np.full(len(grid.cell_level), -1, np.int16)
-    for number, solid in enumerate(bodies):
-        body[contains(solid, grid.cell_center)] = number
-    return body
-
-
 def require_memory(count: GridCount, dimension: int) -> None:
     """Raise InputError if the stages that follow, one particle to a cell, would not fit into the free memory."""
     require(
@@ -158,41 +102,27 @@ def require_memory(count: GridCount, dimension: int) -> None:
     )
 
 
-def failure_zone(draft: xr.Dataset, domain: Domain, axes: tuple[int, ...]) -> RefinedVolume:
-    """Where rock failed in a draft's last step (see workflow/draft.py), with rings of the draft's finest cells.
-
-    A failed cell of any size counts with all of its volume.
-    """
-    level = max(domain.levels - DRAFT_LEVELS - 1, 0)
-    failed = draft.failed.values >= 0
-    position, spacing = draft.position.values[failed][:, axes], draft.spacing.values[failed]
-    lowest = np.floor((position - 0.5 * spacing[:, None] - domain.lower) / domain.cell(level) + ROUND_OFF).astype(int)
-    width = np.maximum(np.rint(spacing / domain.cell(level)).astype(int), 1)
-    index = [np.empty((0, len(axes)), int)]
-    for size in np.unique(width):
-        offsets = np.stack(np.meshgrid(*[np.arange(size)] * len(axes), indexing="ij"), axis=-1).reshape(-1, len(axes))
-        index.append((lowest[width == size][:, None] + offsets).reshape(-1, len(axes)))
-    index = np.unique(np.concatenate(index), axis=0)
-    logging.info("failure zone: %d draft cells of %g m", len(index), domain.cell(level))
-    return RefinedVolume(level, index.astype(np.int32), ZONE_RINGS)
-
-
-def make_grid(values: GridSlice, attributes: dict, draft: xr.Dataset | None = None) -> xr.Dataset:
+def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
     """The dataset of grid.nc from the grid's configuration slice, or its values; attributes: provenance.
 
-    draft: state of the last step of the draft run, if there is one: fine cells where rock failed in it.
+    Cells are fine around what the first step mines; of what is mined later it has the parts of finest cells alone.
     """
     values = GridSlice.of(values)
     dimension, domain = values.dimension, domain_of(values)
     solids = read_solids(values.excavations, "excavations", domain)
     bodies = read_solids(values.rock_bodies, "rock_bodies", domain)
     features = [solid for solid, entry in zip(bodies, values.rock_bodies, strict=True) if entry.refine]
+    later = np.isin(np.arange(len(solids)), values.later)
+
+    def marks(chosen: np.ndarray, level: int, index: np.ndarray) -> np.ndarray:
+        marked = np.zeros(len(index), bool)
+        for number in np.flatnonzero(chosen):
+            rest = np.flatnonzero(~marked)
+            marked[rest] = classify_cells(solids[number], domain.lower, domain.cell(level), index[rest]) != OUTSIDE
+        return marked
 
     def classify(level: int, index: np.ndarray) -> np.ndarray:
-        marked = np.zeros(len(index), bool)
-        for solid in solids:
-            rest = np.flatnonzero(~marked)
-            marked[rest] = classify_cells(solid, domain.lower, domain.cell(level), index[rest]) != OUTSIDE
+        marked = marks(~later, level, index)
         for solid in features:
             rest = np.flatnonzero(~marked)
             kind = classify_cells(solid, domain.lower, domain.cell(level), index[rest])
@@ -206,20 +136,23 @@ def make_grid(values: GridSlice, attributes: dict, draft: xr.Dataset | None = No
         domain.levels,
         classify,
         values.grid.buffer_cells,
-        extra_marks=[] if draft is None else [failure_zone(draft, domain, PLANES[values.plane])],
         before_allocation=lambda count: require_memory(count, dimension),
     )
-    pieces = cut_pieces(grid, domain, solids, values.grid.cut_cells == "whole", values.grid.draft)
+    whole = values.grid.cut_cells == "whole"
+    finest = grid.cell_index[grid.cell_level == grid.levels - 1]
+    pieces = cut_pieces(finest, domain, solids, np.flatnonzero(~later), whole)
+    if later.any():
+        touched = touched_cells(lambda level, index: marks(later, level, index), domain)
+        pieces = pieces.and_then(cut_pieces(touched, domain, solids, np.flatnonzero(later), whole))
     thickness = values.thickness if dimension == 2 else 1.0
     on_grid = np.bincount(pieces.excavation, np.bitwise_count(pieces.samples) / 64, minlength=len(solids))
     on_grid = on_grid * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
     volume = [solid.volume_within(domain.lower, domain.upper) * thickness for solid in solids]
-    allowed = np.inf if values.grid.draft else values.grid.volume_error
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
-        compare_volumes(solid.name, true, float(gridded), allowed, grid.fine_cell)
+        compare_volumes(solid.name, true, float(gridded), values.grid.volume_error, grid.fine_cell)
     return grid_dataset(
         grid,
-        assign_bodies(grid, bodies),
+        bodies_at(bodies, grid.cell_center),
         pieces,
         values.plane,
         attributes

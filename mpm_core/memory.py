@@ -8,12 +8,15 @@ import logging
 
 import psutil
 
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.scene import Scene
 from pipeline.errors import InputError
 
 BASE = {"explicit": 0.35e9, "multigrid": 0.45e9}  # libraries and compiled kernels, bytes
 PER_CELL = {"explicit": 1160.0, "multigrid": 1640.0}
 PER_PARTICLE = 360.0
 ELASTIC_SAVES = {"explicit": 0.0, "multigrid": 700.0}  # per cell: nothing flows, no steps are remembered
+SMALLER = "use a larger grid.coarse_cell, fewer grid.particles_per_cell, fewer grid.max_cells, or free some"
 SHARE_2D = 0.6  # of the cells' part: fewer corners and components
 
 
@@ -36,3 +39,10 @@ def require(needed: float, what: str, advice: str) -> None:
         raise InputError(
             f"{what}: about {needed / 1e9:.1f} GB of memory are needed, {free / 1e9:.1f} GB are free: {advice}"
         )
+
+
+def require_cells(scene: Scene, grid: MultiLevelGrid, elastic: bool = False) -> None:
+    """Raise InputError if a stage on this grid would not fit into the memory that is usable now."""
+    cells = len(grid.cell_level)
+    needed = stage_bytes(scene.solver.scheme, grid.dimension, cells, cells * scene.particles_per_cell, elastic)
+    require(needed, f"{cells:,} cells", SMALLER)

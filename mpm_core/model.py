@@ -23,6 +23,8 @@ class Model:
 
     scene: Scene
     grid: MultiLevelGrid
+    body: np.ndarray
+    """(cell,) int16, index of the rock body, -1 host"""
     pieces: Pieces
     """of cells inside excavations, of all that the grid knows"""
     changes: Changes
@@ -107,18 +109,26 @@ def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
 
 
 def build_model(
-    scene: Scene, grid: MultiLevelGrid, body: np.ndarray, pieces: Pieces, loose: Loose | None = None
+    scene: Scene,
+    grid: MultiLevelGrid,
+    body: np.ndarray,
+    pieces: Pieces,
+    loose: Loose | None = None,
+    all_fallen: bool = False,
 ) -> Model:
     """Seed the particles of a stage and tabulate what the kernels need. `pieces` as stored with the grid.
 
-    loose: what has fallen in the steps before. What comes loose in the last step of the scene falls here.
+    loose: what has fallen in the steps before; what comes loose in the last step of the scene falls here, unless
+    all_fallen says that it is among them.
     """
     step = len(scene.steps) - 1
-    changes = changes_of(pieces, scene.excavations, loose or Loose.none())
-    fallen = find_loose(grid, changes.solid_samples(len(grid.cell_level), step), held_faces(scene), step)
-    loose = (loose or Loose.none()).and_then(fallen)
-    if len(fallen.cell):
-        changes = changes_of(pieces, scene.excavations, loose)
+    loose = loose or Loose.none()
+    changes = changes_of(pieces, scene.excavations, loose)
+    if not all_fallen:
+        fallen = find_loose(grid, changes.solid_samples(len(grid.cell_level), step), held_faces(scene), step)
+        loose = loose.and_then(fallen)
+        if len(fallen.cell):
+            changes = changes_of(pieces, scene.excavations, loose)
     particles = seed(grid, body, changes, scene, pieces)
     cell_nodes = np.ascontiguousarray(grid.vtk_nodes[:, BIT_ORDER[grid.dimension]])
     modes = range(1 << grid.dimension)
@@ -134,6 +144,7 @@ def build_model(
     return Model(
         scene=scene,
         grid=grid,
+        body=body,
         pieces=pieces,
         changes=changes,
         particles=particles,

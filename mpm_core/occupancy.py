@@ -33,6 +33,27 @@ class Pieces:
 
 
 @dataclass(frozen=True)
+class Places:
+    """The same whatever the cells of a grid are: place (piece, d) int32, lower corners of finest cells, fine units."""
+
+    place: np.ndarray
+    excavation: np.ndarray
+    samples: np.ndarray
+
+    @classmethod
+    def all_of(cls, parts: list["Places"], dimension: int) -> "Places":
+        """These, one after another."""
+        none = cls(np.empty((0, dimension), np.int32), np.empty(0, np.int16), np.empty(0, np.uint64))
+        return cls(**{name: np.concatenate([getattr(part, name) for part in (none, *parts)]) for name in vars(none)})
+
+    def and_then(self, other: "Places") -> "Places":
+        """These, and others behind them, in the order of excavations."""
+        both = Places.all_of([self, other], self.place.shape[1])
+        order = np.argsort(both.excavation, kind="stable")
+        return Places(both.place[order], both.excavation[order], both.samples[order])
+
+
+@dataclass(frozen=True)
 class Loose:
     """Parts of cells that nothing holds from a step on, rock and fill alike (loose.py): they are void from then on.
 

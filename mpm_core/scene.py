@@ -6,11 +6,10 @@ import numpy as np
 
 from mpm_core.constitutive.laws import Materials, can_fail, law_of
 from mpm_core.insitu import InsituStress
-from mpm_core.settings import FACES, MaterialSettings, ShapeSettings, SolverSettings
+from mpm_core.settings import FACES, MaterialSettings, ShapeSettings, SolidSettings, SolverSettings
 from pipeline.errors import InputError
 from pipeline.voigt import tensor_from_voigt
 
-DRAFT_LEVELS = 2  # that a draft run's grid lacks (workflow/draft.py, gridding.failure_zone)
 PLANES = {"xz": (0, 2), "xy": (0, 1), None: (0, 1, 2)}  # axes of the computation in the mine's frame
 
 
@@ -62,6 +61,15 @@ class BoundaryStrain:
 
 
 @dataclass(frozen=True)
+class Refinement:
+    """Cells that follow the rock: rings of fine cells around what is mined, most cells, and the rock bodies' shapes."""
+
+    rings: int
+    max_cells: int
+    bodies: tuple[SolidSettings, ...]
+
+
+@dataclass(frozen=True)
 class Scene:
     """All that the mechanics of one stage depends on. `steps` are the names of those up to this stage, in order."""
 
@@ -79,8 +87,8 @@ class Scene:
     strains: tuple[BoundaryStrain, ...]
     steps: tuple[str, ...]
     solver: SolverSettings
-    draft: bool = False
-    """whether rock may fail in cells of any size: only to find out where"""
+    refinement: Refinement | None = None
+    """how cells are split in a step; None: they are not"""
     perturbation: int = 0
     """number of the ensemble's member (see equilibrium.perturbation); 0: the mine's own run"""
 
@@ -122,7 +130,7 @@ def parse_scene(values: dict) -> Scene:
         ),
         steps=tuple(step["name"] for step in values["steps"]),
         solver=SolverSettings.of(values["solver"], "solver"),
-        draft=values.get("draft", False),
+        refinement=_refinement(values.get("refinement")),
         perturbation=values.get("perturbation", 0),
     )
     check_boundary(scene)
@@ -133,6 +141,13 @@ def parse_scene(values: dict) -> Scene:
 def _excavation(entry: dict) -> Excavation:
     pressure = tuple((int(since), float(value)) for since, value in entry.get("pressure", ()))
     return Excavation(**entry | {"pressure": pressure})
+
+
+def _refinement(entry: dict | None) -> Refinement | None:
+    if entry is None:
+        return None
+    bodies = tuple(SolidSettings.of(body, "rock_bodies") for body in entry["bodies"])
+    return Refinement(entry["rings"], entry["max_cells"], bodies)
 
 
 def _load(entry: dict) -> Load:

@@ -75,8 +75,11 @@ class GridSettings(Settings):
     """rings of cells, on each level, that are refined around an excavation"""
     particles_per_cell: Annotated[Literal[1, 4, 8, 9, 16, 25, 27, 64], BeforeValidator(whole)] = 1
     """1, 8, 27 (in 2-D 1, 4, 9): points per cell that carry stress"""
-    failure_zone: Literal["none", "auto"] = "none"
-    """none | auto: a draft run two levels coarser finds where rock will fail; fine cells there too"""
+    refinement: Literal["adaptive", "static"] = "adaptive"
+    """adaptive (cells are split to the finest where rock is mined and where it comes near its strength) | static (fine
+    around all excavations from the start, and nowhere else; also where particles move)"""
+    max_cells: Many = 20_000_000
+    """of an adaptive grid: where it would have more, rock stays in coarse cells, and the step is labelled truncated"""
     cut_cells: Literal["fraction", "whole", "subdivide"] = "fraction"
     """cells crossed by a surface: fraction (by volume) | whole (in or out) | subdivide (64 points)"""
     volume_error: Annotated[float, Field(ge=0)] = 0.2
@@ -247,22 +250,18 @@ class GridDomain(Settings):
     upper: Point
 
 
-class GridCells(GridSettings):
-    """Cells as the grid's slice has them; draft: large cells may fail, and what is too thin for them is left out."""
-
-    draft: bool = False
-
-
 class GridSlice(Settings):
-    """What grid.nc depends on: shapes, cells, the domain; no step, no material. Lengths in m."""
+    """What grid.nc depends on: shapes, cells, the domain; no material, of steps only what the first one mines. In m."""
 
     name: str
     plane: Literal["xz", "xy"] | None
     thickness: Size
     domain: GridDomain
-    grid: GridCells
+    grid: GridSettings
     excavations: Annotated[tuple[SolidSettings, ...], AsTuple]
     rock_bodies: Annotated[tuple[BodySettings, ...], AsTuple]
+    later: Annotated[tuple[int, ...], AsTuple] = ()
+    """numbers of the excavations that have no fine cells yet"""
     mined: Annotated[tuple[int, ...], AsTuple] = ()
     """of the picture of the solids: index of the step that mines each excavation, -1 where it is planned"""
 

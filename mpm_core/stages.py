@@ -2,51 +2,48 @@
 
 import logging
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
+from mpm_core.carrying import carry
 from mpm_core.checkpoint import Checkpoint
 from mpm_core.constitutive.regions import STRENGTH_FACTOR_CAP
 from mpm_core.datasets import read_grid, read_loose, read_state, state_dataset
 from mpm_core.equilibrium.body import Body
-from mpm_core.equilibrium.brittle import above_strength, find_brittle
+from mpm_core.equilibrium.brittle import above_strength
 from mpm_core.equilibrium.cascade import Ramp, run_cascade
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.energy import Balance, hourglass_energies
-from mpm_core.equilibrium.explicit import ExplicitScheme
-from mpm_core.equilibrium.moving import MovingScheme
-from mpm_core.equilibrium.multigrid import MultigridScheme
+from mpm_core.equilibrium.refinement import Refinement
 from mpm_core.equilibrium.scheme import Scheme
-from mpm_core.grid.adjacency import face_neighbors
+from mpm_core.grid.splitting import with_leaves
+from mpm_core.ground import Ground
 from mpm_core.kernels.failure import make_rate_strength
 from mpm_core.loading import boundary_strain, external_force, strain_reaction
 from mpm_core.loose import describe_loose
-from mpm_core.memory import require, stage_bytes
-from mpm_core.model import Model, build_model
+from mpm_core.memory import require_cells
+from mpm_core.mining import StepCells, brittle_of, make_scheme
+from mpm_core.model import Model
+from mpm_core.occupancy import Loose
 from mpm_core.scene import Scene
 from mpm_core.state import State
 from pipeline.datasets import atomic_path, clear_parts
 from pipeline.errors import InputError
 
-SMALLER = "use fewer grid.levels, grid.buffer_cells or grid.particles_per_cell, or free some"
+REMEDY = {True: "more grid.max_cells", False: "more grid.buffer_cells, or grid.refinement: adaptive,"}
 LEAST_STAYS = 1e-5  # of virgin stress: what is less counts as this much; the default tolerance then asks for 1e-10
 ROUND_OFF = 1e-12  # of all forces since virgin rock: unbalanced force that is none
 
 
-def make_scheme(model: Model, state: State, volume: np.ndarray) -> Scheme:
-    """The scheme that the scene asks for; explicit steps for particles at rest in their cells or moving."""
-    solver = model.scene.solver
-    kind = MultigridScheme if solver.scheme == "multigrid" else MovingScheme if solver.move else ExplicitScheme
-    return kind(model, state, volume)
-
-
 def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:
     """Elastic equilibrium of the history: everything mined, loaded and strained in step 0, nothing fails."""
-    require_memory(scene, grid, elastic=True)
-    model = build_model(scene, *read_grid(grid))
+    cells, body = read_grid(grid)
+    require_cells(scene, cells, elastic=True)
+    model = Ground.of(scene, grid).model(cells, body, Loose.none())
     refuse_overstressed_virgin(model)
     state = model.virgin_state()
     volume = model.volumes(0)
@@ -54,7 +51,7 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
     balance = Balance.at_start(scheme.body, model.particles.full_volume * model.particles.is_rock, 0.0)
     force, strain = external_force(model, 0), boundary_strain(scene, 0)
     reference = load_size(model, force, strain, 0)
-    with following(scene, "elastic", state, failed_state) as history:
+    with following(scene, "elastic", failed_state, lambda: state) as history:
         history.increment = 1
         if strain.any():
             scheme.body.deform(strain)
@@ -87,53 +84,67 @@ def mining_step(
             f"steps.{scene.steps[step]}: the step before ended in collapse, nothing can follow it; leave this "
             "step out, or mine or load less in the one before"
         )
-    require_memory(scene, grid)
-    model = build_model(scene, *read_grid(grid), read_loose(previous))
-    state = read_state(previous, model)
-    before = max(step - 1, 0)
-    volume, target = model.volumes(before), external_force(model, before)
-
-    scheme = make_scheme(model, state, volume)
-    start = target + scheme.body.internal_force()
-    old_volume, mined_hourglass = volume, 0.0
-    if step > before:
+    ground, before = Ground.of(scene, grid), max(step - 1, 0)
+    saved = {} if checkpoint is None or scene.solver.move else checkpoint.read()
+    watched = following(scene, scene.steps[step], failed_state)
+    with watched as history:
+        scheme = start_of(ground, previous, before, history)
+        model, state = scheme.body.model, scheme.body.state
+        start = external_force(model, before) + scheme.body.internal_force()
+        old_volume, mined_hourglass = scheme.body.volume, 0.0
         volume, target = model.volumes(step), external_force(model, step)
-        mined_hourglass = release_mined_hourglass(scheme.body, volume)
-        scheme.set_volume(volume)
-    balance = Balance.at_start(scheme.body, old_volume, mined_hourglass)
-    # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
-    start -= scheme.body.internal_force()
-    strain = boundary_strain(scene, step)
-    more_strain = strain - boundary_strain(scene, before)
-    ramp = Ramp(
-        start,
-        target,
-        more_strain,
-        reference=measure(
-            load_size(model, target - start, more_strain, step),
-            load_size(model, target, strain, step),
-            scene.solver.tolerance,
-        ),
-    )
-    cut = face_neighbors(model.grid, model.changes.cell)  # the only cells whose neighbours matter
-    brittle = find_brittle(model, volume, step, *cut)
-    with following(scene, scene.steps[step], state, failed_state) as history:
-        if checkpoint is None or scene.solver.move:
-            collapsed = run_cascade(scheme, brittle, ramp, step, history)
-        else:
-            if checkpoint.load(state, history):
-                scheme = make_scheme(model, state, volume)
-            collapsed = run_cascade(scheme, brittle, ramp, step, history, checkpoint.save)
+        if step > before:
+            mined_hourglass = release_mined_hourglass(scheme.body, volume)
+            scheme.set_volume(volume)
+        balance = Balance.at_start(scheme.body, old_volume, mined_hourglass)
+        # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
+        start -= scheme.body.internal_force()
+        strain = boundary_strain(scene, step)
+        more_strain = strain - boundary_strain(scene, before)
+        change, whole = load_size(model, target - start, more_strain, step), load_size(model, target, strain, step)
+        ramp = Ramp(start, target, more_strain, reference=measure(change, whole, scene.solver.tolerance))
+        cells = StepCells(
+            ground, scheme, brittle_of(model, volume, step), ramp, step, model, state.displacement.copy(),
+            Refinement.of(model.grid),
+        )  # fmt: skip
+        watched.state = lambda: cells.scheme.body.state
+        if saved:
+            cells.onto(with_leaves(model.grid, saved["cells_index"], saved["cells_level"]))
+            checkpoint.restore(saved, cells.scheme.body.state, history)
+            cells.scheme = make_scheme(cells.model, cells.scheme.body.state, cells.model.volumes(step))
+
+        def save(state: State, history: History) -> None:
+            if checkpoint is not None and not scene.solver.move:
+                checkpoint.save(state, history, cells.model.grid)
+
+        scheme, collapsed = run_cascade(
+            cells.scheme, cells.brittle, cells.ramp, step, history, save, cells if scene.refinement else None
+        )
+        if checkpoint is not None:
             checkpoint.remove()
-    moved = state.displacement - previous.node_displacement.values[:, list(scene.axes)]
-    return finish(scheme, history, step, balance, target, moved, "step", collapsed)
+    return finish(scheme, history, step, balance, cells.ramp.target, cells.moved(), "step", collapsed, cells.splits)
 
 
-def require_memory(scene: Scene, grid: xr.Dataset, elastic: bool = False) -> None:
-    """Raise InputError if a stage on this grid would not fit into the memory that is free now."""
-    cells, dimension = grid.sizes["cell"], 2 if scene.plane else 3
-    needed = stage_bytes(scene.solver.scheme, dimension, cells, cells * scene.particles_per_cell, elastic)
-    require(needed, f"{cells:,} cells", SMALLER)
+def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History) -> Scheme:
+    """The state of the step before at rest, on cells that are fine around all that this step mines."""
+    scene, step = ground.scene, len(ground.scene.steps) - 1
+    was, body = read_grid(previous)
+    grid = ground.opened(was, step) if scene.refinement and step > before else was
+    require_cells(scene, grid)
+    loose = read_loose(previous)
+    if grid is was:
+        model = ground.model(was, body, loose)
+        state = read_state(previous, model)
+        return make_scheme(model, state, model.volumes(before))
+    old = ground.model(was, body, loose, all_fallen=True)
+    model = ground.on(grid, old, all_fallen=False)
+    state = carry(old, read_state(previous, old), model)
+    scheme = make_scheme(model, state, model.volumes(before))
+    force, strain = external_force(model, before), boundary_strain(scene, before)
+    scheme.relax(force, scene.solver.tolerance, load_size(model, force, strain, before), history)
+    scheme.body.settle()
+    state.energy[:] = 0.0  # of cells that are other ones now: no part of what the step does
+    return scheme
 
 
 def measure(change: float, whole: float, tolerance: float) -> float:
@@ -166,9 +177,10 @@ def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:
 
 
 class following:
-    """Context of a solution: a progress bar on a terminal, and the last state beside the output when it fails."""
+    """Context of a solution: a progress bar on a terminal, and the last state (`state`) beside the output when it fails.
+    """
 
-    def __init__(self, scene: Scene, name: str, state: State, failed_state: Path):
+    def __init__(self, scene: Scene, name: str, failed_state: Path, state: Callable[[], State] | None = None):
         self.history = History(scene.solver.tolerance)
         self.name, self.state, self.path = f"{scene.mine} {name}", state, failed_state
 
@@ -178,10 +190,10 @@ class following:
 
     def __exit__(self, kind, error, traceback) -> None:
         self.history.bar.close()
-        if isinstance(error, InputError):
+        if isinstance(error, InputError) and self.state is not None:
             try:
                 with atomic_path(self.path) as temporary, temporary.open("wb") as file:
-                    np.savez(file, **vars(self.state), **self.history.table())
+                    np.savez(file, **vars(self.state()), **self.history.table())
                 logging.info("last state in %s", self.path)
             except InputError as full:  # the user is to read why the stage failed, not this
                 logging.warning("the last state is not kept: %s", full)
@@ -199,6 +211,7 @@ def finish(
     moved: np.ndarray,
     stage: str,
     collapsed: bool = False,
+    splits: int = 0,
 ) -> tuple[xr.Dataset, dict]:
     """Rate the state against strength and put it into its dataset; the second value is what the log reports."""
     body = scheme.body
@@ -221,8 +234,11 @@ def finish(
         **energy,
         **hourglass_energy(body),
         "cell_changes": state.cell_changes,
+        "cells": len(model.grid.cell_level),
+        "finest_cells": int(model.grid.cells_per_level[-1]),
+        "cell_splits": splits,
         "collapsed": int(collapsed),
-        **truncation(model, state, volume),
+        **truncation(model, state, volume, stage),
         **describe_loose(model.grid, model.loose, step, scene.thickness, scene.axes),
     }
     return state_dataset(model, state, volume, rating, table, facts), facts
@@ -257,16 +273,18 @@ def rate(model: Model, state: State, volume: np.ndarray) -> tuple[np.ndarray, np
     return factor, excess
 
 
-def truncation(model: Model, state: State, volume: np.ndarray) -> dict:
+def truncation(model: Model, state: State, volume: np.ndarray, stage: str) -> dict:
     """Rock above strength that its coarse cells keep from failing: flag, share, volume, where.
 
     The share is of all rock that has failed so far or stands above strength now, fine cells that fail next included.
+    Cells that follow the rock are split in the step that comes next: the elastic history keeps nothing from failing.
     """
     particles = model.particles
     failed = (state.failed >= 0) & (volume > 0.0)
     above = above_strength(model, state, np.flatnonzero(model.can_fail() & ~failed & (volume > 0.0)))
     coarse = above[model.grid.cell_level[particles.cell[above]] < model.grid.levels - 1]
-    if model.scene.draft or not len(coarse):
+    adaptive = model.scene.refinement is not None
+    if not len(coarse) or (adaptive and stage == "elastic"):
         return {"truncated": 0, "truncated_share": 0.0, "truncated_volume": 0.0, "truncated_where": ""}
     share = volume[coarse].sum() / (volume[above].sum() + volume[failed].sum())
     names = ["xyz"[axis] for axis in model.scene.axes]
@@ -276,7 +294,7 @@ def truncation(model: Model, state: State, volume: np.ndarray) -> dict:
         "truncated": 1,
         "truncated_share": float(share),
         "truncated_volume": float(volume[coarse].sum() * model.scene.thickness),
-        "truncated_where": f"{where}; more grid.buffer_cells would let it fail",
+        "truncated_where": f"{where}; {REMEDY[adaptive]} would let it fail",
     }
 
 

@@ -9,8 +9,9 @@ import xarray as xr
 
 from mpm_core.datasets import embed
 from mpm_core.geometry.solids import Outside, Solid
+from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.mesh import MultiLevelGrid
-from mpm_core.particles import Pieces
+from mpm_core.occupancy import Places
 from mpm_core.scene import PLANES
 from pipeline.datasets import atomic_path
 from pipeline.vtk import TENSOR_ORDER, write_mesh
@@ -25,7 +26,7 @@ CELL_FIELDS = {  # of the rock in a cell, by volume: field, its name with its un
 INDEX = {"excavations": "excavation", "rock_bodies": "rock_body"}  # groups of solids: array of a solid's number
 
 
-def write_vtu(grid: MultiLevelGrid, pieces: Pieces, state: xr.Dataset, path: str | os.PathLike) -> None:
+def write_vtu(grid: MultiLevelGrid, pieces: Places, state: xr.Dataset, path: str | os.PathLike) -> None:
     """Write cells with the mean of their rock's fields and the step of its failure, and nodal displacement, as VTU.
 
     Principal stresses count from the most compressive (1: the most negative) to the least (3), each with its direction.
@@ -37,7 +38,7 @@ def write_vtu(grid: MultiLevelGrid, pieces: Pieces, state: xr.Dataset, path: str
     data = {
         "level": grid.cell_level.astype(np.int32),
         "solid_fraction": np.bincount(cell, volume, minlength=cells) / full,
-        "excavation": main_excavation(pieces, cells),
+        "excavation": main_excavation(pieces, grid),
     }
     rock = (state.excavation.values < 0) & (volume > 0.0)
     data["failed_in_step"] = np.full(cells, -1, np.int32)
@@ -67,12 +68,15 @@ def write_vtu(grid: MultiLevelGrid, pieces: Pieces, state: xr.Dataset, path: str
     )
 
 
-def main_excavation(pieces: Pieces, cells: int) -> np.ndarray:
-    """Excavation, mined or planned, that takes most of each cell: (cell,) int32, -1 none; the first of equal ones."""
+def main_excavation(pieces: Places, grid: MultiLevelGrid) -> np.ndarray:
+    """Excavation, mined or planned, that takes most of each cell: (cell,) int32, -1 none; the first of equal ones.
+
+    A coarse cell is that of the part in it that is taken most.
+    """
     share = np.bitwise_count(pieces.samples)
     order = np.lexsort((-pieces.excavation.astype(np.int32), share))
-    found = np.full(cells, -1, np.int32)
-    found[pieces.cell[order]] = pieces.excavation[order]  # the last of a cell stays
+    found = np.full(len(grid.cell_level), -1, np.int32)
+    found[holding_cells(grid, pieces.place)[order]] = pieces.excavation[order]  # the last of a cell stays
     return found
 
 

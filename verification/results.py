@@ -47,7 +47,7 @@ class Variant:
 
     @property
     def grid(self) -> xr.Dataset:
-        """grid.nc"""
+        """grid.nc: cells that the first step starts from; those of a step are in its own file."""
         return self._dataset("grid.nc")
 
     @property

@@ -36,12 +36,12 @@ def _cells(path: str, stamp: float) -> int:
 
 
 def cells_of(path: str) -> int:
-    """Cells of a grid.nc. Raises FileNotFoundError, which tells Snakemake to ask again when there is one."""
+    """Cells of a grid.nc or a state. Raises FileNotFoundError, which tells Snakemake to ask again when there is one."""
     return _cells(str(path), os.stat(path).st_mtime)
 
 
 def mechanics_mb(mine: Mine, grid: str, elastic: bool) -> int:
-    """MB that the elastic stage, or a mining step, needs at its peak on a grid."""
+    """MB that the elastic stage, or a mining step, needs at its peak on the cells of a grid.nc or a state."""
     cells, values = cells_of(grid), mine.values
     particles = cells * values["grid"]["particles_per_cell"]
     return round((COMPILING + stage_bytes(values["solver"]["scheme"], mine.dimension, cells, particles, elastic)) / MB)
@@ -54,6 +54,7 @@ def reading_mb(mine: Mine, grid: str, stage: str, results: list[str]) -> int:
     """
     if not os.path.exists(grid):
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(results[0]))
-    cells = cells_of(grid)
+    # states have more cells than the grid where these follow the rock; a catalogue has none
+    cells = max(cells_of(path) for path in (grid, *results) if str(path).endswith(".nc") and os.path.exists(path))
     particles = cells * mine.values["grid"]["particles_per_cell"]
     return round((LIBRARIES + GRID * cells + READS[stage] * particles) / MB)

@@ -29,10 +29,8 @@ class Mine:
     default: dict
     steps: list[dict] = field(init=False)
     excavations: list[dict] = field(init=False)
-    is_draft: bool = field(init=False, default=False)  # see workflow/draft.py
     perturbation: int = field(init=False, default=0)  # number of the ensemble's member, 0: the mine itself
-    _numbered: list[dict] | None = field(init=False, default=None)
-    _number: dict[str, int] = field(init=False, default_factory=dict)
+    _number: dict[str, int] = field(init=False)
 
     def __post_init__(self):
         values = self.values
@@ -43,6 +41,7 @@ class Mine:
         undated = [step for step in self.listed_steps if "start" not in step]
         implicit = [] if undated else [{"name": "history"}]
         self.steps = implicit + self.listed_steps
+        self._number = {step["name"]: index for index, step in enumerate(self.steps)}
         self.excavations = list(values.get("excavations", []))
         if "excavations_from" in values:
             made = dict(values["excavations_from"])
@@ -60,8 +59,6 @@ class Mine:
 
     def step_index(self, name: str) -> int:
         """Place of a step in order, -1 for one that is not listed."""
-        if self._numbered is not self.steps:  # a draft has others
-            self._numbered, self._number = self.steps, {step["name"]: index for index, step in enumerate(self.steps)}
         return self._number.get(name, -1)
 
     def boundary(self) -> dict[str, str]:
@@ -72,33 +69,37 @@ class Mine:
         return {face: given.get(face, given.get(face[0], given.get("others", "fixed"))) for face in FACES}
 
     def grid_slice(self) -> dict:
-        """What grid.nc depends on: shapes, cells, the domain; no step, no material."""
-
-        def shape(entry: dict) -> dict:
-            made = {key: value for key, value in entry.items() if key not in NOT_SHAPE}
-            if entry.get("outside"):
-                made["outside"] = True
-            if "file" in made:
-                made["file"] = self.path(made["file"]).as_posix()
-            return {"name": entry["name"], **made}
-
+        """What grid.nc depends on: shapes, cells, the domain; no material, and of steps what the first one mines."""
         values = self.values
         grid = {key: values["grid"][key] for key in GRID_KEYS}
-        if values["grid"]["failure_zone"] != "none":
-            grid["failure_zone"] = values["grid"]["failure_zone"]
-        if self.is_draft:
-            grid["draft"] = True
+        later = [number for number, entry in enumerate(self.excavations) if self.step_index(entry["step"]) != 0]
         return {
             "name": self.name,
             "plane": self.plane,
             "thickness": values["thickness"],
             "domain": {key: values["domain"][key] for key in ("lower", "upper")},
             "grid": grid,
-            "excavations": [shape(entry) for entry in self.excavations],
+            "excavations": [self._shape(entry) for entry in self.excavations],
             "rock_bodies": [
-                {**shape(entry), "refine": entry.get("refine", False)} for entry in values.get("rock_bodies", [])
+                {**self._shape(entry), "refine": entry.get("refine", False)} for entry in values.get("rock_bodies", [])
             ],
+            **({"later": later} if later and self.is_adaptive else {}),
         }
+
+    @property
+    def is_adaptive(self) -> bool:
+        """Whether cells follow the rock: where there are levels of them, and particles stay in their cells."""
+        grid = self.values["grid"]
+        return grid["refinement"] == "adaptive" and grid["levels"] > 1 and not self.values["solver"]["move"]
+
+    def _shape(self, entry: dict) -> dict:
+        """Name and shape of a solid, its file as a path from the working directory."""
+        made = {key: value for key, value in entry.items() if key not in NOT_SHAPE}
+        if entry.get("outside"):
+            made["outside"] = True
+        if "file" in made:
+            made["file"] = self.path(made["file"]).as_posix()
+        return {"name": entry["name"], **made}
 
     def solids_slice(self) -> dict:
         """What the picture of the solids depends on: their shapes, and the index of the step that mines each, or -1."""
@@ -108,6 +109,10 @@ class Mine:
         """Files that the grid is built from."""
         entries = [*self.excavations, *self.values.get("rock_bodies", [])]
         return [self.path(entry["file"]).as_posix() for entry in entries if "file" in entry]
+
+    def bodies(self) -> list[str]:
+        """Files of rock bodies."""
+        return [self.path(entry["file"]).as_posix() for entry in self.values.get("rock_bodies", []) if "file" in entry]
 
     def scene_slice(self, last: int) -> dict:
         """What the mechanics up to step number `last` depend on, for mpm_core.scene.parse_scene."""
@@ -165,16 +170,22 @@ class Mine:
             "excavations": excavations,
             "loads": [load(entry) for entry in listed("loads")],
             **({"strains": strains} if strains else {}),
-            **({"draft": True} if self.is_draft else {}),
+            **({"refinement": self._refinement()} if self.is_adaptive else {}),
             **({"perturbation": self.perturbation} if self.perturbation else {}),
             "steps": [{"name": step["name"]} for step in self.steps[: last + 1]],  # rock knows no dates
             "solver": values["solver"],
         }
 
+    def _refinement(self) -> dict:
+        """How cells follow the rock, and the rock bodies that parts of them are of."""
+        grid = self.values["grid"]
+        bodies = [self._shape(entry) for entry in self.values.get("rock_bodies", [])]
+        return {"rings": grid["buffer_cells"], "max_cells": grid["max_cells"], "bodies": bodies}
+
     @property
     def members(self) -> int:
-        """How many perturbed members run beside the mine's own run; a draft and a member have none."""
-        return 0 if self.is_draft or self.perturbation else self.values["ensemble"]
+        """How many perturbed members run beside the mine's own run; a member has none."""
+        return 0 if self.perturbation else self.values["ensemble"]
 
     def member(self, number: int) -> "Mine":
         """A member of the ensemble: its steps and events are its own, grid and elastic state are the mine's."""

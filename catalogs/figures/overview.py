@@ -92,10 +92,7 @@ def overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | 
 
 def _cuts(grid: xr.Dataset) -> list[views.View]:
     """Cuts through the fullest layers of all excavations."""
-    cell = grid["piece_cell"].values
-    size = grid["cell_size"].values[cell]
-    weight = grid["piece_fraction"].values * size ** int(grid.attrs["dimension"])
-    return views.cuts(grid, grid["cell_origin"].values[cell] + size[:, None] / 2, weight)
+    return views.cuts(grid, *views.piece_centres(grid))
 
 
 def _draw_cells(axes: Axes, grid: xr.Dataset, view: views.View, level) -> None:

@@ -106,13 +106,27 @@ def frame_limits(
     return np.maximum(low - pad, lower), np.minimum(high + pad, upper)
 
 
+def piece_centres(grid: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Middle (piece, xyz) of every finest cell that an excavation takes a part of, and its volume (piece,), m3 (m2)."""
+    corners = piece_corners(grid)
+    pieces = len(corners) // 2
+    volume = grid["piece_fraction"].values * float(grid.attrs["fine_cell"]) ** int(grid.attrs["dimension"])
+    return (corners[:pieces] + corners[pieces:]) / 2, volume
+
+
 def piece_corners(grid: xr.Dataset) -> np.ndarray:
     """Lower and upper corners of the box of every excavated cell, (2 * piece, xyz) m."""
-    cell = grid["piece_cell"].values
-    origin, size = grid["cell_origin"].values[cell], grid["cell_size"].values[cell]
+    origin = grid["piece_origin"].values
     extent = np.zeros_like(origin)
-    extent[:, projections(grid)[0].axes if int(grid.attrs["dimension"]) == 2 else [0, 1, 2]] = size[:, None]
+    extent[:, axes_of(grid)] = float(grid.attrs["fine_cell"])
     return np.concatenate([origin, origin + extent])
+
+
+def axes_of(grid: xr.Dataset) -> list[int]:
+    """Axes of the computation: two in plane strain."""
+    if int(grid.attrs["dimension"]) == 3:
+        return [EAST, NORTH, UP]
+    return PLAN.axes if grid.attrs.get("plane") == "xy" else LOOKING_NORTH.axes
 
 
 def cut_cells(grid: xr.Dataset, view: View) -> np.ndarray:
@@ -161,15 +175,17 @@ def silhouette(
 
     excavations: indices to include, all if None. A cut takes the cells that its plane cuts, a projection all.
     """
-    cell, fraction = grid["piece_cell"].values, grid["piece_fraction"].values.astype(float)
-    keep = np.ones(len(cell), bool) if excavations is None else np.isin(grid["piece_excavation"].values, excavations)
+    place, fraction = grid["piece_origin"].values, grid["piece_fraction"].values.astype(float)
+    edge = float(grid.attrs["fine_cell"])
+    keep = np.ones(len(place), bool) if excavations is None else np.isin(grid["piece_excavation"].values, excavations)
     if view.at is not None:
-        keep &= np.isin(cell, cut_cells(grid, view))
-    cell, fraction = cell[keep], fraction[keep]
-    corner, size = grid["cell_origin"].values[cell][:, view.axes], grid["cell_size"].values[cell]
-    if not len(cell):
+        keep &= (place[:, view.normal] <= view.at) & (view.at < place[:, view.normal] + edge)
+    place, fraction = place[keep], fraction[keep]
+    corner, size = place[:, view.axes], np.full(len(place), edge)
+    if not len(place):
         return corner, size, fraction
-    total = np.bincount(cell, fraction)[cell]  # a cell may be shared by excavations
+    _, cell = np.unique(np.rint((place - domain(grid)[0]) / edge).astype(np.int64), axis=0, return_inverse=True)
+    total = np.bincount(cell.ravel(), fraction)[cell.ravel()]  # a cell may be shared by excavations
     step, origin = float(grid.attrs["fine_cell"]) / 2, domain(grid)[0][view.axes]
     key = np.column_stack([np.rint((corner - origin) / step), np.rint(size / step)])
     key, inverse = np.unique(key, axis=0, return_inverse=True)

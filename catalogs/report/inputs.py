@@ -17,7 +17,11 @@ from pipeline.event_table import check_events
 
 COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 CONVERGENCE = tuple(f"convergence_{name}" for name in COLUMNS)
-SHOWN = ("position", "cell", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor")
+CELLS = ("cell_origin", "cell_size", "cell_level", "cell_body")
+SHOWN = (
+    *("position", "cell", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor"),
+    *CELLS,
+)
 ENSEMBLE = "ensemble"  # folder of its members
 UNDATED = {"start": "", "end": "", "dated": 0}
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
@@ -161,6 +165,8 @@ def read_evidence(
     found.sort(key=lambda stage: _order(stage[0]))
     stages = [stage for stage, _ in found]
     state = read(found[-1][1], names=SHOWN) if found else None
+    if state is not None:
+        found_grid = on_cells_of(found_grid, state)
     budgets = [read(path, names=()).attrs for path in events]
     # which the mechanics do not know
     dates = {one["step"]: {key: one[key] for key in UNDATED} for one in budgets}
@@ -184,6 +190,12 @@ def read_evidence(
         resources=read_resources(benchmarks),
         insitu=insitu,
     )
+
+
+def on_cells_of(grid: xr.Dataset, state: xr.Dataset) -> xr.Dataset:
+    """The grid's excavations with the cells of a state, which a step may have split."""
+    own = [name for name, variable in grid.variables.items() if {"cell", "node"} & set(variable.dims)]
+    return grid.drop_vars(own).assign({name: state[name] for name in CELLS})
 
 
 def _scheduled(entries: list[dict]) -> list[Scheduled]:

@@ -54,10 +54,8 @@ def _cuts(evidence: Evidence) -> list[views.View]:
     wanted = [index for index, row in enumerate(rows) if row.dated] or [
         index for index, row in enumerate(rows) if not row.planned
     ]
-    cell, owner = grid["piece_cell"].values, grid["piece_excavation"].values
-    size = grid["cell_size"].values[cell]
-    weight = grid["piece_fraction"].values * size ** int(grid.attrs["dimension"]) * np.isin(owner, wanted)
-    return views.cuts(grid, grid["cell_origin"].values[cell] + size[:, None] / 2, weight)
+    centre, volume = views.piece_centres(grid)
+    return views.cuts(grid, centre, volume * np.isin(grid["piece_excavation"].values, wanted))
 
 
 def _scene(evidence: Evidence, gallery: Gallery) -> dict:

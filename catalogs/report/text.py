@@ -8,6 +8,7 @@ import xarray as xr
 import yaml
 from scipy.spatial import cKDTree
 
+from catalogs.figures.views import axes_of, piece_centres
 from catalogs.report.inputs import Evidence
 from catalogs.sizes import log_potency
 from pipeline.event_table import ON_PLANES
@@ -142,15 +143,10 @@ def near_excavations(evidence: Evidence) -> tuple[list[dict], np.ndarray]:
     mined = ~np.isin(grid["piece_excavation"].values, evidence.planned)
     if events is None or not events.sizes["event"] or not mined.any():
         return [], np.zeros(0)
-    cell, owner = grid["piece_cell"].values[mined], grid["piece_excavation"].values[mined]
-    half = grid["cell_size"].values[cell] / 2
-    inside = (
-        np.ptp(np.stack([grid["cell_origin"].values.min(axis=0), grid["cell_origin"].values.max(axis=0)]), axis=0) > 0
-    )
-    centre = grid["cell_origin"].values[cell] + half[:, None] * inside
+    owner, centre = grid["piece_excavation"].values[mined], piece_centres(grid)[0][mined]
     _, nearest = cKDTree(centre).query(events["location"].values)
-    beyond = np.abs(events["location"].values - centre[nearest]) - half[nearest][:, None]
-    distance = np.linalg.norm(np.maximum(beyond, 0.0)[:, inside], axis=1)
+    beyond = np.abs(events["location"].values - centre[nearest]) - float(grid.attrs["fine_cell"]) / 2
+    distance = np.linalg.norm(np.maximum(beyond, 0.0)[:, axes_of(grid)], axis=1)
     potency, rows = events["potency"].values, []
     for index, excavation in enumerate(evidence.excavations):
         here = owner[nearest] == index
@@ -171,7 +167,7 @@ def near_excavations(evidence: Evidence) -> tuple[list[dict], np.ndarray]:
 def _finest_volume(evidence: Evidence) -> float:
     """Volume of a finest cell, m3."""
     attributes = evidence.grid.attrs
-    volume = float(evidence.grid["cell_size"].values.min()) ** int(attributes.get("dimension", 3))
+    volume = float(attributes["fine_cell"]) ** int(attributes.get("dimension", 3))
     return volume * float(attributes.get("thickness", 1.0))
 
 

@@ -16,7 +16,7 @@ from mpm_core.state import HOURGLASS, OVERSHOOT, SEISMIC, State
 class Brittle:
     """Which particles may fail: on their own stress (`sound`), or once a neighbouring cell has failed (`sliver`).
 
-    present (particle,) bool: not mined; sound, sliver: particle indices; borne (particle,) Pa: overstress without
+    present (particle,) bool: not mined; sound, sliver: particle indices; coarse: of those that could in finest cells; borne (particle,) Pa: overstress without
     failure, in a member of an ensemble (perturbation.borne_overstress). A cut cell that is less than half rock reads a
     stress that is 30 to 50 % wrong (measured on Kirsch's hole), so it fails only beside failed rock; kept elastic it
     would line the wall with steel for ever.
@@ -25,20 +25,22 @@ class Brittle:
     present: np.ndarray
     sound: np.ndarray
     sliver: np.ndarray
+    coarse: np.ndarray
     neighbor_start: np.ndarray
     neighbors: np.ndarray
     borne: np.ndarray | None
 
 
 def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, neighbors) -> Brittle:
-    """Rock that can fail, of the finest level (any, in a draft), still there at `step`; neighbours: grid.adjacency."""
+    """Rock that can fail, of the finest level, still there at `step`; neighbours: grid.adjacency."""
     particles = model.particles
-    small = model.scene.draft | (model.grid.cell_level[particles.cell] == model.grid.levels - 1)
-    may_fail = model.can_fail() & small & (volume > 0.0)
+    small = model.grid.cell_level[particles.cell] == model.grid.levels - 1
+    rock = model.can_fail() & (volume > 0.0)
+    may_fail = rock & small
     half = (model.rock_share(step)[particles.cell] >= 0.5) | (particles.sample >= 0)
     sound, sliver = np.flatnonzero(may_fail & half), np.flatnonzero(may_fail & ~half)
     borne = borne_overstress(particles, model.scene) if model.scene.perturbation else None
-    return Brittle(volume > 0.0, sound, sliver, neighbor_start, neighbors, borne)
+    return Brittle(volume > 0.0, sound, sliver, np.flatnonzero(rock & ~small), neighbor_start, neighbors, borne)
 
 
 def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:

@@ -7,6 +7,7 @@ with a look at full tolerance.
 A failure is felt a few cells away. From fresh ones on it spreads in the part of the mine around them, the rest held
 still (part.py); what the whole mine at rest then lets fail is the next round. In a large mine that is most of the time.
 Intact rock is elastic in between, so what fails does not depend on the scheme's way to rest.
+At rest, before rock fails, cells that are too coarse for it are split (refinement.py), and rock comes to rest again.
 
 All rock above strength fails at once, or (solver.weakest_first) the weakest first: its failure may relieve the rest. A
 crack needs that. Its tip lifts all that surrounds it above strength; failing at once that is a crushed zone, no crack
@@ -15,6 +16,7 @@ crack needs that. Its tip lifts all that surrounds it above strength; failing at
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -24,7 +26,7 @@ from mpm_core.equilibrium.part import Part
 from mpm_core.equilibrium.perturbation import delays
 from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
 from mpm_core.model import Model
-from mpm_core.state import State
+from mpm_core.state import MOTION, REFINED, State
 
 TIGHTER = 4.0  # between two tolerances of the last increment
 PLASTIC_LOOSER, PLASTIC_TOLERANCE = 50.0, 0.05  # times the given one, to so much: where no rock loses strength
@@ -44,14 +46,24 @@ class Ramp:
     reference: float
 
 
+class Refining(Protocol):
+    """Cells that follow the rock, and what a stage has on those of now."""
+
+    def asked(self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray) -> np.ndarray:
+        """Places (k, d) that need finer cells before fresh particles (k,) fail, of a part of the mine or the whole."""
+
+    def split(self, places: np.ndarray) -> "tuple[Scheme, Brittle, Ramp] | None":
+        """Split cells at places, at rest: what goes on from there; None where no more cells may be."""
+
+
 def keep_rest(scheme: Scheme, history: History) -> None:
     """Remember the state as one of rest."""
     scheme.body.settle()
     history.rest = {name: np.copy(value) for name, value in vars(scheme.body.state).items()}
 
 
-def fail_next(scheme: Scheme, brittle: Brittle, step: int, history: History, part: Part | None = None) -> np.ndarray:
-    """Let fail what stands above strength at rest: its particles (k,), ascending; none if the cascade is at its end.
+def next_failures(scheme: Scheme, brittle: Brittle, part: Part | None = None) -> np.ndarray:
+    """Rock that stands above strength at rest, particles (k,), ascending; none if the cascade is at its end.
 
     In a part of the mine rock near its border waits for the whole.
     """
@@ -59,10 +71,15 @@ def fail_next(scheme: Scheme, brittle: Brittle, step: int, history: History, par
     fresh = new_failures(model, state, brittle)
     if part is not None:
         fresh = part.far_from_border(fresh)
-    fresh = weakest(model, state, fresh, solver.weakest_first, brittle.borne)
+    return weakest(model, state, fresh, solver.weakest_first, brittle.borne)
+
+
+def let_fail(scheme: Scheme, fresh: np.ndarray, step: int, history: History) -> None:
+    """Let particles (k,) fail, at rest."""
     history.failures(len(fresh))
     if not len(fresh):
-        return fresh
+        return
+    solver = scheme.body.model.scene.solver
     if solver.collapse == "keep":
         keep_rest(scheme, history)
     if history.generation >= solver.max_generations:
@@ -73,7 +90,6 @@ def fail_next(scheme: Scheme, brittle: Brittle, step: int, history: History, par
     fail(scheme.body, fresh, step, history.increment, history.generation)
     history.generation += 1
     scheme.set_failed()
-    return fresh
 
 
 def relax_and_fail(
@@ -86,32 +102,49 @@ def relax_and_fail(
     history: History,
     part_of_mine: Part | None = None,
     save: Callable[[State, History], None] = lambda state, history: None,
-) -> None:
+    cells: Refining | None = None,
+) -> np.ndarray:
     """Relax, let fail what then stands above strength, and so on until nothing does.
 
     From fresh failures on, failure spreads in the part of the mine around them, if that is small, and there in a part
-    of that part. Not where the last state of rest or the weakest rock of the whole is asked for, nor in a draft, where
-    cells of all sizes fail. part_of_mine: the part that the scheme is for.
+    of that part. Not where the last state of rest or the weakest rock of the whole is asked for. part_of_mine: the part
+    that the scheme is for. Returns the places (k, d) that need finer cells before any more fails; none at its end.
     """
     solver = scheme.body.model.scene.solver
-    whole = solver.collapse == "keep" or solver.weakest_first > 0.0 or scheme.body.model.scene.draft
+    whole = solver.collapse == "keep" or solver.weakest_first > 0.0
     in_parts = isinstance(scheme, SchemeInParts) and not whole
     while True:
         scheme.relax(external, tolerance, reference, history)
-        fresh = fail_next(scheme, brittle, step, history, part_of_mine)
+        fresh = next_failures(scheme, brittle, part_of_mine)
+        if cells is not None:
+            places = cells.asked(scheme.body.model, scheme.body.state, brittle, fresh)
+            if len(places):
+                return places
+        let_fail(scheme, fresh, step, history)
         if not len(fresh):
-            return
+            return np.empty((0, scheme.body.model.dimension), int)
         part = scheme.part_around(brittle, fresh) if in_parts else None
         if part is not None:
             own = scheme.scheme_of(part)
             share = len(part.cells) / len(scheme.body.model.cell_nodes)  # of what may be unbalanced
             relax_and_fail(
-                own, part.brittle, external[part.nodes], tolerance * np.sqrt(share), reference, step, history, part
-            )
+                own, part.brittle, external[part.nodes], tolerance * np.sqrt(share), reference, step, history, part,
+                cells=cells,
+            )  # fmt: skip
             own.body.settle()
             scheme.take_back(part)
             del part, own  # before the whole needs its memory again
         save(scheme.body.state, history)
+
+
+def come_to_rest_on(scheme: Scheme, external: np.ndarray, tolerance, reference: float, history: History) -> None:
+    """Bring cells that have just been split to rest: what they set in motion is theirs, not the rock's."""
+    energy = scheme.body.state.energy
+    before = energy[MOTION]
+    scheme.relax(external, tolerance, reference, history)
+    scheme.body.settle()
+    energy[REFINED] -= energy[MOTION] - before
+    energy[MOTION] = before
 
 
 def loose_tolerance(model: Model) -> float:
@@ -133,10 +166,11 @@ def run_cascade(
     step: int,
     history: History,
     save: Callable[[State, History], None] = lambda state, history: None,
-) -> bool:
-    """Ramp external force and boundary strain, with a cascade at each increment. Whether it ended in collapse.
+    cells: Refining | None = None,
+) -> tuple[Scheme, bool]:
+    """Ramp external force and boundary strain, with a cascade at each increment.
 
-    `save` is called where the whole mine is between two generations; a history that stands within an increment (a saved
+    Returns the scheme, another one where cells have been split, and whether it ended in collapse. `save` is called where the whole mine is between two generations; a history that stands within an increment (a saved
     one) goes on from there.
     Collapse: after rock has failed it finds no rest, or fails on after solver.max_generations. That is an error
     (NoRest), or (solver.collapse "keep") the last state of rest is the result, at cascade_tolerance, with rock above
@@ -160,7 +194,20 @@ def run_cascade(
         try:
             while True:
                 tolerance = max(loose / TIGHTER**history.tightened, solver.tolerance)
-                relax_and_fail(scheme, brittle, external, tolerance, reference, step, history, save=save)
+                places = relax_and_fail(
+                    scheme, brittle, external, tolerance, reference, step, history, save=save, cells=cells
+                )
+                if cells is not None and len(places):
+                    finer = cells.split(places)
+                    if finer is None:
+                        cells = None
+                    else:
+                        scheme, brittle, ramp = finer
+                        external = load_at(increment)
+                        come_to_rest_on(scheme, external, tolerance, reference, history)
+                        if history.rest:
+                            keep_rest(scheme, history)
+                    continue
                 if not last or tolerance == solver.tolerance:
                     break
                 history.tightened += 1
@@ -171,8 +218,8 @@ def run_cascade(
             if history.generation == 0:  # nothing failed since the increment before
                 history.increment, external = increment - 1, load_at(increment - 1)
             scheme.relax(external, loose, reference, history)  # is at rest: this notes it
-            return True
+            return scheme, True
         scheme.body.settle()
         if history.rest:
             keep_rest(scheme, history)
-    return False
+    return scheme, False

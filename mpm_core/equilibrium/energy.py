@@ -19,6 +19,9 @@ forces at both ends times its motion is work, and what flow adds to that on the 
 
 Neither flow nor a drop is ever negative unless rock dilates above its friction: that is counted as gained, by itself.
 
+Cells that are split (carrying.py) hold more energy afterwards, or less: the same displacement, felt at more points.
+That is no work of anything, and counted by itself.
+
 Failure happens at rest. What stress loses at fixed strain is dissipated, (s_trial + s_peak) / 2 : overshoot strain
 and (s_peak + s_residual) / 2 : seismic strain; the hourglass energy of its cell is lost. That nodes are out of balance
 then is the next way's r_a. Rock that is mined takes its energy with it; it is no part of these volumes, but of
@@ -33,12 +36,12 @@ import numpy as np
 from mpm_core.kernels.energy import make_flow_energy, stored_energy, work_of_forces, work_of_stress
 from mpm_core.kernels.nodes import advance_nodes
 from mpm_core.model import Model
-from mpm_core.state import BOUNDARY, FLOW, FORCES, GAINED, HOURGLASS, MOTION, OVERSHOOT, SEISMIC, State
+from mpm_core.state import BOUNDARY, FLOW, FORCES, GAINED, HOURGLASS, MOTION, OVERSHOOT, REFINED, SEISMIC, State
 
 BALANCE = (
     "energy_work = energy_support + energy_stored + energy_hourglass + energy_hourglass_released + energy_seismic + "
-    "energy_overshoot + energy_flow - energy_gained + energy_motion + energy_left, J, of the rock that stays; "
-    "energy_released is Salamon's (1984): energy_mined + all of these but support, stored, hourglass and left"
+    "energy_overshoot + energy_flow - energy_gained + energy_motion - energy_refined + energy_left, J, of the rock that stays; "
+    "energy_released is Salamon's (1984): energy_mined + all of these but support, stored, hourglass, refined and left"
 )
 
 
@@ -179,12 +182,12 @@ class Balance:
             "motion": state.energy[MOTION] * counted,
         }
         work = (lasting + lasting_virgin + state.energy[BOUNDARY]) * counted
-        gained = state.energy[GAINED]
-        left = work + gained - sum(terms.values())
+        gained, refined = state.energy[GAINED], state.energy[REFINED]
+        left = work + gained + refined - sum(terms.values())
         largest = np.nanmax(np.abs([work, gained, *terms.values()]))
         dissipated = terms["seismic"] + terms["overshoot"] + terms["flow"]
         released = self.mined + dissipated - gained + terms["hourglass_released"] + terms["motion"]
-        values = {"work": work, **terms, "gained": gained, "left": left, "mined": self.mined}
+        values = {"work": work, **terms, "gained": gained, "refined": refined, "left": left, "mined": self.mined}
         values |= {"released": released, "dissipated": dissipated}
         scale = model.scene.thickness
         facts = {f"energy_{name}": float(value) * scale for name, value in values.items()}

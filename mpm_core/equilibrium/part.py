@@ -76,6 +76,7 @@ def cut_out(
         particles=particles,
         scatter=build_scatter(cell_nodes, grid.node_parents),
         cell_nodes=cell_nodes,
+        body=model.body[cells],
         insitu=model.insitu[indices],
         held=held,
     )
@@ -156,7 +157,9 @@ def _crop_particles(particles: Particles, chosen: np.ndarray, number: np.ndarray
 def _crop_brittle(brittle: Brittle, indices: np.ndarray, cells: np.ndarray, number: np.ndarray) -> Brittle:
     """Of the particles `indices` and the cells `cells`; number (cell,) of a cell in the part, -1 outside."""
     place = _numbers(indices, len(brittle.present))
-    sound, sliver = (place[kind][place[kind] >= 0] for kind in (brittle.sound, brittle.sliver))
+    sound, sliver, coarse = (
+        place[kind][place[kind] >= 0].astype(np.int64) for kind in (brittle.sound, brittle.sliver, brittle.coarse)
+    )
     first, end = brittle.neighbor_start[cells], brittle.neighbor_start[cells + 1]
     link_start = np.append(0, np.cumsum(end - first))
     links = np.arange(link_start[-1]) + np.repeat(first - link_start[:-1], end - first)
@@ -164,8 +167,9 @@ def _crop_brittle(brittle: Brittle, indices: np.ndarray, cells: np.ndarray, numb
     inside = np.append(0, np.cumsum(neighbors >= 0))
     return Brittle(
         present=brittle.present[indices],
-        sound=sound.astype(np.int64),
-        sliver=sliver.astype(np.int64),
+        sound=sound,
+        sliver=sliver,
+        coarse=coarse,
         neighbor_start=inside[link_start],
         neighbors=neighbors[neighbors >= 0],
         borne=None if brittle.borne is None else brittle.borne[indices],

@@ -5,14 +5,13 @@ from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.building import GridCount, GridMemory, build_grid, count_cells, estimate_memory
 from mpm_core.grid.mesh import CORNERS, MultiLevelGrid
 from mpm_core.grid.nodes import number_nodes
-from mpm_core.grid.octree import RefinedVolume, refine
+from mpm_core.grid.octree import refine
 
 __all__ = [
     "CORNERS",
     "GridCount",
     "GridMemory",
     "MultiLevelGrid",
-    "RefinedVolume",
     "build_grid",
     "count_cells",
     "estimate_memory",

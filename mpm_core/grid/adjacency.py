@@ -29,6 +29,13 @@ def face_neighbors(grid: MultiLevelGrid, of: np.ndarray | None = None) -> tuple[
     return indptr, indices
 
 
+def holding_cells(grid: MultiLevelGrid, places: np.ndarray) -> np.ndarray:
+    """The cell (k,) int32 that holds each place (k, d) int32, fine units; NO_CELL outside the domain."""
+    found = np.empty(len(places), dtype=np.int32)
+    _find_cells(places, *leaf_lookup(grid), found)
+    return found
+
+
 def leaf_lookup(grid: MultiLevelGrid) -> tuple[np.ndarray, int, np.ndarray, np.ndarray, np.ndarray]:
     """What `cell_at` needs to find the leaf at a place: (code, halvings, base_shape, first, count).
 
@@ -94,6 +101,13 @@ def cell_at(place, code, halvings, base_shape, first, count):
         else:
             upper = middle
     return lower
+
+
+@njit(parallel=True, cache=True)
+def _find_cells(places, code, halvings, base_shape, first, count, found):
+    """The leaf that holds each place: found (k,) int32, written."""
+    for i in prange(len(places)):
+        found[i] = cell_at(places[i], code, halvings, base_shape, first, count)
 
 
 @njit(parallel=True, cache=True)

@@ -1,6 +1,6 @@
 """Build the grid of a scene, after saying what it will take."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +8,7 @@ import psutil
 
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.nodes import number_nodes
-from mpm_core.grid.octree import Classify, RefinedVolume, SplitMarks, leaves, mark_splits
+from mpm_core.grid.octree import Classify, SplitMarks, leaves, mark_splits
 from pipeline.errors import InputError
 
 WORK_PER_CELL = 16
@@ -38,10 +38,10 @@ class GridMemory(NamedTuple):
 
 
 def count_cells(
-    base_shape, levels: int, classify: Classify, buffer_cells: int, extra_marks: Iterable[RefinedVolume] | None = None
+    base_shape, levels: int, classify: Classify, buffer_cells: int
 ) -> GridCount:
     """Exact numbers of cells and nodes that :func:`build_grid` would make from these arguments, without making them."""
-    return _count(mark_splits(base_shape, levels, classify, buffer_cells, extra_marks))
+    return _count(mark_splits(base_shape, levels, classify, buffer_cells))
 
 
 def _count(marks: SplitMarks) -> GridCount:
@@ -75,7 +75,6 @@ def build_grid(
     levels: int,
     classify: Classify,
     buffer_cells: int,
-    extra_marks: Iterable[RefinedVolume] | None = None,
     before_allocation: Callable[[GridCount], None] | None = None,
 ) -> MultiLevelGrid:
     """The multi-level grid of a scene.
@@ -90,7 +89,7 @@ def build_grid(
     if origin.shape != base_shape.shape or not coarse_cell > 0:
         raise ValueError(f"origin {origin}, coarse_cell {coarse_cell}: d coordinates and a positive size are expected")
     _require_memory(marks_memory(base_shape, levels), f"the split marks of {levels} levels")
-    marks = mark_splits(base_shape, levels, classify, buffer_cells, extra_marks)
+    marks = mark_splits(base_shape, levels, classify, buffer_cells)
     count = _count(marks)
     if before_allocation is not None:
         before_allocation(count)

@@ -6,27 +6,14 @@ over faces, edges and corners (the paper's face balance makes chains of hanging 
 its neighbours exist at its own level or finer, hence their parents split too.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit, prange
 
 Classify = Callable[[int, np.ndarray], np.ndarray]
 """``classify(level, index (n, d) int32) -> (n,) bool``: is the cell crossed by or inside an excavation; index in units
 of that level's own cells."""
-
-
-class RefinedVolume(NamedTuple):
-    """A volume that is finest throughout whatever ``classify`` says, for instance where a draft run failed."""
-
-    level: int
-    """level of the cells that describe it, at most levels - 2"""
-    index: np.ndarray
-    """(n, d) those cells, in units of their own level"""
-    rings: int
-    """rings of cells of that level around them that belong to the volume too"""
 
 
 @dataclass(frozen=True)
@@ -83,24 +70,24 @@ class SplitMarks:
 
 
 def refine(
-    base_shape, levels: int, classify: Classify, buffer_cells: int, extra_marks: Iterable[RefinedVolume] | None = None
+    base_shape, levels: int, classify: Classify, buffer_cells: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Leaves of the balanced tree, in Morton order of their lower corner (x fastest): sibling leaves are contiguous.
 
     Arguments as in :func:`mark_splits`. Returns cell_index (cell, d) int32, the lower corner in units of the finest
     cell (a base cell is 2^(levels - 1) units wide), and cell_level (cell,) int8, 0 for base cells.
     """
-    return leaves(mark_splits(base_shape, levels, classify, buffer_cells, extra_marks))
+    return leaves(mark_splits(base_shape, levels, classify, buffer_cells))
 
 
 def mark_splits(
-    base_shape, levels: int, classify: Classify, buffer_cells: int, extra_marks: Iterable[RefinedVolume] | None = None
+    base_shape, levels: int, classify: Classify, buffer_cells: int
 ) -> SplitMarks:
     """Which cells split, so that excavations lie in finest cells and neighbours differ by one level at most.
 
     base_shape (d,) base cells per axis; levels >= 1; classify is called once per level, for all base cells and then
-    for the children of cells it marked; buffer_cells rings of a level's cells split around those marked on it;
-    extra_marks are finest throughout as well. Raises ValueError for arguments out of range.
+    for the children of cells it marked; buffer_cells rings of a level's cells split around those marked on it. Raises
+    ValueError for arguments out of range.
     """
     if buffer_cells < 0:
         raise ValueError(f"buffer_cells: {buffer_cells}: zero or more rings are expected")
@@ -116,9 +103,7 @@ def mark_splits(
         splits = marks.of_level(level)
         splits[tuple(index.T)] = True
         _dilate(splits, buffer_cells)
-        index = _children(index)
-    for volume in extra_marks or ():
-        _mark_volume(marks, volume)
+        index = children(index)
     for level in range(levels - 2, 0, -1):
         around = marks.of_level(level).copy()
         _dilate(around, 1)
@@ -152,7 +137,7 @@ def _all_cells(shape) -> np.ndarray:
     return np.ascontiguousarray(index)
 
 
-def _children(index: np.ndarray) -> np.ndarray:
+def children(index: np.ndarray) -> np.ndarray:
     """Children (n 2^d, d) of cells (n, d), each in units of its own level, siblings in a row."""
     dimension = index.shape[1]
     return (2 * index[:, None, :] + _all_cells((2,) * dimension)).reshape(-1, dimension)
@@ -188,23 +173,6 @@ def _either_side(flags: np.ndarray, axis: int) -> np.ndarray:
     upper = planes[_along(axis, slice(1, None))]
     np.logical_or(upper, flags, out=upper)
     return planes
-
-
-def _mark_volume(marks: SplitMarks, volume: RefinedVolume) -> None:
-    """Split the cells of a volume from its own level down to the finest; coarser ones follow from balance."""
-    if not 0 <= volume.level <= marks.levels - 2:
-        raise ValueError(f"extra_marks: level {volume.level}: 0 to {marks.levels - 2} is expected")
-    region = np.zeros_like(marks.of_level(volume.level))
-    index = np.asarray(volume.index).reshape(-1, region.ndim)
-    if (index < 0).any() or (index >= region.shape).any():
-        raise ValueError(f"extra_marks: a cell lies outside the {'x'.join(map(str, region.shape))} cells of its level")
-    region[tuple(index.T)] = True
-    _dilate(region, volume.rings)
-    for level in range(volume.level, marks.levels - 1):
-        if level > volume.level:
-            for axis in range(region.ndim):
-                region = region.repeat(2, axis=axis)
-        np.logical_or(marks.of_level(level), region, out=marks.of_level(level))
 
 
 def _morton_ordered(base_shape: np.ndarray) -> np.ndarray:

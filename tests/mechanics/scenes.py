@@ -8,7 +8,7 @@ from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.grid import MultiLevelGrid, build_grid
 from mpm_core.loading import external_force
 from mpm_core.model import Model, build_model
-from mpm_core.occupancy import SAMPLES, Pieces
+from mpm_core.occupancy import SAMPLES, Pieces, Places
 from mpm_core.particles import point_table
 from mpm_core.scene import FACES, Scene, parse_scene
 
@@ -150,7 +150,9 @@ def make_model(scene: Scene, grid: MultiLevelGrid, shapes=(), body=None) -> Mode
 def make_dataset(scene: Scene, grid: MultiLevelGrid, shapes=(), body=None):
     """The grid's dataset, as a stage reads it."""
     body = host_everywhere(grid) if body is None else body
-    return grid_dataset(grid, body, pieces_of(grid, shapes), scene.plane, {"mine": scene.mine})
+    pieces = pieces_of(grid, shapes)
+    places = Places(grid.cell_index[pieces.cell], pieces.excavation.astype(np.int16), pieces.samples)
+    return grid_dataset(grid, body, places, scene.plane, {"mine": scene.mine})
 
 
 def solve(model: Model, tolerance: float = 1e-6, step: int = 0) -> tuple[ExplicitScheme, History]:

@@ -248,10 +248,10 @@ def test_a_step_starts_from_the_rest_of_the_step_before(tmp_path, monkeypatch):
     The unbalanced force at the start of a step that mines failed rock and places fill is that of the state before."""
     starts = []
 
-    def look_first(scheme, brittle, ramp, step, history):
+    def look_first(scheme, brittle, ramp, *others):
         unbalanced = ramp.start + scheme.body.internal_force()
         starts.append((np.linalg.norm(unbalanced), np.linalg.norm(ramp.target - ramp.start), ramp.reference))
-        return run_cascade(scheme, brittle, ramp, step, history)
+        return run_cascade(scheme, brittle, ramp, *others)
 
     monkeypatch.setattr(stages, "run_cascade", look_first)
     states = chain(tmp_path, [(0, "fill", 1), (1, None, 1)], 2, host=COULOMB, solver={"hourglass": 0.3})

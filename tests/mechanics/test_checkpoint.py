@@ -24,9 +24,9 @@ class KilledAfter(Checkpoint):
 
     left = 0
 
-    def save(self, state, history):
+    def save(self, state, history, grid):
         self.cost = 0.0
-        super().save(state, history)
+        super().save(state, history, grid)
         self.left -= 1
         if self.left == 0:
             raise Killed

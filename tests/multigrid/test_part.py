@@ -202,9 +202,9 @@ class Dying(Checkpoint):
 
     saves, last_save = 0, np.inf
 
-    def save(self, state, history):
+    def save(self, state, history, grid):
         self.cost = 0.0
-        super().save(state, history)
+        super().save(state, history, grid)
         self.saves += 1
         if self.saves == self.last_save:
             raise Killed

@@ -11,13 +11,11 @@ import shlex
 from pipeline.sources import source_hash
 from pipeline.stage import name_parent_of_stages
 from verification.studies import load_study
-from workflow.draft import draft_of
 from workflow.memory import mechanics_mb, reading_mb
 from workflow.slices import SliceFiles
 
 RESULTS = "results/{mine}"
 NAME = "[A-Za-z0-9][A-Za-z0-9_-]*"
-DRAFT = "draft"  # folder of a mine's draft run, beside its other results
 ENSEMBLE = "ensemble"  # folder of its perturbed members, by number
 MINES = f"{re.escape(MINE.name)}|verification/{NAME}/{NAME}"  # with results of their own: this run's mine, variants
 STUDY = "results/verification/{study}"
@@ -34,7 +32,7 @@ shell.prefix(
 
 
 wildcard_constraints:
-    mine=f"({MINES})(/{DRAFT}|/{ENSEMBLE}/[1-9][0-9]*)?",
+    mine=f"({MINES})(/{ENSEMBLE}/[1-9][0-9]*)?",
     study=NAME,
     step=NAME,
 
@@ -57,7 +55,7 @@ def study(name):
 
 
 def mine_of(wildcards):
-    """Configuration behind results/{mine}: this run's mine or a variant of a study, the draft or a member of either."""
+    """Configuration behind results/{mine}: this run's mine or a variant of a study, or a member of either."""
     return mine_at(wildcards.mine)
 
 
@@ -66,25 +64,23 @@ def mine_at(folder):
     """Configuration behind results/<folder>."""
     place, part = parts_of(folder)
     mine = MINE if place == MINE.name else variant_of_study(*place.split("/")[1:])
-    if part.startswith(ENSEMBLE):
-        return mine.member(int(part.split("/")[1]))
-    return draft_of(mine) if part else mine
+    return mine.member(int(part.split("/")[1])) if part else mine
 
 
 def place_of(wildcards):
-    """Folder of the mine below results, and which part of it is meant: draft, ensemble/<number> or, empty, itself."""
+    """Folder of the mine below results, and which part of it is meant: ensemble/<number> or, empty, itself."""
     return parts_of(wildcards.mine)
 
 
 def parts_of(folder):
     """The same of results/<folder>."""
-    return re.fullmatch(f"({MINES})/?({DRAFT}|{ENSEMBLE}/[0-9]+|)", folder).groups()
+    return re.fullmatch(f"({MINES})/?({ENSEMBLE}/[0-9]+|)", folder).groups()
 
 
 def shared(wildcards):
     """Folder of the grid and the elastic state: a member of an ensemble has none of its own."""
     place, part = place_of(wildcards)
-    return f"results/{place if part.startswith(ENSEMBLE) else wildcards.mine}"
+    return f"results/{place if part else wildcards.mine}"
 
 
 def variant_of_study(name, variant):
@@ -145,7 +141,7 @@ def all_results():
 
 
 def grid_of(wildcards):
-    """The grid of a mine, of a draft, or that which the members of an ensemble share with their mine."""
+    """The grid of a mine, which the members of an ensemble share with their mine."""
     return f"{shared(wildcards)}/grid.nc"
 
 
@@ -155,20 +151,15 @@ def previous_state(wildcards):
     return f"results/{wildcards.mine}/steps/{before}.nc" if before else f"{shared(wildcards)}/elastic.nc"
 
 
-def draft_state(wildcards):
-    """The last step of the draft run that shows where rock will fail, if the grid is to know."""
-    draft = draft_of(mine_of(wildcards))
-    return f"results/{wildcards.mine}/{DRAFT}/steps/{draft.mined_steps[-1]}.nc" if draft else []
-
-
-def draft_option(wildcards, input):
-    """The command line option for it."""
-    return f"--draft {input.draft}" if input.draft else ""
-
-
 def solids(wildcards):
     """Files that the grid is built from."""
     return mine_of(wildcards).solids()
+
+
+def bodies(wildcards):
+    """Files of rock bodies, of which cells that a step splits are sampled anew."""
+    mine = mine_of(wildcards)
+    return mine.bodies() if mine.is_adaptive else []
 
 
 @functools.cache
@@ -243,8 +234,8 @@ def elastic_memory(wildcards, input):
 
 
 def step_memory(wildcards, input):
-    """MB that a mining step needs on the grid."""
-    return mechanics_mb(mine_of(wildcards), input.grid, elastic=False)
+    """MB that a mining step needs on the cells of the step before, and on those that it may add to them."""
+    return mechanics_mb(mine_of(wildcards), input.state, elastic=False)
 
 
 def reading_memory(stage):

@@ -1,10 +1,10 @@
 rule scene:
     """A picture of the scene, before anything is solved, on request: cells, solids by step, record.
 
-    With grid.failure_zone: auto the cells are those of the draft run, which the grid itself waits for.
+    Cells are those of the first step; cells that follow the rock are split in the steps.
     """
     input:
-        grid=result(f"{DRAFT}/grid.nc" if draft_of(MINE) else "grid.nc"),
+        grid=result("grid.nc"),
         record=result("record.nc") if HAS_RECORD else [],
     output:
         result("scene.png"),

@@ -29,6 +29,7 @@ rule mining_step:
     input:
         grid=grid_of,
         state=previous_state,
+        bodies=bodies,
     output:
         kept(f"{RESULTS}/steps/{{step}}.nc"),
     params:

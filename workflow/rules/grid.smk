@@ -2,13 +2,11 @@ rule grid:
     """Cells, nodes, hanging-node constraints, and the part of each cell inside each excavation."""
     input:
         solids=solids,
-        draft=draft_state,
     output:
         kept(f"{RESULTS}/grid.nc"),
     params:
         code=source_hash("mpm_core grid"),
         scene=slice_of("grid"),
-        draft=draft_option,
     log:
         "logs/{mine}/grid.log",
     benchmark:
@@ -20,7 +18,7 @@ rule grid:
     conda:
         "../envs/environment.yaml"
     shell:
-        "stage mpm_core grid --scene {params.scene:q} {params.draft} --output {output} --log {log} --threads {threads}"
+        "stage mpm_core grid --scene {params.scene:q} --output {output} --log {log} --threads {threads}"
 
 
 rule vtk:

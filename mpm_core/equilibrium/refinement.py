@@ -1,0 +1,69 @@
+"""Which cells are too coarse for what happens in them: where rock stands near its strength, and beside rock that fails.
+
+Rock in coarse cells is elastic by definition, so one can be split at any time: its displacement is known everywhere in
+it, and stress follows from that. Rock is near its strength if it would break were its stress changed by mining more
+than it is, by the share NEAR: what a coarse cell averages over, and what the next failures beside it will add, is in
+proportion to that change. Virgin rock is never near, however close to its strength it stands.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpm_core.equilibrium.brittle import Brittle
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.splitting import around, code_of, families, family_codes
+from mpm_core.kernels.failure import make_overstress_of
+from mpm_core.model import Model
+from mpm_core.state import State
+
+NEAR = 0.5
+BESIDE = 1  # rings of split cells of the last level but one that rock has around it when it fails
+RINGS = 2  # of them that are split at once around what asks for it: so a crack does not ask again with every cell
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """What is split so far: codes (k,) of cells of the last level but one, ascending, and how many there are along each
+    axis (d,)."""
+
+    codes: np.ndarray
+    shape: np.ndarray
+
+    @classmethod
+    def of(cls, grid: MultiLevelGrid) -> "Refinement":
+        """Of a grid."""
+        return cls(family_codes(grid), grid.shape >> 1)
+
+    def asked(self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray) -> np.ndarray:
+        """Cells (k, d) of the last level but one, in units of their own, around which finest cells are missing.
+
+        fresh (k,): particles that are about to fail; of a part of the mine or of the whole.
+        """
+        near = brittle.coarse[near_strength(model, state, brittle.coarse)]
+        places = families(model.grid, np.unique(model.particles.cell[fresh]))
+        if len(places):
+            places = places[self._exposed(places)]
+        return np.concatenate([families(model.grid, np.unique(model.particles.cell[near])), places])
+
+    def _exposed(self, places: np.ndarray) -> np.ndarray:
+        """(k,) bool: whether a cell within BESIDE rings of a place (k, d) is not split."""
+        missing = around(np.unique(places, axis=0), BESIDE, self.shape)
+        code = code_of(missing, self.shape)
+        missing = missing[self.codes[np.minimum(np.searchsorted(self.codes, code), len(self.codes) - 1)] != code]
+        if not len(missing):
+            return np.zeros(len(places), bool)
+        return np.isin(code_of(places, self.shape), code_of(around(missing, BESIDE, self.shape), self.shape))
+
+
+def near_strength(model: Model, state: State, candidates: np.ndarray) -> np.ndarray:
+    """(k,) bool: whether candidates (particle indices), intact ones, would break under 1 + NEAR times their change of
+    stress since virgin."""
+    excess = np.zeros(len(candidates))
+    if len(candidates):
+        changed = (1.0 + NEAR) * state.stress[candidates]
+        make_overstress_of(model.law)(
+            np.arange(len(candidates)), changed, model.insitu[candidates], model.particles.material[candidates],
+            model.intact_rows, excess,
+        )  # fmt: skip
+    return excess > 0.0

@@ -1,0 +1,68 @@
+"""The ground of a scene whatever its cells are: what excavations take of it, and which rock body it is of.
+
+A step asks for its rock on cells that it names. Excavations are known as parts of finest cells (grid.nc), rock bodies
+as solids.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from mpm_core.carrying import carry_loose
+from mpm_core.datasets import read_pieces
+from mpm_core.domain import Domain
+from mpm_core.grid.adjacency import holding_cells
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.splitting import split
+from mpm_core.model import Model, build_model
+from mpm_core.occupancy import Loose, Pieces, Places
+from mpm_core.scene import Scene
+from mpm_core.solids import bodies_at, read_solids
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A scene, and the parts of finest cells inside its excavations."""
+
+    scene: Scene
+    parts: Places
+
+    @classmethod
+    def of(cls, scene: Scene, grid: xr.Dataset) -> "Ground":
+        """Of a scene and the dataset of its grid."""
+        return cls(scene, read_pieces(grid))
+
+    def model(self, grid: MultiLevelGrid, body: np.ndarray, loose: Loose, all_fallen: bool = False) -> Model:
+        """The scene on a grid; body (cell,): rock body of each cell; loose, all_fallen: see build_model."""
+        return build_model(self.scene, grid, body, self.pieces(grid), loose, all_fallen)
+
+    def pieces(self, grid: MultiLevelGrid) -> Pieces:
+        """Parts of the cells of a grid inside excavations: of finest cells, as no other is mined."""
+        cell = holding_cells(grid, self.parts.place)
+        finest = grid.cell_level[cell] == grid.levels - 1
+        return Pieces(cell[finest], self.parts.excavation[finest], self.parts.samples[finest])
+
+    def opened(self, grid: MultiLevelGrid, step: int) -> MultiLevelGrid:
+        """The grid with finest cells, and rings of them, around all that is mined up to a step."""
+        mined = np.array([0 <= excavation.mined <= step for excavation in self.scene.excavations] or [False])
+        places = np.unique(self.parts.place[mined[self.parts.excavation]] >> 1, axis=0)
+        rings = self.scene.refinement.rings
+        return split(grid, places, rings, rings) if len(places) else grid
+
+    def on(self, grid: MultiLevelGrid, model: Model, all_fallen: bool = True) -> Model:
+        """The scene on another grid, whose cells are those of a model or parts of them."""
+        return self.model(grid, self._bodies(grid, model), carry_loose(model, grid.cell_index), all_fallen)
+
+    def _bodies(self, grid: MultiLevelGrid, model: Model) -> np.ndarray:
+        """Rock body of each cell: of those that stay theirs, of parts that which holds their centre."""
+        origin = holding_cells(model.grid, grid.cell_index)
+        body = model.body[origin]
+        parts = np.flatnonzero(grid.cell_level != model.grid.cell_level[origin])
+        if len(parts) and self.scene.refinement.bodies:
+            finest = grid.levels - 1
+            domain = Domain(grid.origin, grid.shape >> finest, grid.fine_cell * 2**finest, grid.levels)
+            body[parts] = bodies_at(
+                read_solids(self.scene.refinement.bodies, "rock_bodies", domain), grid.cell_center[parts]
+            )
+        return body

@@ -1,0 +1,117 @@
+"""A mining step on the cells that it has now: its model and loads, and the same on finer cells once rock asks for them."""
+
+import logging
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mpm_core.carrying import carry, carry_forces, carry_nodes
+from mpm_core.equilibrium.body import Body
+from mpm_core.equilibrium.brittle import Brittle, find_brittle
+from mpm_core.equilibrium.cascade import Ramp
+from mpm_core.equilibrium.energy import elastic_energy, hourglass_energies
+from mpm_core.equilibrium.explicit import ExplicitScheme
+from mpm_core.equilibrium.moving import MovingScheme
+from mpm_core.equilibrium.multigrid import MultigridScheme
+from mpm_core.equilibrium.refinement import RINGS, Refinement
+from mpm_core.equilibrium.scheme import Scheme
+from mpm_core.grid.adjacency import face_neighbors
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.splitting import split
+from mpm_core.ground import Ground
+from mpm_core.loading import external_force
+from mpm_core.memory import require_cells
+from mpm_core.model import Model
+from mpm_core.state import REFINED, State
+
+
+def make_scheme(model: Model, state: State, volume: np.ndarray) -> Scheme:
+    """The scheme that the scene asks for; explicit steps for particles at rest in their cells or moving."""
+    solver = model.scene.solver
+    kind = MultigridScheme if solver.scheme == "multigrid" else MovingScheme if solver.move else ExplicitScheme
+    return kind(model, state, volume)
+
+
+def brittle_of(model: Model, volume: np.ndarray, step: int) -> Brittle:
+    """Rock of a model that may fail in a step; volume (particle,)."""
+    cut = face_neighbors(model.grid, model.changes.cell)  # the only cells whose neighbours matter
+    return find_brittle(model, volume, step, *cut)
+
+
+@dataclass
+class StepCells:
+    """What a step has on its cells, replaced as a whole when they are split; it is what the cascade asks (Refining).
+
+    start_model, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
+    splits: how often cells have been split; full: as many cells as there may be.
+    """
+
+    ground: Ground
+    scheme: Scheme
+    brittle: Brittle
+    ramp: Ramp
+    step: int
+    start_model: Model
+    start_displacement: np.ndarray
+    refinement: Refinement
+    splits: int = 0
+    full: bool = False
+
+    @property
+    def model(self) -> Model:
+        """On the cells of now."""
+        return self.scheme.body.model
+
+    def asked(self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray) -> np.ndarray:
+        """Places (k, d) that need finer cells, see Refinement; none once there are as many cells as there may be."""
+        if self.full:
+            return np.empty((0, model.dimension), int)
+        return self.refinement.asked(model, state, brittle, fresh)
+
+    def split(self, places: np.ndarray) -> tuple[Scheme, Brittle, Ramp] | None:
+        """Split cells at places (k, d), at rest: what goes on from there; None where there would be too many."""
+        grid = split(self.model.grid, places, RINGS, 1)
+        most = self.ground.scene.refinement.max_cells
+        if len(grid.cell_level) > most:
+            logging.warning("%d cells would be more than grid.max_cells, %d: no more are split", len(grid.cell_level), most)
+            self.full = True
+            return None
+        before = len(self.model.grid.cell_level)
+        self.onto(grid)
+        self.splits += 1
+        logging.info("%d cells split: %d cells, %d of the finest", (len(grid.cell_level) - before) // ((1 << grid.dimension) - 1),
+                     len(grid.cell_level), np.count_nonzero(grid.cell_level == grid.levels - 1))
+        return self.scheme, self.brittle, self.ramp
+
+    def onto(self, grid: MultiLevelGrid) -> None:
+        """Go over to a grid whose cells are those of now or parts of them. What that adds to the energy is counted."""
+        if grid is self.model.grid:
+            return
+        body = self.scheme.body
+        body.settle()
+        require_cells(self.ground.scene, grid)
+        old, was = body.model, stored(body)
+        model = self.ground.on(grid, old)
+        state = carry(old, body.state, model)
+        volume, ramp = model.volumes(self.step), self.ramp
+        lasting = external_force(model, max(self.step - 1, 0))
+        start = lasting + carry_forces(old, ramp.start - external_force(old, max(self.step - 1, 0)), model)
+        self.ramp = replace(ramp, start=start, target=external_force(model, self.step))
+        self.scheme.drop_work_arrays()
+        self.scheme = make_scheme(model, state, volume)
+        self.brittle = brittle_of(model, volume, self.step)
+        self.refinement = Refinement.of(grid)
+        state.energy[REFINED] += stored(self.scheme.body) - was
+
+    def moved(self) -> np.ndarray:
+        """How far nodes (node, d) have moved in this step, m."""
+        start = self.start_displacement
+        if self.start_model is not self.model:
+            start = carry_nodes(self.start_model, start, self.model)
+        return self.scheme.body.state.displacement - start
+
+
+def stored(body: Body) -> float:
+    """Energy of stress and of hourglass forces of a body, J (per m in 2-D)."""
+    hourglass = hourglass_energies(body.state.hourglass_force, body.hourglass)
+    return elastic_energy(body.model, body.state, body.volume) + float(hourglass.sum())

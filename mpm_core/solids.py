@@ -1,0 +1,76 @@
+"""Solids of the configuration, excavations and rock bodies, as geometry within a domain."""
+
+import logging
+from collections.abc import Sequence
+
+import numpy as np
+
+from mpm_core.domain import Domain
+from mpm_core.geometry.files import Picked, read_outline, read_solid
+from mpm_core.geometry.inside import contains
+from mpm_core.geometry.shapes import build_shape
+from mpm_core.geometry.solids import Outside, Solid
+from mpm_core.settings import SolidSettings
+from pipeline.errors import InputError
+
+
+def read_solids(entries: Sequence[SolidSettings], section: str, domain: Domain) -> list[Solid | Outside]:
+    """Solids of a section of the configuration ("excavations"), in order; `outside`: what they leave of the domain.
+
+    entries: or their values.
+
+    Raises InputError naming the entry, also for one that lies outside the domain.
+    """
+    dimension = len(domain.lower)
+    solids = []
+    for entry in (SolidSettings.of(one, section) for one in entries):
+        try:
+            if entry.file and dimension == 2:
+                raise InputError(f"{entry.name}: file: a plane strain scene needs a shape in its plane, not a solid")
+            if entry.file and entry.shape:
+                solids.append(build_shape(with_outline(entry), dimension))
+            elif entry.file:
+                solids.append(read_solid(entry.file, entry.name, Picked.of(entry.given())))
+            else:
+                solids.append(build_shape(entry.given(), dimension))
+        except InputError as error:
+            raise InputError(f"{section}.{entry.name}: {str(error).removeprefix(entry.name + ': ')}") from error
+        check_inside(solids[-1], domain, section, bool(entry.file))
+        if entry.outside:
+            solids[-1] = Outside(solids[-1], domain.lower, domain.upper)
+    return solids
+
+
+def with_outline(entry: SolidSettings) -> dict:
+    """A prism's keys with the polygon of its drawing; `height` stands on the polyline's own elevations."""
+    given = entry.given()
+    outline = read_outline(entry.file, entry.name, Picked.of(given))
+    made = given | {"polygon": outline[:, :2].tolist()}
+    if entry.height:
+        made |= {"base": outline[:, 2].tolist(), "top": (outline[:, 2] + entry.height).tolist()}
+    return made
+
+
+def check_inside(solid: Solid, domain: Domain, section: str, from_file: bool = False) -> None:
+    """Raise InputError for a solid outside the domain; one that is partly outside is cut off at the boundary."""
+    lower, upper = solid.bounds
+    if (upper <= domain.lower).any() or (lower >= domain.upper).any():
+        raise InputError(
+            f"{section}.{solid.name}: lies outside the domain ({_span(lower, upper)}; "
+            f"domain {_span(domain.lower, domain.upper)}): check its coordinates"
+            f"{', its units, scale and offset' if from_file else ''} and domain.lower, domain.upper"
+        )
+    if (lower < domain.lower).any() or (upper > domain.upper).any():
+        logging.warning("%s.%s reaches beyond the domain; the part inside is used", section, solid.name)
+
+
+def _span(lower, upper) -> str:
+    return ", ".join(f"{a:.10g} to {b:.10g} m" for a, b in zip(lower, upper, strict=True))
+
+
+def bodies_at(bodies: list[Solid | Outside], points: np.ndarray) -> np.ndarray:
+    """Rock body that each point (k, d) lies in, later ones winning: (k,) int16, -1 host."""
+    body = np.full(len(points), -1, np.int16)
+    for number, solid in enumerate(bodies):
+        body[contains(solid, points)] = number
+    return body
