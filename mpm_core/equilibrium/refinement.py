@@ -17,7 +17,7 @@ from mpm_core.kernels.failure import make_overstress_of
 from mpm_core.model import Model
 from mpm_core.state import State
 
-NEAR = 0.5
+NEAR = 0.25
 BESIDE = 1  # rings of split cells of the last level but one that rock has around it when it fails
 RINGS = 2  # of them that are split at once around what asks for it: so a crack does not ask again with every cell
 
