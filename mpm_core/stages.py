@@ -31,6 +31,7 @@ from mpm_core.state import State
 from pipeline.datasets import atomic_path, clear_parts
 from pipeline.errors import InputError
 
+SCHEMES = {"explicit": ExplicitScheme, "multigrid": MultigridScheme}  # by solver.scheme
 SMALLER = "use fewer grid.levels, grid.buffer_cells or grid.particles_per_cell, or free some"
 LEAST_STAYS = 1e-5  # of virgin stress: what is less counts as this much; the default tolerance then asks for 1e-10
 ROUND_OFF = 1e-12  # of all forces since virgin rock: unbalanced force that is none
@@ -39,7 +40,7 @@ ROUND_OFF = 1e-12  # of all forces since virgin rock: unbalanced force that is n
 def make_scheme(model: Model, state: State, volume: np.ndarray) -> Scheme:
     """The scheme that the scene asks for; explicit steps for particles at rest in their cells or moving."""
     solver = model.scene.solver
-    kind = MultigridScheme if solver.scheme == "multigrid" else MovingScheme if solver.move else ExplicitScheme
+    kind = MovingScheme if solver.move else SCHEMES[solver.scheme]
     return kind(model, state, volume)
 
 
