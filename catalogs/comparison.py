@@ -17,7 +17,7 @@ from catalogs.exposure import Exposure, total_interval
 from catalogs.measures import axes_measures, location_measures
 from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
 from catalogs.settings import ComparisonSlice
-from catalogs.size_measures import CATALOGUES, size_measures
+from catalogs.size_measures import CATALOGUES, SIZE_BIN, size_measures
 from pipeline.errors import InputError
 from pipeline.event_table import check_events
 
@@ -37,7 +37,7 @@ def compare(catalog: xr.Dataset, record: xr.Dataset, settings: ComparisonSlice) 
     x = [sizes.log_potency(events["potency"].values) for events in both]
     resolved = [events["resolved"].values == 1 for events in both]
     rounded = rounding(x[1])  # what is modelled is not
-    result, attributes = _cut(catalog, x[1][resolved[1]], rounded, settings)
+    result, attributes = _cut(catalog, x[1][resolved[1]], rounded)
     cut = float(result["cut"][1])
     exposure = Exposure.of(settings.steps, json.loads(record.attrs.get("period", "{}")).get("common"))
     steps = [exposure.step(events["time"].values) for events in both]
@@ -75,7 +75,7 @@ def compare(catalog: xr.Dataset, record: xr.Dataset, settings: ComparisonSlice) 
         "period_record": _period(record),
         "period_text": _period_text(record, exposure),
         "settings": json.dumps(settings.model_dump(mode="json"), sort_keys=True),
-        "size_bin_width": settings.size_bin,
+        "size_bin_width": SIZE_BIN,
         "kagan_bin_width": KAGAN_BIN,
         **attributes,
         **laws,
@@ -108,22 +108,15 @@ def _period_text(record: xr.Dataset, exposure: Exposure) -> str:
 
 
 def _blocks(events: xr.Dataset, settings: ComparisonSlice) -> NDArray:
-    return block_labels(
-        settings.blocks,
-        events["time"].values,
-        events["location"].values,
-        events["step"].values,
-        settings.block_days,
-        settings.cluster_radius,
-    )
+    return block_labels(settings.blocks, events["time"].values, events["step"].values)
 
 
-def _cut(catalog: xr.Dataset, recorded: NDArray, rounded: float, settings: ComparisonSlice) -> tuple[dict, dict]:
+def _cut(catalog: xr.Dataset, recorded: NDArray, rounded: float) -> tuple[dict, dict]:
     """The cut both catalogues take, log10 P, and which of the two sets it; the edge of a bin if sizes are rounded."""
     floor = float(catalog.attrs.get("potency_floor", np.nan))
     floor = float(np.log10(floor)) if floor > 0 else np.nan
-    stable = completeness(recorded, settings.cut_step, rounded)
-    complete = fullest_bin(recorded, settings.cut_step, rounded) if np.isnan(stable) else stable
+    stable = completeness(recorded, rounded)
+    complete = fullest_bin(recorded, rounded) if np.isnan(stable) else stable
     how = "b is stable above it" if np.isfinite(stable) else "no stable completeness: the fullest bin instead"
     if np.isnan(floor) and np.isnan(complete):
         cut, which = np.nan, "nothing"
@@ -156,8 +149,8 @@ def _sums(both, used, resolved, blocks, exposure: Exposure, settings: Comparison
     time, kept = both[1]["time"].values, used[1]
     intervals = {}
     for name, values in (("event_rate", np.ones(kept.sum())), ("potency_rate", potency[1][kept])):
-        per_block = exposure.sums(time[kept], values, settings.block_days)
-        intervals[name] = total_interval(per_block, settings.resamplings, generator)
+        per_day = exposure.sums(time[kept], values)
+        intervals[name] = total_interval(per_day, settings.resamplings, generator)
     counts = {
         "events_total": [events.sizes["event"] for events in both],
         "events_resolved": [int(good.sum()) for good in resolved],

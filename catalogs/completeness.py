@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from catalogs.sizes import LEAST_EVENTS, LN10
 
+CUT_STEP = 0.1  # of log P, bins of the search where sizes are not rounded: 0.07 of Mw, finer than the usual 0.1
 LAG = 0.3  # of log P: b at a cut is compared with b at one so much higher
 MARGIN = 0.4  # of log P, some 0.3 of Mw, between where b stops climbing and the cut: detection still nears 1 there
 LEAST_ABOVE = 30  # events at the higher of the two cuts: two thirds of 150 events may be left out
@@ -40,7 +41,7 @@ def rounding(x: NDArray) -> float:
     return float(np.round(width, 4)) if even else 0.0
 
 
-def completeness(x: NDArray, width: float = 0.1, bin_width: float = 0.0) -> float:
+def completeness(x: NDArray, bin_width: float = 0.0) -> float:
     """Size from which the catalogue is complete; NaN if there is none. Of rounded sizes a bin's lower edge.
 
     The lowest cut at which b does not climb by more than CLIMB standard errors over the next LAG (b stability: Cao and
@@ -52,18 +53,18 @@ def completeness(x: NDArray, width: float = 0.1, bin_width: float = 0.0) -> floa
     x = x[np.isfinite(x)]
     if not x.size:
         return np.nan
-    counts, edge, width = _counted(x, width, bin_width)
+    counts, edge, width = _counted(x, bin_width)
     cut = _chosen(counts[None], width)[0]
     return float(edge + cut * width) if cut >= 0 else np.nan
 
 
-def fullest_bin(x: NDArray, width: float = 0.1, bin_width: float = 0.0) -> float:
+def fullest_bin(x: NDArray, bin_width: float = 0.0) -> float:
     """Lower edge of the fullest bin (maximum curvature, Wiemer and Wyss 2000): where counting surely fails below."""
     x = np.asarray(x, float)
     x = x[np.isfinite(x)]
     if not x.size:
         return np.nan
-    counts, edge, width = _counted(x, width, bin_width)
+    counts, edge, width = _counted(x, bin_width)
     return float(edge + np.argmax(counts) * width)
 
 
@@ -75,9 +76,7 @@ def next_edge(x: NDArray, cut: float, bin_width: float) -> float:
     return float(edge + np.ceil((cut - edge) / bin_width - 1e-6) * bin_width)
 
 
-def interval(
-    x: NDArray, width: float, bin_width: float, bounded: bool, resamplings: int, generator: np.random.Generator
-) -> NDArray:
+def interval(x: NDArray, bin_width: float, bounded: bool, resamplings: int, generator: np.random.Generator) -> NDArray:
     """95 % interval (2,) of b over catalogues resampled event by event, each with a cut of its own choice.
 
     bounded: b of the law that ends at the largest event (that event left out). NaN if most have no cut.
@@ -86,7 +85,7 @@ def interval(
     x = x[np.isfinite(x)]
     if not x.size:
         return np.full(2, np.nan)
-    counts, _, width = _counted(x, width, bin_width)
+    counts, _, width = _counted(x, bin_width)
     drawn = generator.multinomial(len(x), counts / len(x), size=resamplings)
     cuts = _chosen(drawn, width)
     drawn, cuts = drawn[cuts >= 0], cuts[cuts >= 0]
@@ -124,12 +123,10 @@ def truncated_beta(excess: NDArray, bins: NDArray, width: float) -> tuple[NDArra
     return found, information
 
 
-def _counted(x: NDArray, width: float, bin_width: float) -> tuple[NDArray, float, float]:
+def _counted(x: NDArray, bin_width: float) -> tuple[NDArray, float, float]:
     """Events per bin, the lower edge of the first bin, and the width of bins."""
-    if bin_width:
-        edge, width = x.min() - 0.5 * bin_width, bin_width
-    else:
-        edge = np.floor(x.min() / width + 1e-9) * width
+    width = bin_width or CUT_STEP
+    edge = x.min() - 0.5 * width if bin_width else np.floor(x.min() / width + 1e-9) * width
     return np.bincount(np.floor((x - edge) / width + 1e-9).astype(int)), float(edge), width
 
 

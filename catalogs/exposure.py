@@ -48,19 +48,18 @@ class Exposure:
         inside = (time[:, None] >= self.start) & (time[:, None] < self.end)
         return np.where(inside.any(axis=1), np.argmax(inside, axis=1), -1)
 
-    def sums(self, time: NDArray, values: NDArray, block_days: float) -> NDArray:
-        """Sum of values (event,) over each block of `block_days` days (block,), those without events included."""
+    def sums(self, time: NDArray, values: NDArray) -> NDArray:
+        """Sum of values (event,) over each day of exposure (day,), those without events included."""
         time = np.asarray(time, "datetime64[ns]")
-        length = np.timedelta64(round(block_days * 86400e9), "ns")
         parts = zip(self.start, self.end, strict=True)
         if not len(self.start):
             known = time[~np.isnat(time)]
             parts = [(known.min(), known.max() + np.timedelta64(1, "ns"))] if known.size else []
         found = [np.empty(0)]
         for start, end in parts:
-            count = int(np.ceil((end - start) / length))
+            count = int(np.ceil((end - start) / DAY))
             inside = (time >= start) & (time < end)
-            found.append(np.bincount((time[inside] - start) // length, values[inside], minlength=count))
+            found.append(np.bincount((time[inside] - start) // DAY, values[inside], minlength=count))
         return np.concatenate(found)
 
 

@@ -2,7 +2,7 @@
 
 Events come in clusters, so a catalogue of n events holds far fewer than n independent places; resampling single
 events would find a difference between any two catalogues of one clustered process. Here whole blocks are resampled:
-days or clusters (`catalogs.blocks`). Where events lie depends on what is mined, in model and mine alike, so offset,
+days or steps (`catalogs.blocks`). Where events lie depends on what is mined, in model and mine alike, so offset,
 energy distance and p-value are taken within steps (`catalogs.energy_distance`): how far steps lie apart drops out.
 Everything is computed once between blocks and then only re-weighted, so a thousand resamplings cost little. Distances
 in m. BLAS is held to one thread: the same bytes with any number.

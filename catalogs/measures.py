@@ -27,6 +27,9 @@ from pipeline.source_tensors import clear_axes, principal_axes, scalar_potency, 
 
 CATALOGUES = ("model", "record")
 TAILS = (0.025, 0.975)
+MOST_EVENTS = (
+    3000  # of each catalogue whose places are compared, else drawn at random: memory, 1.1 GB, grows as its square
+)
 MOST_DRAWS = 4  # smeared copies of a modelled event
 DISTANCES = 12
 LEAST_AXES = 2
@@ -39,9 +42,9 @@ def location_measures(both, used, blocks, steps, settings: ComparisonSettings) -
     generator = np.random.default_rng([settings.seed, 1])
     error = float(both[1].attrs.get("location_error", 0.0))
     error = error if np.isfinite(error) else 0.0
-    chosen = [_thin(np.flatnonzero(kept), settings.maximum_events, generator) for kept in used]
+    chosen = [_thin(np.flatnonzero(kept), MOST_EVENTS, generator) for kept in used]
     points = [events["location"].values[index] for events, index in zip(both, chosen, strict=True)]
-    draws = int(np.clip(settings.maximum_events // max(len(points[0]), 1), 1, MOST_DRAWS))
+    draws = int(np.clip(MOST_EVENTS // max(len(points[0]), 1), 1, MOST_DRAWS))
     found = None
     if min(map(len, points)):
         found = compare_locations(

@@ -4,28 +4,18 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pipeline.settings import AsTuple, Settings, Size, whole_number
+from pipeline.settings import AsTuple, Settings, whole_number
 
 
 class ComparisonSettings(Settings):
     """How a modelled catalogue is compared with a recorded one."""
 
-    blocks: Literal["day", "step", "cluster", "event"] = "day"
-    """what of a record is resampled: day | step | cluster | event (clustered events are not independent)"""
-    block_days: Annotated[float, Field(ge=0.001, le=100_000)] = 1.0
-    """length of a block, with blocks: day"""
-    cluster_radius: Size = 20.0
-    """how near events of a block are, with blocks: cluster"""
+    blocks: Literal["day", "step", "event"] = "day"
+    """what of a record is resampled: day | step | event (clustered events are not independent)"""
     resamplings: whole_number(ge=99, le=100_000) = 999
     """of blocks, for each interval"""
     seed: whole_number(ge=0, le=2**32 - 1) = 1
     """of all that is drawn"""
-    maximum_events: whole_number(ge=100, le=5000) = 3000
-    """of each catalogue in the comparison of locations, drawn at random beyond it; 1.1 GB, and with their square"""
-    size_bin: Annotated[float, Field(ge=0.01, le=2)] = 0.2
-    """of log10 P, in plots"""
-    cut_step: Annotated[float, Field(ge=0.01, le=1)] = 0.1
-    """of log10 P, in searching completeness and in b against the cut"""
 
 
 class DatedStep(Settings):

@@ -11,6 +11,7 @@ from catalogs.size_law import FEW, NONE, TRUNCATED, Law, find_law
 
 CATALOGUES = ("model", "record")
 LAW_RESAMPLINGS = 499
+SIZE_BIN = 0.2  # of log10 P, in plots: 0.13 of Mw, where 0.1 is usual
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,7 @@ def fit(x: NDArray, cut: float, bin_width: float, chosen: bool, settings: Compar
     for bound in (None, "largest"):
         value = sizes.estimate_b(x, cut + 0.5 * bin_width, bin_width, bound)
         if chosen and np.isfinite(value.b):
-            drawn = completeness.interval(
-                x, settings.cut_step, bin_width, bound is not None, settings.resamplings, generator
-            )
+            drawn = completeness.interval(x, bin_width, bound is not None, settings.resamplings, generator)
             value = replace(
                 value, lower=float(np.fmin(value.lower, drawn[0])), upper=float(np.fmax(value.upper, drawn[1]))
             )
@@ -64,13 +63,11 @@ def size_measures(
     ]
     plain, bounded = [one.plain for one in fits], [one.bounded for one in fits]
     difference = _difference(fits)
-    grid = sizes.cut_grid(np.concatenate(x), settings.cut_step)
+    grid = sizes.cut_grid(np.concatenate(x), completeness.CUT_STEP)
     table = [_by_cut(values, grid, width) for values, width in zip(x, bins, strict=True)]
-    edges = sizes.cut_grid(np.concatenate(x), settings.size_bin)
-    counted = [sizes.counts(values, edges, settings.size_bin) for values in x]
-    stable = [
-        completeness.completeness(values, settings.cut_step, width) for values, width in zip(x, bins, strict=True)
-    ]
+    edges = sizes.cut_grid(np.concatenate(x), SIZE_BIN)
+    counted = [sizes.counts(values, edges, SIZE_BIN) for values in x]
+    stable = [completeness.completeness(values, width) for values, width in zip(x, bins, strict=True)]
 
     def column(values, name):
         return [getattr(value, name) for value in values]
@@ -87,7 +84,7 @@ def size_measures(
         "size_rounding": bins,
         "largest_log_potency": [float(values.max()) if values.size else np.nan for values in x],
         "completeness_curvature": [
-            completeness.fullest_bin(values, settings.cut_step, width) for values, width in zip(x, bins, strict=True)
+            completeness.fullest_bin(values, width) for values, width in zip(x, bins, strict=True)
         ],
         "completeness_stability": stable,
     }

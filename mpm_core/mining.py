@@ -25,10 +25,13 @@ from mpm_core.model import Model
 from mpm_core.state import REFINED, State
 
 
+SCHEMES = {"explicit": ExplicitScheme, "multigrid": MultigridScheme}  # by solver.scheme
+
+
 def make_scheme(model: Model, state: State, volume: np.ndarray) -> Scheme:
     """The scheme that the scene asks for; explicit steps for particles at rest in their cells or moving."""
     solver = model.scene.solver
-    kind = MultigridScheme if solver.scheme == "multigrid" else MovingScheme if solver.move else ExplicitScheme
+    kind = MovingScheme if solver.move else SCHEMES[solver.scheme]
     return kind(model, state, volume)
 
 

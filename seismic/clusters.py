@@ -65,8 +65,23 @@ def find_clusters(
 def neighbour_graph(position: NDArray, spacing: NDArray, family: NDArray, radius_cells: float) -> csr_matrix:
     """Distances over the larger spacing of the pair, within a family and the radius: symmetric (particle, particle).
 
-    The diagonal and particles at one place are explicit zeros. The family is a fourth coordinate of the search tree,
-    far enough apart that families never meet; each size of particle is searched with its own radius.
+    The diagonal and particles at one place are explicit zeros.
+    """
+    first, second, distance = neighbour_pairs(position, spacing, family, radius_cells)
+    itself = np.arange(len(position))
+    row = np.concatenate([first, second, itself])
+    column = np.concatenate([second, first, itself])
+    data = np.concatenate([distance, distance, np.zeros(len(position))])
+    return csr_matrix((data, (row, column)), shape=(len(position), len(position)))
+
+
+def neighbour_pairs(
+    position: NDArray, spacing: NDArray, family: NDArray, radius_cells: float
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Pairs of one family within the radius, each once: both particles and their distance over the larger spacing.
+
+    The family is a fourth coordinate of the search tree, far enough apart that families never meet; each size of
+    particle is searched with its own radius.
     """
     position = np.asarray(position, dtype=np.float64)
     sizes, size = np.unique(np.asarray(spacing, dtype=np.float64), return_inverse=True)
@@ -88,12 +103,7 @@ def neighbour_graph(position: NDArray, spacing: NDArray, family: NDArray, radius
     distance = np.sqrt(np.sum(np.square(position[first] - position[second]), axis=1))
     distance /= np.maximum(sizes[size[first]], sizes[size[second]])
     kept = distance <= reach
-    first, second, distance = first[kept], second[kept], distance[kept]
-    itself = np.arange(len(position))
-    row = np.concatenate([first, second, itself])
-    column = np.concatenate([second, first, itself])
-    data = np.concatenate([distance, distance, np.zeros(len(position))])
-    return csr_matrix((data, (row, column)), shape=(len(position), len(position)))
+    return first[kept], second[kept], distance[kept]
 
 
 def number_by_first(label: NDArray) -> NDArray:

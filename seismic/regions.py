@@ -22,7 +22,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from seismic.clusters import neighbour_graph, number_by_first
+from seismic.clusters import neighbour_pairs, number_by_first
 from seismic.families import NINE_NORM
 
 TOUCHING = 1.05  # cells share a face where their centres are within so many of the larger spacing: across an edge 1.09
@@ -42,7 +42,9 @@ def find_regions(
     if len(position) == 0:
         return np.empty(0, np.int64)
     potency, failure_order = np.asarray(potency, np.float64), np.asarray(failure_order)
-    order = np.lexsort((*failure_order.T[::-1], *potency.T, *position.T))  # particles may lie at one place
+    order = np.lexsort(position.T)
+    if not np.diff(position[order], axis=0).any(axis=1).all():  # particles may lie at one place
+        order = np.lexsort((*failure_order.T[::-1], *potency.T, *position.T))
     tensor = potency[order] * NINE_NORM
     tensor /= np.abs(tensor).max()  # no underflow when squared
     first, second = links(position[order], np.asarray(spacing)[order], tensor, failure_order[order], threshold)
@@ -56,9 +58,8 @@ def links(
     position: NDArray, spacing: NDArray, tensor: NDArray, failure_order: NDArray, threshold: float
 ) -> tuple[NDArray, NDArray]:
     """Linked particles, first < second, (link,) int64 each. Arguments as find_regions, tensors in NINE_NORM."""
-    touching = neighbour_graph(position, spacing, failure_order[:, 0], TOUCHING).tocoo()
-    upper = touching.row < touching.col
-    first, second = touching.row[upper].astype(np.int64), touching.col[upper].astype(np.int64)
+    first, second, _ = neighbour_pairs(position, spacing, failure_order[:, 0], TOUCHING)
+    first, second = np.minimum(first, second), np.maximum(first, second)
     generation = failure_order[:, 1].astype(np.int64)
     unit = tensor / np.linalg.norm(tensor, axis=1)[:, None]
     linked = np.abs(generation[first] - generation[second]) <= GENERATIONS_APART
@@ -94,21 +95,68 @@ def grow(
     region, following, last = np.arange(count), np.full(count, -1), np.arange(count)
     least = np.ones(count)  # (region,) the smallest cosine of a particle with the region's tensor
     best, score = np.empty(count, np.int64), np.empty(count)
+    hub, place = np.empty(count, np.int64), np.full(count, -1)
     shared = np.ones(len(first))
+    linked = np.arange(count)
+    first, second, shared = _gather(linked, region, first, second, shared, hub, place)
     while len(first):
+        linked = _with_links(linked, first, second, hub)
         _choose(tensor, total, scalar, size, least, following, lot, first, second, shared, threshold, best, score)
-        linked = np.unique([first, second])
         if not _join(
-            linked, best, score, threshold, small, tensor, total, scalar, size, least, region, following, last
-        ):  # fmt: skip
+            linked, best, score, threshold, small, tensor, total, scalar, size, least, region, following, last, hub
+        ):
             break
-        first, second = region[first], region[second]
-        apart = first != second
-        pair = np.minimum(first, second)[apart] * count + np.maximum(first, second)[apart]
-        pair, number = np.unique(pair, return_inverse=True)
-        shared = np.bincount(number, shared[apart])
-        first, second = np.divmod(pair, count)
+        first, second, shared = _gather(linked, region, first, second, shared, hub, place)
     return region
+
+
+@njit(cache=True)
+def _gather(linked, region, first, second, shared, start, place):
+    """The links between regions, after their particles' regions have changed: first, second, shared (link,).
+
+    Those of one pair are one, which shares what they shared; first < second, in the order of first. linked (k,): the
+    regions that had links, ascending; start, place (region,): to work with, place -1 at first and then as it was left.
+    """
+    for a in linked:
+        start[a] = 0
+    for link in range(len(first)):
+        a, b = region[first[link]], region[second[link]]
+        if a != b:
+            start[min(a, b)] += 1
+    count = 0
+    for a in linked:
+        start[a], count = count, count + start[a]
+    other, many = np.empty(count, np.int64), np.empty(count)
+    for link in range(len(first)):
+        a, b = region[first[link]], region[second[link]]
+        if a != b:
+            a, b = min(a, b), max(a, b)
+            other[start[a]], many[start[a]] = b, shared[link]
+            start[a] += 1
+    own = np.empty(count, np.int64)
+    kept = begin = 0  # what is kept overwrites what has been read
+    for a in linked:
+        row = kept
+        for link in range(begin, start[a]):
+            b = other[link]
+            if row <= place[b] < kept and other[place[b]] == b:
+                many[place[b]] += many[link]
+            else:
+                place[b] = kept
+                own[kept], other[kept], many[kept] = a, b, many[link]
+                kept += 1
+        begin = start[a]
+    return own[:kept].copy(), other[:kept].copy(), many[:kept].copy()
+
+
+@njit(cache=True)
+def _with_links(linked, first, second, mark):
+    """Those of some regions, (k,) ascending, that have links still; mark (region,): to work with."""
+    for a in linked:
+        mark[a] = 0
+    for link in range(len(first)):
+        mark[first[link]] = mark[second[link]] = 1
+    return linked[mark[linked] == 1]
 
 
 @njit(inline="always")
@@ -140,8 +188,10 @@ def _choose(tensor, total, scalar, size, least, following, lot, first, second, s
         if not _may_join(a, b, threshold, tensor, total, scalar, least, following):
             continue
         for own, other in ((a, b), (b, a)):
-            equal = value == score[own] and (lot[own] ^ lot[other]) > (lot[own] ^ lot[best[own]])
-            if value > score[own] or equal:
+            if value < score[own]:
+                continue
+            lots, chosen = lot[own] ^ lot[other], lot[own] ^ lot[best[own]]
+            if value > score[own] or lots > chosen or (lots == chosen and other < best[own]):
                 score[own], best[own] = value, other
 
 
@@ -175,35 +225,37 @@ def _opposed(particle, a, b, tensor, total, following):
 
 
 @njit(cache=True)
-def _join(linked, best, score, threshold, small, tensor, total, scalar, size, least, region, following, last):
+def _join(linked, best, score, threshold, small, tensor, total, scalar, size, least, region, following, last, hub):
     """Join regions that chose each other, and small ones to their choice, in place; how many regions are gone.
 
     linked (k,): the regions that have links, ascending; best, score: as _choose left them.
     The particles of a region are a chain: it begins at the region's number, `following` (particle,) leads on, -1 at its
-    end, and last (region,) is that end.
+    end, and last (region,) is that end. hub (region,), to work with: what a region that has grown, or is part of one,
+    belongs to now.
     """
-    hub = np.full(len(linked), -1)  # what a region that has grown, or is part of one, belongs to now
+    for a in linked:
+        hub[a] = -1
     others = np.empty(len(linked), np.int64)
     waiting = gone = 0
-    for row, a in enumerate(linked):
+    for a in linked:
         b = best[a]
         if a < b and best[b] == a:
             _add(a, b, tensor, total, scalar, size, least, following, last)
-            hub[row], hub[np.searchsorted(linked, b)] = a, a
+            hub[a] = hub[b] = a
             gone += 1
         elif b != a and best[b] != a:
             others[waiting] = a
             waiting += 1
     others = others[:waiting]
     for other in others[np.argsort(-score[others], kind="mergesort")]:
-        own = hub[np.searchsorted(linked, best[other])]
+        own = hub[best[other]]
         if own < 0 or size[other] > small * size[own]:
             continue
         if _may_join(own, other, threshold, tensor, total, scalar, least, following):
             _add(own, other, tensor, total, scalar, size, least, following, last)
             gone += 1
-    for row, a in enumerate(linked):
-        if hub[row] == a:
+    for a in linked:
+        if hub[a] == a:
             whole = 0.0
             for k in range(6):
                 whole += total[a, k] * total[a, k]

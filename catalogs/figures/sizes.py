@@ -7,9 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
+from catalogs.size_measures import SIZE_BIN
 from catalogs.sizes import counts, cut_grid
-
-BIN = 0.2  # log10 potency
 
 
 @dataclass(frozen=True)
@@ -47,10 +46,10 @@ def _panel(axes: Axes, sizes: Sizes) -> None:
     if not len(values):
         axes.text(0.5, 0.5, "no events", transform=axes.transAxes, ha="center", color=style.OUTLINE)
         return
-    edges = cut_grid(values, BIN)
-    count, cumulative = counts(values, edges, BIN)
+    edges = cut_grid(values, SIZE_BIN)
+    count, cumulative = counts(values, edges, SIZE_BIN)
     axes.bar(
-        edges, count, BIN, align="edge", color=sizes.colour, alpha=0.35, edgecolor="white", linewidth=0.5,
+        edges, count, SIZE_BIN, align="edge", color=sizes.colour, alpha=0.35, edgecolor="white", linewidth=0.5,
         label="per bin",
     )  # fmt: skip
     axes.plot(
@@ -60,7 +59,7 @@ def _panel(axes: Axes, sizes: Sizes) -> None:
     if np.isfinite(sizes.cut):
         axes.axvline(sizes.cut, color="k", linewidth=0.9, linestyle="--", label=f"cut {_number(sizes.cut)}")
     if np.isfinite(sizes.b):
-        span = np.array([sizes.cut, max(values[-1], sizes.cut + BIN)])
+        span = np.array([sizes.cut, max(values[-1], sizes.cut + SIZE_BIN)])
         text = f"b = {sizes.b:.2f} ± {sizes.b_error:.2f}"
         axes.plot(span, 10 ** (sizes.a - sizes.b * span), color="k", linewidth=1.6, label=text)
     axes.set_ylim(0.7, None)

@@ -1,4 +1,4 @@
-"""What a stage asks of a scheme. A scheme is a file: a class that offers this, named in stages.make_scheme."""
+"""What a stage asks of a scheme. That is a file: a class that offers this, named in mining.SCHEMES and the settings."""
 
 from typing import Protocol, runtime_checkable
 

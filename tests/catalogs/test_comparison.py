@@ -10,6 +10,8 @@ from catalog_fixtures import made_up_catalog
 
 from catalogs.comparison import compare
 from catalogs.comparison_layout import FIELDS
+from catalogs.completeness import CUT_STEP
+from catalogs.size_measures import SIZE_BIN
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
 
@@ -23,15 +25,15 @@ def as_record(catalog: xr.Dataset, **attributes) -> xr.Dataset:
     return record
 
 
-def test_bins_are_as_wide_as_they_are_set():
-    """Of the plots, and of the search for completeness; locations are compared by as many events as allowed."""
+def test_bins_are_as_wide_as_the_file_says_and_large_catalogues_are_thinned(monkeypatch):
+    """Of the plots, and of the search for completeness; locations are compared by as many events as memory takes."""
     catalog = made_up_catalog(300)
-    chosen = QUICK | {"size_bin": 0.4, "cut_step": 0.2, "maximum_events": 100}
-    result = compare(catalog, as_record(catalog), chosen)
-    assert result.attrs["size_bin_width"] == 0.4
-    np.testing.assert_allclose(np.diff(result["size_bin_lower"]), 0.4)
-    np.testing.assert_allclose(np.diff(result["cut_log_potency"]), 0.2)
-    assert json.loads(result.attrs["settings"])["maximum_events"] == 100
+    monkeypatch.setattr("catalogs.measures.MOST_EVENTS", 100)
+    result = compare(catalog, as_record(catalog), QUICK)
+    assert result.attrs["size_bin_width"] == SIZE_BIN
+    np.testing.assert_allclose(np.diff(result["size_bin_lower"]), SIZE_BIN)
+    np.testing.assert_allclose(np.diff(result["cut_log_potency"]), CUT_STEP)
+    assert "resampled: 100 modelled events" in result.attrs["location_text"]
 
 
 def test_a_catalogue_beside_itself_differs_in_nothing():

@@ -31,7 +31,7 @@ def test_steps_are_cut_to_the_common_period_and_gaps_do_not_count():
 
 
 def test_days_without_events_count():
-    sums = Exposure.of(STEPS, None).sums(days(0.5, 0.7, 20.5, 35, 50.9), np.array([1.0, 2.0, 4.0, 8.0, 16.0]), 1.0)
+    sums = Exposure.of(STEPS, None).sums(days(0.5, 0.7, 20.5, 35, 50.9), np.array([1.0, 2.0, 4.0, 8.0, 16.0]))
     assert len(sums) == 51
     assert {index: value for index, value in enumerate(sums) if value} == {0: 3.0, 20: 4.0, 40: 16.0}
 

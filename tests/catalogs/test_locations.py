@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from catalogs.blocks import block_labels
+from catalogs.blocks import BLOCK_KINDS, block_labels
 from catalogs.locations import compare_locations, smear
 from pipeline.errors import InputError
 from verification.statistics.samples import clustered_locations
@@ -138,15 +138,13 @@ def test_smeared_locations_lie_the_location_error_away():
     assert smear(x, 0.0, 4, generator)[0] is x
 
 
-def test_blocks_by_day_step_and_cluster():
+def test_blocks_by_day_step_and_event():
     time = np.array(["2019-08-01T01", "2019-08-01T23", "2019-08-02T01", "2019-08-04T01"], "M8[ns]")
-    place = np.array([[0.0, 0, 0], [5.0, 0, 0], [0.0, 0, 0], [9.0, 0, 0]])
-    assert block_labels("day", time, place).tolist() == [0, 0, 1, 2]
-    assert block_labels("day", time, place, days=2.0).tolist() == [0, 0, 0, 1]
-    assert block_labels("cluster", time, place, radius=4.0).tolist() == [0, 1, 2, 3]
-    assert block_labels("cluster", time, place, radius=6.0).tolist() == [0, 0, 1, 2]
-    assert block_labels("step", time, place, step=["b", "b", "a", "a"]).tolist() == [1, 1, 0, 0]
-    assert block_labels("event", time, place).tolist() == [0, 1, 2, 3]
-    assert block_labels("day", np.array(["NaT"] * 2, "M8[ns]"), place[:2]).tolist() == [0, 0]
+    step = ["b", "b", "a", "a"]
+    assert block_labels("day", time, step).tolist() == [0, 0, 1, 2]
+    assert block_labels("step", time, step).tolist() == [1, 1, 0, 0]
+    assert block_labels("event", time, step).tolist() == [0, 1, 2, 3]
+    assert block_labels("day", np.array(["NaT"] * 2, "M8[ns]"), step[:2]).tolist() == [0, 0]
+    assert [block_labels(kind, time[:0], []).tolist() for kind in BLOCK_KINDS] == [[], [], []]
     with pytest.raises(InputError, match=r"comparison.blocks: 'week'"):
-        block_labels("week", time, place)
+        block_labels("week", time, step)

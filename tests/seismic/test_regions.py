@@ -275,6 +275,44 @@ def test_threads_are_nothing():
     assert_array_equal(*found)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_order_of_links_is_nothing_even_where_all_choices_are_equal(seed):
+    """Few mechanisms, and lots that eight particles share, as if at one place: the smaller number is chosen."""
+    position, spacing, potency, order = smooth_field(seed, 8, 8, 8)
+    tensor = np.round(2.0 * potency / np.linalg.norm(potency, axis=1)[:, None]) + 0.5 * SHEAR
+    lot = regions.lots(position // 2)
+    first, second = regions.links(position, spacing, tensor, order // 3, 0.6)
+    generator, found = np.random.default_rng(seed), []
+    for shuffled in (np.arange(len(first)), generator.permutation(len(first)), generator.permutation(len(first))):
+        found.append(regions.grow(tensor, lot, first[shuffled], second[shuffled], 0.8))
+    assert_array_equal(found[0], found[1])
+    assert_array_equal(found[0], found[2])
+    assert 10 < len(np.unique(found[0])) < 100
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_links_gathered_are_those_of_a_dictionary(seed):
+    """Of regions that join any others, whatever their numbers; twice with the same arrays to work with."""
+    generator = np.random.default_rng(seed)
+    count, expected = 30, {}
+    first, second = np.sort(generator.integers(0, count, (80, 2)), axis=1).T
+    region, shared = np.arange(count), np.ones(80)
+    start, place = np.empty(count, np.int64), np.full(count, -1)
+    linked = np.arange(count)
+    for _ in range(2):
+        region[linked] = generator.permutation(linked)[generator.integers(0, len(linked) // 3 + 1, len(linked))]
+        expected = {}
+        for a, b, many in zip(region[first], region[second], shared, strict=True):
+            if a != b:
+                expected[min(a, b), max(a, b)] = expected.get((min(a, b), max(a, b)), 0) + many
+        first, second, shared = regions._gather(linked, region, first, second, shared, start, place)
+        assert dict(zip(zip(first, second, strict=True), shared, strict=True)) == expected
+        assert len(first) == len(expected)
+        assert (np.diff(first) >= 0).all()
+        linked = regions._with_links(linked, first, second, start)
+        assert_array_equal(linked, np.unique([first, second]))
+
+
 def test_small_neighbours_join_a_large_region_at_once():
     """A row of 900 like particles is one event after some tens of rounds; one at a time it would take hundreds."""
     potency = SHEAR + 0.05 * np.random.default_rng(0).normal(size=(8000, 6))

@@ -1,13 +1,16 @@
 """What rules ask for in memory: by the size of the grid, as soon as there is one."""
 
 import re
+from typing import get_args
 
 import numpy as np
 import pytest
 import xarray as xr
 from tiny_mines import TINY, snakemake
 
-from mpm_core.memory import stage_bytes
+from mpm_core.memory import BASE, stage_bytes
+from mpm_core.settings import SolverSettings
+from mpm_core.mining import SCHEMES
 from pipeline.datasets import write_dataset
 from workflow.memory import COMPILING, mechanics_mb, reading_mb
 
@@ -27,6 +30,13 @@ def test_mechanics_ask_for_what_their_stage_says_that_it_needs(accept, grid, sch
     mine = accept(TINY, **{"solver.scheme": scheme, "grid.particles_per_cell": 8})
     expected = COMPILING + stage_bytes(scheme, 3, 1_000_000, 8_000_000, elastic)
     assert mechanics_mb(mine, grid, elastic) == round(expected / 1e6)
+
+
+def test_a_scheme_needs_no_figures_of_its_own():
+    """Until it is measured it counts as the largest; those there are have theirs, and can be made."""
+    new = stage_bytes("new", 3, 10**6, 10**6)
+    assert new == max(stage_bytes(scheme, 3, 10**6, 10**6) for scheme in SCHEMES)
+    assert SCHEMES.keys() == BASE.keys() == set(get_args(SolverSettings.model_fields["scheme"].annotation))
 
 
 def test_a_grid_that_is_made_anew_is_looked_at_again(accept, grid):

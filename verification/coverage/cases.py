@@ -12,8 +12,6 @@ from catalogs.settings import ComparisonSettings
 from catalogs.size_measures import fit
 from verification.statistics.samples import LN10, simulated_sizes
 
-CUT_STEP = 0.1
-
 
 def detected_sizes(generator: np.random.Generator, case: dict) -> NDArray:
     """log10 sizes (count,) with slope b, cut off at `span`, seen with a normal ramp of deviation `fade` about 0.
@@ -37,8 +35,8 @@ def size_coverage(case: dict, chosen: dict, seed: list[int]) -> tuple[float, flo
     for index in range(chosen["catalogues"]):
         x = detected_sizes(generator, case)
         width = completeness.rounding(x)
-        cut = completeness.completeness(x, CUT_STEP, width)
-        settings = ComparisonSettings(resamplings=chosen["resamplings"], cut_step=CUT_STEP, seed=index)
+        cut = completeness.completeness(x, width)
+        settings = ComparisonSettings(resamplings=chosen["resamplings"], seed=index)
         b = fit(x, cut, width, True, settings).quoted if np.isfinite(cut) else None
         given += b is not None
         held += b is not None and b.lower <= case["b"] <= b.upper
