@@ -91,7 +91,9 @@ def _sources(old: Model, new: Model, origin: np.ndarray) -> tuple[np.ndarray, np
     keys = []
     for model, start, of_cell in ((old, groups[0], np.arange(cells)), (new, groups[1], origin)):
         first = start[:-1]
-        keys.append((model.particles.excavation[first].astype(np.int64) + 1) * cells + of_cell[model.particles.cell[first]])
+        keys.append(
+            (model.particles.excavation[first].astype(np.int64) + 1) * cells + of_cell[model.particles.cell[first]]
+        )
     order = np.argsort(keys[0])
     group = order[np.minimum(np.searchsorted(keys[0], keys[1], sorter=order), len(order) - 1)]
     there = keys[0][group] == keys[1]
@@ -187,7 +189,9 @@ def elastic_hourglass(model: Model, displacement: np.ndarray, cells: np.ndarray)
     corners = 1 << model.dimension
     modes = [mode for mode in range(corners) if mode & (mode - 1)]
     own = model.particles.group_start[cells]  # groups of rock are in the order of cells
-    alone = (np.diff(model.particles.group_start)[cells] == 1) & (np.diff(model.particles.cell_groups_start)[cells] == 1)
+    alone = (np.diff(model.particles.group_start)[cells] == 1) & (
+        np.diff(model.particles.cell_groups_start)[cells] == 1
+    )
     lame, shear = model.elastic_constants[model.particles.material[own]].T
     size = model.grid.cell_size[cells]
     stiffness = 4.0 * model.scene.solver.hourglass * (lame + 2.0 * shear) * size ** (model.dimension - 2)

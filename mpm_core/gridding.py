@@ -11,7 +11,6 @@ from mpm_core.domain import Domain, base_cells
 from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, sample_mask
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.building import GridCount, build_grid
-from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.octree import children, morton_codes
 from mpm_core.memory import require, stage_bytes
 from mpm_core.occupancy import FULL, SAMPLES, SLIVER, Places

@@ -24,7 +24,6 @@ from mpm_core.memory import require_cells
 from mpm_core.model import Model
 from mpm_core.state import REFINED, State
 
-
 SCHEMES = {"explicit": ExplicitScheme, "multigrid": MultigridScheme}  # by solver.scheme
 
 
@@ -76,14 +75,20 @@ class StepCells:
         grid = split(self.model.grid, places, RINGS, 1)
         most = self.ground.scene.refinement.max_cells
         if len(grid.cell_level) > most:
-            logging.warning("%d cells would be more than grid.max_cells, %d: no more are split", len(grid.cell_level), most)
+            logging.warning(
+                "%d cells would be more than grid.max_cells, %d: no more are split", len(grid.cell_level), most
+            )
             self.full = True
             return None
         before = len(self.model.grid.cell_level)
         self.onto(grid)
         self.splits += 1
-        logging.info("%d cells split: %d cells, %d of the finest", (len(grid.cell_level) - before) // ((1 << grid.dimension) - 1),
-                     len(grid.cell_level), np.count_nonzero(grid.cell_level == grid.levels - 1))
+        logging.info(
+            "%d cells split: %d cells, %d of the finest",
+            (len(grid.cell_level) - before) // ((1 << grid.dimension) - 1),
+            len(grid.cell_level),
+            np.count_nonzero(grid.cell_level == grid.levels - 1),
+        )
         return self.scheme, self.brittle, self.ramp
 
     def onto(self, grid: MultiLevelGrid) -> None:

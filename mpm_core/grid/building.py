@@ -37,9 +37,7 @@ class GridMemory(NamedTuple):
     """most that is held at once while it is built, the finished arrays included"""
 
 
-def count_cells(
-    base_shape, levels: int, classify: Classify, buffer_cells: int
-) -> GridCount:
+def count_cells(base_shape, levels: int, classify: Classify, buffer_cells: int) -> GridCount:
     """Exact numbers of cells and nodes that :func:`build_grid` would make from these arguments, without making them."""
     return _count(mark_splits(base_shape, levels, classify, buffer_cells))
 

@@ -8,6 +8,7 @@ its neighbours exist at its own level or finer, hence their parents split too.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+
 import numpy as np
 from numba import njit, prange
 
@@ -69,9 +70,7 @@ class SplitMarks:
         return count
 
 
-def refine(
-    base_shape, levels: int, classify: Classify, buffer_cells: int
-) -> tuple[np.ndarray, np.ndarray]:
+def refine(base_shape, levels: int, classify: Classify, buffer_cells: int) -> tuple[np.ndarray, np.ndarray]:
     """Leaves of the balanced tree, in Morton order of their lower corner (x fastest): sibling leaves are contiguous.
 
     Arguments as in :func:`mark_splits`. Returns cell_index (cell, d) int32, the lower corner in units of the finest
@@ -80,9 +79,7 @@ def refine(
     return leaves(mark_splits(base_shape, levels, classify, buffer_cells))
 
 
-def mark_splits(
-    base_shape, levels: int, classify: Classify, buffer_cells: int
-) -> SplitMarks:
+def mark_splits(base_shape, levels: int, classify: Classify, buffer_cells: int) -> SplitMarks:
     """Which cells split, so that excavations lie in finest cells and neighbours differ by one level at most.
 
     base_shape (d,) base cells per axis; levels >= 1; classify is called once per level, for all base cells and then

@@ -46,10 +46,9 @@ def scenes(draw, dimensions=(2, 3), most_fine_cells=6000):
     return shape, levels, boxes, draw(st.integers(0, 2))
 
 
-def build(scene, extra_marks=None):
+def build(scene):
     shape, levels, boxes, buffer_cells = scene
-    return build_grid(np.zeros(len(shape)), 2.0 ** (levels - 1), shape, levels, Boxes(boxes, levels), buffer_cells,
-                      extra_marks)  # fmt: skip
+    return build_grid(np.zeros(len(shape)), 2.0 ** (levels - 1), shape, levels, Boxes(boxes, levels), buffer_cells)
 
 
 @contextmanager

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 from slow_grid import Boxes, build, cells_as_set, overlap, scenes, slow_leaves
 
-from mpm_core.grid import RefinedVolume, count_cells, refine
+from mpm_core.grid import count_cells, refine
 
 
 @settings(max_examples=40, deadline=None)
@@ -107,30 +106,6 @@ def test_nothing_excavated_leaves_the_base_grid():
     assert (level == 0).all()
 
 
-@settings(max_examples=30, deadline=None)
-@given(scenes(), st.data())
-def test_an_extra_volume_is_finest_with_its_rings(scene, data):
-    """In a scene of its own, so that nothing else makes it fine."""
-    shape, levels, _, _ = scene
-    levels = max(levels, 2)
-    level = data.draw(st.integers(0, levels - 2))
-    cell = np.array([data.draw(st.integers(0, side * 2**level - 1)) for side in shape])
-    rings = data.draw(st.integers(0, 2))
-
-    def nothing(level, index):
-        return np.zeros(len(index), dtype=bool)
-
-    index, cell_level = refine(shape, levels, nothing, 0, [RefinedVolume(level, cell[None], rings)])
-    width = 2 ** (levels - 1 - level)
-    size = 2 ** (levels - 1 - cell_level.astype(int))[:, None]
-    inside = ((index < (cell + rings + 1) * width) & (index + size > (cell - rings) * width)).all(axis=1)
-    assert (cell_level[inside] == levels - 1).all()
-    expected = np.prod(np.minimum(cell + rings + 1, shape * 2**level) - np.maximum(cell - rings, 0)) * width ** len(
-        shape
-    )
-    assert inside.sum() == expected
-
-
 @settings(max_examples=40, deadline=None)
 @given(scenes())
 def test_the_count_before_building_is_exact(scene):
@@ -151,8 +126,6 @@ def test_the_count_before_building_is_exact(scene):
         (((2, 3), 2, None, -1), "buffer_cells"),
         (((2, 3), 2, lambda level, index: np.ones(5, dtype=bool), 1), "classify"),
         (((2, 3), 2, lambda level, index: np.ones(6), 1), "classify"),
-        (((2, 3), 2, lambda level, index: index[:, 0] < 0, 1, [RefinedVolume(1, np.array([[0, 0]]), 0)]), "level 1"),
-        (((2, 3), 2, lambda level, index: index[:, 0] < 0, 1, [RefinedVolume(0, np.array([[2, 0]]), 0)]), "outside"),
     ],
 )
 def test_arguments_out_of_range_are_refused(arguments, message):

@@ -10,12 +10,12 @@ from configuration_faults import AGAIN, FAR, FAULTS, ON_GLOBE, UTM
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, STRAIN, TINY, changed, merged
+from workflow.draft import draft_of
 
 from catalogs.record_settings import COLUMN_KEYS, RecordSlice
 from catalogs.records.filters import limits_of
 from pipeline.errors import InputError
 from workflow.configuration import load
-from workflow.draft import draft_of
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ import xarray as xr
 from tiny_mines import TINY, snakemake
 
 from mpm_core.memory import BASE, stage_bytes
-from mpm_core.settings import SolverSettings
 from mpm_core.mining import SCHEMES
+from mpm_core.settings import SolverSettings
 from pipeline.datasets import write_dataset
 from workflow.memory import COMPILING, mechanics_mb, reading_mb
 
