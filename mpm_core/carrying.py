@@ -90,10 +90,8 @@ def _sources(old: Model, new: Model, origin: np.ndarray) -> tuple[np.ndarray, np
     cells = len(old.cell_nodes)
     keys = []
     for model, start, of_cell in ((old, groups[0], np.arange(cells)), (new, groups[1], origin)):
-        first = start[:-1]
-        keys.append(
-            (model.particles.excavation[first].astype(np.int64) + 1) * cells + of_cell[model.particles.cell[first]]
-        )
+        owner, cell = (column[start[:-1]] for column in (model.particles.excavation, model.particles.cell))
+        keys.append((owner.astype(np.int64) + 1) * cells + of_cell[cell])
     order = np.argsort(keys[0])
     group = order[np.minimum(np.searchsorted(keys[0], keys[1], sorter=order), len(order) - 1)]
     there = keys[0][group] == keys[1]

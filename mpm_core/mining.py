@@ -1,4 +1,4 @@
-"""A mining step on the cells that it has now: its model and loads, and the same on finer cells once rock asks for them."""
+"""A mining step on the cells that it has now: its model and loads, and the same on finer cells where rock asks."""
 
 import logging
 from dataclasses import dataclass, replace

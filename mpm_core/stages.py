@@ -177,7 +177,7 @@ def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:
 
 
 class following:
-    """Context of a solution: a progress bar on a terminal, and the last state (`state`) beside the output when it fails."""
+    """Context of a solution: a progress bar on a terminal, and the last `state` beside the output when it fails."""
 
     def __init__(self, scene: Scene, name: str, failed_state: Path, state: Callable[[], State] | None = None):
         self.history = History(scene.solver.tolerance)

@@ -16,10 +16,10 @@ from mpm_core.state import HOURGLASS, OVERSHOOT, SEISMIC, State
 class Brittle:
     """Which particles may fail: on their own stress (`sound`), or once a neighbouring cell has failed (`sliver`).
 
-    present (particle,) bool: not mined; sound, sliver: particle indices; coarse: of those that could in finest cells; borne (particle,) Pa: overstress without
-    failure, in a member of an ensemble (perturbation.borne_overstress). A cut cell that is less than half rock reads a
-    stress that is 30 to 50 % wrong (measured on Kirsch's hole), so it fails only beside failed rock; kept elastic it
-    would line the wall with steel for ever.
+    present (particle,) bool: not mined; sound, sliver: particle indices; coarse: of those that could in finest cells;
+    borne (particle,) Pa: overstress without failure, in a member of an ensemble (perturbation.borne_overstress). A cut
+    cell that is less than half rock reads a stress that is 30 to 50 % wrong (measured on Kirsch's hole), so it fails
+    only beside failed rock; kept elastic it would line the wall with steel for ever.
     """
 
     present: np.ndarray

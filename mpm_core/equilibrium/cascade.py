@@ -170,8 +170,9 @@ def run_cascade(
 ) -> tuple[Scheme, bool]:
     """Ramp external force and boundary strain, with a cascade at each increment.
 
-    Returns the scheme, another one where cells have been split, and whether it ended in collapse. `save` is called where the whole mine is between two generations; a history that stands within an increment (a saved
-    one) goes on from there.
+    Returns the scheme, another one where cells have been split, and whether it ended in collapse. `save` is called
+    where the whole mine is between two generations; a history that stands within an increment (a saved one) goes on
+    from there.
     Collapse: after rock has failed it finds no rest, or fails on after solver.max_generations. That is an error
     (NoRest), or (solver.collapse "keep") the last state of rest is the result, at cascade_tolerance, with rock above
     strength that would fail next.

@@ -40,7 +40,8 @@ from mpm_core.state import BOUNDARY, FLOW, FORCES, GAINED, HOURGLASS, MOTION, OV
 
 BALANCE = (
     "energy_work = energy_support + energy_stored + energy_hourglass + energy_hourglass_released + energy_seismic + "
-    "energy_overshoot + energy_flow - energy_gained + energy_motion - energy_refined + energy_left, J, of the rock that stays; "
+    "energy_overshoot + energy_flow - energy_gained + energy_motion - energy_refined + energy_left, J, of the rock that "
+    "stays; "
     "energy_released is Salamon's (1984): energy_mined + all of these but support, stored, hourglass, refined and left"
 )
 

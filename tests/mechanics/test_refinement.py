@@ -160,8 +160,8 @@ def run(scene, grid, tmp_path, shapes=HOLES[:1], checkpoint=None):
 
 
 def test_rock_fails_as_on_a_grid_that_is_fine_everywhere_it_fails(tmp_path):
-    """One hole with 0, 1 and 3 rings of fine cells to start from, against a static grid that is fine within 22 m: failed
-    volume within 2 %; nothing is truncated, and more than a third of the fine cells fail."""
+    """One hole with 0, 1 and 3 rings of fine cells to start from, against a grid that is fine within 22 m: failed volume
+    within 2 %; nothing is truncated, and more than a third of the fine cells fail."""
     _, few = run(adaptive_scene(refinement=None), grid_of(HOLES[:1], rings=1), tmp_path)
     _, limit = run(adaptive_scene(refinement=None), grid_of([ball([26.0, 40.0], 20.0)], rings=2), tmp_path)
     assert few["truncated"] == 1
@@ -223,8 +223,8 @@ def test_an_opening_has_fine_cells_once_it_is_mined(tmp_path):
     assert facts["energy_left_share"] < 0.01
     # what failed before has its place, strain and step still
     failed = before.failed.values == 0
-    was = {tuple(place): strain for place, strain in zip(
-        before.position.values[failed].tolist(), before.plastic_strain.values[failed].tolist(), strict=True)}  # fmt: skip
+    places, strains = before.position.values[failed].tolist(), before.plastic_strain.values[failed]
+    was = {tuple(place): strain for place, strain in zip(places, strains, strict=True)}
     now = after.failed.values == 0
     assert now.sum() == failed.sum()
     grown = after.plastic_strain.values - after.plastic_strain_step.values
