@@ -15,7 +15,7 @@ COLUMNS = {  # of a step's row: its heading, and the attributes that are summed
     "hourglass": ("energy_hourglass", "energy_hourglass_released"),
     "motion": ("energy_motion",),
 }
-GAINED = "gained"
+GAINED, SPLIT = "gained", "cells split"
 SMALLEST = 1e-6  # of what is dissipated: gains below this are round-off
 
 
@@ -25,7 +25,9 @@ def section(evidence: Evidence) -> dict | None:
     if not steps:
         return None
     gains = any(step["energy_gained"] > SMALLEST * abs(step["energy_dissipated"]) for step in steps)
-    columns = COLUMNS | ({GAINED: ("energy_gained",)} if gains else {})
+    splits = any(float(step["energy_refined"]) for step in steps)
+    columns = COLUMNS | ({SPLIT: ("energy_refined",)} if splits else {})
+    columns |= {GAINED: ("energy_gained",)} if gains else {}
     rows = [
         {
             "name": step["step"],
@@ -34,7 +36,7 @@ def section(evidence: Evidence) -> dict | None:
         }
         for step in steps
     ]
-    return {"columns": list(columns), "rows": rows, "gains": gains, "unknown": _unknown(steps)}
+    return {"columns": list(columns), "rows": rows, "gains": gains, "splits": splits, "unknown": _unknown(steps)}
 
 
 def _unknown(steps: list[dict]) -> bool:

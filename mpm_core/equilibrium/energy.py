@@ -40,8 +40,8 @@ from mpm_core.state import BOUNDARY, FLOW, FORCES, GAINED, HOURGLASS, MOTION, OV
 
 BALANCE = (
     "energy_work = energy_support + energy_stored + energy_hourglass + energy_hourglass_released + energy_seismic + "
-    "energy_overshoot + energy_flow - energy_gained + energy_motion - energy_refined + energy_left, J, of the rock that "
-    "stays; "
+    "energy_overshoot + energy_flow - energy_gained + energy_motion + energy_refined + energy_left, J, of the rock "
+    "that stays; "
     "energy_released is Salamon's (1984): energy_mined + all of these but support, stored, hourglass, refined and left"
 )
 
@@ -183,8 +183,8 @@ class Balance:
             "motion": state.energy[MOTION] * counted,
         }
         work = (lasting + lasting_virgin + state.energy[BOUNDARY]) * counted
-        gained, refined = state.energy[GAINED], state.energy[REFINED]
-        left = work + gained + refined - sum(terms.values())
+        gained, refined = state.energy[GAINED], -state.energy[REFINED]
+        left = work + gained - refined - sum(terms.values())
         largest = np.nanmax(np.abs([work, gained, *terms.values()]))
         dissipated = terms["seismic"] + terms["overshoot"] + terms["flow"]
         released = self.mined + dissipated - gained + terms["hourglass_released"] + terms["motion"]

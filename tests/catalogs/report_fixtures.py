@@ -120,7 +120,7 @@ def make_grid(
             "cell_size": ("cell", size),
             "cell_level": ("cell", level.astype(np.int8)),
             "cell_body": ("cell", np.full(len(size), -1, np.int16)),
-            "piece_cell": ("piece", cell.astype(np.int32)),
+            "piece_origin": (("piece", "xyz"), full[cell]),
             "piece_excavation": ("piece", excavation.astype(np.int16)),
             "piece_fraction": ("piece", fraction),
         },
@@ -141,7 +141,9 @@ def make_state(grid: xr.Dataset, index: int) -> xr.Dataset:
     dimension = int(grid.attrs["dimension"])
     position = grid["cell_origin"].values + size[:, None] / 2 * (np.ptp(_corners(grid), axis=0) > 0)
     fraction = np.zeros((grid.sizes["cell"], len(NAMES)))
-    fraction[grid["piece_cell"].values, grid["piece_excavation"].values] = grid["piece_fraction"].values
+    number = {tuple(place): cell for cell, place in enumerate(grid["cell_origin"].values.tolist())}
+    cell = [number[tuple(place)] for place in grid["piece_origin"].values.tolist()]
+    fraction[cell, grid["piece_excavation"].values] = grid["piece_fraction"].values
     mined = [0] + [excavation for excavation in (1, 2) if excavation <= index]
     share = np.clip(fraction[:, mined].sum(axis=1), 0, 1)
     edge = float(np.ptp(_corners(grid), axis=0).max())
@@ -166,6 +168,7 @@ def make_state(grid: xr.Dataset, index: int) -> xr.Dataset:
     truncated = index == 2
     return xr.Dataset(
         {
+            **{name: grid[name] for name in ("cell_origin", "cell_size", "cell_level", "cell_body")},
             "position": (("particle", "xyz"), position),
             "cell": ("particle", np.arange(count, dtype=np.int32)),
             "spacing": ("particle", size),
@@ -195,7 +198,9 @@ def make_state(grid: xr.Dataset, index: int) -> xr.Dataset:
             "energy_released": 4.2e7, "energy_dissipated": 1.1e7, "lame_lambda": LAME, "shear_modulus": SHEAR,
             "energy_work": 2e6, "energy_stored": -3.3e7, "energy_support": 6e6, "energy_seismic": 1e6,
             "energy_overshoot": 2e6, "energy_flow": 8e6, "energy_gained": 0.0, "energy_hourglass": 5e5,
-            "energy_hourglass_released": 5e5, "energy_motion": 1.69e7, "energy_left": 1e5, "energy_left_share": 0.003,
+            "energy_hourglass_released": 5e5, "energy_refined": 0.0, "cells": count,
+            "finest_cells": int((level == level.max()).sum()), "cell_splits": 0,
+            "energy_motion": 1.69e7, "energy_left": 1e5, "energy_left_share": 0.003,
             "config_hash": f"22{index}", "source_hash": "aaaa", "versions": json.dumps({"numpy": "2.4"}),
         },
     )  # fmt: skip

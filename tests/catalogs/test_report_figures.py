@@ -79,13 +79,9 @@ def test_projection_inverts_the_hemisphere(depth, azimuth):
 def test_cuts_go_through_the_fullest_layer():
     """Two stopes of one height: the section along strike halves them, the plan lies within both."""
     grid = fixtures.make_grid(**SMALL)
-    cell = grid["piece_cell"].values
-    size = grid["cell_size"].values[cell]
+    centre, volume = views.piece_centres(grid)
     stopes = np.isin(grid["piece_excavation"].values, [1, 2])
-    weight = grid["piece_fraction"].values * size**3 * stopes
-    cuts = {
-        view.normal: view.at for view in views.cuts(grid, grid["cell_origin"].values[cell] + size[:, None] / 2, weight)
-    }
+    cuts = {view.normal: view.at for view in views.cuts(grid, centre, volume * stopes)}
     lower, upper = fixtures.ORIGIN + fixtures.BOXES[1] * 96.0
     assert lower[1] < cuts[1] < upper[1]
     assert lower[2] < cuts[2] < upper[2]

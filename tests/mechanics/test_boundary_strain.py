@@ -20,7 +20,7 @@ from mechanics.scenes import (
     uniform,
 )
 from mpm_core.datasets import grid_dataset
-from mpm_core.occupancy import Pieces
+from mpm_core.occupancy import Places
 from mpm_core.stages import elastic_stage, mining_step
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
@@ -50,10 +50,6 @@ def voigt_of(tensor):
     return tensor[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
 
 
-def no_pieces():
-    return Pieces(np.empty(0, np.int32), np.empty(0, np.int16), np.empty(0, np.uint64))
-
-
 @settings(max_examples=12, deadline=None)
 @given(st.sampled_from(["xz", "xy", None]), st.integers(0, 10_000), st.sampled_from([1, 2]))
 def test_fixed_faces_strain_a_grid_with_hanging_nodes_linearly(plane, seed, per_edge):
@@ -64,7 +60,7 @@ def test_fixed_faces_strain_a_grid_with_hanging_nodes_linearly(plane, seed, per_
     components = np.zeros(6)
     components[IN_PLANE[plane]] = random.normal(size=len(IN_PLANE[plane])) * 1e-4
     scene = make_scene(plane, strains=[strain_entry(components)], particles_per_cell=per_edge)
-    dataset = grid_dataset(grid, host_everywhere(grid), no_pieces(), plane, {"mine": "test"})
+    dataset = grid_dataset(grid, host_everywhere(grid), Places.all_of([], grid.dimension), plane, {"mine": "test"})
     state, facts = elastic_stage(scene, dataset, Path("unused.npz"))
     for _ in range(2):
         expected = dataset.node_position.values @ tensor(components)

@@ -19,12 +19,13 @@ from mechanics.scenes import (
 )
 from mpm_core.constitutive.elastic import strain_from_stress
 from mpm_core.constitutive.laws.coulomb import overstress
+from mpm_core.datasets import read_grid, read_pieces
 from mpm_core.equilibrium.body import FAILED_HOURGLASS
 from mpm_core.equilibrium.brittle import above_strength, fail, find_brittle, new_failures, weakest
 from mpm_core.equilibrium.cascade import Ramp, run_cascade
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit import ExplicitScheme
-from mpm_core.grid.adjacency import face_neighbors
+from mpm_core.grid.adjacency import face_neighbors, holding_cells
 from mpm_core.kernels import blocks
 from mpm_core.stages import elastic_stage, mining_step
 from mpm_core.state import HOURGLASS, OVERSHOOT, SEISMIC
@@ -102,7 +103,7 @@ def test_after_the_cascade_no_rock_that_may_fail_is_above_strength(per_edge, tmp
     assert state.failure_order.values[:, 1].max() > 0
     level = grid.cell_level.values[state.cell.values]
     share = np.ones(len(grid.cell_level))
-    share[grid.piece_cell.values] -= grid.piece_fraction.values
+    share[holding_cells(read_grid(grid)[0], read_pieces(grid).place)] -= grid.piece_fraction.values
     present = state.volume.values > 0.0
     eligible = present & (level == 2) & (share[state.cell.values] >= 0.5)
     for p in np.flatnonzero(eligible & (failed < 0)):

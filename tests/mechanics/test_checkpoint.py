@@ -95,7 +95,7 @@ def test_a_checkpoint_of_other_inputs_or_a_broken_one_is_left_aside(stage, tmp_p
     assert content(run(Checkpoint(path, "inputs")), tmp_path / "a.nc") == content(whole, tmp_path / "b.nc")
     for broken in (b"", b"PK\x03\x04 cut short"):
         path.write_bytes(broken)
-        assert not Checkpoint(path, "inputs").load(None, History(1e-5))
+        assert not Checkpoint(path, "inputs").read()
 
 
 def test_a_stage_that_ends_clears_what_a_kill_left_of_a_checkpoint(stage, tmp_path):
@@ -112,7 +112,7 @@ def test_a_stage_that_ends_clears_what_a_kill_left_of_a_checkpoint(stage, tmp_pa
 def test_writing_takes_a_small_share_of_the_time(stage, tmp_path):
     """A checkpoint that cost 10 s is not written again for minutes, however short the pause."""
     checkpoint = Checkpoint(tmp_path / "c.npz", "inputs", pause=0.0, cost=10.0)
-    checkpoint.save(None, History(1e-5))
+    checkpoint.save(None, History(1e-5), None)
     assert not checkpoint.path.exists()
 
 

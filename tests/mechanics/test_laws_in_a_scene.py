@@ -20,7 +20,8 @@ from mechanics.scenes import (
 from mpm_core.constitutive import laws
 from mpm_core.constitutive.laws import coulomb
 from mpm_core.datasets import read_grid, read_state
-from mpm_core.model import build_model
+from mpm_core.ground import Ground
+from mpm_core.occupancy import Loose
 from mpm_core.stages import elastic_stage, mining_step
 from pipeline.settings import SI
 
@@ -55,7 +56,7 @@ def mined(folder, scheme, host=None, body=None):
     scene, grid = tunnel(scheme, host, body)
     before, _ = elastic_stage(scene, grid, folder / "failed.npz")
     after, _ = mining_step(scene, grid, before, folder / "failed.npz")
-    model = build_model(scene, *read_grid(grid))
+    model = Ground.of(scene, grid).model(*read_grid(grid), Loose.none())
     return model, read_state(after, model), after
 
 

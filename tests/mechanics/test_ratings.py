@@ -20,15 +20,15 @@ def test_truncated_share_is_of_all_rock_above_strength():
     level = model.grid.cell_level[model.particles.cell]
     whole = volume == model.particles.full_volume
     coarse, fine = np.flatnonzero((level == 0) & whole)[:2], np.flatnonzero((level == 1) & whole)[:2]
-    assert truncation(model, state, volume)["truncated"] == 0
+    assert truncation(model, state, volume, "step")["truncated"] == 0
     state.stress[[*coarse, fine[0]]] = [-50e6, 0, 0, 0, 0, 0]
     state.failed[fine[1]] = 0
-    facts = truncation(model, state, volume)
+    facts = truncation(model, state, volume, "step")
     assert facts["truncated"] == 1
     assert facts["truncated_volume"] == pytest.approx(2 * 64.0)
     assert facts["truncated_share"] == pytest.approx(128.0 / 160.0)
     state.stress[coarse] = 0.0
-    assert truncation(model, state, volume)["truncated"] == 0  # the fine one may still fail
+    assert truncation(model, state, volume, "step")["truncated"] == 0  # the fine one may still fail
 
 
 def test_a_weak_body_is_refused_only_where_it_is_too_weak():

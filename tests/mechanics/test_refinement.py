@@ -160,7 +160,7 @@ def run(scene, grid, tmp_path, shapes=HOLES[:1], checkpoint=None):
 
 
 def test_rock_fails_as_on_a_grid_that_is_fine_everywhere_it_fails(tmp_path):
-    """One hole with 0, 1 and 3 rings of fine cells to start from, against a grid that is fine within 22 m: failed volume
+    """One hole with 0, 1 and 3 rings of fine cells to start from, against a grid that is fine within 22 m: volume
     within 2 %; nothing is truncated, and more than a third of the fine cells fail."""
     _, few = run(adaptive_scene(refinement=None), grid_of(HOLES[:1], rings=1), tmp_path)
     _, limit = run(adaptive_scene(refinement=None), grid_of([ball([26.0, 40.0], 20.0)], rings=2), tmp_path)

@@ -49,8 +49,8 @@ def test_the_next_stage_reads_what_this_one_has_written(dimension):
 def test_a_checkpoint_holds_all_that_a_stage_changes(tmp_path):
     model, state = random_state(3)
     again, history, path = model.virgin_state(), History(1.0), tmp_path / "c.npz"
-    Checkpoint(path, "key", pause=0.0, last=-1e9).save(state, history)
-    assert Checkpoint(path, "key").load(again, history)
+    Checkpoint(path, "key", pause=0.0, last=-1e9).save(state, history, model.grid)
+    Checkpoint.restore(Checkpoint(path, "key").read(), again, history)
     for name, array in ARRAYS.items():
         if array.changes is not Extent.NONE:
             np.testing.assert_array_equal(getattr(again, name), getattr(state, name), err_msg=name)

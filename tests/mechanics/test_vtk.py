@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from mechanics.scenes import ball, excavation, grid_around, make_dataset, make_scene, uniform
-from mpm_core.datasets import read_grid
+from mpm_core.datasets import read_grid, read_pieces
 from mpm_core.geometry import Outside, build_shape
-from mpm_core.particles import Pieces
+from mpm_core.grid.adjacency import holding_cells
+from mpm_core.occupancy import Places
 from mpm_core.stages import elastic_stage
 from mpm_core.vtk import main_excavation, principal, write_solids, write_vtu
 
@@ -25,22 +26,21 @@ def stage(request, tmp_path):
     scene = make_scene(plane, stress=stress, excavations=[excavation()], thickness=5.0)
     dataset = make_dataset(scene, grid_around([shape], [3] * dimension, 2, 8.0), [shape])
     state, _ = elastic_stage(scene, dataset, tmp_path / "failed.npz")
-    grid, _, pieces = read_grid(dataset)
-    write_vtu(grid, pieces, state, tmp_path / "state.vtu")
+    write_vtu(read_grid(state)[0], read_pieces(dataset), state, tmp_path / "state.vtu")
     return dataset, state, meshio.read(tmp_path / "state.vtu")
 
 
 def test_a_state_is_a_vtk_file_that_others_read(stage):
     """All cells, in the mine's frame; the solid share of a cell is 1 less what is mined, whatever the thickness."""
     dataset, state, mesh = stage
-    grid, _, pieces = read_grid(dataset)
+    grid, pieces = read_grid(dataset)[0], read_pieces(dataset)
     assert sum(len(block.data) for block in mesh.cells) == len(grid.cell_level)
     np.testing.assert_allclose(mesh.points, dataset.node_position.values)
     np.testing.assert_array_equal(mesh.point_data["displacement_m"], state.node_displacement.values)
     share = np.ones(len(grid.cell_level))
-    share[pieces.cell] -= np.bitwise_count(pieces.samples) / 64
+    share[holding_cells(grid, pieces.place)] -= np.bitwise_count(pieces.samples) / 64
     np.testing.assert_allclose(mesh.cell_data["solid_fraction"][0], share, rtol=1e-12)
-    excavated = np.isin(np.arange(len(share)), pieces.cell)
+    excavated = np.isin(np.arange(len(share)), holding_cells(grid, pieces.place))
     np.testing.assert_array_equal(mesh.cell_data["excavation"][0], np.where(excavated, 0, -1))
 
 
@@ -85,10 +85,13 @@ def test_vertical_stress_is_the_first_principal_stress_straight_down():
 def test_a_cell_belongs_to_the_excavation_that_takes_most_of_it():
     """Equal shares: the first of the configuration, in whichever order the pieces stand."""
     samples = np.array([0b1, 0b111, 0b11, 0b11, 0b11], np.uint64)
-    pieces = Pieces(np.array([2, 2, 0, 0, 3], np.int32), np.array([0, 1, 2, 1, 2], np.int16), samples)
-    np.testing.assert_array_equal(main_excavation(pieces, 5), [1, -1, 1, 2, -1])
-    turned = Pieces(pieces.cell[::-1], pieces.excavation[::-1], samples[::-1])
-    np.testing.assert_array_equal(main_excavation(turned, 5), [1, -1, 1, 2, -1])
+    grid = grid_around([], [5, 1], 1, 8.0)
+    place = np.array([[2, 0], [2, 0], [0, 0], [0, 0], [3, 0]], np.int32)
+    pieces = Places(place, np.array([0, 1, 2, 1, 2], np.int16), samples)
+    along = np.argsort(grid.cell_index[:, 0])
+    np.testing.assert_array_equal(main_excavation(pieces, grid)[along], [1, -1, 1, 2, -1])
+    turned = Places(place[::-1], pieces.excavation[::-1], samples[::-1])
+    np.testing.assert_array_equal(main_excavation(turned, grid)[along], [1, -1, 1, 2, -1])
 
 
 def test_solids_are_files_with_names_and_the_step_that_mines_them(tmp_path):

@@ -10,7 +10,6 @@ from configuration_faults import AGAIN, FAR, FAULTS, ON_GLOBE, UTM
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, STRAIN, TINY, changed, merged
-from workflow.draft import draft_of
 
 from catalogs.record_settings import COLUMN_KEYS, RecordSlice
 from catalogs.records.filters import limits_of
@@ -198,13 +197,6 @@ def test_an_ensemble_leaves_every_slice_of_the_mine_as_it_was(accept):
         assert "perturbation" not in mine.step_slice(step)
         assert mine.member(2).step_slice(step) == without.step_slice(step) | {"perturbation": 2}
     assert mine.member(2).event_slice() == without.event_slice()
-
-
-def test_the_draft_of_a_mine_has_no_members(accept):
-    """It shows where rock fails; one is enough."""
-    draft = draft_of(accept(TINY, ensemble=2, **{"grid.failure_zone": "auto"}))
-    assert draft.members == 0
-    assert draft.step_slice("draft-0") == draft_of(accept(TINY, **{"grid.failure_zone": "auto"})).step_slice("draft-0")
 
 
 def test_a_record_without_a_location_error_is_refused(refuse):

@@ -28,7 +28,7 @@ EVENT_STAGES = {"events": 2, "catalog": 1, "closeness": 1, "quakeml": 1, "compar
 GRID = """
 cell_origin cell,xyz float64 m | cell_size cell float64 m | cell_level cell int8 1 | cell_nodes cell,corner int32 1
 node_position node,xyz float64 m | node_parents node,parent int32 1 | cell_body cell int16 1
-piece_cell piece int32 1 | piece_excavation piece int16 1 | piece_fraction piece float64 1
+piece_origin piece,xyz float64 m | piece_excavation piece int16 1 | piece_fraction piece float64 1
 """
 STATE = """
 position particle,xyz float64 m | cell particle int32 1 | spacing particle float64 m | volume particle float64 m3
@@ -38,7 +38,10 @@ seismic_strain particle,voigt float64 1 | overshoot_strain particle,voigt float6
 later_strain particle,voigt float64 1 | plastic_strain particle,voigt float64 1
 plastic_strain_step particle,voigt float64 1 | strength_factor particle float64 1
 excess_shear_stress particle float64 Pa | node_displacement node,xyz float64 m | node_velocity node,xyz float64 m/s
-hourglass_force cell,mode,xyz float64 N | convergence_increment iteration int32 1
+hourglass_force cell,mode,xyz float64 N
+cell_origin cell,xyz float64 m | cell_size cell float64 m | cell_level cell int8 1 | cell_nodes cell,corner int32 1
+node_position node,xyz float64 m | node_parents node,parent int32 1 | cell_body cell int16 1
+convergence_increment iteration int32 1
 convergence_generation iteration int32 1 | convergence_iteration iteration int32 1
 convergence_unbalanced_ratio iteration float64 1 | convergence_max_ratio iteration float64 1
 convergence_cells iteration int32 1 | convergence_new_failures iteration int32 1
@@ -238,11 +241,9 @@ def test_a_mine_without_a_place_on_earth_has_all_but_quakeml(base, tmp_path):
     assert {"catalog", "compare", "report"} <= set(jobs(text))
 
 
-@pytest.mark.parametrize("zone", ["none", "auto"])
-def test_the_picture_of_the_scene_needs_nothing_solved(base, tmp_path, zone):
-    """Grid and record alone, also where the grid waits for a draft run: then the draft's cells are shown."""
-    file = write_mine(changed(TINY, **{"grid.failure_zone": zone}), base / "files" / zone / "tiny.yaml")
-    status, text = snakemake(file, tmp_path, "--dry-run", "scene")
+def test_the_picture_of_the_scene_needs_nothing_solved(tiny_file, tmp_path):
+    """Grid and record alone."""
+    status, text = snakemake(tiny_file, tmp_path, "--dry-run", "scene")
     assert status == 0, text
     assert jobs(text) == {"grid": 1, "record": 1, "scene": 1}
 

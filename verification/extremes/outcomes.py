@@ -11,6 +11,8 @@ import numpy as np
 import xarray as xr
 import yaml
 
+from mpm_core.datasets import read_grid, read_pieces
+from mpm_core.grid.adjacency import holding_cells
 from mpm_core.gridding import make_grid
 from mpm_core.scene import parse_scene
 from mpm_core.stages import elastic_stage, mining_step
@@ -113,9 +115,9 @@ def faults(values: dict, grid: xr.Dataset, state: xr.Dataset) -> list[str]:
 def _above_strength(values, grid, state, present, failed):
     """Rock that stands above the strength it should have: intact in whole finest cells, or failed."""
     names = yaml.safe_load(state.attrs["material_names"])
-    level = grid.cell_level.values[state.cell.values]
-    share = np.ones(len(grid.cell_level))
-    np.subtract.at(share, grid.piece_cell.values, grid.piece_fraction.values)
+    level = state.cell_level.values[state.cell.values]
+    share = np.ones(state.sizes["cell"])
+    np.subtract.at(share, holding_cells(read_grid(state)[0], read_pieces(grid).place), grid.piece_fraction.values)
     whole = (level == level.max()) & (share[state.cell.values] >= 0.5)
     rock_here = present & (state.excavation.values < 0)
     tensor = state.stress.values[:, [0, 5, 4, 5, 1, 3, 4, 3, 2]].reshape(-1, 3, 3)

@@ -9,9 +9,11 @@ from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit import take_time_step
 from mpm_core.equilibrium.moving import MovingBody
 from mpm_core.equilibrium.scheme import Scheme
+from mpm_core.ground import Ground
 from mpm_core.kernels.nodes import collect_to_parents, interpolate, particle_loads
-from mpm_core.model import Model, build_model
-from mpm_core.stages import make_scheme
+from mpm_core.mining import make_scheme
+from mpm_core.model import Model
+from mpm_core.occupancy import Loose
 from verification.invariants.closed_form import Elastic, Smooth
 from verification.results import Variant
 
@@ -22,9 +24,8 @@ def model_of(variant: Variant, **changes) -> Model:
     """Model of a variant on its own grid, with values of the scene changed; `move` and `damping` are the solver's."""
     scene = variant.scene()
     solver = {key: changes.pop(key) for key in ("move", "damping") if key in changes}
-    return build_model(
-        replace(scene, **changes, solver=scene.solver.model_copy(update=solver)), *read_grid(variant.grid)
-    )
+    scene = replace(scene, **changes, solver=scene.solver.model_copy(update=solver))
+    return Ground.of(scene, variant.grid).model(*read_grid(variant.grid), Loose.none())
 
 
 def scheme_of(model: Model) -> Scheme:
