@@ -100,10 +100,8 @@ def grid_dataset(
 
 def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray]:
     """Grid and rock body of each cell, from the dataset of grid.nc or of a state."""
-    attributes = dataset.attrs
-    fine = float(attributes["fine_cell"])
-    axes = _axes(dataset)
-    origin = np.asarray(attributes["domain_lower"])[axes]
+    attributes, axes = dataset.attrs, _axes(dataset)
+    origin, fine = read_origin(dataset)
     grid = MultiLevelGrid(
         origin=origin,
         fine_cell=fine,
@@ -116,6 +114,11 @@ def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray]:
         node_parents=dataset.node_parents.values,
     )
     return grid, dataset.cell_body.values
+
+
+def read_origin(dataset: xr.Dataset) -> tuple[np.ndarray, float]:
+    """Lower corner of the domain (d,) and edge of a finest cell, m, from the dataset of grid.nc or of a state."""
+    return np.asarray(dataset.attrs["domain_lower"])[_axes(dataset)], float(dataset.attrs["fine_cell"])
 
 
 def read_pieces(dataset: xr.Dataset) -> Places:
@@ -131,8 +134,9 @@ def _axes(dataset: xr.Dataset) -> list[int]:
 def _index(dataset: xr.Dataset, name: str) -> np.ndarray:
     """Places (n, d) int32 in fine units of a variable of places, m."""
     values = dataset[name].values[:, _axes(dataset)]
-    values -= np.asarray(dataset.attrs["domain_lower"])[_axes(dataset)]
-    values /= float(dataset.attrs["fine_cell"])
+    origin, fine = read_origin(dataset)
+    values -= origin
+    values /= fine
     return np.rint(values, out=values).astype(np.int32)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from mpm_core.carrying import carry_loose
-from mpm_core.datasets import read_pieces
+from mpm_core.datasets import read_origin, read_pieces
 from mpm_core.domain import Domain
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.mesh import MultiLevelGrid
@@ -19,19 +19,23 @@ from mpm_core.model import Model, build_model
 from mpm_core.occupancy import Loose, Pieces, Places
 from mpm_core.scene import Scene
 from mpm_core.solids import bodies_at, read_solids
+from pipeline.errors import InputError
 
 
 @dataclass(frozen=True)
 class Ground:
-    """A scene, and the parts of finest cells inside its excavations."""
+    """A scene, the parts of finest cells inside its excavations, and which cells those are: lower corner of the domain
+    (d,) m, edge of a finest cell m."""
 
     scene: Scene
     parts: Places
+    origin: np.ndarray
+    fine_cell: float
 
     @classmethod
     def of(cls, scene: Scene, grid: xr.Dataset) -> "Ground":
         """Of a scene and the dataset of its grid."""
-        return cls(scene, read_pieces(grid))
+        return cls(scene, read_pieces(grid), *read_origin(grid))
 
     def model(self, grid: MultiLevelGrid, body: np.ndarray, loose: Loose, all_fallen: bool = False) -> Model:
         """The scene on a grid; body (cell,): rock body of each cell; loose, all_fallen: see build_model."""
@@ -43,10 +47,22 @@ class Ground:
         finest = grid.cell_level[cell] == grid.levels - 1
         return Pieces(cell[finest], self.parts.excavation[finest], self.parts.samples[finest])
 
+    def refuse_other(self, grid: MultiLevelGrid, step: int) -> None:
+        """Raise InputError if this grid is not of the ground: of another domain, or too coarse where it is mined by a
+        step."""
+        same = grid.fine_cell == self.fine_cell and np.array_equal(grid.origin, self.origin)
+        parts = self.parts.place[self._mined(step)]
+        if not same or (grid.cell_level[holding_cells(grid, parts)] < grid.levels - 1).any():
+            raise InputError("the state of the step before belongs to another grid; run the pipeline from the grid")
+
+    def _mined(self, step: int) -> np.ndarray:
+        """Which parts are of excavations that are mined up to a step, (piece,) bool."""
+        mined = np.array([0 <= excavation.mined <= step for excavation in self.scene.excavations] or [False])
+        return mined[self.parts.excavation]
+
     def opened(self, grid: MultiLevelGrid, step: int) -> MultiLevelGrid:
         """The grid with finest cells, and rings of them, around all that is mined up to a step."""
-        mined = np.array([0 <= excavation.mined <= step for excavation in self.scene.excavations] or [False])
-        places = np.unique(self.parts.place[mined[self.parts.excavation]] >> 1, axis=0)
+        places = np.unique(self.parts.place[self._mined(step)] >> 1, axis=0)
         rings = self.scene.refinement.rings
         return split(grid, places, rings, rings) if len(places) else grid
 

@@ -64,11 +64,12 @@ class StepCells:
         """On the cells of now."""
         return self.scheme.body.model
 
-    def asked(self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray) -> np.ndarray:
-        """Places (k, d) that need finer cells, see Refinement; none once there are as many cells as there may be."""
+    def asked(self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places (k, d) that need finer cells, and which of fresh particles (k,) fail before that, see Refinement; none
+        and all once there are as many cells as there may be."""
         if self.full:
-            return np.empty((0, model.dimension), int)
-        return self.refinement.asked(model, state, brittle, fresh)
+            return np.empty((0, model.dimension), int), fresh
+        return self.refinement.asked(model, state, brittle, fresh, len(self.model.cell_nodes))
 
     def split(self, places: np.ndarray) -> tuple[Scheme, Brittle, Ramp] | None:
         """Split cells at places (k, d), at rest: what goes on from there; None where there would be too many."""

@@ -129,6 +129,7 @@ def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History
     """The state of the step before at rest, on cells that are fine around all that this step mines."""
     scene, step = ground.scene, len(ground.scene.steps) - 1
     was, body = read_grid(previous)
+    ground.refuse_other(was, before)
     grid = ground.opened(was, step) if scene.refinement and step > before else was
     require_cells(scene, grid)
     loose = read_loose(previous)

@@ -55,6 +55,7 @@ def reading_mb(mine: Mine, grid: str, stage: str, results: list[str]) -> int:
     if not os.path.exists(grid):
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(results[0]))
     # states have more cells than the grid where these follow the rock; a catalogue has none
-    cells = max(cells_of(path) for path in (grid, *results) if str(path).endswith(".nc") and os.path.exists(path))
+    made = [path for path in results if str(path).endswith(".nc") and os.path.exists(path)]
+    cells = max(cells_of(path) for path in (grid, *made))
     particles = cells * mine.values["grid"]["particles_per_cell"]
     return round((LIBRARIES + GRID * cells + READS[stage] * particles) / MB)

@@ -18,6 +18,8 @@ from mpm_core.model import Model
 from mpm_core.state import State
 
 NEAR = 0.25
+WORTH = 0.02  # of all cells: so many new ones are split at once; fewer wait until no other rock fails any more. A split
+# sets up the whole grid anew
 BESIDE = 1  # rings of split cells of the last level but one that rock has around it when it fails
 RINGS = 2  # of them that are split at once around what asks for it: so a crack does not ask again with every cell
 
@@ -35,22 +37,33 @@ class Refinement:
         """Of a grid."""
         return cls(family_codes(grid), grid.shape >> 1)
 
-    def asked(self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray) -> np.ndarray:
-        """Cells (k, d) of the last level but one, in units of their own, around which finest cells are missing.
+    def asked(
+        self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, cells: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Cells (k, d) of the last level but one, in units of their own, around which finest cells are missing; and
+        those of fresh particles (k,) that fail before any is split.
 
-        fresh (k,): particles that are about to fail; of a part of the mine or of the whole.
+        fresh: particles that stand above strength, of a part of the mine or of the whole; cells: of the whole. Rock at
+        the edge of the fine cells waits for a split, and all rock where that is worth it now.
         """
         near = brittle.coarse[near_strength(model, state, brittle.coarse)]
-        places = families(model.grid, np.unique(model.particles.cell[fresh]))
-        if len(places):
-            places = places[self._exposed(places)]
-        return np.concatenate([families(model.grid, np.unique(model.particles.cell[near])), places])
+        places = families(model.grid, model.particles.cell[fresh])
+        exposed = self._exposed(places) if len(fresh) else np.zeros(0, bool)
+        asking = np.concatenate([families(model.grid, model.particles.cell[near]), places[exposed]])
+        if not len(asking):
+            return asking, fresh
+        missing = self._missing(around(np.unique(asking, axis=0), RINGS, self.shape))
+        at_once = len(missing) << len(self.shape) > WORTH * cells
+        return asking, fresh[:0] if at_once else fresh[~exposed]
+
+    def _missing(self, places: np.ndarray) -> np.ndarray:
+        """Those of the places (k, d) that are not split."""
+        code = code_of(places, self.shape)
+        return places[self.codes[np.minimum(np.searchsorted(self.codes, code), len(self.codes) - 1)] != code]
 
     def _exposed(self, places: np.ndarray) -> np.ndarray:
         """(k,) bool: whether a cell within BESIDE rings of a place (k, d) is not split."""
-        missing = around(np.unique(places, axis=0), BESIDE, self.shape)
-        code = code_of(missing, self.shape)
-        missing = missing[self.codes[np.minimum(np.searchsorted(self.codes, code), len(self.codes) - 1)] != code]
+        missing = self._missing(around(np.unique(places, axis=0), BESIDE, self.shape))
         if not len(missing):
             return np.zeros(len(places), bool)
         return np.isin(code_of(places, self.shape), code_of(around(missing, BESIDE, self.shape), self.shape))

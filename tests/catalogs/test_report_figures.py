@@ -118,7 +118,8 @@ FAR = np.array([1e6, 5_400_000.3, -1_060.0])  # grid coordinates that are no who
 def moved(grid, by):
     """The same grid elsewhere."""
     grid = grid.copy(deep=True)
-    grid["cell_origin"] = grid["cell_origin"] + by - fixtures.ORIGIN
+    for name in ("cell_origin", "piece_origin"):
+        grid[name] = grid[name] + by - fixtures.ORIGIN
     for name in ("domain_lower", "domain_upper"):
         grid.attrs[name] = np.asarray(grid.attrs[name], float) + by - fixtures.ORIGIN
     return grid

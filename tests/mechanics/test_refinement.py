@@ -302,6 +302,25 @@ def test_virgin_rock_near_its_strength_asks_for_nothing():
     assert len(brittle.coarse)
     assert len(above_strength(model, state, brittle.coarse)) == 0
     nothing = np.empty(0, np.int64)
-    assert len(Refinement.of(grid).asked(model, state, brittle, nothing)) == 0
+    assert len(Refinement.of(grid).asked(model, state, brittle, nothing, 1000)[0]) == 0
     state.stress[brittle.coarse[0], 0] = -1e6
-    assert len(Refinement.of(grid).asked(model, state, brittle, nothing)) == 1
+    assert len(Refinement.of(grid).asked(model, state, brittle, nothing, 1000)[0]) == 1
+
+
+def test_rock_at_the_edge_of_the_fine_cells_waits_for_a_split_that_is_worth_it():
+    """One family at the edge of the fine cells, in a large mine and in a small one; rock within fails at once."""
+    scene = adaptive_scene()
+    grid = grid_of(HOLES[:1], rings=3)
+    model = make_model(scene, grid, HOLES[:1])
+    brittle = find_brittle(model, model.volumes(0), 0, np.zeros(len(model.cell_nodes) + 1, int), np.empty(0, int))
+    finest = np.flatnonzero(grid.cell_level == 3)
+    reach = np.abs(grid.cell_center[finest] - [26.0, 40.0]).max(axis=1)
+    edge, inside = finest[reach.argmax()], finest[(reach > 5.0) & (reach < 7.0)][0]
+    fresh, state, now = np.array([inside, edge]), model.virgin_state(), Refinement.of(grid)
+    for cells, waiting in ((10**6, [edge]), (10, [inside, edge])):
+        places, first = now.asked(model, state, brittle, fresh, cells)
+        assert np.array_equal(places, grid.cell_index[[edge]] >> 1)
+        assert set(first) == set(fresh) - set(waiting)
+    places, first = now.asked(model, state, brittle, fresh[:1], 10)
+    assert not len(places)
+    assert np.array_equal(first, fresh[:1])

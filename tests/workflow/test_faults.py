@@ -253,8 +253,10 @@ def test_no_convergence_and_nan_leave_the_last_state_beside_the_output(mine, tmp
 
 def test_state_of_another_grid_is_refused(mine, undisturbed, tmp_path):
     """A step from a state that does not belong to its grid would be nonsense of the right shape."""
-    made = mine(TINY, **{"grid.buffer_cells": 0})
-    grid = gridding.make_grid(made.grid_slice(), {})
     state = read_dataset(undisturbed[0] / "results/tiny/elastic.nc")
-    with pytest.raises(InputError, match="another grid"):
-        stages.mining_step(parse_scene(made.step_slice("history")), grid, state, tmp_path / "unused")
+    moved = box("drive", "history", [20, 30, 60], [60, 40, 70])
+    for change in ({"grid.levels": 3}, {"excavations.0": moved}):
+        made = mine(TINY, **change)
+        grid = gridding.make_grid(made.grid_slice(), {})
+        with pytest.raises(InputError, match="another grid"):
+            stages.mining_step(parse_scene(made.step_slice("history")), grid, state, tmp_path / "unused")

@@ -55,6 +55,9 @@ def test_without_a_grid_snakemake_is_told_of_an_input_that_is_missing(accept, tm
     assert missing.value.filename == "steps/2019-08.nc"
 
 
+STEPS = ("steps/history.nc", "steps/2019-08.nc")
+
+
 def asked(text: str) -> dict[str, set[str]]:
     """What each rule asks for, from a dry run that shows its jobs."""
     found, rule = {}, ""
@@ -75,5 +78,7 @@ def test_rules_know_it_once_the_grid_stands(undisturbed, tiny_file, tmp_path, ac
     assert status == 0, text
     grid = str(undisturbed[0] / "results/tiny/grid.nc")
     assert asked(text)["elastic"] == {str(mechanics_mb(accept(TINY), grid, elastic=True))}
-    assert asked(text)["mining_step"] == {str(mechanics_mb(accept(TINY), grid, elastic=False))}
-    assert asked(text)["events"] == {str(reading_mb(accept(TINY), grid, "events", [grid]))}
+    states = [str(undisturbed[0] / "results/tiny" / name) for name in ("elastic.nc", *STEPS)]
+    asked_for = {str(mechanics_mb(accept(TINY), state, elastic=False)) for state in states[:-1]}
+    assert asked(text)["mining_step"] == asked_for  # that of the step before, whose cells it starts from
+    assert asked(text)["events"] == {str(reading_mb(accept(TINY), grid, "events", [state])) for state in states[1:]}
