@@ -21,7 +21,7 @@ from pipeline.datasets import atomic_path, clear_parts
 PAUSE = 30.0  # s at least between two checkpoints
 SHARE = 0.015  # of the time that writing them may take
 OF_FAILED, UNCHANGED = changed_in(Extent.FAILED), changed_in(Extent.NONE)
-COUNTERS = ("increment", "generation", "iteration", "tightened")  # of the history
+COUNTERS = ("increment", "generation", "iteration", "tightened", "splits")  # of the history
 
 
 def key_of(provenance: dict[str, str], *inputs: Path) -> str:

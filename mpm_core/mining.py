@@ -45,7 +45,7 @@ class StepCells:
     """What a step has on its cells, replaced as a whole when they are split; it is what the cascade asks (Refining).
 
     start_model, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
-    splits: how often cells have been split; full: as many cells as there may be.
+    full: as many cells as there may be.
     """
 
     ground: Ground
@@ -56,7 +56,6 @@ class StepCells:
     start_model: Model
     start_displacement: np.ndarray
     refinement: Refinement
-    splits: int = 0
     full: bool = False
 
     @property
@@ -83,7 +82,6 @@ class StepCells:
             return None
         before = len(self.model.grid.cell_level)
         self.onto(grid)
-        self.splits += 1
         logging.info(
             "%d cells split: %d cells, %d of the finest",
             (len(grid.cell_level) - before) // ((1 << grid.dimension) - 1),

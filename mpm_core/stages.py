@@ -122,7 +122,7 @@ def mining_step(
         )
         if checkpoint is not None:
             checkpoint.remove()
-    return finish(scheme, history, step, balance, cells.ramp.target, cells.moved(), "step", collapsed, cells.splits)
+    return finish(scheme, history, step, balance, cells.ramp.target, cells.moved(), "step", collapsed)
 
 
 def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History) -> Scheme:
@@ -211,7 +211,6 @@ def finish(
     moved: np.ndarray,
     stage: str,
     collapsed: bool = False,
-    splits: int = 0,
 ) -> tuple[xr.Dataset, dict]:
     """Rate the state against strength and put it into its dataset; the second value is what the log reports."""
     body = scheme.body
@@ -236,7 +235,7 @@ def finish(
         "cell_changes": state.cell_changes,
         "cells": len(model.grid.cell_level),
         "finest_cells": int(model.grid.cells_per_level[-1]),
-        "cell_splits": splits,
+        "cell_splits": history.splits,
         "collapsed": int(collapsed),
         **truncation(model, state, volume, stage),
         **describe_loose(model.grid, model.loose, step, scene.thickness, scene.axes),

@@ -205,6 +205,7 @@ def run_cascade(
                         cells = None
                     else:
                         scheme, brittle, ramp = finer
+                        history.splits += 1
                         external = load_at(increment)
                         come_to_rest_on(scheme, external, tolerance, reference, history)
                         if history.rest:

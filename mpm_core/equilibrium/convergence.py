@@ -33,6 +33,7 @@ class History:
     generation: int = 0
     cells: int = 0  # that are relaxed now: all, or those of a part of the mine
     tightened: int = 0  # how often the tolerance between generations has been tightened in this increment
+    splits: int = 0  # how often cells have been split in this stage
     bar: tqdm | None = None
     rest: dict[str, np.ndarray] = field(default_factory=dict)  # the last state of rest, where it may be the result
     since: tuple = (None, 0.0, 0.0)  # generation, clock and ratio from which the pace is taken

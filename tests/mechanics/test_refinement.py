@@ -161,7 +161,7 @@ def run(scene, grid, tmp_path, shapes=HOLES[:1], checkpoint=None):
 
 def test_rock_fails_as_on_a_grid_that_is_fine_everywhere_it_fails(tmp_path):
     """One hole with 0, 1 and 3 rings of fine cells to start from, against a grid that is fine within 22 m: volume
-    within 2 %; nothing is truncated, and more than a third of the fine cells fail."""
+    within 3 %; nothing is truncated, and more than a third of the fine cells fail."""
     _, few = run(adaptive_scene(refinement=None), grid_of(HOLES[:1], rings=1), tmp_path)
     _, limit = run(adaptive_scene(refinement=None), grid_of([ball([26.0, 40.0], 20.0)], rings=2), tmp_path)
     assert few["truncated"] == 1
@@ -169,7 +169,7 @@ def test_rock_fails_as_on_a_grid_that_is_fine_everywhere_it_fails(tmp_path):
     for rings in (0, 1, 3):
         state, facts = run(adaptive_scene(), grid_of(HOLES[:1], rings=rings), tmp_path)
         assert facts["truncated"] == 0
-        assert facts["failed_volume"] == pytest.approx(limit["failed_volume"], rel=0.02)
+        assert facts["failed_volume"] == pytest.approx(limit["failed_volume"], rel=0.03)
         assert facts["failed_particles"] > 0.35 * facts["finest_cells"]
         assert facts["energy_left_share"] < 0.01
         level = state.cell_level.values[state.cell.values]
@@ -258,7 +258,6 @@ def test_a_step_killed_on_split_cells_ends_in_the_same_bytes(generations, tmp_pa
         two_steps(tmp_path, dying)
     _, (resumed, _) = two_steps(tmp_path, Checkpoint(path, "inputs"))
     for dataset, name in ((whole, "a.nc"), (resumed, "b.nc")):
-        dataset.attrs.pop("cell_splits")  # of this process
         write_dataset(dataset, tmp_path / name)
     assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
 
