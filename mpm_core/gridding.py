@@ -230,5 +230,19 @@ def make_grid(values: GridSlice, attributes: dict, draft: xr.Dataset | None = No
             "excavation_volume": json.dumps(volume),
             "excavation_volume_grid": json.dumps([float(value) for value in on_grid]),
             "rock_body_names": json.dumps([solid.name for solid in bodies]),
-        },
+        }
+        | far_field_attributes(values),
     )
+
+
+def far_field_attributes(values: GridSlice) -> dict:
+    """Of a derived domain: distance and radius in m, the expected error of wall stress in percent; else nothing."""
+    far = values.far_field
+    if far is None:
+        return {}
+    return {
+        "far_field_distance": far.distance,
+        "far_field_radius": far.radius,
+        "far_field_error": 100 * far.error,
+        "far_field_limited": int(far.limited),
+    }

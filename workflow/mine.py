@@ -11,6 +11,7 @@ import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mpm_core.far_field import FarField
 from mpm_core.scene import FACES, parse_scene
 from pipeline.provenance import config_hash
 from pipeline.voigt import NAMES
@@ -30,6 +31,7 @@ class Mine:
     steps: list[dict] = field(init=False)
     excavations: list[dict] = field(init=False)
     is_draft: bool = field(init=False, default=False)  # see workflow/draft.py
+    far_field: FarField | None = field(init=False, default=None)  # of a derived domain (workflow/far_field.py)
     perturbation: int = field(init=False, default=0)  # number of the ensemble's member, 0: the mine itself
     _numbered: list[dict] | None = field(init=False, default=None)
     _number: dict[str, int] = field(init=False, default_factory=dict)
@@ -66,7 +68,7 @@ class Mine:
 
     def boundary(self) -> dict[str, str]:
         """Condition of each face of the domain."""
-        given = self.values["domain"]["boundary"]
+        given = self.values["domain"].get("boundary", "fixed")
         if isinstance(given, str):
             return dict.fromkeys(FACES, given)
         return {face: given.get(face, given.get(face[0], given.get("others", "fixed"))) for face in FACES}
@@ -98,7 +100,12 @@ class Mine:
             "rock_bodies": [
                 {**shape(entry), "refine": entry.get("refine", False)} for entry in values.get("rock_bodies", [])
             ],
+            **({"far_field": self.expected()} if self.far_field else {}),
         }
+
+    def expected(self) -> dict:
+        """What a derived domain's distance is and promises."""
+        return {key: getattr(self.far_field, key) for key in ("distance", "error", "radius", "limited")}
 
     def solids_slice(self) -> dict:
         """What the picture of the solids depends on: their shapes, and the index of the step that mines each, or -1."""
