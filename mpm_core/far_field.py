@@ -124,7 +124,7 @@ def _enclosing_volume(sides: np.ndarray) -> float:
 def effective_volume(openings: Sequence[Opening]) -> float:
     """Volume, m^d, of a compact opening that disturbs as much as all of these or more.
 
-    Each by itself, more where they shade one another: by 1 / (1 - c), c the part of the largest face of their box that
+    Each by itself, more where they are close: by 1 / (1 - c), c the part of the largest face of their box that
     they cover, as of cracks in one plane; never more than the whole of that box mined, since a larger opening disturbs
     more.
     """

@@ -240,6 +240,11 @@ def far_field_attributes(values: GridSlice) -> dict:
     far = values.far_field
     if far is None:
         return {}
+    said = f"domain: {far.distance:.4g} m from the openings; moves wall stress by {100 * far.error:.2g} % at most"
+    if far.limited:
+        logging.warning("%s; a larger one takes too much memory on these cells: use a larger grid.finest_cell", said)
+    else:
+        logging.info("%s", said)
     return {
         "far_field_distance": far.distance,
         "far_field_radius": far.radius,
