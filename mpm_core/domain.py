@@ -45,3 +45,10 @@ def base_cells(lower, upper, coarse_cell: float) -> np.ndarray:
             "change one of the two"
         )
     return count.astype(np.int64)
+
+
+def marks_memory(base_shape, levels: int) -> int:
+    """Bytes at once for marking splits: one flag for each possible cell but those of the finest level, and two copies
+    of the largest level while it is dilated."""
+    cells = [int(np.prod([int(side) << level for side in base_shape], dtype=object)) for level in range(levels - 1)]
+    return sum(cells) + 2 * max(cells, default=0)

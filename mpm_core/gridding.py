@@ -162,5 +162,24 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
             "excavation_volume": json.dumps(volume),
             "excavation_volume_grid": json.dumps([float(value) for value in on_grid]),
             "rock_body_names": json.dumps([solid.name for solid in bodies]),
-        },
+        }
+        | far_field_attributes(values),
     )
+
+
+def far_field_attributes(values: GridSlice) -> dict:
+    """Of a derived domain: distance and radius in m, the expected error of wall stress in percent; else nothing."""
+    far = values.far_field
+    if far is None:
+        return {}
+    said = f"domain: {far.distance:.4g} m from the openings; moves wall stress by {100 * far.error:.2g} % at most"
+    if far.limited:
+        logging.warning("%s; a larger one takes too much memory on these cells: use a larger grid.finest_cell", said)
+    else:
+        logging.info("%s", said)
+    return {
+        "far_field_distance": far.distance,
+        "far_field_radius": far.radius,
+        "far_field_error": 100 * far.error,
+        "far_field_limited": int(far.limited),
+    }

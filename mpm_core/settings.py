@@ -54,23 +54,30 @@ class Boundary(Settings):
 
 
 class DomainSettings(Settings):
-    """The box that is modelled."""
+    """The box that is modelled. Without corners it follows from grid.finest_cell and all excavations and loads, planned
+    ones too: large enough that its boundary moves no wall stress by more than 0.5 %."""
 
-    lower: Point
+    lower: Point = None
     """its lower corner; two coordinates in plane strain"""
-    upper: Point
-    """its upper corner; the sides are whole multiples of grid.coarse_cell"""
-    boundary: choose(is_section, Boundary, Condition) = "fixed"
-    """fixed | roller | traction (keeps in-situ stress) | free; or by face: {x: roller, z_upper: free, others: fixed}"""
+    upper: Point = None
+    """its upper corner; the sides are whole multiples of grid.coarse_cell, or of grid.finest_cell"""
+    boundary: choose(is_section, Boundary, Condition) = None
+    """fixed | roller | traction (keeps in-situ stress) | free; or by face: {x: roller, z_upper: free, others: fixed}.
+    fixed unless given; a domain that is derived and reaches frame.surface ends there, with its top free (say so, or
+    leave boundary out)"""
 
 
 class GridSettings(Settings):
     """Cells: how large, and where they are small."""
 
-    coarse_cell: Size = 10.0
-    """edge of the largest cells; the sides of the domain are whole multiples of it"""
-    levels: whole_number(ge=1, le=12) = 4
-    """sizes of cell, each half the one before: 10, 5, 2.5, 1.25 m"""
+    finest_cell: Size = None
+    """edge of the smallest cells; coarse_cell and levels follow: from a domain with corners the largest cells, each
+    twice the one before, that divide its sides, else at least four along its shortest side"""
+    coarse_cell: Size = None
+    """edge of the largest cells; the sides of the domain are whole multiples of it; 10 m where finest_cell does not say
+    it"""
+    levels: whole_number(ge=1, le=12) = None
+    """sizes of cell, each half the one before: 10, 5, 2.5, 1.25 m; 4 where finest_cell does not say it"""
     buffer_cells: whole_number(ge=0, le=100) = 3
     """rings of cells, on each level, that are refined around an excavation"""
     particles_per_cell: Annotated[Literal[1, 4, 8, 9, 16, 25, 27, 64], BeforeValidator(whole)] = 1
@@ -250,6 +257,22 @@ class GridDomain(Settings):
     upper: Point
 
 
+class GridCells(GridSettings):
+    """Cells as the grid's slice has them: sizes are known."""
+
+    coarse_cell: Size = 10.0
+    levels: whole_number(ge=1, le=12) = 4
+
+
+class GridFarField(Settings):
+    """What is expected of a derived domain: as mpm_core.far_field.FarField has it."""
+
+    distance: Length
+    error: float
+    radius: Size
+    limited: bool
+
+
 class GridSlice(Settings):
     """What grid.nc depends on: shapes, cells, the domain; no material, of steps only what the first one mines. In m."""
 
@@ -257,13 +280,15 @@ class GridSlice(Settings):
     plane: Literal["xz", "xy"] | None
     thickness: Size
     domain: GridDomain
-    grid: GridSettings
+    grid: GridCells
     excavations: Annotated[tuple[SolidSettings, ...], AsTuple]
     rock_bodies: Annotated[tuple[BodySettings, ...], AsTuple]
     later: Annotated[tuple[int, ...], AsTuple] = ()
     """numbers of the excavations that have no fine cells yet"""
     mined: Annotated[tuple[int, ...], AsTuple] = ()
     """of the picture of the solids: index of the step that mines each excavation, -1 where it is planned"""
+    far_field: GridFarField | None = None
+    """of a derived domain"""
 
     @property
     def dimension(self) -> int:

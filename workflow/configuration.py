@@ -5,6 +5,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from workflow.checks import check_mine
+from workflow.far_field import complete
 from workflow.mine import Mine
 from workflow.settings import MineSettings
 from workflow.yaml_habits import with_yaml_habits
@@ -19,6 +20,7 @@ def load(config: dict, mine_file: str | os.PathLike, default: dict | None = None
     try:
         text = with_yaml_habits(config)
         mine = Mine(MineSettings.read(text).given(), text, mine_file.parent, default or {})
+        complete(mine)
         check_mine(mine)
     except InputError as error:
         raise InputError(f"{mine_file}: {error}") from error

@@ -11,6 +11,7 @@ import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mpm_core.far_field import FarField
 from mpm_core.scene import FACES, parse_scene
 from pipeline.provenance import config_hash
 from pipeline.voigt import NAMES
@@ -29,6 +30,7 @@ class Mine:
     default: dict
     steps: list[dict] = field(init=False)
     excavations: list[dict] = field(init=False)
+    far_field: FarField | None = field(init=False, default=None)  # of a derived domain (workflow/far_field.py)
     perturbation: int = field(init=False, default=0)  # number of the ensemble's member, 0: the mine itself
     _number: dict[str, int] = field(init=False)
 
@@ -63,7 +65,7 @@ class Mine:
 
     def boundary(self) -> dict[str, str]:
         """Condition of each face of the domain."""
-        given = self.values["domain"]["boundary"]
+        given = self.values["domain"].get("boundary", "fixed")
         if isinstance(given, str):
             return dict.fromkeys(FACES, given)
         return {face: given.get(face, given.get(face[0], given.get("others", "fixed"))) for face in FACES}
@@ -84,6 +86,7 @@ class Mine:
                 {**self._shape(entry), "refine": entry.get("refine", False)} for entry in values.get("rock_bodies", [])
             ],
             **({"later": later} if later and self.is_adaptive else {}),
+            **({"far_field": self.expected()} if self.far_field else {}),
         }
 
     @property
@@ -100,6 +103,10 @@ class Mine:
         if "file" in made:
             made["file"] = self.path(made["file"]).as_posix()
         return {"name": entry["name"], **made}
+
+    def expected(self) -> dict:
+        """What a derived domain's distance is and promises."""
+        return {key: getattr(self.far_field, key) for key in ("distance", "error", "radius", "limited")}
 
     def solids_slice(self) -> dict:
         """What the picture of the solids depends on: their shapes, and the index of the step that mines each, or -1."""

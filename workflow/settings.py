@@ -138,7 +138,7 @@ class MineSettings(Settings):
     ensemble: whole_number(ge=0, le=1000) = 0
     """perturbed runs beside the mine's own, each as long: how far brittle failure spreads by itself"""
     frame: Frame
-    domain: DomainSettings
+    domain: DomainSettings = None
     grid: GridSettings = GridSettings()
     insitu_stress: InsituSettings
     materials: dict[Name, AnyMaterial]

@@ -29,6 +29,20 @@ SHAPES = {  # by dimension, keys that a shape needs, and may have
 
 def check_shape(mine: Mine, where: str, entry: dict) -> None:
     """Raise InputError for an entry whose shape lacks keys, is upside down, or lies outside the domain."""
+    check_form(mine, where, entry)
+    if "file" in entry:
+        return
+    lower, upper = extent(where, entry, mine.dimension)
+    domain = [np.array(mine.values["domain"][key]) for key in ("lower", "upper")]
+    if (upper <= domain[0]).any() or (lower >= domain[1]).any():
+        raise InputError(
+            f"{where}: lies outside the domain ({_span(lower, upper)}; domain {_span(*domain)}): check its coordinates "
+            "and domain.lower, domain.upper"
+        )
+
+
+def check_form(mine: Mine, where: str, entry: dict) -> None:
+    """Raise InputError for an entry whose shape lacks keys, or whose file is missing; wherever it lies."""
     if ("shape" in entry) == ("file" in entry) and entry.get("shape") != "prism":
         raise InputError(f"{where}: give either a shape or a file")
     given = {key for key in entry if key not in NOT_SHAPE}
@@ -57,13 +71,6 @@ def check_shape(mine: Mine, where: str, entry: dict) -> None:
     _check_keys(where, entry["shape"], given - {"shape"}, needed, optional)
     if entry["shape"] == "tunnel":
         _check_tunnel(where, entry)
-    lower, upper = extent(where, entry, mine.dimension)
-    domain = [np.array(mine.values["domain"][key]) for key in ("lower", "upper")]
-    if (upper <= domain[0]).any() or (lower >= domain[1]).any():
-        raise InputError(
-            f"{where}: lies outside the domain ({_span(lower, upper)}; domain {_span(*domain)}): check its coordinates "
-            "and domain.lower, domain.upper"
-        )
 
 
 def is_file(path) -> bool:

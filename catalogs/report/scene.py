@@ -1,6 +1,7 @@
-"""Excavations as the report lists them: one by one, and of a large mine by step."""
+"""The scene as the report tells of it: excavations by step where they are many, and what is expected of the domain."""
 
 import numpy as np
+import xarray as xr
 
 from catalogs.report.inputs import Excavation
 
@@ -31,3 +32,15 @@ def _row(step: str, members: list[Excavation]) -> dict:
         "worst": members[worst].name,
         "error": float(error[worst]),
     }
+
+
+def far_field(grid: xr.Dataset) -> str:
+    """What is expected of a domain that follows from its openings, in a sentence; empty where it was given."""
+    if "far_field_error" not in grid.attrs:
+        return ""
+    distance, error = float(grid.attrs["far_field_distance"]), float(grid.attrs["far_field_error"])
+    short = " A larger one would take too much memory on these cells." if int(grid.attrs["far_field_limited"]) else ""
+    return (
+        f"The domain follows from the openings: its boundary is {distance:.0f} m from the nearest of them, and in "
+        f"elastic rock moves wall stress by {error:.2g} % of the largest at most (closed-form estimate).{short}"
+    )

@@ -21,7 +21,7 @@ from catalogs.report.closeness import closeness_rows, unlike
 from catalogs.report.gallery import Gallery
 from catalogs.report.inputs import Evidence
 from catalogs.report.insitu import insitu_axes
-from catalogs.report.scene import by_step
+from catalogs.report.scene import by_step, far_field
 from catalogs.report.spread import section as section_of_spread
 from catalogs.size_law import NONE, TRUNCATED
 from catalogs.sizes import b_by_cut, cut_grid, estimate_b, log_potency
@@ -66,6 +66,7 @@ def _scene(evidence: Evidence, gallery: Gallery) -> dict:
         if evidence.grid.sizes["piece"]
         else None,
         "table": scene.level_table(evidence.grid),
+        "far_field": far_field(evidence.grid),
         "excavations": rows,
         "steps": by_step(rows) if len(rows) > MANY else [],
     }

@@ -39,11 +39,11 @@ def holding_cells(grid: MultiLevelGrid, places: np.ndarray) -> np.ndarray:
 def leaf_lookup(grid: MultiLevelGrid) -> tuple[np.ndarray, int, np.ndarray, np.ndarray, np.ndarray]:
     """What `cell_at` needs to find the leaf at a place: (code, halvings, base_shape, first, count).
 
-    code (cell,) int32 Morton code within the base cell; base_shape (d,) base cells; first, count (base,) int32 the run
+    code (cell,) int64 Morton code within the base cell; base_shape (d,) base cells; first, count (base,) int32 the run
     of leaves in each base cell, C order.
     """
     halvings = grid.levels - 1
-    code = np.empty(len(grid.cell_level), dtype=np.int32)
+    code = np.empty(len(grid.cell_level), dtype=np.int64)
     _codes_in_base_cell(grid.cell_index, halvings, code)
     base_shape = np.asarray(grid.shape, dtype=np.int64) >> halvings
     first = np.empty(int(np.prod(base_shape)), dtype=np.int32)
@@ -56,16 +56,16 @@ def leaf_lookup(grid: MultiLevelGrid) -> tuple[np.ndarray, int, np.ndarray, np.n
 def _code_in_base_cell(place, halvings):
     """Morton code of a place (d,), fine units, counted from its base cell's lower corner."""
     dimension = len(place)
-    code = np.int32(0)
+    code = np.int64(0)
     for bit in range(halvings):
         for axis in range(dimension):
-            code |= (place[axis] >> bit & 1) << (bit * dimension + axis)
+            code |= (np.int64(place[axis]) >> bit & 1) << (bit * dimension + axis)
     return code
 
 
 @njit(parallel=True, cache=True)
 def _codes_in_base_cell(cell_index, halvings, code):
-    """Morton codes of the cells' lower corners within their base cells: code (cell,) int32, written."""
+    """Morton codes of the cells' lower corners within their base cells: code (cell,) int64, written."""
     for cell in prange(len(cell_index)):
         code[cell] = _code_in_base_cell(cell_index[cell], halvings)
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import psutil
 
+from mpm_core.domain import marks_memory
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.nodes import number_nodes
 from mpm_core.grid.octree import Classify, SplitMarks, leaves, mark_splits
@@ -50,20 +51,13 @@ def _count(marks: SplitMarks) -> GridCount:
 def estimate_memory(cells: int, nodes: int, dimension: int = 3) -> GridMemory:
     """Bytes that a grid of so many cells and nodes takes, and the most that numbering its nodes takes beside them.
 
-    Split marks come on top (see :func:`marks_memory`), but are gone when nodes are numbered.
+    Split marks come on top (see mpm_core.domain.marks_memory), but are gone when nodes are numbered.
     """
     int32 = np.dtype(np.int32).itemsize
     per_cell = int32 * (dimension + (1 << dimension)) + 1
     per_node = int32 * (dimension + (1 << (dimension - 1)))
     arrays = cells * per_cell + nodes * per_node
     return GridMemory(arrays, arrays + cells * WORK_PER_CELL + nodes * WORK_PER_NODE)
-
-
-def marks_memory(base_shape, levels: int) -> int:
-    """Bytes at once for marking splits: one flag for each possible cell but those of the finest level, and two copies
-    of the largest level while it is dilated."""
-    cells = [int(np.prod([int(side) << level for side in base_shape], dtype=object)) for level in range(levels - 1)]
-    return sum(cells) + 2 * max(cells, default=0)
 
 
 def build_grid(

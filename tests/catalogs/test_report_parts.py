@@ -11,7 +11,7 @@ from catalogs.figures import convergence
 from catalogs.report import record as report_record
 from catalogs.report import sections
 from catalogs.report.inputs import Excavation, read_resources
-from catalogs.report.scene import by_step
+from catalogs.report.scene import by_step, far_field
 from catalogs.report.text import events_by_step, number
 
 
@@ -37,6 +37,17 @@ def test_many_excavations_are_summed_by_step_with_the_worst_of_them():
     assert [row["worst"] for row in rows] == ["a", "b", "d"]
     assert [row["error"] for row in rows] == pytest.approx([-0.1, 0.25, np.nan], nan_ok=True)
     assert [row["planned"] for row in rows] == [False, False, True]
+
+
+def test_a_derived_domain_is_told_with_what_is_expected_of_it():
+    """In one sentence, another where it could not be as large as it should; of a given domain nothing is said."""
+    assert far_field(xr.Dataset()) == ""
+    attributes = {"far_field_distance": 209.86, "far_field_error": 0.3585, "far_field_limited": 0}
+    told = far_field(xr.Dataset(attrs=attributes))
+    assert "210 m from the nearest of them" in told
+    assert "0.36 % of the largest" in told
+    assert "memory" not in told
+    assert "memory" in far_field(xr.Dataset(attrs=attributes | {"far_field_limited": 1}))
 
 
 def test_many_excavations_with_events_end_with_the_sum_of_the_others(monkeypatch):

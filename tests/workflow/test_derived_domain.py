@@ -1,0 +1,209 @@
+"""Domain and cells that follow from a mine's file: what is derived, what contradicts, in one line."""
+
+import copy
+import json
+import time
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from large_mines import large_mine
+from test_configuration import ODD, leaves
+from tiny_mines import FLAT, TINY, box, changed, merged
+
+from mpm_core.domain import base_cells
+from mpm_core.far_field import MOST_ERROR
+from mpm_core.gridding import make_grid
+from pipeline.errors import InputError
+from workflow.configuration import load
+
+SECONDS = 5.0
+
+
+def free(mine: dict, cell: str = "2.5 m", **values) -> dict:
+    """A mine without a domain, that names its finest cell; its ground far above."""
+    mine = {key: value for key, value in copy.deepcopy(mine).items() if key not in ("domain", "record")}
+    weightless = {"constant": {"xx": "-1 MPa", "yy": "-1 MPa", "zz": "-1 MPa"}}
+    mine |= {"grid": {"finest_cell": cell, "buffer_cells": 1}, "insitu_stress": weightless}
+    return changed(mine, **values)
+
+
+def corners(mine) -> np.ndarray:
+    return np.array([mine.values["domain"]["lower"], mine.values["domain"]["upper"]])
+
+
+@pytest.mark.parametrize("mine", [TINY, FLAT])
+def test_a_domain_follows_from_openings_and_finest_cell(accept, mine):
+    """Whole base cells, the distance on every side, and the estimate in grid.nc."""
+    made = accept(free(mine))
+    grid = made.values["grid"]
+    lower, upper = corners(made)
+    base_cells(lower, upper, grid["coarse_cell"])
+    assert grid["coarse_cell"] / 2 ** (grid["levels"] - 1) == 2.5
+    assert made.boundary()["z_upper"] == "fixed"
+    assert 0 < made.far_field.error <= MOST_ERROR
+    boxes = [np.array([made.excavations[1][key] for key in ("lower", "upper")])]
+    assert min((boxes[0][0] - lower).min(), (upper - boxes[0][1]).min()) >= made.far_field.distance
+    dataset = make_grid(made.grid_slice(), {})
+    assert dataset.attrs["far_field_error"] == pytest.approx(100 * made.far_field.error)
+    assert dataset.attrs["far_field_distance"] == made.far_field.distance
+    assert dataset.attrs["fine_cell"] == 2.5
+
+
+def test_a_planned_stope_and_a_load_count(accept):
+    """A stope that gets its month must not make another grid; a load's rock is moved, too."""
+    planned = accept(free(TINY))
+    dated = accept(free(TINY, **{"excavations.2.step": "2019-08"}))
+    assert dated.grid_slice() == planned.grid_slice()
+    far = box("push", "2019-08", [400, 20, 20], [410, 30, 30], force=["0 N", "0 N", "-1 MN"])
+    assert corners(accept(free(TINY, loads=[far])))[1][0] > 410.0
+
+
+def test_a_given_domain_takes_the_largest_cells_that_divide_it(accept, refuse):
+    """80, 80, 100 m of 1.25 m: 20 m, five levels; and the same by any two of the three sizes."""
+    given = {"domain": {"lower": ["0 m"] * 3, "upper": ["80 m", "80 m", "100 m"]}}
+    for grid in (
+        {"finest_cell": "1.25 m"},
+        {"finest_cell": "1.25 m", "levels": 5},
+        {"finest_cell": "1.25 m", "coarse_cell": "20 m"},
+        {"finest_cell": "1.25 m", "coarse_cell": "20 m", "levels": 5},
+    ):
+        mine = accept(TINY, **given, grid=grid)
+        assert (mine.values["grid"]["coarse_cell"], mine.values["grid"]["levels"]) == (20.0, 5)
+        assert mine.far_field is None
+        assert "far_field" not in mine.grid_slice()
+    line = refuse(TINY, **given, grid={"finest_cell": "3 m"})
+    assert line.startswith(
+        "grid.finest_cell: the sides of the domain (80 m, 80 m, 100 m) are no whole multiples of 3 m"
+    )
+
+
+def test_what_is_left_out_is_as_it_was(accept):
+    """10 m and four levels, all faces fixed."""
+    mine = accept({key: value for key, value in TINY.items() if key != "grid"})
+    assert (mine.values["grid"]["coarse_cell"], mine.values["grid"]["levels"]) == (10.0, 4)
+    assert set(mine.boundary().values()) == {"fixed"}
+
+
+@pytest.mark.parametrize(
+    ("grid", "begins"),
+    [
+        ({"finest_cell": "2 m", "coarse_cell": "10 m", "levels": 4}, "grid.finest_cell: 2 m doubled up to 11 times"),
+        ({"finest_cell": "2.5 m", "coarse_cell": "10 m", "levels": 4}, "grid.finest_cell: 2.5 m, but grid.coarse_cell"),
+        ({"finest_cell": "20 m", "coarse_cell": "10 m"}, "grid.finest_cell: 20 m doubled up to 11 times"),
+        ({"finest_cell": 2}, "grid.finest_cell: 2 has no unit"),
+    ],
+)
+def test_sizes_of_cells_that_contradict_are_refused(refuse, grid, begins):
+    """In one line that names all."""
+    assert refuse(TINY, grid=grid).startswith(begins)
+
+
+def test_a_domain_that_cannot_follow_is_refused(refuse):
+    """One corner, nothing mined, what lies outside of a solid, or no finest cell."""
+    assert refuse(free(TINY), **{"domain": {"lower": ["0 m"] * 3}}).startswith("domain.upper: missing key")
+    assert refuse(free(TINY, excavations=[], steps=[])).startswith("domain.lower: missing key; without excavations")
+    assert refuse(free(TINY, **{"excavations.0.outside": True})).startswith("excavations.drive.outside: the domain")
+    assert refuse(free(TINY, grid={})).startswith("domain: missing key: give lower and upper, or grid.finest_cell")
+    assert refuse(free(TINY, **{"excavations.0.radius": "3 m"})).startswith("excavations.drive.radius: not a key of")
+    assert refuse(free(TINY, **{"excavations.0.upper": ["0 m"] * 3})).startswith("excavations.drive.upper: upside")
+
+
+def test_a_shallow_mine_ends_at_the_ground_with_its_top_free(accept, refuse):
+    """By itself, or where domain.boundary says so; another condition is refused there, and a free face at depth."""
+    shallow = {"frame.surface": "60 m"}
+    mine = accept(free(TINY, **shallow))
+    assert corners(mine)[1][2] == 60.0
+    assert mine.boundary()["z_upper"] == "free"
+    assert {mine.boundary()[face] for face in ("x_lower", "x_upper", "y_lower", "z_lower")} == {"fixed"}
+    said = accept(free(TINY, **shallow, domain={"boundary": {"z_upper": "free", "others": "roller"}}))
+    assert said.boundary()["x_lower"] == "roller"
+    assert corners(said)[1][2] == 60.0
+    line = refuse(free(TINY, **shallow, domain={"boundary": "fixed"}))
+    assert line.startswith("domain.boundary: the domain that is derived ends at frame.surface, 60 m, where z_upper is")
+    line = refuse(free(TINY, domain={"boundary": {"z_upper": "free"}}))
+    assert line.startswith("domain.boundary: z_upper is free, but the domain that is derived ends at")
+    assert (
+        corners(accept(free(TINY, plane="xy", excavations=FLAT["excavations"][:1], steps=[], **shallow))).shape[1] == 2
+    )
+
+
+def test_a_solid_of_a_file_counts_with_its_box_and_volume(accept, refuse, tmp_path):
+    """As the box itself does; a file that is no solid is refused before anything runs."""
+    solid = trimesh.creation.box(bounds=[[30, 40, 25], [45, 55, 50]])
+    solid.export(tmp_path / "stope.stl")
+    entry = {"name": "stope_1", "step": "2019-08", "fill": "fill", "file": "stope.stl"}
+    from_file = accept(free(TINY, **{"excavations.1": entry}))
+    np.testing.assert_array_equal(corners(from_file), corners(accept(free(TINY))))
+    assert from_file.far_field.radius == pytest.approx(accept(free(TINY)).far_field.radius, rel=1e-3)
+    (tmp_path / "stope.stl").write_text("solid nothing\nendsolid nothing\n")
+    assert "stope_1" in refuse(free(TINY, **{"excavations.1": entry}))
+
+
+WEDGE = [["20 m", "30 m"], ["60 m", "50 m"], ["18 m", "34 m"]]
+SHAPES = [
+    {"shape": "sphere", "center": ["40 m", "40 m", "40 m"], "radius": "5 m"},
+    {"shape": "cylinder", "start": ["40 m", "40 m", "40 m"], "end": ["40 m", "40 m", "60 m"], "radius": "2 m"},
+    {"shape": "tunnel", "width": "5 m", "height": "4 m", "path": [["20 m", "30 m", "40 m"], ["60 m", "50 m", "40 m"]]},
+    {
+        "shape": "prism",
+        "lower": "40 m",
+        "upper": "60 m",
+        "polygon": [["20 m", "30 m"], ["60 m", "50 m"], ["18 m", "34 m"]],
+    },
+]
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=[shape["shape"] for shape in SHAPES])
+def test_the_domain_moves_and_mirrors_with_its_openings(accept, shape):
+    """By 1,000 km, and in a mirror: the same size, the same place to a finest cell."""
+
+    def placed(value, turn):
+        if isinstance(value, list):
+            if isinstance(value[0], list):
+                return [placed(point, turn) for point in value]
+            return [f"{turn(float(part.split()[0]), axis)} m" for axis, part in enumerate(value)]
+        return value
+
+    def domain(turn) -> np.ndarray:
+        entry = {"name": "drive", "step": "history"} | {key: placed(value, turn) for key, value in shape.items()}
+        local = {"frame": {"surface": "9000 m"}}
+        return corners(accept(free(TINY, excavations=[entry], steps=[], **local)))
+
+    here = domain(lambda value, axis: value)
+    there = domain(lambda value, axis: value + 1e6 * (axis < 2))
+    mirrored = domain(lambda value, axis: value * (-1 if axis == 0 else 1))
+    np.testing.assert_allclose(there - [1e6, 1e6, 0], here, atol=2.5)
+    np.testing.assert_allclose(np.ptp(there, axis=0), np.ptp(here, axis=0), rtol=1e-9)
+    np.testing.assert_allclose(mirrored[:, 0], -here[::-1, 0], atol=2.5)
+    np.testing.assert_allclose(mirrored[:, 1:], here[:, 1:])
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.sampled_from(list(leaves(free(TINY)))), ODD)
+def test_an_odd_value_is_accepted_or_refused_in_one_line(path, value):
+    """Also where the domain follows from it: never a traceback, no cell without size."""
+    config = free(TINY)
+    part = config
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = value
+    try:
+        mine = load(merged(config), "mine.yaml")
+    except InputError:
+        return
+    json.dumps(mine.grid_slice(), allow_nan=False)
+    base_cells(*corners(mine), mine.values["grid"]["coarse_cell"])
+
+
+def test_a_mine_of_five_thousand_stopes_is_derived_in_seconds():
+    """Validation reads all of them."""
+    mine = large_mine(5000, 200)
+    del mine["domain"]
+    mine["grid"] = {"finest_cell": "20 m"}
+    text, begun = merged(mine), time.perf_counter()
+    made = load(text, "mine.yaml")
+    assert time.perf_counter() - begun < SECONDS
+    assert made.far_field.distance > 1000.0

@@ -1,0 +1,1 @@
+"""Domains that follow from their openings."""

@@ -1,0 +1,243 @@
+"""What follows from a mine's file by itself: the domain around its openings, the largest cell, the number of levels."""
+
+import functools
+import itertools
+import logging
+import os
+from collections.abc import Iterator
+
+import numpy as np
+
+from mpm_core.domain import base_cells
+from mpm_core.far_field import MOST_LEVELS, Opening, derive_domain
+from mpm_core.scene import FACES, PLANES
+from pipeline.errors import InputError
+from workflow.mine import Mine
+from workflow.shapes import check_form, extent
+
+COARSE_CELL, LEVELS = 10.0, 4  # of a mine that names neither these nor its finest cell
+TURNS = 60  # corners of an outline at most along whose edges a box around it is laid
+PIECES = 16  # boxes at most that cover a stretch of tunnel
+SAME = 1e-9  # share by which sizes differ that are the same
+
+
+def complete(mine: Mine) -> None:
+    """Fill in what a mine's file leaves to us of domain and grid. Raises InputError, one line, for what contradicts."""
+    domain, grid = mine.values.setdefault("domain", {}), mine.values["grid"]
+    finest = grid.pop("finest_cell", None)
+    if finest is None:
+        grid.setdefault("coarse_cell", COARSE_CELL)
+        grid.setdefault("levels", LEVELS)
+    else:
+        _check_sizes(grid, finest)
+    missing = [key for key in ("lower", "upper") if key not in domain]
+    if len(missing) == 1:
+        raise InputError(f"domain.{missing[0]}: missing key; give both corners, or none and grid.finest_cell")
+    if missing and finest is None:
+        raise InputError(
+            "domain: missing key: give lower and upper, or grid.finest_cell, from which the domain follows"
+        )
+    if missing:
+        _derive(mine, finest)
+    elif finest is not None and "coarse_cell" not in grid:
+        _divide(mine, finest)
+    domain.setdefault("boundary", "fixed")
+
+
+def _check_sizes(grid: dict, finest: float) -> None:
+    """Raise InputError for sizes of cells that contradict each other; what follows from two of them is filled in."""
+    if "coarse_cell" in grid:
+        coarse, doubled = grid["coarse_cell"], round(np.log2(grid["coarse_cell"] / finest))
+        if not 0 <= doubled < MOST_LEVELS or abs(coarse - finest * 2**doubled) > SAME * coarse:
+            raise InputError(
+                f"grid.finest_cell: {finest:.15g} m doubled up to {MOST_LEVELS - 1} times does not make "
+                f"grid.coarse_cell, {coarse:.15g} m; leave one of the two out"
+            )
+        if grid.setdefault("levels", doubled + 1) != doubled + 1:
+            raise InputError(
+                f"grid.finest_cell: {finest:.15g} m, but grid.coarse_cell {coarse:.15g} m and grid.levels "
+                f"{grid['levels']} make {coarse / 2 ** (grid['levels'] - 1):.15g} m; leave one of the three out"
+            )
+    elif "levels" in grid:
+        grid["coarse_cell"] = finest * 2 ** (grid["levels"] - 1)
+
+
+def _divide(mine: Mine, finest: float) -> None:
+    """The largest cells that tile a domain that is given."""
+    lower, upper = (np.array(mine.values["domain"][key]) for key in ("lower", "upper"))
+    grid = mine.values["grid"]
+    grid |= {"coarse_cell": finest, "levels": 1}
+    if not len(lower) == len(upper) == mine.dimension or (upper <= lower).any():
+        return  # said by the checks that follow
+    for levels in range(MOST_LEVELS, 0, -1):
+        coarse = finest * 2 ** (levels - 1)
+        try:
+            base_cells(lower, upper, coarse)
+        except InputError:
+            continue
+        grid |= {"coarse_cell": coarse, "levels": levels}
+        return
+    sides = ", ".join(f"{side:.15g} m" for side in upper - lower)
+    raise InputError(
+        f"grid.finest_cell: the sides of the domain ({sides}) are no whole multiples of {finest:.15g} m; change one, "
+        "or leave domain.lower and domain.upper out"
+    )
+
+
+def _derive(mine: Mine, finest: float) -> None:
+    """The domain from all that is mined or loaded."""
+    values, domain, grid = mine.values, mine.values["domain"], mine.values["grid"]
+    openings = list(_openings(mine))
+    if not openings:
+        raise InputError("domain.lower: missing key; without excavations and loads the domain follows from nothing")
+    for section in ("lower", "upper"):
+        domain.pop(section, None)
+    asked = "boundary" in domain
+    faces = mine.boundary()
+    mined = PLANES[mine.plane]
+    conditions = [faces[face] for face in FACES if "xyz".index(face[0]) in mined and face != "z_upper"]
+    rocks = ["host", *(body["material"] for body in values.get("rock_bodies", []))]
+    found = derive_domain(
+        openings,
+        finest,
+        [values["materials"][name]["poisson_ratio"] for name in rocks if name in values["materials"]],
+        conditions if asked else ["fixed"],
+        levels=grid.get("levels"),
+        ground=values["frame"]["surface"] if 2 in mined else None,
+    )
+    top, surface = float(found.upper[-1]), values["frame"]["surface"]
+    at_surface = 2 in mined and top == surface
+    if at_surface and asked and faces["z_upper"] not in ("free", "traction"):
+        raise InputError(
+            f"domain.boundary: the domain that is derived ends at frame.surface, {surface:g} m, where z_upper is "
+            f"{faces['z_upper']}; say {{z_upper: free, others: fixed}}, or give domain.lower and domain.upper"
+        )
+    if 2 in mined and asked and not at_surface and faces["z_upper"] == "free":
+        raise InputError(
+            f"domain.boundary: z_upper is free, but the domain that is derived ends at {top:g} m, under frame.surface, "
+            f"{surface:g} m: its rock would lose the stress from above; leave that out, or give domain.lower and upper"
+        )
+    if at_surface and not asked:
+        domain["boundary"] = {"z_upper": "free", "others": "fixed"}
+    domain |= {"lower": found.lower.tolist(), "upper": found.upper.tolist()}
+    grid |= {"coarse_cell": found.coarse_cell, "levels": found.levels}
+    mine.far_field = found
+
+
+def _openings(mine: Mine) -> Iterator[Opening]:
+    """All excavations, planned ones too, and loads; a tunnel stretch by stretch."""
+    sections = {"excavations": mine.excavations, "loads": mine.values.get("loads", [])}
+    for section, entries in sections.items():
+        for entry in entries:
+            where = f"{section}.{entry['name']}"
+            if entry.get("outside"):
+                raise InputError(f"{where}.outside: the domain follows from the excavations; give lower and upper")
+            check_form(mine, where, entry)
+            try:
+                yield from _opening(mine, where, entry)
+            except InputError as error:
+                text = str(error)
+                raise InputError(text if text.startswith(where) else f"{where}: {text}") from error
+
+
+def _opening(mine: Mine, where: str, entry: dict) -> Iterator[Opening]:
+    shape, dimension = entry.get("shape"), mine.dimension
+    if "file" in entry and shape != "prism":
+        path = mine.path(entry["file"])
+        stamp = os.stat(path)
+        yield _of_file(str(path), entry["name"], _picked(entry), stamp.st_mtime_ns, stamp.st_size)
+        return
+    if "file" in entry:
+        entry = _with_outline(mine, entry)
+    lower, upper = extent(where, entry, dimension)
+    if shape == "tunnel":
+        path = np.array(entry["path"], float)
+        for start, end in itertools.pairwise(path):
+            if (start != end).any():
+                yield _stretch(start, end, entry["width"], entry["height"])
+        return
+    sides, volume = upper - lower, float(np.prod(upper - lower))
+    if shape == "prism":
+        plan, area = _around(np.array(entry["polygon"], float))
+        bottom, top = ("base", "top") if "top" in entry else ("lower", "upper")
+        height = float(np.mean(np.subtract(entry[top], entry[bottom])))
+        sides, volume = np.append(plan, height), area * height
+    elif shape == "polygon":
+        sides, volume = _around(np.array(entry["points"], float))
+    elif shape == "cylinder" and dimension == 3:
+        length = float(np.linalg.norm(np.subtract(entry["end"], entry["start"])))
+        sides = np.array([2 * entry["radius"], 2 * entry["radius"], length])
+        volume = np.pi * entry["radius"] ** 2 * length
+    elif shape in ("sphere", "circle", "cylinder"):
+        volume *= np.pi / (6 if dimension == 3 else 4)
+    yield Opening(lower, upper, sides, volume, np.stack([lower, upper])[None])
+
+
+def _stretch(start: np.ndarray, end: np.ndarray, width: float, height: float) -> Opening:
+    """A straight stretch of tunnel along the middle of its floor; what it lacks in length its neighbours have."""
+    length = float(np.linalg.norm(end - start))
+    count = int(np.clip(length / max(width, height), 1, PIECES))
+    points = start + np.linspace(0, 1, count + 1)[:, None] * (end - start)
+    low, high = np.minimum(points[:-1], points[1:]), np.maximum(points[:-1], points[1:])
+    # across its run in plan; the floor of a tunnel lies under it
+    run = np.abs((end - start)[:2])
+    across = 0.5 * width * (run[::-1] / np.linalg.norm(run) if run.any() else np.ones(2))
+    parts = np.stack([low - np.append(across, 0.0), high + np.append(across, height)], axis=1)
+    sides = np.array([max(length, width, height), width, height])
+    return Opening(parts[:, 0].min(axis=0), parts[:, 1].max(axis=0), sides, length * width * height, parts)
+
+
+def _around(polygon: np.ndarray) -> tuple[np.ndarray, float]:
+    """Sides (2,) m of the smallest box along an edge of a polygon (point, 2) m, and the polygon's area m2."""
+    local = polygon - polygon[0]
+    (x, y), (x_next, y_next) = local.T, np.roll(local, -1, axis=0).T
+    area = 0.5 * abs(float(np.sum(x * y_next - x_next * y)))
+    edges = np.roll(local, -1, axis=0) - local
+    edges = edges[np.hypot(*edges.T) > 0][:: len(edges) // TURNS + 1]
+    along = edges / np.hypot(*edges.T)[:, None]
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    widths = np.stack([np.ptp(local @ along.T, axis=0), np.ptp(local @ across.T, axis=0)], axis=1)
+    return widths[np.argmin(widths.prod(axis=1))], area
+
+
+def _picked(entry: dict) -> tuple:
+    """What of a file is meant, as a tuple that a cache may keep."""
+    keys = ("layer", "element", "units", "scale", "offset")
+    return tuple((key, tuple(entry[key]) if key == "offset" else entry[key]) for key in keys if key in entry)
+
+
+@functools.cache
+def _of_file(path: str, name: str, picked: tuple, stamp: int, size: int) -> Opening:
+    """A solid from a file as it is at this time: box, sides along its own axes, volume. Its warnings are the grid's."""
+    from mpm_core.geometry.files import Picked, read_solid
+
+    with _quiet():
+        solid = read_solid(path, name, Picked.of(dict(picked)))
+    lower, upper = solid.bounds
+    points = solid.vertices[np.unique(solid.facets)] - solid.bounds.mean(axis=0)
+    axes = np.linalg.eigh(np.cov(points.T))[1]
+    sides = np.maximum(np.ptp(points @ axes, axis=0), SAME * np.max(upper - lower))
+    volume = min(abs(solid.signed_volume), float(np.prod(upper - lower)))
+    return Opening(lower, upper, sides, volume, np.stack([lower, upper])[None])
+
+
+def _with_outline(mine: Mine, entry: dict) -> dict:
+    """A prism's keys with the polygon of its drawing."""
+    from mpm_core.settings import SolidSettings
+    from mpm_core.solids import with_outline
+
+    shape = {key: entry[key] for key in SolidSettings.model_fields if key in entry and key != "outside"}
+    with _quiet():
+        made = with_outline(SolidSettings.of(shape | {"file": mine.path(entry["file"]).as_posix()}, "excavations"))
+    return {key: made[key] for key in ("shape", "polygon", "lower", "upper", "base", "top") if key in made}
+
+
+class _quiet:
+    """Warnings of reading are told where the grid is made."""
+
+    def __enter__(self):
+        self.before = logging.root.manager.disable
+        logging.disable(logging.WARNING)
+
+    def __exit__(self, *_):
+        logging.disable(self.before)
