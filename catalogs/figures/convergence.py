@@ -47,7 +47,8 @@ def _panel(axes, stage: xr.Dataset, first: bool) -> None:
         return
     iteration = running_iteration(stage["convergence_iteration"].values)
     cells = stage["convergence_cells"].values
-    whole = np.flatnonzero(cells == cells.max())  # a part of the mine at rest says nothing of the mine
+    # A part of the mine at rest says nothing of the mine, which has the more cells the more are split.
+    whole = np.flatnonzero(cells == np.maximum.accumulate(cells))
     whole = whole[:: -(-len(whole) // MOST_POINTS)]
     shown = np.where(ratio > 0, ratio, np.nan)[whole]
     increment = stage["convergence_increment"].values
