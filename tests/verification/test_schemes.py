@@ -132,7 +132,7 @@ def test_a_scene_may_be_that_of_a_mine(tmp_path):
     whole, first, elastic = (study.mines[name] for name in ("all", "first", "elastic"))
     assert whole.mined_steps == ["history", "2019-08", "2019-09", "2019-10"]
     assert whole.values["solver"]["tolerance"] == 1e-7
-    assert whole.values["grid"]["levels"] == 3
+    assert whole.values["grid"]["buffer_cells"] == 1
     assert "record" not in whole.values
     assert (first.mined_steps, elastic.mined_steps) == (["history", "2019-08"], [])
     planned = {entry["name"] for entry in first.excavations if entry["step"] == "planned"}
