@@ -95,7 +95,8 @@ def _derive(mine: Mine, finest: float) -> None:
     asked = "boundary" in domain
     faces = mine.boundary()
     mined = PLANES[mine.plane]
-    conditions = [faces[face] for face in FACES if "xyz".index(face[0]) in mined and face != "z_upper"]
+    held = [face for face in FACES if "xyz".index(face[0]) in mined and (face, faces[face]) != ("z_upper", "free")]
+    conditions = [faces[face] for face in held]
     rocks = ["host", *(body["material"] for body in values.get("rock_bodies", []))]
     found = derive_domain(
         openings,

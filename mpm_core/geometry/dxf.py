@@ -3,10 +3,10 @@
 Imports ezdxf, which takes half a second: only files.py imports this, where a drawing is read.
 """
 
+import functools
 import logging
 import math
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 
 import ezdxf
@@ -40,13 +40,12 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
 
     layer: what will be chosen; the meshes of others may be left empty. Raises InputError for a drawing without any.
     """
-    drawing, unit = _open(path)
+    entities, unit = _open(path)
     faces: dict[str, list[Mesh]] = {}
     others: Counter[str] = Counter()
     outlines = 0
-    for entity in _entities(drawing):
-        kind, found = entity.dxftype(), None
-        on_layer = entity.dxf.get("layer", "0")
+    for kind, on_layer, entity in entities:
+        found = None
         wanted = layer is None or EVERYTHING in layer or on_layer == layer
         if kind == "3DFACE":
             corners = entity.wcs_vertices()
@@ -89,16 +88,16 @@ def _refuse(others: Counter[str], outlines: int) -> None:
 
 def read_outlines(path: Path) -> tuple[dict[str, list[np.ndarray]], float | None]:
     """Closed polylines by layer, their corners (point, 3) with arcs as chords, and metres of the drawing's unit."""
-    drawing, unit = _open(path)
+    entities, unit = _open(path)
     outlines: dict[str, list[np.ndarray]] = {}
-    for entity in _entities(drawing):
-        is_outline = entity.dxftype() in OUTLINES and not getattr(entity, "is_poly_face_mesh", False)
+    for kind, on_layer, entity in entities:
+        is_outline = kind in OUTLINES and not getattr(entity, "is_poly_face_mesh", False)
         if is_outline and not getattr(entity, "is_polygon_mesh", False) and _is_closed(entity):
             line = make_path(entity)
             corners = np.array([tuple(point) for point in line.control_vertices()])
             size = np.ptp(corners, axis=0).max(initial=0.0)
             points = np.array([tuple(point) for point in line.flattening(max(CHORD * size, 1e-9))])
-            outlines.setdefault(entity.dxf.get("layer", "0"), []).append(points[:-1])
+            outlines.setdefault(on_layer, []).append(points[:-1])
     if not outlines:
         raise InputError("holds no closed polyline: close the outline, or give the prism its polygon")
     return outlines, unit
@@ -112,8 +111,23 @@ def _is_closed(polyline: DXFEntity) -> bool:
     return len(points) > 3 and tuple(points[0]) == tuple(points[-1])
 
 
-def _open(path: Path) -> tuple[Drawing, float | None]:
-    """The drawing, and metres of its unit: None if it names none, NaN if that is not known. Raises InputError."""
+def _open(path: Path) -> tuple[list[tuple[str, str, DXFEntity]], float | None]:
+    """Kind, layer and entity of all of the drawing, and metres of its unit: None if it names none, NaN if that is not
+    known. Raises InputError."""
+    stamp = path.stat()
+    entities, code = _parsed(path, stamp.st_mtime_ns, stamp.st_size)
+    if code == 0:
+        logging.info("%s: names no unit ($INSUNITS): metres, unless `units` says otherwise", path)
+        return entities, None
+    unit = UNITS.get(code, math.nan)
+    if unit != 1.0:
+        logging.warning("%s: drawn in units of %g m ($INSUNITS %d), and read so", path, unit, code)
+    return entities, unit
+
+
+@functools.lru_cache(maxsize=1)  # hundreds of stopes are layers of one drawing
+def _parsed(path: Path, modified: int, size: int) -> tuple[list[tuple[str, str, DXFEntity]], int]:
+    """Kind, layer and entity of all of a drawing as it is at this time, blocks unfolded, and its $INSUNITS."""
     raw = path.read_bytes()
     if raw.count(b"\nINSERT\r\n") + raw.count(b"\nINSERT\n") > MOST_INSERTED:
         raise InputError(f"inserts blocks more than {MOST_INSERTED:,} times: export the solid alone, as plain faces")
@@ -124,14 +138,9 @@ def _open(path: Path) -> tuple[Drawing, float | None]:
             f"its inserted blocks unfold to {unfolded:.3g} entities, more than {MOST_INSERTED:,}: export the solid "
             "alone, as plain faces"
         )
-    code = drawing.header.get("$INSUNITS", 0)
-    if code == 0:
-        logging.info("%s: names no unit ($INSUNITS): metres, unless `units` says otherwise", path)
-        return drawing, None
-    unit = UNITS.get(code, math.nan)
-    if unit != 1.0:
-        logging.warning("%s: drawn in units of %g m ($INSUNITS %d), and read so", path, unit, code)
-    return drawing, unit
+    entities = recursive_decompose(drawing.modelspace())
+    listed = [(entity.dxftype(), entity.dxf.get("layer", "0"), entity) for entity in entities]
+    return listed, drawing.header.get("$INSUNITS", 0)
 
 
 def _unfolded(drawing: Drawing, layout, known: dict[str, int]) -> int:
@@ -148,7 +157,3 @@ def _unfolded(drawing: Drawing, layout, known: dict[str, int]) -> int:
             raise InputError(f"its block {name!r} is inserted into itself: export the solid alone, as plain faces")
         total += known[name] * max(insert.mcount, 1)
     return total
-
-
-def _entities(drawing: Drawing) -> Iterator[DXFEntity]:
-    return recursive_decompose(drawing.modelspace())
