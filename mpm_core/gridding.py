@@ -11,7 +11,7 @@ from mpm_core.domain import Domain, base_cells
 from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, sample_mask
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.building import GridCount, build_grid
-from mpm_core.grid.octree import children, morton_codes
+from mpm_core.grid.octree import all_cells, children, morton_codes
 from mpm_core.memory import require, stage_bytes
 from mpm_core.occupancy import FULL, SAMPLES, SLIVER, Places
 from mpm_core.settings import GridSlice
@@ -68,8 +68,7 @@ def cut_pieces(
 def touched_cells(classify, domain: Domain) -> np.ndarray:
     """Lower corners (n, d) int32, fine units, of the finest cells of which `classify` (see octree) marks the parents,
     in Morton order."""
-    index = np.stack(np.meshgrid(*map(np.arange, domain.base_shape), indexing="ij"), axis=-1)
-    index = np.ascontiguousarray(index.reshape(-1, len(domain.base_shape)).astype(np.int32))
+    index = all_cells(domain.base_shape)
     for level in range(domain.levels - 1):
         index = children(index[classify(level, index)])
     code = np.empty(len(index), np.int64)

@@ -207,9 +207,9 @@ def run_cascade(
                         scheme, brittle, ramp = finer
                         history.splits += 1
                         external = load_at(increment)
-                        come_to_rest_on(scheme, external, tolerance, reference, history)
-                        if history.rest:
+                        if history.rest:  # what there is to go back to has these cells, too, if it finds no rest now
                             keep_rest(scheme, history)
+                        come_to_rest_on(scheme, external, tolerance, reference, history)
                     continue
                 if not last or tolerance == solver.tolerance:
                     break

@@ -12,7 +12,7 @@ import numpy as np
 
 from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.grid.mesh import MultiLevelGrid
-from mpm_core.grid.splitting import around, code_of, families, family_codes
+from mpm_core.grid.splitting import around, code_of, families, family_codes, middles
 from mpm_core.kernels.failure import make_overstress_of
 from mpm_core.model import Model
 from mpm_core.state import State
@@ -49,7 +49,7 @@ class Refinement:
         near = brittle.coarse[near_strength(model, state, brittle.coarse)]
         places = families(model.grid, model.particles.cell[fresh])
         exposed = self._exposed(places) if len(fresh) else np.zeros(0, bool)
-        asking = np.concatenate([families(model.grid, model.particles.cell[near]), places[exposed]])
+        asking = np.concatenate([middles(model.grid, model.particles.cell[near]), places[exposed]])
         if not len(asking):
             return asking, fresh
         missing = self._missing(around(np.unique(asking, axis=0), RINGS, self.shape))
@@ -58,6 +58,8 @@ class Refinement:
 
     def _missing(self, places: np.ndarray) -> np.ndarray:
         """Those of the places (k, d) that are not split."""
+        if not len(self.codes):
+            return places
         code = code_of(places, self.shape)
         return places[self.codes[np.minimum(np.searchsorted(self.codes, code), len(self.codes) - 1)] != code]
 

@@ -89,7 +89,7 @@ def mark_splits(base_shape, levels: int, classify: Classify, buffer_cells: int) 
     if buffer_cells < 0:
         raise ValueError(f"buffer_cells: {buffer_cells}: zero or more rings are expected")
     marks = SplitMarks.none(base_shape, levels)
-    index = _all_cells(marks.base_shape)
+    index = all_cells(marks.base_shape)
     for level in range(levels - 1):
         if len(index) == 0:
             break
@@ -128,7 +128,7 @@ def _level_starts(base_shape: np.ndarray, levels: int) -> np.ndarray:
     return np.cumsum([0, *cells], dtype=np.int64)
 
 
-def _all_cells(shape) -> np.ndarray:
+def all_cells(shape) -> np.ndarray:
     """Every cell of a regular grid, (n, d) int32, C order and C contiguous."""
     index = np.moveaxis(np.indices(shape, dtype=np.int32), 0, -1).reshape(-1, len(shape))
     return np.ascontiguousarray(index)
@@ -137,7 +137,7 @@ def _all_cells(shape) -> np.ndarray:
 def children(index: np.ndarray) -> np.ndarray:
     """Children (n 2^d, d) of cells (n, d), each in units of its own level, siblings in a row."""
     dimension = index.shape[1]
-    return (2 * index[:, None, :] + _all_cells((2,) * dimension)).reshape(-1, dimension)
+    return (2 * index[:, None, :] + all_cells((2,) * dimension)).reshape(-1, dimension)
 
 
 def _along(axis: int, part: slice) -> tuple[slice, ...]:
@@ -174,7 +174,7 @@ def _either_side(flags: np.ndarray, axis: int) -> np.ndarray:
 
 def _morton_ordered(base_shape: np.ndarray) -> np.ndarray:
     """Base cells (n, d) int32 in Morton order, x the fastest axis."""
-    index = _all_cells(base_shape)
+    index = all_cells(base_shape)
     code = np.empty(len(index), dtype=np.int64)
     morton_codes(index, code)
     return index[np.argsort(code, kind="stable")]

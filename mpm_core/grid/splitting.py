@@ -8,12 +8,22 @@ import numpy as np
 
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.nodes import number_nodes
-from mpm_core.grid.octree import morton_codes
+from mpm_core.grid.octree import all_cells, children, morton_codes
 
 
 def families(grid: MultiLevelGrid, cells: np.ndarray) -> np.ndarray:
-    """The cells (k, d) of the last level but one that hold the lower corners of these cells, in units of their own."""
+    """Places of these cells, (k, d) cells of the last level but one, in units of their own: finest cells' parents."""
     return grid.cell_index[cells] >> 1
+
+
+def middles(grid: MultiLevelGrid, cells: np.ndarray) -> np.ndarray:
+    """Places in the middle of these coarse cells, each once: those that meet in the centre, so that no side is favoured;
+    a cell of the last level but one is its own."""
+    width = grid.cell_width[cells]
+    large = cells[width > 2]
+    centre = (grid.cell_index[large] + (width[width > 2] >> 1)[:, None]) >> 1
+    beside = (centre[:, None, :] + all_cells((2,) * grid.dimension) - 1).reshape(-1, grid.dimension)
+    return np.unique(np.concatenate([families(grid, cells[width == 2]), beside]), axis=0)
 
 
 def family_codes(grid: MultiLevelGrid) -> np.ndarray:
@@ -67,11 +77,11 @@ def split(grid: MultiLevelGrid, places: np.ndarray, rings: int, grading: int) ->
         own = np.flatnonzero(grid.cell_level == level)
         shape = grid.shape >> finest - level
         keep[own[np.isin(code_of(grid.cell_index[own] >> finest - level, shape), codes, kind="sort")]] = False
-        children = _children(np.stack(np.unravel_index(codes, tuple(shape)), axis=1))
+        born = children(np.stack(np.unravel_index(codes, tuple(shape)), axis=1))
         if level + 1 < finest:
-            children = children[~np.isin(code_of(children, 2 * shape), fresh[level + 1], kind="sort")]
-        added.append(children << finest - level - 1)
-        of_level.append(np.full(len(children), level + 1, np.int8))
+            born = born[~np.isin(code_of(born, 2 * shape), fresh[level + 1], kind="sort")]
+        added.append(born << finest - level - 1)
+        of_level.append(np.full(len(born), level + 1, np.int8))
     cell_index = np.concatenate([grid.cell_index[keep], *added]).astype(np.int32)
     cell_level = np.concatenate([grid.cell_level[keep], *of_level])
     return with_leaves(grid, cell_index, cell_level)
@@ -98,9 +108,3 @@ def _not_split(grid: MultiLevelGrid, level: int, codes: np.ndarray) -> np.ndarra
     first = deeper[(grid.cell_index[deeper] & ((1 << halvings) - 1) == 0).all(axis=1)]  # at the cell's lower corner
     split_codes = code_of(grid.cell_index[first] >> halvings, grid.shape >> halvings)
     return codes[~np.isin(codes, split_codes, kind="sort")]
-
-
-def _children(index: np.ndarray) -> np.ndarray:
-    dimension = index.shape[1]
-    offsets = np.stack(np.meshgrid(*[np.arange(2)] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
-    return (2 * index[:, None, :] + offsets).reshape(-1, dimension)

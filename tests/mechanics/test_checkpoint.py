@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from mechanics.killed import Killed, KilledAfter
 from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_dataset, make_scene, uniform
 from mpm_core.checkpoint import Checkpoint, key_of
 from mpm_core.equilibrium.convergence import History
@@ -13,23 +14,6 @@ from mpm_core.stages import elastic_stage, mining_step
 from pipeline.datasets import write_dataset
 
 HOLES = [ball([14.0, 20.0], 4.0), ball([25.0, 20.0], 4.0)]
-
-
-class Killed(Exception):
-    pass
-
-
-class KilledAfter(Checkpoint):
-    """Saves every generation and dies after so many of them."""
-
-    left = 0
-
-    def save(self, state, history, grid):
-        self.cost = 0.0
-        super().save(state, history, grid)
-        self.left -= 1
-        if self.left == 0:
-            raise Killed
 
 
 @pytest.fixture(scope="module", params=["explicit", "multigrid"])

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mechanics.killed import Killed, KilledAfter
 from mechanics.scenes import (
     COULOMB,
     ball,
@@ -23,10 +24,12 @@ from mechanics.scenes import (
 )
 from mpm_core.carrying import carry, carry_forces, carry_loose, carry_nodes
 from mpm_core.checkpoint import Checkpoint
+from mpm_core.equilibrium import cascade
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import above_strength, find_brittle
+from mpm_core.equilibrium.convergence import NoRest
 from mpm_core.equilibrium.energy import elastic_energy
-from mpm_core.equilibrium.refinement import Refinement
+from mpm_core.equilibrium.refinement import RINGS, Refinement
 from mpm_core.grid import build_grid
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.splitting import split
@@ -232,21 +235,6 @@ def test_an_opening_has_fine_cells_once_it_is_mined(tmp_path):
         np.testing.assert_allclose(strain, was[tuple(place)], rtol=1e-12, atol=1e-15)
 
 
-class Killed(Exception):
-    pass
-
-
-class KilledAfter(Checkpoint):
-    left = 0
-
-    def save(self, state, history, grid):
-        self.cost = 0.0
-        super().save(state, history, grid)
-        self.left -= 1
-        if self.left == 0:
-            raise Killed
-
-
 @pytest.mark.parametrize("generations", [1, 4])
 def test_a_step_killed_on_split_cells_ends_in_the_same_bytes(generations, tmp_path):
     _, (whole, facts) = two_steps(tmp_path)
@@ -303,7 +291,7 @@ def test_virgin_rock_near_its_strength_asks_for_nothing():
     nothing = np.empty(0, np.int64)
     assert len(Refinement.of(grid).asked(model, state, brittle, nothing, 1000)[0]) == 0
     state.stress[brittle.coarse[0], 0] = -1e6
-    assert len(Refinement.of(grid).asked(model, state, brittle, nothing, 1000)[0]) == 1
+    assert len(Refinement.of(grid).asked(model, state, brittle, nothing, 1000)[0])
 
 
 def test_rock_at_the_edge_of_the_fine_cells_waits_for_a_split_that_is_worth_it():
@@ -323,3 +311,40 @@ def test_rock_at_the_edge_of_the_fine_cells_waits_for_a_split_that_is_worth_it()
     places, first = now.asked(model, state, brittle, fresh[:1], 10)
     assert not len(places)
     assert np.array_equal(first, fresh[:1])
+
+
+def test_a_grid_without_fine_cells_gets_them_where_rock_is_near_its_strength():
+    """Nothing mined yet, as in a mine whose boundary is strained."""
+    grid = build_grid(np.zeros(2), 8.0, np.array([4, 4]), 4, lambda level, index: np.zeros(len(index), bool), 0)
+    model = make_model(adaptive_scene(mined=()), grid)
+    brittle = find_brittle(model, model.volumes(0), 0, np.zeros(len(model.cell_nodes) + 1, int), np.empty(0, int))
+    state = model.virgin_state()
+    cell = np.flatnonzero((grid.cell_index == 8).all(axis=1))[0]
+    state.stress[cell, 0] = -100e6
+    places, _ = Refinement.of(grid).asked(model, state, brittle, np.empty(0, np.int64), len(grid.cell_level))
+    finer = split(grid, places, RINGS, 1)
+    inside = ((finer.cell_index >= 8) & (finer.cell_index < 16)).all(axis=1)
+    assert (finer.cell_level[inside] == 3).all()
+    # mirrored in its middle the grid is itself: no side of the cell is favoured
+    centre = finer.cell_index + 0.5 * finer.cell_width[:, None]
+    near = (np.abs(centre - 12.0) < 12.0).all(axis=1)
+    cells = {
+        (*place, width) for place, width in zip(centre[near].tolist(), finer.cell_width[near].tolist(), strict=True)
+    }
+    assert {(24.0 - x, y, width) for x, y, width in cells} == cells
+
+
+def test_a_collapse_right_after_a_split_goes_back_to_the_cells_of_now(tmp_path, monkeypatch):
+    """No rest on cells that have just been split: the last state of rest is on these cells, not on those before."""
+
+    def no_rest(scheme, external, tolerance, reference, history):
+        if history.splits > 1:
+            raise NoRest("never")
+        return real(scheme, external, tolerance, reference, history)
+
+    real = cascade.come_to_rest_on
+    monkeypatch.setattr(cascade, "come_to_rest_on", no_rest)
+    scene = adaptive_scene(solver=BRITTLE | {"collapse": "keep"})
+    state, facts = run(scene, grid_of(HOLES[:1], rings=0), tmp_path)
+    assert facts["collapsed"] == 1
+    assert facts["cells"] == state.sizes["cell"]

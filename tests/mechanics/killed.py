@@ -1,0 +1,20 @@
+"""A checkpoint whose stage dies after so many generations."""
+
+from mpm_core.checkpoint import Checkpoint
+
+
+class Killed(Exception):
+    pass
+
+
+class KilledAfter(Checkpoint):
+    """Saves every generation and dies after so many of them."""
+
+    left = 0
+
+    def save(self, state, history, grid):
+        self.cost = 0.0
+        super().save(state, history, grid)
+        self.left -= 1
+        if self.left == 0:
+            raise Killed
