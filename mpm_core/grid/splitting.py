@@ -17,7 +17,7 @@ def families(grid: MultiLevelGrid, cells: np.ndarray) -> np.ndarray:
 
 
 def middles(grid: MultiLevelGrid, cells: np.ndarray) -> np.ndarray:
-    """Places in the middle of these coarse cells, each once: those that meet in the centre, so that no side is favoured;
+    """Places in the middle of these coarse cells, each once: those that meet in the centre, so that no side is ahead;
     a cell of the last level but one is its own."""
     width = grid.cell_width[cells]
     large = cells[width > 2]
