@@ -140,6 +140,7 @@ def draw(rocks: dict[str, Rock], shares: dict[str, tuple[float, float]]) -> Figu
     left.set_xticks(place, [name.replace("_", "\n") for name in shares])
     left.set(title="What the boundary moves of wall stress", ylabel="share of the largest (%)")
     left.axhline(0.5, color=style.OUTLINE, linestyle=":", linewidth=0.8)
+    left.set_ylim(0.0, 0.65)  # room for the key above the bound
     left.legend()
     drawn = {}
     for name in shares:  # the stress changes no cell
