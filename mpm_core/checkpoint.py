@@ -21,7 +21,7 @@ from pipeline.datasets import atomic_path, clear_parts
 PAUSE = 30.0  # s at least between two checkpoints
 SHARE = 0.015  # of the time that writing them may take
 OF_FAILED, UNCHANGED = changed_in(Extent.FAILED), changed_in(Extent.NONE)
-COUNTERS = ("increment", "generation", "iteration", "tightened", "splits")  # of the history
+COUNTERS = ("increment", "generation", "iteration", "tightened", "splits", "load", "load_before", "size")  # of history
 
 
 def key_of(provenance: dict[str, str], *inputs: Path) -> str:
@@ -91,7 +91,7 @@ class Checkpoint:
             else:
                 setattr(state, name, values[name].item())
         for name in COUNTERS:
-            setattr(history, name, int(values[name]))
+            setattr(history, name, values[name].item())
         history.rest = {name: values[f"rest_{name}"] for name in vars(state) if f"rest_{name}" in values}
         columns = [values[f"table_{name}"].tolist() for name in COLUMNS]
         history.rows = list(zip(*columns, strict=True))

@@ -170,8 +170,11 @@ class SolverSettings(Settings):
     """unbalanced force at rest over the force that the step releases, 2-norms"""
     cascade_tolerance: Tolerance = 1e-3
     """the same between two generations of failure; where no rock loses strength 50 times as much, up to 0.05"""
-    increments: whole_number(ge=1, le=1000) = 4
-    """parts in which the rock of one step is taken out"""
+    increments: whole_number(ge=0, le=1000) = 0
+    """parts in which the rock of one step is taken out; 0: as many as increment_error asks for"""
+    increment_error: Annotated[float, Field(ge=0.001, le=1)] = 0.2
+    """where increments is 0: overshoot of the rock that fails first in each, over its drop: at most about the share by
+    which a step's potency is too large"""
     max_iterations: Many = 40000
     """of one relaxation; more is an error"""
     max_generations: Many = 2000

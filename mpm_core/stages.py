@@ -18,6 +18,7 @@ from mpm_core.equilibrium.brittle import above_strength
 from mpm_core.equilibrium.cascade import Ramp, run_cascade
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.energy import Balance, hourglass_energies
+from mpm_core.equilibrium.increments import increment_error
 from mpm_core.equilibrium.refinement import Refinement
 from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.grid.splitting import with_leaves
@@ -236,6 +237,8 @@ def finish(
         "cells": len(model.grid.cell_level),
         "finest_cells": int(model.grid.cells_per_level[-1]),
         "cell_splits": history.splits,
+        "increments": history.increment,
+        "increment_error": increment_error(state, volume, step) if stage == "step" else 0.0,
         "collapsed": int(collapsed),
         **truncation(model, state, volume, stage),
         **describe_loose(model.grid, model.loose, step, scene.thickness, scene.axes),

@@ -22,8 +22,8 @@ import numpy as np
 
 from mpm_core.equilibrium.brittle import Brittle, fail, new_failures, weakest
 from mpm_core.equilibrium.convergence import History, NoRest
+from mpm_core.equilibrium.increments import Increments
 from mpm_core.equilibrium.part import Part
-from mpm_core.equilibrium.perturbation import delays
 from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
 from mpm_core.model import Model
 from mpm_core.state import MOTION, REFINED, State
@@ -34,7 +34,7 @@ PLASTIC_LOOSER, PLASTIC_TOLERANCE = 50.0, 0.05  # times the given one, to so muc
 
 @dataclass(frozen=True)
 class Ramp:
-    """What a stage changes in solver.increments.
+    """What a stage changes, increment by increment.
 
     start, target (node, d) N: the external force; strain (d, d): of the boundary, from 0 to this; reference N: what
     unbalanced forces are measured by, what this stage adds (see stages.measure).
@@ -44,6 +44,10 @@ class Ramp:
     target: np.ndarray
     strain: np.ndarray
     reference: float
+
+    def at(self, load: float) -> np.ndarray:
+        """External force (node, d) N under a share of the load."""
+        return self.start + (self.target - self.start) * load
 
 
 class Refining(Protocol):
@@ -160,6 +164,28 @@ def loose_tolerance(model: Model) -> float:
     return max(given, min(PLASTIC_LOOSER * given, PLASTIC_TOLERANCE)) if plastic else given
 
 
+def put_on_load(
+    scheme: Scheme, brittle: Brittle, ramp: Ramp, increments: Increments, tolerance: float, history: History
+) -> None:
+    """Begin the next increment: its load, and its strain of the boundary. One that is chosen comes to rest, before
+    anything fails, and a smaller one is put on instead until it may stand."""
+    before = {name: np.copy(value) for name, value in vars(scheme.body.state).items()} if increments.chosen else {}
+    while True:
+        increments.begin(history)
+        if ramp.strain.any():
+            scheme.body.deform(ramp.strain * (history.load - history.load_before))
+        if not increments.chosen:
+            return
+        try:
+            scheme.relax(ramp.at(history.load), tolerance, ramp.reference, history)
+            if increments.take(scheme.body, brittle, history):
+                return
+        except NoRest:
+            if increments.shrink(history):
+                raise
+        scheme.go_back(before)
+
+
 def run_cascade(
     scheme: Scheme,
     brittle: Brittle,
@@ -178,21 +204,14 @@ def run_cascade(
     (NoRest), or (solver.collapse "keep") the last state of rest is the result, at cascade_tolerance, with rock above
     strength that would fail next.
     """
-    model, solver = scheme.body.model, scheme.body.model.scene.solver
-    reference, loose = ramp.reference, loose_tolerance(model)
-    delay = delays(model.scene, step)
-
-    def load_at(increment: int) -> np.ndarray:
-        return ramp.start + (ramp.target - ramp.start) * ((increment + delay[increment]) / solver.increments)
-
-    resumed = history.increment
-    for increment in range(max(resumed, 1), solver.increments + 1):
-        external = load_at(increment)
-        if increment != resumed:
-            if ramp.strain.any():
-                scheme.body.deform(ramp.strain * (1.0 + delay[increment] - delay[increment - 1]) / solver.increments)
-            history.increment, history.generation, history.tightened = increment, 0, 0
-        last = increment == solver.increments
+    solver, reference, loose = scheme.body.model.scene.solver, ramp.reference, loose_tolerance(scheme.body.model)
+    increments = Increments(scheme.body.model, step)
+    under_way = history.increment > 0  # a saved history
+    while under_way or history.load < 1.0:
+        if not under_way:
+            put_on_load(scheme, brittle, ramp, increments, loose, history)
+        under_way = False
+        external, last = ramp.at(history.load), history.load == 1.0
         try:
             while True:
                 tolerance = max(loose / TIGHTER**history.tightened, solver.tolerance)
@@ -206,7 +225,7 @@ def run_cascade(
                     else:
                         scheme, brittle, ramp = finer
                         history.splits += 1
-                        external = load_at(increment)
+                        external = ramp.at(history.load)
                         if history.rest:  # what there is to go back to has these cells, too, if it finds no rest now
                             keep_rest(scheme, history)
                         come_to_rest_on(scheme, external, tolerance, reference, history)
@@ -219,7 +238,7 @@ def run_cascade(
                 raise
             scheme.go_back(history.rest)
             if history.generation == 0:  # nothing failed since the increment before
-                history.increment, external = increment - 1, load_at(increment - 1)
+                history.increment, external = history.increment - 1, ramp.at(history.load_before)
             scheme.relax(external, loose, reference, history)  # is at rest: this notes it
             return scheme, True
         scheme.body.settle()

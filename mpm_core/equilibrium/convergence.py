@@ -34,6 +34,9 @@ class History:
     cells: int = 0  # that are relaxed now: all, or those of a part of the mine
     tightened: int = 0  # how often the tolerance between generations has been tightened in this increment
     splits: int = 0  # how often cells have been split in this stage
+    load: float = 0.0  # share of it that acts
+    load_before: float = 0.0  # at the end of the increment before
+    size: float = 1.0  # of the next increment, where it follows its error
     bar: tqdm | None = None
     rest: dict[str, np.ndarray] = field(default_factory=dict)  # the last state of rest, where it may be the result
     since: tuple = (None, 0.0, 0.0)  # generation, clock and ratio from which the pace is taken

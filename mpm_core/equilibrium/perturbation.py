@@ -46,13 +46,21 @@ def uniform_at(places: np.ndarray, seed: int) -> np.ndarray:
     return (mixed >> np.uint64(11)) * 2.0**-53
 
 
-def delays(scene: Scene, step: int) -> np.ndarray:
+def delays(scene: Scene, step: int, increments: int) -> np.ndarray:
     """By what share of an increment each of them ends late in this member, (increments + 1,); else 0.
 
     Uniform between -1/2 and 1/2, but 0 where the step starts and ends: all that it changes is changed in the end.
     """
-    result = np.zeros(scene.solver.increments + 1)
+    result = np.zeros(increments + 1)
     if scene.perturbation:
         random = np.random.default_rng([scene.perturbation, 1 + step])
-        result[1:-1] = LARGEST_DELAY * random.uniform(-1.0, 1.0, scene.solver.increments - 1)
+        result[1:-1] = LARGEST_DELAY * random.uniform(-1.0, 1.0, increments - 1)
     return result
+
+
+def pace(scene: Scene, step: int, increment: int) -> float:
+    """How large an increment that follows its error is in this member, over what it would be; 3/4 to 5/4, else 1."""
+    if not scene.perturbation:
+        return 1.0
+    random = np.random.default_rng([scene.perturbation, 1 + step, increment])
+    return 1.0 + 0.5 * LARGEST_DELAY * random.uniform(-1.0, 1.0)

@@ -88,14 +88,15 @@ def test_a_member_fails_what_stands_above_its_own_threshold():
 @given(st.integers(1, 1000), st.integers(0, 30), st.integers(1, 20))
 def test_increments_keep_their_order_and_end_where_the_step_ends(member, step, increments):
     """Whatever the member: all is changed in the end, nothing is put back on the way, no two steps are alike."""
-    scene = make_scene(solver={"increments": increments}, perturbation=member)
-    late = delays(scene, step)
+    scene = make_scene(perturbation=member)
+    late = delays(scene, step, increments)
     ends = np.arange(increments + 1) + late
     assert (np.diff(ends) > 0.0).all()
     assert (ends[0], ends[-1]) == (0.0, increments)
     assert (np.abs(late) <= 0.5).all()
-    assert (delays(replace(scene, perturbation=0), step) == 0.0).all()
-    for other in (delays(scene, step + 1), delays(replace(scene, perturbation=member + 1), step)):
+    assert (delays(replace(scene, perturbation=0), step, increments) == 0.0).all()
+    neighbor = replace(scene, perturbation=member + 1)
+    for other in (delays(scene, step + 1, increments), delays(neighbor, step, increments)):
         assert (late[1:-1] != other[1:-1]).all()
 
 

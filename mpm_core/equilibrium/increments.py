@@ -1,0 +1,104 @@
+"""In which increments the load of a stage is put on: as many as are given, or as many as its error asks for.
+
+Rock that breaks within an increment is let fail at its end, above its strength, together with all that broke meanwhile;
+put on in smaller increments some of it would have been relieved in time. So too much fails, in proportion to the size
+of the increments. What tells how much is the overshoot of the rock that fails first in each increment, before any other
+has failed: what strain it takes from the stress that it is found at to its strength. As a potency, over the seismic
+potency of the same rock, it is at most about the share by which the step's potency is too large (docs/method.md, 6:
+what was found is between none and 1.3 times as much). A particle's overshoot counts with at most its seismic potency:
+more it does not add if it should not have failed at all.
+
+So an increment is tried: at rest under its load, with nothing failed. Is that overshoot more than
+solver.increment_error, the state goes back and less is put on; the next one follows in proportion, as the steps of an
+integrator do.
+"""
+
+import numpy as np
+
+from mpm_core.equilibrium.body import Body
+from mpm_core.equilibrium.brittle import Brittle, above_strength, new_failures
+from mpm_core.equilibrium.convergence import History
+from mpm_core.equilibrium.perturbation import delays, pace
+from mpm_core.kernels.failure import make_drop
+from mpm_core.model import Model
+from mpm_core.state import State
+
+WITHOUT_DROP = 4  # increments where no rock loses strength, or where particles move and cannot go back
+SMALLEST = 1.0 / 256.0  # of the load: never less
+LEAST, MOST, SAFE = 0.1, 2.0, 0.8  # how much smaller or larger the next increment is at most; of what would just do
+
+
+class Increments:
+    """The increments of one stage. history.load is the share of the load at the end of the present one.
+
+    chosen: whether they follow their error.
+    """
+
+    def __init__(self, model: Model, step: int):
+        solver = model.scene.solver
+        self.scene, self.step = model.scene, step
+        self.chosen = solver.increments == 0 and model.is_brittle() and not solver.move
+        self.count = solver.increments or WITHOUT_DROP
+        self.delay = delays(self.scene, step, self.count)
+
+    def begin(self, history: History) -> None:
+        """Go over to the next increment."""
+        history.load_before = history.load
+        history.increment, history.generation, history.tightened = history.increment + 1, 0, 0
+        if self.chosen:
+            left = 1.0 - history.load
+            parts = np.ceil(left / (history.size * pace(self.scene, self.step, history.increment)) - 1e-9)
+            history.load = 1.0 if parts <= 1.0 else history.load + left / parts
+        else:
+            history.load = (history.increment + self.delay[history.increment]) / self.count
+
+    def take(self, body: Body, brittle: Brittle, history: History) -> bool:
+        """Whether a chosen increment, at rest under its load and nothing failed yet, may stand; else it is undone in
+        the history, and the next one is smaller."""
+        ratio = overshoot_of_next(body, brittle) / self.scene.solver.increment_error
+        return self._resize(np.clip(SAFE / ratio, LEAST, MOST) if ratio > 0.0 else MOST, ratio <= 1.0, history)
+
+    def shrink(self, history: History) -> bool:
+        """As `take`, of an increment that has found no rest."""
+        return self._resize(LEAST, False, history)
+
+    def _resize(self, factor: float, stands: bool, history: History) -> bool:
+        taken = history.load - history.load_before
+        history.size = max(taken * factor, SMALLEST)
+        if stands or taken <= SMALLEST:
+            return True
+        history.load, history.increment = history.load_before, history.increment - 1
+        return False
+
+
+def overshoot_of_next(body: Body, brittle: Brittle) -> float:
+    """Overshoot over seismic potency of the rock that would fail now, and of what would in finer cells; 0 for none.
+    Nothing is changed."""
+    model, state = body.model, body.state
+    coarse = above_strength(model, state, brittle.coarse, brittle.borne)
+    fresh = np.concatenate([new_failures(model, state, brittle), coarse])
+    overshoot, seismic = np.zeros((2, len(fresh), 6))
+    make_drop(model.law)(
+        np.arange(len(fresh)), state.stress[fresh], model.insitu[fresh], model.particles.material[fresh],
+        model.elastic_constants, model.intact_rows, model.residual_rows, overshoot, seismic, np.empty((len(fresh), 2)),
+    )  # fmt: skip
+    return _overshoot_share(overshoot, seismic, body.volume[fresh])
+
+
+def increment_error(state: State, volume: np.ndarray, step: int) -> float:
+    """Overshoot over seismic potency of the rock that failed first in each increment of a step and is there (volume
+    (particle,) > 0): about the share by which the step's potency is at most too large; 0 where none failed."""
+    first = np.flatnonzero((state.failed == step) & (state.failure_order[:, 1] == 0) & (volume > 0.0))
+    return _overshoot_share(state.overshoot_strain[first], state.seismic_strain[first], volume[first])
+
+
+def _overshoot_share(overshoot: np.ndarray, seismic: np.ndarray, volume: np.ndarray) -> float:
+    """Of strains (k, 6) in volumes (k,) m3."""
+    seismic_potency = potency(seismic, volume)
+    total = seismic_potency.sum()
+    return float(np.minimum(potency(overshoot, volume), seismic_potency).sum() / total) if total > 0.0 else 0.0
+
+
+def potency(strain: np.ndarray, volume: np.ndarray) -> np.ndarray:
+    """Scalar potency (k,) m3, sqrt(p : p / 2), of strains (k, 6), tensor shear, of volumes (k,) m3."""
+    return volume * np.sqrt(0.5 * np.sum(strain[:, :3] ** 2, axis=1) + np.sum(strain[:, 3:] ** 2, axis=1))

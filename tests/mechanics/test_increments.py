@@ -1,0 +1,159 @@
+"""Increments that follow their error: what a step then comes to, and that trying one leaves nothing behind."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechanics.killed import Killed, KilledAfter
+from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_dataset, make_scene, uniform
+from mpm_core.checkpoint import Checkpoint
+from mpm_core.equilibrium import cascade
+from mpm_core.equilibrium.brittle import fail
+from mpm_core.equilibrium.increments import Increments, increment_error, overshoot_of_next, potency
+from mpm_core.equilibrium.perturbation import pace
+from mpm_core.stages import elastic_stage, mining_step
+
+HOLE, STRESS = [ball([40.0, 40.0], 5.0)], uniform(-30e6, -20e6, -18e6, 0.0, 3e6)
+STRONG = COULOMB | {"cohesion": {"intact": 1e9, "residual": 1e9}}
+
+
+def begun(tmp_path, host=COULOMB, **solver):
+    """A hole that a step mines after virgin rock, in plane strain: scene, grid and the state that it starts from."""
+    options = {
+        "host": host,
+        "stress": STRESS,
+        "solver": {"scheme": "multigrid", "tolerance": 1e-5, "cascade_tolerance": 1e-3} | solver,
+        "refinement": {"rings": 1, "max_cells": 10**6, "bodies": []},
+    }
+    before = make_scene("xz", excavations=[excavation(-1, None, name="hole")], steps=1, **options)
+    scene = make_scene("xz", excavations=[excavation(1, None, name="hole")], steps=2, **options)
+    grid = make_dataset(scene, grid_around(HOLE, [10] * 2, 4, 8.0, rings=1), HOLE)
+    state, _ = elastic_stage(before, grid, tmp_path / "failed.npz")
+    state, _ = mining_step(before, grid, state, tmp_path / "failed.npz")
+    return scene, grid, state
+
+
+def step_of(tmp_path, **solver):
+    scene, grid, state = begun(tmp_path, **solver)
+    return mining_step(scene, grid, state, tmp_path / "failed.npz")
+
+
+def seismic_potency(state) -> float:
+    here = state.failed.values == 1
+    return float(potency(state.seismic_strain.values[here], state.volume.values[here]).sum())
+
+
+def test_a_smaller_error_asks_for_more_increments_and_comes_nearer_to_many(tmp_path):
+    """Here the rock breaks in bands, and which ones is nearly a matter of chance: 64, 128, 256 and 512 increments give
+    0.049, 0.062, 0.049 and 0.052 m2, one gives 0.073."""
+    facts_of, found = {}, {}
+    for error in (0.6, 0.2, 0.05):
+        state, facts_of[error] = step_of(tmp_path, increments=0, increment_error=error)
+        assert 0.0 < facts_of[error]["increment_error"] <= error
+        found[error] = seismic_potency(state)
+    assert 1 < facts_of[0.6]["increments"] < facts_of[0.2]["increments"] < facts_of[0.05]["increments"] < 128
+    at_once, facts = step_of(tmp_path, increments=1)
+    assert facts["increment_error"] > 0.5
+    assert seismic_potency(at_once) > 1.2 * found[0.05]
+    many = seismic_potency(step_of(tmp_path, increments=64)[0])
+    assert found[0.2] == pytest.approx(many, rel=0.2)
+    assert found[0.05] == pytest.approx(many, rel=0.15)
+
+
+def test_a_step_that_breaks_nothing_takes_one_increment(tmp_path):
+    _, facts = step_of(tmp_path, host=STRONG, increments=0)
+    assert (facts["increments"], facts["failed_particles"], facts["increment_error"]) == (1, 0, 0.0)
+
+
+def test_rock_that_loses_no_strength_takes_as_many_as_it_took(tmp_path):
+    plastic = COULOMB | {
+        key: dict.fromkeys(("intact", "residual"), COULOMB[key]["intact"])
+        for key in ("friction_angle", "cohesion", "tension_cutoff")
+    }
+    assert step_of(tmp_path, host=plastic, increments=0)[1]["increments"] == 4
+
+
+def test_an_increment_that_was_undone_leaves_nothing_behind(tmp_path, monkeypatch):
+    """The same loads put on at once, none of them tried: the same bits."""
+    loads, undone = [], []
+    take, begin = Increments.take, Increments.begin
+
+    def note(self, body, brittle, history):
+        tried = history.load
+        stands = take(self, body, brittle, history)
+        if self.step == 1:
+            (loads if stands else undone).append(tried)
+        return stands
+
+    monkeypatch.setattr(Increments, "take", note)
+    chosen, _ = step_of(tmp_path, increments=0)
+    assert undone
+
+    def given(self, history):
+        begin(self, history)
+        history.load = loads[history.increment - 1] if self.step == 1 else history.load
+
+    monkeypatch.setattr(Increments, "take", lambda *_: True)
+    monkeypatch.setattr(Increments, "begin", given)
+    scene, grid, state = begun(tmp_path, increments=0)
+    again, _ = mining_step(scene, grid, state, tmp_path / "failed.npz")
+    for name in ("node_displacement", "stress", "failed", "failure_order", "seismic_strain", "later_strain"):
+        assert np.array_equal(chosen[name].values, again[name].values), name
+
+
+def test_what_would_fail_is_measured_without_change(tmp_path, monkeypatch):
+    """Against its slow twin, which lets it fail."""
+    seen, let_fail = [], cascade.let_fail
+
+    def compare(scheme, fresh, step, history):
+        if history.generation == 0 and len(fresh):
+            body, kept = scheme.body, {name: np.copy(value) for name, value in vars(scheme.body.state).items()}
+            expected = overshoot_of_next(body, compare.brittle)
+            assert all(np.array_equal(kept[name], value) for name, value in vars(body.state).items())
+            fail(body, fresh, step, history.increment, 0)
+            others = body.state.failure_order[:, 0] != history.increment
+            volume = np.where(others, 0.0, body.volume)
+            seen.append((expected, increment_error(body.state, volume, step)))
+            for name, value in kept.items():
+                if isinstance(getattr(body.state, name), np.ndarray):
+                    getattr(body.state, name)[...] = value
+        let_fail(scheme, fresh, step, history)
+
+    find = cascade.next_failures
+
+    def note_brittle(scheme, brittle, part=None):
+        compare.brittle = brittle
+        return find(scheme, brittle, part)
+
+    monkeypatch.setattr(cascade, "next_failures", note_brittle)
+    monkeypatch.setattr(cascade, "let_fail", compare)
+    step_of(tmp_path, increments=0, increment_error=0.3)
+    assert len(seen) > 1
+    # rock that waits for finer cells counts in what may stand, not in what has failed
+    assert sum(abs(expected - found) < 1e-12 for expected, found in seen) > len(seen) / 2
+
+
+@pytest.mark.parametrize("saves", [1, 4, 9])
+def test_killed_between_chosen_increments_it_goes_on_to_the_same_bytes(tmp_path, saves):
+    scene, grid, state = begun(tmp_path, increments=0)
+    whole, facts = mining_step(scene, grid, state, tmp_path / "failed.npz")
+    dying = KilledAfter(tmp_path / "checkpoint", "key", pause=0.0)
+    dying.left = saves
+    with pytest.raises(Killed):
+        mining_step(scene, grid, state, tmp_path / "failed.npz", dying)
+    resumed, facts_again = mining_step(
+        scene, grid, state, tmp_path / "failed.npz", Checkpoint(tmp_path / "checkpoint", "key")
+    )
+    assert facts == facts_again
+    assert all(np.array_equal(whole[name].values, resumed[name].values) for name in whole)
+
+
+def test_members_take_increments_of_their_own(tmp_path):
+    scene, *_ = begun(tmp_path, host=STRONG)
+    assert pace(scene, 1, 1) == 1.0
+    scene = replace(scene, perturbation=3)
+    sizes = [pace(scene, 1, increment) for increment in range(1, 200)]
+    assert sizes == [pace(scene, 1, increment) for increment in range(1, 200)]
+    assert 0.75 <= min(sizes) < 0.8
+    assert 1.2 < max(sizes) <= 1.25
