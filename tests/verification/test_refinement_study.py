@@ -1,0 +1,30 @@
+"""The stope on cells that follow the rock: the study on larger cells, and that it would see a grid that does not."""
+
+from running import run_study
+
+from verification.refinement.answer import Run, answer
+
+LARGER = {"grid.coarse_cell": "20 m"}
+
+
+def test_the_study_has_a_row_for_every_relation_and_its_figure(tmp_path):
+    """On cells of 1.25 to 10 m."""
+    results = run_study("refinement", tmp_path, None, **LARGER)
+    rows, figure = answer(results)
+    assert len(figure.axes) == 4
+    quantities = [row.quantity for row in rows]
+    assert len(quantities) == len(set(quantities)) == 2 * 4 + 14 + 6
+    assert all(row.passed for row in rows if "as with rings_1" in row.quantity or "coarse cells" in row.quantity)
+    at_once, asked = (next(row for row in rows if row.quantity.startswith(name)
+                           and "potency over" in row.quantity) for name in ("parts_1", "error_20"))  # fmt: skip
+    assert at_once.error > asked.error
+
+
+def test_a_static_grid_of_one_ring_would_be_seen(tmp_path):
+    static = {"grid": {"coarse_cell": "10 m", "levels": 3, "buffer_cells": 1, "refinement": "static"}}
+    follows = {"grid": {"coarse_cell": "10 m", "levels": 3, "buffer_cells": 1}}
+    results = run_study("refinement", tmp_path, {"static": static, "follows": follows})
+    static, follows = Run(results["static"]), Run(results["follows"])
+    assert static.facts["truncated"] == 1
+    assert follows.facts["truncated"] == 0
+    assert static.potency < 0.9 * follows.potency

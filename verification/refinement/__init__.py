@@ -1,0 +1,1 @@
+"""Cells and increments that follow the rock."""

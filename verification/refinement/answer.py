@@ -1,0 +1,121 @@
+"""One stope on cells that follow the rock beside cells that are fine all over, and its load in ever more increments."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from mpm_core.equilibrium.increments import potency
+from verification.results import Results, Variant
+from verification.rows import Row
+
+STEP = "mined"
+SHOWN = 22.0  # m around the middle of the stope
+
+
+class Run:
+    """What the step came to: potency m3, summed over rock that failed in it; volume m3; share that overshot."""
+
+    def __init__(self, variant: Variant):
+        self.state = variant.step(STEP)
+        self.facts = self.state.attrs
+        self.failed = self.state.failed.values == self.facts["step_index"]
+        volume = self.state.volume.values[self.failed]
+        self.potency = float(potency(self.state.seismic_strain.values[self.failed], volume).sum())
+        self.volume = float(self.facts["failed_volume"])
+        self.particles = int(self.facts["failed_particles"])
+        self.overshoot = float(self.facts["increment_error"])
+        self.seconds = variant.seconds(f"steps/{STEP}")
+        self.memory = variant.peak_memory(f"steps/{STEP}")
+
+
+def answer(results: Results) -> tuple[list[Row], Figure]:
+    """Rows and figure of the study."""
+    settings, allowed = results.settings, results.allowed
+    runs = {name: Run(variant) for name, variant in results.variants.items()}
+    fine, first = runs[settings["everywhere"]], runs[settings["rings"][0]]
+    rows = []
+    for name in settings["rings"]:
+        rows += same(name, "fine cells everywhere", runs[name], fine, allowed["grid"])
+    rows += same(settings["mirrored"], settings["rings"][0], runs[settings["mirrored"]], first, allowed["mirror"])
+    for name, run in runs.items():
+        share = float(run.facts["truncated_share"])
+        rows.append(Row(f"{name}: rock above strength in coarse cells, share", 0.0, share, share, 0.0))
+    most = runs[settings["parts"][-1]]
+    for name in [*settings["parts"][:-1], *settings["chosen"]]:
+        run = runs[name]
+        remark = f"{run.facts['increments']} increments, overshoot {run.overshoot:.2f} of the drop"
+        bound = allowed["increments"] if name == settings["asked"] else None
+        quantity = f"{name}: potency over that of {most.facts['increments']} increments"
+        rows.append(Row.relative(quantity, 1.0, run.potency / most.potency, bound, remark))
+    for name in settings["cells"]:
+        run = runs[name]
+        if run.seconds is None:
+            continue
+        remark = (
+            f"{run.particles} failed particles, {run.facts['cells']} cells, {run.seconds:.1f} s, {run.memory:.0f} MB"
+        )
+        cost = 1e3 * run.seconds / max(run.particles, 1)
+        rows.append(Row(f"{name}: time of the step for each failed particle, ms", np.nan, cost, np.nan, None, remark))
+    return rows, draw(results, runs)
+
+
+def same(name: str, other: str, run: Run, expected: Run, bound: float) -> list[Row]:
+    """Potency and failed volume of a run beside those of another."""
+    remark = f"{run.facts['cells']} cells, {run.facts['finest_cells']} of the finest; {expected.facts['cells']} cells"
+    return [
+        Row.relative(f"{name}: {what} as with {other}, {unit}", wanted, found, bound, remark)
+        for what, unit, wanted, found in (
+            ("seismic potency", "m3", expected.potency, run.potency),
+            ("failed volume", "m3", expected.volume, run.volume),
+        )
+    ]
+
+
+def draw(results: Results, runs: dict[str, Run]) -> Figure:
+    """Sections through the stope on both grids; the excess of ever fewer increments; the cost of a failed particle."""
+    settings = results.settings
+    figure = style.new_figure(height=8.2)
+    (left, right), (below, cost) = figure.subplots(2, 2)
+    for panel, name in ((left, settings["rings"][0]), (right, settings["everywhere"])):
+        draw_section(panel, runs[name])
+        panel.set_title(f"{name}: {runs[name].facts['cells']} cells")
+    most = runs[settings["parts"][-1]].potency
+    for names, mark, label in (
+        (settings["parts"][:-1], "o", "equal increments"),
+        (settings["chosen"], "s", "increments that follow their error"),
+    ):
+        excess = [abs(runs[name].potency / most - 1.0) for name in names]
+        below.plot([runs[name].overshoot for name in names], excess, mark, label=label)
+        for name, value in zip(names, excess, strict=True):
+            below.annotate(f" {runs[name].facts['increments']}", (runs[name].overshoot, value))
+    span = np.array([0.02, 1.0])
+    below.plot(span, span, color="#888888", linewidth=0.8, label="as large as it says")
+    below.set(xscale="log", yscale="log", xlabel="overshoot of the first that fail, over their drop")
+    below.set_ylabel(f"potency beside that of {runs[settings['parts'][-1]].facts['increments']} increments, share off")
+    below.legend()
+    shown = [runs[name] for name in settings["cells"] if runs[name].seconds is not None and runs[name].particles]
+    cost.plot([run.particles for run in shown], [1e3 * run.seconds / run.particles for run in shown], "o-")
+    cost.set(
+        xscale="log", yscale="log", xlabel="failed particles", ylabel="time of the step for each, start included (ms)"
+    )
+    for panel in (below, cost):
+        panel.grid(which="major", color="#e2e2e2", linewidth=0.6)
+    return figure
+
+
+def draw_section(panel: Axes, run: Run) -> None:
+    """Cells that the plane through the middle of the stope along x cuts, those with failed rock filled."""
+    state, middle = run.state, np.array([80.0, 80.0, 980.0])
+    low, size = state.cell_origin.values, state.cell_size.values
+    cut = (low[:, 1] <= middle[1]) & (low[:, 1] + size > middle[1])
+    failed = np.zeros(len(size), bool)
+    failed[state.cell.values[run.failed]] = True
+    for chosen, colour in ((cut & ~failed, "none"), (cut & failed, style.MODELLED)):
+        x, z, h = low[chosen, 0], low[chosen, 2], size[chosen]
+        corners = np.stack([np.stack([x, x + h, x + h, x], 1), np.stack([z, z, z + h, z + h], 1)], axis=2)
+        panel.add_collection(PolyCollection(corners, facecolor=colour, edgecolor="#999999", linewidth=0.3))
+    panel.plot([75, 85, 85, 75, 75], [970, 970, 990, 990, 970], color="black", linewidth=1.2)
+    panel.set(xlim=(middle[0] - SHOWN, middle[0] + SHOWN), ylim=(middle[2] - SHOWN, middle[2] + SHOWN))
+    panel.set(aspect="equal", xlabel="x (m)", ylabel="z (m); failed rock filled, stope in black")
