@@ -1,4 +1,4 @@
-"""Command lines of the catalogue stages: scene, record, quakeml, compare, spread, twin, vtk, report.
+"""Command lines of the catalogue stages: scene, record, quakeml, compare, spread, grid_convergence, twin, vtk, report.
 
 Each stage imports what it alone needs: ObsPy and matplotlib take seconds, and most stages use neither. A rule runs its
 stage again when what that stage imports has changed (pipeline.sources): a stage's function has the stage's name.
@@ -63,6 +63,17 @@ def spread(chosen: argparse.Namespace) -> None:
     write_dataset(result.assign_attrs(provenance(settings, "catalogs spread")), chosen.output)
 
 
+def grid_convergence(chosen: argparse.Namespace) -> None:
+    """The mine's run beside the same on cells of twice the size."""
+    from catalogs.grid_convergence import compare
+
+    settings = read_slice(chosen.settings)
+    catalogs = [read_events(path) for path in (chosen.catalog, chosen.coarse_catalog)]
+    states = [[read_dataset(path, ()).attrs for path in paths] for paths in (chosen.steps, chosen.coarse_steps)]
+    result = compare(catalogs, states, settings)
+    write_dataset(result.assign_attrs(provenance(settings, "catalogs grid_convergence")), chosen.output)
+
+
 def twin(chosen: argparse.Namespace) -> None:
     """A modelled catalogue as a seismic system might have recorded it."""
     from catalogs.twin import write_twin
@@ -99,6 +110,7 @@ def report(chosen: argparse.Namespace) -> None:
         comparison=chosen.comparison,
         spread=chosen.spread,
         closeness=chosen.closeness,
+        grid_convergence=chosen.grid_convergence,
         benchmarks=chosen.benchmarks,
         output=chosen.output,
         figures=chosen.figures,
@@ -129,12 +141,17 @@ def parser() -> argparse.ArgumentParser:
     gathered = stage("spread", spread, "catalog", "output", settings=True)
     gathered.add_argument("--comparison", type=Path)
     gathered.add_argument("--runs", type=Path, nargs="+", required=True, help="folders of steps and events, own first")
+    halved = stage("grid_convergence", grid_convergence, "catalog", "coarse-catalog", "output", settings=True)
+    for name in ("steps", "coarse-steps"):
+        halved.add_argument(
+            f"--{name}", type=Path, nargs="+", required=True, help="states of the dated steps, in order"
+        )
     made = stage("twin", twin, "catalog", "output")
     made.add_argument("--noise", type=float, required=True, help="root mean square location error, m")
     made.add_argument("--cut", type=float, required=True, help="smallest log10 of potency in m3")
     made.add_argument("--seed", type=int, default=1)
     shown = stage("report", report, "grid", "output", "figures", settings=True)
-    for name in ("elastic", "catalog", "record", "comparison", "spread", "closeness", "benchmarks"):
+    for name in ("elastic", "catalog", "record", "comparison", "spread", "closeness", "grid-convergence", "benchmarks"):
         shown.add_argument(f"--{name}", type=Path)
     for name in ("steps", "events"):
         shown.add_argument(f"--{name}", type=Path, nargs="*", default=[])

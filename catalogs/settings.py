@@ -80,6 +80,16 @@ class ReportSlice(Settings):
     insitu: InsituStress
 
 
+class GridConvergenceSettings(Settings):
+    """The slice of the comparison with a run on cells of twice the size."""
+
+    mine: str
+    steps: Annotated[tuple[str, ...], AsTuple]
+    """the dated ones"""
+    cells: Annotated[tuple[float, float], AsTuple]
+    """edges of the finest cells of both runs, m, the mine's own first"""
+
+
 class SpreadSettings(Settings):
     """The slice of an ensemble's spread."""
 

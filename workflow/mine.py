@@ -258,6 +258,28 @@ class Mine:
         """What spread.nc depends on, beside the runs of the ensemble."""
         return {"mine": self.name, "members": self.members, "steps": self.dated_steps}
 
+    def convergence_slice(self) -> dict:
+        """What grid_convergence.nc depends on, beside the runs on cells of this size and of twice the size."""
+        grid = self.values["grid"]
+        finest = grid["coarse_cell"] / 2 ** (grid["levels"] - 1)
+        return {"mine": self.name, "steps": self.dated_steps, "cells": [finest, 2 * finest]}
+
+    @property
+    def has_companion(self) -> bool:
+        """Whether it is run on cells of twice the size, too: as configured, else in 3-D with dated steps and levels."""
+        possible = bool(self.dated_steps) and self.values["grid"]["levels"] > 1 and not self.perturbation
+        return possible and self.values.get("grid_convergence", self.dimension == 3)
+
+    def coarser(self) -> "Mine":
+        """The same mine without its finest cells: grid, states and events of its own.
+
+        What of an excavation's volume cells of this size miss is no error here: they are meant to be coarse.
+        """
+        companion = copy.copy(self)
+        grid = self.values["grid"]
+        companion.values = self.values | {"grid": grid | {"levels": grid["levels"] - 1, "volume_error": 1e9}}
+        return companion
+
     def comparison_slice(self) -> dict:
         """What comparison.nc depends on, beside the two catalogues."""
         dated = [step for step in self.listed_steps if "start" in step]
@@ -288,6 +310,8 @@ class Mine:
             hashes |= {"record.nc": self.record_slice(), "comparison.nc": self.comparison_slice()}
         if self.members:
             hashes["spread.nc"] = self.spread_slice()
+        if self.has_companion:
+            hashes["grid_convergence.nc"] = self.convergence_slice()
         return {path: config_hash(values) for path, values in hashes.items()}
 
     def record_slice(self) -> dict:

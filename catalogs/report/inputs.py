@@ -51,7 +51,8 @@ class Evidence:
     """Everything the report tells of.
 
     stages: elastic, then the steps in order, each with its convergence table and attributes only; state: what is
-    SHOWN of the last of them; catalog, record, comparison, spread, closeness: None where there is none; files:
+    SHOWN of the last of them; catalog, record, comparison, spread, closeness, grid_convergence: None where
+    there is none; files:
     {path: attributes} of all read.
     """
 
@@ -67,6 +68,7 @@ class Evidence:
     comparison: xr.Dataset | None
     spread: xr.Dataset | None
     closeness: xr.Dataset | None
+    grid_convergence: xr.Dataset | None
     files: dict[str, dict]
     stale: list[str]
     resources: list[dict]
@@ -141,6 +143,7 @@ def read_evidence(
     comparison,
     spread,
     closeness,
+    grid_convergence,
     benchmarks,
     expected_hashes: dict | None,
     excavations: Sequence[Scheduled] | None,
@@ -185,6 +188,7 @@ def read_evidence(
         comparison=read(comparison),
         spread=read(spread),
         closeness=read(closeness),
+        grid_convergence=read(grid_convergence),
         files=files,
         stale=_stale(files, expected_hashes or {}),
         resources=read_resources(benchmarks),

@@ -12,6 +12,7 @@ from catalogs.figures import style
 from catalogs.report import match, sections, text
 from catalogs.report.closeness import intervals_contain
 from catalogs.report.gallery import Gallery
+from catalogs.report.grid_convergence import discretisation
 from catalogs.report.head import caption, missing_potency, step_rows
 from catalogs.report.inputs import Evidence, read_evidence
 from catalogs.report.record import sentences
@@ -38,6 +39,7 @@ def write_report(
     comparison: str | os.PathLike | None = None,
     spread: str | os.PathLike | None = None,
     closeness: str | os.PathLike | None = None,
+    grid_convergence: str | os.PathLike | None = None,
     benchmarks: str | os.PathLike | None = None,
     default: dict | None = None,
     excavations: Sequence[Scheduled] | None = None,
@@ -47,15 +49,15 @@ def write_report(
     """Write the page to `output` (atomically) and each of its figures as SVG into the folder `figures`.
 
     config: the resolved configuration as the user wrote it (units as text), default: config/default.yaml, for the marks
-    of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness: datasets, absent
-    stages None or empty; benchmarks: folder of Snakemake's benchmark files of this mine; excavations: when each is
-    mined, if not as `config` says; insitu: the stress before mining; expected_hashes: {dataset path: config_hash it
-    should carry}, for the banner of stale results.
+    of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness, grid_convergence:
+    datasets, absent stages None or empty; benchmarks: folder of Snakemake's benchmark files of this mine; excavations:
+    when each is mined, if not as `config` says; insitu: the stress before mining; expected_hashes: {dataset path:
+    config_hash it should carry}, for the banner of stale results.
     Same inputs, same bytes. Raises InputError where a dataset is unreadable or is no catalogue.
     """
     evidence = read_evidence(
         config, default, grid, elastic, list(steps), list(events), catalog, record, comparison, spread, closeness,
-        benchmarks, expected_hashes, excavations, insitu,
+        grid_convergence, benchmarks, expected_hashes, excavations, insitu,
     )  # fmt: skip
     gallery = Gallery(Path(figures))
     with style.applied():
@@ -65,7 +67,10 @@ def write_report(
     page = _environment().get_template("report.html.j2").render(
         evidence=evidence,
         mine=evidence.grid.attrs["mine"],
-        headline=text.headline(evidence) + intervals_contain(evidence, rows) + headline_of_spread(evidence),
+        headline=text.headline(evidence)
+        + discretisation(evidence)
+        + intervals_contain(evidence, rows)
+        + headline_of_spread(evidence),
         match=match.match_rows(evidence),
         beside=sentences(evidence),
         banners=[("truncated", said) for said in missing_potency(evidence)] + text.banners(evidence),

@@ -19,6 +19,7 @@ from catalogs.mechanisms import mean_axis, trend_plunge
 from catalogs.report import energy, match, text
 from catalogs.report.closeness import closeness_rows, unlike
 from catalogs.report.gallery import Gallery
+from catalogs.report.grid_convergence import rows as cell_rows
 from catalogs.report.inputs import Evidence
 from catalogs.report.insitu import insitu_axes
 from catalogs.report.scene import by_step, far_field
@@ -77,7 +78,14 @@ def _convergence(evidence: Evidence, gallery: Gallery) -> dict | None:
         return None
     figure = gallery.add("convergence", convergence.convergence(evidence.stages))
     failures = [int(stage["convergence_new_failures"].values.sum()) for stage in evidence.stages]
-    return {"figure": figure, "table": list(zip([stage.attrs for stage in evidence.stages], failures, strict=True))}
+    beside = evidence.grid_convergence
+    return {
+        "figure": figure,
+        "table": list(zip([stage.attrs for stage in evidence.stages], failures, strict=True)),
+        "cells": [] if beside is None else cell_rows(beside),
+        "sizes": [] if beside is None else [text.number(cell) for cell in beside["cell"].values],
+        "floor": np.nan if beside is None else float(beside.attrs["floor"]),
+    }
 
 
 def _rock(evidence: Evidence, gallery: Gallery) -> dict | None:

@@ -13,7 +13,7 @@ def test_the_study_has_a_row_for_every_relation_and_its_figure(tmp_path):
     rows, figure = answer(results)
     assert len(figure.axes) == 4
     quantities = [row.quantity for row in rows]
-    assert len(quantities) == len(set(quantities)) == 2 * 4 + 14 + 6
+    assert len(quantities) == len(set(quantities)) == 2 * 4 + 21 + 6 + 7
     assert all(row.passed for row in rows if "as with rings_1" in row.quantity or "coarse cells" in row.quantity)
     at_once, asked = (next(row for row in rows if row.quantity.startswith(name)
                            and "potency over" in row.quantity) for name in ("parts_1", "error_20"))  # fmt: skip

@@ -27,6 +27,7 @@ STAGES = {
     "record",
     "compare",
     "spread",
+    "grid_convergence",
     "report",
     "all",
 }
@@ -53,6 +54,7 @@ def box(name: str, step: str, lower: list[float], upper: list[float], **others) 
 
 TINY = {
     "name": "tiny",
+    "grid_convergence": False,
     "frame": {"latitude": -41.8, "longitude": 145.4, "surface": "1000 m"},
     "domain": {"lower": ["0 m", "0 m", "0 m"], "upper": ["80 m", "80 m", "80 m"]},
     "grid": {"coarse_cell": "10 m", "levels": 2, "buffer_cells": 1},

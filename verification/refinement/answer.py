@@ -15,7 +15,8 @@ SHOWN = 22.0  # m around the middle of the stope
 
 
 class Run:
-    """What the step came to: potency m3, summed over rock that failed in it; volume m3; share that overshot."""
+    """What the step came to: potency m3 of the drop and of later flow, summed over rock that failed in it; volume m3;
+    share that overshot; V-cycles; s and MiB."""
 
     def __init__(self, variant: Variant):
         self.state = variant.step(STEP)
@@ -23,9 +24,11 @@ class Run:
         self.failed = self.state.failed.values == self.facts["step_index"]
         volume = self.state.volume.values[self.failed]
         self.potency = float(potency(self.state.seismic_strain.values[self.failed], volume).sum())
+        self.flow = float(potency(self.state.later_strain.values[self.failed], volume).sum())
         self.volume = float(self.facts["failed_volume"])
         self.particles = int(self.facts["failed_particles"])
         self.overshoot = float(self.facts["increment_error"])
+        self.cycles = int(self.facts["iterations"])
         self.seconds = variant.seconds(f"steps/{STEP}")
         self.memory = variant.peak_memory(f"steps/{STEP}")
 
@@ -49,6 +52,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         bound = allowed["increments"] if name == settings["asked"] else None
         quantity = f"{name}: potency over that of {most.facts['increments']} increments"
         rows.append(Row.relative(quantity, 1.0, run.potency / most.potency, bound, remark))
+    rows += plastic(runs, settings, allowed)
     for name in settings["cells"]:
         run = runs[name]
         if run.seconds is None:
@@ -71,6 +75,22 @@ def same(name: str, other: str, run: Run, expected: Run, bound: float) -> list[R
             ("failed volume", "m3", expected.volume, run.volume),
         )
     ]
+
+
+def plastic(runs: dict[str, Run], settings: dict, allowed: dict) -> list[Row]:
+    """V-cycles where no strength is lost, on ever finer cells; what a looser tolerance makes of flow and cycles."""
+    rows = []
+    for name in settings["plastic"]:
+        run = runs[name]
+        remark = f"{run.facts['cells']} cells, split {run.facts['cell_splits']} times, {run.particles} flow"
+        rows.append(Row(f"{name}: V-cycles of the step", 0.0, run.cycles, run.cycles, allowed["cycles"], remark))
+    strict = runs[settings["plastic"][2]]
+    for name in settings["looser"]:
+        run = runs[name]
+        bound = allowed["looser"] if name == settings["enough"] else None
+        remark = f"{run.cycles} V-cycles, {strict.cycles} at {strict.facts['tolerance']:.0e}"
+        rows.append(Row.relative(f"{name}: potency of all that flowed, m3", strict.flow, run.flow, bound, remark))
+    return rows
 
 
 def draw(results: Results, runs: dict[str, Run]) -> Figure:

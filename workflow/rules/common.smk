@@ -17,10 +17,12 @@ from workflow.slices import SliceFiles
 RESULTS = "results/{mine}"
 NAME = "[A-Za-z0-9][A-Za-z0-9_-]*"
 ENSEMBLE = "ensemble"  # folder of its perturbed members, by number
+COARSE = "coarse"  # folder of its companion on cells of twice the size
 MINES = f"{re.escape(MINE.name)}|verification/{NAME}/{NAME}"  # with results of their own: this run's mine, variants
 STUDY = "results/verification/{study}"
 HAS_CATALOG = bool(MINE.dated_steps)
 HAS_QUAKEML = HAS_CATALOG and MINE.has_place
+HAS_COARSE = MINE.has_companion
 HAS_RECORD = HAS_CATALOG and "record" in MINE.values
 # `stage` in the rules below. exec: a stage is a child of this process, not of a shell between them, and ends with it
 # (pipeline.stage).
@@ -32,7 +34,7 @@ shell.prefix(
 
 
 wildcard_constraints:
-    mine=f"({MINES})(/{ENSEMBLE}/[1-9][0-9]*)?",
+    mine=f"({MINES})(/{ENSEMBLE}/[1-9][0-9]*|/{COARSE})?",
     study=NAME,
     step=NAME,
 
@@ -64,23 +66,25 @@ def mine_at(folder):
     """Configuration behind results/<folder>."""
     place, part = parts_of(folder)
     mine = MINE if place == MINE.name else variant_of_study(*place.split("/")[1:])
+    if part == COARSE:
+        return mine.coarser()
     return mine.member(int(part.split("/")[1])) if part else mine
 
 
 def place_of(wildcards):
-    """Folder of the mine below results, and which part of it is meant: ensemble/<number> or, empty, itself."""
+    """Folder of the mine below results, and which part of it is meant: ensemble/<number>, coarse or, empty, itself."""
     return parts_of(wildcards.mine)
 
 
 def parts_of(folder):
     """The same of results/<folder>."""
-    return re.fullmatch(f"({MINES})/?({ENSEMBLE}/[0-9]+|)", folder).groups()
+    return re.fullmatch(f"({MINES})/?({ENSEMBLE}/[0-9]+|{COARSE}|)", folder).groups()
 
 
 def shared(wildcards):
     """Folder of the grid and the elastic state: a member of an ensemble has none of its own."""
     place, part = place_of(wildcards)
-    return f"results/{place if part else wildcards.mine}"
+    return f"results/{place if part.startswith(ENSEMBLE) else wildcards.mine}"
 
 
 def variant_of_study(name, variant):
@@ -137,6 +141,8 @@ def all_results():
             files += ["record.nc", "comparison.nc"]
     if MINE.members:
         files.append("spread.nc")
+    if HAS_COARSE:
+        files.append("grid_convergence.nc")
     return stage_results(MINE.name, MINE) + [result(file) for file in files]
 
 
@@ -180,6 +186,7 @@ def slice_file(folder, stage):
         "record": mine.record_slice if "record" in mine.values else dict,
         "comparison": mine.comparison_slice,
         "spread": mine.spread_slice,
+        "grid_convergence": mine.convergence_slice,
         "report": lambda: mine.report_slice(f"results/{folder}"),
     }
     return SLICES.name(folder, stage, of_stage[kind]())

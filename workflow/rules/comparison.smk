@@ -129,6 +129,36 @@ rule spread:
         " --settings {params.settings:q} --output {output} --log {log}"
 
 
+rule grid_convergence:
+    """How far cells decide the numbers: the mine's run beside the same on cells of twice the size."""
+    input:
+        steps=dated_steps_of,
+        coarse_steps=lambda wildcards: [
+            f"results/{wildcards.mine}/{COARSE}/steps/{step}.nc" for step in mine_of(wildcards).dated_steps
+        ],
+        catalog=f"{RESULTS}/catalog.nc",
+        coarse_catalog=f"{RESULTS}/{COARSE}/catalog.nc",
+    output:
+        kept(f"{RESULTS}/grid_convergence.nc"),
+    params:
+        code=source_hash("catalogs grid_convergence"),
+        settings=slice_of("grid_convergence"),
+    log:
+        "logs/{mine}/grid_convergence.log",
+    benchmark:
+        "benchmarks/{mine}/grid_convergence.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage catalogs grid_convergence --catalog {input.catalog} --coarse-catalog {input.coarse_catalog}"
+        " --steps {input.steps} --coarse-steps {input.coarse_steps}"
+        " --settings {params.settings:q} --output {output} --log {log}"
+
+
 rule report:
     """The page that a geotechnical engineer reads top to bottom, and its figures."""
     input:
@@ -140,6 +170,7 @@ rule report:
         matched=[result("record.nc"), result("comparison.nc")] if HAS_RECORD else [],
         spread=result("spread.nc") if MINE.members else [],
         closeness=result("closeness.nc") if HAS_CATALOG else [],
+        grid_convergence=result("grid_convergence.nc") if HAS_COARSE else [],
     output:
         page=report(kept(f"{RESULTS}/report.html"), caption="../report/report.rst", category="{mine}"),
         figures=directory(f"{RESULTS}/figures"),
@@ -151,6 +182,7 @@ rule report:
         comparison=if_made("comparison", "comparison.nc", HAS_RECORD),
         spread=if_made("spread", "spread.nc", MINE.members),
         closeness=if_made("closeness", "closeness.nc", HAS_CATALOG),
+        grid_convergence=if_made("grid-convergence", "grid_convergence.nc", HAS_COARSE),
         benchmarks="benchmarks/{mine}",
     log:
         "logs/{mine}/report.log",
@@ -165,6 +197,7 @@ rule report:
     shell:
         "stage catalogs report --settings {params.settings:q} --grid {input.grid} --elastic {input.elastic} --steps {input.steps}"
         " --events {input.events} {params.catalog} {params.record} {params.comparison} {params.spread} {params.closeness}"
+        " {params.grid_convergence}"
         " --benchmarks {params.benchmarks} --output {output.page} --figures {output.figures} --log {log}"
 
 

@@ -1,0 +1,85 @@
+"""How far cells decide a mine's numbers: its run beside the same on cells of twice the size.
+
+What a number still changes by is told from what it changed by when cells were halved, as if it fell by half each time
+(first order). That is cautious where it falls faster, and no promise: one stope of 10 x 15 x 20 m has 0.68, 1.25, 1.18,
+1.18 and 1.13 m3 of potency in cells of 5 to 0.31 m (docs/method.md). Two runs may agree by chance; FLOOR is what runs
+on ever smaller cells keep differing by, since other rock fails first in each.
+
+Layout of grid_convergence.nc
+-----------------------------
+Dimensions: cell (edge of the finest cells, m: the mine's, twice it), period (the dated steps, then "all" of them).
+
+  potency (cell, period) m3            of all events
+  failed_volume (cell, period) m3      rock that failed in the period
+  events (cell, period)                resolved events from the larger floor of both catalogues on
+  largest (cell, period)               log10 of the largest potency (m3), NaN without events
+  potency_error, failed_volume_error (period)   share that these may be off by, NaN where nothing failed
+Attributes: mine, floor (log10 P in m3), config_hash, source_hash, versions.
+"""
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from catalogs.settings import GridConvergenceSettings
+from catalogs.sizes import log_potency
+from pipeline.errors import InputError
+
+ALL = "all"
+FLOOR = 0.05  # share: potency of the stope above in cells of 1.25 m and less
+
+
+def compare(
+    catalogs: list[xr.Dataset], steps: list[list[dict]], settings: GridConvergenceSettings | dict
+) -> xr.Dataset:
+    """Numbers of both runs and what they say of the error; layout as at the head of this module.
+
+    catalogs: of both runs; steps: attributes of the states of their dated steps; each the mine's own first.
+    Raises InputError for files of another mine or of other steps.
+    """
+    settings = GridConvergenceSettings.of(settings)
+    for catalog, states in zip(catalogs, steps, strict=True):
+        found = [catalog.attrs.get("mine"), *(state.get("mine") for state in states)]
+        names = [state.get("step") for state in states]
+        if set(found) != {settings.mine} or names != list(settings.steps):
+            raise InputError(
+                f"grid_convergence: steps {', '.join(map(str, names))} of {', '.join(sorted(set(map(str, found))))}, "
+                f"not {', '.join(settings.steps)} of {settings.mine}; run again"
+            )
+    floors = [float(catalog.attrs["potency_floor"]) for catalog in catalogs]
+    floor = np.log10(max(floors)) if max(floors) > 0 else np.nan
+    rows = {name: [] for name in ("potency", "failed_volume", "events", "largest")}
+    for catalog, states in zip(catalogs, steps, strict=True):
+        for name, values in _by_period(catalog, states, settings.steps, floor).items():
+            rows[name].append(values)
+    table = {name: np.array(values) for name, values in rows.items()}
+    units = {"potency": "m3", "failed_volume": "m3", "events": "1", "largest": "1"}
+    data = {name: (("cell", "period"), values, {"units": units[name]}) for name, values in table.items()}
+    for name in ("potency", "failed_volume"):
+        data[f"{name}_error"] = ("period", share_off(*table[name]), {"units": "1"})
+    return xr.Dataset(
+        data,
+        coords={"cell": ("cell", list(settings.cells), {"units": "m"}), "period": [*settings.steps, ALL]},
+        attrs={"mine": settings.mine, "floor": floor},
+    )
+
+
+def share_off(own: NDArray, coarse: NDArray) -> NDArray:
+    """Share that numbers (n,) may be off by, from those on cells of twice the size; NaN where both are zero."""
+    own, coarse = np.asarray(own, float), np.asarray(coarse, float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.maximum(np.abs(own - coarse) / own, FLOOR)
+
+
+def _by_period(catalog: xr.Dataset, states: list[dict], steps: tuple[str, ...], floor: float) -> dict[str, list[float]]:
+    """Numbers of one run by step, then of all steps."""
+    potency, step = catalog["potency"].values, catalog["step"].values
+    counted = (catalog["resolved"].values == 1) & ~(log_potency(potency) < floor)
+    within = [step == name for name in steps] + [np.isin(step, steps)]
+    volumes = [float(state["failed_volume"]) for state in states]
+    return {
+        "potency": [float(potency[here].sum()) for here in within],
+        "failed_volume": [*volumes, sum(volumes)],
+        "events": [float((here & counted).sum()) for here in within],
+        "largest": [float(log_potency(potency[here]).max()) if here.any() else np.nan for here in within],
+    }

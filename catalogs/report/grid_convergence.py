@@ -1,0 +1,72 @@
+"""What cells and increments leave uncertain, as words and rows: the run beside one on cells of twice the size."""
+
+import numpy as np
+import xarray as xr
+
+from catalogs.grid_convergence import ALL
+from catalogs.report.inputs import Evidence
+from catalogs.report.text import MISSING, fixed, number, percent, whole
+
+TOO_COARSE = 0.5  # share: more than first-order convergence can be read from
+ROWS = {"potency": "potency (m³)", "failed_volume": "failed rock (m³)", "events": "events", "largest": "largest, log P"}
+
+
+def discretisation(evidence: Evidence) -> list[str]:
+    """How far the dated steps' numbers hang on cells and increments, in a paragraph; none without events."""
+    if evidence.catalog is None or not evidence.catalog.sizes["event"]:
+        return []
+    parts = _increments(evidence)
+    table = evidence.grid_convergence
+    if table is None:
+        cell = number(evidence.grid.attrs["fine_cell"])
+        text = f"What cells of {cell} m do to these numbers was not measured (grid_convergence)"
+        return [f"{text}; {parts}." if parts else f"{text}."]
+    every = table.sel(period=ALL)
+    own, coarse = (number(cell) for cell in table["cell"].values)
+    potency, volume = (every[name].values for name in ("potency", "failed_volume"))
+    text = (
+        f"On cells of {coarse} m instead of {own} m the same steps release {number(potency[1])} m³ of potency "
+        f"(here {number(potency[0])}) and {number(volume[1])} m³ of rock fail (here {number(volume[0])})"
+    )
+    if np.isfinite(table.attrs["floor"]):
+        events = every["events"].values
+        floor = fixed(float(table.attrs["floor"]), 1)
+        text += f", with {whole(events[1])} events of log P {floor} and more (here {whole(events[0])})"
+    errors = [float(every[f"{name}_error"]) for name in ("potency", "failed_volume")]
+    if not max(errors) <= TOO_COARSE:
+        text += f". Cells of {own} m are too large to say how far these numbers would still change: halve "
+        text += "grid.finest_cell before using them"
+    else:
+        text += f". So cells of {own} m leave potency uncertain by some {percent(errors[0])} and failed rock by some "
+        text += percent(errors[1])
+    return [f"{text}; {parts}." if parts else f"{text}."]
+
+
+def _increments(evidence: Evidence) -> str:
+    """What loading in increments adds to the potency of the dated steps at most; empty where it is not known."""
+    steps, catalog = evidence.dated, evidence.catalog
+    step, potency = catalog["step"].values, catalog["potency"].values
+    shares = np.array([float(one.get("increment_error", np.nan)) for one in steps])
+    weights = np.array([potency[step == one["step"]].sum() for one in steps])
+    if not weights.sum() > 0 or not np.isfinite(shares[weights > 0]).all():
+        return ""
+    share = percent(np.average(shares, weights=weights))
+    return f"their load, put on in parts, makes potency too large by {share} at most"
+
+
+def rows(table: xr.Dataset) -> list[dict]:
+    """Each dated step and all of them: numbers on both cells as text, and the share that they may be off by."""
+    found = []
+    for period in table["period"].values:
+        here = table.sel(period=period)
+        values = {name: here[name].values for name in ROWS}
+        text = {name: [number(value) for value in values[name]] for name in ("potency", "failed_volume")}
+        text["events"] = [whole(value) for value in values["events"]]
+        text["largest"] = [fixed(value, 2) for value in values["largest"]]
+        errors = [float(here[f"{name}_error"]) for name in ("potency", "failed_volume")]
+        found.append(
+            {"name": "all" if period == ALL else str(period)}
+            | text
+            | {"errors": [percent(error) if error <= TOO_COARSE else MISSING for error in errors]}
+        )
+    return found

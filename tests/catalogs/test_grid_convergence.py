@@ -1,0 +1,96 @@
+"""What two runs on cells of two sizes say of each other: exact numbers of hand-made ones, and the report's words."""
+
+import numpy as np
+import pytest
+import report_fixtures as fixtures
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+from catalogs.grid_convergence import FLOOR, compare, share_off
+from catalogs.report.page import write_report
+from pipeline.datasets import read_dataset, write_dataset
+from pipeline.errors import InputError
+from pipeline.event_table import new_catalog
+
+STEPS = ["2019-08", "2019-09"]
+SETTINGS = {"mine": "testmine", "steps": STEPS, "cells": [2.0, 4.0]}
+VOLUMES = {"own": [100.0, 50.0], "coarse": [80.0, 50.0]}
+
+
+def run(potency: list[float], step: list[str], floor: float, volumes: list[float], resolved=None, mine="testmine"):
+    """Catalogue of a run, and the attributes of its steps."""
+    counted = [1] * len(potency) if resolved is None else resolved
+    attributes = {"mine": mine, "kind": "synthetic", "potency_floor": floor}
+    catalog = new_catalog(len(potency), attributes, potency=potency, step=step, resolved=counted)
+    states = [
+        {"mine": mine, "step": name, "failed_volume": volume} for name, volume in zip(STEPS, volumes, strict=True)
+    ]
+    return catalog, states
+
+
+@pytest.fixture
+def found() -> xr.Dataset:
+    own = run([3.0, 0.5, 0.1, 1.0], ["2019-08"] * 3 + ["2019-09"], 0.05, VOLUMES["own"], [1, 1, 1, 0])
+    coarse = run([2.5, 0.4, 1.2], ["2019-08", "2019-08", "2019-09"], 0.2, VOLUMES["coarse"])
+    return compare(*zip(own, coarse, strict=True), SETTINGS)
+
+
+def test_numbers_of_both_runs_by_step_and_in_total(found):
+    assert found["cell"].values.tolist() == [2.0, 4.0]
+    assert found["period"].values.tolist() == [*STEPS, "all"]
+    np.testing.assert_allclose(found["potency"], [[3.6, 1.0, 4.6], [2.9, 1.2, 4.1]])
+    np.testing.assert_allclose(found["failed_volume"], [[100, 50, 150], [80, 50, 130]])
+    assert found["events"].values.tolist() == [[2, 0, 2], [2, 1, 3]]  # resolved, from the larger floor on
+    np.testing.assert_allclose(found["largest"], np.log10([[3.0, 1.0, 3.0], [2.5, 1.2, 2.5]]))
+    assert found.attrs["floor"] == pytest.approx(np.log10(0.2))
+
+
+def test_a_number_may_be_off_by_what_it_changed_by(found):
+    np.testing.assert_allclose(found["potency_error"], [0.7 / 3.6, 0.2, 0.5 / 4.6])
+    np.testing.assert_allclose(found["failed_volume_error"], [0.2, FLOOR, 20 / 150])
+
+
+@given(st.floats(0.1, 10.0), st.floats(-0.9, 5.0), st.floats(1.0, 3.0))
+def test_it_holds_the_truth_wherever_convergence_is_of_first_order_or_better(limit, excess, order):
+    """Numbers limit (1 + excess h^order) on cells h = 1 and 2."""
+    own, coarse = limit * (1.0 + excess), limit * (1.0 + excess * 2.0**order)
+    assert abs(own - limit) <= share_off(own, coarse) * own * (1.0 + 1e-9)
+
+
+def test_nothing_that_failed_has_no_error():
+    assert np.isnan(share_off([0.0], [0.0]))[0]
+    assert share_off([0.0], [1.0])[0] == np.inf
+
+
+@pytest.mark.parametrize("fault", [{"mine": "other"}, {"steps": ["2019-08"]}])
+def test_files_of_another_mine_or_other_steps_are_refused(fault):
+    runs = [run([1.0], ["2019-08"], 0.1, VOLUMES["own"]) for _ in range(2)]
+    with pytest.raises(InputError, match="grid_convergence: steps 2019-08, 2019-09 of testmine"):
+        compare(*zip(*runs, strict=True), SETTINGS | fault)
+
+
+def written(mine: fixtures.Mine, **attributes) -> dict:
+    """Arguments of a report whose steps carry what they overshot by."""
+    for path in mine.steps:
+        step = read_dataset(path)
+        write_dataset(step.assign_attrs(attributes), path)
+    return mine.arguments()
+
+
+def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, found):
+    mine = fixtures.make_mine(tmp_path)
+    arguments = written(mine, increment_error=0.15)
+    write_report(**arguments)
+    page = mine.arguments()["output"].read_text()
+    assert "to these numbers was not measured (grid_convergence); their load, put on in parts" in page
+    assert "too large by 15 % at most" in page
+    write_dataset(found, tmp_path / "grid_convergence.nc")
+    write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
+    page = mine.arguments()["output"].read_text()
+    assert "On cells of 4.00 m instead of 2.00 m the same steps release 4.10 m³ of potency (here 4.60)" in page
+    assert "uncertain by some 11 % and failed rock by some 13 %; their load" in page
+    worse = found.assign(potency_error=found["potency_error"] * 10)
+    write_dataset(worse, tmp_path / "grid_convergence.nc")
+    write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
+    assert "too large to say how far these numbers would still change" in mine.arguments()["output"].read_text()

@@ -1,0 +1,59 @@
+"""`grid_convergence`: the tiny mine on cells of twice the size beside results that stand, and what both tell."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from tiny_mines import FLAT, TINY, changed, edited, hashes, jobs, snakemake
+
+STEPS = ("history", "2019-08")
+
+
+def test_a_companion_is_run_in_space_where_steps_have_dates_and_a_level_can_go(accept):
+    wanted = {"grid_convergence": True}
+    bare = {key: value for key, value in TINY.items() if key != "grid_convergence"}
+    assert accept(bare).has_companion
+    assert not accept(TINY).has_companion
+    assert not accept(changed(bare, **{"grid.levels": 1})).has_companion
+    assert not accept({key: value for key, value in FLAT.items() if key != "grid_convergence"}).has_companion
+    assert accept(FLAT, **wanted).has_companion
+    assert not accept(TINY, **wanted).member(1).has_companion
+
+
+def test_the_companion_differs_in_its_cells_alone(accept):
+    mine = accept(TINY)
+    coarse, here = mine.coarser(), mine.scene_slice(1)
+    assert coarse.grid_slice()["grid"] == mine.grid_slice()["grid"] | {"levels": 1, "volume_error": 1e9}
+    assert coarse.scene_slice(1) == {key: value for key, value in here.items() if key != "refinement"}  # one size only
+    assert coarse.event_slice("2019-08") == mine.event_slice("2019-08")
+    assert mine.convergence_slice() == {"mine": "tiny", "steps": ["2019-08"], "cells": [5.0, 10.0]}
+
+
+@pytest.mark.slow
+def test_a_companion_runs_beside_what_stands(spoiled, base):
+    """Its own grid, states and events; nothing of the mine itself is made again, nor anything at a second call."""
+    results = spoiled / "results/tiny"
+    before = hashes(results)
+    with edited(base / "files" / "tiny.yaml", changed(TINY, grid_convergence=True)) as file:
+        status, text = snakemake(file, spoiled)
+        again = snakemake(file, spoiled, "--dry-run")
+    assert status == 0, text
+    own = {"grid": 1, "elastic": 1, "mining_step": 2, "events": 2, "catalog": 1}
+    assert jobs(text) == own | {"grid_convergence": 1, "report": 1, "all": 1}
+    after = hashes(results)
+    assert {path: after[path] for path in before} == before
+    made = {f"coarse/{folder}/{step}.nc" for folder in ("steps", "events") for step in STEPS}
+    made |= {f"coarse/{name}" for name in ("grid.nc", "elastic.nc", "catalog.nc", "catalog.csv")}
+    assert set(after) - set(before) == {"grid_convergence.nc", *made}
+
+    found = xr.open_dataset(results / "grid_convergence.nc")
+    assert found.cell.values.tolist() == [5.0, 10.0]
+    for run, folder in enumerate((results, results / "coarse")):
+        catalog = xr.open_dataset(folder / "catalog.nc")
+        np.testing.assert_allclose(found.potency.sel(period="all")[run], catalog.potency.sum())
+        state = xr.open_dataset(folder / "steps/2019-08.nc")
+        assert float(found.failed_volume.sel(period="2019-08")[run]) == state.attrs["failed_volume"]
+        assert state.cell_size.values.min() == found.cell[run]
+    page = (results / "report.html").read_text()
+    assert "On cells of 10.0 m instead of 5.00 m" in page
+    assert "Older than the configuration" not in page
+    assert "Nothing to be done" in again[1]
