@@ -6,18 +6,32 @@ uniform strain goes over unchanged; of any other the parts feel more than the on
 longer at rest. Cells that are not split keep what they have, to the bit.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
 
 from mpm_core.grid.adjacency import holding_cells
+from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodes import spread_to_hanging
 from mpm_core.model import Model
 from mpm_core.occupancy import Loose
 from mpm_core.state import ARRAYS, Extent, State
 
 NOWHERE = -1
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Of a model its grid and the corners of its cells, in bit order: what nodal values are carried over from."""
+
+    grid: MultiLevelGrid
+    cell_nodes: np.ndarray
+
+    @classmethod
+    def of(cls, model: Model) -> "Cells":
+        """Of a model, which they do not keep alive."""
+        return cls(model.grid, model.cell_nodes)
 
 
 def carry(old: Model, state: State, new: Model) -> State:
@@ -44,7 +58,7 @@ def carry(old: Model, state: State, new: Model) -> State:
     return result
 
 
-def carry_nodes(old: Model, values: np.ndarray, new: Model, origin: np.ndarray | None = None) -> np.ndarray:
+def carry_nodes(old: Model | Cells, values: np.ndarray, new: Model, origin: np.ndarray | None = None) -> np.ndarray:
     """Nodal values (node, component) of the old grid at the nodes of the new one, trilinear between corners.
 
     origin (new cell,): the old cell that holds each.

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mpm_core.equilibrium.convergence import norm
 from mpm_core.geometry.inside import contains
 from mpm_core.geometry.shapes import build_shape
 from mpm_core.kernels.nodes import collect_to_parents, particle_loads
@@ -11,6 +12,8 @@ from mpm_core.virgin import virgin_body_force, virgin_stress
 from mpm_core.wall_pressure import wall_pressure
 from pipeline.errors import InputError
 from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
+
+ROUND_OFF = 1e-12  # of all forces since virgin rock: unbalanced force that is none
 
 
 def external_force(model: Model, step: int) -> np.ndarray:
@@ -165,3 +168,16 @@ def strain_reaction(model: Model, strain: np.ndarray, step: int) -> np.ndarray:
         collect_to_parents(model.grid.node_parents, nodal)
         nodal[~model.held] = 0.0
     return nodal
+
+
+def measure(change: float, whole: float, tolerance: float) -> float:
+    """What unbalanced forces of a stage are measured by, N: the load size of what it changes, however much has acted
+    since virgin rock (whole); that, where nothing changes. Never so little that the tolerance is the whole's round-off.
+    """
+    return max(change, ROUND_OFF * whole / tolerance) if change > ROUND_OFF * whole else whole
+
+
+def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) -> float:
+    """What unbalanced forces are measured by, N: 2-norm of forces (node, d) at free nodes and, at held ones, of what
+    the strain (d, d) of the boundary asks of elastic rock. Rock that has failed carries less of it."""
+    return float(np.hypot(norm(force), norm(strain_reaction(model, strain, step))))

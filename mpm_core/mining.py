@@ -1,15 +1,18 @@
-"""A mining step on the cells that it has now: its model and loads, and the same on finer cells where rock asks."""
+"""A mining step on the cells that it has now: what it begins with, and the same on finer cells where rock asks."""
 
 import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
+import xarray as xr
 
-from mpm_core.carrying import carry, carry_forces, carry_nodes
+from mpm_core.carrying import Cells, carry, carry_forces, carry_nodes
+from mpm_core.datasets import read_grid, read_loose, read_state
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import Brittle, find_brittle
 from mpm_core.equilibrium.cascade import Ramp
-from mpm_core.equilibrium.energy import elastic_energy, hourglass_energies
+from mpm_core.equilibrium.convergence import History
+from mpm_core.equilibrium.energy import Balance, elastic_energy, hourglass_energies
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.moving import MovingScheme
 from mpm_core.equilibrium.multigrid import MultigridScheme
@@ -19,7 +22,7 @@ from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import split
 from mpm_core.ground import Ground
-from mpm_core.loading import external_force
+from mpm_core.loading import boundary_strain, external_force, load_size, measure
 from mpm_core.memory import require_cells
 from mpm_core.model import Model
 from mpm_core.state import REFINED, State
@@ -44,7 +47,7 @@ def brittle_of(model: Model, volume: np.ndarray, step: int) -> Brittle:
 class StepCells:
     """What a step has on its cells, replaced as a whole when they are split; it is what the cascade asks (Refining).
 
-    start_model, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
+    start_cells, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
     full: as many cells as there may be.
     """
 
@@ -53,7 +56,7 @@ class StepCells:
     brittle: Brittle
     ramp: Ramp
     step: int
-    start_model: Model
+    start_cells: Cells
     start_displacement: np.ndarray
     refinement: Refinement
     full: bool = False
@@ -113,9 +116,76 @@ class StepCells:
     def moved(self) -> np.ndarray:
         """How far nodes (node, d) have moved in this step, m."""
         start = self.start_displacement
-        if self.start_model is not self.model:
-            start = carry_nodes(self.start_model, start, self.model)
+        if self.start_cells.grid is not self.model.grid:
+            start = carry_nodes(self.start_cells, start, self.model)
         return self.scheme.body.state.displacement - start
+
+
+def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History) -> tuple[StepCells, Balance]:
+    """A step at rest, before any of its load: what it has on its cells, and the balance of its energy.
+
+    A function of its own, so that nobody holds what is on these cells once they are split.
+    """
+    scene, before = ground.scene, max(step - 1, 0)
+    scheme = start_of(ground, previous, before, history)
+    model, state = scheme.body.model, scheme.body.state
+    start = external_force(model, before) + scheme.body.internal_force()
+    old_volume, mined_hourglass = scheme.body.volume, 0.0
+    volume, target = model.volumes(step), external_force(model, step)
+    if step > before:
+        mined_hourglass = release_mined_hourglass(scheme.body, volume)
+        scheme.set_volume(volume)
+    balance = Balance.at_start(scheme.body, old_volume, mined_hourglass)
+    # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
+    start -= scheme.body.internal_force()
+    strain = boundary_strain(scene, step)
+    more_strain = strain - boundary_strain(scene, before)
+    change, whole = load_size(model, target - start, more_strain, step), load_size(model, target, strain, step)
+    ramp = Ramp(start, target, more_strain, reference=measure(change, whole, scene.solver.tolerance))
+    cells = StepCells(
+        ground, scheme, brittle_of(model, volume, step), ramp, step, Cells.of(model), state.displacement.copy(),
+        Refinement.of(model.grid),
+    )  # fmt: skip
+    return cells, balance
+
+
+def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History) -> Scheme:
+    """The state of the step before at rest, on cells that are fine around all that this step mines."""
+    scene, step = ground.scene, len(ground.scene.steps) - 1
+    was, body = read_grid(previous)
+    ground.refuse_other(was, before)
+    grid = ground.opened(was, step) if scene.refinement and step > before else was
+    require_cells(scene, grid)
+    loose = read_loose(previous)
+    if grid is was:
+        model = ground.model(was, body, loose)
+        state = read_state(previous, model)
+        return make_scheme(model, state, model.volumes(before))
+    old = ground.model(was, body, loose, all_fallen=True)
+    model = ground.on(grid, old, all_fallen=False)
+    state = carry(old, read_state(previous, old), model)
+    scheme = make_scheme(model, state, model.volumes(before))
+    force, strain = external_force(model, before), boundary_strain(scene, before)
+    scheme.relax(force, scene.solver.tolerance, load_size(model, force, strain, before), history)
+    scheme.body.settle()
+    state.energy[:] = 0.0  # of cells that are other ones now: no part of what the step does
+    return scheme
+
+
+def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:
+    """Hourglass forces of cells of which rock or fill is mined go with it, in proportion to its stiffness.
+
+    body: with the volumes before; volume (particle,): what stays. Returns the energy that goes with them, J.
+    """
+    model, state = body.model, body.state
+    lame, shear = model.elastic_constants[model.particles.material].T
+    stiffness, cells = lame + 2.0 * shear, len(model.cell_nodes)
+    old = np.bincount(model.particles.cell, stiffness * body.volume, minlength=cells)
+    kept = np.bincount(model.particles.cell, stiffness * np.minimum(body.volume, volume), minlength=cells)
+    share = np.divide(kept, old, out=np.ones(cells), where=old > 0.0)
+    mined = np.sum((1.0 - share) * hourglass_energies(state.hourglass_force, body.hourglass))
+    state.hourglass_force *= share[:, None, None]
+    return float(mined)
 
 
 def stored(body: Body) -> float:

@@ -87,7 +87,7 @@ class Model:
         nodes = np.unique(self.cell_nodes[touched])
         if not len(nodes):
             nodes = np.unique(self.cell_nodes[present])
-        return free_motions(self.grid.node_position[nodes], self.held[nodes])
+        return free_motions(self.grid.origin + self.grid.node_index[nodes] * self.grid.fine_cell, self.held[nodes])
 
 
 def held_faces(scene: Scene) -> dict[tuple[int, int], list[int]]:

@@ -9,25 +9,23 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from mpm_core.carrying import carry
 from mpm_core.checkpoint import Checkpoint
 from mpm_core.constitutive.regions import STRENGTH_FACTOR_CAP
-from mpm_core.datasets import read_grid, read_loose, read_state, state_dataset
+from mpm_core.datasets import read_grid, state_dataset
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import above_strength
-from mpm_core.equilibrium.cascade import Ramp, run_cascade
-from mpm_core.equilibrium.convergence import History, norm
+from mpm_core.equilibrium.cascade import run_cascade
+from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.energy import Balance, hourglass_energies
 from mpm_core.equilibrium.increments import increment_error
-from mpm_core.equilibrium.refinement import Refinement
 from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.grid.splitting import with_leaves
 from mpm_core.ground import Ground
 from mpm_core.kernels.failure import make_rate_strength
-from mpm_core.loading import boundary_strain, external_force, strain_reaction
+from mpm_core.loading import boundary_strain, external_force, load_size
 from mpm_core.loose import describe_loose
 from mpm_core.memory import require_cells
-from mpm_core.mining import StepCells, brittle_of, make_scheme
+from mpm_core.mining import begin_step, make_scheme
 from mpm_core.model import Model
 from mpm_core.occupancy import Loose
 from mpm_core.scene import Scene
@@ -37,7 +35,6 @@ from pipeline.errors import InputError
 
 REMEDY = {True: "more grid.max_cells", False: "more grid.buffer_cells, or grid.refinement: adaptive,"}
 LEAST_STAYS = 1e-5  # of virgin stress: what is less counts as this much; the default tolerance then asks for 1e-10
-ROUND_OFF = 1e-12  # of all forces since virgin rock: unbalanced force that is none
 
 
 def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:
@@ -85,32 +82,13 @@ def mining_step(
             f"steps.{scene.steps[step]}: the step before ended in collapse, nothing can follow it; leave this "
             "step out, or mine or load less in the one before"
         )
-    ground, before = Ground.of(scene, grid), max(step - 1, 0)
     saved = {} if checkpoint is None or scene.solver.move else checkpoint.read()
     watched = following(scene, scene.steps[step], failed_state)
     with watched as history:
-        scheme = start_of(ground, previous, before, history)
-        model, state = scheme.body.model, scheme.body.state
-        start = external_force(model, before) + scheme.body.internal_force()
-        old_volume, mined_hourglass = scheme.body.volume, 0.0
-        volume, target = model.volumes(step), external_force(model, step)
-        if step > before:
-            mined_hourglass = release_mined_hourglass(scheme.body, volume)
-            scheme.set_volume(volume)
-        balance = Balance.at_start(scheme.body, old_volume, mined_hourglass)
-        # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
-        start -= scheme.body.internal_force()
-        strain = boundary_strain(scene, step)
-        more_strain = strain - boundary_strain(scene, before)
-        change, whole = load_size(model, target - start, more_strain, step), load_size(model, target, strain, step)
-        ramp = Ramp(start, target, more_strain, reference=measure(change, whole, scene.solver.tolerance))
-        cells = StepCells(
-            ground, scheme, brittle_of(model, volume, step), ramp, step, model, state.displacement.copy(),
-            Refinement.of(model.grid),
-        )  # fmt: skip
+        cells, balance = begin_step(Ground.of(scene, grid), previous, step, history)
         watched.state = lambda: cells.scheme.body.state
         if saved:
-            cells.onto(with_leaves(model.grid, saved["cells_index"], saved["cells_level"]))
+            cells.onto(with_leaves(cells.model.grid, saved["cells_index"], saved["cells_level"]))
             checkpoint.restore(saved, cells.scheme.body.state, history)
             cells.scheme = make_scheme(cells.model, cells.scheme.body.state, cells.model.volumes(step))
 
@@ -124,58 +102,6 @@ def mining_step(
         if checkpoint is not None:
             checkpoint.remove()
     return finish(scheme, history, step, balance, cells.ramp.target, cells.moved(), "step", collapsed)
-
-
-def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History) -> Scheme:
-    """The state of the step before at rest, on cells that are fine around all that this step mines."""
-    scene, step = ground.scene, len(ground.scene.steps) - 1
-    was, body = read_grid(previous)
-    ground.refuse_other(was, before)
-    grid = ground.opened(was, step) if scene.refinement and step > before else was
-    require_cells(scene, grid)
-    loose = read_loose(previous)
-    if grid is was:
-        model = ground.model(was, body, loose)
-        state = read_state(previous, model)
-        return make_scheme(model, state, model.volumes(before))
-    old = ground.model(was, body, loose, all_fallen=True)
-    model = ground.on(grid, old, all_fallen=False)
-    state = carry(old, read_state(previous, old), model)
-    scheme = make_scheme(model, state, model.volumes(before))
-    force, strain = external_force(model, before), boundary_strain(scene, before)
-    scheme.relax(force, scene.solver.tolerance, load_size(model, force, strain, before), history)
-    scheme.body.settle()
-    state.energy[:] = 0.0  # of cells that are other ones now: no part of what the step does
-    return scheme
-
-
-def measure(change: float, whole: float, tolerance: float) -> float:
-    """What unbalanced forces of a stage are measured by, N: the load size of what it changes, however much has acted
-    since virgin rock (whole); that, where nothing changes. Never so little that the tolerance is the whole's round-off.
-    """
-    return max(change, ROUND_OFF * whole / tolerance) if change > ROUND_OFF * whole else whole
-
-
-def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) -> float:
-    """What unbalanced forces are measured by, N: 2-norm of forces (node, d) at free nodes and, at held ones, of what
-    the strain (d, d) of the boundary asks of elastic rock. Rock that has failed carries less of it."""
-    return float(np.hypot(norm(force), norm(strain_reaction(model, strain, step))))
-
-
-def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:
-    """Hourglass forces of cells of which rock or fill is mined go with it, in proportion to its stiffness.
-
-    body: with the volumes before; volume (particle,): what stays. Returns the energy that goes with them, J.
-    """
-    model, state = body.model, body.state
-    lame, shear = model.elastic_constants[model.particles.material].T
-    stiffness, cells = lame + 2.0 * shear, len(model.cell_nodes)
-    old = np.bincount(model.particles.cell, stiffness * body.volume, minlength=cells)
-    kept = np.bincount(model.particles.cell, stiffness * np.minimum(body.volume, volume), minlength=cells)
-    share = np.divide(kept, old, out=np.ones(cells), where=old > 0.0)
-    mined = np.sum((1.0 - share) * hourglass_energies(state.hourglass_force, body.hourglass))
-    state.hourglass_force *= share[:, None, None]
-    return float(mined)
 
 
 class following:

@@ -208,12 +208,14 @@ class Body:
 
     def come_to_rest(self) -> None:
         """Take the rigid motions that nothing holds out of the displacement: the body is at rest."""
-        self.free.remove_from(self.state.displacement, self.model.grid.node_position, self.mass)
+        if self.free.count:
+            self.free.remove_from(self.state.displacement, self.model.grid.node_position, self.mass)
         spread_to_hanging(self.hanging, self.model.grid.node_parents, self.state.displacement)
 
     def stop_drift(self) -> None:
         """Take them out of the velocity: damping by component pushes a body along what nothing holds."""
-        self.free.remove_from(self.state.velocity, self.model.grid.node_position, self.mass)
+        if self.free.count:
+            self.free.remove_from(self.state.velocity, self.model.grid.node_position, self.mass)
 
     def check_reach(self, ratio: float) -> None:
         """Raise NoRest if a node has moved farther than a finest cell; ratio: the unbalanced force that is left."""

@@ -37,7 +37,7 @@ class Ramp:
     """What a stage changes, increment by increment.
 
     start, target (node, d) N: the external force; strain (d, d): of the boundary, from 0 to this; reference N: what
-    unbalanced forces are measured by, what this stage adds (see stages.measure).
+    unbalanced forces are measured by, what this stage adds (see loading.measure).
     """
 
     start: np.ndarray
