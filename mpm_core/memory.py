@@ -18,14 +18,20 @@ PER_CELL = {"explicit": 1160.0, "multigrid": 1640.0}
 PER_PARTICLE = 360.0
 ELASTIC_SAVES = {"explicit": 0.0, "multigrid": 700.0}  # per cell: nothing flows, no steps are remembered
 SMALLER = "use a larger grid.coarse_cell, fewer grid.particles_per_cell, fewer grid.max_cells, or free some"
+FOLLOWS = 1.65  # times as much in a step whose cells follow the rock: while they are split it has those before, too.
+# renison_scale in cells of 2.5 m: 4.1 GB with 1.1 M cells
 SHARE_2D = 0.6  # of the cells' part: fewer corners and components
 
 
-def stage_bytes(scheme: str, dimension: int, cells: int, particles: int, elastic: bool = False) -> float:
-    """Peak memory of a stage of the mechanics, bytes; `elastic`: of the elastic history, not of a mining step."""
+def stage_bytes(
+    scheme: str, dimension: int, cells: int, particles: int, elastic: bool = False, follows: bool = False
+) -> float:
+    """Peak memory of a stage of the mechanics, bytes; `elastic`: of the elastic history, not of a mining step;
+    `follows`: of a step whose cells follow the rock."""
     scheme = scheme if scheme in BASE else LARGEST
     per_cell = PER_CELL[scheme] - (ELASTIC_SAVES[scheme] if elastic else 0.0)
-    return BASE[scheme] + cells * per_cell * (SHARE_2D if dimension == 2 else 1.0) + particles * PER_PARTICLE
+    size = cells * per_cell * (SHARE_2D if dimension == 2 else 1.0) + particles * PER_PARTICLE
+    return BASE[scheme] + size * (FOLLOWS if follows and not elastic else 1.0)
 
 
 def usable() -> float:
@@ -45,6 +51,7 @@ def require(needed: float, what: str, advice: str) -> None:
 
 def require_cells(scene: Scene, grid: MultiLevelGrid, elastic: bool = False) -> None:
     """Raise InputError if a stage on this grid would not fit into the memory that is usable now."""
-    cells = len(grid.cell_level)
-    needed = stage_bytes(scene.solver.scheme, grid.dimension, cells, cells * scene.particles_per_cell, elastic)
+    cells, follows = len(grid.cell_level), scene.refinement is not None
+    particles = cells * scene.particles_per_cell
+    needed = stage_bytes(scene.solver.scheme, grid.dimension, cells, particles, elastic, follows)
     require(needed, f"{cells:,} cells", SMALLER)

@@ -44,7 +44,8 @@ def mechanics_mb(mine: Mine, grid: str, elastic: bool) -> int:
     """MB that the elastic stage, or a mining step, needs at its peak on the cells of a grid.nc or a state."""
     cells, values = cells_of(grid), mine.values
     particles = cells * values["grid"]["particles_per_cell"]
-    return round((COMPILING + stage_bytes(values["solver"]["scheme"], mine.dimension, cells, particles, elastic)) / MB)
+    needed = stage_bytes(values["solver"]["scheme"], mine.dimension, cells, particles, elastic, mine.is_adaptive)
+    return round((COMPILING + needed) / MB)
 
 
 def reading_mb(mine: Mine, grid: str, stage: str, results: list[str]) -> int:

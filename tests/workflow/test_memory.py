@@ -28,8 +28,10 @@ def grid(tmp_path):
 def test_mechanics_ask_for_what_their_stage_says_that_it_needs(accept, grid, scheme, elastic):
     """And for what compiling takes; particles count."""
     mine = accept(TINY, **{"solver.scheme": scheme, "grid.particles_per_cell": 8})
-    expected = COMPILING + stage_bytes(scheme, 3, 1_000_000, 8_000_000, elastic)
+    expected = COMPILING + stage_bytes(scheme, 3, 1_000_000, 8_000_000, elastic, follows=True)
     assert mechanics_mb(mine, grid, elastic) == round(expected / 1e6)
+    static = accept(TINY, **{"solver.scheme": scheme, "grid.particles_per_cell": 8, "grid.refinement": "static"})
+    assert mechanics_mb(static, grid, elastic) < (mechanics_mb(mine, grid, elastic) + 1 if elastic else expected / 1e6)
 
 
 def test_a_scheme_needs_no_figures_of_its_own():
