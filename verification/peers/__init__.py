@@ -1,0 +1,1 @@
+"""Cases that other codes ship, with their numbers."""
