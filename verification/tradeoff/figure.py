@@ -7,6 +7,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from catalogs.figures import style
 from verification.tradeoff.knobs import BY_KEY, KNOBS
+from verification.tradeoff.measures import ITSELF
 from verification.tradeoff.points import Point
 from verification.tradeoff.runs import Line, Scene
 from verification.tradeoff.sentences import change, speed
@@ -38,8 +39,10 @@ def draw(scene: Scene) -> Figure:
 def prices(panel: Axes, scene: Scene) -> None:
     """Error against time, log-log; the front as steps, its runs named by number as in the table."""
     for line in scene.lines:
-        members = sorted(line.members, key=scene.work)
-        _plot(panel, [scene.work(member) for member in members], [_error(scene, m) for m in members], line, None)
+        numbers = [member for member in line.members if not isinstance(member.settings[line.knob], str)]
+        for members, look in ((numbers, "-"), ([m for m in line.members if m not in numbers], "none")):
+            x, y = [scene.work(member) for member in members], [_error(scene, member) for member in members]
+            _plot(panel, x, y, line, None, look)
     work = np.array([scene.work(point) for point in scene.points])
     error = np.array([_error(scene, point) for point in scene.points])
     single = {point.variant for line in scene.lines for point in line.members}
@@ -78,8 +81,9 @@ def changes(panel: Axes, scene: Scene) -> None:
     panel.axvline(1.0, color="#888888", linewidth=0.8)
     panel.set(xscale="log", yscale="log", title="What each knob does by itself (grey: no faster than noise)")
     panel.set_xlabel("times as fast as the base; left of 1 slower")
-    kind = "share of the far stress, %" if scene.main.kind == "itself" else "%"
-    panel.set_ylabel(f"change of {scene.main.title} ({kind}; {100 * LEAST:g} or less at the bottom)")
+    what = "change of the error" if scene.main.kind == ITSELF else "change"
+    panel.set_ylabel(f"{what} of {scene.main.title} (%)")
+    panel.text(0.01, 0.01, "at the bottom: this or less", transform=panel.transAxes, fontsize=7.5, color="#666666")
     _plain(panel.xaxis)
     _plain(panel.yaxis)
 

@@ -1,4 +1,4 @@
-"""The knobs: what of a configuration trades speed for accuracy, read from it, so that a variant cannot be mislabelled."""
+"""What of a configuration trades speed for accuracy, read from it, so that no variant can be mislabelled."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -47,13 +47,12 @@ KNOBS = (
     Knob("increment_error", "increment error", _key("solver", "increment_error")),
     Knob("hourglass", "hourglass stiffness", _key("solver", "hourglass")),
     Knob("damping", "damping", _key("solver", "damping")),
-    Knob(
-        "scaling", "density scaling", lambda values: "on" if values["solver"]["density_scaling"] else "off", str
-    ),
+    Knob("scaling", "density scaling", lambda values: "on" if values["solver"]["density_scaling"] else "off", str),
     Knob("method", "events are", _key("seismic", "method"), str),
     Knob("closeness", "closeness", _key("seismic", "closeness")),
     Knob("radius", "cluster radius", _radius, "{:g} cells".format),
 )
+SEISMIC = {"method", "closeness", "radius"}  # change how events are counted, no rock, and next to no time
 BY_KEY = {knob.key: knob for knob in KNOBS}
 
 

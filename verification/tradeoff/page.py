@@ -9,7 +9,8 @@ from pipeline.datasets import atomic_path
 from pipeline.pages import page_templates
 from verification.tradeoff.figure import draw
 from verification.tradeoff.knobs import KNOBS
-from verification.tradeoff.measures import RELATIVE
+from verification.tradeoff.measures import ITSELF, RELATIVE, Measure
+from verification.tradeoff.points import Point
 from verification.tradeoff.runs import Scene
 from verification.tradeoff.sentences import price, sentence, share, verdict
 from verification.tradeoff.table import make_table
@@ -33,7 +34,7 @@ def write_report(scenes: list[Scene], cores: int, table: Path, page: Path) -> No
         knobs=knobs,
         cores=cores,
         runs=sum(len(scene.points) for scene in scenes),
-        hours=sum(point.seconds for scene in scenes for point in scene.points) / 60.0,
+        minutes=sum(point.seconds for scene in scenes for point in scene.points) / 60.0,
         processor=min(section["processor"] for section in sections),
         disturbed=DISTURBED,
     )
@@ -69,29 +70,29 @@ def _section(scene: Scene, figure: Path) -> dict:
     }
 
 
-def _cells(scene: Scene, point) -> list[tuple[str, str]]:
+def _cells(scene: Scene, point: Point) -> list[tuple[str, str]]:
     """Value and error of each measure of a run, as text."""
     found = []
     for measure in scene.measures:
         value, error = point.measures[measure.key], scene.error(point, measure)
-        if measure.is_share and measure.kind != RELATIVE:
-            found.append((share(value), ""))
+        if measure.kind == ITSELF:
+            found.append((share(value) if measure.is_share else f"{value:.2g}", ""))
         else:
-            off = share(error) if measure.kind == RELATIVE else f"{error:.2g}"
-            found.append((f"{value:.4g}", off if np.isfinite(error) and measure.unit + measure.kind != "mitself" else ""))
+            text = share(error) if measure.kind == RELATIVE else f"{error:.2g}"
+            found.append((f"{value:.4g}" if np.isfinite(value) else "–", text if np.isfinite(error) else ""))
     return found
 
 
-def _truth(scene: Scene, measure) -> str:
-    """Where a measure's truth is from."""
+def _truth(scene: Scene, measure: Measure) -> str:
+    """Where a measure's truth is from, in words; empty where its value is its error."""
     limit = scene.truths[measure.key]
-    unit = "" if measure.unit == "1" else f" {measure.unit}"
-    if measure.kind == "itself":
+    if measure.kind == ITSELF:
         return ""
+    value = f"{measure.title}: {limit.value:.4g}{'' if measure.unit == '1' else f' {measure.unit}'}"
     if measure.key in scene.exact:
-        return f"{measure.title}: {limit.value:.4g}{unit} in closed form"
+        return f"{value} in closed form"
     if not np.isfinite(limit.value):
         return f"{measure.title}: nothing to compare with"
     if np.isfinite(limit.order):
-        return f"{measure.title}: {limit.value:.4g}{unit}, the limit of ever smaller cells, which converge with order {limit.order:.2f}"
-    return f"{measure.title}: {limit.value:.4g}{unit}, that of {scene.series[-1].variant}"
+        return f"{value}, where ever smaller cells lead, with order {limit.order:.2f}"
+    return f"{value}, that of {scene.series[-1].variant}"

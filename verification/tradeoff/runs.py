@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from verification.studies import Study
-from verification.tradeoff.knobs import KNOBS, changed, label
+from verification.tradeoff.knobs import KNOBS, SEISMIC, changed, label
 from verification.tradeoff.limits import Limit, richardson
 from verification.tradeoff.measures import ITSELF, MEASURES, Measure
 from verification.tradeoff.pareto import pareto_front
@@ -54,8 +54,9 @@ class Scene:
 
     @cached_property
     def noise(self) -> float:
-        """How many times as long the same takes: slowest over quickest of the runs that repeat the base."""
-        repeats = [self.work(point) for point in self.points if point.settings == self.base.settings]
+        """How many times as long the same takes: slowest over quickest of the runs whose rock is the base's."""
+        base = self.base.settings
+        repeats = [self.work(point) for point in self.points if set(changed(point.settings, base)) <= SEISMIC]
         return max(CLEAR, max(repeats) / min(repeats))
 
     @property

@@ -21,7 +21,7 @@ FIT = (1.0, 6.0)  # cells off the wall, between which its stress is extrapolated
 
 
 def hole(results: Results, variant: Variant) -> tuple[Measures, Measures]:
-    """Kirsch's hole, beside infinite rock: r.m.s. errors of the stress over the wall and at a distance, mean closure."""
+    """Kirsch's hole beside infinite rock: r.m.s. errors of stress over the wall and at a distance, mean closure."""
     rock, values = Rock(variant), variant.values
     host, constant = values["materials"]["host"], values["insitu_stress"]["constant"]
     virgin = tuple(constant.get(component, 0.0) for component in ("xx", "yy", "xy"))

@@ -8,6 +8,7 @@ from verification.tradeoff.points import Point
 from verification.tradeoff.runs import Line, Scene
 
 CHEAP = 0.01  # change of the main measure that nobody would mind, as a share
+CHEAP_TEXT = f"{100 * CHEAP:g} %"
 
 
 def share(value: float, sign: bool = False) -> str:
@@ -16,8 +17,7 @@ def share(value: float, sign: bool = False) -> str:
         return "–"
     percent = 100 * value
     digits = max(0, 1 - int(np.floor(np.log10(abs(percent))))) if abs(percent) >= 0.005 else 2
-    text = f"{percent:{'+' if sign else ''}.{min(digits, 2)}f} %"
-    return text
+    return f"{percent:{'+' if sign else ''}.{min(digits, 2)}f} %"
 
 
 def speed(scene: Scene, line: Line, member: Point) -> float:
@@ -76,10 +76,10 @@ def verdict(scene: Scene, line: Line) -> str:
         return "Buys nothing here: no value is faster beyond noise."
     cheap = [member for member in faster if abs(change(scene, line, member)) <= CHEAP]
     if not cheap:
-        return f"Buys speed for more than {share(CHEAP)} of {scene.main.title}."
+        return f"Buys speed for more than {CHEAP_TEXT} of {scene.main.title}."
     best = max(cheap, key=lambda member: speed(scene, line, member))
     value = knob.text(best.settings[line.knob])
-    return f"Buys {speed(scene, line, best):.2g} x at {value}, for less than {share(CHEAP)} of {scene.main.title}."
+    return f"Buys {speed(scene, line, best):.2g} x at {value}, for less than {CHEAP_TEXT} of {scene.main.title}."
 
 
 def _gain(scene: Scene, line: Line, member: Point) -> float:
