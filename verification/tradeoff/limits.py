@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-ORDERS = (0.5, 6.0)  # outside of these three values show no order: the limit would be a guess
+ORDERS = (0.5, 3.0)  # outside of these three values show no order: the limit would be a guess
 
 
 @dataclass(frozen=True)

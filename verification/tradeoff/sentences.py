@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from verification.tradeoff.knobs import BY_KEY
+from verification.tradeoff.knobs import BY_KEY, SEISMIC
 from verification.tradeoff.measures import ITSELF
 from verification.tradeoff.points import Point
 from verification.tradeoff.runs import Line, Scene
 
 CHEAP = 0.01  # change of the main measure that nobody would mind, as a share
+BETTER = 0.1  # share by which an error has to be smaller before it counts as bought
 CHEAP_TEXT = f"{100 * CHEAP:g} %"
 
 
@@ -66,11 +67,13 @@ def effect(scene: Scene, line: Line, member: Point) -> str:
 def verdict(scene: Scene, line: Line) -> str:
     """Whether the knob is worth turning."""
     knob = BY_KEY[line.knob]
+    if line.knob in SEISMIC:
+        return "A choice of what one event is, of which time knows nothing."
     others = [member for member in line.members if member is not line.anchor]
     faster = [member for member in others if is_faster(scene, line, member)]
     if not faster:
         slower = [member for member in others if speed(scene, line, member) < 1 / scene.noise]
-        better = [member for member in slower if _gain(scene, line, member) > CHEAP * 0.1]
+        better = [member for member in slower if gain(scene, line, member) > BETTER]
         if better:
             return "Buys no speed here; it can buy accuracy."
         return "Buys nothing here: no value is faster beyond noise."
@@ -82,9 +85,9 @@ def verdict(scene: Scene, line: Line) -> str:
     return f"Buys {speed(scene, line, best):.2g} x at {value}, for less than {CHEAP_TEXT} of {scene.main.title}."
 
 
-def _gain(scene: Scene, line: Line, member: Point) -> float:
-    """By how much the error of the main measure is smaller than the anchor's."""
-    return scene.error(line.anchor, scene.main) - scene.error(member, scene.main)
+def gain(scene: Scene, line: Line, member: Point) -> float:
+    """By how much of itself the error of the main measure is smaller than the anchor's."""
+    return 1.0 - scene.error(member, scene.main) / (scene.error(line.anchor, scene.main) or np.nan)
 
 
 def sentence(scene: Scene, line: Line) -> str:
