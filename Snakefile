@@ -5,6 +5,7 @@ snakemake --cores all --configfile config/mines/elk_creek.yaml     another mine 
 snakemake --cores all verification                                 every scene that has a known answer
 snakemake --cores all benchmarks                                   speed, beside other codes
 snakemake --cores all extremes                                     random scenes at the extremes
+snakemake --cores all tradeoff                                     speed against accuracy: what each knob buys
 """
 
 import sys
@@ -51,6 +52,7 @@ include: "workflow/rules/comparison.smk"
 include: "workflow/rules/verification.smk"
 include: "workflow/rules/benchmarks.smk"
 include: "workflow/rules/extremes.smk"
+include: "workflow/rules/tradeoff.smk"
 
 
 onstart:

@@ -18,12 +18,13 @@ from workflow.mine import Mine
 class Variant:
     """One run of the scene. `read` gives a dataset by its path below the results' folder ("steps/load_1.nc").
 
-    `costs`: seconds and peak memory (MB) by stage ("elastic", "steps/load_1") where Snakemake ran it.
+    `costs`: by stage ("elastic", "steps/load_1"), where Snakemake ran it: seconds, peak memory (MB), and how much of a
+    processor it had (%), on average.
     """
 
     mine: Mine
     read: Callable[[str], xr.Dataset]
-    costs: Callable[[str], tuple[float, float] | None] = lambda stage: None
+    costs: Callable[[str], tuple[float, float, float] | None] = lambda stage: None
     kept: dict[str, xr.Dataset] = field(default_factory=dict)
 
     @property
@@ -73,6 +74,11 @@ class Variant:
         costs = self.costs(stage)
         return costs and costs[1]
 
+    def processor(self, stage: str) -> float | None:
+        """How much of a processor a stage had, %; with one thread less than 100 where others kept it waiting."""
+        costs = self.costs(stage)
+        return costs and costs[2]
+
 
 @dataclass
 class Results:
@@ -99,12 +105,12 @@ def read_results(study: Study, folder: Path, benchmarks: Path) -> Results:
     """Results that Snakemake's stages left in <folder>/<variant>/ and their costs in <benchmarks>/<variant>/."""
 
     def variant(name: str, mine: Mine) -> Variant:
-        def costs(stage: str) -> tuple[float, float] | None:
+        def costs(stage: str) -> tuple[float, float, float] | None:
             path = benchmarks / name / f"{stage}.tsv"
             if not path.is_file():
                 return None
             table = pd.read_csv(path, sep="\t", na_values="-")
-            return float(table["s"].iloc[-1]), float(table["max_rss"].iloc[-1])
+            return tuple(float(table[column].iloc[-1]) for column in ("s", "max_rss", "mean_load"))
 
         return Variant(mine, lambda path: read_dataset(folder / name / path), costs)
 

@@ -273,6 +273,11 @@ def studies():
     return [name for name in names if not study(name).on_request]
 
 
+def tradeoff_studies(wildcards=None):
+    """Names of the studies of speed against accuracy, by the start of their names: the others need not be read."""
+    return sorted(path.stem for path in (BASE / "config/verification").glob("tradeoff_*.yaml"))
+
+
 def study_files(wildcards):
     """The files of these studies."""
     return [f"{BASE}/config/verification/{name}.yaml" for name in studies()]

@@ -1,0 +1,197 @@
+"""Speed against accuracy: the front, limits and orders, sentences made from runs, and a tiny study to its page."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from hypothesis import example, given
+from hypothesis import strategies as st
+from running import DEFAULT, STUDIES, run_study
+
+from pipeline.errors import InputError
+from verification.studies import Study, load_study
+from verification.tradeoff.answer import answer
+from verification.tradeoff.knobs import CHOSEN, changed, label, settings_of
+from verification.tradeoff.limits import richardson
+from verification.tradeoff.page import write_report
+from verification.tradeoff.pareto import pareto_front
+from verification.tradeoff.points import Point, Points, measure_study, read_points, write_points
+from verification.tradeoff.runs import Scene
+from verification.tradeoff.scenes import apart
+from verification.tradeoff.sentences import price, sentence, share, verdict
+
+FEW = st.sampled_from([0.0, 1.0, 2.0, 3.0, np.nan, np.inf])
+
+
+@given(st.lists(st.tuples(FEW, FEW), max_size=12))
+@example([(1.0, 2.0), (1.0, 2.0), (1.0, 1.0)])
+def test_the_front_is_what_no_other_point_beats(points):
+    """Slow twin: every point against every other."""
+    cost, error = np.array(points, float).reshape(-1, 2).T
+
+    def beats(one, other):
+        finite = np.isfinite([*points[one], *points[other]]).all()
+        no_worse = cost[one] <= cost[other] and error[one] <= error[other]
+        return finite and no_worse and points[one] != points[other]
+
+    numbers = range(len(points))
+    slow = [bool(np.isfinite(points[i]).all()) and not any(beats(j, i) for j in numbers) for i in numbers]
+    assert pareto_front(cost, error).tolist() == slow
+
+
+@given(st.floats(0.6, 2.9), st.floats(-5.0, 5.0), st.sampled_from([-2.0, 0.3, 7.0]), st.floats(1.3, 3.0))
+def test_limit_and_order_of_an_exact_power_law(order, limit, factor, ratio):
+    """x = limit + factor h^order on five cells of one ratio, in any order, and with a gap in the series."""
+    h = ratio ** np.array([2.0, 0.0, 1.0, -1.0, 3.0])
+    for chosen in (slice(None), [0, 1, 4]):
+        found = richardson(h[chosen], limit + factor * h[chosen] ** order)
+        assert found.order == pytest.approx(order, rel=1e-5)
+        assert found.value == pytest.approx(limit, abs=1e-5)
+
+
+@pytest.mark.parametrize("values", [[1.0, 2.0], [1.0, 2.0, 1.5], [1.0, 1.0, 1.0], [1.0, 1.001, 3.0], [3.0, 2.0, 1.0]])
+def test_without_an_order_the_finest_stands_for_the_limit(values):
+    """Too few, not monotonic, constant, converging too fast, too slowly."""
+    found = richardson([1.0, 2.0, 4.0][: len(values)], values)
+    assert found.value == values[0]
+    assert np.isnan(found.order)
+
+
+def made_up(changes: dict[str, dict], limit: tuple = ()) -> Scene:
+    """A scene of points: seconds, potency and knobs by variant; six stages, the start of each takes 1 s."""
+    settings = settings_of(load_study(STUDIES / "tradeoff_stope.yaml", DEFAULT).mines["base"].values)
+    points = []
+    for name, change in changes.items():
+        knobs = {key: value for key, value in change.items() if key in settings}
+        measures = {"potency": change["potency"], "events": change.get("events", 9.0), "largest": -1.0, "b": 1.0}
+        points.append(Point(name, settings | knobs, measures, change["work"] + 6.0, 6, 1.0, 300.0, 99.0, 1000, 10))
+    chosen = {"main": "potency", "base": "base", "limit": list(limit)}
+    study = Study("made_up", "tradeoff", "Made up", "Nothing.", True, 1, True, {}, chosen, {})
+    return Scene(study, Points("made_up", {}, points))
+
+
+BASE = {"base": {"work": 10.0, "potency": 1.1}, "again": {"work": 11.0, "potency": 1.1}}
+
+
+def line_of(scene: Scene, knob: str):
+    return next(line for line in scene.lines if line.knob == knob)
+
+
+def test_a_sentence_says_what_a_knob_buys():
+    """Twice as fast and 0.4 % off; the error is against the limit of the cells, 1 m3 with order 1."""
+    cells = {"c4": (4.0, 1.4), "c2": (2.0, 1.2), "c1": (1.0, 1.1)}
+    scene = made_up(
+        BASE
+        | {name: {"work": 40.0, "cell": cell, "potency": potency} for name, (cell, potency) in cells.items()}
+        | {"loose": {"work": 5.0, "tolerance": 1e-3, "potency": 1.1044}},
+        limit=list(cells),
+    )
+    assert scene.truths["potency"].value == pytest.approx(1.0)
+    assert scene.truths["potency"].order == pytest.approx(1.0)
+    line = line_of(scene, "tolerance")
+    expected = "From 1e-05 to 1e-03: 2.1 x as fast, seismic potency +0.40 % (error 10 % instead of 10 %)."
+    assert sentence(scene, line) == expected
+    assert verdict(scene, line) == "Buys 2.1 x at 1e-03, for less than 1 % of seismic potency."
+    assert price(scene, line) == "1e-03: 2.1 x, +0.40 %"
+    assert scene.label(scene.points[-1]) == "tolerance 1e-03"
+    assert [bool(on) for on in scene.front] == [True, False, False, False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("work", "potency", "text"),
+    [
+        (9.6, 1.1, "Buys nothing here"),  # repeats differ by a tenth
+        (30.0, 1.02, "Buys no speed here; it can buy accuracy."),
+        (30.0, 1.1, "Buys nothing here"),
+        (2.0, 1.4, "Buys speed for more than 1 %"),
+    ],
+)
+def test_what_is_no_faster_beyond_noise_buys_nothing(work, potency, text):
+    run = {"work": work, "cascade": 1e-4, "potency": potency}
+    scene = made_up(BASE | {"other": run, "best": {"work": 50.0, "rings": 9, "potency": 1.0}}, limit=["best"])
+    assert scene.noise == pytest.approx(1.1)
+    assert verdict(scene, line_of(scene, "cascade")).startswith(text)
+
+
+def test_a_line_may_stand_beside_the_base_and_says_so():
+    """Damping is turned in explicit runs alone; events are told where no rock changes."""
+    scene = made_up(
+        BASE
+        | {"explicit": {"work": 30.0, "potency": 1.1, "scheme": "explicit"}}
+        | {"damped": {"work": 60.0, "potency": 1.1, "scheme": "explicit", "damping": 0.9}}
+        | {"close": {"work": 10.0, "potency": 1.1, "closeness": 0.9, "events": 12.0}}
+    )
+    damping = line_of(scene, "damping")
+    assert damping.beside == "scheme explicit"
+    assert sentence(scene, damping) == (
+        "From 0.7 (with scheme explicit) to 0.9: 2 x as long, the same to the last digit."
+    )
+    assert "12 events instead of 9" in sentence(scene, line_of(scene, "closeness"))
+
+
+def test_knobs_are_read_from_the_configuration():
+    mines = load_study(STUDIES / "tradeoff_stope.yaml", DEFAULT).mines
+    base, quick, radius = (settings_of(mines[name].values) for name in ("base", "quick_2_5", "families_radius_12"))
+    assert base["increments"] == CHOSEN
+    assert changed(quick, base) == ["cell", "tolerance", "cascade", "increment_error"]
+    assert label(radius, changed(radius, base)) == "events are families, cluster radius 1.2 cells"
+
+
+def test_a_run_whose_limit_is_no_variant_is_refused_in_one_line():
+    with pytest.raises(InputError, match="settings: no variant 'finest'; there are base"):
+        made_up(BASE, limit=["finest"])
+
+
+@pytest.mark.parametrize(("value", "text"), [(0.0, "0.00 %"), (0.123, "12 %"), (0.00123, "0.12 %"), (2.0, "200 %")])
+def test_a_share_has_two_digits(value, text):
+    assert share(value) == text
+
+
+def test_a_study_runs_to_its_table_and_page(tmp_path):
+    """The stope on cells of 5 and 2.5 m; costs made up, as nothing was measured."""
+    variants = {"base": {"grid": {"levels": 2}}, "fine": {"grid": {"levels": 3}}}
+    variants["once"] = {"grid": {"levels": 2}, "solver": {"increments": 1}}
+    results = run_study("tradeoff_stope", tmp_path, variants)
+    results.study.settings["limit"] = ["fine"]
+    for number, variant in enumerate(results.variants.values(), start=2):
+        variant.costs = lambda stage, seconds=number: (float(seconds), 300.0, 98.0)
+    points = measure_study(results)
+    write_points(points, tmp_path / "points.json")
+    assert json.loads((tmp_path / "points.json").read_text())["study"] == "tradeoff_stope"
+    scene = Scene(results.study, read_points(tmp_path / "points.json"))
+    write_report([scene], 1, tmp_path / "table.csv", tmp_path / "report.html")
+    table = pd.read_csv(tmp_path / "table.csv").set_index("variant")
+    assert table.loc["base", "failed_volume_m3"] < table.loc["once", "failed_volume_m3"]
+    assert table.loc["once", "changes"] == "increments 1"
+    assert table.loc["base", "error_potency"] > 0.0
+    assert np.isnan(table.loc["fine", "error_potency"])  # it is the truth
+    assert table.loc["fine", "apart_m"] == 0.0
+    page = (tmp_path / "report.html").read_text()
+    assert "http" not in page.split("</style>")[1].replace("http://www.w3.org", "")
+    assert page.count("data:image/svg+xml;base64,") == 1
+    rows, figure = answer(results)
+    assert len(rows) == len({row.quantity for row in rows}) == 3 * len(scene.measures)
+    assert len(figure.axes) == 2
+    events = results["fine"].events("mined")
+    assert apart(events, results["once"].events("mined")) > 0.0 or events.resolved.sum() == 0
+
+
+def test_closed_forms_are_met_by_elastic_scenes(tmp_path):
+    """Coarse cells: closure within 3 %, stress around within 2 %."""
+    for name, grid in (("tradeoff_kirsch", {"finest_cell": "1 m"}), ("tradeoff_cavity", {"finest_cell": "1 m"})):
+        results = run_study(name, tmp_path, {"base": {"grid": grid}})
+        scene = Scene(results.study, measure_study(results))
+        errors = {measure.key: scene.error(scene.base, measure) for measure in scene.measures}
+        assert errors["closure"] < 0.03, name
+        assert errors["stress"] < 0.02, name
+
+
+def test_every_study_of_the_page_names_a_base_that_changes_nothing():
+    for path in STUDIES.glob("tradeoff_*.yaml"):
+        text = yaml.safe_load(path.read_text())
+        assert text["answer"] == "tradeoff"
+        assert text["on_request"]
+        assert text["threads"] == 1
+        assert text["variants"][text["settings"]["base"]] == {}

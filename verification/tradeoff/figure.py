@@ -1,0 +1,105 @@
+"""A scene's price list as a picture: error against time with the Pareto front, and what each knob changes by itself."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from catalogs.figures import style
+from verification.tradeoff.knobs import BY_KEY, KNOBS
+from verification.tradeoff.measures import ITSELF
+from verification.tradeoff.points import Point
+from verification.tradeoff.runs import Line, Scene
+from verification.tradeoff.sentences import change, speed
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555", "#882255")  # Okabe, Ito; Tol
+MARKS = ("o", "s", "^", "D", "v", "P", "X", "h")
+LEAST = 1e-5  # change that is drawn at the lower edge, as a share: less is round-off beside the rest
+LOOKS = {
+    knob.key: {"color": COLOURS[index % len(COLOURS)], "marker": MARKS[(index + index // len(COLOURS)) % len(MARKS)]}
+    for index, knob in enumerate(KNOBS)
+}
+
+
+def draw(scene: Scene) -> Figure:
+    """Left: error of the main measure against time, one line a knob. Right: what each knob does to it, and to time."""
+    figure = style.new_figure(height=5.2)
+    left, right = figure.subplots(1, 2)
+    prices(left, scene)
+    changes(right, scene)
+    for panel in (left, right):
+        panel.grid(which="major", color="#e8e8e8", linewidth=0.6)
+    handles, labels = right.get_legend_handles_labels()
+    handles += left.get_legend_handles_labels()[0]
+    labels += left.get_legend_handles_labels()[1]
+    figure.legend(handles, labels, loc="outside lower center", ncols=6)
+    return figure
+
+
+def prices(panel: Axes, scene: Scene) -> None:
+    """Error against time, log-log; the front as steps, its runs named by number as in the table."""
+    for line in scene.lines:
+        numbers = [member for member in line.members if not isinstance(member.settings[line.knob], str)]
+        for members, look in ((numbers, "-"), ([m for m in line.members if m not in numbers], "none")):
+            x, y = [scene.work(member) for member in members], [_error(scene, member) for member in members]
+            _plot(panel, x, y, line, None, look)
+    work = np.array([scene.work(point) for point in scene.points])
+    error = np.array([_error(scene, point) for point in scene.points])
+    single = {point.variant for line in scene.lines for point in line.members}
+    rest = np.array([point.variant not in single for point in scene.points])
+    panel.plot(work[rest], error[rest], ".", color="#999999", markersize=5, label="several knobs, or repeated")
+    base = scene.points.index(scene.base)
+    panel.plot(work[base], error[base], "*", color="black", markersize=13, zorder=4, label="base")
+    chosen = np.flatnonzero(scene.front)
+    if len(chosen):
+        chosen = chosen[np.argsort(work[chosen])]
+        panel.step(work[chosen], error[chosen], where="post", color="black", linewidth=1.0, alpha=0.5, zorder=1)
+        panel.plot(work[chosen], error[chosen], "o", markersize=12, markerfacecolor="none", markeredgecolor="black",
+                   label="Pareto front")  # fmt: skip
+        for number, index in enumerate(chosen, start=1):
+            panel.annotate(str(number), (work[index], error[index]), xytext=(7, 7), textcoords="offset points")
+    panel.set(xscale="log", yscale="log", title="Error against time")
+    panel.set_xlabel("time of all stages, less the start of their processes (s)")
+    panel.set_ylabel(f"error of {scene.main.title} (%)")
+    _plain(panel.xaxis)
+    _plain(panel.yaxis)
+
+
+def changes(panel: Axes, scene: Scene) -> None:
+    """How many times as fast a knob's value is as the base, and what it changes by itself, log-log."""
+    for line in scene.lines:
+        others = [member for member in line.members if member is not line.anchor]
+        moved = [100 * max(LEAST, abs(change(scene, line, member))) for member in others]
+        fast = [speed(scene, line, member) for member in others]
+        title = BY_KEY[line.knob].title + ("*" if line.beside else "")
+        _plot(panel, fast, moved, line, title, linestyle="none")
+        for member, x, y in zip(others, fast, moved, strict=True):
+            if x > scene.noise or y > 5.0:
+                text = BY_KEY[line.knob].text(member.settings[line.knob])
+                panel.annotate(text, (x, y), xytext=(4, 3), textcoords="offset points", fontsize=7, color="#444444")
+    panel.axvspan(1 / scene.noise, scene.noise, color="#eeeeee", zorder=0)
+    panel.axvline(1.0, color="#888888", linewidth=0.8)
+    panel.set(xscale="log", yscale="log", title="What each knob does by itself (grey: no faster than noise)")
+    panel.set_xlabel("times as fast as the base; left of 1 slower")
+    what = "change of the error" if scene.main.kind == ITSELF else "change"
+    panel.set_ylabel(f"{what} of {scene.main.title} (%)")
+    panel.text(0.01, 0.01, "at the bottom: this or less", transform=panel.transAxes, fontsize=7.5, color="#666666")
+    _plain(panel.xaxis)
+    _plain(panel.yaxis)
+
+
+def _error(scene: Scene, point: Point) -> float:
+    return 100 * scene.error(point, scene.main)
+
+
+def _plot(panel: Axes, x: list, y: list, line: Line, label: str | None, linestyle: str = "-") -> None:
+    panel.plot(x, y, linestyle=linestyle, linewidth=1.0, markersize=5, label=label, **LOOKS[line.knob])
+
+
+def _plain(axis) -> None:
+    """Numbers as people write them, at 1, 2 and 5 where there are few decades."""
+    low, high = axis.get_view_interval()
+    few = high / low < 300
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,71 @@
+"""What of a configuration trades speed for accuracy, read from it, so that no variant can be mislabelled."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+CHOSEN = "by their error"  # value of the knob increments where the configuration leaves their number open
+
+Value = float | str
+
+
+@dataclass(frozen=True)
+class Knob:
+    """key: column of the table; of: its value in a configuration in SI units; text: of a value, with its unit."""
+
+    key: str
+    title: str
+    of: Callable[[dict], Value]
+    text: Callable[[Value], str] = "{:g}".format
+
+
+def _key(section: str, name: str) -> Callable[[dict], Value]:
+    return lambda values: values[section][name]
+
+
+def _cell(values: dict) -> float:
+    return values["grid"]["coarse_cell"] / 2 ** (values["grid"]["levels"] - 1)
+
+
+def _width(values: dict) -> float:
+    return values["domain"]["upper"][0] - values["domain"]["lower"][0]
+
+
+def _radius(values: dict) -> float:
+    return (values["seismic"].get("cluster") or {}).get("radius_cells", 1.8)  # its default (seismic.settings)
+
+
+KNOBS = (
+    Knob("cell", "finest cell", _cell, "{:g} m".format),
+    Knob("rings", "rings of cells", _key("grid", "buffer_cells")),
+    Knob("particles", "particles per cell", _key("grid", "particles_per_cell")),
+    Knob("cut_cells", "cut cells", _key("grid", "cut_cells"), str),
+    Knob("width", "width of the domain", _width, "{:g} m".format),
+    Knob("scheme", "scheme", _key("solver", "scheme"), str),
+    Knob("tolerance", "tolerance", _key("solver", "tolerance"), "{:.0e}".format),
+    Knob("cascade", "cascade tolerance", _key("solver", "cascade_tolerance"), "{:.0e}".format),
+    Knob("increments", "increments", lambda values: values["solver"]["increments"] or CHOSEN, str),
+    Knob("increment_error", "increment error", _key("solver", "increment_error")),
+    Knob("hourglass", "hourglass stiffness", _key("solver", "hourglass")),
+    Knob("damping", "damping", _key("solver", "damping")),
+    Knob("scaling", "density scaling", lambda values: "on" if values["solver"]["density_scaling"] else "off", str),
+    Knob("method", "events are", _key("seismic", "method"), str),
+    Knob("closeness", "closeness", _key("seismic", "closeness")),
+    Knob("radius", "cluster radius", _radius, "{:g} cells".format),
+)
+SEISMIC = {"method", "closeness", "radius"}  # change how events are counted, no rock, and next to no time
+BY_KEY = {knob.key: knob for knob in KNOBS}
+
+
+def settings_of(values: dict) -> dict[str, Value]:
+    """Value of every knob in a configuration (SI units), by its key."""
+    return {knob.key: knob.of(values) for knob in KNOBS}
+
+
+def changed(settings: dict[str, Value], base: dict[str, Value]) -> list[str]:
+    """Keys of the knobs that stand otherwise than in the base."""
+    return [key for key in settings if settings[key] != base[key]]
+
+
+def label(settings: dict[str, Value], keys: list[str]) -> str:
+    """What these knobs stand at, in words: "tolerance 1e-03, finest cell 2.5 m"."""
+    return ", ".join(f"{BY_KEY[key].title} {BY_KEY[key].text(settings[key])}" for key in keys)

@@ -1,0 +1,98 @@
+"""results/tradeoff: table.csv, one figure a scene, and report.html that needs nothing else."""
+
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.figures import style
+from pipeline.datasets import atomic_path
+from pipeline.pages import page_templates
+from verification.tradeoff.figure import draw
+from verification.tradeoff.knobs import KNOBS
+from verification.tradeoff.measures import ITSELF, RELATIVE, Measure
+from verification.tradeoff.points import Point
+from verification.tradeoff.runs import Scene
+from verification.tradeoff.sentences import price, sentence, share, verdict
+from verification.tradeoff.table import make_table
+
+TEMPLATES = Path(__file__).parent / "templates"
+DISTURBED = 90.0  # % of a processor, below which a scene's stages waited for others: the page says so
+
+
+def write_report(scenes: list[Scene], cores: int, table: Path, page: Path) -> None:
+    """Write table and page, atomically; cores: that the stages shared, as the page says."""
+    with atomic_path(table) as temporary:
+        make_table(scenes).to_csv(temporary, index=False, float_format="%.6g")
+    with style.applied():
+        sections = [_section(scene, page.parent / f"{scene.study.name}.svg") for scene in scenes]
+    turned = {line.knob for scene in scenes for line in scene.lines}
+    knobs = [knob for knob in KNOBS if knob.key in turned]
+    environment = page_templates(TEMPLATES)
+    environment.filters["share"] = share
+    text = environment.get_template("report.html.j2").render(
+        sections=sections,
+        knobs=knobs,
+        cores=cores,
+        runs=sum(len(scene.points) for scene in scenes),
+        minutes=sum(point.seconds for scene in scenes for point in scene.points) / 60.0,
+        processor=min(section["processor"] for section in sections),
+        disturbed=DISTURBED,
+    )
+    with atomic_path(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _section(scene: Scene, figure: Path) -> dict:
+    """What the template shows of a scene."""
+    order = sorted(range(len(scene.points)), key=lambda index: scene.work(scene.points[index]))
+    rows = [
+        {
+            "point": scene.points[index],
+            "label": scene.label(scene.points[index]),
+            "front": bool(scene.front[index]),
+            "work": scene.work(scene.points[index]),
+            "speed": scene.work(scene.base) / scene.work(scene.points[index]),
+            "cells": _cells(scene, scene.points[index]),
+        }
+        for index in order
+    ]
+    return {
+        "scene": scene,
+        "figure": style.save(draw(scene), figure),
+        "rows": rows,
+        "front": [row for row in rows if row["front"]],
+        "lines": [
+            {"line": line, "verdict": verdict(scene, line), "sentence": sentence(scene, line)} for line in scene.lines
+        ],
+        "prices": {line.knob: price(scene, line) for line in scene.lines},
+        "truths": [_truth(scene, measure) for measure in scene.measures],
+        "processor": float(np.nanmean([point.processor for point in scene.points])),
+    }
+
+
+def _cells(scene: Scene, point: Point) -> list[tuple[str, str]]:
+    """Value and error of each measure of a run, as text."""
+    found = []
+    for measure in scene.measures:
+        value, error = point.measures[measure.key], scene.error(point, measure)
+        if measure.kind == ITSELF:
+            found.append((share(value) if measure.is_share else f"{value:.2g}", ""))
+        else:
+            text = share(error) if measure.kind == RELATIVE else f"{error:.2g}"
+            found.append((f"{value:.4g}" if np.isfinite(value) else "–", text if np.isfinite(error) else ""))
+    return found
+
+
+def _truth(scene: Scene, measure: Measure) -> str:
+    """Where a measure's truth is from, in words; empty where its value is its error."""
+    limit = scene.truths[measure.key]
+    if measure.kind == ITSELF:
+        return ""
+    value = f"{measure.title}: {limit.value:.4g}{'' if measure.unit == '1' else f' {measure.unit}'}"
+    if measure.key in scene.exact:
+        return f"{value} in closed form"
+    if not np.isfinite(limit.value):
+        return f"{measure.title}: nothing to compare with"
+    if np.isfinite(limit.order):
+        return f"{value}, where ever smaller cells lead, with order {limit.order:.2f}"
+    return f"{value}, that of {scene.series[-1].variant}"

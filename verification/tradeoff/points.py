@@ -1,0 +1,91 @@
+"""One point for each variant of a study: what its knobs stand at, what it came to, and what it cost."""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.datasets import atomic_path
+from pipeline.errors import InputError
+from verification.results import Results, Variant
+from verification.tradeoff.knobs import Value, settings_of
+from verification.tradeoff.scenes import SCENES
+
+
+@dataclass(frozen=True)
+class Point:
+    """A run. settings: value of each knob; measures: see verification.tradeoff.measures.
+
+    seconds: wall time of all its stages, starts of processes included; stages: how many; least: the quickest of them,
+    s; memory: the largest of any, MB; processor: what they had of one, %, on average; cells: at the end; failed:
+    particles, at the end. NaN where Snakemake measured nothing.
+    """
+
+    variant: str
+    settings: dict[str, Value]
+    measures: dict[str, float]
+    seconds: float
+    stages: int
+    least: float
+    memory: float
+    processor: float
+    cells: int
+    failed: int
+
+
+@dataclass(frozen=True)
+class Points:
+    """Those of one study; exact: what closed forms say of measures."""
+
+    study: str
+    exact: dict[str, float]
+    points: list[Point]
+
+
+def measure_study(results: Results) -> Points:
+    """All variants of a study. Raises InputError where it names a kind of scene that there is not."""
+    kind = results.settings["scene"]
+    if kind not in SCENES:
+        raise InputError(f"{results.study.name}: settings.scene: no '{kind}'; there are {', '.join(SCENES)}")
+    points, exact = [], {}
+    for name, variant in results.variants.items():
+        measures, exact = SCENES[kind](results, variant)
+        points.append(_point(name, variant, measures, results.study.events))
+        if name not in results.settings.get("limit", []):
+            variant.kept.clear()  # states of millions of cells
+    return Points(results.study.name, exact, points)
+
+
+def _point(name: str, variant: Variant, measures: dict[str, float], with_events: bool) -> Point:
+    steps = variant.step_names
+    stages = ["grid", "elastic", *(f"steps/{step}" for step in steps)]
+    stages += [f"events/{step}" for step in steps] if with_events else []
+    costs = np.array([variant.costs(stage) or (np.nan,) * 3 for stage in stages], float)
+    seconds, memory, processor = costs.T
+    last = variant.step(steps[-1]) if steps else variant.elastic
+    known = np.isfinite(seconds).all()
+    return Point(
+        variant=name,
+        settings=settings_of(variant.values),
+        measures=measures,
+        seconds=float(seconds.sum()),
+        stages=len(stages),
+        least=float(seconds.min()),
+        memory=float(np.nanmax(memory)) if np.isfinite(memory).any() else np.nan,
+        processor=float(np.average(np.nan_to_num(processor, nan=100.0), weights=seconds)) if known else np.nan,
+        cells=int(last.attrs.get("cells", variant.grid.sizes["cell"])),
+        failed=int((last.failed.values >= 0).sum()) if steps else 0,
+    )
+
+
+def write_points(points: Points, path: Path) -> None:
+    """As JSON, atomically."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(asdict(points), indent=1) + "\n", encoding="utf-8")
+
+
+def read_points(path: Path) -> Points:
+    """What write_points wrote."""
+    text = json.loads(Path(path).read_text(encoding="utf-8"))
+    return Points(text["study"], text["exact"], [Point(**point) for point in text["points"]])

@@ -1,0 +1,137 @@
+"""The runs of a scene beside each other: their errors, their noise, and lines of runs that differ by one knob alone."""
+
+from collections import defaultdict
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.errors import InputError
+from verification.studies import Study
+from verification.tradeoff.knobs import KNOBS, SEISMIC, changed, label
+from verification.tradeoff.limits import Limit, richardson
+from verification.tradeoff.measures import ITSELF, MEASURES, Measure
+from verification.tradeoff.pareto import pareto_front
+from verification.tradeoff.points import Point, Points
+
+LEAST_WORK = 0.1  # s: less cannot be told from the start of a process
+CLEAR = 1.05  # times as fast, at least, before it counts as faster, whatever repeated runs say
+
+
+@dataclass(frozen=True)
+class Line:
+    """Runs, by the knob's value, that differ in it alone, and which of them stands as the base does; beside: what else
+    all of them have otherwise than the base, in words."""
+
+    knob: str
+    members: list[Point]
+    anchor: Point
+    beside: str
+
+
+class Scene:
+    """A study's points and what follows from them. Raises InputError where its base or limit is no variant."""
+
+    def __init__(self, study: Study, points: Points):
+        self.study, self.points, self.exact = study, points.points, points.exact
+        by_name = {point.variant: point for point in self.points}
+        series = study.settings.get("limit", [])
+        for name in [study.settings["base"], *series]:
+            if name not in by_name:
+                raise InputError(f"{study.name}: settings: no variant '{name}'; there are {', '.join(by_name)}")
+        self.base = by_name[study.settings["base"]]
+        self.series = [by_name[name] for name in series]
+        self.main = MEASURES[study.settings["main"]]
+
+    @property
+    def start(self) -> float:
+        """Time that the start of a stage's process takes at most, s: that of the quickest stage."""
+        return float(np.nanmin([point.least for point in self.points]))
+
+    def work(self, point: Point) -> float:
+        """Time of a run's stages less the starts of their processes, s, LEAST_WORK at least."""
+        return max(LEAST_WORK, point.seconds - point.stages * self.start)
+
+    @cached_property
+    def noise(self) -> float:
+        """How many times as long the same takes: slowest over quickest of the runs whose rock is the base's."""
+        base = self.base.settings
+        repeats = [self.work(point) for point in self.points if set(changed(point.settings, base)) <= SEISMIC]
+        return max(CLEAR, max(repeats) / min(repeats))
+
+    @property
+    def measures(self) -> list[Measure]:
+        """Those that the runs have."""
+        return [measure for key, measure in MEASURES.items() if key in self.base.measures]
+
+    @cached_property
+    def truths(self) -> dict[str, Limit]:
+        """What each measure should be: by the closed form, as the limit of the series of cells, or as its finest run
+        has it; NaN where nothing says."""
+        found = {}
+        for measure in self.measures:
+            values = [point.measures[measure.key] for point in self.series]
+            if measure.key in self.exact:
+                found[measure.key] = Limit(self.exact[measure.key])
+            elif measure.kind == ITSELF:
+                found[measure.key] = Limit(0.0)
+            elif measure.smooth and len(values) > 1:
+                found[measure.key] = richardson([point.settings["cell"] for point in self.series], values)
+            else:
+                found[measure.key] = Limit(values[-1] if values else np.nan)
+        return found
+
+    def error(self, point: Point, measure: Measure) -> float:
+        """Of a run; NaN of the run that is the truth itself."""
+        limit = self.truths[measure.key]
+        is_truth = measure.key not in self.exact and measure.kind != ITSELF and np.isnan(limit.order)
+        if is_truth and self.series and point is self.series[-1]:
+            return np.nan
+        return measure.error(point.measures[measure.key], limit.value)
+
+    @cached_property
+    def errors(self) -> list[float]:
+        """Error of the main measure of each run."""
+        return [self.error(point, self.main) for point in self.points]
+
+    @cached_property
+    def front(self) -> np.ndarray:
+        """Which runs are on the Pareto front of work and error of the main measure."""
+        return pareto_front([self.work(point) for point in self.points], self.errors)
+
+    def label(self, point: Point) -> str:
+        """What a run changes, in words."""
+        return label(point.settings, changed(point.settings, self.base.settings)) or "base"
+
+    @cached_property
+    def distinct(self) -> list[Point]:
+        """One point for runs of the same settings, with the median of what they cost."""
+        groups = defaultdict(list)
+        for point in self.points:
+            groups[tuple(point.settings.values())].append(point)
+        return [replace(group[0], seconds=float(np.median([point.seconds for point in group])))
+                for group in groups.values()]  # fmt: skip
+
+    @cached_property
+    def lines(self) -> list[Line]:
+        """The line of each knob: that of the base, else the one with the most members; none where no run turns it."""
+        return [line for knob in KNOBS if (line := self._line(knob.key))]
+
+    def _line(self, knob: str) -> Line | None:
+        groups = defaultdict(list)
+        for point in self.distinct:
+            groups[tuple(value for key, value in point.settings.items() if key != knob)].append(point)
+        base = self.base.settings
+        found = []
+        for members in groups.values():
+            anchors = [point for point in members if point.settings[knob] == base[knob]]
+            if len(members) > 1 and anchors:
+                others = [key for key in changed(anchors[0].settings, base) if key != knob]
+                members = sorted(members, key=lambda point: _place(point.settings[knob]))
+                found.append(Line(knob, members, anchors[0], label(anchors[0].settings, others)))
+        return min(found, key=lambda line: (bool(line.beside), -len(line.members)), default=None)
+
+
+def _place(value: float | str) -> tuple:
+    """Numbers by size, then words."""
+    return (1, value) if isinstance(value, str) else (0, value)

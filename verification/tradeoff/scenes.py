@@ -1,0 +1,137 @@
+"""What each kind of scene says of a run: measures by key, and what closed forms say they should be."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+from scipy.spatial.distance import cdist
+
+from catalogs.sizes import estimate_b, log_potency
+from mpm_core.equilibrium.increments import potency
+from verification.kirsch.closed_form import InfinitePlate
+from verification.kirsch.fields import Rock
+from verification.kirsch.series import ANGLES, measure
+from verification.plastic.cavity import Cavity, plastic_ring, read_pressure
+from verification.results import Results, Variant
+from verification.sphere.answer import exact_field
+
+Measures = dict[str, float]
+FIT = (1.0, 6.0)  # cells off the wall, between which its stress is extrapolated from
+
+
+def hole(results: Results, variant: Variant) -> tuple[Measures, Measures]:
+    """Kirsch's hole beside infinite rock: r.m.s. errors of stress over the wall and at a distance, mean closure."""
+    rock, values = Rock(variant), variant.values
+    host, constant = values["materials"]["host"], values["insitu_stress"]["constant"]
+    virgin = tuple(constant.get(component, 0.0) for component in ("xx", "yy", "xy"))
+    shear_modulus = host["youngs_modulus"] / (2 * (1 + host["poisson_ratio"]))
+    plate = InfinitePlate(rock.hole.radius, virgin, shear_modulus, host["poisson_ratio"])
+    rock.hole = replace(rock.hole, plate=plate)
+    point = measure(rock, results.settings["distance"])
+    exact = -1e3 * float(plate.polar(np.full(len(ANGLES), plate.radius), ANGLES)[3].mean())
+    found = {"wall_stress": point.extrapolated, "stress": point.stress, "closure": exact * (1 + point.mean_closure)}
+    return found, {"closure": exact}
+
+
+def cavity(results: Results, variant: Variant) -> tuple[Measures, Measures]:
+    """Elastic sphere under all-round stress: error of the hoop stress at the wall and of the stress around, closure."""
+    rock, exact = Cavity(variant, variant.elastic), exact_field(variant)
+    pressure = read_pressure(variant)
+    ring = rock.ring(results.settings["outer_radii"])
+    square = np.square(rock.stress[ring] - exact.stress(rock.place[ring])).sum(axis=(1, 2)) / 6
+    found = {
+        "wall_stress": abs(wall_hoop(rock) / (-1.5 * pressure) - 1.0),  # Goodier's, all round
+        "stress": float(np.sqrt(np.average(square, weights=rock.volume[ring])) / pressure),
+        "closure": closure_of(rock),
+    }
+    directions = rock.wall_directions()
+    moved = (exact.displacement(rock.radius * directions) * directions).sum(axis=1)
+    return found, {"closure": -1e3 * float(moved.mean())}
+
+
+def wall_hoop(rock: Cavity) -> float:
+    """Hoop stress (Pa) at the wall: a quadratic in the distance through the particles a little off it."""
+    off = (rock.distance - rock.radius) / rock.cell
+    near = (off >= FIT[0]) & (off <= FIT[1])
+    hoop = rock.radial_hoop_third[1, near]
+    return float(np.polynomial.Polynomial.fit(off[near], hoop, 2, w=np.sqrt(rock.volume[near]))(0.0))
+
+
+def closure_of(rock: Cavity) -> float:
+    """Mean inward displacement of the wall, mm."""
+    return -1e3 * float(rock.wall_displacement(rock.wall_directions()).mean())
+
+
+def brittle_cavity(results: Results, variant: Variant) -> tuple[Measures, Measures]:
+    """Sphere in brittle rock beside its smooth ring: failed volume, closure, stress; potency has no closed form."""
+    state, theory = variant.step(variant.step_names[-1]), plastic_ring(variant)
+    rock = Cavity(variant, state)
+    ring = rock.ring(3.0)
+    error = rock.radial_hoop_third[0, ring] - theory.stress(rock.distance[ring])[0]
+    found = {
+        "potency": float(potency(state.seismic_strain.values, state.volume.values).sum()),
+        "failed_volume": float(rock.volume[rock.failed].sum()),
+        "closure": closure_of(rock),
+        "stress": float(rock.mean_square_root(error, ring) / theory.pressure),
+    }
+    exact = {
+        "failed_volume": np.pi / 6 * (theory.plastic_radius**3 - theory.radius**3),
+        "closure": -1e3 * float(theory.displacement(theory.radius)),
+    }
+    return found, exact
+
+
+def mine(results: Results, variant: Variant) -> tuple[Measures, Measures]:
+    """The last step of a mine and its events; closure between two walls where settings.walls says where they are."""
+    step = variant.step_names[-1]
+    state, events = variant.step(step), variant.events(step)
+    failed = state.failed.values == state.attrs["step_index"]
+    found = {
+        "potency": float(potency(state.seismic_strain.values[failed], state.volume.values[failed]).sum()),
+        "failed_volume": float(state.attrs["failed_volume"]),
+    }
+    sizes = log_potency(resolved(events).potency.values)
+    found["events"] = float(len(sizes))
+    found["largest"] = float(sizes.max()) if len(sizes) else np.nan
+    found["b"] = estimate_b(sizes, float(log_potency(events.attrs["potency_floor"]))).b
+    reference = results[results.settings["limit"][-1]]
+    found["apart"] = apart(events, reference.events(step))
+    if "walls" in results.settings:
+        found["closure"] = closure_between(state, variant.grid, np.array(results.settings["walls"], float))
+    return found, {}
+
+
+def resolved(events: xr.Dataset) -> xr.Dataset:
+    """Events that count in statistics."""
+    return events.isel(event=np.flatnonzero(events.resolved.values == 1))
+
+
+def apart(one: xr.Dataset, other: xr.Dataset) -> float:
+    """Energy distance of the places of the resolved events of two catalogues of one step, m (Szekely and Rizzo 2013).
+
+    2 E|X - Y| - E|X - X'| - E|Y - Y'|, each event once with each: 0 for equal catalogues. (That of
+    catalogs.energy_distance leaves out pairs of one block, and moves steps onto each other.)
+    """
+    places = [resolved(events).location.values for events in (one, other)]
+    if min(map(len, places)) == 0:
+        return np.nan
+    across, first, second = (cdist(a, b).mean() for a, b in ((places[0], places[1]), *((p, p) for p in places)))
+    return float(2 * across - first - second)
+
+
+def closure_between(state: xr.Dataset, grid: xr.Dataset, walls: np.ndarray) -> float:
+    """How much two places (2, 3) m on opposite walls came together, mm: that of the nearest nodes."""
+    place = (state if "node_position" in state else grid).node_position.values
+    moved = state.node_displacement.values
+    nearest = [int(np.square(place - wall).sum(axis=1).argmin()) for wall in walls]
+    across = (walls[1] - walls[0]) / np.linalg.norm(walls[1] - walls[0])
+    return 1e3 * float((moved[nearest[0]] - moved[nearest[1]]) @ across)
+
+
+SCENES: dict[str, Callable[[Results, Variant], tuple[Measures, Measures]]] = {
+    "hole": hole,
+    "cavity": cavity,
+    "brittle_cavity": brittle_cavity,
+    "mine": mine,
+}

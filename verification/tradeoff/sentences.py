@@ -1,0 +1,113 @@
+"""What each knob buys, in a sentence that is made from the runs."""
+
+import numpy as np
+
+from verification.tradeoff.knobs import BY_KEY, SEISMIC
+from verification.tradeoff.measures import ITSELF
+from verification.tradeoff.points import Point
+from verification.tradeoff.runs import Line, Scene
+
+CHEAP = 0.01  # change of the main measure that nobody would mind, as a share
+BETTER = 0.1  # share by which an error has to be smaller before it counts as bought
+CHEAP_TEXT = f"{100 * CHEAP:g} %"
+
+
+def share(value: float, sign: bool = False) -> str:
+    """A share in per cent, two digits."""
+    if not np.isfinite(value):
+        return "–"
+    percent = 100 * value
+    digits = max(0, 1 - int(np.floor(np.log10(abs(percent))))) if abs(percent) >= 0.005 else 2
+    return f"{percent:{'+' if sign else ''}.{min(digits, 2)}f} %"
+
+
+def speed(scene: Scene, line: Line, member: Point) -> float:
+    """How many times as fast a member is as the line's anchor."""
+    return scene.work(line.anchor) / scene.work(member)
+
+
+def is_faster(scene: Scene, line: Line, member: Point) -> bool:
+    """Beyond noise."""
+    return speed(scene, line, member) > scene.noise
+
+
+def pace(scene: Scene, line: Line, member: Point) -> str:
+    """The same in words."""
+    ratio = speed(scene, line, member)
+    if 1 / scene.noise <= ratio <= scene.noise:
+        return "takes as long"
+    return f"{ratio:.2g} x as fast" if ratio > 1 else f"{1 / ratio:.2g} x as long"
+
+
+def change(scene: Scene, line: Line, member: Point) -> float:
+    """What the knob does to the main measure, signed: as a share of the anchor's, or of an error the difference."""
+    before, after = (point.measures[scene.main.key] for point in (line.anchor, member))
+    return after - before if scene.main.kind == ITSELF else after / before - 1.0 if before else np.nan
+
+
+def effect(scene: Scene, line: Line, member: Point) -> str:
+    """What changes, in words: the main measure and its error, or the events where only these do."""
+    before, after = line.anchor.measures, member.measures
+    if before[scene.main.key] == after[scene.main.key]:
+        if before.get("events", 0) != after.get("events", 0):
+            parts = [f"{after['events']:.0f} events instead of {before['events']:.0f}"]
+            parts.append(f"the largest log P {after['largest']:.2f} instead of {before['largest']:.2f}")
+            if np.isfinite(after["b"]) and np.isfinite(before["b"]):
+                parts.append(f"b {after['b']:.2f} instead of {before['b']:.2f}")
+            return ", ".join(parts)
+        return "the same to the last digit"
+    errors = [scene.error(point, scene.main) for point in (line.anchor, member)]
+    was, now = share(errors[0]), share(errors[1])
+    if scene.main.kind == ITSELF:
+        return f"error of {scene.main.title} {now} instead of {was}"
+    text = f"{scene.main.title} {share(change(scene, line, member), sign=True)}"
+    return f"{text} (error {now} instead of {was})" if np.isfinite(errors).all() else text
+
+
+def verdict(scene: Scene, line: Line) -> str:
+    """Whether the knob is worth turning."""
+    knob = BY_KEY[line.knob]
+    if line.knob in SEISMIC:
+        return "A choice of what one event is, of which time knows nothing."
+    others = [member for member in line.members if member is not line.anchor]
+    faster = [member for member in others if is_faster(scene, line, member)]
+    if not faster:
+        slower = [member for member in others if speed(scene, line, member) < 1 / scene.noise]
+        better = [member for member in slower if gain(scene, line, member) > BETTER]
+        if better:
+            return "Buys no speed here; it can buy accuracy."
+        return "Buys nothing here: no value is faster beyond noise."
+    cheap = [member for member in faster if abs(change(scene, line, member)) <= CHEAP]
+    if not cheap:
+        return f"Buys speed for more than {CHEAP_TEXT} of {scene.main.title}."
+    best = max(cheap, key=lambda member: speed(scene, line, member))
+    value = knob.text(best.settings[line.knob])
+    return f"Buys {speed(scene, line, best):.2g} x at {value}, for less than {CHEAP_TEXT} of {scene.main.title}."
+
+
+def gain(scene: Scene, line: Line, member: Point) -> float:
+    """By how much of itself the error of the main measure is smaller than the anchor's."""
+    return 1.0 - scene.error(member, scene.main) / (scene.error(line.anchor, scene.main) or np.nan)
+
+
+def sentence(scene: Scene, line: Line) -> str:
+    """All of a line: from its anchor to each other value, what it costs and what changes."""
+    knob = BY_KEY[line.knob]
+    parts = [
+        f"to {knob.text(member.settings[line.knob])}: {pace(scene, line, member)}, {effect(scene, line, member)}"
+        for member in line.members
+        if member is not line.anchor
+    ]
+    at = f" (with {line.beside})" if line.beside else ""
+    return f"From {knob.text(line.anchor.settings[line.knob])}{at} {'; '.join(parts)}."
+
+
+def price(scene: Scene, line: Line) -> str:
+    """The fastest value of a knob in a few words, for the table of all scenes."""
+    others = [member for member in line.members if member is not line.anchor]
+    fastest = max(others, key=lambda member: speed(scene, line, member))
+    knob = BY_KEY[line.knob]
+    if not is_faster(scene, line, fastest):
+        return "no speed"
+    moved = share(change(scene, line, fastest), sign=True)
+    return f"{knob.text(fastest.settings[line.knob])}: {speed(scene, line, fastest):.2g} x, {moved}"
