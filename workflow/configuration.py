@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from pipeline.errors import InputError
+from workflow.accuracy import apply_accuracy
 from workflow.checks import check_mine
 from workflow.far_field import complete
 from workflow.mine import Mine
@@ -21,6 +22,7 @@ def load(config: dict, mine_file: str | os.PathLike, default: dict | None = None
         text = with_yaml_habits(config)
         mine = Mine(MineSettings.read(text).given(), text, mine_file.parent, default or {})
         complete(mine)
+        apply_accuracy(mine.values)
         check_mine(mine)
     except InputError as error:
         raise InputError(f"{mine_file}: {error}") from error

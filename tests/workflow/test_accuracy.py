@@ -1,0 +1,45 @@
+"""`accuracy`: what a preset changes of a mine, and what it leaves."""
+
+import pytest
+from tiny_mines import TINY
+
+from pipeline.errors import InputError
+
+
+def test_what_a_file_says_is_standard(accept):
+    plain, said = accept(TINY), accept(TINY, accuracy="standard")
+    assert plain.values == said.values
+    assert (plain.values["grid"]["levels"], plain.values["solver"]["tolerance"]) == (2, 1e-3)
+
+
+def test_a_draft_has_larger_cells_looser_tolerances_and_fewer_increments(accept):
+    mine = accept(TINY, accuracy="draft", **{"solver.increments": 5, "solver.cascade_tolerance": 1e-4})
+    grid, solver = mine.values["grid"], mine.values["solver"]
+    assert (grid["levels"], grid["coarse_cell"]) == (1, 10.0)
+    assert (solver["tolerance"], solver["increments"], solver["increment_error"]) == (1e-2, 3, 0.4)
+    assert solver["cascade_tolerance"] == pytest.approx(1e-3)
+    loose = accept(TINY, accuracy="draft", **{"solver.tolerance": 0.05, "solver.increments": 0})
+    assert (loose.values["solver"]["tolerance"], loose.values["solver"]["increments"]) == (0.05, 0)
+
+
+def test_a_fine_one_has_smaller_cells_and_more_increments(accept):
+    mine = accept(TINY, accuracy="fine")
+    grid, solver = mine.values["grid"], mine.values["solver"]
+    assert (grid["levels"], solver["tolerance"], solver["increments"], solver["increment_error"]) == (3, 1e-3, 4, 0.1)
+    assert mine.values["domain"] == accept(TINY).values["domain"]
+    assert accept(TINY, accuracy="fine").event_slice() == accept(TINY).event_slice()
+
+
+@pytest.mark.parametrize(("accuracy", "levels"), [("draft", 1), ("fine", 12)])
+def test_cells_that_cannot_change_are_refused(accept, accuracy, levels):
+    with pytest.raises(InputError, match=f"accuracy: {accuracy}: grid.levels would be"):
+        accept(TINY, accuracy=accuracy, **{"grid.levels": levels})
+
+
+def test_a_finest_cell_is_that_of_standard(accept):
+    standard, draft = (
+        accept(TINY, **{"grid": {"finest_cell": "5 m", "buffer_cells": 1}, "accuracy": name})
+        for name in ("standard", "draft")
+    )
+    assert standard.convergence_slice()["cells"][0] == 5.0
+    assert draft.convergence_slice()["cells"][0] == 10.0
