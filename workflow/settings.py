@@ -141,8 +141,8 @@ class MineSettings(Settings):
     ensemble: whole_number(ge=0, le=1000) = 0
     """perturbed runs beside the mine's own, each as long: how far brittle failure spreads by itself"""
     grid_convergence: bool = None
-    """the same run on cells of twice the size beside the mine's own, at a tenth of its cost: the report says from both
-    what cells leave uncertain; unless given, in 3-D where steps have dates"""
+    """the same run on cells of twice the size beside the mine's own: the report says from both what cells leave
+    uncertain; unless given, in 3-D where steps have dates"""
     frame: Frame
     domain: DomainSettings = None
     grid: GridSettings = GridSettings()
