@@ -18,11 +18,11 @@ def discretisation(evidence: Evidence) -> list[str]:
     parts = _increments(evidence)
     table = evidence.grid_convergence
     if table is None:
-        cell = number(evidence.grid.attrs["fine_cell"])
+        cell = f"{float(evidence.grid.attrs['fine_cell']):g}"
         text = f"What cells of {cell} m do to these numbers was not measured (grid_convergence)"
         return [f"{text}; {parts}." if parts else f"{text}."]
     every = table.sel(period=ALL)
-    own, coarse = (number(cell) for cell in table["cell"].values)
+    own, coarse = (f"{cell:g}" for cell in table["cell"].values)
     potency, volume = (every[name].values for name in ("potency", "failed_volume"))
     text = (
         f"On cells of {coarse} m instead of {own} m the same steps release {number(potency[1])} m³ of potency "

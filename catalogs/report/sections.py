@@ -83,7 +83,7 @@ def _convergence(evidence: Evidence, gallery: Gallery) -> dict | None:
         "figure": figure,
         "table": list(zip([stage.attrs for stage in evidence.stages], failures, strict=True)),
         "cells": [] if beside is None else cell_rows(beside),
-        "sizes": [] if beside is None else [text.number(cell) for cell in beside["cell"].values],
+        "sizes": [] if beside is None else [f"{cell:g}" for cell in beside["cell"].values],
         "floor": np.nan if beside is None else float(beside.attrs["floor"]),
     }
 

@@ -88,7 +88,7 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     write_dataset(found, tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
     page = mine.arguments()["output"].read_text()
-    assert "On cells of 4.00 m instead of 2.00 m the same steps release 4.10 m³ of potency (here 4.60)" in page
+    assert "On cells of 4 m instead of 2 m the same steps release 4.10 m³ of potency (here 4.60)" in page
     assert "uncertain by some 11 % and failed rock by some 13 %; their load" in page
     worse = found.assign(potency_error=found["potency_error"] * 10)
     write_dataset(worse, tmp_path / "grid_convergence.nc")

@@ -54,6 +54,6 @@ def test_a_companion_runs_beside_what_stands(spoiled, base):
         assert float(found.failed_volume.sel(period="2019-08")[run]) == state.attrs["failed_volume"]
         assert state.cell_size.values.min() == found.cell[run]
     page = (results / "report.html").read_text()
-    assert "On cells of 10.0 m instead of 5.00 m" in page
+    assert "On cells of 10 m instead of 5 m" in page
     assert "Older than the configuration" not in page
     assert "Nothing to be done" in again[1]
