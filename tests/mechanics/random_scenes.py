@@ -77,7 +77,7 @@ def make(seed: int) -> RandomScene:
         "cut_cells": str(random.choice(["fraction", "fraction", "subdivide"])),
         "solver": {
             "scheme": str(random.choice(["multigrid", "multigrid", "explicit"])),
-            "increments": int(random.integers(1, 4)),
+            "increments": int(random.integers(0, 4)),
             "max_iterations": 6000,
         },
     }
