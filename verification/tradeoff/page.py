@@ -94,5 +94,9 @@ def _truth(scene: Scene, measure: Measure) -> str:
     if not np.isfinite(limit.value):
         return f"{measure.title}: nothing to compare with"
     if np.isfinite(limit.order):
-        return f"{value}, where ever smaller cells lead, with order {limit.order:.2f}"
+        beyond = share(measure.error(scene.series[-1].measures[measure.key], limit.value))
+        return (
+            f"{value}, where ever smaller cells lead with order {limit.order:.2f}, {beyond} from the finest run: "
+            "smaller errors than that say little"
+        )
     return f"{value}, that of {scene.series[-1].variant}"
