@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from running import run_study
 
-from verification.peers.answer import answer, return_rows
+from verification.kirsch.fields import Rock
+from verification.peers.answer import answer, return_rows, wall_rows
 from verification.peers.kratos import AS_STATED, cutoff_multipliers, ours
 
 
@@ -32,6 +33,7 @@ def test_a_return_to_the_corner_has_its_faces_flow_backwards_at_its_poisson_rati
 
 def test_the_hole_on_larger_cells(tmp_path):
     results = run_study("peers", tmp_path, ["associated"], **{"grid.levels": 6})
+    results.settings["pressed"] = {}
     rows, _ = answer(results)
     hole = [row for row in rows if row.quantity.startswith("associated")]
     printed = [row for row in hole if "closed form here" in row.quantity]
@@ -39,3 +41,12 @@ def test_the_hole_on_larger_cells(tmp_path):
     assert all(row.passed for row in printed)
     radius = next(row for row in hole if "plastic radius" in row.quantity)
     assert radius.passed
+
+
+def test_the_pressed_hole_on_larger_cells(tmp_path):
+    """Half a metre, 16 to the radius: a few per cent; the closed form is the printed one in this wide box."""
+    results = run_study("peers", tmp_path, ["geos"], **{"grid.levels": 8})
+    rows = wall_rows("geos", Rock(results["geos"]), results.settings["pressed"]["geos"], 0.04)
+    assert all(row.passed for row in rows)
+    exact = [float(row.remark.split()[-1]) for row in rows]
+    np.testing.assert_allclose(exact, [row.expected for row in rows], rtol=2e-3)

@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from verification.kirsch.fields import Rock
 from verification.peers.kratos import AS_STATED, CASES, Return, cutoff_multipliers, ours
 from verification.plastic.answer import Run, perfect_rows, read_run
 from verification.plastic.figure import draw
@@ -11,13 +12,17 @@ from verification.rows import Row
 
 MPA = 1e-6
 KRATOS = "Kratos, test_mohr_coulomb_with_tension_cutoff.cpp"
+GEOS = "GEOS, KirschProblem_base.xml"
 ITASCA = "FLAC3D, VerificationProblems/CylinderInMohrCoulomb"
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
     """Rows of all cases; figure of the holes."""
     rows = return_rows(results.allowed["returned"])
-    runs = [read_run(name, variant) for name, variant in results.variants.items()]
+    pressed = results.settings["pressed"]
+    for name, printed in pressed.items():
+        rows += wall_rows(name, Rock(results[name]), printed, results.allowed["wall"])
+    runs = [read_run(name, variant) for name, variant in results.variants.items() if name not in pressed]
     for run in runs:
         rows += hole_rows(run, results)
     return rows, draw(runs, {})
@@ -52,6 +57,20 @@ def impossible(case: Return, returned: np.ndarray) -> str:
     if both and multipliers < 0.0:
         return f"asks the cut-off's faces to flow by {multipliers:.3g} / E, backwards, which Koiter's rule forbids"
     return ""
+
+
+def wall_rows(name: str, rock: Rock, printed: list[float], allowed: float) -> list[Row]:
+    """Hoop compression of a wall at the ends of its hole along x and y, MPa, beside printed values."""
+    ends = rock.hole.radius * np.array([1.0 + 0.0j, 1.0j])
+    hoop = -rock.fitted_stress(ends, 2, 15, rock.hole.cell)[1] * MPA
+    exact = -rock.hole.plate.at(ends).polar_stress(np.angle(ends))[1] * MPA
+    return [
+        Row.relative(
+            f"{name}: hoop compression of the wall along {axis}, MPa, {GEOS}", wanted, float(found), allowed,
+            f"in this box exactly {here:.4g}",
+        )
+        for axis, wanted, found, here in zip("xy", printed, hoop, exact, strict=True)
+    ]  # fmt: skip
 
 
 def hole_rows(run: Run, results: Results) -> list[Row]:
