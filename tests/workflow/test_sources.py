@@ -19,7 +19,7 @@ PACKAGES = (SHARED, *APART, "verification", "workflow")
 NO_DATA = ("workflow/report/", "workflow/envs/", "workflow/rules/", "workflow/schemas/")
 BY_NAME = {  # modules that import others by a name made at run time, and who sees to it
     "verification/__main__.py",  # an answer: its rule names the module beside the stage
-    "workflow/mine.py",  # excavations_from: what it makes is part of the slices of settings
+    "workflow/plan.py",  # excavations_from: what it makes is part of the slices of settings
 }
 # In place of the interpreter that runs a stage: one leaves empty results, one runs it and notes what files it has used.
 LEAVE_EMPTY = """#!/bin/sh

@@ -273,7 +273,7 @@ def studies():
     return [name for name in names if not study(name).on_request]
 
 
-def tradeoff_studies(wildcards=None):
+def tradeoff_studies():
     """Names of the studies of speed against accuracy, by the start of their names: the others need not be read."""
     return sorted(path.stem for path in (BASE / "config/verification").glob("tradeoff_*.yaml"))
 
