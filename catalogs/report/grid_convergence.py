@@ -8,7 +8,6 @@ from catalogs.report.inputs import Evidence
 from catalogs.report.text import MISSING, fixed, number, percent, whole
 
 TOO_COARSE = 0.5  # share: more than first-order convergence can be read from
-ROWS = {"potency": "potency (m³)", "failed_volume": "failed rock (m³)", "events": "events", "largest": "largest, log P"}
 
 
 def discretisation(evidence: Evidence) -> list[str]:
@@ -43,7 +42,8 @@ def discretisation(evidence: Evidence) -> list[str]:
 
 
 def _increments(evidence: Evidence) -> str:
-    """What loading in increments adds to the potency of the dated steps at most; empty where it is not known."""
+    """What loading in increments adds to the potency of the dated steps, as far as their overshoot tells
+    (docs/method.md, 6: no bound in theory); empty where it is not known."""
     steps, catalog = evidence.dated, evidence.catalog
     step, potency = catalog["step"].values, catalog["potency"].values
     shares = np.array([float(one.get("increment_error", np.nan)) for one in steps])
@@ -51,7 +51,7 @@ def _increments(evidence: Evidence) -> str:
     if not weights.sum() > 0 or not np.isfinite(shares[weights > 0]).all():
         return ""
     share = percent(np.average(shares, weights=weights))
-    return f"their load, put on in parts, makes potency too large by {share} at most"
+    return f"their load, put on in parts, makes potency too large by up to about {share}"
 
 
 def rows(table: xr.Dataset) -> list[dict]:
@@ -59,10 +59,9 @@ def rows(table: xr.Dataset) -> list[dict]:
     found = []
     for period in table["period"].values:
         here = table.sel(period=period)
-        values = {name: here[name].values for name in ROWS}
-        text = {name: [number(value) for value in values[name]] for name in ("potency", "failed_volume")}
-        text["events"] = [whole(value) for value in values["events"]]
-        text["largest"] = [fixed(value, 2) for value in values["largest"]]
+        text = {name: [number(value) for value in here[name].values] for name in ("potency", "failed_volume")}
+        text["events"] = [whole(value) for value in here["events"].values]
+        text["largest"] = [fixed(value, 2) for value in here["largest"].values]
         errors = [float(here[f"{name}_error"]) for name in ("potency", "failed_volume")]
         found.append(
             {"name": "all" if period == ALL else str(period)}

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ SHOWN = (
     *("position", "cell", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor"),
     *CELLS,
 )
-ENSEMBLE = "ensemble"  # folder of its members
+PARTS = re.compile(r"(coarse|ensemble/(\d+))/")  # folders of its companion on larger cells and of its members
 UNDATED = {"start": "", "end": "", "dated": 0}
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
 
@@ -222,21 +223,22 @@ def _stale(files: dict[str, dict], expected: dict) -> list[str]:
 def read_resources(benchmarks) -> list[dict]:
     """Seconds and peak memory (MiB) per stage from Snakemake's benchmark files below a folder; NaN: not measured.
 
-    A member of an ensemble is one row: the sum of its times, the largest of its peaks.
+    The companion on larger cells is one row, and so is each member of an ensemble: the sum of its times, the largest of
+    its peaks.
     """
     if benchmarks is None or not Path(benchmarks).is_dir():
         return []
-    rows, members = [], {}
+    rows, parts = [], {}
     for path in sorted(Path(benchmarks).rglob("*.tsv")):
         table = pd.read_csv(path, sep="\t", na_values=["-", "NA"])
         values = {name: float(table[name].mean()) if name in table else np.nan for name in ("s", "max_rss", "cpu_time")}
         stage = path.relative_to(benchmarks).with_suffix("").as_posix()
-        if stage.startswith(f"{ENSEMBLE}/"):
-            members.setdefault(int(stage.split("/")[1]), []).append(values)
+        if part := PARTS.match(stage):
+            parts.setdefault((int(part[2] or 0), part[1]), []).append(values)
         else:
             rows.append({"stage": stage, **values})
-    for number, stages in sorted(members.items()):
+    for (_, part), stages in sorted(parts.items()):
         columns = {name: np.array([values[name] for values in stages]) for name in stages[0]}
         total = {name: float(column.max() if name == "max_rss" else column.sum()) for name, column in columns.items()}
-        rows.append({"stage": f"{ENSEMBLE}/{number}, all stages", **total})
+        rows.append({"stage": f"{part}, all stages", **total})
     return rows

@@ -177,6 +177,9 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
     if evidence.stale:
         names = ", ".join(evidence.stale)
         found.append(("stale", f"Older than the configuration: {names}. Run snakemake again before using this report."))
+    if evidence.config.get("accuracy") == "draft":
+        text = "A draft: cells of twice the size, looser tolerances and larger increments than section 13 says. "
+        found.append(("draft", text + "Its numbers are a first look: those to use come without accuracy: draft."))
     if text := off_volume(evidence):
         found.append(("volume", text))
     for step in evidence.steps or [stage.attrs for stage in evidence.stages]:

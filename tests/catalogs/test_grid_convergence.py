@@ -84,7 +84,7 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     write_report(**arguments)
     page = mine.arguments()["output"].read_text()
     assert "to these numbers was not measured (grid_convergence); their load, put on in parts" in page
-    assert "too large by 15 % at most" in page
+    assert "too large by up to about 15 %" in page
     write_dataset(found, tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
     page = mine.arguments()["output"].read_text()

@@ -230,6 +230,16 @@ def test_every_figure_is_a_file_and_in_the_page(page, mine):
     assert len(names) == sum(tag == "img" for tag, _ in page.tags)
 
 
+def test_a_draft_says_so_first(tmp_path, mine):
+    page = tmp_path / "report.html"
+    where = {"output": page, "figures": tmp_path / "figures"}
+    write_report(**mine.arguments(config=fixtures.CONFIG | {"accuracy": "draft"}, **where))
+    draft = page.read_text().index("A draft: cells of twice the size")
+    assert draft < page.read_text().index('<p class="lead">')
+    write_report(**mine.arguments(config=fixtures.CONFIG | {"accuracy": "standard"}, **where))
+    assert "A draft:" not in page.read_text()
+
+
 def test_marked_lines_are_those_that_differ_from_the_default(page, mine):
     content = (mine.folder / "report.html").read_text()
     marked = re.findall(r'<span class="changed">(.*?)</span>', content)

@@ -118,16 +118,19 @@ def test_result_says_so_when_all_of_the_record_counts():
     assert report_record._account(none).endswith("No event lies in the modelled months.")
 
 
-def test_a_member_of_an_ensemble_is_one_row_of_the_resources(tmp_path):
+def test_companion_and_members_are_one_row_each_of_the_resources(tmp_path):
     """Times add up, the largest peak counts; members in order of their numbers, after the mine's own stages."""
-    for member, stage, seconds, peak in ((10, "a", 1, 5), (2, "steps/a", 3, 7), (2, "events/a", 4, 6)):
-        path = tmp_path / "ensemble" / str(member) / f"{stage}.tsv"
+    runs = [("ensemble/10", "a", 1, 5), ("ensemble/2", "steps/a", 3, 7), ("ensemble/2", "events/a", 4, 6)]
+    runs += [("coarse", "grid", 1, 2), ("coarse", "steps/a", 2, 1)]
+    for run, stage, seconds, peak in runs:
+        path = tmp_path / run / f"{stage}.tsv"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(f"s\tmax_rss\tcpu_time\n{seconds}\t{peak}\t1\n")
     (tmp_path / "spread.tsv").write_text("s\tmax_rss\tcpu_time\n1\t1\t1\n")
     rows = read_resources(tmp_path)
-    assert [row["stage"] for row in rows] == ["spread", "ensemble/2, all stages", "ensemble/10, all stages"]
-    assert (rows[1]["s"], rows[1]["max_rss"], rows[1]["cpu_time"]) == (7, 7, 2)
+    parts = [f"{run}, all stages" for run in ("coarse", "ensemble/2", "ensemble/10")]
+    assert [row["stage"] for row in rows] == ["spread", *parts]
+    assert [(row["s"], row["max_rss"], row["cpu_time"]) for row in rows[1:3]] == [(3, 2, 2), (7, 7, 2)]
 
 
 def test_resources_of_several_runs_are_averaged_and_gaps_stay_gaps(tmp_path):
