@@ -226,7 +226,8 @@ def test_strength_factor_and_excess_are_those_of_circles(tensor, row):
     centre, radius = 0.5 * (s1 + s3), 0.5 * (s1 - s3)
     size = max(abs(s1), abs(s3))
     above = overstress(*tensor, row)
-    if above > 1e-6 * size:
+    forgiven = max(0.0, room(s1 - 1e-6 * size, row))  # towards the apex the curve is so steep that round-off decides
+    if above > 1e-6 * size and max(s1 - s3 - forgiven, s1 - row[TENSILE_STRENGTH]) > 1e-6 * size:
         assert factor < 1.0
     if above < -1e-6 * size:
         assert factor >= 1.0
