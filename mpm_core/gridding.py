@@ -14,6 +14,7 @@ from mpm_core.grid.building import GridCount, build_grid
 from mpm_core.grid.octree import all_cells, children, morton_codes
 from mpm_core.memory import require, stage_bytes
 from mpm_core.occupancy import FULL, SAMPLES, SLIVER, Places
+from mpm_core.propping import LEAST, NEARLY_NONE, whole_shares
 from mpm_core.settings import GridSlice
 from mpm_core.solids import bodies_at, read_solids
 from pipeline.errors import InputError
@@ -91,6 +92,23 @@ def compare_volumes(name: str, solid: float, gridded: float, allowed: float, cel
         )
 
 
+def refuse_propped(names: list[str], share: np.ndarray, size: np.ndarray, allowed: float, cell: float) -> None:
+    """Name excavations that the rock of their cut cells props; raise InputError if hardly any cell is mined wholly.
+
+    share (k,): of each one's volume in wholly mined cells, size (k,) m3; allowed: grid.volume_error, from 1 on anything
+    goes; cell: edge of the finest cells, m.
+    """
+    for name, whole in zip(names, share, strict=True):
+        if whole < LEAST:
+            logging.warning("%s: narrow for cells of %g m: %.0f %% of it fills whole ones", name, cell, 100 * whole)
+    if size.sum() > 0.0 and share @ size < NEARLY_NONE * size.sum() and allowed < 1.0:
+        raise InputError(
+            f"excavations: too narrow for cells of {cell:g} m: {100 * (share @ size) / size.sum():.0f} % of their "
+            "volume fills whole ones, and the rock in the others would prop them; take cells of half their width or "
+            "less, or grid.cut_cells: whole"
+        )
+
+
 def require_memory(count: GridCount, dimension: int) -> None:
     """Raise InputError if the stages that follow, one particle to a cell, would not fit into the free memory."""
     require(
@@ -148,6 +166,8 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
     volume = [solid.volume_within(domain.lower, domain.upper) * thickness for solid in solids]
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
         compare_volumes(solid.name, true, float(gridded), values.grid.volume_error, grid.fine_cell)
+    share, names = whole_shares(pieces, grid.shape, later), [solid.name for solid in solids]
+    refuse_propped(names, share, on_grid, values.grid.volume_error, grid.fine_cell)
     return grid_dataset(
         grid,
         bodies_at(bodies, grid.cell_center),
@@ -157,9 +177,10 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
         | {
             "mine": values.name,
             "thickness": thickness,
-            "excavation_names": json.dumps([solid.name for solid in solids]),
+            "excavation_names": json.dumps(names),
             "excavation_volume": json.dumps(volume),
             "excavation_volume_grid": json.dumps([float(value) for value in on_grid]),
+            "excavation_whole_share": json.dumps([float(value) for value in share]),
             "rock_body_names": json.dumps([solid.name for solid in bodies]),
         }
         | far_field_attributes(values),

@@ -90,7 +90,8 @@ class GridSettings(Settings):
     cut_cells: Literal["fraction", "whole", "subdivide"] = "fraction"
     """cells crossed by a surface: fraction (by volume) | whole (in or out) | subdivide (64 points)"""
     volume_error: Annotated[float, Field(ge=0)] = 0.2
-    """share of its volume by which the grid may miss an excavation; more is an error, 0.05 a banner"""
+    """share of its volume by which the grid may miss an excavation; more is an error, 0.05 a banner. From 1 on openings
+    of which almost nothing fills a whole cell are let through, too: the rock in their cells props them"""
 
 
 class StressComponents(Settings):

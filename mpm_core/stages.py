@@ -28,7 +28,7 @@ from mpm_core.memory import require_cells
 from mpm_core.mining import begin_step, make_scheme
 from mpm_core.model import Model
 from mpm_core.occupancy import Loose
-from mpm_core.scene import Scene
+from mpm_core.scene import FACES, Scene
 from mpm_core.state import State
 from pipeline.datasets import atomic_path, clear_parts
 from pipeline.errors import InputError
@@ -167,6 +167,7 @@ def finish(
         "increment_error": increment_error(state, volume, step) if stage == "step" else 0.0,
         "collapsed": int(collapsed),
         **truncation(model, state, volume, stage),
+        **failed_at_boundary(model, state, volume),
         **describe_loose(model.grid, model.loose, step, scene.thickness, scene.axes),
     }
     return state_dataset(model, state, volume, rating, table, facts), facts
@@ -224,6 +225,22 @@ def truncation(model: Model, state: State, volume: np.ndarray, stage: str) -> di
         "truncated_volume": float(volume[coarse].sum() * model.scene.thickness),
         "truncated_where": f"{where}; {REMEDY[adaptive]} would let it fail",
     }
+
+
+def failed_at_boundary(model: Model, state: State, volume: np.ndarray) -> dict:
+    """Failed rock in cells at faces of the domain that are not free: volume m3, names of the faces."""
+    grid, scene = model.grid, model.scene
+    failed = np.flatnonzero((state.failed >= 0) & (volume > 0.0))
+    lower = grid.cell_index[model.particles.cell[failed]]
+    upper = lower + grid.cell_width[model.particles.cell[failed]][:, None]
+    there, names = np.zeros(len(failed), bool), []
+    for axis in range(grid.dimension):
+        for name, at in zip(FACES[2 * scene.axes[axis] :][:2], (lower == 0, upper == grid.shape), strict=True):
+            if scene.boundary.get(name) != "free" and at[:, axis].any():
+                there |= at[:, axis]
+                names.append(name)
+    size = float(volume[failed[there]].sum() * scene.thickness)
+    return {"boundary_failed_volume": size, "boundary_failed_faces": ", ".join(names)}
 
 
 def refuse_overstressed_virgin(model: Model) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from catalogs.figures import style
 from catalogs.report import match, sections, text
+from catalogs.report.banners import banners
 from catalogs.report.closeness import intervals_contain
 from catalogs.report.gallery import Gallery
 from catalogs.report.grid_convergence import discretisation
@@ -73,7 +74,7 @@ def write_report(
         + headline_of_spread(evidence),
         match=match.match_rows(evidence),
         beside=sentences(evidence),
-        banners=[("truncated", said) for said in missing_potency(evidence)] + text.banners(evidence),
+        banners=[("truncated", said) for said in missing_potency(evidence)] + banners(evidence),
         step_rows=step_rows(evidence),
         step_caption=caption(evidence) if evidence.dated else "",
         many=sections.MANY,

@@ -210,6 +210,28 @@ def test_banner_names_excavations_whose_volume_the_grid_misses(mine, tmp_path):
     assert "misses the volume" not in make_page(mine, tmp_path, grid=tmp_path / "good.nc").sections["headline"]
 
 
+def test_banner_names_excavations_too_narrow_for_the_cells(mine, tmp_path):
+    """The narrowest first; a planned one does not count yet."""
+    grid = read_dataset(mine.grid)
+    grid.attrs["excavation_whole_share"] = json.dumps([0.41, 0.39, 0.0, 0.0])
+    write_dataset(grid, tmp_path / "grid.nc")
+    said = make_page(mine, tmp_path, grid=tmp_path / "grid.nc").sections["headline"]
+    assert "Narrow for cells of 4.00 m: stope_2 0 %, stope_1 39 % of the volume fills whole cells." in said
+    assert "Narrow for" not in make_page(mine, tmp_path).sections["headline"]
+
+
+def test_banner_says_where_failed_rock_has_reached_the_boundary(mine, tmp_path):
+    """Of the step in which most of it lies there."""
+    steps = []
+    for rank, path in enumerate(mine.steps):
+        facts = {"boundary_failed_volume": 64.0 * rank, "boundary_failed_faces": "z_lower" if rank else ""}
+        steps.append(tmp_path / path.name)
+        write_dataset(read_dataset(path).assign_attrs(facts), steps[-1])
+    said = make_page(mine, tmp_path, steps=steps).sections["headline"]
+    assert "(z_lower; " + number(64.0 * (len(steps) - 1)) + " m³ of its cells lie there in step 2019-09)" in said
+    assert "boundary (" not in make_page(mine, tmp_path).sections["headline"]
+
+
 def test_page_asks_nothing_of_the_network(page):
     """No scripts, no linked files; every image and every reference inside the drawings is data or local."""
     assert not {"script", "link", "iframe", "object"} & {tag for tag, _ in page.tags}

@@ -50,10 +50,11 @@ def finest_places(dataset) -> set[tuple]:
 
 def test_what_a_later_step_mines_has_its_parts_but_no_fine_cells_yet():
     """The same parts as if it were mined at once; fine cells are those of the others alone, whatever comes later."""
+    any_width = {"buffer_cells": 0, "volume_error": 1.0}
     now, later = block([4.0] * 3, [7.0] * 3, "now"), block([17.0] * 3, [21.0, 21.0, 19.0], "later")
-    both = make_grid(grid_slice(now, later, buffer_cells=0), {})
-    at_first = make_grid(grid_slice(now, later, buffer_cells=0) | {"later": [1]}, {})
-    assert finest_places(at_first) == finest_places(make_grid(grid_slice(now, buffer_cells=0), {}))
+    both = make_grid(grid_slice(now, later, **any_width), {})
+    at_first = make_grid(grid_slice(now, later, **any_width) | {"later": [1]}, {})
+    assert finest_places(at_first) == finest_places(make_grid(grid_slice(now, **any_width), {}))
     assert finest_places(both) > finest_places(at_first)
     for name in ("piece_origin", "piece_excavation", "piece_samples"):
         assert np.array_equal(at_first[name].values, both[name].values), name

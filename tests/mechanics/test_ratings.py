@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_model, make_scene, uniform
-from mpm_core.stages import refuse_overstressed_virgin, truncation
+from mpm_core.stages import failed_at_boundary, refuse_overstressed_virgin, truncation
 from pipeline.errors import InputError
 
 
@@ -29,6 +29,29 @@ def test_truncated_share_is_of_all_rock_above_strength():
     assert facts["truncated_share"] == pytest.approx(128.0 / 160.0)
     state.stress[coarse] = 0.0
     assert truncation(model, state, volume, "step")["truncated"] == 0  # the fine one may still fail
+
+
+@pytest.mark.parametrize("plane", [None, "xz"])
+def test_failed_rock_at_a_face_that_is_held_is_named(plane):
+    """Corner cells of 8 m: the lowest one lies at all lower faces, of which a free one does not count, nor does rock
+    that is gone."""
+    d = 2 if plane else 3
+    scene = make_scene(plane, host=COULOMB, boundary={"x_lower": "free"})
+    model = make_model(scene, grid_around([], [3] * d, 1, 8.0))
+    state, volume = model.virgin_state(), model.volumes(0)
+    assert failed_at_boundary(model, state, volume) == {"boundary_failed_volume": 0.0, "boundary_failed_faces": ""}
+    index = model.grid.cell_index[model.particles.cell]
+    state.failed[(index == 1).all(axis=1)] = 0  # the middle one
+    assert failed_at_boundary(model, state, volume)["boundary_failed_faces"] == ""
+    corner = (index == 0).all(axis=1)
+    state.failed[corner] = 0
+    lower = "z_lower" if plane else "y_lower, z_lower"
+    assert failed_at_boundary(model, state, volume) == {
+        "boundary_failed_volume": pytest.approx(8.0**d), "boundary_failed_faces": lower,
+    }  # fmt: skip
+    state.failed[(index == 2).all(axis=1)] = 0
+    facts = failed_at_boundary(model, state, np.where(corner, 0.0, volume))
+    assert facts["boundary_failed_faces"] == ("x_upper, z_upper" if plane else "x_upper, y_upper, z_upper")
 
 
 def test_a_weak_body_is_refused_only_where_it_is_too_weak():

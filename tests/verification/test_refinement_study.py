@@ -4,7 +4,7 @@ from running import run_study
 
 from verification.refinement.answer import Run, answer
 
-LARGER = {"grid.coarse_cell": "20 m"}
+LARGER = {"grid.coarse_cell": "20 m", "grid.volume_error": 1.0}
 
 
 def test_the_study_has_a_row_for_every_relation_and_its_figure(tmp_path):

@@ -1,0 +1,97 @@
+"""What the reader must know before anything else."""
+
+from catalogs.report.inputs import Evidence
+from catalogs.report.text import NAMED, number, percent, plural, typeset
+
+WHOLE_CELLS = 0.4  # share of an excavation's volume in wholly mined cells, below which there is a banner (propping.py)
+OFF_VOLUME = 0.05  # share of an excavation's volume that the grid may miss without a banner
+
+
+def banners(evidence: Evidence) -> list[tuple[str, str]]:
+    """What the reader must know before anything else: (kind, text)."""
+    found = []
+    if evidence.stale:
+        names = ", ".join(evidence.stale)
+        found.append(("stale", f"Older than the configuration: {names}. Run snakemake again before using this report."))
+    if evidence.config.get("accuracy") == "draft":
+        text = "A draft: cells of twice the size, looser tolerances and larger increments than section 13 says. "
+        found.append(("draft", text + "Its numbers are a first look: those to use come without accuracy: draft."))
+    if text := off_volume(evidence):
+        found.append(("volume", text))
+    if text := narrow(evidence):
+        found.append(("truncated", text))
+    if text := at_boundary(evidence):
+        found.append(("truncated", text))
+    for step in evidence.steps or [stage.attrs for stage in evidence.stages]:
+        if int(step.get("loose_pieces", 0)):
+            text = f"Loose rock in step {step['step']}: {plural(int(step['loose_pieces']), 'piece')}, "
+            text += f"{number(step['loose_volume'])} m³, "
+            text += f"{typeset(step['loose_where']).replace(' m3 ', ' m³ ')}, taken as excavated"
+            kind = "note" if step["loose_volume"] < _finest_volume(evidence) else "truncated"
+            found.append((kind, text + " from then on: nothing held it. Check the solids there."))
+    at_once = [row.name for row in evidence.excavations if row.dated and row.filled_at_once]
+    if at_once:
+        first, more = ", ".join(at_once[:NAMED]), len(at_once) - NAMED
+        text = f"Filled while being mined: {first}{f' and {more} more' if more > 0 else ''}. "
+        text += "Fill stands in them while their own step unloads the rock, and holds walls and failed rock in place: "
+        found.append(("note", text + "an opening that stands empty first (filled: a later step) makes more events."))
+    if evidence.is_twin:
+        text = "The record shown is a twin: a catalogue that this pipeline made itself with other settings. "
+        found.append(("twin", text + "It was not measured."))
+    if evidence.record is None and evidence.steps and "record" not in evidence.config:
+        found.append(
+            ("note", "No recorded catalogue was given: the model stands alone, nothing here says how well it fits.")
+        )
+    if evidence.comparison is not None and evidence.comparison["events_above_cut"].values.all():
+        found.append(("note", f"Model and record are compared at {typeset(evidence.comparison.attrs['cut_text'])}."))
+    return found
+
+
+def off_volume(evidence: Evidence) -> str:
+    """Which mined excavations have another volume on the grid than as solids; empty if none has."""
+    rows = [row for row in evidence.excavations if not row.planned and row.solid > 0]
+    off = [(row.drawn / row.solid - 1, row.name) for row in rows if abs(row.drawn / row.solid - 1) > OFF_VOLUME]
+    if not off:
+        return ""
+    off.sort(key=lambda entry: -abs(entry[0]))
+    named = ", ".join(f"{name} {100 * error:+.0f} %".replace("-", "−") for error, name in off[:NAMED])
+    more = f" and {len(off) - NAMED} more" if len(off) > NAMED else ""
+    return (
+        f"The grid misses the volume of {plural(len(off), 'excavation')} by more than {percent(OFF_VOLUME)}: "
+        f"{named}{more}. Refine the grid, or look whether these solids are whole (section 2)."
+    )
+
+
+def narrow(evidence: Evidence) -> str:
+    """Which mined excavations are so narrow for the cells that rock in cut cells props them; empty if none is."""
+    rows = sorted((row.whole, row.name) for row in evidence.excavations if not row.planned and row.whole < WHOLE_CELLS)
+    if not rows:
+        return ""
+    named = ", ".join(f"{name} {percent(whole)}" for whole, name in rows[:NAMED])
+    more = f" and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
+    return (
+        f"Narrow for cells of {number(float(evidence.grid.attrs['fine_cell']))} m: {named}{more} of the volume fills "
+        "whole cells. In the others rock and opening stand side by side, and the rock props: walls then close, and let "
+        "go of energy, 10 to 50 % too little, and where no cell is whole hardly at all. Use smaller cells there."
+    )
+
+
+def at_boundary(evidence: Evidence) -> str:
+    """Whether failed rock has reached a face of the domain that is held or loaded; empty if not."""
+    reached = [step for step in evidence.steps if step.get("boundary_failed_faces")]
+    if not reached:
+        return ""
+    last = max(reached, key=lambda step: step["boundary_failed_volume"])
+    return (
+        f"Failed rock has reached the domain's boundary ({last['boundary_failed_faces']}; "
+        f"{number(last['boundary_failed_volume'])} m³ of its cells lie there in step {last['step']}): what holds the "
+        "domain decides what fails there. Make the domain larger, or look whether the rock is so weak; where a face is "
+        "a plane of symmetry nothing is wrong."
+    )
+
+
+def _finest_volume(evidence: Evidence) -> float:
+    """Volume of a finest cell, m3."""
+    attributes = evidence.grid.attrs
+    volume = float(attributes["fine_cell"]) ** int(attributes.get("dimension", 3))
+    return volume * float(attributes.get("thickness", 1.0))

@@ -1,0 +1,38 @@
+"""Openings that the rock of their own cut cells props.
+
+A cell that a wall crosses holds rock in proportion: rock and opening side by side, each strained as the cell is. Rock
+that in truth lines one wall of a narrow opening then spans it, like a pillar. What tells is how much of an opening's
+volume stands in cells that are mined wholly; docs/method.md, 2, has what that share costs.
+"""
+
+import numpy as np
+
+from mpm_core.grid.splitting import code_of
+from mpm_core.occupancy import FULL, Places
+
+LEAST = 0.4  # of an opening's volume in whole cells: below it releases 10 % too little, and up to half
+NEARLY_NONE = 0.05  # of all openings: where rock would break is then decided by props that are not there
+
+
+def whole_shares(parts: Places, shape: np.ndarray, later: np.ndarray) -> np.ndarray:
+    """Share of each excavation's volume (k,) in finest cells that are mined wholly, by it and others; 0 without parts.
+
+    shape (d,): finest cells along each axis; later (k,) bool: those mined after the first step, which make no cell
+    whole for one of the first.
+    """
+    code = code_of(parts.place, shape)
+    mined = np.bitwise_count(parts.samples).astype(float)
+    share = np.zeros(len(later))
+    for ours, others in ((~later, ~later), (later, np.ones_like(later))):
+        there, own = np.flatnonzero(others[parts.excavation]), np.flatnonzero(ours[parts.excavation])
+        order = there[np.argsort(code[there], kind="stable")]
+        first = np.flatnonzero(np.diff(code[order], prepend=-1))
+        if not len(own):
+            continue
+        whole = code[order][first[np.bitwise_or.reduceat(parts.samples[order], first) == FULL]]
+        size, in_whole = (
+            np.bincount(parts.excavation[own], value, minlength=len(later))
+            for value in (mined[own], mined[own] * np.isin(code[own], whole))
+        )
+        share += np.divide(in_whole, size, out=np.zeros(len(later)), where=size > 0.0)
+    return share
