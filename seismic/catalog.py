@@ -53,7 +53,6 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
     truncated = [step for step in dated if step.attrs["truncated"]]
     budgets = [json.loads(step.attrs["budget"]) for step in dated]
     budget = add_budgets(budgets)
-    unlike = [step.attrs["unlike_share"] * own["particle_scalars"] for step, own in zip(dated, budgets, strict=True)]
     attributes = {name: first[name] for name in SHARED} | {
         "steps": json.dumps(names),
         "potency_floor": _largest(dated, "potency_floor"),
@@ -61,7 +60,7 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
         "truncated": int(bool(truncated)),
         "truncated_share": float(max((step.attrs["truncated_share"] for step in dated), default=0.0)),
         "truncated_where": "; ".join(f"{step.attrs['step']}: {step.attrs['truncated_where']}" for step in truncated),
-        "unlike_share": float(sum(unlike) / budget["particle_scalars"]) if budget["particle_scalars"] else 0.0,
+        **{name: _mean_share(name, dated, budgets) for name in ("unlike_share", "at_once_share")},
         "budget": json.dumps(budget),
     }
     on_planes = values.pop(ON_PLANES.name, None)
@@ -69,6 +68,12 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
     if planes:
         catalog[ON_PLANES.name] = (ON_PLANES.dims, on_planes, ON_PLANES.attributes)
     return catalog
+
+
+def _mean_share(name: str, steps: list[xr.Dataset], budgets: list[dict]) -> float:
+    """Of an attribute of steps, weighted by what their particles released; 0 where nothing failed."""
+    weights = [budget["particle_scalars"] for budget in budgets]
+    return float(np.average([step.attrs[name] for step in steps], weights=weights)) if sum(weights) else 0.0
 
 
 def write_csv(catalog: xr.Dataset, path: str | os.PathLike) -> None:

@@ -21,9 +21,10 @@ from pipeline.source_tensors import (
 from pipeline.voigt import tensor_from_voigt
 from seismic.budget import log_budget, potency_budget
 from seismic.clusters import find_clusters
-from seismic.families import closeness, find_families
+from seismic.families import find_families
 from seismic.regions import find_regions
 from seismic.settings import EventSettings
+from seismic.shares import at_once_share, unlike_share
 
 STRAINS = {
     "seismic": "seismic_strain",
@@ -96,13 +97,16 @@ def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Datase
     budget = potency_budget(strain, volume, chosen.seismic_fraction, event_potency, scalars, where)
     attributes = _attributes(step, chosen, strain["seismic"][breaks], spacing) | {"budget": json.dumps(budget)}
     attributes["unlike_share"] = unlike_share(potency, event, event_potency, chosen.closeness)
+    attributes["at_once_share"] = at_once_share(weight, event, order, chosen.fewest)
     logging.info(
-        "%s: %d failed particles, %d events, %d of them resolved; %.3f of the potency in particles unlike their event",
+        "%s: %d failed particles, %d events, %d of them resolved; %.3f of the potency in particles unlike their event, "
+        "%.3f in events that the load began at once",
         where,
         len(source),
         len(resolved),
         np.count_nonzero(resolved),
         attributes["unlike_share"],
+        attributes["at_once_share"],
     )
     log_budget(budget)
     events = event_dataset(values, attributes)
@@ -125,17 +129,6 @@ def find_events(
         return find_clusters(position, spacing, family, settings.clustering)
     label = find_regions(position, spacing, potency, failure_order, settings.closeness)
     return label, np.bincount(label) >= settings.fewest
-
-
-def unlike_share(potency: NDArray, event: NDArray, event_potency: NDArray, threshold: float) -> float:
-    """Share of the scalar potency in particles whose cosine with their event's tensor is below the threshold.
-
-    potency (particle, 6), event (particle,), event_potency (event, 6) m3.
-    """
-    own = tensor_from_voigt(potency)
-    unlike = closeness(own, tensor_from_voigt(event_potency)[event]) < threshold
-    scalar = scalar_potency(own)
-    return float(np.sum(scalar[unlike]) / np.sum(scalar)) if len(own) else 0.0
 
 
 def slips_on_planes(step: xr.Dataset, source: NDArray) -> NDArray:

@@ -7,6 +7,7 @@ from catalogs.grid_convergence import ALL
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import MISSING, fixed, number, percent, whole
 
+AT_ONCE = 0.05  # share of the potency from which on the loading makes the events (docs/method.md, 8)
 TOO_COARSE = 0.5  # share: more than first-order convergence can be read from
 
 
@@ -19,7 +20,7 @@ def discretisation(evidence: Evidence) -> list[str]:
     if table is None:
         cell = f"{float(evidence.grid.attrs['fine_cell']):g}"
         text = f"What cells of {cell} m do to these numbers was not measured (grid_convergence)"
-        return [f"{text}; {parts}." if parts else f"{text}."]
+        return [f"{text}; {parts}." if parts else f"{text}.", *_at_once(evidence)]
     every = table.sel(period=ALL)
     own, coarse = (f"{cell:g}" for cell in table["cell"].values)
     potency, volume = (every[name].values for name in ("potency", "failed_volume"))
@@ -38,7 +39,19 @@ def discretisation(evidence: Evidence) -> list[str]:
     else:
         text += f". So cells of {own} m leave potency uncertain by some {percent(errors[0])} and failed rock by some "
         text += percent(errors[1])
-    return [f"{text}; {parts}." if parts else f"{text}."]
+    return [f"{text}; {parts}." if parts else f"{text}.", *_at_once(evidence)]
+
+
+def _at_once(evidence: Evidence) -> list[str]:
+    """That increments of the load decide how many events there are, where they do."""
+    share = float(evidence.catalog.attrs.get("at_once_share", 0.0))
+    if share <= AT_ONCE:
+        return []
+    return [
+        f"Of the potency {percent(share)} is in rock that an increment of the load took above its strength at once, in "
+        "patches that are events for that reason: number, sizes and b of the events are in part those of the "
+        "increments. Smaller ones (a smaller solver.increment_error, or more solver.increments) part them."
+    ]
 
 
 def _increments(evidence: Evidence) -> str:

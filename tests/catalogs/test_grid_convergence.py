@@ -90,6 +90,11 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     page = mine.arguments()["output"].read_text()
     assert "On cells of 4 m instead of 2 m the same steps release 4.10 m³ of potency (here 4.60)" in page
     assert "uncertain by some 11 % and failed rock by some 13 %; their load" in page
+    assert "took above its strength at once" not in page
+    catalog = read_dataset(arguments["catalog"]).assign_attrs(at_once_share=0.24)
+    write_dataset(catalog, tmp_path / "at_once.nc")
+    write_report(**arguments | {"catalog": tmp_path / "at_once.nc"})
+    assert "Of the potency 24 % is in rock that an increment" in mine.arguments()["output"].read_text()
     worse = found.assign(potency_error=found["potency_error"] * 10)
     write_dataset(worse, tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")

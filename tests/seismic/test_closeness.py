@@ -60,5 +60,6 @@ def test_share_of_unlike_rock(make_scattered_step, make_settings):
     weights = [json.loads(step.attrs["budget"])["particle_scalars"] for step in steps]
     assert weights[0] != weights[1]
     assert catalog.attrs["unlike_share"] == pytest.approx(np.average([0.1, 0.5], weights=weights))
+    assert 0.0 <= catalog.attrs["at_once_share"] <= max(step.attrs["at_once_share"] for step in steps)
     assert unlike(SimpleNamespace(catalog=catalog)).startswith(f"{100 * catalog.attrs['unlike_share']:.2g} % of")
     assert unlike(SimpleNamespace(catalog=catalog.isel(event=[]))) == ""

@@ -13,7 +13,8 @@ from sklearn.metrics import adjusted_rand_score
 
 from pipeline.voigt import tensor_from_voigt
 from seismic import regions
-from seismic.events import extract_events, unlike_share
+from seismic.events import extract_events
+from seismic.shares import at_once_share, unlike_share
 from seismic.families import closeness
 from seismic.regions import SMALL, find_regions
 
@@ -240,6 +241,24 @@ def test_events_of_a_step_by_regions_close_the_budget(make_scattered_step, make_
         assert budget["event_scalars"] == pytest.approx(float(events.potency.sum()), rel=1e-14)
         assert_array_equal(events.resolved, events.particles >= 2)
         assert 0.0 <= events.attrs["unlike_share"] < 1.0
+        assert 0.0 <= events.attrs["at_once_share"] <= 1.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_share_that_the_load_made_events_of_at_once_is_that_of_a_loop(seed):
+    """Rock of generation 0 that shares event and increment with enough of its like; in any order of particles."""
+    random = np.random.default_rng(seed)
+    event, weight = random.integers(0, 6, 80), random.uniform(0.1, 1.0, 80)
+    order = random.integers([1, 0], [3, 2], (80, 2))
+    key = [(number, *when) for number, when in zip(event, order.tolist(), strict=True)]
+    expected = sum(w for w, one in zip(weight, key, strict=True) if one[2] == 0 and key.count(one) >= 3)
+    assert 0.0 < expected < weight.sum()
+    assert at_once_share(weight, event, order, 3) == pytest.approx(expected / weight.sum(), rel=1e-12)
+    shuffled = random.permutation(80)
+    again = at_once_share(weight[shuffled], event[shuffled], order[shuffled], 3)
+    assert again == pytest.approx(expected / weight.sum(), rel=1e-12)
+    assert at_once_share(weight, event, order, 1) == pytest.approx(weight[order[:, 1] == 0].sum() / weight.sum())
+    assert at_once_share(weight[:0], event[:0], order[:0], 3) == 0.0
 
 
 def test_share_of_unlike_particles_is_that_of_a_loop():
