@@ -53,8 +53,7 @@ class Checkpoint:
             return
         counters = {name: getattr(history, name) for name in COUNTERS}
         with atomic_path(self.path) as temporary, temporary.open("wb") as file:
-            rest = {name: value for name, value in history.rest.items() if name not in UNCHANGED}
-            beside = _named("table_", history.table()) | _named("rest_", rest)
+            beside = _named("table_", history.table()) | _named("rest_", history.rest)
             failed = np.flatnonzero(state.failed >= 0)
             of_failed = {name: getattr(state, name)[failed] for name in OF_FAILED}
             others = {name: value for name, value in vars(state).items() if name not in (*OF_FAILED, *UNCHANGED)}

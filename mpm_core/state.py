@@ -164,3 +164,32 @@ ARRAYS: dict[str, Array] = {
 def changed_in(extent: Extent) -> tuple[str, ...]:
     """Names of the arrays that a stage changes there."""
     return tuple(name for name, array in ARRAYS.items() if array.changes is extent)
+
+
+def keep(state: State, moving: bool = False, into: dict[str, np.ndarray] | None = None) -> dict[str, np.ndarray]:
+    """A copy of what a stage changes, by name: of arrays that only failed rock has, its rows; all of all arrays where
+    particles move. into: an earlier copy, whose memory is used again."""
+    rows = np.flatnonzero(state.failed >= 0)
+    kept = {}
+    for name, array in ARRAYS.items():
+        value, before = getattr(state, name), (into or {}).get(name)
+        if array.changes is Extent.FAILED and not moving:
+            kept[name] = value[rows]
+        elif array.changes is Extent.ALL or moving:
+            if before is None or before.shape != value.shape:
+                before = np.empty_like(value)
+            np.copyto(before, value)
+            kept[name] = before
+    return kept
+
+
+def put_back(kept: dict[str, np.ndarray], state: State) -> None:
+    """Write what `keep` has given into the state that it is of; what has failed since then has not."""
+    since, rows = np.flatnonzero(state.failed >= 0), np.flatnonzero(kept["failed"] >= 0)
+    for name, value in kept.items():
+        array = getattr(state, name)
+        if len(value) < len(array):
+            array[since] = ARRAYS[name].start
+            array[rows] = value
+        else:
+            array[...] = value

@@ -33,7 +33,7 @@ from mpm_core.kernels.nodes import (
 )
 from mpm_core.kernels.resting import make_update
 from mpm_core.model import Model
-from mpm_core.state import State
+from mpm_core.state import State, put_back
 
 TIME_STEP_SHARE = 0.98  # of the damped limit, 1 / sqrt(1 + c) of the undamped one
 FAILED_HOURGLASS = 0.01  # of the intact hourglass stiffness: a stiff one props failed rock up, as eight particles do.
@@ -100,10 +100,8 @@ class Body:
         note_flow_start(self.flowing, state.stress, state.later_strain, *self.flow_start)
 
     def go_back(self, rest: dict[str, np.ndarray]) -> None:
-        """Return to a settled state kept earlier, its arrays by name; what has flowed since then is forgotten."""
-        for name, value in rest.items():
-            if isinstance(getattr(self.state, name), np.ndarray):
-                getattr(self.state, name)[...] = value
+        """Return to a settled state kept earlier (state.keep); what has flowed since then is forgotten."""
+        put_back(rest, self.state)
         self.count_flow_anew()
         self.set_failed()
 

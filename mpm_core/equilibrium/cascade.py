@@ -26,7 +26,7 @@ from mpm_core.equilibrium.increments import Increments
 from mpm_core.equilibrium.part import Part
 from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
 from mpm_core.model import Model
-from mpm_core.state import MOTION, REFINED, State
+from mpm_core.state import MOTION, REFINED, State, keep
 
 TIGHTER = 4.0  # between two tolerances of the last increment
 PLASTIC_LOOSER, PLASTIC_TOLERANCE = 50.0, 0.05  # times the given one, to so much: where no rock loses strength
@@ -64,7 +64,8 @@ class Refining(Protocol):
 def keep_rest(scheme: Scheme, history: History) -> None:
     """Remember the state as one of rest."""
     scheme.body.settle()
-    history.rest = {name: np.copy(value) for name, value in vars(scheme.body.state).items()}
+    body = scheme.body
+    history.rest = keep(body.state, body.model.scene.solver.move, history.rest)
 
 
 def next_failures(scheme: Scheme, brittle: Brittle, part: Part | None = None) -> np.ndarray:
@@ -169,7 +170,7 @@ def put_on_load(
 ) -> None:
     """Begin the next increment: its load, and its strain of the boundary. One that is chosen comes to rest, before
     anything fails, and a smaller one is put on instead until it may stand."""
-    before = {name: np.copy(value) for name, value in vars(scheme.body.state).items()} if increments.chosen else {}
+    before = keep(scheme.body.state) if increments.chosen else {}
     while True:
         increments.begin(history)
         if ramp.strain.any():

@@ -38,7 +38,7 @@ class ExplicitScheme:
         self.body.set_failed()
 
     def go_back(self, rest: dict[str, np.ndarray]) -> None:
-        """Return to a settled state kept earlier, its arrays by name."""
+        """Return to a settled state kept earlier (state.keep)."""
         self.body.go_back(rest)
 
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:

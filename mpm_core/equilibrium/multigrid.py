@@ -103,7 +103,7 @@ class MultigridScheme:
         self.softened = failed
 
     def go_back(self, rest: dict[str, np.ndarray]) -> None:
-        """Return to a settled state kept earlier, its arrays by name."""
+        """Return to a settled state kept earlier (state.keep)."""
         self.body.go_back(rest)
         self.stale[:], self.flow = True, None
 

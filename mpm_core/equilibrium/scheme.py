@@ -22,7 +22,7 @@ class Scheme(Protocol):
         """Take over which particles have failed (state.failed)."""
 
     def go_back(self, rest: dict[str, np.ndarray]) -> None:
-        """Return to a settled state kept earlier, its arrays by name; what has flowed since then is forgotten."""
+        """Return to a settled state kept earlier (state.keep); what has flowed since then is forgotten."""
 
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         """Bring the 2-norm of the unbalanced force at free nodes to at most tolerance * reference (N).

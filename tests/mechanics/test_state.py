@@ -8,7 +8,7 @@ from mpm_core.checkpoint import Checkpoint
 from mpm_core.datasets import read_state, state_dataset
 from mpm_core.equilibrium.convergence import History
 from mpm_core.model import Model
-from mpm_core.state import ARRAYS, Extent, State
+from mpm_core.state import ARRAYS, Extent, State, keep, put_back
 
 
 def random_state(dimension: int) -> tuple[Model, State]:
@@ -54,3 +54,28 @@ def test_a_checkpoint_holds_all_that_a_stage_changes(tmp_path):
     for name, array in ARRAYS.items():
         if array.changes is not Extent.NONE:
             np.testing.assert_array_equal(getattr(again, name), getattr(state, name), err_msg=name)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_what_was_kept_comes_back_whatever_has_changed_and_failed_since(moving):
+    """Also into memory that held an earlier copy; what no stage changes at rest is not copied at all."""
+    model, state = random_state(3)
+    state.position, state.cell = state.position.copy(), state.cell.copy()
+    expected = {name: getattr(state, name).copy() for name in ARRAYS}
+    kept = keep(state, moving)
+    assert ("plastic_strain" in kept) == moving
+    random = np.random.default_rng(5)
+    state.failed[random.random(model.particles.count) < 0.3] = 1
+    for name, array in ARRAYS.items():
+        if array.changes is Extent.ALL or moving:
+            getattr(state, name)[...] += 1
+        elif array.changes is Extent.FAILED:
+            getattr(state, name)[state.failed >= 0] += 1
+    later = {name: value.copy() for name, value in keep(state, moving).items()}
+    put_back(kept, state)
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(state, name), expected[name], err_msg=name)
+    again = keep(state, moving, into=later)
+    assert again["stress"] is later["stress"]
+    for name, value in kept.items():
+        np.testing.assert_array_equal(again[name], value, err_msg=name)
