@@ -8,6 +8,7 @@ import hashlib
 import logging
 import time
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -46,8 +47,18 @@ class Checkpoint:
     last: float = field(default_factory=time.perf_counter)
     cost: float = 0.0
 
-    def save(self, state: State, history: History, grid: MultiLevelGrid) -> None:
-        """Write state, the cells that it has, and the convergence table, if it is time to."""
+    def save(
+        self,
+        state: State,
+        history: History,
+        grid: MultiLevelGrid,
+        in_district: bool = False,
+        places: Sequence[np.ndarray] = (),
+    ) -> None:
+        """Write state, the cells that it has, and the convergence table, if it is time to.
+
+        in_district: whether they are those of the step's district; places (k, d) each: what was split (mining.py).
+        """
         now = time.perf_counter()
         if now - self.last < max(self.pause, self.cost / SHARE):
             return
@@ -57,7 +68,9 @@ class Checkpoint:
             failed = np.flatnonzero(state.failed >= 0)
             of_failed = {name: getattr(state, name)[failed] for name in OF_FAILED}
             others = {name: value for name, value in vars(state).items() if name not in (*OF_FAILED, *UNCHANGED)}
+            places = np.concatenate([np.empty((0, grid.dimension), np.int64), *places])
             cells = {"cells_index": grid.cell_index, "cells_level": grid.cell_level}
+            cells |= {"in_district": in_district, "places": places}
             np.savez(file, key=self.key, **counters, **cells, **others, **of_failed, **beside)
         self.last = time.perf_counter()
         self.cost = self.last - now

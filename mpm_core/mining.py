@@ -1,7 +1,8 @@
 """A mining step on the cells that it has now: what it begins with, and the same on finer cells where rock asks."""
 
 import logging
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
@@ -48,7 +49,8 @@ class StepCells:
     """What a step has on its cells, replaced as a whole when they are split; it is what the cascade asks (Refining).
 
     start_cells, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
-    full: as many cells as there may be.
+    full: as many cells as there may be; elsewhere: cells of the mine beyond these, where they are a district's;
+    places: what was split, (k, d) each, see `split`.
     """
 
     ground: Ground
@@ -60,6 +62,8 @@ class StepCells:
     start_displacement: np.ndarray
     refinement: Refinement
     full: bool = False
+    elsewhere: int = 0
+    places: list[np.ndarray] = field(default_factory=list)
 
     @property
     def model(self) -> Model:
@@ -77,14 +81,13 @@ class StepCells:
         """Split cells at places (k, d), at rest: what goes on from there; None where there would be too many."""
         grid = split(self.model.grid, places, RINGS, 1)
         most = self.ground.scene.refinement.max_cells
-        if len(grid.cell_level) > most:
-            logging.warning(
-                "%d cells would be more than grid.max_cells, %d: no more are split", len(grid.cell_level), most
-            )
+        if (cells := len(grid.cell_level) + self.elsewhere) > most:
+            logging.warning("%d cells would be more than grid.max_cells, %d: no more are split", cells, most)
             self.full = True
             return None
         before = len(self.model.grid.cell_level)
         self.onto(grid)
+        self.places.append(places)
         logging.info(
             "%d cells split: %d cells, %d of the finest",
             (len(grid.cell_level) - before) // ((1 << grid.dimension) - 1),
@@ -93,14 +96,15 @@ class StepCells:
         )
         return self.scheme, self.brittle, self.ramp
 
-    def onto(self, grid: MultiLevelGrid) -> None:
-        """Go over to a grid whose cells are those of now or parts of them. What that adds to the energy is counted."""
+    def onto(self, grid: MultiLevelGrid, counted: Callable[[Model], np.ndarray] | None = None) -> None:
+        """Go over to a grid whose cells are those of now or parts of them. What that adds to the energy is counted, of
+        all cells or of those (cell,) bool that `counted` says of a model."""
         if grid is self.model.grid:
             return
         body = self.scheme.body
         body.settle()
         require_cells(self.ground.scene, grid)
-        old, was = body.model, stored(body)
+        old, was = body.model, stored(body, counted)
         model = self.ground.on(grid, old)
         state = carry(old, body.state, model)
         volume, ramp = model.volumes(self.step), self.ramp
@@ -111,7 +115,17 @@ class StepCells:
         self.scheme = make_scheme(model, state, volume)
         self.brittle = brittle_of(model, volume, self.step)
         self.refinement = Refinement.of(grid)
-        state.energy[REFINED] += stored(self.scheme.body) - was
+        state.energy[REFINED] += stored(self.scheme.body, counted) - was
+
+    def resume(self, grid: MultiLevelGrid, places: np.ndarray) -> None:
+        """Go over to the cells of a checkpoint; places (k, d): what was split until then."""
+        self.onto(grid)
+        self.places = [places] if len(places) else []
+
+    def renew(self) -> None:
+        """A scheme anew, for a state that was changed from outside."""
+        body = self.scheme.body
+        self.scheme = make_scheme(body.model, body.state, body.volume)
 
     def moved(self) -> np.ndarray:
         """How far nodes (node, d) have moved in this step, m."""
@@ -188,7 +202,10 @@ def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:
     return float(mined)
 
 
-def stored(body: Body) -> float:
-    """Energy of stress and of hourglass forces of a body, J (per m in 2-D)."""
+def stored(body: Body, counted: Callable[[Model], np.ndarray] | None = None) -> float:
+    """Energy of stress and of hourglass forces of a body, or of the cells (cell,) bool that `counted` says, J (per m in
+    2-D)."""
+    cells = np.ones(len(body.model.cell_nodes), bool) if counted is None else counted(body.model)
     hourglass = hourglass_energies(body.state.hourglass_force, body.hourglass)
-    return elastic_energy(body.model, body.state, body.volume) + float(hourglass.sum())
+    volume = np.where(cells[body.model.particles.cell], body.volume, 0.0)
+    return elastic_energy(body.model, body.state, volume) + float(hourglass[cells].sum())

@@ -105,6 +105,7 @@ def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
     held = np.zeros((len(grid.node_index), grid.dimension), bool)
     for (axis, side), components in held_faces(scene).items():
         held[np.ix_(grid.boundary_nodes(axis, side), components)] = True
+    held[grid.border_nodes()] = True
     return held
 
 

@@ -12,6 +12,7 @@ from tqdm import tqdm
 from mpm_core.checkpoint import Checkpoint
 from mpm_core.constitutive.regions import STRENGTH_FACTOR_CAP
 from mpm_core.datasets import read_grid, state_dataset
+from mpm_core.district import District, district_of
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import above_strength
 from mpm_core.equilibrium.cascade import run_cascade
@@ -86,19 +87,27 @@ def mining_step(
     watched = following(scene, scene.steps[step], failed_state)
     with watched as history:
         cells, balance = begin_step(Ground.of(scene, grid), previous, step, history)
-        watched.state = lambda: cells.scheme.body.state
+        watched.state = lambda: at_work.scheme.body.state
+        district = district_of(cells) if not saved or saved["in_district"] else None
+        at_work = cells if district is None else district.cells
         if saved:
-            cells.onto(with_leaves(cells.model.grid, saved["cells_index"], saved["cells_level"]))
-            checkpoint.restore(saved, cells.scheme.body.state, history)
-            cells.scheme = make_scheme(cells.model, cells.scheme.body.state, cells.model.volumes(step))
+            at_work.resume(with_leaves(at_work.model.grid, saved["cells_index"], saved["cells_level"]), saved["places"])
+            checkpoint.restore(saved, at_work.scheme.body.state, history)
+            at_work.renew()
 
         def save(state: State, history: History) -> None:
             if checkpoint is not None and not scene.solver.move:
-                checkpoint.save(state, history, cells.model.grid)
+                checkpoint.save(state, history, at_work.model.grid, at_work is not cells, at_work.places)
 
-        scheme, collapsed = run_cascade(
-            cells.scheme, cells.brittle, cells.ramp, step, history, save, cells if scene.refinement else None
-        )
+        def run(district: District | None) -> tuple[Scheme, bool]:
+            asked = at_work if scene.refinement else None
+            return run_cascade(at_work.scheme, at_work.brittle, at_work.ramp, step, history, save, asked, district)
+
+        if district is not None:
+            run(district)
+            district.give_back()
+            at_work, district = cells, None
+        scheme, collapsed = run(None)
         if checkpoint is not None:
             checkpoint.remove()
     return finish(scheme, history, step, balance, cells.ramp.target, cells.moved(), "step", collapsed)

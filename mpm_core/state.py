@@ -166,6 +166,23 @@ def changed_in(extent: Extent) -> tuple[str, ...]:
     return tuple(name for name, array in ARRAYS.items() if array.changes is extent)
 
 
+def take(state: State, own: State, places: dict[str, np.ndarray]) -> None:
+    """Fill the state of a part of a mine; places: what cells, nodes and particles of the whole it has, by dimension."""
+    for name, array in ARRAYS.items():
+        if array.dims[0] in places and array.start is not None:
+            setattr(own, name, getattr(state, name)[places[array.dims[0]]])
+
+
+def give_back(own: State, state: State, places: dict[str, np.ndarray]) -> None:
+    """Write what has changed in a part of a mine into the state of the whole; its energy is added to that."""
+    state.energy += own.energy
+    failed = np.flatnonzero(own.failed >= 0)
+    for name, array in ARRAYS.items():
+        if array.dims[0] in places and array.changes is not Extent.NONE:
+            index, rows = places[array.dims[0]], failed if array.changes is Extent.FAILED else slice(None)
+            getattr(state, name)[index[rows]] = getattr(own, name)[rows]
+
+
 def keep(state: State, moving: bool = False, into: dict[str, np.ndarray] | None = None) -> dict[str, np.ndarray]:
     """A copy of what a stage changes, by name: of arrays that only failed rock has, its rows; all of all arrays where
     particles move. into: an earlier copy, whose memory is used again."""

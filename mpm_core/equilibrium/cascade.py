@@ -26,6 +26,7 @@ from mpm_core.equilibrium.increments import Increments
 from mpm_core.equilibrium.part import Part
 from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
 from mpm_core.model import Model
+from mpm_core.settings import SolverSettings
 from mpm_core.state import MOTION, REFINED, State, keep
 
 TIGHTER = 4.0  # between two tolerances of the last increment
@@ -61,6 +62,24 @@ class Refining(Protocol):
         """Split cells at places, at rest: what goes on from there; None where no more cells may be."""
 
 
+class InDistrict(Protocol):
+    """The district that a step begins in (district.py).
+
+    share: of the whole mine's cells; waits: whether it is left, as too much rock near its border stands above strength.
+    """
+
+    share: float
+    waits: bool
+
+    def far_from_border(self, fresh: np.ndarray) -> np.ndarray:
+        """Those of fresh particles (k,) that may fail in the district."""
+
+
+def asks_the_whole(solver: SolverSettings) -> bool:
+    """Whether each generation asks the whole mine: for its last state of rest, or its weakest rock."""
+    return solver.collapse == "keep" or solver.weakest_first > 0.0
+
+
 def keep_rest(scheme: Scheme, history: History) -> None:
     """Remember the state as one of rest."""
     scheme.body.settle()
@@ -68,7 +87,7 @@ def keep_rest(scheme: Scheme, history: History) -> None:
     history.rest = keep(body.state, body.model.scene.solver.move, history.rest)
 
 
-def next_failures(scheme: Scheme, brittle: Brittle, part: Part | None = None) -> np.ndarray:
+def next_failures(scheme: Scheme, brittle: Brittle, part: Part | InDistrict | None = None) -> np.ndarray:
     """Rock that stands above strength at rest, particles (k,), ascending; none if the cascade is at its end.
 
     In a part of the mine rock near its border waits for the whole.
@@ -106,7 +125,7 @@ def relax_and_fail(
     reference: float,
     step: int,
     history: History,
-    part_of_mine: Part | None = None,
+    part_of_mine: Part | InDistrict | None = None,
     save: Callable[[State, History], None] = lambda state, history: None,
     cells: Refining | None = None,
 ) -> np.ndarray:
@@ -117,8 +136,7 @@ def relax_and_fail(
     that the scheme is for. Returns the places (k, d) that need finer cells before any more fails; none at its end.
     """
     solver = scheme.body.model.scene.solver
-    whole = solver.collapse == "keep" or solver.weakest_first > 0.0
-    in_parts = isinstance(scheme, SchemeInParts) and not whole
+    in_parts = isinstance(scheme, SchemeInParts) and not asks_the_whole(solver)
     while True:
         scheme.relax(external, tolerance, reference, history)
         fresh = next_failures(scheme, brittle, part_of_mine)
@@ -195,29 +213,32 @@ def run_cascade(
     history: History,
     save: Callable[[State, History], None] = lambda state, history: None,
     cells: Refining | None = None,
+    district: InDistrict | None = None,
 ) -> tuple[Scheme, bool]:
     """Ramp external force and boundary strain, with a cascade at each increment.
 
     Returns the scheme, another one where cells have been split, and whether it ended in collapse. `save` is called
     where the whole mine is between two generations; a history that stands within an increment (a saved one) goes on
-    from there.
+    from there. In a district of the mine it ends loosely, or with the increment in which much rock near the border
+    waits; the whole goes on from there.
     Collapse: after rock has failed it finds no rest, or fails on after solver.max_generations. That is an error
     (NoRest), or (solver.collapse "keep") the last state of rest is the result, at cascade_tolerance, with rock above
     strength that would fail next.
     """
     solver, reference, loose = scheme.body.model.scene.solver, ramp.reference, loose_tolerance(scheme.body.model)
+    share = np.sqrt(district.share) if district else 1.0  # of what may be unbalanced
     increments = Increments(scheme.body.model, step)
     under_way = history.increment > 0  # a saved history
     while under_way or history.load < 1.0:
         if not under_way:
-            put_on_load(scheme, brittle, ramp, increments, loose, history)
+            put_on_load(scheme, brittle, ramp, increments, share * loose, history)
         under_way = False
         external, last = ramp.at(history.load), history.load == 1.0
         try:
             while True:
-                tolerance = max(loose / TIGHTER**history.tightened, solver.tolerance)
+                tolerance = share * max(loose / TIGHTER**history.tightened, solver.tolerance)
                 places = relax_and_fail(
-                    scheme, brittle, external, tolerance, reference, step, history, save=save, cells=cells
+                    scheme, brittle, external, tolerance, reference, step, history, district, save, cells
                 )
                 if cells is not None and len(places):
                     finer = cells.split(places)
@@ -231,7 +252,7 @@ def run_cascade(
                             keep_rest(scheme, history)
                         come_to_rest_on(scheme, external, tolerance, reference, history)
                     continue
-                if not last or tolerance == solver.tolerance:
+                if not last or district or tolerance == solver.tolerance:
                     break
                 history.tightened += 1
         except NoRest:
@@ -243,6 +264,8 @@ def run_cascade(
             scheme.relax(external, loose, reference, history)  # is at rest: this notes it
             return scheme, True
         scheme.body.settle()
+        if district and district.waits:
+            break
         if history.rest:
             keep_rest(scheme, history)
     return scheme, False

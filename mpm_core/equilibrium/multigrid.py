@@ -27,6 +27,7 @@ from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit import step_to_rest
 from mpm_core.equilibrium.part import Part, cut_out
+from mpm_core.equilibrium.scheme import Excerpt
 from mpm_core.equilibrium.surroundings import Cubes
 from mpm_core.kernels.nodes import sizes
 from mpm_core.kernels.operator_rows import balance, take_step
@@ -121,7 +122,7 @@ class MultigridScheme:
         scheme.body.start = self.body.start[part.nodes]
         return scheme
 
-    def take_back(self, part: Part) -> None:
+    def take_back(self, part: Excerpt) -> None:
         """Take over what has happened in a part, which is at rest and settled."""
         part.give_back(self.state)
         self.stale[self.model.scatter.blocks_of(part.cells)] = True
@@ -131,7 +132,8 @@ class MultigridScheme:
     def drop_work_arrays(self) -> None:
         """Nothing more is to be relaxed."""
         self.body.drop_work_arrays()
-        del self.solver, self.anderson, self.flow, self.rows, self.cubes
+        self.solver = self.anderson = self.flow = self.cubes = None
+        self.rows = []
 
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         """Bring the 2-norm of the unbalanced force at free nodes to at most tolerance * reference (N).

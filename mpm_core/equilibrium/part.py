@@ -18,7 +18,7 @@ from mpm_core.kernels.nodes import mark_nodes
 from mpm_core.model import Model
 from mpm_core.occupancy import Changes
 from mpm_core.particles import Particles
-from mpm_core.state import ARRAYS, Extent, State
+from mpm_core.state import State, give_back, take
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,7 @@ class Part:
 
     def give_back(self, state: State) -> None:
         """Write what has changed into the state of the whole mine."""
-        state.energy += self.state.energy
-        failed = np.flatnonzero(self.state.failed >= 0)
-        places = {"particle": self.particles, "node": self.nodes, "cell": self.cells}
-        for name, array in ARRAYS.items():
-            if array.dims[0] in places and array.changes is not Extent.NONE:
-                index, own = places[array.dims[0]], failed if array.changes is Extent.FAILED else slice(None)
-                getattr(state, name)[index[own]] = getattr(self.state, name)[own]
+        give_back(self.state, state, {"particle": self.particles, "node": self.nodes, "cell": self.cells})
 
 
 def cut_out(
@@ -81,10 +75,7 @@ def cut_out(
         held=held,
     )
     own = part.virgin_state()
-    places = {"particle": indices, "node": nodes, "cell": cells}
-    for name, array in ARRAYS.items():
-        if array.dims[0] in places and array.start is not None:
-            setattr(own, name, getattr(state, name)[places[array.dims[0]]])
+    take(state, own, {"particle": indices, "node": nodes, "cell": cells})
     failed_before = own.failed >= 0
     failed_before[np.searchsorted(indices, fresh)] = False
     logging.info("in a part of %d cells", len(cells))

@@ -27,15 +27,17 @@ RINGS = 2  # of them that are split at once around what asks for it: so a crack 
 @dataclass(frozen=True)
 class Refinement:
     """What is split so far: codes (k,) of cells of the last level but one, ascending, and how many there are along each
-    axis (d,)."""
+    axis (d,); present (base cells along each axis) bool: what the grid has; halvings from these to those cells."""
 
     codes: np.ndarray
     shape: np.ndarray
+    present: np.ndarray
+    halvings: int
 
     @classmethod
     def of(cls, grid: MultiLevelGrid) -> "Refinement":
         """Of a grid."""
-        return cls(family_codes(grid), grid.shape >> 1)
+        return cls(family_codes(grid), grid.shape >> 1, grid.present, max(grid.levels - 2, 0))
 
     def asked(
         self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, cells: int
@@ -57,8 +59,10 @@ class Refinement:
         return asking, fresh[:0] if at_once else fresh[~exposed]
 
     def _missing(self, places: np.ndarray) -> np.ndarray:
-        """Those of the places (k, d) that are not split."""
-        if not len(self.codes):
+        """Those of the places (k, d) that are not split, of a district its own."""
+        if not self.present.all():
+            places = places[self.present[tuple((places >> self.halvings).T)]]
+        if not len(self.codes) or not len(places):
             return places
         code = code_of(places, self.shape)
         return places[self.codes[np.minimum(np.searchsorted(self.codes, code), len(self.codes) - 1)] != code]

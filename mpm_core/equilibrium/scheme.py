@@ -8,6 +8,7 @@ from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.part import Part
+from mpm_core.state import State
 
 
 class Scheme(Protocol):
@@ -34,6 +35,15 @@ class Scheme(Protocol):
         """Nothing more is to be relaxed: what only that needs goes."""
 
 
+class Excerpt(Protocol):
+    """Some cells of a mine, (k,) indices, where something has happened."""
+
+    cells: np.ndarray
+
+    def give_back(self, state: State) -> None:
+        """Write it into the state of the whole mine."""
+
+
 @runtime_checkable
 class SchemeInParts(Scheme, Protocol):
     """A scheme for which a small part of the mine is less work than the whole."""
@@ -44,5 +54,5 @@ class SchemeInParts(Scheme, Protocol):
     def scheme_of(self, part: Part) -> Scheme:
         """The scheme that brings a part to rest."""
 
-    def take_back(self, part: Part) -> None:
+    def take_back(self, part: Excerpt) -> None:
         """Take over what has happened in a part, which is at rest and settled."""

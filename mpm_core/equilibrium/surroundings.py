@@ -111,6 +111,12 @@ class Surroundings:
     near: np.ndarray
     cells: np.ndarray
 
+    def reach_beyond(self, places: np.ndarray, cubes: int) -> np.ndarray:
+        """(k,) bool: whether they end within so many cubes of places (k, d), fine units, that lie in them."""
+        around = np.ones((3,) * self.near.ndim)
+        inner = ndimage.binary_erosion(self.near, around, cubes, border_value=1) if cubes else self.near
+        return ~inner[tuple(((places >> self.cubes.halvings) - self.cubes.lower).T)]
+
     def are_wide(self, failed: np.ndarray) -> np.ndarray:
         """(k,) bool: whether a border held still carries at most the share BORDER of what each one's patch changes.
 

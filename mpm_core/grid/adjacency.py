@@ -30,7 +30,7 @@ def face_neighbors(grid: MultiLevelGrid, of: np.ndarray | None = None) -> tuple[
 
 
 def holding_cells(grid: MultiLevelGrid, places: np.ndarray) -> np.ndarray:
-    """The cell (k,) int32 that holds each place (k, d) int32, fine units; NO_CELL outside the domain."""
+    """The cell (k,) int32 that holds each place (k, d) int32, fine units; NO_CELL where the grid has none."""
     found = np.empty(len(places), dtype=np.int32)
     _find_cells(places, *leaf_lookup(grid), found)
     return found
@@ -46,7 +46,7 @@ def leaf_lookup(grid: MultiLevelGrid) -> tuple[np.ndarray, int, np.ndarray, np.n
     code = np.empty(len(grid.cell_level), dtype=np.int64)
     _codes_in_base_cell(grid.cell_index, halvings, code)
     base_shape = np.asarray(grid.shape, dtype=np.int64) >> halvings
-    first = np.empty(int(np.prod(base_shape)), dtype=np.int32)
+    first = np.zeros(int(np.prod(base_shape)), dtype=np.int32)
     count = np.zeros(len(first), dtype=np.int32)
     _cells_of_base_cells(grid.cell_index, halvings, base_shape, first, count)
     return code, halvings, base_shape, first, count
@@ -84,13 +84,15 @@ def _cells_of_base_cells(cell_index, halvings, base_shape, first, count):
 
 @njit(cache=True)
 def cell_at(place, code, halvings, base_shape, first, count):
-    """The leaf that holds a place (d,), fine units; NO_CELL outside the domain. Bisection of the base cell's leaves."""
+    """The leaf that holds a place (d,), fine units; NO_CELL where the grid has none. By bisection in its base cell."""
     base = np.int64(0)
     for axis in range(len(base_shape)):
         coarse = place[axis] >> halvings
         if coarse < 0 or coarse >= base_shape[axis]:
             return NO_CELL
         base = base * base_shape[axis] + coarse
+    if count[base] == 0:
+        return NO_CELL
     wanted = _code_in_base_cell(place, halvings)
     lower = np.int64(first[base])
     upper = lower + count[base]

@@ -49,6 +49,8 @@ FACES = {
 class MultiLevelGrid:
     """Square or cubic cells of several sizes that tile a box, 2:1 balanced over faces, edges and corners.
 
+    A district (district.py) tiles some of the box's base cells only, and is held still where the box goes on.
+
     Arrays in "fine units" count finest cells from the lower corner of the domain: exact, and the basis of every
     comparison.
     """
@@ -109,6 +111,13 @@ class MultiLevelGrid:
         """(node,) bool"""
         return self.node_parents[:, 0] >= 0
 
+    @cached_property
+    def present(self) -> np.ndarray:
+        """(base cells along each axis) bool: those that the grid has; all of them, but in a district of a mine"""
+        found = np.zeros(self.shape >> self.levels - 1, bool)
+        found[tuple((self.cell_index >> self.levels - 1).T)] = True
+        return found
+
     @property
     def cells_per_level(self) -> np.ndarray:
         """(levels,) int64"""
@@ -119,3 +128,19 @@ class MultiLevelGrid:
         if not 0 <= axis < self.dimension or side not in (0, 1):
             raise ValueError(f"axis {axis}, side {side}: an axis below {self.dimension} and side 0 or 1 are expected")
         return self.node_index[:, axis] == side * self.shape[axis]
+
+    def border_nodes(self) -> np.ndarray:
+        """(node,) bool: corners of faces beyond which the domain goes on, but not the grid; none but in a district."""
+        result = np.zeros(len(self.node_index), bool)
+        if self.present.all():
+            return result
+        corners = CORNERS[self.dimension]
+        for axis in range(self.dimension):
+            for side in range(2):
+                beyond = self.cell_index.copy()
+                beyond[:, axis] += self.cell_width if side else -1
+                inside = (beyond[:, axis] >= 0) & (beyond[:, axis] < self.shape[axis])
+                beyond[~inside] = self.cell_index[~inside]
+                ends = ~self.present[tuple((beyond >> self.levels - 1).T)]
+                result[self.vtk_nodes[np.ix_(ends, corners[:, axis] == side)]] = True
+        return result

@@ -104,7 +104,7 @@ def mark_splits(base_shape, levels: int, classify: Classify, buffer_cells: int) 
     for level in range(levels - 2, 0, -1):
         around = marks.of_level(level).copy()
         _dilate(around, 1)
-        np.logical_or(marks.of_level(level - 1), _parents(around), out=marks.of_level(level - 1))
+        np.logical_or(marks.of_level(level - 1), parents(around), out=marks.of_level(level - 1))
     return marks
 
 
@@ -154,7 +154,7 @@ def _dilate(flags: np.ndarray, rings: int) -> None:
             np.logical_or(flags[lower], before[upper], out=flags[lower])
 
 
-def _parents(flags: np.ndarray) -> np.ndarray:
+def parents(flags: np.ndarray) -> np.ndarray:
     """Flags one level coarser: any child is marked."""
     for axis in range(flags.ndim):
         flags = flags[_along(axis, slice(0, None, 2))] | flags[_along(axis, slice(1, None, 2))]

@@ -104,6 +104,9 @@ def with_leaves(grid: MultiLevelGrid, cell_index: np.ndarray, cell_level: np.nda
 def _not_split(grid: MultiLevelGrid, level: int, codes: np.ndarray) -> np.ndarray:
     """Those of the codes of cells of a level that are not split in the grid, all of them in no finer cell."""
     halvings = grid.levels - 1 - level
+    if not grid.present.all():  # cells of a district's surroundings are not its own
+        place = np.stack(np.unravel_index(codes, tuple(grid.shape >> halvings)))
+        codes = codes[grid.present[tuple(place >> level)]]
     deeper = np.flatnonzero(grid.cell_level > level)
     first = deeper[(grid.cell_index[deeper] & ((1 << halvings) - 1) == 0).all(axis=1)]  # at the cell's lower corner
     split_codes = code_of(grid.cell_index[first] >> halvings, grid.shape >> halvings)

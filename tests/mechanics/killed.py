@@ -12,9 +12,9 @@ class KilledAfter(Checkpoint):
 
     left = 0
 
-    def save(self, state, history, grid):
+    def save(self, *arguments):
         self.cost = 0.0
-        super().save(state, history, grid)
+        super().save(*arguments)
         self.left -= 1
         if self.left == 0:
             raise Killed

@@ -196,9 +196,9 @@ class Dying(Checkpoint):
 
     saves, last_save = 0, np.inf
 
-    def save(self, state, history, grid):
+    def save(self, *arguments):
         self.cost = 0.0
-        super().save(state, history, grid)
+        super().save(*arguments)
         self.saves += 1
         if self.saves == self.last_save:
             raise Killed

@@ -14,9 +14,9 @@ from sklearn.metrics import adjusted_rand_score
 from pipeline.voigt import tensor_from_voigt
 from seismic import regions
 from seismic.events import extract_events
-from seismic.shares import at_once_share, unlike_share
 from seismic.families import closeness
 from seismic.regions import SMALL, find_regions
+from seismic.shares import at_once_share, unlike_share
 
 SHEAR = np.array([0, 0, 0, 0, 0, 1.0])
 OPENING = np.array([1.0, 0, 0, 0, 0, 0])
