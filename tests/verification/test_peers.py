@@ -63,7 +63,7 @@ def test_the_pressed_hole_on_larger_cells(tmp_path):
 
 def test_the_hole_in_hoek_brown_rock_has_the_printed_closed_form(tmp_path):
     results = run_study("peers", tmp_path, ["hoek_brown"])
-    theory, printed = plastic_ring(results["hoek_brown"]), results.settings["hoek_brown"]["hoek_brown"]
+    theory, printed = plastic_ring(results["hoek_brown"]), results.settings["hoek_brown"]
     assert theory.plastic_radius / theory.radius == pytest.approx(printed["radius"], abs=0.005)
     assert 1e-6 * theory.critical_pressure == pytest.approx(printed["critical_pressure"], abs=0.05)
 
@@ -78,10 +78,11 @@ def test_the_particle_that_cb_geo_prints(tmp_path, name, exact):
 
 
 def test_the_roof_sags_by_more_than_is_printed_and_the_surface_by_that(tmp_path):
+    """Slits by hand: 2 (1 - 1/16) 9.975 MPa / 8 GPa times 900 m / pi arccosh(1 / cos(30 degrees)), 157.4 m."""
     results = run_study("peers", tmp_path, ["roof"], **{"grid.levels": 2})
     surface, roof = roof_rows("roof", results["roof"], results.settings["roof"]["roof"], 0.03)
     assert surface.passed
-    assert 0.369 == pytest.approx(row_of_slits(results["roof"]), abs=1e-3)
+    assert row_of_slits(results["roof"]) == pytest.approx(0.3679, abs=1e-4)
     assert row_of_slits(results["roof"]) < roof.obtained < 0.42
 
 

@@ -1,6 +1,7 @@
 """Figure of the peers: holes as those of the plastic studies, then the roof and the slope."""
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
@@ -14,6 +15,9 @@ from verification.results import Results, Variant
 
 LAST = 3.6  # inches: height of the row of roof and slope
 STRAIN = 1e-3, 1e-1  # plastic shear that the colours of the slope span
+NONE = 1e-12  # on their logarithmic scale
+AROUND = 4.0  # m of the slope shown beside the spiral
+ROOM = 1e7  # iterations up to which the axis goes, so that the legend covers none
 
 
 def draw(results: Results, runs: list[Run]) -> Figure:
@@ -65,19 +69,19 @@ def band(part, axes, results: Results, names: list[str]) -> None:
     strain = state.plastic_strain.values[there]
     shear = np.sqrt(2.0 * (strain**2 * [1, 1, 1, 2, 2, 2]).sum(axis=1))
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    corner, size = grid.cell_origin.values[cell, :2], grid.cell_size.values[cell]
+    corner, size = grid.cell_origin.values[cell][:, [0, 2]], grid.cell_size.values[cell]
     drawn = PolyCollection(
-        corner[:, None] + size[:, None, None] * square, array=np.clip(shear, *STRAIN), cmap="viridis_r", norm="log",
-        clim=STRAIN, rasterized=True,
+        corner[:, None] + size[:, None, None] * square, array=np.maximum(shear, NONE), norm="log", clim=STRAIN,
+        cmap=colormaps["viridis_r"].with_extremes(under=style.FILL), rasterized=True,
     )  # fmt: skip
     axes.add_collection(drawn)
-    part.colorbar(drawn, ax=axes, label="plastic shear", orientation="horizontal", shrink=0.8)
+    part.colorbar(drawn, ax=axes, label="plastic shear", orientation="horizontal", shrink=0.8, extend="both")
     toe = np.array(variant.values["excavations"][0]["points"][1])
     spiral = Slope(**settings["rock"]).spiral().points() + toe
     axes.plot(*spiral.T, color=style.RECORDED, linestyle="--")
-    upper = variant.values["domain"]["upper"]
-    axes.set(xlim=(0, upper[0]), ylim=(0, upper[1]), aspect="equal", xlabel="x (m)", ylabel="z (m)")
-    axes.set_title(f"slope, factor {settings['factors'][name]:g}")
+    low, high = spiral.min(axis=0) - AROUND, spiral.max(axis=0) + AROUND
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x (m)", ylabel="z (m)")
+    axes.set_title(f"slope at {settings['factors'][name]:g} (dashed: log spiral)")
 
 
 def work(axes, results: Results, names: list[str]) -> None:
@@ -91,5 +95,6 @@ def work(axes, results: Results, names: list[str]) -> None:
     bound = Slope(**settings["rock"]).limit()
     axes.axvline(settings["limit"], color=style.RECORDED, linewidth=0.8, label="their limit")
     axes.axvline(bound, color=style.OUTLINE, linestyle="--", linewidth=0.8, label="log spiral")
+    axes.set_ylim(top=ROOM)
     axes.legend(loc="upper left")
-    axes.set(title="iterations", xlabel="factor of strength")
+    axes.set(title="iterations to rest", xlabel="factor of strength")

@@ -33,9 +33,9 @@ def roof_rows(name: str, variant: Variant, printed: float, allowed: float) -> li
 def lowering(variant: Variant, height: float, x: np.ndarray) -> np.ndarray:
     """How far nodes at a height came down, m, at places x (point,), m, between them."""
     place = variant.grid.node_position.values
-    line = np.flatnonzero(np.isclose(place[:, 1], height))
+    line = np.flatnonzero(np.isclose(place[:, 2], height))
     line = line[np.argsort(place[line, 0])]
-    return -np.interp(x, place[line, 0], variant.elastic.node_displacement.values[line, 1])
+    return -np.interp(x, place[line, 0], variant.elastic.node_displacement.values[line, 2])
 
 
 def row_of_slits(variant: Variant) -> float:
