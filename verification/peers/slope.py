@@ -39,7 +39,7 @@ def slope_rows(results: Results) -> list[Row]:
                      f"{above} above a bound that no exact limit is above; {settings['seconds']:.1f} s for "
                      "14 factors in 8 processes"),
         Row.relative("slope: largest factor that comes to rest, ours and the log spiral", bound, stands,
-                     results.allowed["limit"], f"no rest at {falls:g}"),
+                     results.allowed["limit"], f"at {falls:g} it moves by more than a cell, which counts as collapse"),
         Row.relative(f"slope: the same beside theirs, {SOURCE}", theirs, stands, None,
                      f"not compared: theirs is {above} above the log spiral's"),
     ]  # fmt: skip
