@@ -3,29 +3,48 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from verification.hoek_brown.closed_form import HoekBrownTunnel
 from verification.kirsch.fields import Rock
+from verification.peers.cbgeo import particle_rows
+from verification.peers.figure import draw
 from verification.peers.kratos import AS_STATED, CASES, Return, cutoff_multipliers, ours
+from verification.peers.roof import roof_rows
+from verification.peers.slope import slope_rows
 from verification.plastic.answer import Run, perfect_rows, read_run
-from verification.plastic.figure import draw
 from verification.results import Results
 from verification.rows import Row
 
 MPA = 1e-6
 KRATOS = "Kratos, test_mohr_coulomb_with_tension_cutoff.cpp"
 GEOS = "GEOS, KirschProblem_base.xml"
-ITASCA = "FLAC3D, VerificationProblems/CylinderInMohrCoulomb"
+ITASCA = "FLAC3D, VerificationProblems"
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Rows of all cases; figure of the holes."""
-    rows = return_rows(results.allowed["returned"])
-    pressed = results.settings["pressed"]
-    for name, printed in pressed.items():
-        rows += wall_rows(name, Rock(results[name]), printed, results.allowed["wall"])
-    runs = [read_run(name, variant) for name, variant in results.variants.items() if name not in pressed]
+    """Rows of all cases; figure of holes, roof and slope."""
+    settings, allowed = results.settings, results.allowed
+    rows = return_rows(allowed["returned"])
+    for name, printed in present(settings["pressed"], results).items():
+        rows += wall_rows(name, Rock(results[name]), printed, allowed["wall"])
+    for name, printed in present(settings["roof"], results).items():
+        rows += roof_rows(name, results[name], printed, allowed["digits"])
+    if present(settings["slope"]["factors"], results):
+        rows += slope_rows(results)
+    apart = {*settings["pressed"], *settings["roof"], *settings["slope"]["factors"]}
+    runs = [read_run(name, variant) for name, variant in results.variants.items() if name not in apart]
     for run in runs:
-        rows += hole_rows(run, results)
-    return rows, draw(runs, {})
+        if run.name in settings["particles"]:
+            rows += particle_rows(run, **settings["particles"][run.name], allowed=allowed["point"])
+        elif isinstance(run.theory, HoekBrownTunnel):
+            rows += hoek_brown_rows(run, settings["hoek_brown"], results)
+        else:
+            rows += coulomb_rows(run, settings["printed"], results)
+    return rows, draw(results, runs)
+
+
+def present(named: dict, results: Results) -> dict:
+    """Those of a mapping by variant that were run: a reduced study leaves some out."""
+    return {name: value for name, value in named.items() if name in results.variants}
 
 
 def return_rows(allowed: float) -> list[Row]:
@@ -73,19 +92,42 @@ def wall_rows(name: str, rock: Rock, printed: list[float], allowed: float) -> li
     ]  # fmt: skip
 
 
-def hole_rows(run: Run, results: Results) -> list[Row]:
+def coulomb_rows(run: Run, printed: dict[str, float], results: Results) -> list[Row]:
     """The hole that FLAC3D is verified with: its printed values beside theory here, then ours beside theory."""
-    theory, printed = run.theory, results.settings["printed"]
+    theory = run.theory
     interface = -float(theory.stress(np.array([theory.plastic_radius]))[0][0]) * MPA
-    rows = [
-        Row.relative(f"{run.name}: {what}, {ITASCA} and the closed form here", value, here, results.allowed["printed"])
-        for what, value, here in (
-            ("R0 / a", printed["radius"], theory.plastic_radius / theory.radius),
-            ("radial compression at R0, MPa", printed["interface"], interface),
-        )
-    ]
+    rows = printed_rows(
+        f"{ITASCA}/CylinderInMohrCoulomb",
+        (
+            (f"{run.name}: R0 / a", printed["radius"], theory.plastic_radius / theory.radius),
+            (f"{run.name}: radial compression at R0, MPa", printed["interface"], interface),
+        ),
+        results.allowed["printed"],
+    )
     near = np.abs(run.cavity.distance - theory.plastic_radius) < run.cavity.cell
     beside = -float(run.cavity.radial_hoop_third[0, near].mean()) * MPA
     quantity = f"{run.name}: radial compression within a cell of R0, mean, MPa"
     rows.append(Row.relative(quantity, printed["interface"], beside, results.allowed["interface"]))
     return rows + perfect_rows(run, results.settings["outer_radii"], results.allowed)
+
+
+def hoek_brown_rows(run: Run, printed: dict[str, float], results: Results) -> list[Row]:
+    """The same in Hoek-Brown rock."""
+    theory = run.theory
+    rows = printed_rows(
+        f"{ITASCA}/CylinderInHoekBrownPAC",
+        (
+            (f"{run.name}: bpl / b", printed["radius"], theory.plastic_radius / theory.radius),
+            (f"{run.name}: critical pressure, MPa", printed["critical_pressure"], theory.critical_pressure * MPA),
+        ),
+        results.allowed["rounded"],
+    )
+    return rows + perfect_rows(run, results.settings["outer_radii"], results.allowed)
+
+
+def printed_rows(source: str, values: tuple[tuple[str, float, float], ...], allowed: float) -> list[Row]:
+    """Quantity, printed value, value of the closed form here."""
+    return [
+        Row.relative(f"{quantity}, {source} and the closed form here", printed, here, allowed)
+        for quantity, printed, here in values
+    ]

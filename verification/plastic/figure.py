@@ -12,6 +12,7 @@ REACH = 1.7  # plastic radii that profiles and maps show
 COLOURS = (style.MODELLED, style.RECORDED, style.BOTH)
 STRESSES = {2: ("radial", "hoop", "axial"), 3: ("radial", "hoop")}
 PER_ROW = 4  # columns of profile and map
+BLOCK_HEIGHT = 5.4  # inches, of both
 SHOWN = 1500  # particles of a profile, so that the file stays small
 
 
@@ -20,17 +21,22 @@ def draw(perfect: list, groups: dict[str, list]) -> Figure:
     columns = [(run.name, [run]) for run in perfect]
     columns += [(f"{name}, first of {len(runs)}", runs) for name, runs in groups.items()]
     blocks = [columns[start : start + PER_ROW] for start in range(0, len(columns), PER_ROW)]
-    heights = [5.4] * len(blocks) + [2.2] * bool(groups)
+    heights = [BLOCK_HEIGHT] * len(blocks) + [2.2] * bool(groups)
     figure = style.new_figure(height=sum(heights))
     parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
     for part, block in zip(parts, blocks, strict=False):
-        panels = part.subplots(2, len(block), squeeze=False)
-        for (title, runs), above, below in zip(block, *panels, strict=True):
-            profile(above, title, runs[0])
-            where_failed(part, below, runs)
+        draw_block(part, block)
     if groups:
         spread(parts[-1].subplots(1, 3), groups)
     return figure
+
+
+def draw_block(part, block: list[tuple[str, list]]) -> None:
+    """Profiles above, maps below, of (title, runs) in a part of a figure, BLOCK_HEIGHT inches high."""
+    panels = part.subplots(2, len(block), squeeze=False)
+    for (title, runs), above, below in zip(block, *panels, strict=True):
+        profile(above, title, runs[0])
+        where_failed(part, below, runs)
 
 
 def profile(axes, title: str, run) -> None:

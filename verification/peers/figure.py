@@ -1,0 +1,100 @@
+"""Figure of the peers: holes as those of the plastic studies, then the roof and the slope."""
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from verification.peers.log_spiral import Slope
+from verification.peers.roof import lowering
+from verification.peers.slope import limits, rests
+from verification.plastic.answer import Run
+from verification.plastic.figure import BLOCK_HEIGHT, PER_ROW, draw_block
+from verification.results import Results, Variant
+
+LAST = 3.6  # inches: height of the row of roof and slope
+STRAIN = 1e-3, 1e-1  # plastic shear that the colours of the slope span
+NONE = 1e-12  # on their logarithmic scale
+AROUND = 4.0  # m of the slope shown beside the spiral
+ROOM = 1e7  # iterations up to which the axis goes, so that the legend covers none
+
+
+def draw(results: Results, runs: list[Run]) -> Figure:
+    """Blocks of holes, and a row of what else was run."""
+    settings = results.settings
+    columns = [(run.name, [run]) for run in runs]
+    blocks = [columns[start : start + PER_ROW] for start in range(0, len(columns), PER_ROW)]
+    roofs = {name: printed for name, printed in settings["roof"].items() if name in results.variants}
+    slopes = [name for name in settings["slope"]["factors"] if name in results.variants]
+    panels = len(roofs) + 2 * bool(slopes)
+    heights = [BLOCK_HEIGHT] * len(blocks) + [LAST] * bool(panels)
+    figure = style.new_figure(height=sum(heights))
+    parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    for part, block in zip(parts, blocks, strict=False):
+        draw_block(part, block)
+    if panels:
+        axes = list(parts[-1].subplots(1, panels, squeeze=False)[0])
+        for name, printed in roofs.items():
+            roof(axes.pop(0), results[name], printed)
+        if slopes:
+            band(parts[-1], axes.pop(0), results, slopes)
+            work(axes.pop(0), results, slopes)
+    return figure
+
+
+def roof(axes, variant: Variant, printed: float) -> None:
+    """How far surface and roof come down along the panel."""
+    panel, top = variant.values["excavations"][0]["upper"], variant.values["domain"]["upper"]
+    for name, height, reach, colour in (
+        ("surface", top[1], top[0], style.MODELLED),
+        ("roof", panel[1], panel[0], style.BOTH),
+    ):
+        x = np.linspace(0.0, reach, 200)
+        axes.plot(x, lowering(variant, height, x), color=colour, label=name)
+    axes.axhline(printed, color=style.RECORDED, linestyle="--", label="printed for the roof")
+    axes.invert_yaxis()
+    axes.legend()
+    axes.set(title="MOOSE's panel", xlabel="from the middle of the panel (m)", ylabel="came down (m)")
+
+
+def band(part, axes, results: Results, names: list[str]) -> None:
+    """Plastic shear of the largest factor that comes to rest, with the worst log spiral."""
+    settings, (stands, _) = results.settings["slope"], limits(results)
+    name = next((one for one in names if settings["factors"][one] == stands), names[0])
+    variant = results[name]
+    state, grid = variant.step(variant.step_names[-1]), variant.grid
+    there = state.volume.values > 0.0
+    cell = state.cell.values[there]
+    strain = state.plastic_strain.values[there]
+    shear = np.sqrt(2.0 * (strain**2 * [1, 1, 1, 2, 2, 2]).sum(axis=1))
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    corner, size = grid.cell_origin.values[cell][:, [0, 2]], grid.cell_size.values[cell]
+    drawn = PolyCollection(
+        corner[:, None] + size[:, None, None] * square, array=np.maximum(shear, NONE), norm="log", clim=STRAIN,
+        cmap=colormaps["viridis_r"].with_extremes(under=style.FILL), rasterized=True,
+    )  # fmt: skip
+    axes.add_collection(drawn)
+    part.colorbar(drawn, ax=axes, label="plastic shear", orientation="horizontal", shrink=0.8, extend="both")
+    toe = np.array(variant.values["excavations"][0]["points"][1])
+    spiral = Slope(**settings["rock"]).spiral().points() + toe
+    axes.plot(*spiral.T, color=style.RECORDED, linestyle="--")
+    low, high = spiral.min(axis=0) - AROUND, spiral.max(axis=0) + AROUND
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x (m)", ylabel="z (m)")
+    axes.set_title(f"slope at {settings['factors'][name]:g} (dashed: log spiral)")
+
+
+def work(axes, results: Results, names: list[str]) -> None:
+    """Iterations of each factor, where it rests and where not, and their Newton steps; the limits as lines."""
+    settings = results.settings["slope"]
+    for at_rest, look, label in ((True, "o", "ours, comes to rest"), (False, "x", "ours, finds no rest")):
+        some = [name for name in names if rests(results[name]) == at_rest]
+        iterations = [results[name].step(results[name].step_names[-1]).attrs["iterations"] for name in some]
+        axes.semilogy([settings["factors"][name] for name in some], iterations, look, color=style.MODELLED, label=label)
+    axes.semilogy(*zip(*settings["newton"].items(), strict=True), ".", color=style.RECORDED, label="their Newton steps")
+    bound = Slope(**settings["rock"]).limit()
+    axes.axvline(settings["limit"], color=style.RECORDED, linewidth=0.8, label="their limit")
+    axes.axvline(bound, color=style.OUTLINE, linestyle="--", linewidth=0.8, label="log spiral")
+    axes.set_ylim(top=ROOM)
+    axes.legend(loc="upper left")
+    axes.set(title="iterations to rest", xlabel="factor of strength")

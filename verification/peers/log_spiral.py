@@ -1,0 +1,116 @@
+"""A slope of Coulomb rock with associated flow: the kinematic bound of a rigid block that turns on a log spiral.
+
+The block slides off along r = r0 exp((theta - theta_0) tan(phi)) around a centre, from the ground behind the crest to
+the toe, as a weightless centre's arm turns; angles are from the horizontal downwards. Per unit of rotation its weight
+works gamma times the first moment of its area, and cohesion takes c r0^2 (exp(2 (theta_h - theta_0) tan(phi)) - 1) /
+(2 tan(phi)). What both are equal for is an upper bound of the height that stands; the least over all spirals is Chen's
+(1975, Limit Analysis and Soil Plasticity, ch. 9), and Taylor's (1937, J. Boston Soc. Civ. Eng. 24, 337) but for the
+shape of his arc.
+
+Strength without dilation, reduced by a factor, becomes that of rock with associated flow by Davis' approach B
+(Tschuchnigg, Schweiger & Sloan 2015, Comput. Geotech. 70, 178): reduced first, then taken times cos(phi).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq, minimize
+
+POINTS = 400  # of a spiral
+TRIED = [(first, last) for first in range(10, 90, 8) for last in range(60, 170, 8)]  # degrees; the best is improved
+FACTORS = 0.5, 4.0  # between which a limit is sought
+NEVER = 1e9  # times cohesion over unit weight: no height at all
+
+
+@dataclass(frozen=True)
+class Spiral:
+    """Place of its centre from the toe (2,), m, up and into the rock positive; angles first and last, radians."""
+
+    centre: tuple[float, float]
+    first: float
+    last: float
+    radius: float
+    friction: float
+
+    def points(self) -> np.ndarray:
+        """From the ground behind the crest to the toe (point, 2), m from the toe."""
+        angle = np.linspace(self.first, self.last, POINTS)
+        arm = self.radius * np.exp((angle - self.first) * math.tan(self.friction))
+        return np.stack([self.centre[0] + arm * np.cos(angle), self.centre[1] - arm * np.sin(angle)], axis=1)
+
+
+@dataclass(frozen=True)
+class Slope:
+    """Cohesion Pa, friction angle degrees, no dilation; unit weight N/m3, height m, inclination degrees."""
+
+    cohesion: float
+    friction_angle: float
+    unit_weight: float
+    height: float
+    slope: float
+
+    def reduced(self, factor: float) -> tuple[float, float]:
+        """Cohesion Pa and friction angle, degrees, of rock with associated flow at a factor: Davis' approach B."""
+        friction = math.atan(math.tan(math.radians(self.friction_angle)) / factor)
+        share = math.cos(friction)
+        return share * self.cohesion / factor, math.degrees(math.atan(share * math.tan(friction)))
+
+    def excess(self, factor: float) -> float:
+        """By what share the height stands above that of the worst spiral at a factor."""
+        cohesion, friction = self.reduced(factor)
+        height, _ = worst_spiral(math.radians(friction), math.radians(self.slope))
+        return self.unit_weight * self.height / cohesion / height - 1.0
+
+    def limit(self) -> float:
+        """The largest factor that the worst spiral lets stand."""
+        return brentq(self.excess, *FACTORS, xtol=1e-6)
+
+    def spiral(self) -> Spiral:
+        """The worst spiral at the limit."""
+        _, friction = self.reduced(self.limit())
+        _, unit = worst_spiral(math.radians(friction), math.radians(self.slope))
+        centre = self.height * unit.centre[0], self.height * unit.centre[1]
+        return Spiral(centre, unit.first, unit.last, self.height * unit.radius, unit.friction)
+
+
+def worst_spiral(friction: float, slope: float) -> tuple[float, Spiral]:
+    """Unit weight times height over cohesion at which the worst spiral through the toe just slides, and the spiral of a
+    slope of height 1; angles in radians, friction above zero."""
+
+    def height(angles: np.ndarray) -> float:
+        spiral = through_toe(angles, friction)
+        return NEVER if spiral is None else height_of(spiral, slope)
+
+    start = min((np.radians(angles) for angles in TRIED), key=height)
+    best = minimize(height, start, method="Nelder-Mead", tol=1e-8)
+    return float(best.fun), through_toe(best.x, friction)
+
+
+def through_toe(angles: np.ndarray, friction: float) -> Spiral | None:
+    """The spiral between two angles that ends at the toe of a slope of height 1; None where there is none."""
+    first, last = (float(angle) for angle in angles)
+    if not 0.0 < first < last < math.pi:
+        return None
+    growth = math.exp((last - first) * math.tan(friction))
+    fall = growth * math.sin(last) - math.sin(first)
+    if fall <= 0.0:
+        return None
+    arm = growth / fall
+    return Spiral((-arm * math.cos(last), arm * math.sin(last)), first, last, 1.0 / fall, friction)
+
+
+def height_of(spiral: Spiral, slope: float) -> float:
+    """Unit weight times height over cohesion at which a spiral through the toe of a slope of height 1 slides."""
+    arc, crest = spiral.points(), np.array([[1.0 / math.tan(slope), 1.0]])
+    if arc[0, 0] <= crest[0, 0]:
+        return NEVER
+    outline = np.concatenate([arc, crest]) - np.array(spiral.centre)
+    x, z = outline.T
+    after_x, after_z = np.roll(x, -1), np.roll(z, -1)
+    moment = -np.sum((x + after_x) * (x * after_z - after_x * z)) / 6.0  # the outline runs clockwise
+    if moment <= 0.0:
+        return NEVER
+    tangent = math.tan(spiral.friction)
+    cohesive = spiral.radius**2 * (math.exp(2.0 * (spiral.last - spiral.first) * tangent) - 1.0) / (2.0 * tangent)
+    return cohesive / moment
