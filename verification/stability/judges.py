@@ -126,21 +126,25 @@ def rise_error(values: dict, outcome: Outcome, run=None) -> float:
     return float(error.max() / exact[rock].max())
 
 
-def same_motion(change: Callable[[dict], dict], back: Callable = lambda motion, place: motion) -> Judge:
-    """Elastic motion beside that of the changed scene, at the same nodes: the largest difference over the largest.
+def same_motion(change: Callable[[dict], dict], turn: int = 1, stage: str = "elastic") -> Judge:
+    """Motion beside that of the changed scene, at the same places: the largest difference over the largest.
 
-    back: takes the other's motion (node, 3), with the places of its nodes, to this scene's nodes.
+    turn: -1 where the other's x is turned round; stage "last": at the end.
     """
 
     def judge(values: dict, outcome: Outcome, run) -> float:
         other = run(change(values))
-        if "elastic" not in other.stored:
+        if other.kind != RESTS:
             return np.inf
-        state, moved = outcome.stored["elastic"].node_displacement.values, other.stored["elastic"]
-        motion = back(moved.node_displacement.values, moved.node_position.values)
-        if state.shape != motion.shape:
+        own, others = (last(each) if stage == "last" else each.stored[stage] for each in (outcome, other))
+        turned = np.array([turn, 1.0, 1.0])
+        places = own.node_position.values, others.node_position.values * turned
+        if len(places[0]) != len(places[1]):
             return np.inf
-        return float(np.abs(state - motion).max() / max(np.abs(motion).max(), 1e-300))
+        order = [np.lexsort(np.round(place - place.min(axis=0), 6).T) for place in places]
+        motion = others.node_displacement.values[order[1]] * turned
+        largest = np.abs(motion).max()
+        return float(np.abs(own.node_displacement.values[order[0]] - motion).max() / max(largest, 1e-300))
 
     return judge
 
@@ -165,6 +169,11 @@ def other_scheme(values: dict) -> dict:
     return merge(values, {"solver": {"scheme": "explicit" if scheme == "multigrid" else "multigrid"}})
 
 
+def tighter(values: dict) -> dict:
+    """The scene to a tolerance that leaves next to nothing."""
+    return merge(values, {"solver": {"tolerance": 1e-9}})
+
+
 def mirrored(values: dict) -> dict:
     """A section with x turned round."""
     boxes = [
@@ -177,15 +186,6 @@ def mirrored(values: dict) -> dict:
 
 def _minus(length: str) -> str:
     return f"{-number(length)!r} m"
-
-
-def mirror_back(motion: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Motion of a mirrored section at the nodes of the original: nodes are found by their places."""
-    turned = place * [-1.0, 1.0, 1.0]
-    keys = [np.lexsort(np.round(points, 6).T) for points in (turned, place)]
-    found = np.empty_like(motion)
-    found[keys[1]] = (motion * [-1.0, 1.0, 1.0])[keys[0]]
-    return found
 
 
 def finer(values: dict) -> dict:

@@ -64,10 +64,10 @@ def friction() -> Iterator[Case]:
 
 
 def cohesion() -> Iterator[Case]:
-    for strength in (0.0, 1e3, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8):
+    for strength in (0.0, 1e3, 1e5, 1e6, 3e6, 1e7, 3e7, 1e8):
         rock = coulomb(cohesion=strength)
         yield Case("plastic tunnel", strength, failing(rock), front_error, FRONT)
-        scene = failing(rock, solver={"scheme": "explicit", "max_iterations": 10000})
+        scene = failing(rock, solver={"scheme": "explicit"})
         yield Case("plastic tunnel, explicit", strength, scene, front_error, FRONT)
 
 
@@ -83,10 +83,9 @@ def dilation() -> Iterator[Case]:
 
 
 def residual() -> Iterator[Case]:
-    for share in (0.0, 0.1, 0.3, 0.5, 0.8, 0.9, 1.0):
-        for pressure in (10e6, 15e6):
-            scene = failing(coulomb(share=share), pressure=pressure)
-            yield Case(f"brittle tunnel, {pressure / 1e6:g} MPa", share, scene, front_error, BRITTLE)
+    for share in (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0):
+        scene = failing(coulomb(share=share), pressure=12e6)
+        yield Case("brittle tunnel, 12 MPa", share, scene, front_error, BRITTLE)
     none = {"friction_angle": {"residual": "0.0 deg"}, "dilation_angle": {"residual": "0.0 deg"}}
     rock = coulomb(share=0.0, tension_cutoff={"intact": "1e6 Pa", "residual": "0.0 Pa"}, **none)
     yield Case("no strength at all is left", 0.0, failing(rock), None, 0.0)

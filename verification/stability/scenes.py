@@ -10,6 +10,7 @@ FINEST = {2: 0.5, 3: 1.0}  # m
 LEVELS = {2: 4, 3: 3}
 SIDE, CELL = 32.0, 1.0  # of the section that shapes are mined in, and of its finest cells, m
 VIRGIN = {"xx": "-10e6 Pa", "yy": "-12e6 Pa", "zz": "-20e6 Pa"}  # in it
+ADAPTIVE = {"refinement": "adaptive", "max_cells": 3000}  # cells that follow the rock, so many at most
 BAND = 4.0  # m: height of what is mined at the top of a column
 
 
@@ -69,8 +70,9 @@ def hole(dimension: int = 2, scale: float = 1.0, offset: float = 0.0, pressure: 
 
 
 def failing(rock: dict, dimension: int = 2, **changes) -> dict:
-    """The hole in rock that fails, whose cells follow the rock."""
-    return hole(dimension, **merge({"materials": {"host": rock}, "grid": {"refinement": "adaptive"}}, changes))
+    """The hole in rock that fails, whose cells follow the rock; what does not come to rest is given up sooner."""
+    base = {"materials": {"host": rock}, "grid": ADAPTIVE, "solver": {"max_iterations": 1500}}
+    return hole(dimension, **merge(base, changes))
 
 
 def filled(modulus: float, poisson: float = POISSON, dimension: int = 2, **changes) -> dict:

@@ -3,23 +3,23 @@
 from collections.abc import Iterator
 from functools import partial
 
-from verification.stability.cases import Case, Knob
+from verification.stability.cases import Case, Knob, Known
 from verification.stability.drive import courant, single_precision
 from verification.stability.judges import (
     closure_error,
     finer,
     front_error,
-    mirror_back,
     mirrored,
     other_scheme,
     same_fact,
     same_motion,
+    tighter,
 )
 from verification.stability.rock import CLOSURE, FRONT, SAME
-from verification.stability.scenes import coulomb, failing, hole, section
+from verification.stability.scenes import ADAPTIVE, coulomb, failing, hole, section
 
 FINER = 0.15  # of the energy set in motion: cells of half the size change it by so much around corners
-FAILED = 0.15  # of the failed volume by either scheme, of perfectly plastic rock
+FAILED = 0.05  # of the largest motion in perfectly plastic rock, by either scheme: to another rest within tolerance
 MOTION = "energy_motion"
 BOXES = {  # x0, z0, x1, z1 in a section of 32 m with finest cells of 1 m, x = 0 in its middle; not symmetric on purpose
     "two cells wide": [(-6, 10, -4, 20)],
@@ -46,22 +46,31 @@ BOXES = {  # x0, z0, x1, z1 in a section of 32 m with finest cells of 1 m, x = 0
     "a pillar half a cell wide": [(-9, 10, -5, 16), (-4.5, 10, 0, 16)],
     "a pillar of a tenth of a cell": [(-9, 10, -5, 16), (-4.9, 10, 0, 16)],
 }
-ADAPTIVE = {"refinement": "adaptive"}
 FREE = {"boundary": {"z_lower": "fixed", "z_upper": "traction", "x": "traction"}}
+HANGING = Known(
+    "Explicit steps only: a block that hangs by one cell turns so slowly that forces balance to 1e-5 before it has "
+    "turned. Multigrid is within 3e-5; explicit steps within 0.3 % at a tolerance of 1e-7.",
+    0.35,
+)
+ONE_CELL = Known("An opening of one cell moves as that cell's corners can: two cells across are within 2 %.", 0.35)
 WALLS = (0.0, 1e-12, 1e-6, 0.125, 0.25, 0.5, 0.75, 1.0 - 1e-12)  # of a cell; particles lie at 0.5
 
 
 def shapes() -> Iterator[Case]:
     for title, boxes in BOXES.items():
         scene = section(boxes)
-        yield Case("beside the other scheme", title, scene, same_motion(other_scheme), SAME)
-        yield Case("beside its mirror image", title, scene, same_motion(mirrored, mirror_back), SAME)
-        yield Case("beside finer cells", title, scene, same_fact(MOTION, finer), FINER)
+        yield Case("beside a tolerance of 1e-9", title, scene, same_motion(tighter), SAME)
+        explicit = other_scheme(scene)
+        known = HANGING if title == "a block on one cell" else None
+        yield Case("explicit, beside multigrid", title, explicit, same_motion(other_scheme), SAME, known)
+        yield Case("beside its mirror image", title, scene, same_motion(mirrored, turn=-1), SAME)
+        known = ONE_CELL if title == "one cell" else None
+        yield Case("beside finer cells", title, scene, same_fact(MOTION, finer), FINER, known)
         scene = section(boxes, coulomb(cohesion=6e6))
-        judge = same_fact("failed_volume", other_scheme, "last")
+        judge = same_motion(other_scheme, stage="last")
         yield Case("plastic, beside the other scheme", title, scene, judge, FAILED)
         free = section(boxes, domain=FREE)
-        yield Case("held at the floor alone, mirror image", title, free, same_motion(mirrored, mirror_back), SAME)
+        yield Case("held at the floor alone, mirror image", title, free, same_motion(mirrored, turn=-1), SAME)
         scene = section(boxes, coulomb(cohesion=6e6, share=0.3), solver={"increments": 0}, grid=ADAPTIVE)
         yield Case("brittle", title, scene, None, 0.0)
 
