@@ -14,6 +14,7 @@ MASS = 1e-9  # share; sums of volumes in another order
 MOMENTUM = 1e-9  # share: sums of forces that cells put on nodes add up to nothing, but for round-off
 ENERGY, PLASTIC_ENERGY = 0.01, 0.05  # share of the largest term that rock at rest may lack of balance: rock is at rest
 # to 1e-3 between generations, to 5e-2 where no rock loses strength (solver.cascade_tolerance)
+ROUND_OFF = 1e-9  # of the largest term
 SPLIT = "energy_refined"  # counted, no part of the balance's size
 
 
@@ -24,8 +25,26 @@ def broken(values: dict, outcome: Outcome) -> list[str]:
     for name, state in states.items():
         found += [f"{name}: {fault}" for fault in (*_mass(values, outcome.stored["grid"], state), *_momentum(state))]
         largest = max(largest, *_sizes(state))
-        found += [f"{name}: {fault}" for fault in _energy(values, state, largest)]
+        found += [f"{name}: {fault}" for fault in _gained(values, state, largest)]
     return found
+
+
+def lacking(values: dict, outcome: Outcome) -> tuple[float, str]:
+    """The largest share of its terms that an energy balance lacks, and, where that is too much, a line about it.
+
+    Terms are counted one by one; what they lack is the work of the forces that a state at rest leaves unbalanced.
+    """
+    worst, line, largest = 0.0, "", 0.0
+    for name, state in outcome.stored.items():
+        if name == "grid":
+            continue
+        largest = max(largest, *_sizes(state))
+        share = abs(float(state.attrs["energy_left"])) / largest if largest > 0.0 else 0.0
+        if share > worst:  # NaN where particles move
+            worst = share
+            if share > (PLASTIC_ENERGY if _is_plastic(values) else ENERGY):
+                line = f"{name}: the energy balance lacks {share:.2g} of its largest term"
+    return worst, line
 
 
 def _mass(values: dict, grid: xr.Dataset, state: xr.Dataset):
@@ -78,20 +97,21 @@ def _is_term(key: str) -> bool:
     return key.startswith("energy_") and key not in ("energy_balance", "energy_left", "energy_left_share", SPLIT)
 
 
-def _energy(values: dict, state: xr.Dataset, largest: float):
-    """Terms add up, but for what rock at rest lacks; nothing is gained unless rock dilates above its friction."""
-    attributes = state.attrs
-    left = float(attributes["energy_left"])
-    rocks = [rock for rock in values["materials"].values() if rock["model"] != "elastic"]
-    plastic = rocks and not any(_is_brittle(rock) for rock in rocks)
-    allowed = PLASTIC_ENERGY if plastic else ENERGY
-    if abs(left) > allowed * largest:  # NaN where particles move
-        yield f"the energy balance lacks {abs(left) / largest:.2g} of its largest term"
-    gained = float(attributes["energy_gained"])
-    if gained > 1e-9 * largest and not any(rock.get("allow_psi_above_phi") for rock in rocks):
+def _gained(values: dict, state: xr.Dataset, largest: float):
+    """Nothing is gained unless rock dilates above its friction, and failure takes energy."""
+    gained, dissipated = (float(state.attrs[f"energy_{name}"]) for name in ("gained", "dissipated"))
+    if gained > ROUND_OFF * largest and not any(
+        rock.get("allow_psi_above_phi") for rock in values["materials"].values()
+    ):
         yield f"{gained:.3g} J gained"
-    if attributes["energy_dissipated"] < -1e-9 * largest:
-        yield f"{attributes['energy_dissipated']:.3g} J dissipated"
+    if dissipated < -ROUND_OFF * largest:
+        yield f"{dissipated:.3g} J dissipated"
+
+
+def _is_plastic(values: dict) -> bool:
+    """Whether rock fails and none loses strength."""
+    rocks = [rock for rock in values["materials"].values() if rock["model"] != "elastic"]
+    return bool(rocks) and not any(_is_brittle(rock) for rock in rocks)
 
 
 def _is_brittle(rock: dict) -> bool:

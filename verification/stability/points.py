@@ -17,7 +17,7 @@ from pipeline.errors import InputError
 from verification.extremes.outcomes import DEFAULT, FAULTS, RESTS, Outcome
 from verification.extremes.outcomes import run as run_stages
 from verification.extremes.tiny_mine import write_mine
-from verification.stability.balances import broken
+from verification.stability.balances import broken, lacking
 from verification.stability.cases import Case, Knob
 from verification.studies import merge
 from workflow.configuration import load
@@ -101,12 +101,16 @@ def _judged(case: Case, run: Runner) -> tuple[str, float, str, dict]:
     faults = broken(merge(DEFAULT, case.values), outcome)
     if faults:
         return FAULT, math.nan, faults[0], facts
+    lacks, line = lacking(merge(DEFAULT, case.values), outcome)
+    facts["energy_left_share"] = lacks
     if case.judge is None:
-        return SOUND, math.nan, "", facts
+        return (WRONG, lacks, line, facts) if line else (SOUND, math.nan, "", facts)
     error = case.judge(merge(DEFAULT, case.values), outcome, run)
     attributes = [state.attrs for name, state in outcome.stored.items() if name != "grid"]
     cut = [f"labelled truncated: {state['truncated_where']}" for state in attributes if state["truncated"]]
-    return RIGHT if error <= case.allowed else WRONG, float(error), cut[0] if cut else "", facts
+    is_right = error <= case.allowed and not line
+    kind = RIGHT if is_right else ENDED if cut else WRONG  # where the label says that rock was kept from failing
+    return kind, float(error), line or (cut[0] if cut else ""), facts
 
 
 def _told(message: str, run: Runner) -> str:

@@ -10,7 +10,7 @@ from verification.extremes.relations import RELATIONS, compare
 from verification.extremes.tiny_mine import TINY, changed
 from verification.stability.cases import Case, Knob
 
-SCENES, EVERY = 40, 5  # of which one is compared with its relations
+SCENES, EVERY = 100, 5  # of which one is compared with its relations
 BATCHES = 2
 
 

@@ -53,6 +53,22 @@ HANGING = Known(
     0.35,
 )
 ONE_CELL = Known("An opening of one cell moves as that cell's corners can: two cells across are within 2 %.", 0.35)
+UNLIKE = ("touching at an edge", "one-cell pillars", "a pillar half a cell wide")
+AT_CORNERS = Known(
+    "Perfectly plastic rock that dilates below its friction may rest in more than one way: where it hangs by a cell or "
+    "less the schemes arrive at two of them, at every tolerance (cascade_tolerance 1e-3 to 1e-5).",
+    0.25,
+)
+CRUMBS = Known(
+    "A pillar thinner than the samples of a cell (an eighth) falls in crumbs; the last one stays, at its foot or top. "
+    "Only the nodes of that crumb differ: all others agree to 1e-4.",
+    1.5,
+)
+HALF_WAY = Known(
+    "cut_cells: whole takes cells whose middle is mined: a box of 8 m with walls in the middle of cells becomes 9 m "
+    "wide. The grid says by how much its volume is off.",
+    0.25,
+)
 WALLS = (0.0, 1e-12, 1e-6, 0.125, 0.25, 0.5, 0.75, 1.0 - 1e-12)  # of a cell; particles lie at 0.5
 
 
@@ -63,14 +79,17 @@ def shapes() -> Iterator[Case]:
         explicit = other_scheme(scene)
         known = HANGING if title == "a block on one cell" else None
         yield Case("explicit, beside multigrid", title, explicit, same_motion(other_scheme), SAME, known)
-        yield Case("beside its mirror image", title, scene, same_motion(mirrored, turn=-1), SAME)
+        known = CRUMBS if title == "a pillar of a tenth of a cell" else None
+        yield Case("beside its mirror image", title, scene, same_motion(mirrored, turn=-1), SAME, known)
         known = ONE_CELL if title == "one cell" else None
         yield Case("beside finer cells", title, scene, same_fact(MOTION, finer), FINER, known)
         scene = section(boxes, coulomb(cohesion=6e6))
         judge = same_motion(other_scheme, stage="last")
-        yield Case("plastic, beside the other scheme", title, scene, judge, FAILED)
+        known = AT_CORNERS if title in UNLIKE else None
+        yield Case("plastic, beside the other scheme", title, scene, judge, FAILED, known)
         free = section(boxes, domain=FREE)
-        yield Case("held at the floor alone, mirror image", title, free, same_motion(mirrored, turn=-1), SAME)
+        known = CRUMBS if title == "a pillar of a tenth of a cell" else None
+        yield Case("held at the floor alone, mirror image", title, free, same_motion(mirrored, turn=-1), SAME, known)
         scene = section(boxes, coulomb(cohesion=6e6, share=0.3), solver={"increments": 0}, grid=ADAPTIVE)
         yield Case("brittle", title, scene, None, 0.0)
 
@@ -81,7 +100,8 @@ def walls() -> Iterator[Case]:
         judge = same_fact(MOTION, lambda values: whole)
         for cut in ("fraction", "whole", "subdivide"):
             scene = section([(-6 + share, 10, 2 + share, 16)], grid={"cut_cells": cut})
-            yield Case(f"box moved along x, {cut}", share, scene, judge, FINER)
+            known = HALF_WAY if (cut, share) == ("whole", 0.5) else None
+            yield Case(f"box moved along x, {cut}", share, scene, judge, FINER, known)
         scene = section([(-6 + share, 10, 2 + share, 16)], grid={"particles_per_cell": 4})
         yield Case("box moved along x, 4 particles", share, scene, judge, FINER)
 
