@@ -35,9 +35,9 @@ def drawn(batch: int) -> Iterator[Case]:
 
 def mistakes() -> Iterator[Case]:
     """A tiny mine with one mistake each: to be refused, in the words that the list says."""
-    for key, value, begins, says in FAULTS:
+    for number, (key, value, begins, says) in enumerate(FAULTS, 1):
         scene = changed(copy.deepcopy(TINY), **{key: value})
-        yield Case("one mistake", f"{key}: {value}"[:60], scene, None, 0.0, refused=(begins, says))
+        yield Case("one mistake", f"{number}. {key}: {value}"[:64], scene, None, 0.0, refused=(begins, says))
 
 
 RANDOM = (
