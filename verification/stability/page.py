@@ -93,7 +93,8 @@ def error_text(error: float) -> str:
     """A share in per cent, two digits."""
     if error is None or not np.isfinite(error):
         return "nothing to compare with" if error is not None and np.isinf(error) else ""
-    return f"{100 * error:.2g} %"
+    percent = 100 * error
+    return f"{percent:.0f} %" if percent >= 9.5 else f"{percent:.2g} %"
 
 
 def value_text(value) -> str:
