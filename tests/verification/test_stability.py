@@ -170,7 +170,7 @@ def test_energy_that_is_lacking_is_told(tunnel):
     scene, outcome = tunnel
     assert lacking(scene, outcome)[1] == ""
     kept = outcome.stored["elastic"].attrs["energy_left"]
-    outcome.stored["elastic"].attrs["energy_left"] = 0.1 * outcome.stored["elastic"].attrs["energy_stored"]
+    outcome.stored["elastic"].attrs["energy_left"] = 0.1 * outcome.stored["elastic"].attrs["energy_released"]
     share, line = lacking(scene, outcome)
     outcome.stored["elastic"].attrs["energy_left"] = kept
     assert share == pytest.approx(0.1, rel=0.01)
@@ -229,7 +229,7 @@ def test_the_page_counts_every_kind_and_the_verdict_names_the_first_fault(tmp_pa
     assert all(kind in text for kind in KINDS)
     assert "a &lt; b" in text
     assert "http" not in text.split("</style>")[1]  # complete in itself
-    with pytest.raises(InputError, match=r"1 of 44 cases .*first: size, series at 5\.0: fault.*report\.html"):
+    with pytest.raises(InputError, match=r"1 of 44 cases .*first: size, series at 5: fault.*report\.html"):
         check_table(table, "report.html")
     write_report([[point for point in group if not point.fails] for group in points], table, page)
     check_table(Path(table), "report.html")
