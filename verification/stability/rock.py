@@ -19,15 +19,11 @@ WALL = 0.10  # of the motion of failed rock: cut cells at the wall
 RISE = 1e-3  # a column is exact but for the tolerance
 SAME = 1e-3  # of the largest motion: runs that must answer alike do so within their tolerance
 SLOW = Known(
-    "Explicit steps only: a column of 128 cells rises so slowly that forces balance to 1e-5 before it has risen. The "
-    "step's energy balance says so (energy_left_share); multigrid is within 4e-8.",
-    0.5,
+    "Explicit steps only: the motion is right to 2e-5, the account of energy is not. Not proven: relaxations of more "
+    "than 2,000 steps are settled on the way (explicit.FLOW_FROM), where forces that do not rest yet go uncounted.",
+    RISE,
 )
-SQUEEZED = Known(
-    "Explicit steps only: changes of volume, hundreds of times as stiff as those of shape, are not at rest yet when "
-    "forces balance to 1e-5: the energy balance lacks 2 to 7 %. The motion is right.",
-    CLOSURE,
-)
+SQUEEZED = Known("As in the column of 128 cells by explicit steps: the motion is right, the energy account not.", CLOSURE)
 LOOSEST = Known("The loosest tolerance that is taken leaves a tenth of the load unbalanced.", 0.15)
 KEEPS = {"boundary": "traction"}  # far stress stays: the hole in infinite rock, for every Poisson's ratio
 
