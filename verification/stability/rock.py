@@ -23,7 +23,7 @@ SLOW = Known(
     "than 2,000 steps are settled on the way (explicit.FLOW_FROM), where forces that do not rest yet go uncounted.",
     RISE,
 )
-SQUEEZED = Known("As in the column of 128 cells by explicit steps: the motion is right, the energy account not.", CLOSURE)
+SQUEEZED = Known("As in the long column by explicit steps: the motion is right, the energy account is not.", CLOSURE)
 LOOSEST = Known("The loosest tolerance that is taken leaves a tenth of the load unbalanced.", 0.15)
 KEEPS = {"boundary": "traction"}  # far stress stays: the hole in infinite rock, for every Poisson's ratio
 
