@@ -142,7 +142,7 @@ class MaterialSettings(Settings):
 
     model: str
     youngs_modulus: Annotated[float, Unit("Pa", ge=1e-3, le=1e21)]
-    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
+    poisson_ratio: Annotated[float, Field(ge=0, le=0.4999)]
     density: Annotated[float, Unit("kg/m^3", ge=1e-3, le=1e6)]
 
     @property

@@ -17,7 +17,7 @@ from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import above_strength
 from mpm_core.equilibrium.cascade import run_cascade
 from mpm_core.equilibrium.convergence import History
-from mpm_core.equilibrium.energy import Balance, hourglass_energies
+from mpm_core.equilibrium.energy import Balance, hourglass_energies, nodal_forces
 from mpm_core.equilibrium.increments import increment_error
 from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.grid.splitting import with_leaves
@@ -153,6 +153,7 @@ def finish(
     model, state, volume = body.model, body.state, body.volume
     body.settle()
     energy = balance.facts(body, target, moved)
+    conserved = mass_and_momentum(body)
     scheme.drop_work_arrays()  # as large as what is written now
     scene = model.scene
     rating = rate(model, state, volume)
@@ -167,6 +168,7 @@ def finish(
         "failed_particles": int(here.sum()),
         "failed_volume": float(volume[here].sum() * scene.thickness),
         **energy,
+        **conserved,
         **hourglass_energy(body),
         "cell_changes": state.cell_changes,
         "cells": len(model.grid.cell_level),
@@ -190,6 +192,21 @@ def hourglass_energy(body: Body) -> dict[str, float]:
     return {
         "hourglass_energy_intact": float(np.sum(energy[~failed])),
         "hourglass_energy_failed": float(np.sum(energy[failed])),
+    }
+
+
+def mass_and_momentum(body: Body) -> dict[str, float]:
+    """What must be conserved: mass of rock and fill that are there, kg; net_force, N, which is momentum gained per
+    second: the sum of what is unbalanced at free nodes; momentum_error: sum of the forces that cells put on nodes, held
+    ones too, over the sum of their sizes: 0 but for round-off (NaN where particles move, whose cells keep none)."""
+    model, thickness = body.model, body.model.scene.thickness
+    density = np.array([material.density for material in model.scene.materials.values()])
+    forces = nodal_forces(body)
+    size, net = float(np.abs(forces).sum()), float(np.abs(forces.sum(axis=0)).sum())
+    return {
+        "mass": float(np.sum(density[model.particles.material] * body.volume) * thickness),
+        "net_force": float(np.linalg.norm(body.unbalanced.sum(axis=0)) * thickness),
+        "momentum_error": np.nan if model.scene.solver.move else net / size if size > 0.0 else 0.0,
     }
 
 

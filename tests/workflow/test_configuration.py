@@ -6,7 +6,6 @@ import json
 
 import pytest
 import yaml
-from configuration_faults import AGAIN, FAR, FAULTS, ON_GLOBE, UTM
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, STRAIN, TINY, changed, merged
@@ -14,6 +13,7 @@ from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, STRAIN, TINY, changed, me
 from catalogs.record_settings import COLUMN_KEYS, RecordSlice
 from catalogs.records.filters import limits_of
 from pipeline.errors import InputError
+from verification.extremes.bad_input import AGAIN, FAR, FAULTS, ON_GLOBE, UTM
 from workflow.configuration import load
 
 

@@ -28,12 +28,16 @@ ABOVE = 1e-3  # of strength and stress: by how much a stored stress may stand ab
 
 @dataclass
 class Outcome:
-    """How a scene ended: kind, one line about it, seconds, the datasets stored by name (grid, elastic, steps)."""
+    """How a scene ended: kind, one line about it, seconds, the datasets stored by name (grid, elastic, steps).
+
+    has_begun: whether a solution was under way when it ended, which left its last state beside the output.
+    """
 
     kind: str
     message: str = ""
     seconds: float = 0.0
     stored: dict[str, xr.Dataset] = field(default_factory=dict)
+    has_begun: bool = False
 
 
 @contextmanager
@@ -55,12 +59,13 @@ def _limit(seconds: int):
 def run(values: dict, folder: Path, seconds: int = SECONDS) -> Outcome:
     """Take a configuration through its stages, in this process: refused before the first solution or ended after it."""
     stored: dict[str, xr.Dataset] = {}
+    failed = folder / "failed.npz"
+    failed.unlink(missing_ok=True)
     began = time.process_time()
     try:
         with _limit(seconds):
             mine = load(_over(DEFAULT, values), folder / "mine.yaml", DEFAULT)
             stored["grid"] = make_grid(mine.grid_slice(), {})
-            failed = folder / "failed.npz"
             scene = parse_scene(mine.scene_slice(0))
             state = stored["elastic"] = elastic_stage(scene, stored["grid"], failed)[0]
             for name in mine.mined_steps:
@@ -76,7 +81,7 @@ def run(values: dict, folder: Path, seconds: int = SECONDS) -> Outcome:
         kind, message = HANGS, f"not done after {seconds} s: {', '.join(stored) or 'nothing'} stored"
     except Exception:  # what a user would see as a traceback is the finding here
         kind, message = BROKEN, traceback.format_exc().strip().replace("\n", " | ")
-    return Outcome(kind, message, time.process_time() - began, stored)
+    return Outcome(kind, message, time.process_time() - began, stored, failed.exists())
 
 
 def _over(base: dict, top: dict) -> dict:

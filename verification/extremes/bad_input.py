@@ -1,6 +1,6 @@
 """Mistakes in a mine's file, each with the line that it must be refused with."""
 
-from tiny_mines import DIRECTED, FILL, HOST, PUSH, STRAIN, TINY, box
+from verification.extremes.tiny_mine import DIRECTED, FILL, HOST, PUSH, STRAIN, TINY, box
 
 IN_FILE = {key: DIRECTED[key] for key in ("name", "step", "force", "toward")} | {"file": "record.csv"}
 UPSIDE_DOWN = {"shape": "prism", "lower": "50 m", "upper": "40 m"}

@@ -1,0 +1,119 @@
+"""Mass, momentum and energy of every state that a run stores: recorded by the stages, checked here."""
+
+import json
+
+import numpy as np
+import xarray as xr
+
+from mpm_core.datasets import read_pieces
+from mpm_core.occupancy import SAMPLES, SLIVER
+from verification.extremes.outcomes import Outcome
+from verification.stability.judges import number
+
+MASS = 1e-9  # share; sums of volumes in another order
+MOMENTUM = 1e-9  # share: sums of forces that cells put on nodes add up to nothing, but for round-off
+ENERGY, PLASTIC_ENERGY = 0.01, 0.05  # share of the largest term that rock at rest may lack of balance: rock is at rest
+# to 1e-3 between generations, to 5e-2 where no rock loses strength (solver.cascade_tolerance)
+ROUND_OFF = 1e-9  # of the largest term
+SPLIT = "energy_refined"  # counted, no part of the balance's size
+
+
+def broken(values: dict, outcome: Outcome) -> list[str]:
+    """What is not conserved, one line each; nothing for a sound run."""
+    found, states = [], {name: state for name, state in outcome.stored.items() if name != "grid"}
+    largest = 0.0
+    for name, state in states.items():
+        found += [f"{name}: {fault}" for fault in (*_mass(values, outcome.stored["grid"], state), *_momentum(state))]
+        largest = max(largest, *_sizes(state))
+        found += [f"{name}: {fault}" for fault in _gained(values, state, largest)]
+    return found
+
+
+def lacking(values: dict, outcome: Outcome) -> tuple[float, str]:
+    """The largest share of its terms that an energy balance lacks, and, where that is too much, a line about it.
+
+    Terms are counted one by one; what they lack is the work of the forces that a state at rest leaves unbalanced.
+    """
+    worst, line, largest = 0.0, "", 0.0
+    for name, state in outcome.stored.items():
+        if name == "grid":
+            continue
+        largest = max(largest, *_sizes(state))
+        share = abs(float(state.attrs["energy_left"])) / largest if largest > 0.0 else 0.0
+        if share > worst:  # NaN where particles move
+            worst = share
+            if share > (PLASTIC_ENERGY if _is_plastic(values) else ENERGY):
+                line = f"{name}: the energy balance lacks {share:.2g} of its largest term"
+    return worst, line
+
+
+def _mass(values: dict, grid: xr.Dataset, state: xr.Dataset):
+    """No negative volume; what is there and what is mined fill the domain; mass is volume by density."""
+    volume, attributes = state.volume.values, state.attrs
+    if (volume < 0.0).any():
+        yield f"{(volume < 0.0).sum()} particles of negative volume"
+    names = json.loads(attributes["material_names"])
+    density = np.array([number(values["materials"][name]["density"]) for name in names])
+    mass = float(np.sum(volume * density[state.material.values]))
+    if not abs(attributes["mass"] - mass) <= MASS * mass:
+        yield f"mass {attributes['mass']:.10g} kg, its particles {mass:.10g} kg"
+    plain = not state.sizes["loose"] and all(entry.get("fill", "none") == "none" for entry in values["excavations"])
+    if not plain or len(state.cell_level) != len(grid.cell_level):
+        return  # pieces that fall, fill and cells that are split take shares of cells anew
+    sides = np.asarray(grid.attrs["domain_upper"]) - np.asarray(grid.attrs["domain_lower"])
+    domain = float(np.prod(sides[sides > 0.0])) * float(attributes["thickness"])
+    order = [step["name"] for step in values["steps"]]
+    gone, cut = _gone(grid, [order.index(entry["step"]) <= attributes["step_index"] for entry in values["excavations"]])
+    there = float(volume.sum())
+    if not -MASS * domain <= domain - gone - there <= cut + MASS * domain:
+        yield f"{there:.10g} m3 are there, {domain - gone:.10g} m3 should be"
+
+
+def _gone(grid: xr.Dataset, mined: list[bool]) -> tuple[float, float]:
+    """Volume that excavations take of finest cells, each sample once, and what slivers they may take besides, m3."""
+    pieces = read_pieces(grid)
+    chosen = np.flatnonzero(np.asarray(mined)[pieces.excavation])
+    _, cell = np.unique(pieces.place[chosen], axis=0, return_inverse=True)
+    samples = np.zeros(cell.max(initial=-1) + 1, np.uint64)
+    np.bitwise_or.at(samples, cell.reshape(-1), pieces.samples[chosen])
+    one = float(grid.attrs["fine_cell"]) ** grid.attrs["dimension"] * float(grid.attrs["thickness"]) / SAMPLES
+    count = np.bitwise_count(samples)
+    return float(count.sum()) * one, float((count < SAMPLES).sum()) * (SLIVER - 1) * one
+
+
+def _momentum(state: xr.Dataset):
+    error = float(state.attrs["momentum_error"])
+    if error > MOMENTUM:  # NaN where particles move
+        yield f"forces between cells leave {error:.2g} of themselves over"
+
+
+def _sizes(state: xr.Dataset) -> list[float]:
+    """Sizes of the terms of the energy balance, J; NaN is none."""
+    terms = [abs(float(value)) for key, value in state.attrs.items() if _is_term(key)]
+    return [term for term in terms if np.isfinite(term)] or [0.0]
+
+
+def _is_term(key: str) -> bool:
+    return key.startswith("energy_") and key not in ("energy_balance", "energy_left", "energy_left_share", SPLIT)
+
+
+def _gained(values: dict, state: xr.Dataset, largest: float):
+    """Nothing is gained unless rock dilates above its friction, and failure takes energy."""
+    gained, dissipated = (float(state.attrs[f"energy_{name}"]) for name in ("gained", "dissipated"))
+    if gained > ROUND_OFF * largest and not any(
+        rock.get("allow_psi_above_phi") for rock in values["materials"].values()
+    ):
+        yield f"{gained:.3g} J gained"
+    if dissipated < -ROUND_OFF * largest:
+        yield f"{dissipated:.3g} J dissipated"
+
+
+def _is_plastic(values: dict) -> bool:
+    """Whether rock fails and none loses strength."""
+    rocks = [rock for rock in values["materials"].values() if rock["model"] != "elastic"]
+    return bool(rocks) and not any(_is_brittle(rock) for rock in rocks)
+
+
+def _is_brittle(rock: dict) -> bool:
+    pairs = [value for value in rock.values() if isinstance(value, dict)]
+    return any(number(pair["intact"]) != number(pair["residual"]) for pair in pairs)

@@ -1,0 +1,77 @@
+"""For each knob, where along its range runs are right, wrong (by how much), ended or refused."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from verification.stability.cases import Knob
+from verification.stability.points import ENDED, FAULT, REFUSED, RIGHT, SOUND, WRONG, Point
+
+LOOKS = {  # colours of Okabe and Ito; shapes tell them apart, too
+    RIGHT: ("o", "#009e73"),
+    SOUND: ("o", "#56b4e9"),
+    WRONG: ("X", "#d55e00"),
+    ENDED: ("v", "#e69f00"),
+    REFUSED: ("s", "#999999"),
+    FAULT: ("*", "#000000"),
+}
+COLUMNS = 3
+LEAST = 1e-9  # error that is drawn at the lower edge: less is round-off
+BANDS = {SOUND: 2e1, ENDED: 2e2, REFUSED: 2e3, FAULT: 2e4}  # where what has no error is drawn
+TOP = 1e5
+ERRORS = (1e-8, 1e-6, 1e-4, 1e-2, 1.0)
+
+
+def draw(knobs: list[tuple[Knob, list[Point]]]) -> Figure:
+    """One panel a knob: its value, and the error of each run; runs without one stand in bands above."""
+    rows = -(-len(knobs) // COLUMNS)
+    figure = style.new_figure(height=2.5 * rows + 0.5)
+    panels = figure.subplots(rows, COLUMNS, squeeze=False).reshape(-1)
+    for panel, (knob, points) in zip(panels, knobs, strict=False):
+        _draw(panel, knob, points)
+    for panel in panels[len(knobs) :]:
+        panel.set_axis_off()
+    handles = [panels[0].plot([], [], mark, color=colour, label=kind)[0] for kind, (mark, colour) in LOOKS.items()]
+    handles += panels[0].plot([], [], "_", color="#444444", label="allowed")
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    return figure
+
+
+def places(knob: Knob, points: list[Point]) -> tuple[dict, list]:
+    """Where each value stands on the axis of its knob, and the values of its ticks: words are evenly apart."""
+    values = list(dict.fromkeys(point.value for point in points))
+    if knob.scale == "words":
+        return {value: float(index) for index, value in enumerate(values)}, values
+    return {value: float(value) for value in values}, []
+
+
+def _draw(panel: Axes, knob: Knob, points: list[Point]) -> None:
+    where, words = places(knob, points)
+    series = list(dict.fromkeys(point.series for point in points))
+    spread = 0.25 if words else 0.0
+    for point in points:
+        shift = spread * (series.index(point.series) / max(1, len(series) - 1) - 0.5) * 2
+        mark, colour = LOOKS[point.kind]
+        x = where[point.value] + shift
+        y = BANDS.get(point.kind) or float(np.clip(point.error, LEAST, 10.0))
+        panel.plot(x, y, mark, color=colour, markersize=4.5, alpha=0.8, markeredgewidth=0.0)
+        if point.kind in (RIGHT, WRONG) and point.allowed > 0.0:
+            panel.plot(x, point.allowed, "_", color="#444444", markersize=6, zorder=1)
+    panel.set(yscale="log", ylim=(LEAST / 3, TOP), title=f"{knob.title[0].upper()}{knob.title[1:]}")
+    panel.set_yticks([*ERRORS, *BANDS.values()], [*(f"{error:.0e}" for error in ERRORS), *map(_short, BANDS)])
+    panel.minorticks_off()
+    panel.axhspan(1.2e1, TOP, color="#f4f4f4", zorder=0)
+    if words:
+        panel.set_xticks(range(len(words)), [_tick(word) for word in words], rotation=90 if len(words) > 6 else 0)
+        panel.tick_params(axis="x", labelsize=6.5)
+    elif knob.scale == "log":
+        panel.set_xscale("log")
+
+
+def _short(kind: str) -> str:
+    return {SOUND: "sound", ENDED: "ended", REFUSED: "refused", FAULT: "fault"}[kind]
+
+
+def _tick(word) -> str:
+    return f"{word:g}" if isinstance(word, float | int) else word

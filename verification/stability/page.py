@@ -1,0 +1,102 @@
+"""results/stability: table.csv, a figure, and report.html that needs nothing else."""
+
+from collections import Counter
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from catalogs.figures import style
+from pipeline.datasets import atomic_path
+from pipeline.pages import page_templates
+from verification.stability.figure import draw
+from verification.stability.knobs import BY_KEY
+from verification.stability.points import ENDED, KINDS, REFUSED, RIGHT, SOUND, WRONG, Point
+
+TEMPLATES = Path(__file__).parent / "templates"
+CLASSES = ("right", "sound", "wrong", "ended", "refused", "fault")  # of the page's style
+NOT_DRAWN = ("random_1", "random_2", "mistakes", "shapes")  # have no axis that could be read: tables, below
+
+
+def write_report(groups: list[list[Point]], table: Path, page: Path) -> None:
+    """Write table, figure and page, atomically."""
+    points = [point for group in groups for point in group]
+    rows = pd.DataFrame([asdict(point) for point in points])
+    rows["fails"] = np.where(rows.fails, "yes", "")
+    with atomic_path(table) as temporary:
+        rows.to_csv(temporary, index=False, float_format="%.6g")
+    drawn = [(BY_KEY[group[0].knob], group) for group in groups if group[0].knob not in NOT_DRAWN]
+    with style.applied():
+        figure = style.save(draw(drawn), page.parent / "figure.svg")
+    environment = page_templates(TEMPLATES)
+    environment.filters["error"] = error_text
+    environment.filters["value"] = value_text
+    text = environment.get_template("report.html.j2").render(
+        figure=figure,
+        kinds=KINDS,
+        total=Counter(point.kind for point in points),
+        count=len(points),
+        minutes=sum(point.seconds for point in points) / 60.0,
+        failing=[point for point in points if point.fails],
+        wrong=[point for point in points if point.kind == WRONG],
+        sections=[_section(group) for group in groups],
+        balances=_balances(points),
+        knobs=BY_KEY,
+        classes=dict(zip(KINDS, CLASSES, strict=True)),
+    )
+    with atomic_path(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _section(group: list[Point]) -> dict:
+    """What the template shows of a knob: counts, a row for each series, and what is not converged and right."""
+    series = {}
+    for point in group:
+        series.setdefault(point.series, []).append(point)
+    kinds = Counter(point.kind for point in group)
+    others = [point for point in group if point.kind not in (RIGHT, SOUND)]
+    return {
+        "knob": BY_KEY[group[0].knob],
+        "kinds": kinds,
+        "series": [{"title": title, "ranges": ranges(points)} for title, points in series.items()],
+        "others": others,
+        "is_table": group[0].knob in NOT_DRAWN,
+        "seconds": sum(point.seconds for point in group),
+    }
+
+
+def ranges(points: list[Point]) -> list[tuple[str, str]]:
+    """Of a series in its order: stretches of one kind, with the largest error where there is one; words."""
+    found, start = [], 0
+    for end in range(1, len(points) + 1):
+        if end < len(points) and points[end].kind == points[start].kind:
+            continue
+        part = points[start:end]
+        first, last = value_text(part[0].value), value_text(part[-1].value)
+        where = first if len(part) == 1 else f"{first} to {last}"
+        errors = [point.error for point in part if point.error is not None and np.isfinite(point.error)]
+        worst = f", up to {error_text(max(errors))}" if errors and part[0].kind in (RIGHT, WRONG) else ""
+        found.append((part[0].kind, f"{where}: {part[0].kind}{worst}"))
+        start = end
+    return found
+
+
+def _balances(points: list[Point]) -> dict[str, float]:
+    """The worst of all runs that came to rest, and how many were looked at."""
+    rest = [point for point in points if point.kind not in (ENDED, REFUSED) and np.isfinite(point.mass)]
+    momentum = [point.momentum_error for point in rest if np.isfinite(point.momentum_error)]
+    return {"runs": len(rest), "momentum": max(momentum, default=0.0)}
+
+
+def error_text(error: float) -> str:
+    """A share in per cent, two digits."""
+    if error is None or not np.isfinite(error):
+        return "nothing to compare with" if error is not None and np.isinf(error) else ""
+    percent = 100 * error
+    return f"{percent:.0f} %" if percent >= 9.5 else f"{percent:.2g} %"
+
+
+def value_text(value) -> str:
+    """A value of a knob."""
+    return f"{value:g}" if isinstance(value, float | int) else value

@@ -1,0 +1,161 @@
+"""Cases run, each into one of five kinds: right, wrong, ended, refused; a fault is none of these."""
+
+import json
+import logging
+import math
+import tempfile
+import time
+import traceback
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.datasets import atomic_path
+from pipeline.errors import InputError
+from verification.extremes.outcomes import DEFAULT, FAULTS, RESTS, Outcome
+from verification.extremes.outcomes import run as run_stages
+from verification.extremes.tiny_mine import write_mine
+from verification.stability.balances import broken, lacking
+from verification.stability.cases import Case, Knob
+from verification.studies import merge
+from workflow.configuration import load
+
+RIGHT, SOUND, WRONG, ENDED, REFUSED, FAULT = (
+    "converged and right",
+    "converged and sound",
+    "converged and wrong",
+    "not converged and said so",
+    "refused and said why",
+    "fault",
+)
+KINDS = (RIGHT, SOUND, WRONG, ENDED, REFUSED, FAULT)
+REMEMBERED = 8  # runs, that judges ask for again
+
+
+@dataclass(frozen=True)
+class Point:
+    """A case and what became of it.
+
+    error: what its judge says, NaN where it has none or nothing to judge; known: why it is wrong, where that is known;
+    fails: whether the target must fail for it; mass kg and momentum N, energy J left over: the largest of its states,
+    left as a share.
+    """
+
+    knob: str
+    series: str
+    value: float | str
+    kind: str
+    error: float
+    allowed: float
+    message: str
+    known: str
+    fails: bool
+    seconds: float
+    mass: float
+    momentum_error: float
+    net_force: float
+    energy_left_share: float
+
+
+class Runner:
+    """Scenes through their stages, in a folder; the last few are kept."""
+
+    def __init__(self, folder: Path):
+        self.folder, self.kept = folder, {}
+
+    def __call__(self, values: dict) -> Outcome:
+        """How a scene ends."""
+        key = json.dumps(values, sort_keys=True)
+        if key not in self.kept:
+            outcome = run_stages(values, self.folder)
+            while len(self.kept) >= REMEMBERED:
+                self.kept.pop(next(iter(self.kept)))
+            self.kept[key] = outcome
+        return self.kept[key]
+
+
+def measure(knob: Knob) -> list[Point]:
+    """All cases of a knob."""
+    with tempfile.TemporaryDirectory() as folder:
+        run = Runner(Path(folder))
+        points = []
+        for case in knob.cases():
+            began = time.process_time()
+            kind, error, message, facts = _mistake(case, run) if case.refused else _judged(case, run)
+            points.append(_point(knob, case, kind, error, message, facts, time.process_time() - began))
+            logging.info("%s, %s, %s: %s %.3g %s", knob.key, case.series, case.value, kind, error, message)
+    return points
+
+
+def _judged(case: Case, run: Runner) -> tuple[str, float, str, dict]:
+    """Kind, error, line and balances of a case that is run."""
+    with case.under():
+        outcome = run_stages(case.values, run.folder)
+    facts = balances_of(outcome)
+    if outcome.kind in FAULTS:
+        return FAULT, math.nan, f"{outcome.kind}: {outcome.message}", facts
+    if outcome.kind != RESTS:
+        return ENDED if outcome.has_begun else REFUSED, math.nan, _told(outcome.message, run), facts
+    faults = broken(merge(DEFAULT, case.values), outcome)
+    if faults:
+        return FAULT, math.nan, faults[0], facts
+    lacks, line = lacking(merge(DEFAULT, case.values), outcome)
+    facts["energy_left_share"] = lacks
+    if case.judge is None:
+        return (WRONG, lacks, line, facts) if line else (SOUND, math.nan, "", facts)
+    error = case.judge(merge(DEFAULT, case.values), outcome, run)
+    attributes = [state.attrs for name, state in outcome.stored.items() if name != "grid"]
+    cut = [f"labelled truncated: {state['truncated_where']}" for state in attributes if state["truncated"]]
+    is_right = error <= case.allowed and not line
+    kind = RIGHT if is_right else ENDED if cut else WRONG  # where the label says that rock was kept from failing
+    return kind, float(error), line or (cut[0] if cut else ""), facts
+
+
+def _told(message: str, run: Runner) -> str:
+    """A line without the folder that the run was made in."""
+    return message.removeprefix(f"{run.folder / 'mine.yaml'}: ").replace(str(run.folder), "...")
+
+
+def _mistake(case: Case, run: Runner) -> tuple[str, float, str, dict]:
+    """The same of a mistake in a mine's file: read, and to be refused in the right words."""
+    begins, says = case.refused
+    file = write_mine(case.values, run.folder / "mine.yaml")
+    try:
+        load(merge(DEFAULT, case.values), file, DEFAULT)
+    except InputError as error:
+        told = _told(str(error), run)
+        if told.startswith(begins) and says in told and "\n" not in told:
+            return REFUSED, math.nan, told, {}
+        return FAULT, math.nan, f"refused in other words: {told}", {}
+    except Exception:  # what a user would see as a traceback is the finding here
+        return FAULT, math.nan, traceback.format_exc().strip().replace("\n", " | "), {}
+    return WRONG, math.inf, "not refused", {}
+
+
+def balances_of(outcome: Outcome) -> dict[str, float]:
+    """The largest of each over the states of a run."""
+    states = [state.attrs for name, state in outcome.stored.items() if name != "grid"]
+    names = ("mass", "momentum_error", "net_force", "energy_left_share")
+    return {name: float(np.max([state[name] for state in states])) for name in names} if states else {}
+
+
+def _point(knob: Knob, case: Case, kind: str, error: float, message: str, facts: dict, seconds: float) -> Point:
+    known = case.known.reason if case.known and kind == WRONG else ""
+    fails = kind == FAULT or (kind == WRONG and not (case.known and error <= case.known.at_most))
+    facts = {name: facts.get(name, math.nan) for name in ("mass", "momentum_error", "net_force", "energy_left_share")}
+    return Point(
+        knob.key, case.series, case.value, kind, error, case.allowed, message, known, fails, round(seconds, 2), **facts
+    )
+
+
+def write_points(points: Iterable[Point], path: Path) -> None:
+    """As JSON, atomically; numbers that are none as such."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps([asdict(point) for point in points], indent=1), encoding="utf-8")
+
+
+def read_points(path: Path) -> list[Point]:
+    """What `write_points` wrote."""
+    return [Point(**entry) for entry in json.loads(Path(path).read_text(encoding="utf-8"))]

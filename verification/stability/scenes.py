@@ -1,0 +1,133 @@
+"""Scenes that are driven to their extremes, as mine files would hold them."""
+
+import numpy as np
+
+from verification.studies import merge
+
+RADIUS, PRESSURE, MODULUS, POISSON = 4.0, 20e6, 20e9, 0.25  # of the hole: m, Pa, Pa
+FAR = {2: 48.0, 3: 24.0}  # half the domain's width, m
+FINEST = {2: 0.5, 3: 1.0}  # m
+LEVELS = {2: 4, 3: 3}
+SIDE, CELL = 32.0, 1.0  # of the section that shapes are mined in, and of its finest cells, m
+VIRGIN = {"xx": "-10e6 Pa", "yy": "-12e6 Pa", "zz": "-20e6 Pa"}  # in it
+ADAPTIVE = {"refinement": "adaptive", "max_cells": 3000}  # cells that follow the rock, so many at most
+BAND = 4.0  # m: height of what is mined at the top of a column
+
+
+def elastic(modulus: float = MODULUS, poisson: float = POISSON) -> dict:
+    """Elastic rock; modulus Pa."""
+    return {
+        "model": "elastic", "youngs_modulus": f"{float(modulus)!r} Pa", "poisson_ratio": float(poisson),
+        "density": "2700 kg/m^3",
+    }  # fmt: skip
+
+
+def coulomb(
+    friction: float = 30.0, cohesion: float = 3e6, dilation: float = 10.0, share: float = 1.0, **changes
+) -> dict:
+    """Coulomb rock without a cut-off, cohesion Pa; share: of cohesion, that failed rock keeps (1: perfectly plastic).
+
+    Under 20 MPa the tunnel's front stands 1.4 radii deep in it, 3 cells from the wall.
+    """
+    angles = {
+        "friction_angle": {"intact": f"{float(friction)!r} deg", "residual": f"{float(friction)!r} deg"},
+        "dilation_angle": {"intact": f"{float(dilation)!r} deg", "residual": f"{float(dilation)!r} deg"},
+    }
+    strength = {"intact": f"{float(cohesion)!r} Pa", "residual": f"{float(cohesion * share)!r} Pa"}
+    return merge(elastic() | angles | {"model": "coulomb", "cohesion": strength, "tension_cutoff": "none"}, changes)
+
+
+def lengths(values) -> list[str]:
+    """A point of the mine file."""
+    return [f"{float(value)!r} m" for value in values]
+
+
+def hole(dimension: int = 2, scale: float = 1.0, offset: float = 0.0, pressure: float = PRESSURE, **changes) -> dict:
+    """A round hole (tunnel across, or sphere) of 4 m under all-round stress; all lengths times scale, x moved by
+    offset (m), pressure Pa; changes: merged over it."""
+    half, finest = FAR[dimension] * scale, FINEST[dimension] * scale
+    middle = np.zeros(dimension)
+    middle[0] = offset
+    values = {
+        "name": "hole",
+        "plane": "xz" if dimension == 2 else "none",
+        "frame": {"surface": f"{2 * half!r} m"},
+        "domain": {"lower": lengths(middle - half), "upper": lengths(middle + half), "boundary": "fixed"},
+        "grid": {
+            "coarse_cell": f"{finest * 2 ** (LEVELS[dimension] - 1)!r} m", "levels": LEVELS[dimension],
+            "buffer_cells": 2, "refinement": "static",
+        },
+        "insitu_stress": {"constant": {name: f"{-float(pressure)!r} Pa" for name in ("xx", "yy", "zz")}},
+        "materials": {"host": elastic()},
+        "excavations": [
+            {"name": "hole", "step": "history", "shape": "circle" if dimension == 2 else "sphere",
+             "center": lengths(middle), "radius": f"{RADIUS * scale!r} m"}
+        ],
+        "steps": [{"name": "history"}],
+        "solver": {"tolerance": 1e-5, "increments": 4},
+    }  # fmt: skip
+    return merge(values, changes)
+
+
+def failing(rock: dict, dimension: int = 2, **changes) -> dict:
+    """The hole in rock that fails, whose cells follow the rock; what does not come to rest is given up sooner."""
+    base = {"materials": {"host": rock}, "grid": ADAPTIVE, "solver": {"max_iterations": 1500}}
+    return hole(dimension, **merge(base, changes))
+
+
+def filled(modulus: float, poisson: float = POISSON, dimension: int = 2, **changes) -> dict:
+    """The hole with a fill of this modulus, Pa, placed at once."""
+    values = hole(dimension, **changes)
+    values["excavations"][0]["fill"] = "fill"
+    return merge(values, {"materials": {"fill": elastic(modulus, poisson)}})
+
+
+def column(height: int, pressure: float = PRESSURE, upper: float = MODULUS, **changes) -> dict:
+    """A column two cells of 1 m wide between rollers, of `height` such cells, of which the 4 m on top are mined.
+
+    The rest rises: uniaxial strain, linear in each layer, exact on any grid. upper: modulus of its upper half, Pa.
+    """
+    values = {
+        "name": "column",
+        "plane": "xz",
+        "frame": {"surface": f"{float(height)!r} m"},
+        "domain": {
+            "lower": lengths([0, 0]), "upper": lengths([2, height]),
+            "boundary": {"x": "roller", "z_lower": "fixed", "z_upper": "roller"},
+        },
+        "grid": {"coarse_cell": "1 m", "levels": 1, "buffer_cells": 1, "refinement": "static"},
+        "insitu_stress": {"constant": {name: f"{-float(pressure)!r} Pa" for name in ("xx", "yy", "zz")}},
+        "materials": {"host": elastic(), "upper": elastic(upper)},
+        "rock_bodies": [
+            {"name": "cap", "material": "upper", "shape": "box", "lower": lengths([0, height // 2]),
+             "upper": lengths([2, height])}
+        ],
+        "excavations": [
+            {"name": "top", "step": "history", "shape": "box", "lower": lengths([0, height - BAND]),
+             "upper": lengths([2, height])}
+        ],
+        "steps": [{"name": "history"}],
+        "solver": {"tolerance": 1e-5, "increments": 1},
+    }  # fmt: skip
+    return merge(values, changes)
+
+
+def section(boxes: list, host: dict | None = None, cell: float = CELL, **changes) -> dict:
+    """A weightless section of 32 m, x from -16 m, boxes (x0, z0, x1, z1) m mined at once; cell: the finest, m."""
+    values = {
+        "name": "section",
+        "plane": "xz",
+        "frame": {"surface": f"{SIDE!r} m"},
+        "domain": {"lower": lengths([-SIDE / 2, 0]), "upper": lengths([SIDE / 2, SIDE]), "boundary": "fixed"},
+        "grid": {"coarse_cell": f"{4 * cell!r} m", "levels": 3, "buffer_cells": 1, "refinement": "static"},
+        "insitu_stress": {"constant": dict(VIRGIN)},
+        "materials": {"host": host or elastic()},
+        "excavations": [
+            {"name": f"box_{number}", "step": "history", "shape": "box", "lower": lengths(corners[:2]),
+             "upper": lengths(corners[2:])}
+            for number, corners in enumerate(boxes)
+        ],
+        "steps": [{"name": "history"}],
+        "solver": {"tolerance": 1e-5, "increments": 4},
+    }  # fmt: skip
+    return merge(values, changes)

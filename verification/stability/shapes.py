@@ -1,0 +1,149 @@
+"""Cases of shapes, of particles and of what no mine file reaches."""
+
+from collections.abc import Iterator
+from functools import partial
+
+from verification.stability.cases import Case, Knob, Known
+from verification.stability.drive import courant, single_precision
+from verification.stability.judges import (
+    closure_error,
+    finer,
+    front_error,
+    mirrored,
+    other_scheme,
+    same_fact,
+    same_motion,
+    tighter,
+)
+from verification.stability.rock import CLOSURE, FRONT, LOOSEST, SAME
+from verification.stability.scenes import ADAPTIVE, coulomb, failing, hole, section
+
+FINER = 0.15  # of the energy set in motion: cells of half the size change it by so much around corners
+FAILED = 0.05  # of the largest motion in perfectly plastic rock, by either scheme: to another rest within tolerance
+MOTION = "energy_motion"
+BOXES = {  # x0, z0, x1, z1 in a section of 32 m with finest cells of 1 m, x = 0 in its middle; not symmetric on purpose
+    "two cells wide": [(-6, 10, -4, 20)],
+    "one cell wide": [(-6, 10, -5, 20)],
+    "one cell": [(3, 10, 4, 11)],
+    "half a cell wide": [(-6, 10, -5.5, 20)],
+    "a tenth of a cell wide": [(-6, 10, -5.9, 20)],
+    "a thousandth of a cell wide": [(-6, 10, -5.999, 20)],
+    "touching at a face": [(-6, 10, -2, 14), (-2, 10, 3, 16)],
+    "touching at an edge": [(-6, 10, -2, 14), (-2, 14, 3, 18)],
+    "crossing": [(-8, 12, 6, 15), (-3, 6, 1, 22)],
+    "one within another": [(-8, 8, 6, 18), (-3, 10, 1, 14)],
+    "at the domain's edge": [(-16, 10, -12, 18)],
+    "in the domain's corner": [(10, 0, 16, 6)],
+    "across the domain's edge": [(12, 10, 20, 18)],
+    "outside the domain": [(17, 10, 20, 18)],
+    "nearly all of the domain": [(-15, 1, 15, 31)],
+    "all but a cell at one side": [(-16, 0, 15, 32)],
+    "all of the domain": [(-16, 0, 16, 32)],
+    "rock cut in two": [(-16, 12, 16, 16)],
+    "a floating block": [(-8, 8, 6, 10), (-8, 16, 6, 18), (-8, 10, -6, 16), (4, 10, 6, 16)],
+    "a block on one cell": [(-8, 8, 6, 10), (-8, 16, 6, 18), (-8, 10, -6, 16), (4, 11, 6, 16)],
+    "one-cell pillars": [(-9, 10, -5, 16), (-4, 10, 0, 16), (1, 10, 5, 16)],
+    "a pillar half a cell wide": [(-9, 10, -5, 16), (-4.5, 10, 0, 16)],
+    "a pillar of a tenth of a cell": [(-9, 10, -5, 16), (-4.9, 10, 0, 16)],
+}
+FREE = {"boundary": {"z_lower": "fixed", "z_upper": "traction", "x": "traction"}}
+HANGING = Known(
+    "Explicit steps only: a block that hangs by one cell turns so slowly that forces balance to 1e-5 before it has "
+    "turned. Multigrid is within 3e-5; explicit steps within 0.3 % at a tolerance of 1e-7.",
+    0.35,
+)
+ONE_CELL = Known("An opening of one cell moves as that cell's corners can: two cells across are within 2 %.", 0.35)
+UNLIKE = ("touching at an edge", "one-cell pillars", "a pillar half a cell wide")
+AT_CORNERS = Known(
+    "Perfectly plastic rock that dilates below its friction may rest in more than one way: where it hangs by a cell or "
+    "less the schemes arrive at two of them, at every tolerance (cascade_tolerance 1e-3 to 1e-5).",
+    0.25,
+)
+CRUMBS = Known(
+    "A pillar thinner than the samples of a cell (an eighth) falls in crumbs; the last one stays, at its foot or top. "
+    "Only the nodes of that crumb differ: all others agree to 1e-4.",
+    1.5,
+)
+HALF_WAY = Known(
+    "cut_cells: whole takes cells whose middle is mined: a box of 8 m with walls in the middle of cells becomes 9 m "
+    "wide. The grid says by how much its volume is off.",
+    0.25,
+)
+WALLS = (0.0, 1e-12, 1e-6, 0.125, 0.25, 0.5, 0.75, 1.0 - 1e-12)  # of a cell; particles lie at 0.5
+
+
+def shapes() -> Iterator[Case]:
+    for title, boxes in BOXES.items():
+        scene = section(boxes)
+        yield Case("beside a tolerance of 1e-9", title, scene, same_motion(tighter), SAME)
+        explicit = other_scheme(scene)
+        known = HANGING if title == "a block on one cell" else None
+        yield Case("explicit, beside multigrid", title, explicit, same_motion(other_scheme), SAME, known)
+        known = CRUMBS if title == "a pillar of a tenth of a cell" else None
+        yield Case("beside its mirror image", title, scene, same_motion(mirrored, turn=-1), SAME, known)
+        known = ONE_CELL if title == "one cell" else None
+        yield Case("beside finer cells", title, scene, same_fact(MOTION, finer), FINER, known)
+        scene = section(boxes, coulomb(cohesion=6e6))
+        judge = same_motion(other_scheme, stage="last")
+        known = AT_CORNERS if title in UNLIKE else None
+        yield Case("plastic, beside the other scheme", title, scene, judge, FAILED, known)
+        free = section(boxes, domain=FREE)
+        known = CRUMBS if title == "a pillar of a tenth of a cell" else None
+        yield Case("held at the floor alone, mirror image", title, free, same_motion(mirrored, turn=-1), SAME, known)
+        scene = section(boxes, coulomb(cohesion=6e6, share=0.3), solver={"increments": 0}, grid=ADAPTIVE)
+        yield Case("brittle", title, scene, None, 0.0)
+
+
+def walls() -> Iterator[Case]:
+    whole = section([(-6, 10, 2, 16)])
+    for share in WALLS:
+        judge = same_fact(MOTION, lambda values: whole)
+        for cut in ("fraction", "whole", "subdivide"):
+            scene = section([(-6 + share, 10, 2 + share, 16)], grid={"cut_cells": cut})
+            known = HALF_WAY if (cut, share) == ("whole", 0.5) else None
+            yield Case(f"box moved along x, {cut}", share, scene, judge, FINER, known)
+        scene = section([(-6 + share, 10, 2 + share, 16)], grid={"particles_per_cell": 4})
+        yield Case("box moved along x, 4 particles", share, scene, judge, FINER)
+
+
+def time_step() -> Iterator[Case]:
+    limit = {"scheme": "explicit", "max_iterations": 5000}
+    for factor in (0.1, 0.2, 0.4, 0.6, 0.7, 0.75, 0.8, 0.9, 1.0, 1.1, 1.2, 1.5):
+        under = partial(courant, factor, 0.7)
+        yield Case("tunnel", factor, hole(solver=limit), closure_error, CLOSURE, under=under)
+        yield Case("plastic tunnel", factor, failing(coulomb(), solver=limit), front_error, FRONT, under=under)
+        moving = {"solver": limit | {"move": True}, "grid": {"particles_per_cell": 4}}
+        yield Case("tunnel, particles move", factor, hole(**moving), closure_error, CLOSURE, under=under)
+
+
+def damping() -> Iterator[Case]:
+    for share in (0.0, 0.01, 0.1, 0.3, 0.5, 0.7, 0.85, 0.95, 0.99, 1.0):
+        solver = {"scheme": "explicit", "damping": share, "max_iterations": 5000}
+        yield Case("tunnel", share, hole(solver=solver), closure_error, CLOSURE)
+        yield Case("tunnel, densities as they are", share, hole(solver=solver | {"density_scaling": False}),
+                   closure_error, CLOSURE)  # fmt: skip
+        yield Case("plastic tunnel", share, failing(coulomb(), solver=solver), front_error, FRONT)
+
+
+def float32() -> Iterator[Case]:
+    for power in range(-1, -11, -1):
+        for scheme in ("multigrid", "explicit"):
+            solver = {"tolerance": 10.0**power, "scheme": scheme, "max_iterations": 5000}
+            judge = same_motion(lambda values: hole(solver={"tolerance": 1e-11}))
+            scene, known = hole(solver=solver), LOOSEST if power == -1 else None
+            yield Case(f"tunnel, {scheme}", 10.0**power, scene, judge, 0.01, known, under=single_precision)
+        scene = failing(coulomb(), solver=solver | {"scheme": "multigrid"})
+        yield Case("plastic tunnel", 10.0**power, scene, front_error, FRONT, known, under=single_precision)
+
+
+SHAPES = (
+    Knob("shapes", "shape of what is mined", "words", "Boxes in a section of 32 m, cells of 1 m.", shapes),
+    Knob("walls", "place of walls within a cell", "linear", "A box of 8 by 6 m, moved by parts of a cell, beside the "
+         "one whose walls are faces of cells of 1 m: at 0.5 particles lie in its walls.", walls),
+    Knob("time_step", "time step over the undamped limit", "linear", "The Courant factor of scheme explicit. No key: "
+         "the body takes 0.98 of the limit that damping leaves (0.75 at damping 0.7); driven from within.", time_step),
+    Knob("damping", "local damping", "linear", "Of scheme explicit, in 5,000 steps.", damping),
+    Knob("float32", "tolerance, numbers rounded to float32", "log", "Not offered: stress, displacement and hourglass "
+         "forces rounded after every update, here from within. The V-cycle has always been in single precision.",
+         float32),
+)  # fmt: skip

@@ -1,0 +1,66 @@
+"""The numerics driven until they break: one knob at a time, each run beside a known truth, and the page of all."""
+
+
+from verification.stability.keys import KEYS as STABILITY_KNOBS
+
+
+rule stability_points:
+    """How the runs of one knob ended, and by how much they are wrong."""
+    output:
+        kept("results/stability/points/{knob}.json"),
+    params:
+        code=source_hash("verification.stability points", "config/default.yaml"),
+    wildcard_constraints:
+        knob="|".join(STABILITY_KNOBS),
+    log:
+        "logs/stability/{knob}.log",
+    benchmark:
+        "benchmarks/stability/{knob}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage verification.stability points --knob {wildcards.knob} --points {output} --log {log}"
+
+
+rule stability_report:
+    """All knobs on one page, and all their runs in one table."""
+    input:
+        expand("results/stability/points/{knob}.json", knob=STABILITY_KNOBS),
+    output:
+        table=kept("results/stability/table.csv"),
+        page=kept("results/stability/report.html"),
+    params:
+        code=source_hash("verification.stability report"),
+    log:
+        "logs/stability/report.log",
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage verification.stability report --points {input} --table {output.table} --page {output.page} --log {log}"
+
+
+rule stability:
+    """The page of all knobs; fails if a run is a fault, or wrong beyond what is known."""
+    input:
+        table="results/stability/table.csv",
+        page="results/stability/report.html",
+    params:
+        code=source_hash("verification.stability verdict"),
+    log:
+        "logs/stability/verdict.log",
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage verification.stability verdict --table {input.table} --page {input.page} --log {log}"
