@@ -6,6 +6,7 @@ snakemake --cores all verification                                 every scene t
 snakemake --cores all benchmarks                                   speed, beside other codes
 snakemake --cores all extremes                                     random scenes at the extremes
 snakemake --cores all tradeoff                                     speed against accuracy: what each knob buys
+snakemake --cores all catalog_spread                               what a catalogue's spread consists of
 """
 
 import sys
@@ -53,6 +54,7 @@ include: "workflow/rules/verification.smk"
 include: "workflow/rules/benchmarks.smk"
 include: "workflow/rules/extremes.smk"
 include: "workflow/rules/tradeoff.smk"
+include: "workflow/rules/spread.smk"
 
 
 onstart:
