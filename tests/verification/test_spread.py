@@ -100,7 +100,7 @@ def test_page_says_what_an_ensemble_costs_and_buys(tmp_path):
     assert "A member takes 1.25 times as long" in page
     assert "It shows 14 % of that of log10 seismic potency" in " ".join(page.split())
     assert "http" not in page.split("</style>")[1].replace("http://www.w3.org", "")
-    assert len(pd.read_csv(tmp_path / "table.csv")) == 16
+    assert len(pd.read_csv(tmp_path / "table.csv")) == 20
 
 
 def test_a_study_runs_to_its_table(tmp_path):
@@ -127,8 +127,8 @@ def test_a_study_runs_to_its_table(tmp_path):
     assert potency[CLOSENESS].total == pytest.approx(0.0, abs=1e-20)
     assert scene.sources[CLOSENESS][1].sizes.tolist() == scene.base.sizes.tolist()  # 0.8 is the mine's own
     rows, figure = answer(results)
-    assert len(rows) == len({row.quantity for row in rows}) == 16
-    assert len(figure.axes) == 4
+    assert len(rows) == len({row.quantity for row in rows}) == 20
+    assert len(figure.axes) == 6
 
 
 @pytest.mark.parametrize(

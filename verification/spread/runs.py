@@ -14,7 +14,7 @@ import xarray as xr
 from catalogs.settings import ComparisonSettings
 from catalogs.size_law import FEW, POWER
 from catalogs.size_measures import fit
-from catalogs.sizes import log_potency
+from catalogs.sizes import above, log_potency
 from pipeline.errors import InputError
 from seismic.events import extract_events
 from verification.results import Results, Variant
@@ -57,10 +57,16 @@ class Catalogue:
     seconds: float = np.nan
 
 
+def _mean_excess(run: Catalogue) -> float:
+    sizes = above(run.sizes, run.cut)
+    return float(np.mean(sizes - run.cut)) if len(sizes) else np.nan
+
+
 QUANTITIES = (
     Quantity("potency", "log10 seismic potency", lambda run: float(log_potency(run.potency))),
     Quantity("events", "log10 number of resolved events", lambda run: float(np.log10(len(run.sizes) or np.nan))),
     Quantity("b", "b of log potency", lambda run: run.b),
+    Quantity("size", "mean log10 P above the smallest", _mean_excess),
     Quantity("largest", "largest event, log10 P", lambda run: float(run.sizes.max()) if len(run.sizes) else np.nan),
 )
 
