@@ -7,6 +7,7 @@ snakemake --cores all benchmarks                                   speed, beside
 snakemake --cores all extremes                                     random scenes at the extremes
 snakemake --cores all tradeoff                                     speed against accuracy: what each knob buys
 snakemake --cores all stability                                    the numerics driven until they break
+snakemake --cores all catalog_spread                               what a catalogue's spread consists of
 """
 
 import sys
@@ -55,6 +56,7 @@ include: "workflow/rules/benchmarks.smk"
 include: "workflow/rules/extremes.smk"
 include: "workflow/rules/tradeoff.smk"
 include: "workflow/rules/stability.smk"
+include: "workflow/rules/spread.smk"
 
 
 onstart:

@@ -54,6 +54,9 @@ def run_study(name: str, folder: Path, variants: dict[str, dict] | list[str] | N
 
 def _variant(mine, folder: Path) -> Variant:
     def read(path: str):
+        if path.startswith("ensemble/"):
+            _, number, path = path.split("/", 2)
+            return _variant(mine.member(int(number)), folder).read(path)
         stage, _, name = path.removesuffix(".nc").rpartition("/")
         failed = folder / f"{mine.name}.npz"
         if name == "grid":

@@ -278,6 +278,16 @@ def tradeoff_studies():
     return sorted(path.stem for path in (BASE / "config/verification").glob("tradeoff_*.yaml"))
 
 
+def spread_studies():
+    """Names of the studies of a catalogue's spread, likewise; the smallest scene first."""
+    return sorted((path.stem for path in (BASE / "config/verification").glob("spread_*.yaml")), reverse=True)
+
+
+def spread_results(wildcards):
+    """Results of all stages of all of these, members of their ensembles included."""
+    return [file for name in spread_studies() for file in results_of_study(name)]
+
+
 def study_files(wildcards):
     """The files of these studies."""
     return [f"{BASE}/config/verification/{name}.yaml" for name in studies()]
@@ -285,9 +295,14 @@ def study_files(wildcards):
 
 def study_results(wildcards):
     """Results of all stages of all variants of a study."""
-    place, chosen = f"verification/{wildcards.study}", study(wildcards.study)
+    return results_of_study(wildcards.study)
+
+
+def results_of_study(name):
+    """The same, of a study by its name."""
+    place, chosen = f"verification/{name}", study(name)
     folders = ("steps", "events") if chosen.events else ("steps",)
-    return [file for name, mine in chosen.mines.items() for file in stage_results(f"{place}/{name}", mine, folders)]
+    return [file for key, mine in chosen.mines.items() for file in stage_results(f"{place}/{key}", mine, folders)]
 
 
 def answers(wildcards):

@@ -1,0 +1,142 @@
+"""What a catalogue's spread consists of: variances of made-up catalogues, and a tiny study to its page."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from running import run_study
+
+from catalogs.settings import ComparisonSettings
+from catalogs.size_law import FEW, NONE, POWER
+from pipeline.errors import InputError
+from verification.spread.answer import answer
+from verification.spread.page import Scene, write_report
+from verification.spread.runs import CELLS, CLOSENESS, LOADING, MEMBERS, Catalogue, catalogue, read_sources
+from verification.spread.variances import make_table, variances
+from verification.studies import Study
+
+
+def made_up(potency: float, b: float = 1.0, law: str = POWER, seconds: float = 10.0) -> Catalogue:
+    """A catalogue of ten events of one size."""
+    return Catalogue("one", potency, np.full(10, -2.0), -3.0, law, b, seconds)
+
+
+def sources(**exponents: list[float]) -> dict[str, list[Catalogue]]:
+    """Catalogues by source, from log10 of their potency."""
+    return {name: [made_up(10.0**x) for x in values] for name, values in exponents.items()}
+
+
+def of(found, quantity: str, source: str):
+    return next(v for v in found if v.quantity.key == quantity and v.source == source)
+
+
+def test_runs_that_differ_by_chance_too_have_less_variance_of_their_own():
+    """Variances by hand: members 1, loading 3, cells 1/4, closeness 4. Own: 1, 2, 0, 4."""
+    found = variances(
+        sources(
+            members=[-1.0, 0.0, 1.0],
+            loading=[0.0, 0.0, 3.0],
+            cells=[-0.5, 0.0, 0.5],
+            closeness=[-2.0, 0.0, 2.0],
+        )
+    )
+    potency = [of(found, "potency", source) for source in (MEMBERS, LOADING, CELLS, CLOSENESS)]
+    assert [v.total for v in potency] == pytest.approx([1.0, 3.0, 0.25, 4.0])
+    assert [v.own for v in potency] == pytest.approx([1.0, 2.0, 0.0, 4.0])
+    assert [v.share for v in potency] == pytest.approx([1 / 7, 2 / 7, 0.0, 4 / 7])
+    assert potency[0].interval == pytest.approx((0.5207, 6.285), rel=1e-3)  # chi-square, 2 degrees of freedom
+    assert np.isnan(potency[1].interval).all()  # not drawn at random
+    assert np.isnan(of(found, "largest", MEMBERS).share)  # all are one size: there is no variance to share
+
+
+def test_where_b_is_not_defined_there_is_no_variance_but_a_reason():
+    runs = sources(members=[0.0, 1.0, 2.0], loading=[0.0, 1.0, 2.0], cells=[0.0, 1.0, 2.0], closeness=[0.0, 1.0, 2.0])
+    runs[CELLS] = [made_up(1.0), made_up(1.0, np.nan, FEW), made_up(1.0, np.nan, NONE)]
+    found = variances(runs)
+    cells = of(found, "b", CELLS)
+    assert np.isnan(cells.total)
+    assert cells.why == "too few events in 1, no power law in 1 of 3"
+    assert np.isnan(of(found, "b", MEMBERS).share)  # the sum is not known
+    assert of(found, "b", MEMBERS).why == ""
+    row = make_table({"made_up": found}).query("quantity == 'b of log potency' and source == 'finest cell'").iloc[0]
+    assert row.defined_in == 1
+    assert np.isnan(row.standard_deviation)
+
+
+def events_of(sizes: np.ndarray) -> xr.Dataset:
+    """A dataset of resolved events, of these log10 potencies from 1e-3 m3 on."""
+    potency = 10.0**sizes
+    attributes = {"potency_floor": 1e-3, "budget": json.dumps({"particle_scalars": float(potency.sum())})}
+    return xr.Dataset(
+        {"potency": ("event", potency), "resolved": ("event", np.ones(len(sizes), int))}, attrs=attributes
+    )
+
+
+def test_b_is_that_of_a_power_law_or_none():
+    """b 1 of 400 drawn events within four standard errors, 5 % each; two sizes a decade apart follow no law."""
+    rng, settings = np.random.default_rng(1), ComparisonSettings()
+    drawn = -3.0 + rng.exponential(1 / np.log(10.0), 400)
+    found = catalogue("drawn", events_of(drawn), settings)
+    assert found.law == POWER
+    assert found.b == pytest.approx(1.0, abs=0.2)
+    assert found.potency == pytest.approx((10.0**drawn).sum())
+    heaps = np.concatenate([-2.0 + 0.1 * rng.random(100), -1.0 + 0.1 * rng.random(100)])
+    for sizes, law in ((heaps, NONE), (drawn[:5], FEW)):
+        found = catalogue("other", events_of(sizes), settings)
+        assert (found.law, np.isnan(found.b)) == (law, True)
+
+
+def test_page_says_what_an_ensemble_costs_and_buys(tmp_path):
+    runs = sources(
+        members=[-1.0, 0.0, 1.0], loading=[0.0, 0.0, 3.0], cells=[-0.5, 0.0, 0.5], closeness=[-2.0, 0.0, 2.0]
+    )
+    scene = Scene(
+        Study("made_up", "spread", "Made up", "Nothing.", True, 1, True, {}, {}, {}), made_up(1.0, 1, POWER, 8.0), runs
+    )
+    write_report([scene], tmp_path / "table.csv", tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    assert "A member takes 1.25 times as long" in page
+    assert "It shows 14 % of that of log10 seismic potency" in " ".join(page.split())
+    assert "http" not in page.split("</style>")[1].replace("http://www.w3.org", "")
+    assert len(pd.read_csv(tmp_path / "table.csv")) == 20
+
+
+def test_a_study_runs_to_its_table(tmp_path):
+    """The stope on cells of 5 and 2.5 m: two of them have no variance, and closeness changes no potency."""
+    variants = {
+        "base": {"grid": {"levels": 2}, "ensemble": 3},
+        "once": {"grid": {"levels": 2}, "solver": {"increments": 1}},
+        "four": {"grid": {"levels": 2}, "solver": {"increments": 4}},
+        "fine": {"grid": {"levels": 3}},
+    }
+    results = run_study("spread_stope", tmp_path, variants)
+    results.study.settings.update(loading=["once", "four", "base"], cells=["base", "fine"])
+    scene = Scene.of(results)
+    assert [[run.label for run in runs] for runs in scene.sources.values()] == [
+        ["1", "2", "3"],
+        ["1", "4", "by their error"],
+        ["5 m", "2.5 m"],
+        ["0.7", "0.8", "0.9"],
+    ]
+    potency = {v.source: v for v in scene.variances if v.quantity.key == "potency"}
+    assert potency[MEMBERS].total > 0.0
+    assert potency[LOADING].total > 0.0
+    assert np.isnan(potency[CELLS].total)
+    assert potency[CLOSENESS].total == pytest.approx(0.0, abs=1e-20)
+    assert scene.sources[CLOSENESS][1].sizes.tolist() == scene.base.sizes.tolist()  # 0.8 is the mine's own
+    rows, figure = answer(results)
+    assert len(rows) == len({row.quantity for row in rows}) == 20
+    assert len(figure.axes) == 6
+
+
+@pytest.mark.parametrize(
+    ("change", "ensemble", "message"),
+    [({"cells": ["tiny"]}, 2, "settings: no variant 'tiny'"), ({}, 1, "variants.base.ensemble: a variance takes two")],
+)
+def test_a_study_that_lacks_runs_is_refused_in_one_line(tmp_path, change, ensemble, message):
+    results = run_study("spread_stope", tmp_path, {"base": {"ensemble": ensemble}})
+    results.study.settings.update({"loading": ["base"], "cells": ["base"]} | change)
+    with pytest.raises(InputError, match=message):
+        read_sources(results)

@@ -1,0 +1,68 @@
+"""results/catalog_spread: table.csv and report.html, that needs nothing else."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.figures import style
+from pipeline.datasets import atomic_path
+from pipeline.pages import page_templates
+from verification.results import Results
+from verification.spread.figure import draw
+from verification.spread.runs import MEMBERS, QUANTITIES, SOURCES, Catalogue, read_base, read_sources
+from verification.spread.variances import Variance, make_table, variances
+from verification.studies import Study
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One study: the mine's own run, the catalogues of each source, and their variances."""
+
+    study: Study
+    base: Catalogue
+    sources: dict[str, list[Catalogue]]
+
+    @classmethod
+    def of(cls, results: Results) -> "Scene":
+        """Read the results of a study's stages."""
+        return cls(results.study, read_base(results), read_sources(results))
+
+    @cached_property
+    def variances(self) -> list[Variance]:
+        """Of every quantity and source."""
+        return variances(self.sources)
+
+    def by_quantity(self) -> list[tuple[str, list[Variance]]]:
+        """The rows of the table: a quantity, and its variance by source."""
+        return [(quantity.title, [v for v in self.variances if v.quantity is quantity]) for quantity in QUANTITIES]
+
+    @property
+    def member_cost(self) -> float:
+        """Time of a member's steps and events over the mine's own, on average; NaN where nothing measured it."""
+        return float(np.mean([run.seconds for run in self.sources[MEMBERS]]) / self.base.seconds)
+
+    def bought(self) -> list[str]:
+        """What share of each quantity's variance members show, in words, where that is known."""
+        members = [variance for variance in self.variances if variance.source == MEMBERS]
+        return [f"{100 * v.share:.0f} % of that of {v.quantity.title}" for v in members if np.isfinite(v.share)]
+
+
+def write_report(scenes: list[Scene], table: Path, page: Path) -> None:
+    """Write table and page, atomically."""
+    with atomic_path(table) as temporary:
+        rows = make_table({scene.study.name: scene.variances for scene in scenes})
+        rows.to_csv(temporary, index=False, float_format="%.4g")
+    with style.applied():
+        figures = [
+            style.save(draw(scene.base, scene.variances), page.parent / f"{scene.study.name}.svg") for scene in scenes
+        ]
+    environment = page_templates(TEMPLATES)
+    text = environment.get_template("report.html.j2").render(
+        sections=list(zip(scenes, figures, strict=True)), titles=SOURCES
+    )
+    with atomic_path(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")

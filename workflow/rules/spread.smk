@@ -1,0 +1,27 @@
+"""What a catalogue's spread consists of: perturbed members, ways of loading, cells and closeness beside each other."""
+
+
+rule catalog_spread:
+    """Variances of potency, number, b and the largest event by source; what an ensemble costs and buys."""
+    input:
+        results=spread_results,
+        studies=expand(f"{BASE}/config/verification/{{study}}.yaml", study=spread_studies()),
+    output:
+        table=kept("results/catalog_spread/table.csv"),
+        page=kept("results/catalog_spread/report.html"),
+    params:
+        code=source_hash("verification.spread report"),
+        default=json.dumps(DEFAULT, sort_keys=True),
+    log:
+        "logs/catalog_spread.log",
+    benchmark:
+        "benchmarks/catalog_spread.tsv"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=30,
+    conda:
+        "../envs/environment.yaml"
+    shell:
+        "stage verification.spread report --studies {input.studies:q} --default {params.default:q} --results results/verification"
+        " --benchmarks benchmarks/verification --table {output.table} --page {output.page} --log {log}"
