@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
+from mpm_core.equilibrium.body import hourglass_modulus
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodes import spread_to_hanging
@@ -206,6 +207,7 @@ def elastic_hourglass(model: Model, displacement: np.ndarray, cells: np.ndarray)
     )
     lame, shear = model.elastic_constants[model.particles.material[own]].T
     size = model.grid.cell_size[cells]
-    stiffness = 4.0 * model.scene.solver.hourglass * (lame + 2.0 * shear) * size ** (model.dimension - 2)
+    modulus = hourglass_modulus(lame, shear)
+    stiffness = 4.0 * model.scene.solver.hourglass * modulus * size ** (model.dimension - 2)
     amplitude = _modal_sums(model, displacement, cells)[:, modes]
     return amplitude * np.where(alone, stiffness / corners, 0.0)[:, None, None]

@@ -98,8 +98,7 @@ class District:
         self.whole, self.blocks, self.waits = whole, blocks, False
         own = ground.model(blocks.of(model.grid), model.body[inside], _loose_inside(model.loose, inside), True)
         places = _places(model, own, inside)
-        if whole.ground.scene.refinement:  # it is set up anew once cells have been split
-            whole.scheme.drop_work_arrays()
+        whole.scheme.drop_work_arrays()  # the memory is needed; it is set up anew in the end
         at_start = own.virgin_state()
         take(state, at_start, places)
         volume = own.volumes(whole.step)
@@ -129,7 +128,7 @@ class District:
         if own.places:
             grid = split(whole.model.grid, np.concatenate(own.places), RINGS, 1)
             whole.onto(grid, lambda model: ~self.blocks.hold(model.grid.cell_index))
-        elif whole.ground.scene.refinement:
+        else:
             whole.renew()
         inside = self.blocks.hold(whole.model.grid.cell_index)
         whole.scheme.take_back(_Excerpt(own.scheme.body.state, _places(whole.model, own.model, inside)))

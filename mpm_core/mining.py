@@ -9,7 +9,7 @@ import xarray as xr
 
 from mpm_core.carrying import Cells, carry, carry_forces, carry_nodes
 from mpm_core.datasets import read_grid, read_loose, read_state
-from mpm_core.equilibrium.body import Body
+from mpm_core.equilibrium.body import Body, hourglass_modulus
 from mpm_core.equilibrium.brittle import Brittle, find_brittle
 from mpm_core.equilibrium.cascade import Ramp
 from mpm_core.equilibrium.convergence import History
@@ -193,7 +193,7 @@ def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:
     """
     model, state = body.model, body.state
     lame, shear = model.elastic_constants[model.particles.material].T
-    stiffness, cells = lame + 2.0 * shear, len(model.cell_nodes)
+    stiffness, cells = hourglass_modulus(lame, shear), len(model.cell_nodes)
     old = np.bincount(model.particles.cell, stiffness * body.volume, minlength=cells)
     kept = np.bincount(model.particles.cell, stiffness * np.minimum(body.volume, volume), minlength=cells)
     share = np.divide(kept, old, out=np.ones(cells), where=old > 0.0)

@@ -38,7 +38,6 @@ from mpm_core.state import State, put_back
 TIME_STEP_SHARE = 0.98  # of the damped limit, 1 / sqrt(1 + c) of the undamped one
 FAILED_HOURGLASS = 0.01  # of the intact hourglass stiffness: a stiff one props failed rock up, as eight particles do.
 # Closure of a stope in cells of 4, 2, 1 m: 11.3, 13.7, 13.5 mm; at 0.1 8.4, 11.6, 12.3; eight particles 6.5, 9.9, 12.0
-
 HOURGLASS_LAME = 9.0  # of mu, that of Poisson's ratio 0.45: lambda counts up to this in the hourglass stiffness. All of
 # it holds the bending that rock needs to move without a change of volume: at 0.4999 a hole closed by 41 % too little
 
@@ -80,8 +79,7 @@ class Body:
         self.free = model.free_motions(volume)
         # stiffness that an intact particle gives its cell, N/m; 0 where it has company
         alone = np.repeat(np.diff(particles.group_start) == 1, np.diff(particles.group_start))
-        modulus = np.minimum(lame, HOURGLASS_LAME * shear) + 2.0 * shear
-        hourglass = 4.0 * model.scene.solver.hourglass * modulus * volume / size**2
+        hourglass = 4.0 * model.scene.solver.hourglass * hourglass_modulus(lame, shear) * volume / size**2
         self.particle_hourglass = np.where(alone, hourglass, 0.0)
         self.intact_hourglass = np.bincount(particles.cell, self.particle_hourglass, minlength=len(model.cell_nodes))
         self.set_failed()
@@ -231,6 +229,11 @@ class Body:
     def drop_work_arrays(self) -> None:
         """Nothing more is to be relaxed."""
         self.slot_force = np.empty((0, self.model.dimension))
+
+
+def hourglass_modulus(lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
+    """What hourglass stiffness is in proportion to, Pa: lambda + 2 mu (k,), Pa, but for HOURGLASS_LAME."""
+    return np.minimum(lame, HOURGLASS_LAME * shear) + 2.0 * shear
 
 
 def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, float]:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mechanics.killed import Killed, KilledAfter
 from mechanics.scenes import (
     COULOMB,
+    HOST,
     ball,
     constrain,
     excavation,
@@ -124,6 +125,26 @@ def test_of_any_field_the_parts_have_the_mean_of_their_cell(seed, dimension, per
         for model, own in ((old, body.state), (new, state))
     )
     assert after >= before * (1.0 - 1e-12)
+
+
+@pytest.mark.parametrize("poisson", [0.25, 0.4999])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_split_cells_have_the_hourglass_forces_of_rock_that_moved_so(dimension, poisson):
+    """Also of rock near Poisson's ratio 0.5, whose hourglass stiffness is not in proportion to lambda + 2 mu."""
+    random = np.random.default_rng(3)
+    grid = random_grid(random, dimension)
+    scene = make_scene("xz" if dimension == 2 else None, host=HOST | {"poisson_ratio": poisson})
+    finer = split(grid, random.integers(0, grid.shape >> 1, (3, dimension)), 1, 1)
+    old, new = make_model(scene, grid), make_model(scene, finer)
+    body = Body(old, old.virgin_state(), old.volumes(0))
+    body.displace(1e-3 * random.standard_normal(body.state.displacement.shape))
+    state = carry(old, body.state, new)
+    exact = Body(new, new.virgin_state(), new.volumes(0))
+    exact.displace(state.displacement)
+    anew = new.grid.cell_level != old.grid.cell_level[holding_cells(old.grid, new.grid.cell_index)]
+    assert anew.any()
+    size = np.abs(exact.state.hourglass_force).max()
+    np.testing.assert_allclose(state.hourglass_force[anew], exact.state.hourglass_force[anew], rtol=0, atol=1e-9 * size)
 
 
 @settings(max_examples=25, deadline=None)
