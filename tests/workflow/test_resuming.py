@@ -17,9 +17,9 @@ KILLED_WITHIN = """
 import os, signal
 from mpm_core import __main__, checkpoint
 save = checkpoint.Checkpoint.save
-def save_and_die(self, state, history, grid):
+def save_and_die(self, state, history, *rest):
     self.pause = self.cost = 0.0
-    save(self, state, history, grid)
+    save(self, state, history, *rest)
     if history.generation == 2:
         os.kill(os.getpid(), signal.SIGKILL)
 checkpoint.Checkpoint.save = save_and_die
