@@ -87,9 +87,11 @@ def mining_step(
     watched = following(scene, scene.steps[step], failed_state)
     with watched as history:
         cells, balance = begin_step(Ground.of(scene, grid), previous, step, history)
+        at_work = cells
         watched.state = lambda: at_work.scheme.body.state
         district = district_of(cells) if not saved or saved["in_district"] else None
-        at_work = cells if district is None else district.cells
+        if district is not None:
+            at_work = district.cells
         if saved:
             at_work.resume(with_leaves(at_work.model.grid, saved["cells_index"], saved["cells_level"]), saved["places"])
             checkpoint.restore(saved, at_work.scheme.body.state, history)

@@ -15,17 +15,10 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from catalogs.figures import style
 from pipeline.provenance import use_numba_cache
-
-use_numba_cache()
-
-from catalogs.figures import style  # noqa: E402
-from mpm_core.gridding import make_grid  # noqa: E402
-from mpm_core.scene import parse_scene  # noqa: E402
-from mpm_core.stages import elastic_stage, mining_step  # noqa: E402
-from mpm_core.threads import use_threads  # noqa: E402
-from verification.studies import merge  # noqa: E402
-from workflow.configuration import load  # noqa: E402
+from verification.studies import merge
+from workflow.configuration import load
 
 ROOT = Path(__file__).parents[2]
 RUNS = [(3, 1.0), (3, 1.4), (4, 1.0), (4, 1.4), (5, 1.0), (5, 1.4), (6, 1.0), (6, 1.4)]
@@ -36,6 +29,10 @@ FAILED = 363_000  # particles in cells of 0.3125 m and a stope of size 1: to kno
 
 def run(levels: int, size: float, folder: Path) -> dict[str, float]:
     """One step: cell m, failed particles, cells at its end, processor time s."""
+    from mpm_core.gridding import make_grid  # once the folder of kernels is named
+    from mpm_core.scene import parse_scene
+    from mpm_core.stages import elastic_stage, mining_step
+
     default = yaml.safe_load((ROOT / "config" / "default.yaml").read_text())
     values = yaml.safe_load((ROOT / "config" / "verification" / "refinement.yaml").read_text())["scene"]
     stope, half = values["excavations"][0], size * np.array([5.0, 7.5, 10.0])
@@ -72,6 +69,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--largest", type=float, default=2e6, help="particles that may fail in a run")
     largest = parser.parse_args().largest
+    use_numba_cache()
+    from mpm_core.threads import use_threads
+
     use_threads(1)
     folder = ROOT / "results" / "benchmarks"
     folder.mkdir(parents=True, exist_ok=True)
