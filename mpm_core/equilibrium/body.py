@@ -92,10 +92,10 @@ class Body:
         self.hourglass = self.intact_hourglass.copy()
         np.subtract.at(self.hourglass, cell, (1.0 - FAILED_HOURGLASS) * self.particle_hourglass[self.flowing])
 
-    def settle(self) -> None:
+    def settle(self, at_rest: bool = True) -> None:
         """What has flowed so far stays; from here on flow is counted anew."""
         state = self.state
-        self.way.end(self, count_flow(self))
+        self.way.end(self, count_flow(self), at_rest)
         self.flowing = np.flatnonzero(self.failed & (self.volume > 0.0))
         count = len(self.flowing)
         self.flow_start = np.empty((count, 6)), np.empty((count, 6))

@@ -12,7 +12,7 @@ motion but for that, on every way
     M = (r_a + r_b) . du / 2 - sum V (d - (s_a + s_b) : p / 2)
 
 where [] is the change from a to b. Motion M is the path integral of r: what forces do beyond what rock takes up. It
-ends as waves and heat; in elastic rock it is r_a . du / 2. r_b, at rest, is left out of it: its work is what the
+ends as waves and heat; in elastic rock it is r_a . du / 2. r_b, where at rest, is left out of it: its work is what the
 balance leaves. An excavation whose support is ramped down in n increments sets 1 / n in motion of what it does at once
 (Salamon 1984, J. South. Afr. Inst. Min. Metall. 84, 233). A boundary that is strained moves slowly: the mean of its
 forces at both ends times its motion is work, and what flow adds to that on the way is work of the boundary, not motion.
@@ -69,7 +69,6 @@ class Way:
     def forget(self) -> None:
         """Nothing is under way."""
         self.external = self.residual = self.start = self.carried = None
-        self.work_before = self.residual_before = 0.0
 
     def strain(self, body: Counted) -> None:
         """Before the boundary moves: nodes carry their present forces until the way begins."""
@@ -80,26 +79,29 @@ class Way:
         """External forces (node, d) N act from now on, nothing has moved yet; a way that has begun goes on."""
         if self.external is not None:
             return
-        start = body.state.displacement if self.start is None else self.start
         self.external = external
         self.residual = body.unbalanced.copy()
+        if self.start is None:
+            self.start = body.state.displacement.copy()
         if self.carried is not None:
             self.residual[:] = np.where(body.model.held, 0.0, external + self.carried)
-        self.work_before = work_of_forces(external, start)
-        self.residual_before = work_of_forces(self.residual, start)
 
-    def end(self, body: Counted, beyond: float) -> None:
-        """At rest: count what was done. beyond J: how much more flow dissipates on the way than at its mean stress."""
+    def end(self, body: Counted, beyond: float, at_rest: bool = True) -> None:
+        """Count what was done. beyond J: how much more flow dissipates on the way than at its mean stress; at_rest: what
+        is unbalanced now (body.unbalanced, which must be of now if not) does no work any more."""
         if self.external is None:
             return
         state, held = body.state, body.model.held
-        state.energy[FORCES] += work_of_forces(self.external, state.displacement) - self.work_before
-        state.energy[MOTION] += 0.5 * (work_of_forces(self.residual, state.displacement) - self.residual_before)
+        moved = state.displacement - self.start
+        state.energy[FORCES] += work_of_forces(self.external, moved)
+        state.energy[MOTION] += 0.5 * work_of_forces(self.residual, moved)
+        if not at_rest:
+            state.energy[MOTION] += 0.5 * work_of_forces(np.where(held, 0.0, body.unbalanced), moved)
         if self.carried is None:
             state.energy[MOTION] -= beyond
         else:
             reaction = np.where(held, -0.5 * (self.carried + nodal_forces(body)), 0.0)
-            state.energy[BOUNDARY] += work_of_forces(reaction, state.displacement - self.start) + beyond
+            state.energy[BOUNDARY] += work_of_forces(reaction, moved) + beyond
         self.forget()
 
 

@@ -80,7 +80,7 @@ def step_to_rest(body: Body, external: np.ndarray, tolerance: float, reference: 
             body.stop_drift()
             body.check_reach(ratio)
             if iteration > 0 and iteration % FLOW_FROM == 0:
-                body.settle()
+                body.settle(at_rest=False)
                 body.way.begin(body, external)
         take_time_step(body, external)
         history.iteration += 1
