@@ -75,11 +75,12 @@ def carry_nodes(old: Model | Cells, values: np.ndarray, new: Model, origin: np.n
 
 def carry_forces(old: Model, forces: np.ndarray, new: Model) -> np.ndarray:
     """Nodal forces (node, d) N of the old grid, which stay at their nodes; new nodes have none."""
-    shape = old.grid.shape + 1
-    was, now = (np.ravel_multi_index(tuple(model.grid.node_index.T), tuple(shape)) for model in (old, new))
-    order = np.argsort(now)
-    result = np.zeros((len(now), forces.shape[1]))
-    result[order[np.searchsorted(now, was, sorter=order)]] = forces
+    origin = holding_cells(old.grid, new.grid.cell_index)
+    place = new.grid.cell_index - old.grid.cell_index[origin]
+    result = np.zeros((len(new.grid.node_index), forces.shape[1]))
+    _take_corners(
+        old.cell_nodes, new.cell_nodes, origin, place, old.grid.cell_width[origin], new.grid.cell_width, forces, result
+    )
     return result
 
 
@@ -135,6 +136,22 @@ def _nearest(particles, group, group_start, old_position, position, source):
             if distance < least:
                 least = distance
                 source[particles[i]] = candidate
+
+
+@njit(error_model="numpy", cache=True)
+def _take_corners(old_nodes, new_nodes, origin, place, old_width, width, values, result):
+    """Values of old nodes at the corners of new cells that are the same nodes: place (cell, d) of each one's lower corner
+    in its old cell, and edges (cell,) of both, fine units. result (node, component), written there."""
+    for cell in range(len(origin)):
+        for corner in range(new_nodes.shape[1]):
+            same, there = 0, True
+            for axis in range(place.shape[1]):
+                at = place[cell, axis] + width[cell] * ((corner >> axis) & 1)
+                there &= at == 0 or at == old_width[cell]
+                same |= (at > 0) << axis
+            if there:
+                for j in range(values.shape[1]):
+                    result[new_nodes[cell, corner], j] = values[old_nodes[origin[cell], same], j]
 
 
 @njit(error_model="numpy", cache=True)

@@ -17,7 +17,7 @@ from mpm_core.equilibrium.energy import Balance, elastic_energy, hourglass_energ
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.moving import MovingScheme
 from mpm_core.equilibrium.multigrid import MultigridScheme
-from mpm_core.equilibrium.refinement import RINGS, Refinement
+from mpm_core.equilibrium.refinement import PATIENCE, RINGS, Refinement
 from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.mesh import MultiLevelGrid
@@ -70,12 +70,17 @@ class StepCells:
         """On the cells of now."""
         return self.scheme.body.model
 
-    def asked(self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def asked(
+        self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, loosely: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Places (k, d) that need finer cells, and which of fresh particles (k,) fail before that, see Refinement; none
-        and all once there are as many cells as there may be."""
+        and all once there are as many cells as there may be. loosely: not at rest to the full tolerance."""
         if self.full:
             return np.empty((0, model.dimension), int), fresh
-        return self.refinement.asked(model, state, brittle, fresh, len(self.model.cell_nodes))
+        patience = 0.0
+        if loosely and not self.elsewhere:  # a split of a district costs little
+            patience = PATIENCE * np.count_nonzero(state.failed == self.step)
+        return self.refinement.asked(model, state, brittle, fresh, len(self.model.cell_nodes), patience)
 
     def split(self, places: np.ndarray) -> tuple[Scheme, Brittle, Ramp] | None:
         """Split cells at places (k, d), at rest: what goes on from there; None where there would be too many."""

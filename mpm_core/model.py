@@ -8,6 +8,7 @@ import numpy as np
 from mpm_core.constitutive.laws import can_fail, law_of_all, rows_of_all
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.kernels.blocks import Scatter, build_scatter
+from mpm_core.kernels.nodes import mark_nodes
 from mpm_core.loose import find_loose
 from mpm_core.occupancy import SAMPLES, Changes, Loose, Pieces, changes_of
 from mpm_core.particles import Particles, seed, volumes
@@ -83,10 +84,11 @@ class Model:
         """Rigid motions that fixed and roller faces leave to rock and fill of these volumes (particle,)."""
         present = np.zeros(len(self.cell_nodes), bool)
         present[self.particles.cell[volume > 0.0]] = True
-        touched = present[:, None] & self.held.any(axis=1)[self.cell_nodes]
-        nodes = np.unique(self.cell_nodes[touched])
+        touched, beside = np.zeros((2, len(self.held)), bool)
+        mark_nodes(self.cell_nodes, present, touched, beside)
+        nodes = np.flatnonzero(touched & self.held.any(axis=1))
         if not len(nodes):
-            nodes = np.unique(self.cell_nodes[present])
+            nodes = np.flatnonzero(touched)
         return free_motions(self.grid.origin + self.grid.node_index[nodes] * self.grid.fine_cell, self.held[nodes])
 
 

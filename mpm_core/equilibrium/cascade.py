@@ -54,9 +54,11 @@ class Ramp:
 class Refining(Protocol):
     """Cells that follow the rock, and what a stage has on those of now."""
 
-    def asked(self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def asked(
+        self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, loosely: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Places (k, d) that need finer cells, of a part of the mine or the whole, and which of fresh particles (k,)
-        may fail before."""
+        may fail before. loosely: not at rest to the full tolerance, another look follows."""
 
     def split(self, places: np.ndarray) -> "tuple[Scheme, Brittle, Ramp] | None":
         """Split cells at places, at rest: what goes on from there; None where no more cells may be."""
@@ -141,7 +143,8 @@ def relax_and_fail(
         scheme.relax(external, tolerance, reference, history)
         fresh = next_failures(scheme, brittle, part_of_mine)
         if cells is not None:
-            places, fresh = cells.asked(scheme.body.model, scheme.body.state, brittle, fresh)
+            loosely = tolerance > solver.tolerance
+            places, fresh = cells.asked(scheme.body.model, scheme.body.state, brittle, fresh, loosely)
             if len(places) and not len(fresh):
                 return places
         let_fail(scheme, fresh, step, history)

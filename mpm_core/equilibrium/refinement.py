@@ -20,6 +20,8 @@ from mpm_core.state import State
 NEAR = 0.25
 WORTH = 0.02  # of all cells: so many new ones are split at once; fewer wait until no other rock fails any more. A split
 # sets up the whole grid anew
+PATIENCE = 1e-3  # of the rock that has failed in the step: while so little asks, and rock is not at rest to the full
+# tolerance in the end, it waits, as what comes to its strength on the way there asks for a split, too
 BESIDE = 1  # rings of split cells of the last level but one that rock has around it when it fails
 RINGS = 2  # of them that are split at once around what asks for it: so a crack does not ask again with every cell
 
@@ -40,18 +42,23 @@ class Refinement:
         return cls(family_codes(grid), grid.shape >> 1, grid.present, max(grid.levels - 2, 0))
 
     def asked(
-        self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, cells: int
+        self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, cells: int, patience: float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
         """Cells (k, d) of the last level but one, in units of their own, around which finest cells are missing; and
         those of fresh particles (k,) that fail before any is split.
 
-        fresh: particles that stand above strength, of a part of the mine or of the whole; cells: of the whole. Rock at
-        the edge of the fine cells waits for a split, and all rock where that is worth it now.
+        fresh: particles that stand above strength, of a part of the mine or of the whole; cells: of the whole; patience:
+        finest cells of rock that may wait without a split. Rock at the edge of the fine cells waits for a split, and all
+        rock where that is worth it now.
         """
         near = brittle.coarse[near_strength(model, state, brittle.coarse)]
         places = families(model.grid, model.particles.cell[fresh])
         exposed = self._exposed(places) if len(fresh) else np.zeros(0, bool)
-        asking = np.concatenate([middles(model.grid, model.particles.cell[near]), places[exposed]])
+        cell = model.particles.cell[near]
+        waiting = np.count_nonzero(exposed) + np.sum(model.grid.cell_width[cell].astype(float) ** model.dimension)
+        if waiting <= patience:
+            return places[:0], fresh[~exposed]
+        asking = np.concatenate([middles(model.grid, cell), places[exposed]])
         if not len(asking):
             return asking, fresh
         missing = self._missing(around(np.unique(asking, axis=0), RINGS, self.shape))
