@@ -140,8 +140,8 @@ def _nearest(particles, group, group_start, old_position, position, source):
 
 @njit(error_model="numpy", cache=True)
 def _take_corners(old_nodes, new_nodes, origin, place, old_width, width, values, result):
-    """Values of old nodes at the corners of new cells that are the same nodes: place (cell, d) of each one's lower corner
-    in its old cell, and edges (cell,) of both, fine units. result (node, component), written there."""
+    """Values of old nodes at the corners of new cells that are the same nodes: place (cell, d) of each one's lower
+    corner in its old cell, and edges (cell,) of both, fine units. result (node, component), written there."""
     for cell in range(len(origin)):
         for corner in range(new_nodes.shape[1]):
             same, there = 0, True

@@ -87,8 +87,8 @@ class Way:
             self.residual[:] = np.where(body.model.held, 0.0, external + self.carried)
 
     def end(self, body: Counted, beyond: float, at_rest: bool = True) -> None:
-        """Count what was done. beyond J: how much more flow dissipates on the way than at its mean stress; at_rest: what
-        is unbalanced now (body.unbalanced, which must be of now if not) does no work any more."""
+        """Count what was done. beyond J: how much more flow dissipates on the way than at its mean stress; at_rest:
+        what is unbalanced now (body.unbalanced, which must be of now if not) does no work any more."""
         if self.external is None:
             return
         state, held = body.state, body.model.held

@@ -47,9 +47,9 @@ class Refinement:
         """Cells (k, d) of the last level but one, in units of their own, around which finest cells are missing; and
         those of fresh particles (k,) that fail before any is split.
 
-        fresh: particles that stand above strength, of a part of the mine or of the whole; cells: of the whole; patience:
-        finest cells of rock that may wait without a split. Rock at the edge of the fine cells waits for a split, and all
-        rock where that is worth it now.
+        fresh: particles that stand above strength, of a part of the mine or of the whole; cells: of the whole;
+        patience: finest cells of rock that may wait without a split. Rock at the edge of the fine cells waits for a
+        split, and all rock where that is worth it now.
         """
         near = brittle.coarse[near_strength(model, state, brittle.coarse)]
         places = families(model.grid, model.particles.cell[fresh])
