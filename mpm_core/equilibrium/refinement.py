@@ -20,8 +20,8 @@ from mpm_core.state import State
 NEAR = 0.25
 WORTH = 0.02  # of all cells: so many new ones are split at once; fewer wait until no other rock fails any more. A split
 # sets up the whole grid anew
-PATIENCE = 1e-3  # of the rock that has failed in the step: while so little asks, and rock is not at rest to the full
-# tolerance in the end, it waits, as what comes to its strength on the way there asks for a split, too
+PATIENCE = 1e-3  # of the rock that has failed in the step: while no more asks for a split of the whole mine, and a look
+# at a tighter tolerance follows, it waits: one split then serves all that asks until there
 BESIDE = 1  # rings of split cells of the last level but one that rock has around it when it fails
 RINGS = 2  # of them that are split at once around what asks for it: so a crack does not ask again with every cell
 
