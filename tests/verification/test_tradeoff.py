@@ -17,7 +17,7 @@ from verification.tradeoff.knobs import CHOSEN, changed, label, settings_of
 from verification.tradeoff.limits import richardson
 from verification.tradeoff.page import write_report
 from verification.tradeoff.pareto import pareto_front
-from verification.tradeoff.points import Point, Points, measure_study, read_points, write_points
+from verification.tradeoff.points import Point, Points, _share, measure_study, read_points, write_points
 from verification.tradeoff.runs import Scene
 from verification.tradeoff.scenes import apart
 from verification.tradeoff.sentences import price, sentence, share, verdict
@@ -186,6 +186,12 @@ def test_closed_forms_are_met_by_elastic_scenes(tmp_path):
         errors = {measure.key: scene.error(scene.base, measure) for measure in scene.measures}
         assert errors["closure"] < 0.03, name
         assert errors["stress"] < 0.02, name
+
+
+def test_the_share_of_a_processor_is_of_stages_that_were_watched_to_their_end():
+    """One of 40 s whose last 25 nobody saw has 35 % by Snakemake's count."""
+    assert _share(np.array([10.0, 40.0, 400.0]), np.array([90.0, 35.0, 95.0])) == pytest.approx(95 - 5 * 10 / 410)
+    assert np.isnan(_share(np.array([40.0, 10.0]), np.array([35.0, np.nan])))
 
 
 def test_every_study_of_the_page_names_a_base_that_changes_nothing():
