@@ -56,11 +56,9 @@ class Refinement:
         exposed = self._exposed(places) if len(fresh) else np.zeros(0, bool)
         cell = model.particles.cell[near]
         waiting = np.count_nonzero(exposed) + np.sum(model.grid.cell_width[cell].astype(float) ** model.dimension)
-        if waiting <= patience:
+        if waiting <= patience:  # also where nothing asks
             return places[:0], fresh[~exposed]
         asking = np.concatenate([middles(model.grid, cell), places[exposed]])
-        if not len(asking):
-            return asking, fresh
         missing = self._missing(around(np.unique(asking, axis=0), RINGS, self.shape))
         at_once = len(missing) << len(self.shape) > WORTH * cells
         return asking, fresh[:0] if at_once else fresh[~exposed]

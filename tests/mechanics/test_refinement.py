@@ -186,16 +186,20 @@ def test_virgin_rock_near_its_strength_asks_for_nothing():
     assert len(Refinement.of(grid).asked(model, state, brittle, nothing, 1000)[0])
 
 
+def around_a_hole():
+    """Rock around a hole, what of it may fail, and two of its cells: within the fine ones, and at their edge."""
+    model = make_model(adaptive_scene(), grid_of(HOLES[:1], rings=3), HOLES[:1])
+    brittle = find_brittle(model, model.volumes(0), 0, np.zeros(len(model.cell_nodes) + 1, int), np.empty(0, int))
+    finest = np.flatnonzero(model.grid.cell_level == 3)
+    reach = np.abs(model.grid.cell_center[finest] - [26.0, 40.0]).max(axis=1)
+    return model, brittle, finest[(reach > 5.0) & (reach < 7.0)][0], finest[reach.argmax()]
+
+
 def test_rock_at_the_edge_of_the_fine_cells_waits_for_a_split_that_is_worth_it():
     """One family at the edge of the fine cells, in a large mine and in a small one; rock within fails at once."""
-    scene = adaptive_scene()
-    grid = grid_of(HOLES[:1], rings=3)
-    model = make_model(scene, grid, HOLES[:1])
-    brittle = find_brittle(model, model.volumes(0), 0, np.zeros(len(model.cell_nodes) + 1, int), np.empty(0, int))
-    finest = np.flatnonzero(grid.cell_level == 3)
-    reach = np.abs(grid.cell_center[finest] - [26.0, 40.0]).max(axis=1)
-    edge, inside = finest[reach.argmax()], finest[(reach > 5.0) & (reach < 7.0)][0]
-    fresh, state, now = np.array([inside, edge]), model.virgin_state(), Refinement.of(grid)
+    model, brittle, inside, edge = around_a_hole()
+    grid, state = model.grid, model.virgin_state()
+    fresh, now = np.array([inside, edge]), Refinement.of(grid)
     for cells, waiting in ((10**6, [edge]), (10, [inside, edge])):
         places, first = now.asked(model, state, brittle, fresh, cells)
         assert np.array_equal(places, grid.cell_index[[edge]] >> 1)
@@ -208,14 +212,9 @@ def test_rock_at_the_edge_of_the_fine_cells_waits_for_a_split_that_is_worth_it()
 def test_little_rock_waits_without_a_split_while_another_look_follows(tmp_path, monkeypatch):
     """A family at the edge waits while it is little enough, rock within fails; a coarse cell near its strength counts
     as all the finest ones in it. In the end nothing has waited: no rock above strength is coarse."""
-    scene = adaptive_scene()
-    grid = grid_of(HOLES[:1], rings=3)
-    model = make_model(scene, grid, HOLES[:1])
-    brittle = find_brittle(model, model.volumes(0), 0, np.zeros(len(model.cell_nodes) + 1, int), np.empty(0, int))
-    finest = np.flatnonzero(grid.cell_level == 3)
-    reach = np.abs(grid.cell_center[finest] - [26.0, 40.0]).max(axis=1)
-    edge, inside = finest[reach.argmax()], finest[(reach > 5.0) & (reach < 7.0)][0]
-    fresh, state, now = np.array([inside, edge]), model.virgin_state(), Refinement.of(grid)
+    model, brittle, inside, edge = around_a_hole()
+    grid, state = model.grid, model.virgin_state()
+    fresh, now = np.array([inside, edge]), Refinement.of(grid)
     places, first = now.asked(model, state, brittle, fresh, 10**6, patience=1.0)
     assert not len(places)
     assert np.array_equal(first, [inside])
