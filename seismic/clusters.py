@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
-from sklearn.cluster import DBSCAN, KMeans
 from threadpoolctl import threadpool_limits
 
 from seismic.settings import ClusterSettings
@@ -116,12 +115,16 @@ def number_by_first(label: NDArray) -> NDArray:
 
 def _dbscan(graph: csr_matrix, cluster: ClusterSettings) -> NDArray:
     """DBSCAN label of each particle on the graph of all families, -1 for noise."""
+    from sklearn.cluster import DBSCAN  # here: regions, the default, would wait two seconds for what they do not use
+
     reach = cluster.radius_cells * (1.0 + ROUND_OFF)
     return DBSCAN(eps=reach, min_samples=cluster.min_samples, metric="precomputed").fit(graph).labels_
 
 
 def _kmeans(position: NDArray, spacing: NDArray, family: NDArray, cluster: ClusterSettings) -> NDArray:
     """k-means label of each particle, families one after the other."""
+    from sklearn.cluster import KMeans
+
     by_family = np.argsort(family, kind="stable")
     edges = np.flatnonzero(np.diff(family[by_family], prepend=family[by_family[0]] - 1, append=-1))
     wanted = cluster.clusters
