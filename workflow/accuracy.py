@@ -23,7 +23,7 @@ class Accuracy:
 
 
 DRAFT, STANDARD, FINE = "draft", "standard", "fine"
-PRESETS = {DRAFT: Accuracy(-1, 10.0, 2.0), STANDARD: Accuracy(0, 1.0, 1.0), FINE: Accuracy(1, 1.0, 0.5)}
+PRESETS = {DRAFT: Accuracy(-1, 3.0, 2.0), STANDARD: Accuracy(0, 1.0, 1.0), FINE: Accuracy(1, 1.0, 0.5)}
 
 
 def apply_accuracy(values: dict) -> None:

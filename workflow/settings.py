@@ -136,7 +136,7 @@ class MineSettings(Settings):
     thickness: Size = 1.0
     """of a plane strain scene, for volumes and potency"""
     accuracy: Literal["draft", "standard", "fine"] = "standard"
-    """standard: as the mine file says; draft: cells of twice the size, tolerances ten times as loose, overshoot of
+    """standard: as the mine file says; draft: cells of twice the size, tolerances three times as loose, overshoot of
     increments doubled; fine: cells of half the size, overshoot halved"""
     ensemble: whole_number(ge=0, le=1000) = 0
     """perturbed runs beside the mine's own, each as long: how far brittle failure spreads by itself"""
