@@ -220,8 +220,8 @@ def test_a_study_runs_to_its_table_and_page(tmp_path):
     assert table.loc["once", "changes"] == "increments 1"
     assert table.loc["draft", "changes"].startswith("accuracy draft (tolerance ")
     assert table.accuracy.to_list() == ["standard", "standard", "standard", "draft"]
-    assert table.processor_s.to_list() == [8.0, 12.0, 16.0, 20.0]  # four stages each, compiling left out
-    assert table.wall_s.to_list() == [36.0] * 4
+    assert table.processor_s.to_list() == [12.0, 18.0, 24.0, 30.0]  # six stages each, compiling left out
+    assert table.wall_s.to_list() == [54.0] * 4
     assert table.loc["base", "error_potency"] > 0.0
     assert np.isnan(table.loc["fine", "error_potency"])  # it is the truth
     assert table.loc["fine", "apart_m"] == 0.0
@@ -249,7 +249,7 @@ def test_closed_forms_are_met_by_elastic_scenes(tmp_path):
 
 def test_a_run_without_a_closing_line_has_no_time(tmp_path):
     """It is on no front, and no other run's time hangs on it."""
-    results = run_study("tradeoff_stope", tmp_path, {"base": {"grid": {"levels": 1}}})
+    results = run_study("tradeoff_stope", tmp_path, {"base": {"grid": {"levels": 2}}})
     results.study.settings["limit"] = ["base"]
     results["base"].costs = lambda stage: None if stage == "elastic" else Costs(9.0, 8.0, 0.5, 300.0)
     (point,) = measure_study(results).points
