@@ -81,6 +81,7 @@ def made_up(changes: dict[str, dict], limit: tuple = ()) -> Scene:
                 stages=6,
                 least=1.0,
                 wall=90.0,
+                compiling=0.0,
                 memory=300.0,
                 cells=1000,
                 failed=10,
@@ -222,6 +223,7 @@ def test_a_study_runs_to_its_table_and_page(tmp_path):
     assert table.accuracy.to_list() == ["standard", "standard", "standard", "draft"]
     assert table.processor_s.to_list() == [12.0, 18.0, 24.0, 30.0]  # six stages each, compiling left out
     assert table.wall_s.to_list() == [54.0] * 4
+    assert table.compiling_s.to_list() == [3.0] * 4
     assert table.loc["base", "error_potency"] > 0.0
     assert np.isnan(table.loc["fine", "error_potency"])  # it is the truth
     assert table.loc["fine", "apart_m"] == 0.0

@@ -21,8 +21,8 @@ class Point:
     """A run. accuracy: the preset it was made with; settings: value of each knob; measures: see tradeoff.measures.
 
     seconds: processor time of all its stages, starts of processes included, compiling not; stages: how many; least: the
-    quickest of them, s; wall: wall time of all, compiling included, s; memory: the largest of any, MiB; cells: at the
-    end; failed: particles, at the end. NaN where a stage left no closing line in its log.
+    quickest of them, s; wall: wall time of all, compiling included, s; compiling: processor time of that, s; memory: the
+    largest of any, MiB, more where it compiled; cells: at the end; failed: particles, at the end. NaN where a stage left no closing line in its log.
     """
 
     variant: str
@@ -33,6 +33,7 @@ class Point:
     stages: int
     least: float
     wall: float
+    compiling: float
     memory: float
     cells: int
     failed: int
@@ -77,6 +78,7 @@ def _point(name: str, variant: Variant, measures: dict[str, float], with_events:
         stages=len(stages),
         least=float(running.min()),
         wall=float(sum(cost.seconds for cost in costs)),
+        compiling=float(sum(cost.compiling for cost in costs)),
         memory=float(np.max([cost.memory for cost in costs])),
         cells=int(last.attrs.get("cells", variant.grid.sizes["cell"])),
         failed=int((last.failed.values >= 0).sum()) if steps else 0,
