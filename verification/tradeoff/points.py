@@ -20,9 +20,10 @@ UNKNOWN = Costs(np.nan, np.nan, np.nan, np.nan)
 class Point:
     """A run. accuracy: the preset it was made with; settings: value of each knob; measures: see tradeoff.measures.
 
-    seconds: processor time of all its stages, starts of processes included, compiling not; stages: how many; least: the
-    quickest of them, s; wall: wall time of all, compiling included, s; compiling: processor time of that, s; memory: the
-    largest of any, MiB, more where it compiled; cells: at the end; failed: particles, at the end. NaN where a stage left no closing line in its log.
+    seconds: processor time of all its stages, starts of processes included, compiling not; stages: how many; least: of
+    the quickest of them, s; wall: wall time of all, s; compiling: processor time of that, s, in wall alone; memory: the
+    largest of any, MiB, more where it compiled; cells: at the end; failed: particles, at the end. NaN where a stage
+    left no closing line in its log.
     """
 
     variant: str
