@@ -102,11 +102,6 @@ class Scene:
         return measure.error(point.measures[measure.key], limit.value)
 
     @cached_property
-    def errors(self) -> list[float]:
-        """Error of the main measure of each run."""
-        return [self.error(point, self.main) for point in self.points]
-
-    @cached_property
     def front(self) -> np.ndarray:
         """Which runs (run,) are on the Pareto front of cost and error of the main measure; one of each rock at most."""
         firsts = [group[0] for group in self._of_rock.values()]
