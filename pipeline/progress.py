@@ -7,6 +7,7 @@ import time
 
 from tqdm import tqdm
 
+from pipeline.costs import COMPILING
 from pipeline.provenance import KERNEL_PACKAGES
 
 FIRST = 1.0  # s until a stage says what it does: one that is done by then says only that
@@ -50,16 +51,17 @@ class Progress(logging.Handler):
 
 
 def log_compilation() -> None:
-    """Let the log name each kernel that is compiled: a first run takes minutes over it."""
+    """Let the log name each kernel that is compiled, and count the time: a first run takes minutes over it."""
     from numba.core import event  # a second's import, for the stages alone that have kernels
 
     class Named(event.Listener):
         def on_start(self, event) -> None:
+            COMPILING.begin()
             kernel = event.data["dispatcher"].py_func
             if kernel.__module__.partition(".")[0] in KERNEL_PACKAGES:  # not numba's own
                 logging.info("compiling %s, for the first run of this version", kernel.__name__)
 
         def on_end(self, event) -> None:
-            pass
+            COMPILING.end()
 
     event.register("numba:compile", Named())

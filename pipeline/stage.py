@@ -13,6 +13,7 @@ from pathlib import Path
 
 import psutil
 
+from pipeline.costs import COMPILING, Costs
 from pipeline.disk import full_one, no_room
 from pipeline.errors import InputError
 from pipeline.progress import Progress
@@ -70,7 +71,7 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     does: what it does, in words (the first line of a docstring), shown if it takes longer than a moment.
     """
     die_with_parent()
-    started = time.perf_counter()
+    started, spent = time.perf_counter(), time.process_time()
     progress = Progress(name, f"{does.strip().splitlines()[0].rstrip('.')}; log: {log}")
     file = None
     try:
@@ -94,9 +95,14 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
         if full := no_room(error, Path(named).parent if named else full_one(written)):
             sys.exit(f"{name}: {full}")
         sys.exit(f"{name}: unexpected {type(error).__name__}: {error}; traceback in {log or 'the log above'}")
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    seconds = time.perf_counter() - started
-    logging.info("%s done in %.1f s, peak memory %.0f MiB", name, seconds, peak)
+    costs = Costs(
+        seconds=time.perf_counter() - started,
+        processor=time.process_time() - spent,
+        compiling=COMPILING.seconds,
+        memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    )
+    logging.info("%s", costs.closing_line(name))  # pipeline.costs reads it back: nothing comes after it
     if file:
         cut = f"; its log {log} is cut short: {file.lost}" if file.lost else ""
-        print(f"{name}: {seconds:.1f} s, {peak:.0f} MiB{cut}", file=sys.stderr)
+        spent = f"{costs.seconds:.1f} s ({costs.processor:.1f} s of processor time), {costs.memory:.0f} MiB"
+        print(f"{name}: {spent}{cut}", file=sys.stderr)

@@ -20,7 +20,7 @@ def answer(arguments: argparse.Namespace) -> None:
     study = load_study(arguments.study, json.loads(arguments.default))
     module = importlib.import_module(f"verification.{study.answer}.answer")
     with style.applied():
-        rows, figure = module.answer(read_results(study, Path(arguments.results), Path(arguments.benchmarks)))
+        rows, figure = module.answer(read_results(study, Path(arguments.results), Path(arguments.logs)))
         style.save(figure, Path(arguments.figure))
     for row in rows:
         logging.info("%s: expected %g, obtained %g, passed %s", row.quantity, row.expected, row.obtained, row.passed)
@@ -33,9 +33,7 @@ def report(arguments: argparse.Namespace) -> None:
     from verification.studies import load_study
 
     studies = [load_study(path, json.loads(arguments.default)) for path in arguments.studies]
-    write_report(
-        studies, Path(arguments.results), Path(arguments.benchmarks), Path(arguments.page), Path(arguments.summary)
-    )
+    write_report(studies, Path(arguments.results), Path(arguments.logs), Path(arguments.page), Path(arguments.summary))
 
 
 def verdict(arguments: argparse.Namespace) -> None:
@@ -55,8 +53,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m verification", description=__doc__)
     stages = parser.add_subparsers(dest="stage", required=True)
     takes = {
-        "answer": ("study", "default", "results", "benchmarks", "rows", "figure"),
-        "report": ("default", "results", "benchmarks", "page", "summary"),
+        "answer": ("study", "default", "results", "logs", "rows", "figure"),
+        "report": ("default", "results", "logs", "page", "summary"),
         "verdict": ("summary", "page"),
     }
     for name, options in takes.items():

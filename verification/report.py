@@ -33,9 +33,9 @@ class Section:
         return sum(MARKS[row["passed"]] == verdict for row in self.rows)
 
 
-def write_report(studies: list[Study], results: Path, benchmarks: Path, page: Path, summary: Path) -> None:
+def write_report(studies: list[Study], results: Path, logs: Path, page: Path, summary: Path) -> None:
     """Write the page and the table of all rows, atomically. Raises InputError where rows or a figure are missing."""
-    sections = [_section(study, results / study.name, benchmarks / study.name) for study in studies]
+    sections = [_section(study, results / study.name, logs / study.name) for study in studies]
     environment = page_templates(TEMPLATES)
     with atomic_path(summary) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS)
@@ -46,7 +46,7 @@ def write_report(studies: list[Study], results: Path, benchmarks: Path, page: Pa
         temporary.write_text(text, encoding="utf-8")
 
 
-def _section(study: Study, folder: Path, benchmarks: Path) -> Section:
+def _section(study: Study, folder: Path, logs: Path) -> Section:
     try:
         figure = (folder / "figure.svg").read_bytes()
         rows = read_rows(folder / "rows.csv")
@@ -57,8 +57,7 @@ def _section(study: Study, folder: Path, benchmarks: Path) -> Section:
         study=study,
         rows=rows,
         costs=[
-            {"variant": name, **_cost(variant)}
-            for name, variant in read_results(study, folder, benchmarks).variants.items()
+            {"variant": name, **_cost(variant)} for name, variant in read_results(study, folder, logs).variants.items()
         ],
         figure="data:image/svg+xml;base64," + base64.b64encode(figure).decode(),
         width=round(float(width.group(1)) * POINTS_TO_PIXELS) if width else 1000,

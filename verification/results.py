@@ -4,10 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import pandas as pd
 import xarray as xr
 
 from mpm_core.scene import Scene, parse_scene
+from pipeline.costs import Costs, cost_of
 from pipeline.datasets import read_dataset
 from pipeline.event_table import check_events
 from verification.studies import Study
@@ -18,13 +18,12 @@ from workflow.mine import Mine
 class Variant:
     """One run of the scene. `read` gives a dataset by its path below the results' folder ("steps/load_1.nc").
 
-    `costs`: by stage ("elastic", "steps/load_1"), where Snakemake ran it: seconds, peak memory (MB), and how much of a
-    processor it had (%), on average.
+    `costs`: by stage ("elastic", "steps/load_1"), where it left a log.
     """
 
     mine: Mine
     read: Callable[[str], xr.Dataset]
-    costs: Callable[[str], tuple[float, float, float] | None] = lambda stage: None
+    costs: Callable[[str], Costs | None] = lambda stage: None
     kept: dict[str, xr.Dataset] = field(default_factory=dict)
 
     @property
@@ -65,19 +64,14 @@ class Variant:
         return check_events(self._dataset(f"events/{name}.nc"), f"events/{name}.nc")
 
     def seconds(self, stage: str) -> float | None:
-        """Wall time of a stage ("grid", "elastic", "steps/<name>"), start of its process included."""
+        """Wall time of a stage ("grid", "elastic", "steps/<name>")."""
         costs = self.costs(stage)
-        return costs and costs[0]
+        return costs and costs.seconds
 
     def peak_memory(self, stage: str) -> float | None:
-        """Largest resident memory of a stage, MB."""
+        """Largest resident memory of a stage, MiB."""
         costs = self.costs(stage)
-        return costs and costs[1]
-
-    def processor(self, stage: str) -> float | None:
-        """How much of a processor a stage had, %; with one thread less than 100 where others kept it waiting."""
-        costs = self.costs(stage)
-        return costs and costs[2]
+        return costs and costs.memory
 
 
 @dataclass
@@ -101,17 +95,12 @@ class Results:
         return self.variants[variant]
 
 
-def read_results(study: Study, folder: Path, benchmarks: Path) -> Results:
-    """Results that Snakemake's stages left in <folder>/<variant>/ and their costs in <benchmarks>/<variant>/."""
+def read_results(study: Study, folder: Path, logs: Path) -> Results:
+    """Results that stages left in <folder>/<variant>/, and what they took by their logs in <logs>/<variant>/."""
 
     def variant(name: str, mine: Mine) -> Variant:
-        def costs(stage: str) -> tuple[float, float, float] | None:
-            path = benchmarks / name / f"{stage}.tsv"
-            if not path.is_file():
-                return None
-            table = pd.read_csv(path, sep="\t", na_values="-")
-            return tuple(float(table[column].iloc[-1]) for column in ("s", "max_rss", "mean_load"))
-
-        return Variant(mine, lambda path: read_dataset(folder / name / path), costs)
+        return Variant(
+            mine, lambda path: read_dataset(folder / name / path), lambda stage: cost_of(logs / name / f"{stage}.log")
+        )
 
     return Results(study, {name: variant(name, mine) for name, mine in study.mines.items()})

@@ -6,7 +6,9 @@ import pytest
 import yaml
 from running import DEFAULT, STUDIES
 
+from pipeline.costs import Costs
 from pipeline.errors import InputError
+from verification.results import read_results
 from verification.studies import load_study, merge
 
 HOLE = {
@@ -81,3 +83,17 @@ def test_a_study_that_is_not_there_is_one_line(tmp_path):
 def test_every_study_of_the_project_is_well_formed(path):
     study = load_study(path, DEFAULT)
     assert study.about
+
+
+def test_a_variants_costs_stand_in_the_logs_of_its_stages(tmp_path):
+    """Where the rules leave them, by variant and stage; nothing is known of a stage without one."""
+    path = tmp_path / "hole.yaml"
+    path.write_text(yaml.safe_dump(HOLE))
+    took = Costs(12.0, 20.0, 5.0, 345.0)
+    log = tmp_path / "logs" / "coarse" / "steps" / "mined.log"
+    log.parent.mkdir(parents=True)
+    log.write_text(f"INFO {took.closing_line('step a.nc')}\n")
+    coarse = read_results(load_study(path, DEFAULT), tmp_path / "results", tmp_path / "logs")["coarse"]
+    assert coarse.costs("steps/mined") == took
+    assert (coarse.seconds("steps/mined"), coarse.peak_memory("steps/mined")) == (12.0, 345.0)
+    assert coarse.seconds("grid") is None

@@ -10,6 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from running import DEFAULT, STUDIES, run_study
 
+from pipeline.costs import Costs
 from pipeline.errors import InputError
 from verification.studies import Study, load_study
 from verification.tradeoff.answer import answer
@@ -17,10 +18,10 @@ from verification.tradeoff.knobs import CHOSEN, changed, label, settings_of
 from verification.tradeoff.limits import richardson
 from verification.tradeoff.page import write_report
 from verification.tradeoff.pareto import pareto_front
-from verification.tradeoff.points import Point, Points, _share, measure_study, read_points, write_points
+from verification.tradeoff.points import Point, Points, measure_study, read_points, write_points
 from verification.tradeoff.runs import Scene
 from verification.tradeoff.scenes import apart
-from verification.tradeoff.sentences import price, sentence, share, verdict
+from verification.tradeoff.sentences import preset_sentence, price, sentence, share, verdict
 
 FEW = st.sampled_from([0.0, 1.0, 2.0, 3.0, np.nan, np.inf])
 
@@ -60,13 +61,32 @@ def test_without_an_order_the_finest_stands_for_the_limit(values):
 
 
 def made_up(changes: dict[str, dict], limit: tuple = ()) -> Scene:
-    """A scene of points: seconds, potency and knobs by variant; six stages, the start of each takes 1 s."""
+    """A scene of points: seconds, potency and knobs by variant; six stages, the start of each takes 1 s.
+
+    Its base has a tolerance of 1e-5 and 1e-3 between generations, whatever the defaults are.
+    """
     settings = settings_of(load_study(STUDIES / "tradeoff_stope.yaml", DEFAULT).mines["base"].values)
+    settings |= {"tolerance": 1e-5, "cascade": 1e-3}
     points = []
     for name, change in changes.items():
         knobs = {key: value for key, value in change.items() if key in settings}
         measures = {"potency": change["potency"], "events": change.get("events", 9.0), "largest": -1.0, "b": 1.0}
-        points.append(Point(name, settings | knobs, measures, change["work"] + 6.0, 6, 1.0, 300.0, 99.0, 1000, 10))
+        points.append(
+            Point(
+                variant=name,
+                accuracy=change.get("accuracy", "standard"),
+                settings=settings | knobs,
+                measures=measures,
+                seconds=change["work"] + 6.0,
+                stages=6,
+                least=1.0,
+                wall=90.0,
+                compiling=0.0,
+                memory=300.0,
+                cells=1000,
+                failed=10,
+            )
+        )
     chosen = {"main": "potency", "base": "base", "limit": list(limit)}
     study = Study("made_up", "tradeoff", "Made up", "Nothing.", True, 1, True, {}, chosen, {})
     return Scene(study, Points("made_up", {}, points))
@@ -131,11 +151,44 @@ def test_a_line_may_stand_beside_the_base_and_says_so():
     assert "12 events instead of 9" in sentence(scene, line_of(scene, "closeness"))
 
 
+def test_a_preset_is_on_the_front_or_beaten_by_a_run_that_is():
+    """Draft is the fastest; the base errs by 10 %, and a run that errs by 2 % is quicker; fine has the finest cells.
+
+    Runs of one rock have one place on the front, at their median cost, and do not beat each other.
+    """
+    scene = made_up(
+        BASE
+        | {"quickest": {"work": 9.0, "potency": 1.1, "closeness": 0.9, "events": 12.0}}
+        | {"draft": {"work": 2.0, "cell": 2.5, "potency": 1.4, "accuracy": "draft"}}
+        | {"loose": {"work": 5.0, "tolerance": 1e-3, "potency": 1.02}}
+        | {"fine": {"work": 40.0, "cell": 0.625, "potency": 1.01, "accuracy": "fine"}}
+        | {"truth": {"work": 90.0, "cell": 0.3, "potency": 1.0}},
+        limit=["truth"],
+    )
+    assert [point.variant for point in scene.presets] == ["draft", "base", "fine"]
+    assert scene.cost(scene.base) == scene.cost(scene.points[2]) == 10.0
+    assert [point.variant for point, on in zip(scene.points, scene.front, strict=True) if on] == [
+        "draft", "loose", "fine"
+    ]  # fmt: skip
+    draft, base, fine = (preset_sentence(scene, point) for point in scene.presets)
+    assert draft == "accuracy draft (finest cell 2.5 m): error 40 %, 5 x as fast; on the Pareto front."
+    assert base.startswith("accuracy standard (the base): error 10 %; not on the Pareto front: ")
+    assert base.endswith("tolerance 1e-03 is 2 x as fast, error 2.0 %.")
+    assert fine == "accuracy fine (finest cell 0.625 m): error 1.0 %, 4 x as long; on the Pareto front."
+
+
+def test_a_preset_that_is_the_truth_has_nothing_to_be_judged_by():
+    truth = {"work": 40.0, "cell": 0.625, "potency": 1.01, "accuracy": "fine"}
+    scene = made_up(BASE | {"fine": truth}, limit=["fine"])
+    assert preset_sentence(scene, scene.presets[-1]).endswith(": nothing to judge it by.")
+
+
 def test_knobs_are_read_from_the_configuration():
     mines = load_study(STUDIES / "tradeoff_stope.yaml", DEFAULT).mines
-    base, quick, radius = (settings_of(mines[name].values) for name in ("base", "quick_2_5", "families_radius_12"))
+    base, draft, radius = (settings_of(mines[name].values) for name in ("base", "draft", "families_radius_12"))
     assert base["increments"] == CHOSEN
-    assert changed(quick, base) == ["cell", "tolerance", "cascade", "increment_error"]
+    assert changed(draft, base) == ["cell", "tolerance", "cascade", "increment_error"]
+    assert mines["draft"].values["accuracy"] == "draft"
     assert label(radius, changed(radius, base)) == "events are families, cluster radius 1.2 cells"
 
 
@@ -153,26 +206,34 @@ def test_a_study_runs_to_its_table_and_page(tmp_path):
     """The stope on cells of 5 and 2.5 m; costs made up, as nothing was measured."""
     variants = {"base": {"grid": {"levels": 2}}, "fine": {"grid": {"levels": 3}}}
     variants["once"] = {"grid": {"levels": 2}, "solver": {"increments": 1}}
+    variants["draft"] = {"grid": {"levels": 3}, "accuracy": "draft"}
     results = run_study("tradeoff_stope", tmp_path, variants)
     results.study.settings["limit"] = ["fine"]
     for number, variant in enumerate(results.variants.values(), start=2):
-        variant.costs = lambda stage, seconds=number: (float(seconds), 300.0, 98.0)
+        variant.costs = lambda stage, seconds=number: Costs(9.0, seconds + 0.5, 0.5, 300.0)
     points = measure_study(results)
     write_points(points, tmp_path / "points.json")
     assert json.loads((tmp_path / "points.json").read_text())["study"] == "tradeoff_stope"
     scene = Scene(results.study, read_points(tmp_path / "points.json"))
-    write_report([scene], 1, tmp_path / "table.csv", tmp_path / "report.html")
+    write_report([scene], tmp_path / "table.csv", tmp_path / "report.html")
     table = pd.read_csv(tmp_path / "table.csv").set_index("variant")
     assert table.loc["base", "failed_volume_m3"] < table.loc["once", "failed_volume_m3"]
     assert table.loc["once", "changes"] == "increments 1"
+    assert table.loc["draft", "changes"].startswith("accuracy draft (tolerance ")
+    assert table.accuracy.to_list() == ["standard", "standard", "standard", "draft"]
+    assert table.processor_s.to_list() == [12.0, 18.0, 24.0, 30.0]  # six stages each, compiling left out
+    assert table.wall_s.to_list() == [54.0] * 4
+    assert table.compiling_s.to_list() == [3.0] * 4
     assert table.loc["base", "error_potency"] > 0.0
     assert np.isnan(table.loc["fine", "error_potency"])  # it is the truth
     assert table.loc["fine", "apart_m"] == 0.0
     page = (tmp_path / "report.html").read_text()
     assert "http" not in page.split("</style>")[1].replace("http://www.w3.org", "")
     assert page.count("data:image/svg+xml;base64,") == 1
+    assert "Accuracy draft (tolerance" in page
+    assert "Accuracy standard (the base): error" in page
     rows, figure = answer(results)
-    assert len(rows) == len({row.quantity for row in rows}) == 3 * len(scene.measures)
+    assert len(rows) == len({row.quantity for row in rows}) == 4 * len(scene.measures)
     assert len(figure.axes) == 2
     events = results["fine"].events("mined")
     assert apart(events, results["once"].events("mined")) > 0.0 or events.resolved.sum() == 0
@@ -188,10 +249,30 @@ def test_closed_forms_are_met_by_elastic_scenes(tmp_path):
         assert errors["stress"] < 0.02, name
 
 
-def test_the_share_of_a_processor_is_of_stages_that_were_watched_to_their_end():
-    """One of 40 s whose last 25 nobody saw has 35 % by Snakemake's count."""
-    assert _share(np.array([10.0, 40.0, 400.0]), np.array([90.0, 35.0, 95.0])) == pytest.approx(95 - 5 * 10 / 410)
-    assert np.isnan(_share(np.array([40.0, 10.0]), np.array([35.0, np.nan])))
+def test_a_run_without_a_closing_line_has_no_time(tmp_path):
+    """It is on no front, and no other run's time hangs on it."""
+    results = run_study("tradeoff_stope", tmp_path, {"base": {"grid": {"levels": 2}}})
+    results.study.settings["limit"] = ["base"]
+    results["base"].costs = lambda stage: None if stage == "elastic" else Costs(9.0, 8.0, 0.5, 300.0)
+    (point,) = measure_study(results).points
+    assert np.isnan([point.seconds, point.wall]).all()
+
+
+def test_brittle_scenes_have_the_presets_by_their_key():
+    """Draft each, fine where it does not take a quarter of an hour; the base is what the defaults make."""
+    fine = set()
+    for path in STUDIES.glob("tradeoff_*.yaml"):
+        text = yaml.safe_load(path.read_text())
+        presets = {change["accuracy"] for change in text["variants"].values() if "accuracy" in change}
+        if text["settings"]["main"] in ("potency", "failed_volume"):
+            assert "draft" in presets, path
+            assert not {"tolerance", "cascade_tolerance", "increment_error"} & set(text["scene"].get("solver", {})), (
+                path
+            )
+            fine |= {path.stem} if "fine" in presets else set()
+        else:
+            assert not presets
+    assert "tradeoff_stope" in fine
 
 
 def test_every_study_of_the_page_names_a_base_that_changes_nothing():

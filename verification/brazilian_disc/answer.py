@@ -159,7 +159,7 @@ def cost_rows(disc: PressedDisc, crack: Crack | None) -> list[Row]:
     for stage in ("elastic", *([f"steps/{crack.step}"] if crack else [])):
         seconds, memory = disc.variant.seconds(stage), disc.variant.peak_memory(stage)
         if seconds is not None:
-            remark = f"{memory:.0f} MB"
+            remark = f"{memory:.0f} MiB"
             rows.append(Row(f"{disc.name}: wall time of {stage}, s", nothing, seconds, nothing, remark=remark))
     return rows
 

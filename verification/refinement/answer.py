@@ -58,7 +58,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         if run.seconds is None:
             continue
         remark = (
-            f"{run.particles} failed particles, {run.facts['cells']} cells, {run.seconds:.1f} s, {run.memory:.0f} MB"
+            f"{run.particles} failed particles, {run.facts['cells']} cells, {run.seconds:.1f} s, {run.memory:.0f} MiB"
         )
         cost = 1e3 * run.seconds / max(run.particles, 1)
         rows.append(Row(f"{name}: time of the step for each failed particle, ms", np.nan, cost, np.nan, None, remark))

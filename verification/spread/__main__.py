@@ -14,8 +14,8 @@ def report(arguments: argparse.Namespace) -> None:
     from verification.studies import load_study
 
     studies = [load_study(path, json.loads(arguments.default)) for path in arguments.studies]
-    results, benchmarks = Path(arguments.results), Path(arguments.benchmarks)
-    scenes = [Scene.of(read_results(study, results / study.name, benchmarks / study.name)) for study in studies]
+    results, logs = Path(arguments.results), Path(arguments.logs)
+    scenes = [Scene.of(read_results(study, results / study.name, logs / study.name)) for study in studies]
     write_report(scenes, Path(arguments.table), Path(arguments.page))
 
 
@@ -24,7 +24,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m verification.spread", description=__doc__)
     stage = parser.add_subparsers(dest="stage", required=True).add_parser("report")
     stage.add_argument("--studies", required=True, nargs="+")
-    for option in ("default", "results", "benchmarks", "table", "page", "log"):
+    for option in ("default", "results", "logs", "table", "page", "log"):
         stage.add_argument(f"--{option}", required=option != "log")
     arguments = parser.parse_args()
     run_stage(f"report {arguments.page}", arguments.log, lambda: report(arguments), report.__doc__.rstrip("."))

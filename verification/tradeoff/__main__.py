@@ -14,7 +14,7 @@ def points(arguments: argparse.Namespace) -> None:
     from verification.tradeoff.points import measure_study, write_points
 
     study = load_study(arguments.study, json.loads(arguments.default))
-    results = read_results(study, Path(arguments.results), Path(arguments.benchmarks))
+    results = read_results(study, Path(arguments.results), Path(arguments.logs))
     write_points(measure_study(results), Path(arguments.points))
 
 
@@ -27,7 +27,7 @@ def report(arguments: argparse.Namespace) -> None:
 
     studies = [load_study(path, json.loads(arguments.default)) for path in arguments.studies]
     scenes = [Scene(study, read_points(path)) for study, path in zip(studies, arguments.points, strict=True)]
-    write_report(scenes, int(arguments.cores), Path(arguments.table), Path(arguments.page))
+    write_report(scenes, Path(arguments.table), Path(arguments.page))
 
 
 def main() -> None:
@@ -35,12 +35,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m verification.tradeoff", description=__doc__)
     stages = parser.add_subparsers(dest="stage", required=True)
     one = stages.add_parser("points")
-    for option in ("study", "default", "results", "benchmarks", "points", "log"):
+    for option in ("study", "default", "results", "logs", "points", "log"):
         one.add_argument(f"--{option}", required=option != "log")
     every = stages.add_parser("report")
     for option in ("studies", "points"):
         every.add_argument(f"--{option}", required=True, nargs="+")
-    for option in ("default", "cores", "table", "page", "log"):
+    for option in ("default", "table", "page", "log"):
         every.add_argument(f"--{option}", required=option != "log")
     arguments = parser.parse_args()
     run = {"points": points, "report": report}[arguments.stage]

@@ -11,9 +11,11 @@ from verification.tradeoff.measures import ITSELF
 from verification.tradeoff.points import Point
 from verification.tradeoff.runs import Line, Scene
 from verification.tradeoff.sentences import change, speed
+from workflow.accuracy import DRAFT, FINE, STANDARD
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555", "#882255")  # Okabe, Ito; Tol
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "h")
+PRESET_LOOKS = {DRAFT: ("<", 8), STANDARD: ("*", 13), FINE: (">", 8)}  # mark and its size
 LEAST = 1e-5  # change that is drawn at the lower edge, as a share: less is round-off beside the rest
 LOOKS = {
     knob.key: {"color": COLOURS[index % len(COLOURS)], "marker": MARKS[(index + index // len(COLOURS)) % len(MARKS)]}
@@ -44,22 +46,26 @@ def prices(panel: Axes, scene: Scene) -> None:
             x, y = [scene.work(member) for member in members], [_error(scene, member) for member in members]
             _plot(panel, x, y, line, None, look)
     work = np.array([scene.work(point) for point in scene.points])
+    cost = np.array([scene.cost(point) for point in scene.points])
     error = np.array([_error(scene, point) for point in scene.points])
     single = {point.variant for line in scene.lines for point in line.members}
     rest = np.array([point.variant not in single for point in scene.points])
     panel.plot(work[rest], error[rest], ".", color="#999999", markersize=5, label="several knobs, or repeated")
-    base = scene.points.index(scene.base)
-    panel.plot(work[base], error[base], "*", color="black", markersize=13, zorder=4, label="base")
+    for point in scene.presets:
+        mark, size = PRESET_LOOKS[point.accuracy]
+        label = "base" if point is scene.base else f"accuracy {point.accuracy}"
+        panel.plot(scene.cost(point), _error(scene, point), mark, color="black", markersize=size, zorder=4,
+                   linestyle="none", label=label)  # fmt: skip
     chosen = np.flatnonzero(scene.front)
     if len(chosen):
-        chosen = chosen[np.argsort(work[chosen])]
-        panel.step(work[chosen], error[chosen], where="post", color="black", linewidth=1.0, alpha=0.5, zorder=1)
-        panel.plot(work[chosen], error[chosen], "o", markersize=12, markerfacecolor="none", markeredgecolor="black",
+        chosen = chosen[np.argsort(cost[chosen])]
+        panel.step(cost[chosen], error[chosen], where="post", color="black", linewidth=1.0, alpha=0.5, zorder=1)
+        panel.plot(cost[chosen], error[chosen], "o", markersize=12, markerfacecolor="none", markeredgecolor="black",
                    label="Pareto front")  # fmt: skip
         for number, index in enumerate(chosen, start=1):
-            panel.annotate(str(number), (work[index], error[index]), xytext=(7, 7), textcoords="offset points")
-    panel.set(xscale="log", yscale="log", title="Error against time")
-    panel.set_xlabel("time of all stages, less the start of their processes (s)")
+            panel.annotate(str(number), (cost[index], error[index]), xytext=(7, 7), textcoords="offset points")
+    panel.set(xscale="log", yscale="log", title="Error against processor time")
+    panel.set_xlabel("processor time of all stages, less the start of their processes (s)")
     panel.set_ylabel(f"error of {scene.main.title} (%)")
     _plain(panel.xaxis)
     _plain(panel.yaxis)

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from catalogs.figures import style
 from pipeline.datasets import atomic_path
@@ -13,15 +12,14 @@ from verification.tradeoff.knobs import KNOBS
 from verification.tradeoff.measures import ITSELF, RELATIVE, Measure
 from verification.tradeoff.points import Point
 from verification.tradeoff.runs import Scene
-from verification.tradeoff.sentences import price, sentence, share, verdict
+from verification.tradeoff.sentences import preset_sentence, price, sentence, share, verdict
 from verification.tradeoff.table import make_table
 
 TEMPLATES = Path(__file__).parent / "templates"
-DISTURBED = 90.0  # % of a processor, below which a scene's stages waited for others: the page says so
 
 
-def write_report(scenes: list[Scene], cores: int, table: Path, page: Path) -> None:
-    """Write table and page, atomically; cores: that the stages shared, as the page says."""
+def write_report(scenes: list[Scene], table: Path, page: Path) -> None:
+    """Write table and page, atomically."""
     with atomic_path(table) as temporary:
         make_table(scenes).to_csv(temporary, index=False, float_format="%.6g")
     with style.applied():
@@ -33,11 +31,8 @@ def write_report(scenes: list[Scene], cores: int, table: Path, page: Path) -> No
     text = environment.get_template("report.html.j2").render(
         sections=sections,
         knobs=knobs,
-        cores=cores,
         runs=sum(len(scene.points) for scene in scenes),
         minutes=sum(point.seconds for scene in scenes for point in scene.points) / 60.0,
-        processor=float(np.nanmin([100.0, *(section["processor"] for section in sections)])),
-        disturbed=DISTURBED,
     )
     with atomic_path(page) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -57,17 +52,19 @@ def _section(scene: Scene, figure: Path) -> dict:
         }
         for index in order
     ]
+    front = [row | {"work": scene.cost(row["point"]), "speed": scene.cost(scene.base) / scene.cost(row["point"])}
+             for row in rows if row["front"]]  # fmt: skip
     return {
         "scene": scene,
         "figure": style.save(draw(scene), figure),
         "rows": rows,
-        "front": [row for row in rows if row["front"]],
+        "front": sorted(front, key=lambda row: row["work"]),
         "lines": [
             {"line": line, "verdict": verdict(scene, line), "sentence": sentence(scene, line)} for line in scene.lines
         ],
         "prices": {line.knob: price(scene, line) for line in scene.lines},
         "truths": [_truth(scene, measure) for measure in scene.measures],
-        "processor": float(pd.Series([point.processor for point in scene.points]).mean()),  # NaN of none
+        "presets": [preset_sentence(scene, point) for point in scene.presets],
     }
 
 

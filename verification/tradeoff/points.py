@@ -6,33 +6,36 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.costs import Costs
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
 from verification.results import Results, Variant
 from verification.tradeoff.knobs import Value, settings_of
 from verification.tradeoff.scenes import SCENES
 
-SAMPLED = (15.0, 300.0)  # s: Snakemake asks for processor time twice a second so long, then every 30 s; of a stage that
-# ends in between up to 30 s are missing in its share
+UNKNOWN = Costs(np.nan, np.nan, np.nan, np.nan)
 
 
 @dataclass(frozen=True)
 class Point:
-    """A run. settings: value of each knob; measures: see verification.tradeoff.measures.
+    """A run. accuracy: the preset it was made with; settings: value of each knob; measures: see tradeoff.measures.
 
-    seconds: wall time of all its stages, starts of processes included; stages: how many; least: the quickest of them,
-    s; memory: the largest of any, MB; processor: what they had of one, %, on average; cells: at the end; failed:
-    particles, at the end. NaN where Snakemake measured nothing.
+    seconds: processor time of all its stages, starts of processes included, compiling not; stages: how many; least: of
+    the quickest of them, s; wall: wall time of all, s; compiling: processor time of that, s, in wall alone; memory: the
+    largest of any, MiB, more where it compiled; cells: at the end; failed: particles, at the end. NaN where a stage
+    left no closing line in its log.
     """
 
     variant: str
+    accuracy: str
     settings: dict[str, Value]
     measures: dict[str, float]
     seconds: float
     stages: int
     least: float
+    wall: float
+    compiling: float
     memory: float
-    processor: float
     cells: int
     failed: int
 
@@ -64,27 +67,23 @@ def _point(name: str, variant: Variant, measures: dict[str, float], with_events:
     steps = variant.step_names
     stages = ["grid", "elastic", *(f"steps/{step}" for step in steps)]
     stages += [f"events/{step}" for step in steps] if with_events else []
-    costs = np.array([variant.costs(stage) or (np.nan,) * 3 for stage in stages], float)
-    seconds, memory, processor = costs.T
+    costs = [variant.costs(stage) or UNKNOWN for stage in stages]
+    running = np.array([cost.running for cost in costs])
     last = variant.step(steps[-1]) if steps else variant.elastic
     return Point(
         variant=name,
+        accuracy=variant.values["accuracy"],
         settings=settings_of(variant.values),
         measures=measures,
-        seconds=float(seconds.sum()),
+        seconds=float(running.sum()),
         stages=len(stages),
-        least=float(seconds.min()),
-        memory=float(np.nanmax(memory)) if np.isfinite(memory).any() else np.nan,
-        processor=_share(seconds, processor),
+        least=float(running.min()),
+        wall=float(sum(cost.seconds for cost in costs)),
+        compiling=float(sum(cost.compiling for cost in costs)),
+        memory=float(np.max([cost.memory for cost in costs])),
         cells=int(last.attrs.get("cells", variant.grid.sizes["cell"])),
         failed=int((last.failed.values >= 0).sum()) if steps else 0,
     )
-
-
-def _share(seconds: np.ndarray, processor: np.ndarray) -> float:
-    """What stages (stage,) had of a processor on average, %, of those whose share is known; NaN if it is of none."""
-    known = ((seconds < SAMPLED[0]) | (seconds > SAMPLED[1])) & np.isfinite(processor)
-    return float(np.average(processor[known], weights=seconds[known])) if known.any() else np.nan
 
 
 def write_points(points: Points, path: Path) -> None:

@@ -13,6 +13,7 @@ from verification.tradeoff.limits import Limit, richardson
 from verification.tradeoff.measures import ITSELF, MEASURES, Measure
 from verification.tradeoff.pareto import pareto_front
 from verification.tradeoff.points import Point, Points
+from workflow.accuracy import PRESETS, STANDARD
 
 LEAST_WORK = 0.1  # s: less cannot be told from the start of a process
 CLEAR = 1.05  # times as fast, at least, before it counts as faster, whatever repeated runs say
@@ -45,19 +46,30 @@ class Scene:
 
     @property
     def start(self) -> float:
-        """Time that the start of a stage's process takes at most, s: that of the quickest stage."""
+        """Processor time that the start of a stage's process takes at most, s: that of the quickest stage."""
         return float(np.nanmin([point.least for point in self.points]))
 
     def work(self, point: Point) -> float:
-        """Time of a run's stages less the starts of their processes, s, LEAST_WORK at least."""
+        """Processor time of a run's stages less the starts of their processes, s, LEAST_WORK at least."""
         return max(LEAST_WORK, point.seconds - point.stages * self.start)
 
     @cached_property
     def noise(self) -> float:
         """How many times as long the same takes: slowest over quickest of the runs whose rock is the base's."""
-        base = self.base.settings
-        repeats = [self.work(point) for point in self.points if set(changed(point.settings, base)) <= SEISMIC]
+        repeats = [self.work(point) for point in self._of_rock[_rock(self.base)]]
         return max(CLEAR, max(repeats) / min(repeats))
+
+    @cached_property
+    def _of_rock(self) -> dict[tuple, list[Point]]:
+        """Runs whose rock is the same: repeated ones, and those that only count events otherwise."""
+        groups = defaultdict(list)
+        for point in self.points:
+            groups[_rock(point)].append(point)
+        return groups
+
+    def cost(self, point: Point) -> float:
+        """Work of a run, s: the median of those with its rock."""
+        return float(np.median([self.work(same) for same in self._of_rock[_rock(point)]]))
 
     @property
     def measures(self) -> list[Measure]:
@@ -90,18 +102,33 @@ class Scene:
         return measure.error(point.measures[measure.key], limit.value)
 
     @cached_property
-    def errors(self) -> list[float]:
-        """Error of the main measure of each run."""
-        return [self.error(point, self.main) for point in self.points]
-
-    @cached_property
     def front(self) -> np.ndarray:
-        """Which runs are on the Pareto front of work and error of the main measure."""
-        return pareto_front([self.work(point) for point in self.points], self.errors)
+        """Which runs (run,) are on the Pareto front of cost and error of the main measure; one of each rock at most."""
+        firsts = [group[0] for group in self._of_rock.values()]
+        found = pareto_front([self.cost(point) for point in firsts], [self.error(point, self.main) for point in firsts])
+        names = {point.variant for point, is_front in zip(firsts, found, strict=True) if is_front}
+        return np.array([point.variant in names for point in self.points])
+
+    @property
+    def presets(self) -> list[Point]:
+        """Runs by the key `accuracy`, the hastiest first; the base is standard."""
+        order = list(PRESETS)
+        others = [point for point in self.points if point.accuracy != STANDARD]
+        return sorted([*others, self.base], key=lambda point: order.index(point.accuracy))
+
+    def beaten_by(self, point: Point) -> Point | None:
+        """The quickest run on the front that takes no longer and errs no more; None of one that stands there itself."""
+        cost, error = self.cost(point), self.error(point, self.main)
+        front = [other for other, is_front in zip(self.points, self.front, strict=True) if is_front]
+        if not np.isfinite([cost, error]).all() or any(_rock(other) == _rock(point) for other in front):
+            return None
+        better = [other for other in front if self.cost(other) <= cost and self.error(other, self.main) <= error]
+        return min(better, key=self.cost)
 
     def label(self, point: Point) -> str:
-        """What a run changes, in words."""
-        return label(point.settings, changed(point.settings, self.base.settings)) or "base"
+        """What a run changes, in words; of a preset, its name and what that changes."""
+        text = label(point.settings, changed(point.settings, self.base.settings)) or "base"
+        return text if point.accuracy == STANDARD else f"accuracy {point.accuracy} ({text})"
 
     @cached_property
     def distinct(self) -> list[Point]:
@@ -130,6 +157,11 @@ class Scene:
                 members = sorted(members, key=lambda point: _place(point.settings[knob]))
                 found.append(Line(knob, members, anchors[0], label(anchors[0].settings, others)))
         return min(found, key=lambda line: (bool(line.beside), -len(line.members)), default=None)
+
+
+def _rock(point: Point) -> tuple:
+    """What the rock of a run hangs on."""
+    return tuple(value for key, value in point.settings.items() if key not in SEISMIC)
 
 
 def _place(value: float | str) -> tuple:

@@ -33,7 +33,11 @@ def is_faster(scene: Scene, line: Line, member: Point) -> bool:
 
 def pace(scene: Scene, line: Line, member: Point) -> str:
     """The same in words."""
-    ratio = speed(scene, line, member)
+    return in_words(scene, speed(scene, line, member))
+
+
+def in_words(scene: Scene, ratio: float) -> str:
+    """How many times as fast something is, beyond noise."""
     if 1 / scene.noise <= ratio <= scene.noise:
         return "takes as long"
     return f"{ratio:.2g} x as fast" if ratio > 1 else f"{1 / ratio:.2g} x as long"
@@ -100,6 +104,24 @@ def sentence(scene: Scene, line: Line) -> str:
     ]
     at = f" (with {line.beside})" if line.beside else ""
     return f"From {knob.text(line.anchor.settings[line.knob])}{at} {'; '.join(parts)}."
+
+
+def preset_sentence(scene: Scene, point: Point) -> str:
+    """Whether a run by a preset is on the Pareto front, and else what beats it, and by how much."""
+    error = scene.error(point, scene.main)
+    is_base = point is scene.base
+    text = f"{'accuracy standard (the base)' if is_base else scene.label(point)}: error {share(error)}"
+    if not is_base:
+        text += f", {in_words(scene, scene.cost(scene.base) / scene.cost(point))}"
+    if not np.isfinite(error):
+        return f"{text}: nothing to judge it by."
+    better = scene.beaten_by(point)
+    if better is None:
+        return f"{text}; on the Pareto front."
+    words = in_words(scene, scene.cost(point) / scene.cost(better))
+    verb = "" if words.startswith("takes") else "is "
+    nearer = share(scene.error(better, scene.main))
+    return f"{text}; not on the Pareto front: {scene.label(better)} {verb}{words}, error {nearer}."
 
 
 def price(scene: Scene, line: Line) -> str:

@@ -11,7 +11,8 @@ from verification.tradeoff.runs import Scene
 def make_table(scenes: list[Scene]) -> pd.DataFrame:
     """One row a run; units stand in the names of the columns, errors are shares or in the measure's unit.
 
-    seconds: of all stages; work_s: less the start of their processes; processor_pct: what they had of one.
+    accuracy: the preset; processor_s: processor time of all stages, without compiling; work_s: less the start of their
+    processes; wall_s: as a clock saw them, compiling included; compiling_s: what compiling took, of a processor.
     """
     rows = []
     for scene in scenes:
@@ -19,14 +20,16 @@ def make_table(scenes: list[Scene]) -> pd.DataFrame:
             row = {
                 "scene": scene.study.name,
                 "variant": point.variant,
+                "accuracy": point.accuracy,
                 "changes": scene.label(point),
                 "knob": " ".join(changed(point.settings, scene.base.settings)),
                 "pareto_front": "yes" if is_front else "",
-                "seconds": point.seconds,
+                "processor_s": point.seconds,
                 "work_s": scene.work(point),
                 "times_as_fast": scene.work(scene.base) / scene.work(point),
-                "memory_MB": point.memory,
-                "processor_pct": point.processor,
+                "wall_s": point.wall,
+                "compiling_s": point.compiling,
+                "memory_MiB": point.memory,
                 "cells": point.cells,
                 "failed_particles": point.failed,
             }

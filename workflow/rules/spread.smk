@@ -24,4 +24,4 @@ rule catalog_spread:
         "../envs/environment.yaml"
     shell:
         "stage verification.spread report --studies {input.studies:q} --default {params.default:q} --results results/verification"
-        " --benchmarks benchmarks/verification --table {output.table} --page {output.page} --log {log}"
+        " --logs logs/verification --table {output.table} --page {output.page} --log {log}"

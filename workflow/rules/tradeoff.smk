@@ -23,7 +23,7 @@ rule tradeoff_points:
         "../envs/environment.yaml"
     shell:
         "stage verification.tradeoff points --study {input.study} --default {params.default:q}"
-        " --results results/verification/{wildcards.study} --benchmarks benchmarks/verification/{wildcards.study}"
+        " --results results/verification/{wildcards.study} --logs logs/verification/{wildcards.study}"
         " --points {output} --log {log}"
 
 
@@ -38,7 +38,6 @@ rule tradeoff:
     params:
         code=source_hash("verification.tradeoff report"),
         default=json.dumps(DEFAULT, sort_keys=True),
-        cores=lambda wildcards: workflow.cores,
     log:
         "logs/tradeoff.log",
     benchmark:
@@ -51,4 +50,4 @@ rule tradeoff:
         "../envs/environment.yaml"
     shell:
         "stage verification.tradeoff report --studies {input.studies:q} --points {input.points} --default {params.default:q}"
-        " --cores {params.cores} --table {output.table} --page {output.page} --log {log}"
+        " --table {output.table} --page {output.page} --log {log}"

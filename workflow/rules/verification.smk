@@ -21,7 +21,7 @@ rule answer:
         "../envs/environment.yaml"
     shell:
         "stage verification answer --study {input.study} --default {params.default:q}"
-        " --results results/verification/{wildcards.study} --benchmarks benchmarks/verification/{wildcards.study}"
+        " --results results/verification/{wildcards.study} --logs logs/verification/{wildcards.study}"
         " --rows {output.rows} --figure {output.figure} --log {log}"
 
 
@@ -48,7 +48,7 @@ rule verification_report:
         "../envs/environment.yaml"
     shell:
         "stage verification report --studies {params.studies:q} --default {params.default:q} --results results/verification"
-        " --benchmarks benchmarks/verification --page {output.page} --summary {output.summary} --log {log}"
+        " --logs logs/verification --page {output.page} --summary {output.summary} --log {log}"
 
 
 rule verification:
