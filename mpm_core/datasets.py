@@ -137,7 +137,7 @@ def _index(dataset: xr.Dataset, name: str) -> np.ndarray:
     origin, fine = read_origin(dataset)
     values -= origin
     values /= fine
-    return np.rint(values, out=values).astype(np.int32)
+    return np.rint(values, out=values).astype(np.int32, order="C")  # taking axes has turned them round
 
 
 def state_dataset(

@@ -52,7 +52,6 @@ def _facet_cells(corner, lower, upper, keys, first):
     that the facet's plane can reach: the work grows with the facet's area, not with the volume of its bounding box.
     """
     half = 0.5 - TOLERANCE
-    size = upper - lower
     low = np.empty(3, np.int64)
     high = np.empty(3, np.int64)
     for axis in range(3):
@@ -62,12 +61,17 @@ def _facet_cells(corner, lower, upper, keys, first):
         high[axis] = int(min(np.floor(max(values) - TOLERANCE), float(upper[axis] - 1)))
         if high[axis] < low[axis]:  # beside the box of cells, or in a face
             return 0
-    edge, other = corner[1] - corner[0], corner[2] - corner[0]
-    normal = np.cross(edge, other)
-    has_plane = np.sqrt((normal**2).sum()) > SLIVER * np.sqrt((edge**2).sum() * (other**2).sum())
+    ex, ey, ez = corner[1, 0] - corner[0, 0], corner[1, 1] - corner[0, 1], corner[1, 2] - corner[0, 2]
+    ox, oy, oz = corner[2, 0] - corner[0, 0], corner[2, 1] - corner[0, 1], corner[2, 2] - corner[0, 2]
+    normal = (ey * oz - ez * oy, ez * ox - ex * oz, ex * oy - ey * ox)  # by hand: numpy's takes seconds to compile
+    area = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+    has_plane = area > SLIVER * np.sqrt((ex * ex + ey * ey + ez * ez) * (ox * ox + oy * oy + oz * oz))
     along = 2
     if has_plane:
-        along = np.argmax(np.abs(normal))
+        along = 0
+        for axis in range(1, 3):
+            if abs(normal[axis]) > abs(normal[along]):
+                along = axis
     across, beside = (along + 1) % 3, (along + 2) % 3
     cell = np.empty(3, np.int64)
     found = 0
@@ -89,10 +93,10 @@ def _facet_cells(corner, lower, upper, keys, first):
                 a = (corner[0, 0] - x, corner[0, 1] - y, corner[0, 2] - z)
                 b = (corner[1, 0] - x, corner[1, 1] - y, corner[1, 2] - z)
                 c = (corner[2, 0] - x, corner[2, 1] - y, corner[2, 2] - z)
-                if overlaps_cube(a, b, c, (normal[0], normal[1], normal[2]), has_plane, half):
+                if overlaps_cube(a, b, c, normal, has_plane, half):
                     if first + found < keys.size:
-                        key = (cell[2] - lower[2]) * size[1] + (cell[1] - lower[1])
-                        keys[first + found] = key * size[0] + (cell[0] - lower[0])
+                        key = (cell[2] - lower[2]) * (upper[1] - lower[1]) + (cell[1] - lower[1])
+                        keys[first + found] = key * (upper[0] - lower[0]) + (cell[0] - lower[0])
                     found += 1
     return found
 
@@ -102,7 +106,7 @@ def _count_cells(corners, lower, upper, counts):
     """counts (facet,) int64, written in place: how many cells from `lower` to `upper` each facet crosses."""
     nothing = np.empty(0, np.int64)
     for f in prange(corners.shape[0]):
-        counts[f] = _facet_cells(corners[f], lower, upper, nothing, 0)
+        counts[f] = _facet_cells(corners[f], lower, upper, nothing, nothing.size)  # as a constant: compiled once more
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
@@ -133,7 +137,6 @@ def mark_cells(index, lower, upper, keys, crossed, undecided):
     index (cell, 3) int32; lower, upper (3,) int64; keys sorted int64 (crossed_keys); written in place: crossed
     (cell,) bool, and undecided (cell,) bool: in the box, not crossed.
     """
-    size = upper - lower
     for n in prange(index.shape[0]):
         inside_box = True
         for axis in range(3):
@@ -141,9 +144,15 @@ def mark_cells(index, lower, upper, keys, crossed, undecided):
         crossed[n] = False
         undecided[n] = inside_box
         if inside_box:
-            key = (index[n, 2] - lower[2]) * size[1] + (index[n, 1] - lower[1])
-            key = key * size[0] + (index[n, 0] - lower[0])
-            place = np.searchsorted(keys, key)
+            key = (index[n, 2] - lower[2]) * (upper[1] - lower[1]) + (index[n, 1] - lower[1])
+            key = key * (upper[0] - lower[0]) + (index[n, 0] - lower[0])
+            place, end = 0, keys.size
+            while place < end:
+                middle = (place + end) // 2
+                if keys[middle] < key:
+                    place = middle + 1
+                else:
+                    end = middle
             if place < keys.size and keys[place] == key:
                 crossed[n] = True
                 undecided[n] = False

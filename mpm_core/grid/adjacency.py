@@ -167,4 +167,9 @@ def _write_neighbors(cell_index, width, across, code, halvings, base_shape, firs
                         place[axis] += width[other] * (step >> axis & 1)
                     indices[end] = cell_at(place, code, halvings, base_shape, first, count)
                     end += 1
-        indices[indptr[cell] : end].sort()
+        for last in range(indptr[cell] + 1, end):  # a few: sorted by insertion
+            moving, place_of = indices[last], last
+            while place_of > indptr[cell] and indices[place_of - 1] > moving:
+                indices[place_of] = indices[place_of - 1]
+                place_of -= 1
+            indices[place_of] = moving

@@ -40,17 +40,21 @@ def number_nodes(cell_index, cell_size, shape):
     cell_size = np.ascontiguousarray(cell_size, dtype=np.int32)
     block = max(BLOCK_WIDTH[dimension], int(cell_size.max()))
     cell_nodes = np.empty((len(cell_index), 1 << dimension), dtype=np.int32)
+    stride = (block + 1) ** np.arange(dimension)
+    corners = CORNERS[dimension]
     nodes, block_start, keys, ids = _number(
-        cell_index, cell_size, places, block, CORNERS[dimension], FIRST_SLOTS, cell_nodes
+        cell_index, cell_size, places, block, stride, corners, corners @ stride, FIRST_SLOTS, cell_nodes
     )
     if nodes < 0:
         raise ValueError("cell_index: the cells are not in Morton order")
     node_index = np.empty((nodes, dimension), dtype=np.int32)
-    _place(cell_index, cell_size, CORNERS[dimension], cell_nodes, node_index)
+    _place(cell_index, cell_size, corners, cell_nodes, node_index)
     node_parents = np.full((nodes, 1 << (dimension - 1)), EMPTY, dtype=np.int32)
+    sides = _edges_and_faces(dimension)
+    middle = _middles(sides, corners)
     _find_parents(
-        cell_index, cell_size, places, block, block_start, CORNERS[dimension], _edges_and_faces(dimension), cell_nodes,
-        keys, ids, node_parents, get_num_threads(),
+        cell_index, cell_size, places, block, block_start, stride, corners @ stride, sides, middle, middle @ stride,
+        cell_nodes, keys, ids, node_parents, get_num_threads(),
     )  # fmt: skip
     return cell_nodes, node_index, node_parents
 
@@ -88,15 +92,15 @@ def _doubled(keys, ids):
 
 
 @njit(cache=True)
-def _number(cell_index, cell_size, places, block, corners, slots, cell_nodes):
+def _number(cell_index, cell_size, places, block, stride, corners, corner_slot, slots, cell_nodes):
     """Number the corners of all cells by first touch; cell_nodes (cell, 2^d) int32 is written.
+
+    stride (d,): of a block's table; corner_slot (2^d,): where the corners (2^d, d) of a cell of width 1 are in it.
 
     Returns the number of nodes (-1: not in Morton order), the first cell of each block and the hash table of the nodes
     on block surfaces: keys (slot,) int64, ids (slot,) int32.
     """
     cells, dimension = cell_index.shape
-    stride = np.array([(block + 1) ** axis for axis in range(dimension)])
-    corner_slot = (corners * stride).sum(axis=1)
     table = np.empty((block + 1) ** dimension, np.int32)
     written = np.full((block + 1) ** dimension, -1, np.int32)  # the block that wrote this entry of the table
     block_start = np.empty(cells + 1, np.int32)
@@ -168,19 +172,17 @@ def _place(cell_index, cell_size, corners, cell_nodes, node_index):
 
 @njit(parallel=True, cache=True)
 def _find_parents(
-    cell_index, cell_size, places, block, block_start, corners, sides, cell_nodes, keys, ids, node_parents, threads
-):
+    cell_index, cell_size, places, block, block_start, stride, corner_slot, sides, middle, middle_slot, cell_nodes,
+    keys, ids, node_parents, threads,
+):  # fmt: skip
     """Parents of the nodes in the middle of an edge or a face of a cell; node_parents (node, 2^(d-1)) is written.
 
-    sides (edge or face, 2^(d-1)): their corners, -1 padded. Each thread has runs of whole blocks. An edge on the
+    sides (edge or face, 2^(d-1)): their corners, -1 padded; middle: see _middles; stride, corner_slot: see _number;
+    middle_slot (edge or face,): of middle, like corner_slot. Each thread has runs of whole blocks. An edge on the
     surface of a block may be seen from several threads; they write the same numbers, because edges that coincide have
     the same ends.
     """
     dimension = cell_index.shape[1]
-    stride = np.array([(block + 1) ** axis for axis in range(dimension)])
-    corner_slot = (corners * stride).sum(axis=1)
-    middle = _middles(sides, corners)
-    middle_slot = (middle * stride).sum(axis=1)
     blocks = len(block_start) - 1
     runs = min(8 * threads, blocks)
     for run in prange(runs):
@@ -193,7 +195,7 @@ def _find_parents(
                 lower[axis] = cell_index[first, axis] // block * block
             for cell in range(first, block_start[this + 1]):
                 entry = _entry(cell_index, cell, lower, stride)
-                for corner in range(len(corners)):
+                for corner in range(len(corner_slot)):
                     written[entry + cell_size[cell] * corner_slot[corner]] = this
                     table[entry + cell_size[cell] * corner_slot[corner]] = cell_nodes[cell, corner]
             for cell in range(first, block_start[this + 1]):
@@ -213,7 +215,6 @@ def _find_parents(
                                 node_parents[node, end] = cell_nodes[cell, sides[side, end]]
 
 
-@njit(cache=True)
 def _middles(sides, corners):
     """(side, d): middle of each edge or face, in halves of the cell from its lower corner."""
     middle = np.zeros((len(sides), corners.shape[1]), np.int64)

@@ -94,7 +94,8 @@ def _inherit_nodes(cell_width, cell_index, cell_nodes, node_index, node_parents,
                 corner |= (cell_index[cell, axis] & 1) << axis
             coarse_nodes[coarse_of_cell[cell], corner] = cell_nodes[cell, corner]
         else:
-            coarse_nodes[coarse_of_cell[cell]] = cell_nodes[cell]
+            for corner in range(corners):
+                coarse_nodes[coarse_of_cell[cell], corner] = cell_nodes[cell, corner]
     number = np.full(len(node_index), -1, np.int32)
     met = np.empty(len(node_index), np.int32)
     count = 0

@@ -79,14 +79,21 @@ def unbridged(shear: np.ndarray, power: int, most: float) -> float:
     are not void to a power. The floor is taken off the other: the next coarser grid would count it as stiffness again.
     most: m of the rock at large; beside a body that is stiffer it is no void.
     """
-    stiffest = min(shear.max(), most)
+    largest = shear[0]
+    for part in shear:
+        largest = max(largest, part)
+    stiffest = min(largest, most)
     solid = 0.0
-    for part in shear:  # most coarse cells have no void: no arrays for them
+    for part in shear:
         solid += part >= VOID * stiffest
     if solid == len(shear):
         return 1.0
-    relative = np.minimum(shear / stiffest, 1.0)
-    in_series = 1.0 / np.mean(1.0 / np.maximum(relative, SOFTEST)) / np.mean(relative)
+    softness, stiffness = 0.0, 0.0
+    for part in shear:
+        relative = min(part / stiffest, 1.0)
+        softness += 1.0 / max(relative, SOFTEST)
+        stiffness += relative
+    in_series = 1.0 / (softness / len(shear)) / (stiffness / len(shear))
     floor = (solid / len(shear)) ** power
     return max(floor, in_series - floor)
 
@@ -100,15 +107,19 @@ def _merge_constants(coarse_of_cell, cell_width, constants, power, most, result)
         while last < len(coarse_of_cell) and coarse_of_cell[last] == coarse:
             last += 1
         if cell_width[first] > 1:
-            result[coarse] = constants[first]
+            for k in range(4):
+                result[coarse, k] = constants[first, k]
             continue
-        result[coarse] = 0.0
+        for k in range(3):
+            result[coarse, k] = 0.0
         for cell in range(first, last):
             result[coarse, 0] += 0.25 * constants[cell, 0]
             result[coarse, 1] += 0.25 * constants[cell, 1]
             result[coarse, 2] += 0.0625 * constants[cell, 2]
             result[coarse, 3] = 0.25 * (1.0 + constants[cell, 3])
-        result[coarse, :3] *= unbridged(constants[first:last, 1], power, most)
+        share = unbridged(constants[first:last, 1], power, most)
+        for k in range(3):
+            result[coarse, k] *= share
 
 
 def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray, most: float) -> np.ndarray:
