@@ -111,7 +111,7 @@ def report(chosen: argparse.Namespace) -> None:
         spread=chosen.spread,
         closeness=chosen.closeness,
         grid_convergence=chosen.grid_convergence,
-        benchmarks=chosen.benchmarks,
+        logs=chosen.logs,
         output=chosen.output,
         figures=chosen.figures,
     )
@@ -151,7 +151,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--cut", type=float, required=True, help="smallest log10 of potency in m3")
     made.add_argument("--seed", type=int, default=1)
     shown = stage("report", report, "grid", "output", "figures", settings=True)
-    for name in ("elastic", "catalog", "record", "comparison", "spread", "closeness", "grid-convergence", "benchmarks"):
+    for name in ("elastic", "catalog", "record", "comparison", "spread", "closeness", "grid-convergence", "logs"):
         shown.add_argument(f"--{name}", type=Path)
     for name in ("steps", "events"):
         shown.add_argument(f"--{name}", type=Path, nargs="*", default=[])

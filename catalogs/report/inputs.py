@@ -4,14 +4,14 @@ import json
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
 from catalogs.settings import InsituStress, Scheduled
+from pipeline.costs import cost_of
 from pipeline.datasets import read_dataset
 from pipeline.errors import InputError
 from pipeline.event_table import check_events
@@ -149,7 +149,7 @@ def read_evidence(
     spread,
     closeness,
     grid_convergence,
-    benchmarks,
+    logs,
     expected_hashes: dict | None,
     excavations: Sequence[Scheduled] | None,
     insitu: InsituStress | None,
@@ -196,7 +196,7 @@ def read_evidence(
         grid_convergence=read(grid_convergence),
         files=files,
         stale=_stale(files, expected_hashes or {}),
-        resources=read_resources(benchmarks),
+        resources=read_resources(logs),
         insitu=insitu,
     )
 
@@ -224,25 +224,24 @@ def _stale(files: dict[str, dict], expected: dict) -> list[str]:
     return [os.fspath(path) for path, wanted in expected.items() if found.get(Path(path).resolve(), wanted) != wanted]
 
 
-def read_resources(benchmarks) -> list[dict]:
-    """Seconds and peak memory (MiB) per stage from Snakemake's benchmark files below a folder; NaN: not measured.
+def read_resources(logs) -> list[dict]:
+    """What each stage took, from the logs of stages below a folder: columns as in `pipeline.costs`.
 
     The companion on larger cells is one row, and so is each member of an ensemble: the sum of its times, the largest of
     its peaks.
     """
-    if benchmarks is None or not Path(benchmarks).is_dir():
+    if logs is None or not Path(logs).is_dir():
         return []
     rows, parts = [], {}
-    for path in sorted(Path(benchmarks).rglob("*.tsv")):
-        table = pd.read_csv(path, sep="\t", na_values=["-", "NA"])
-        values = {name: float(table[name].mean()) if name in table else np.nan for name in ("s", "max_rss", "cpu_time")}
-        stage = path.relative_to(benchmarks).with_suffix("").as_posix()
+    for path in sorted(Path(logs).rglob("*.log")):
+        if (cost := cost_of(path)) is None:  # of a stage that is under way: this one
+            continue
+        stage = path.relative_to(logs).with_suffix("").as_posix()
         if part := PARTS.match(stage):
-            parts.setdefault((int(part[2] or 0), part[1]), []).append(values)
+            parts.setdefault((int(part[2] or 0), part[1]), []).append(asdict(cost))
         else:
-            rows.append({"stage": stage, **values})
+            rows.append({"stage": stage, **asdict(cost)})
     for (_, part), stages in sorted(parts.items()):
-        columns = {name: np.array([values[name] for values in stages]) for name in stages[0]}
-        total = {name: float(column.max() if name == "max_rss" else column.sum()) for name, column in columns.items()}
-        rows.append({"stage": f"{part}, all stages", **total})
+        total = {name: sum(stage[name] for stage in stages) for name in stages[0]}
+        rows.append({"stage": f"{part}, all stages", **total, "memory": max(stage["memory"] for stage in stages)})
     return rows

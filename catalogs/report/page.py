@@ -41,7 +41,7 @@ def write_report(
     spread: str | os.PathLike | None = None,
     closeness: str | os.PathLike | None = None,
     grid_convergence: str | os.PathLike | None = None,
-    benchmarks: str | os.PathLike | None = None,
+    logs: str | os.PathLike | None = None,
     default: dict | None = None,
     excavations: Sequence[Scheduled] | None = None,
     insitu: InsituStress | None = None,
@@ -51,14 +51,14 @@ def write_report(
 
     config: the resolved configuration as the user wrote it (units as text), default: config/default.yaml, for the marks
     of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness, grid_convergence:
-    datasets, absent stages None or empty; benchmarks: folder of Snakemake's benchmark files of this mine; excavations:
-    when each is mined, if not as `config` says; insitu: the stress before mining; expected_hashes: {dataset path:
+    datasets, absent stages None or empty; logs: folder of the logs of this mine's stages; excavations: when each is
+    mined, if not as `config` says; insitu: the stress before mining; expected_hashes: {dataset path:
     config_hash it should carry}, for the banner of stale results.
     Same inputs, same bytes. Raises InputError where a dataset is unreadable or is no catalogue.
     """
     evidence = read_evidence(
         config, default, grid, elastic, list(steps), list(events), catalog, record, comparison, spread, closeness,
-        grid_convergence, benchmarks, expected_hashes, excavations, insitu,
+        grid_convergence, logs, expected_hashes, excavations, insitu,
     )  # fmt: skip
     gallery = Gallery(Path(figures))
     with style.applied():

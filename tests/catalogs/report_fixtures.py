@@ -71,7 +71,7 @@ class Mine:
             name: getattr(self, name)
             for name in ("grid", "elastic", "steps", "events", "catalog", "record", "comparison")
         }
-        given |= {"config": CONFIG, "default": DEFAULT, "benchmarks": None}
+        given |= {"config": CONFIG, "default": DEFAULT, "logs": None}
         given |= {"output": self.folder / "report.html", "figures": self.folder / "figures"}
         return given | changes
 

@@ -13,6 +13,7 @@ from catalogs.report import sections
 from catalogs.report.inputs import Excavation, read_resources
 from catalogs.report.scene import by_step, far_field
 from catalogs.report.text import events_by_step, number
+from pipeline.costs import Costs
 
 
 def excavation(name: str, step: str, solid: float, drawn: float) -> Excavation:
@@ -119,26 +120,20 @@ def test_result_says_so_when_all_of_the_record_counts():
 
 
 def test_companion_and_members_are_one_row_each_of_the_resources(tmp_path):
-    """Times add up, the largest peak counts; members in order of their numbers, after the mine's own stages."""
+    """Times add up, the largest peak counts; members in order of their numbers, after the mine's own stages. A stage
+    that is under way has no row."""
     runs = [("ensemble/10", "a", 1, 5), ("ensemble/2", "steps/a", 3, 7), ("ensemble/2", "events/a", 4, 6)]
-    runs += [("coarse", "grid", 1, 2), ("coarse", "steps/a", 2, 1)]
+    runs += [("coarse", "grid", 1, 2), ("coarse", "steps/a", 2, 1), ("", "spread", 1, 1)]
     for run, stage, seconds, peak in runs:
-        path = tmp_path / run / f"{stage}.tsv"
+        path = tmp_path / run / f"{stage}.log"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(f"s\tmax_rss\tcpu_time\n{seconds}\t{peak}\t1\n")
-    (tmp_path / "spread.tsv").write_text("s\tmax_rss\tcpu_time\n1\t1\t1\n")
+        path.write_text(f"{Costs(seconds, 1.0, 0.5, peak).closing_line(stage)}\n")
+    (tmp_path / "report.log").write_text("at work\n")
     rows = read_resources(tmp_path)
     parts = [f"{run}, all stages" for run in ("coarse", "ensemble/2", "ensemble/10")]
     assert [row["stage"] for row in rows] == ["spread", *parts]
-    assert [(row["s"], row["max_rss"], row["cpu_time"]) for row in rows[1:3]] == [(3, 2, 2), (7, 7, 2)]
-
-
-def test_resources_of_several_runs_are_averaged_and_gaps_stay_gaps(tmp_path):
-    (tmp_path / "grid.tsv").write_text("s\tmax_rss\n1.0\t-\n3.0\t-\n")
-    (row,) = read_resources(tmp_path)
-    assert row["stage"] == "grid"
-    assert row["s"] == 2.0
-    assert np.isnan(row["max_rss"])
+    found = [tuple(row[name] for name in ("seconds", "processor", "compiling", "memory")) for row in rows[1:3]]
+    assert found == [(3, 2, 1, 2), (7, 2, 1, 7)]
 
 
 def test_events_of_many_steps_are_told_by_those_with_most():

@@ -183,7 +183,7 @@ rule report:
         spread=if_made("spread", "spread.nc", MINE.members),
         closeness=if_made("closeness", "closeness.nc", HAS_CATALOG),
         grid_convergence=if_made("grid-convergence", "grid_convergence.nc", HAS_COARSE),
-        benchmarks="benchmarks/{mine}",
+        logs="logs/{mine}",
     log:
         "logs/{mine}/report.log",
     benchmark:
@@ -198,7 +198,7 @@ rule report:
         "stage catalogs report --settings {params.settings:q} --grid {input.grid} --elastic {input.elastic} --steps {input.steps}"
         " --events {input.events} {params.catalog} {params.record} {params.comparison} {params.spread} {params.closeness}"
         " {params.grid_convergence}"
-        " --benchmarks {params.benchmarks} --output {output.page} --figures {output.figures} --log {log}"
+        " --logs {params.logs} --output {output.page} --figures {output.figures} --log {log}"
 
 
 rule twin:
