@@ -169,7 +169,7 @@ class SolverSettings(Settings):
     """multigrid (solves for equilibrium) | explicit (damped explicit stepping)"""
     tolerance: Tolerance = 1e-3
     """unbalanced force at rest over the force that the step releases, 2-norms"""
-    cascade_tolerance: Tolerance = 1e-2
+    cascade_tolerance: Tolerance = 3e-3
     """the same between two generations of failure; where no rock loses strength 50 times as much, up to 0.05"""
     increments: whole_number(ge=0, le=1000) = 0
     """parts in which the rock of one step is taken out; 0: as many as increment_error asks for"""
