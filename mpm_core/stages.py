@@ -35,7 +35,7 @@ from pipeline.datasets import atomic_path, clear_parts
 from pipeline.errors import InputError
 
 REMEDY = {True: "more grid.max_cells", False: "more grid.buffer_cells, or grid.refinement: adaptive,"}
-LEAST_STAYS = 1e-5  # of virgin stress: what is less counts as this much; the default tolerance then asks for 1e-10
+LEAST_STAYS = 1e-5  # of virgin stress: what is less counts as this much; the default tolerance then asks for 1e-8
 
 
 def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:

@@ -241,7 +241,7 @@ def _visit_leaves(base_cell, flags, starts, base_shape, levels, first, cell_inde
 def _count_leaves(base_cells, flags, starts, base_shape, levels, count):
     """Leaves in each base cell: base_cells (n, d) int32; flags, starts as in SplitMarks; count (n,) int64, written."""
     for base in prange(len(base_cells)):
-        nowhere = np.empty((0, base_cells.shape[1]), np.int32), np.empty(0, np.int8)
+        nowhere = np.empty((0, base_cells.shape[1]), np.int32), np.empty(0, np.int8)  # size, not 0: that compiles anew
         count[base] = _visit_leaves(base_cells[base], flags, starts, base_shape, levels, nowhere[1].size, *nowhere)
 
 

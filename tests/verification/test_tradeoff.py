@@ -1,6 +1,7 @@
 """Speed against accuracy: the front, limits and orders, sentences made from runs, and a tiny study to its page."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -19,7 +20,7 @@ from verification.tradeoff.limits import richardson
 from verification.tradeoff.page import write_report
 from verification.tradeoff.pareto import pareto_front
 from verification.tradeoff.points import Point, Points, measure_study, read_points, write_points
-from verification.tradeoff.runs import Scene
+from verification.tradeoff.runs import CLEAR, Scene
 from verification.tradeoff.scenes import apart
 from verification.tradeoff.sentences import preset_sentence, price, sentence, share, verdict
 
@@ -254,8 +255,15 @@ def test_a_run_without_a_closing_line_has_no_time(tmp_path):
     results = run_study("tradeoff_stope", tmp_path, {"base": {"grid": {"levels": 2}}})
     results.study.settings["limit"] = ["base"]
     results["base"].costs = lambda stage: None if stage == "elastic" else Costs(9.0, 8.0, 0.5, 300.0)
-    (point,) = measure_study(results).points
+    points = measure_study(results)
+    (point,) = points.points
     assert np.isnan([point.seconds, point.wall]).all()
+    assert not Scene(results.study, points).front.any()
+    timed = replace(point, variant="timed", seconds=8.0, least=0.5)
+    scene = Scene(results.study, replace(points, points=[point, timed]))
+    assert np.isnan(scene.work(point))
+    assert scene.cost(point) == scene.work(timed) > 0.0
+    assert scene.noise == CLEAR
 
 
 def test_brittle_scenes_have_the_presets_by_their_key():

@@ -32,7 +32,7 @@ def write_report(scenes: list[Scene], table: Path, page: Path) -> None:
         sections=sections,
         knobs=knobs,
         runs=sum(len(scene.points) for scene in scenes),
-        minutes=sum(point.seconds for scene in scenes for point in scene.points) / 60.0,
+        minutes=float(np.nansum([point.seconds for scene in scenes for point in scene.points])) / 60.0,
     )
     with atomic_path(page) as temporary:
         temporary.write_text(text, encoding="utf-8")

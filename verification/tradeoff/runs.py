@@ -47,17 +47,19 @@ class Scene:
     @property
     def start(self) -> float:
         """Processor time that the start of a stage's process takes at most, s: that of the quickest stage."""
-        return float(np.nanmin([point.least for point in self.points]))
+        said = [point.least for point in self.points if np.isfinite(point.least)]
+        return min(said, default=0.0)
 
     def work(self, point: Point) -> float:
-        """Processor time of a run's stages less the starts of their processes, s, LEAST_WORK at least."""
-        return max(LEAST_WORK, point.seconds - point.stages * self.start)
+        """Processor time of a run's stages less the starts of their processes, s, LEAST_WORK at least; NaN where a log
+        does not say it."""
+        return float(np.maximum(LEAST_WORK, point.seconds - point.stages * self.start))  # max() would drop a NaN
 
     @cached_property
     def noise(self) -> float:
         """How many times as long the same takes: slowest over quickest of the runs whose rock is the base's."""
         repeats = [self.work(point) for point in self._of_rock[_rock(self.base)]]
-        return max(CLEAR, max(repeats) / min(repeats))
+        return float(np.fmax(CLEAR, np.nanmax(repeats) / np.nanmin(repeats))) if np.isfinite(repeats).any() else CLEAR
 
     @cached_property
     def _of_rock(self) -> dict[tuple, list[Point]]:
@@ -68,8 +70,9 @@ class Scene:
         return groups
 
     def cost(self, point: Point) -> float:
-        """Work of a run, s: the median of those with its rock."""
-        return float(np.median([self.work(same) for same in self._of_rock[_rock(point)]]))
+        """Work of a run, s: the median of those with its rock whose logs say it, NaN without one."""
+        said = [work for same in self._of_rock[_rock(point)] if np.isfinite(work := self.work(same))]
+        return float(np.median(said)) if said else np.nan
 
     @property
     def measures(self) -> list[Measure]:
