@@ -17,6 +17,7 @@ import numpy as np
 from mpm_core.equilibrium.convergence import COLUMNS, History
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.state import Extent, State, changed_in
+from pipeline.costs import CLOCK
 from pipeline.datasets import atomic_path, clear_parts
 
 PAUSE = 30.0  # s at least between two checkpoints
@@ -71,7 +72,7 @@ class Checkpoint:
             places = np.concatenate([np.empty((0, grid.dimension), np.int64), *places])
             cells = {"cells_index": grid.cell_index, "cells_level": grid.cell_level}
             cells |= {"in_district": in_district, "places": places}
-            np.savez(file, key=self.key, **counters, **cells, **others, **of_failed, **beside)
+            np.savez(file, key=self.key, taken=CLOCK.taken(), **counters, **cells, **others, **of_failed, **beside)
         self.last = time.perf_counter()
         self.cost = self.last - now
 
@@ -91,7 +92,8 @@ class Checkpoint:
 
     @staticmethod
     def restore(values: dict[str, np.ndarray], state: State, history: History) -> None:
-        """Put what was read back into a state on the saved cells, and into the history, in place."""
+        """Put what was read back into a state on the saved cells, and into the history, in place; time goes on, too."""
+        CLOCK.go_on(values["taken"])
         failed = np.flatnonzero(values["failed"] >= 0)
         for name, array in vars(state).items():
             if name in UNCHANGED:

@@ -72,3 +72,29 @@ class Compiling:
 
 
 COMPILING = Compiling()  # of this process
+
+
+class Clock:
+    """What the stage at work has taken so far, of which processes that were killed may have done a part."""
+
+    def __init__(self):
+        self.start()
+
+    def start(self) -> None:
+        """The stage begins."""
+        self._since = time.perf_counter(), time.process_time(), 0.0
+        self._earlier = 0.0, 0.0, 0.0
+
+    def taken(self) -> tuple[float, float, float]:
+        """Wall time, processor time and what of that was compiling, s, with those of earlier processes."""
+        now = time.perf_counter(), time.process_time(), COMPILING.seconds
+        return tuple(
+            earlier + until - since for earlier, until, since in zip(self._earlier, now, self._since, strict=True)
+        )
+
+    def go_on(self, taken: tuple[float, float, float]) -> None:
+        """An earlier process had taken so much up to where this one goes on from."""
+        self._earlier = tuple(float(part) for part in taken)
+
+
+CLOCK = Clock()  # of this process

@@ -6,14 +6,13 @@ import os
 import resource
 import signal
 import sys
-import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 
 import psutil
 
-from pipeline.costs import COMPILING, Costs
+from pipeline.costs import CLOCK, Costs
 from pipeline.disk import full_one, no_room
 from pipeline.errors import InputError
 from pipeline.progress import Progress
@@ -71,7 +70,7 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     does: what it does, in words (the first line of a docstring), shown if it takes longer than a moment.
     """
     die_with_parent()
-    started, spent = time.perf_counter(), time.process_time()
+    CLOCK.start()
     progress = Progress(name, f"{does.strip().splitlines()[0].rstrip('.')}; log: {log}")
     file = None
     try:
@@ -95,12 +94,7 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
         if full := no_room(error, Path(named).parent if named else full_one(written)):
             sys.exit(f"{name}: {full}")
         sys.exit(f"{name}: unexpected {type(error).__name__}: {error}; traceback in {log or 'the log above'}")
-    costs = Costs(
-        seconds=time.perf_counter() - started,
-        processor=time.process_time() - spent,
-        compiling=COMPILING.seconds,
-        memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-    )
+    costs = Costs(*CLOCK.taken(), memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
     logging.info("%s", costs.closing_line(name))  # pipeline.costs reads it back: nothing comes after it
     if file:
         cut = f"; its log {log} is cut short: {file.lost}" if file.lost else ""

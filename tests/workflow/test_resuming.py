@@ -11,14 +11,18 @@ import psutil
 import pytest
 from tiny_mines import hashes, jobs, snakemake, start
 
+from pipeline.costs import cost_of
+
 ROOT = Path(__file__).parents[2]
 # A stage that keeps every generation and is killed as it has kept the second: what a stage of hours comes to.
 KILLED_WITHIN = """
 import os, signal
 from mpm_core import __main__, checkpoint
+from pipeline.costs import CLOCK
 save = checkpoint.Checkpoint.save
 def save_and_die(self, state, history, *rest):
     self.pause = self.cost = 0.0
+    CLOCK.go_on((1000.0, 2000.0, 500.0))  # as if it had been at work for long
     save(self, state, history, *rest)
     if history.generation == 2:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -78,7 +82,10 @@ def test_killed_in_a_mechanics_stage_and_resumed_gives_the_same_bytes(spoiled, t
 
 @pytest.mark.slow
 def test_killed_within_a_step_it_goes_on_inside_it_to_the_same_bytes(spoiled, tiny_file, undisturbed):
-    """kill -9 between two generations of failure: they are not repeated, and the result is that of one go."""
+    """kill -9 between two generations of failure: they are not repeated, and the result is that of one go.
+
+    What the stage took holds what the killed process took.
+    """
     results, log = spoiled / "results/tiny", spoiled / "logs/tiny/steps/history.log"
     (results / "steps/history.nc").unlink()
     run = start(tiny_file, spoiled, "--rerun-incomplete")
@@ -97,6 +104,9 @@ def test_killed_within_a_step_it_goes_on_inside_it_to_the_same_bytes(spoiled, ti
     assert status == 0, text
     assert "going on from increment 1, generation 2" in log.read_text()
     assert not (results / "steps/history.checkpoint.npz").exists()
+    costs = cost_of(log)
+    assert costs.compiling >= 500.0
+    assert 1000.0 < costs.seconds < 2000.0 < costs.processor < 3000.0
     assert hashes(results) == hashes(undisturbed[0] / "results/tiny")
 
 
