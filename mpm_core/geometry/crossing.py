@@ -106,7 +106,7 @@ def _count_cells(corners, lower, upper, counts):
     """counts (facet,) int64, written in place: how many cells from `lower` to `upper` each facet crosses."""
     nothing = np.empty(0, np.int64)
     for f in prange(corners.shape[0]):
-        counts[f] = _facet_cells(corners[f], lower, upper, nothing, nothing.size)  # not 0: a literal is compiled once more
+        counts[f] = _facet_cells(corners[f], lower, upper, nothing, nothing.size)  # not 0: that compiles anew
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
