@@ -146,8 +146,9 @@ class MovingBody(Body):
         for values in (state.velocity, self.acceleration):
             spread_to_hanging(self.hanging, model.grid.node_parents, values)
 
-    def settle(self) -> None:
-        """Count what particles that move have dissipated: they flow as they go, in every step."""
+    def settle(self, at_rest: bool = True) -> None:
+        """Count what particles that move have dissipated: they flow as they go, in every step. No work of forces is
+        counted, at rest or not: nodes are new in each."""
         self.way.forget()
         dissipate(self.state, FLOW, self.dissipated * self.volume)
         self.dissipated[:] = 0.0
