@@ -68,6 +68,11 @@ class Variant:
         costs = self.costs(stage)
         return costs and costs.seconds
 
+    def processor_time(self, stage: str) -> float | None:
+        """Of a stage, without compiling, s."""
+        costs = self.costs(stage)
+        return costs and costs.running
+
     def peak_memory(self, stage: str) -> float | None:
         """Largest resident memory of a stage, MiB."""
         costs = self.costs(stage)

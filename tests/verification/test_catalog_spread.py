@@ -10,6 +10,7 @@ from running import run_study
 
 from catalogs.settings import ComparisonSettings
 from catalogs.size_law import FEW, NONE, POWER
+from pipeline.costs import Costs
 from pipeline.errors import InputError
 from verification.spread.answer import answer
 from verification.spread.page import Scene, write_report
@@ -97,7 +98,7 @@ def test_page_says_what_an_ensemble_costs_and_buys(tmp_path):
     )
     write_report([scene], tmp_path / "table.csv", tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
-    assert "A member takes 1.25 times as long" in page
+    assert "A member takes 1.25 times the processor time, without compiling, of the mine's own steps" in page
     assert "It shows 14 % of that of log10 seismic potency" in " ".join(page.split())
     assert "http" not in page.split("</style>")[1].replace("http://www.w3.org", "")
     assert len(pd.read_csv(tmp_path / "table.csv")) == 20
@@ -113,7 +114,10 @@ def test_a_study_runs_to_its_table(tmp_path):
     }
     results = run_study("spread_stope", tmp_path, variants)
     results.study.settings.update(loading=["once", "four", "base"], cells=["base", "fine"])
+    results["base"].costs = lambda stage: Costs(90.0, 7.0 if stage.startswith("ensemble/") else 5.0, 1.0, 300.0)
     scene = Scene.of(results)
+    assert scene.base.seconds == 16.0  # of two steps and their events, compiling left out
+    assert scene.member_cost == 1.5
     assert [[run.label for run in runs] for runs in scene.sources.values()] == [
         ["1", "2", "3"],
         ["1", "4", "by their error"],

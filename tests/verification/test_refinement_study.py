@@ -2,6 +2,7 @@
 
 from running import run_study
 
+from pipeline.costs import Costs
 from verification.refinement.answer import Run, answer
 
 LARGER = {"grid.coarse_cell": "20 m", "grid.volume_error": 1.0}
@@ -10,14 +11,18 @@ LARGER = {"grid.coarse_cell": "20 m", "grid.volume_error": 1.0}
 def test_the_study_has_a_row_for_every_relation_and_its_figure(tmp_path):
     """On cells of 1.25 to 10 m."""
     results = run_study("refinement", tmp_path, None, **LARGER)
+    for variant in results.variants.values():
+        variant.costs = lambda stage: Costs(90.0, 5.0, 1.0, 300.0)
     rows, figure = answer(results)
     assert len(figure.axes) == 4
     quantities = [row.quantity for row in rows]
-    assert len(quantities) == len(set(quantities)) == 2 * 4 + 21 + 6 + 7
+    assert len(quantities) == len(set(quantities)) == 2 * 4 + 21 + 6 + 7 + 4
     assert all(row.passed for row in rows if "as with rings_1" in row.quantity or "coarse cells" in row.quantity)
     at_once, asked = (next(row for row in rows if row.quantity.startswith(name)
                            and "potency over" in row.quantity) for name in ("parts_1", "error_20"))  # fmt: skip
     assert at_once.error > asked.error
+    (cost,) = (row for row in rows if row.quantity.startswith("rings_1: processor time of the step"))
+    assert cost.obtained == 4e3 / Run(results["rings_1"]).particles  # ms, compiling left out
 
 
 def test_a_static_grid_of_one_ring_would_be_seen(tmp_path):

@@ -96,4 +96,5 @@ def test_a_variants_costs_stand_in_the_logs_of_its_stages(tmp_path):
     coarse = read_results(load_study(path, DEFAULT), tmp_path / "results", tmp_path / "logs")["coarse"]
     assert coarse.costs("steps/mined") == took
     assert (coarse.seconds("steps/mined"), coarse.peak_memory("steps/mined")) == (12.0, 345.0)
-    assert coarse.seconds("grid") is None
+    assert coarse.processor_time("steps/mined") == 15.0
+    assert coarse.seconds("grid") is coarse.processor_time("grid") is None

@@ -42,7 +42,7 @@ class Scene:
 
     @property
     def member_cost(self) -> float:
-        """Time of a member's steps and events over the mine's own, on average; NaN where nothing measured it."""
+        """Processor time of a member's steps and events over the mine's own, mean; NaN where nothing measured it."""
         return float(np.mean([run.seconds for run in self.sources[MEMBERS]]) / self.base.seconds)
 
     def bought(self) -> list[str]:

@@ -45,7 +45,8 @@ class Catalogue:
 
     potency m3: summed over the rock that failed, in events or not; sizes (event,): log10 potency (m3) of resolved
     events; cut: the smallest that can be resolved, log10 m3; law: that their sizes follow from there (size_law), b: of
-    a power law, NaN where they follow none. seconds: of the run's mining steps and their events, NaN where unknown.
+    a power law, NaN where they follow none. seconds: processor time of the run's mining steps and their events, without
+    compiling, NaN where unknown.
     """
 
     label: str
@@ -115,7 +116,7 @@ def _read(variant: Variant, label: str, member: int = 0) -> Catalogue:
     """The run of a variant, or of a member of its ensemble."""
     folder, last = f"ensemble/{member}/" if member else "", variant.step_names[-1]
     stages = [f"{folder}{stage}/{step}" for stage in ("steps", "events") for step in variant.step_names]
-    costs = [variant.seconds(stage) for stage in stages]
+    costs = [variant.processor_time(stage) for stage in stages]
     seconds = np.nan if None in costs else float(np.sum(costs))
     return catalogue(label, variant.read(f"{folder}events/{last}.nc"), _settings(variant), seconds)
 
