@@ -20,9 +20,10 @@ from verification.tradeoff.limits import richardson
 from verification.tradeoff.page import write_report
 from verification.tradeoff.pareto import pareto_front
 from verification.tradeoff.points import Point, Points, measure_study, read_points, write_points
-from verification.tradeoff.runs import CLEAR, Scene
+from verification.tradeoff.runs import Scene
 from verification.tradeoff.scenes import apart
-from verification.tradeoff.sentences import preset_sentence, price, sentence, share, verdict
+from verification.tradeoff.sentences import preset_sentence, price, sentence, share, speed, verdict
+from verification.tradeoff.table import make_table
 
 FEW = st.sampled_from([0.0, 1.0, 2.0, 3.0, np.nan, np.inf])
 
@@ -134,6 +135,36 @@ def test_what_is_no_faster_beyond_noise_buys_nothing(work, potency, text):
     scene = made_up(BASE | {"other": run, "best": {"work": 50.0, "rings": 9, "potency": 1.0}}, limit=["best"])
     assert scene.noise == pytest.approx(1.1)
     assert verdict(scene, line_of(scene, "cascade")).startswith(text)
+
+
+def test_noise_that_was_not_measured_is_not_told(tmp_path):
+    """No run repeats the first scene's base: 4 % are too little to be told all the same."""
+    loose = {"loose": {"work": 9.6, "tolerance": 1e-3, "potency": 1.2}}
+    alone, repeated = made_up({"base": BASE["base"]} | loose, limit=["loose"]), made_up(BASE | loose, limit=["loose"])
+    assert np.isnan(alone.noise)
+    assert price(alone, line_of(alone, "tolerance")) == "no speed"
+    write_report([alone, repeated], tmp_path / "table.csv", tmp_path / "report.html")
+    row = (tmp_path / "report.html").read_text().partition("noise: the same takes up to")[2].partition("</tr>")[0]
+    assert [cell.partition("<")[0] for cell in row.split('<td class="text">')[1:]] == ["–", "1.10 x as long"]
+
+
+def test_a_repeated_run_takes_the_same_wherever_it_is_told():
+    """The median of all runs with its rock, 10 s of the base's: a run that only counts events otherwise is one."""
+    scene = made_up(
+        BASE
+        | {"close": {"work": 8.0, "potency": 1.1, "closeness": 0.9}}
+        | {"coarse": {"work": 2.5, "potency": 1.4, "cell": 2.5}}
+        | {"loose": {"work": 6.0, "potency": 1.2, "tolerance": 1e-3}}
+        | {"loose_again": {"work": 4.0, "potency": 1.2, "tolerance": 1e-3}}
+    )
+    assert scene.cost(scene.base) == 10.0
+    for knob, expected in (("tolerance", 2.0), ("cell", 4.0), ("closeness", 1.0)):
+        line = line_of(scene, knob)
+        (member,) = (point for point in line.members if point is not line.anchor)
+        assert speed(scene, line, member) == expected
+    table = make_table([scene]).set_index("variant")
+    assert table.times_as_fast.to_list() == [1.0, 1.0, 1.0, 4.0, 2.0, 2.0]
+    assert table.work_s.to_list() == [10.0, 11.0, 8.0, 2.5, 6.0, 4.0]
 
 
 def test_a_line_may_stand_beside_the_base_and_says_so():
@@ -263,7 +294,7 @@ def test_a_run_without_a_closing_line_has_no_time(tmp_path):
     scene = Scene(results.study, replace(points, points=[point, timed]))
     assert np.isnan(scene.work(point))
     assert scene.cost(point) == scene.work(timed) > 0.0
-    assert scene.noise == CLEAR
+    assert np.isnan(scene.noise)
 
 
 def test_brittle_scenes_have_the_presets_by_their_key():

@@ -43,7 +43,7 @@ def prices(panel: Axes, scene: Scene) -> None:
     for line in scene.lines:
         numbers = [member for member in line.members if not isinstance(member.settings[line.knob], str)]
         for members, look in ((numbers, "-"), ([m for m in line.members if m not in numbers], "none")):
-            x, y = [scene.work(member) for member in members], [_error(scene, member) for member in members]
+            x, y = [scene.cost(member) for member in members], [_error(scene, member) for member in members]
             _plot(panel, x, y, line, None, look)
     work = np.array([scene.work(point) for point in scene.points])
     cost = np.array([scene.cost(point) for point in scene.points])
@@ -80,12 +80,12 @@ def changes(panel: Axes, scene: Scene) -> None:
         title = BY_KEY[line.knob].title + ("*" if line.beside else "")
         _plot(panel, fast, moved, line, title, linestyle="none")
         for member, x, y in zip(others, fast, moved, strict=True):
-            if x > scene.noise or y > 5.0:
+            if x > scene.clear or y > 5.0:
                 text = BY_KEY[line.knob].text(member.settings[line.knob])
                 panel.annotate(text, (x, y), xytext=(4, 3), textcoords="offset points", fontsize=7, color="#444444")
-    panel.axvspan(1 / scene.noise, scene.noise, color="#eeeeee", zorder=0)
+    panel.axvspan(1 / scene.clear, scene.clear, color="#eeeeee", zorder=0)
     panel.axvline(1.0, color="#888888", linewidth=0.8)
-    panel.set(xscale="log", yscale="log", title="What each knob does by itself (grey: no faster than noise)")
+    panel.set(xscale="log", yscale="log", title="What each knob does by itself (grey: too little to be told)")
     panel.set_xlabel("times as fast as the base; left of 1 slower")
     what = "change of the error" if scene.main.kind == ITSELF else "change"
     panel.set_ylabel(f"{what} of {scene.main.title} (%)")

@@ -11,7 +11,7 @@ from verification.tradeoff.figure import draw
 from verification.tradeoff.knobs import KNOBS
 from verification.tradeoff.measures import ITSELF, RELATIVE, Measure
 from verification.tradeoff.points import Point
-from verification.tradeoff.runs import Scene
+from verification.tradeoff.runs import CLEAR, Scene
 from verification.tradeoff.sentences import preset_sentence, price, sentence, share, verdict
 from verification.tradeoff.table import make_table
 
@@ -31,6 +31,7 @@ def write_report(scenes: list[Scene], table: Path, page: Path) -> None:
     text = environment.get_template("report.html.j2").render(
         sections=sections,
         knobs=knobs,
+        clear=CLEAR,
         runs=sum(len(scene.points) for scene in scenes),
         minutes=float(np.nansum([point.seconds for scene in scenes for point in scene.points])) / 60.0,
     )
@@ -47,13 +48,12 @@ def _section(scene: Scene, figure: Path) -> dict:
             "label": scene.label(scene.points[index]),
             "front": bool(scene.front[index]),
             "work": scene.work(scene.points[index]),
-            "speed": scene.work(scene.base) / scene.work(scene.points[index]),
+            "speed": scene.cost(scene.base) / scene.cost(scene.points[index]),
             "cells": _cells(scene, scene.points[index]),
         }
         for index in order
     ]
-    front = [row | {"work": scene.cost(row["point"]), "speed": scene.cost(scene.base) / scene.cost(row["point"])}
-             for row in rows if row["front"]]  # fmt: skip
+    front = [row | {"work": scene.cost(row["point"])} for row in rows if row["front"]]
     return {
         "scene": scene,
         "figure": style.save(draw(scene), figure),

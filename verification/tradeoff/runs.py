@@ -1,7 +1,7 @@
 """The runs of a scene beside each other: their errors, their noise, and lines of runs that differ by one knob alone."""
 
 from collections import defaultdict
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -57,9 +57,15 @@ class Scene:
 
     @cached_property
     def noise(self) -> float:
-        """How many times as long the same takes: slowest over quickest of the runs whose rock is the base's."""
-        repeats = [self.work(point) for point in self._of_rock[_rock(self.base)]]
-        return float(np.fmax(CLEAR, np.nanmax(repeats) / np.nanmin(repeats))) if np.isfinite(repeats).any() else CLEAR
+        """How many times as long the same takes: slowest over quickest of the runs whose rock is the base's; NaN where
+        there are no two."""
+        repeats = self._works(self.base)
+        return max(repeats) / min(repeats) if len(repeats) > 1 else np.nan
+
+    @property
+    def clear(self) -> float:
+        """How many times as fast a run has to be before it counts as faster: beyond noise, and CLEAR at least."""
+        return float(np.fmax(CLEAR, self.noise))
 
     @cached_property
     def _of_rock(self) -> dict[tuple, list[Point]]:
@@ -69,10 +75,14 @@ class Scene:
             groups[_rock(point)].append(point)
         return groups
 
+    def _works(self, point: Point) -> list[float]:
+        """Work of all runs with the rock of this one whose logs say it."""
+        return [work for same in self._of_rock[_rock(point)] if np.isfinite(work := self.work(same))]
+
     def cost(self, point: Point) -> float:
-        """Work of a run, s: the median of those with its rock whose logs say it, NaN without one."""
-        said = [work for same in self._of_rock[_rock(point)] if np.isfinite(work := self.work(same))]
-        return float(np.median(said)) if said else np.nan
+        """What a run takes, s, wherever runs are compared: the median work of those with its rock, NaN without one."""
+        works = self._works(point)
+        return float(np.median(works)) if works else np.nan
 
     @property
     def measures(self) -> list[Measure]:
@@ -135,12 +145,11 @@ class Scene:
 
     @cached_property
     def distinct(self) -> list[Point]:
-        """One point for runs of the same settings, with the median of what they cost."""
-        groups = defaultdict(list)
+        """The first of all runs with the same settings."""
+        firsts = {}
         for point in self.points:
-            groups[tuple(point.settings.values())].append(point)
-        return [replace(group[0], seconds=float(np.median([point.seconds for point in group])))
-                for group in groups.values()]  # fmt: skip
+            firsts.setdefault(tuple(point.settings.values()), point)
+        return list(firsts.values())
 
     @cached_property
     def lines(self) -> list[Line]:

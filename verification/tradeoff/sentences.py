@@ -23,12 +23,12 @@ def share(value: float, sign: bool = False) -> str:
 
 def speed(scene: Scene, line: Line, member: Point) -> float:
     """How many times as fast a member is as the line's anchor."""
-    return scene.work(line.anchor) / scene.work(member)
+    return scene.cost(line.anchor) / scene.cost(member)
 
 
 def is_faster(scene: Scene, line: Line, member: Point) -> bool:
-    """Beyond noise."""
-    return speed(scene, line, member) > scene.noise
+    """Clearly."""
+    return speed(scene, line, member) > scene.clear
 
 
 def pace(scene: Scene, line: Line, member: Point) -> str:
@@ -37,8 +37,8 @@ def pace(scene: Scene, line: Line, member: Point) -> str:
 
 
 def in_words(scene: Scene, ratio: float) -> str:
-    """How many times as fast something is, beyond noise."""
-    if 1 / scene.noise <= ratio <= scene.noise:
+    """How many times as fast something is, where that is clear."""
+    if 1 / scene.clear <= ratio <= scene.clear:
         return "takes as long"
     return f"{ratio:.2g} x as fast" if ratio > 1 else f"{1 / ratio:.2g} x as long"
 
@@ -76,11 +76,11 @@ def verdict(scene: Scene, line: Line) -> str:
     others = [member for member in line.members if member is not line.anchor]
     faster = [member for member in others if is_faster(scene, line, member)]
     if not faster:
-        slower = [member for member in others if speed(scene, line, member) < 1 / scene.noise]
+        slower = [member for member in others if speed(scene, line, member) < 1 / scene.clear]
         better = [member for member in slower if gain(scene, line, member) > BETTER]
         if better:
             return "Buys no speed here; it can buy accuracy."
-        return "Buys nothing here: no value is faster beyond noise."
+        return "Buys nothing here: no value is clearly faster."
     cheap = [member for member in faster if abs(change(scene, line, member)) <= CHEAP]
     if not cheap:
         return f"Buys speed for more than {CHEAP_TEXT} of {scene.main.title}."
