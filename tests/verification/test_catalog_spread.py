@@ -1,6 +1,7 @@
 """What a catalogue's spread consists of: variances of made-up catalogues, and a tiny study to its page."""
 
 import json
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -8,11 +9,13 @@ import pytest
 import xarray as xr
 from running import run_study
 
+from catalogs.figures import style
 from catalogs.settings import ComparisonSettings
-from catalogs.size_law import FEW, NONE, POWER
+from catalogs.size_law import FEW, NONE, POWER, TRUNCATED
 from pipeline.costs import Costs
 from pipeline.errors import InputError
 from verification.spread.answer import answer
+from verification.spread.figure import draw
 from verification.spread.page import Scene, write_report
 from verification.spread.runs import CELLS, CLOSENESS, LOADING, MEMBERS, Catalogue, catalogue, read_sources
 from verification.spread.variances import make_table, variances
@@ -102,6 +105,35 @@ def test_page_says_what_an_ensemble_costs_and_buys(tmp_path):
     assert "It shows 14 % of that of log10 seismic potency" in " ".join(page.split())
     assert "http" not in page.split("</style>")[1].replace("http://www.w3.org", "")
     assert len(pd.read_csv(tmp_path / "table.csv")) == 20
+
+
+def named(labels: list[str], values: list[float], undefined: list[str]) -> list[Catalogue]:
+    """Runs whose potency and b are `values`, and as many more without b as there are laws in `undefined`."""
+    runs = [(value, value, POWER) for value in values] + [(1.0, np.nan, law) for law in undefined]
+    return [
+        Catalogue(label, 10.0**potency, np.linspace(-2.0, potency, 9), -3.0, law, b)
+        for label, (potency, b, law) in zip(labels, runs, strict=True)
+    ]
+
+
+def test_no_text_of_the_figure_lies_on_another():
+    """Long names close to each other, and runs without b for every reason."""
+    runs = {
+        MEMBERS: named(list("1234567"), [1.0, 1.1, 1.2, 1.3], [NONE, FEW, TRUNCATED]),
+        LOADING: named(["1", "4", "16", "by their error"], [1.3, 1.14, 1.12], [NONE]),
+        CELLS: named(["2.5 m", "by their error", "1.25 m"], [1.1, 1.0, 1.19], []),
+        CLOSENESS: named(["0.7", "0.8", "0.9"], [1.1], [TRUNCATED, FEW]),
+    }
+    with style.applied():
+        figure = draw(runs[CELLS][0], variances(runs))
+        figure.draw_without_rendering()
+    for panel in figure.axes:
+        texts = [text for text in (*panel.texts, *panel.get_yticklabels(), panel.title) if text.get_text()]
+        boxes = [(text.get_text(), text.get_window_extent()) for text in texts]
+        assert [(one, other) for (one, a), (other, b) in combinations(boxes, 2) if a.overlaps(b)] == []
+    ticks = [label.get_text() for label in figure.axes[2].get_yticklabels()]
+    assert ticks == ["perturbed members\nin 4 of 7 runs", "way of loading\nin 3 of 4 runs", "finest cell",
+                     "closeness\nin 1 of 3 runs"]  # fmt: skip
 
 
 def test_a_study_runs_to_its_table(tmp_path):

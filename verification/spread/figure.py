@@ -9,58 +9,62 @@ from verification.spread.runs import MEMBERS, QUANTITIES, SOURCES, Catalogue
 from verification.spread.variances import Variance
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # Okabe and Ito (2008)
-NEAR = 0.12  # of a panel's values: labels closer than that are one
+CHARACTER = 0.015  # of a panel's width: a character of a label
 APART = 0.28  # of a row: between the line of dots and that of their standard deviation
 
 
 def draw(base: Catalogue, found: list[Variance]) -> Figure:
     """base: the mine's own run, a vertical line."""
-    figure = style.new_figure(height=6.2)
+    figure = style.new_figure(height=6.8)
     panels = figure.subplots(3, 2).flat
     panels[-1].set_axis_off()
     for panel, quantity in zip(panels, QUANTITIES, strict=False):
         rows = [variance for variance in found if variance.quantity is quantity]
-        every = np.concatenate([variance.defined for variance in rows])
-        near = NEAR * np.ptp(every) if len(every) else 0.0
         for place, (variance, colour) in enumerate(zip(rows, COLOURS, strict=True)):
-            _draw_row(panel, place, variance, colour, near)
+            _draw_row(panel, place, variance, colour)
         if np.isfinite(quantity.of(base)):
             panel.axvline(quantity.of(base), color="#888888", linewidth=0.8, zorder=0)
-        panel.set_yticks(range(len(rows)), [SOURCES[variance.source] for variance in rows])
+        panel.set_yticks(range(len(rows)), [_title(variance) for variance in rows])
         panel.set_ylim(len(rows) - 0.4, -0.6)
         panel.margins(x=0.08)
         panel.set_title(quantity.title)
         panel.grid(axis="x", color="#e8e8e8", linewidth=0.6)
+        if not any(len(variance.defined) for variance in rows):
+            panel.set_xticks([])
+        for place, variance in enumerate(rows):
+            _label_row(panel, place, variance)
     return figure
 
 
-def _draw_row(panel: Axes, place: int, variance: Variance, colour: str, near: float) -> None:
+def _draw_row(panel: Axes, place: int, variance: Variance, colour: str) -> None:
     panel.plot(variance.values, np.full(len(variance.values), place), "o", color=colour, markersize=5, alpha=0.8)
-    if variance.source != MEMBERS:
-        for text, value in _labels(variance, near):
-            panel.annotate(text, (value, place), xytext=(0, 5), textcoords="offset points", fontsize=7)
     if np.isfinite(variance.deviation):
         panel.errorbar(
             variance.defined.mean(), place + APART, xerr=variance.deviation, color=colour, capsize=3, linewidth=1.2
         )
-    if variance.why:
-        panel.annotate(
-            f"none: {variance.why}",
-            (0.01, place - 0.3),
-            xycoords=("axes fraction", "data"),
-            fontsize=7,
-            color="#666666",
-        )
 
 
-def _labels(variance: Variance, near: float) -> list[tuple[str, float]]:
-    """What runs are called, and where: one text for those whose values are near each other."""
+def _title(variance: Variance) -> str:
+    """A row's source, and in how many of its runs the quantity is defined if it is not in all."""
+    runs = f"\nin {len(variance.defined)} of {len(variance.values)} runs" if variance.why else ""
+    return SOURCES[variance.source] + runs
+
+
+def _label_row(panel: Axes, place: int, variance: Variance) -> None:
+    """Names of the runs above their dots, but for members, which are numbered only."""
+    if variance.source != MEMBERS:
+        for text, value in _labels(variance, CHARACTER * np.ptp(panel.get_xlim())):
+            panel.annotate(text, (value, place), xytext=(0, 5), textcoords="offset points", fontsize=7)
+
+
+def _labels(variance: Variance, character: float) -> list[tuple[str, float]]:
+    """What runs are called, and where each text begins: one that would reach the next takes that in."""
     found: list[tuple[str, float]] = []
     for index in np.argsort(variance.values, kind="stable"):
         label, value = variance.labels[index], variance.values[index]
         if not np.isfinite(value):
             continue
-        if found and value - found[-1][1] <= near:
+        if found and value - found[-1][1] <= character * (len(found[-1][0]) + 1):
             found[-1] = (f"{found[-1][0]}, {label}", found[-1][1])
         else:
             found.append((label, float(value)))
