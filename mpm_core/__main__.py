@@ -6,7 +6,6 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from pipeline.datasets import open_dataset, read_dataset, write_dataset
-from pipeline.progress import log_compilation
 from pipeline.provenance import provenance
 from pipeline.slices import read_slice
 from pipeline.stage import run_stage
@@ -17,7 +16,6 @@ def grid(arguments: argparse.Namespace) -> None:
     from mpm_core.gridding import make_grid
     from mpm_core.threads import use_threads
 
-    log_compilation()
     use_threads(arguments.threads)
     scene = read_slice(arguments.scene)
     write_dataset(make_grid(scene, provenance(scene, "mpm_core grid")), arguments.output)
@@ -40,7 +38,6 @@ def _solve(arguments: argparse.Namespace) -> None:
     from mpm_core.stages import elastic_stage, mining_step
     from mpm_core.threads import use_threads
 
-    log_compilation()
     use_threads(arguments.threads)
     values = read_slice(arguments.scene)
     made_from = provenance(values, f"mpm_core {arguments.stage}")

@@ -82,7 +82,7 @@ class Clock:
 
     def start(self) -> None:
         """The stage begins."""
-        self._since = time.perf_counter(), time.process_time(), 0.0
+        self._since = time.perf_counter(), time.process_time(), COMPILING.seconds
         self._earlier = 0.0, 0.0, 0.0
 
     def taken(self) -> tuple[float, float, float]:

@@ -1,5 +1,6 @@
 """What a stage says on the terminal while it runs: what it does, and now and then where it stands."""
 
+import functools
 import logging
 import sys
 import threading
@@ -12,6 +13,7 @@ from pipeline.provenance import KERNEL_PACKAGES
 
 FIRST = 1.0  # s until a stage says what it does: one that is done by then says only that
 PAUSE = 30.0  # s between two words of where it stands
+COMPILER = "numba.core.dispatcher"  # the module that says what it compiles
 
 
 class Progress(logging.Handler):
@@ -50,9 +52,30 @@ class Progress(logging.Handler):
         sys.stderr.flush()
 
 
+class _WithNumba:
+    """Finds no module for Python, but learns when the compiler is imported."""
+
+    @staticmethod
+    def find_spec(name: str, path=None, target=None) -> None:
+        """Called before each import."""
+        if name == COMPILER:
+            _listen()
+
+
 def log_compilation() -> None:
-    """Let the log name each kernel that is compiled, and count the time: a first run takes minutes over it."""
-    from numba.core import event  # a second's import, for the stages alone that have kernels
+    """Let the log name each kernel that is compiled, and count the time: a first run takes minutes over it.
+
+    From when the stage imports numba: most do not, and need not wait for it.
+    """
+    if COMPILER in sys.modules:
+        _listen()
+    elif _WithNumba not in sys.meta_path:
+        sys.meta_path.insert(0, _WithNumba)
+
+
+@functools.cache  # once
+def _listen() -> None:
+    from numba.core import event
 
     class Named(event.Listener):
         def on_start(self, event) -> None:

@@ -15,7 +15,7 @@ import psutil
 from pipeline.costs import CLOCK, Costs
 from pipeline.disk import full_one, no_room
 from pipeline.errors import InputError
-from pipeline.progress import Progress
+from pipeline.progress import Progress, log_compilation
 from pipeline.warnings import ToTerminal
 
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
@@ -75,6 +75,7 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     file = None
     try:
         file = start_log(log, progress)
+        log_compilation()
         with progress if log else nullcontext():
             function()
     except InputError as error:

@@ -8,7 +8,6 @@ import numpy as np
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
 from pipeline.event_table import read_events, write_events
-from pipeline.progress import log_compilation
 from pipeline.provenance import provenance
 from pipeline.slices import read_slice
 from pipeline.stage import run_stage
@@ -47,7 +46,6 @@ def events(chosen: argparse.Namespace) -> None:
     # here: the catalogue need not wait for numba and scikit-learn, nor be made again when they are used otherwise
     from seismic.events import OF_PLANES, VARIABLES, extract_events
 
-    log_compilation()
     settings = read_slice(chosen.settings)
     step = read_dataset(chosen.step, (*VARIABLES, *OF_PLANES))
     try:

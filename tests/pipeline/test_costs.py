@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.costs import Compiling, Costs, cost_of
+from pipeline.costs import COMPILING, Clock, Compiling, Costs, cost_of
 
 ROOT = Path(__file__).parents[2]
 BUSY = """
@@ -29,8 +29,6 @@ run_stage("step busy", sys.argv[1], body)
 """
 COMPILES = """
     import numba
-    from pipeline.progress import log_compilation
-    log_compilation()
     @numba.njit
     def inner(x): return x + 1.0
     @numba.njit
@@ -39,8 +37,8 @@ COMPILES = """
 """
 
 
-def run(body: str, log: Path) -> subprocess.CompletedProcess:
-    script = [sys.executable, "-c", BUSY.replace("{more}", body.strip()), str(log)]
+def run(body: str, log: Path, before: str = "") -> subprocess.CompletedProcess:
+    script = [sys.executable, "-c", before + BUSY.replace("{more}", body.strip()), str(log)]
     return subprocess.run(script, cwd=ROOT, capture_output=True, text=True)
 
 
@@ -58,10 +56,11 @@ def test_a_stage_says_in_its_log_what_it_took(tmp_path):
     assert f"({costs.processor:.1f} s of processor time), {costs.memory:.0f} MiB" in told.stderr
 
 
-def test_compiling_is_told_apart(tmp_path):
-    """A kernel and the one that it calls, once; what remains is no more than without."""
+@pytest.mark.parametrize("before", ["", "import numba"])
+def test_compiling_is_told_apart(tmp_path, before):
+    """A kernel and the one that it calls, once; what remains is no more than without. No stage asks for it."""
     log = tmp_path / "busy.log"
-    told = run(COMPILES, log)
+    told = run(COMPILES, log, before)
     assert told.returncode == 0, told.stderr
     costs = cost_of(log)
     assert 0.05 < costs.compiling < costs.processor - 0.6
@@ -85,6 +84,19 @@ def test_of_a_log_that_is_cut_short_nothing_is_known(tmp_path):
     for text in ("", line[: -len(" MiB\n")], line + "Traceback\n", "grid done in 1.0 s, peak memory 300 MiB\n", "\xff"):
         log.write_bytes(text.encode("latin-1"))
         assert cost_of(log) is None, text
+
+
+def test_a_stage_without_kernels_does_not_wait_for_numba(tmp_path):
+    told = run("assert 'numba' not in sys.modules", tmp_path / "busy.log")
+    assert told.returncode == 0, told.stderr
+
+
+def test_a_stage_does_not_count_what_was_compiled_before_it(monkeypatch):
+    """In a process that had another stage."""
+    monkeypatch.setattr(COMPILING, "seconds", 5.0)
+    clock = Clock()
+    COMPILING.seconds += 2.0
+    assert clock.taken()[2] == 2.0
 
 
 def test_a_stage_that_failed_has_no_costs(tmp_path):
