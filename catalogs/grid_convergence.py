@@ -1,8 +1,8 @@
 """How far cells decide a mine's numbers: its run beside the same on cells of twice the size.
 
 What a number still changes by is told from what it changed by when cells were halved, as if it fell by half each time
-(first order). That is cautious where it falls faster, and no promise: one stope of 10 x 15 x 20 m has 0.68, 1.25, 1.18,
-1.18 and 1.13 m3 of potency in cells of 5 to 0.31 m (docs/method.md). Two runs may agree by chance; FLOOR is what runs
+(first order). That is cautious where it falls faster, and no promise: one stope of 10 x 15 x 20 m has 1.37, 2.50, 2.36,
+2.36 and 2.26 m3 of potency in cells of 5 to 0.31 m (docs/method.md). Two runs may agree by chance; FLOOR is what runs
 on ever smaller cells keep differing by, since other rock fails first in each.
 
 Layout of grid_convergence.nc

@@ -100,5 +100,5 @@ def _overshoot_share(overshoot: np.ndarray, seismic: np.ndarray, volume: np.ndar
 
 
 def potency(strain: np.ndarray, volume: np.ndarray) -> np.ndarray:
-    """Scalar potency (k,) m3, sqrt(p : p / 2), of strains (k, 6), tensor shear, of volumes (k,) m3."""
-    return volume * np.sqrt(0.5 * np.sum(strain[:, :3] ** 2, axis=1) + np.sum(strain[:, 3:] ** 2, axis=1))
+    """Scalar potency (k,) m3, sqrt(2 P : P) as in a catalogue, of strains (k, 6), tensor shear, of volumes (k,) m3."""
+    return 2.0 * volume * np.sqrt(0.5 * np.sum(strain[:, :3] ** 2, axis=1) + np.sum(strain[:, 3:] ** 2, axis=1))
