@@ -1,15 +1,19 @@
 """Increments that follow their error: what a step then comes to, and that trying one leaves nothing behind."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mechanics.killed import Killed, KilledAfter
 from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_dataset, make_scene, uniform
 from mpm_core.checkpoint import Checkpoint
 from mpm_core.equilibrium import cascade
 from mpm_core.equilibrium.brittle import fail
+from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.increments import Increments, increment_error, overshoot_of_next, potency
 from mpm_core.equilibrium.perturbation import pace
 from mpm_core.stages import elastic_stage, mining_step
@@ -108,6 +112,24 @@ def test_an_increment_that_was_undone_leaves_nothing_behind(tmp_path, monkeypatc
     again, _ = mining_step(scene, grid, state, tmp_path / "failed.npz")
     for name in ("node_displacement", "stress", "failed", "failure_order", "seismic_strain", "later_strain"):
         assert np.array_equal(chosen[name].values, again[name].values), name
+
+
+@given(st.lists(st.floats(0.0, 30.0), max_size=600))
+def test_chosen_increments_are_blocks_of_the_load(ratios):
+    """Halvings that start at their own multiples: two runs meet again at each multiple of the larger one's size."""
+    scene = SimpleNamespace(solver=SimpleNamespace(increments=0, move=False), perturbation=0)
+    increments = Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), 1)
+    history, ratios = History(1e-3), iter(ratios)
+    while history.load < 1.0:
+        increments.begin(history)
+        size = history.load - history.load_before
+        assert size in 0.5 ** np.arange(9)
+        assert history.load_before % size == 0.0
+        ratio, before = next(ratios, 1.0), history.load_before
+        stands = increments.follow(ratio, history)
+        assert stands == (ratio <= 1.0 or size == 1.0 / 256.0)
+        assert history.load == before + size * stands
+    assert history.load == 1.0
 
 
 def test_what_would_fail_is_measured_without_change(tmp_path, monkeypatch):
