@@ -55,10 +55,12 @@ class Checkpoint:
         grid: MultiLevelGrid,
         in_district: bool = False,
         places: Sequence[np.ndarray] = (),
+        full: bool = False,
     ) -> None:
         """Write state, the cells that it has, and the convergence table, if it is time to.
 
-        in_district: whether they are those of the step's district; places (k, d) each: what was split (mining.py).
+        in_district: whether they are those of the step's district; places (k, d) each: what was split, full:
+        whether no more may be (mining.py).
         """
         now = time.perf_counter()
         if now - self.last < max(self.pause, self.cost / SHARE):
@@ -71,7 +73,7 @@ class Checkpoint:
             others = {name: value for name, value in vars(state).items() if name not in (*OF_FAILED, *UNCHANGED)}
             places = np.concatenate([np.empty((0, grid.dimension), np.int64), *places])
             cells = {"cells_index": grid.cell_index, "cells_level": grid.cell_level}
-            cells |= {"in_district": in_district, "places": places}
+            cells |= {"in_district": in_district, "places": places, "full": full}
             np.savez(file, key=self.key, taken=CLOCK.taken(), **counters, **cells, **others, **of_failed, **beside)
         self.last = time.perf_counter()
         self.cost = self.last - now

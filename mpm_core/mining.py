@@ -122,9 +122,10 @@ class StepCells:
         self.refinement = Refinement.of(grid)
         state.energy[REFINED] += stored(self.scheme.body, counted) - was
 
-    def resume(self, grid: MultiLevelGrid, places: np.ndarray) -> None:
-        """Go over to the cells of a checkpoint; places (k, d): what was split until then."""
+    def resume(self, grid: MultiLevelGrid, places: np.ndarray, full: bool) -> None:
+        """Go over to the cells of a checkpoint; places (k, d): what was split until then, full: no more may be."""
         self.onto(grid)
+        self.full = full
         self.places = [places] if len(places) else []
 
     def renew(self) -> None:

@@ -93,13 +93,15 @@ def mining_step(
         if district is not None:
             at_work = district.cells
         if saved:
-            at_work.resume(with_leaves(at_work.model.grid, saved["cells_index"], saved["cells_level"]), saved["places"])
+            leaves = with_leaves(at_work.model.grid, saved["cells_index"], saved["cells_level"])
+            at_work.resume(leaves, saved["places"], bool(saved["full"]))
             checkpoint.restore(saved, at_work.scheme.body.state, history)
             at_work.renew()
 
         def save(state: State, history: History) -> None:
             if checkpoint is not None and not scene.solver.move:
-                checkpoint.save(state, history, at_work.model.grid, at_work is not cells, at_work.places)
+                in_district = at_work is not cells
+                checkpoint.save(state, history, at_work.model.grid, in_district, at_work.places, at_work.full)
 
         def run(district: District | None) -> tuple[Scheme, bool]:
             asked = at_work if scene.refinement else None

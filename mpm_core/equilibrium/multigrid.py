@@ -56,6 +56,7 @@ TANGENT_FROM_PLASTIC = 6  # where no rock loses strength: it gains by the tangen
 TANGENT_CYCLES = 8  # with one tangent
 GROWTH = 2.0  # of the residual in a step with the tangent; a step that leads to more is halved
 HALVINGS = 6  # at most
+RUNAWAY = 1e6  # times the residual that the way began with, or no number: nothing leads back from there
 
 
 class MultigridScheme:
@@ -207,7 +208,7 @@ class MultigridScheme:
         size, _ = balance(free, elastic, force, residual)
         anderson = self._anderson(free)
         first = TANGENT_FROM if self.model.is_brittle() else TANGENT_FROM_PLASTIC
-        smallest, since, follows, taken_over = ratio, [ratio], first, False
+        smallest, since, follows, taken_over, most = ratio, [ratio], first, False, RUNAWAY * ratio
         try:
             for cycle in range(FLOW_CYCLES):
                 stands = len(since) > STALL and ratio > STALLED * since[-1 - STALL]
@@ -223,7 +224,7 @@ class MultigridScheme:
                 if taken_over:
                     size, largest = self._shorten_step(before, size, largest)
                 ratio = size / reference
-                if not np.isfinite(ratio):
+                if not ratio <= most:
                     return None
                 self._count(history)
                 history.check(ratio, largest / reference)

@@ -132,6 +132,27 @@ def test_a_diverged_solution_is_never_applied(ratio, monkeypatch, caplog):
     assert 0.0 < np.abs(scheme.body.state.displacement).max() < 0.1
 
 
+def test_a_residual_that_runs_away_is_left_to_explicit_steps(monkeypatch, caplog):
+    """Still a number, of 1e38 N: its square is none, and the next combination of steps had no solution."""
+    make_step, made = MultigridScheme._make_step, []
+
+    def make_worse(self):
+        size, largest = make_step(self)
+        made.append(size)
+        factor = 1e30 if len(made) == 4 else 1.0
+        self.rows[3] *= factor
+        return factor * size, factor * largest
+
+    monkeypatch.setattr(MultigridScheme, "_make_step", make_worse)
+    model, volume, state = plastic_model(2)
+    with caplog.at_level(logging.WARNING):
+        scheme, history = at_rest(MultigridScheme, model, volume, state, tolerance=1e-4)
+    assert "going on with explicit steps" in caplog.text
+    assert len(made) == 4
+    assert history.rows[-1][3] <= 1e-4
+    assert 0.0 < np.abs(scheme.body.state.displacement).max() < 0.1
+
+
 def test_a_relaxation_that_stands_still_begins_anew(monkeypatch, caplog):
     """Anderson's steps can die out short of rest, here after 8 of them each time that it begins."""
     turn = multigrid.Anderson.turn
