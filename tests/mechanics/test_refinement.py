@@ -142,6 +142,21 @@ def test_a_step_killed_on_split_cells_ends_in_the_same_bytes(generations, tmp_pa
     assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
 
 
+def test_a_step_killed_with_as_many_cells_as_may_be_ends_in_the_same_bytes(tmp_path):
+    """It knows that no more may be: asked once more it would have a row more of convergence."""
+    grid = grid_of(HOLES[:1], rings=0)
+    scene = adaptive_scene(refinement=ADAPTIVE | {"max_cells": len(grid.cell_level) + 30})
+    whole, _ = run(scene, grid, tmp_path)
+    path = tmp_path / "step.checkpoint.npz"
+    dying = KilledAfter(path, "inputs", pause=0.0)
+    dying.left = 1
+    with pytest.raises(Killed):
+        run(scene, grid, tmp_path, checkpoint=dying)
+    assert Checkpoint(path, "inputs").read()["full"]
+    resumed, _ = run(scene, grid, tmp_path, checkpoint=Checkpoint(path, "inputs"))
+    assert whole.identical(resumed)
+
+
 def test_any_number_of_threads_gives_the_same_bits(tmp_path):
     results = []
     for threads in (1, 2):
