@@ -170,7 +170,8 @@ def district_of(whole: StepCells) -> District | None:
     share = np.count_nonzero(blocks.hold(model.grid.cell_index)) / len(model.cell_nodes)
     if share > MOST:
         return None
-    logging.info("the step begins in the district that it changes: %.0f %% of %d cells", 100 * share, len(model.cell_nodes))
+    cells = len(model.cell_nodes)
+    logging.info("the step begins in the district that it changes: %.0f %% of %d cells", 100 * share, cells)
     return District(whole, blocks)
 
 

@@ -218,7 +218,8 @@ def _of_file(path: str, name: str, picked: tuple, stamp: int, size: int) -> Open
     points = solid.vertices[np.unique(solid.facets)] - solid.bounds.mean(axis=0)
     axes = np.linalg.eigh(np.cov(points.T))[1]
     sides = np.maximum(np.ptp(points @ axes, axis=0), SAME * np.max(upper - lower))
-    volume = min(abs(solid.signed_volume), float(np.prod(upper - lower)))
+    whole = abs(solid.signed_volume) if solid.is_closed else solid.volume  # an open one's sum lacks what stands open
+    volume = min(whole, float(np.prod(upper - lower)))
     return Opening(lower, upper, sides, volume, np.stack([lower, upper])[None])
 
 

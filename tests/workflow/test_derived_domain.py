@@ -18,6 +18,7 @@ from mpm_core.far_field import MOST_ERROR
 from mpm_core.gridding import make_grid
 from pipeline.errors import InputError
 from workflow.configuration import load
+from workflow.far_field import _of_file
 
 SECONDS = 5.0
 
@@ -138,6 +139,10 @@ def test_a_solid_of_a_file_counts_with_its_box_and_volume(accept, refuse, tmp_pa
     from_file = accept(free(TINY, **{"excavations.1": entry}))
     np.testing.assert_array_equal(corners(from_file), corners(accept(free(TINY))))
     assert from_file.far_field.radius == pytest.approx(accept(free(TINY)).far_field.radius, rel=1e-3)
+    solid.update_faces(solid.face_normals[:, 2] < 0.5)  # its top stands open
+    solid.export(tmp_path / "open.stl")
+    openings = [_of_file(str(tmp_path / name), "stope_1", (), 0, 0) for name in ("stope.stl", "open.stl")]
+    assert openings[1].volume == pytest.approx(openings[0].volume, rel=0.01)
     (tmp_path / "stope.stl").write_text("solid nothing\nendsolid nothing\n")
     assert "stope_1" in refuse(free(TINY, **{"excavations.1": entry}))
 
