@@ -33,8 +33,17 @@ def apply_accuracy(values: dict) -> None:
     if preset == PRESETS[STANDARD]:
         return
     levels = grid["levels"] + preset.levels
-    if not 1 <= levels <= MOST_LEVELS:
-        raise InputError(f"accuracy: {name}: grid.levels would be {levels}; it is 1 to {MOST_LEVELS}")
+    if levels < 1:
+        coarse = grid["coarse_cell"]
+        raise InputError(
+            f"accuracy: {name}: leaves out the finest cells, but all cells are of {coarse:g} m; make sides of the "
+            f"domain whole multiples of {2 * coarse:g} m and the largest cells (grid) as large, or leave accuracy out"
+        )
+    if levels > MOST_LEVELS:
+        raise InputError(
+            f"accuracy: {name}: halves the finest cells, but there are {MOST_LEVELS} sizes of cell, the most that "
+            "there can be; leave accuracy out, or take fewer grid.levels"
+        )
     grid["levels"] = levels
     for key, loosest in LOOSEST.items():
         solver[key] = max(solver[key], min(solver[key] * preset.tolerances, loosest))

@@ -7,6 +7,7 @@ from mpm_core.constitutive.laws import can_fail
 from mpm_core.domain import base_cells
 from mpm_core.scene import check_virgin_stress, parse_scene
 from pipeline.errors import InputError
+from workflow.accuracy import DRAFT
 from workflow.dates import read_date
 from workflow.mine import Mine
 from workflow.record_checks import check_record
@@ -214,9 +215,11 @@ def _check_ensemble(mine) -> None:
     if not any(can_fail(mine.values["materials"][name]) for name in bodies):
         raise InputError("ensemble: no rock can fail (materials), so all members are the same; set it to 0")
     if mine.values["solver"]["increments"] == 1:
+        is_draft = mine.values["accuracy"] == DRAFT
+        said = "accuracy: draft has made 1 of solver.increments" if is_draft else "solver.increments is 1"
         raise InputError(
-            "ensemble: members differ by the parts in which they take rock out, and solver.increments is 1; set that "
-            "to 2 or more, or ensemble to 0"
+            f"ensemble: members differ by the parts in which they take rock out, and {said}; set that to "
+            f"{3 if is_draft else 2} or more, or ensemble to 0"
         )
 
 

@@ -3,8 +3,6 @@
 import pytest
 from tiny_mines import TINY
 
-from pipeline.errors import InputError
-
 
 def test_what_a_file_says_is_standard(accept):
     plain, said = accept(TINY), accept(TINY, accuracy="standard")
@@ -30,10 +28,21 @@ def test_a_fine_one_has_smaller_cells_and_more_increments(accept):
     assert accept(TINY, accuracy="fine").event_slice() == accept(TINY).event_slice()
 
 
-@pytest.mark.parametrize(("accuracy", "levels"), [("draft", 1), ("fine", 12)])
-def test_cells_that_cannot_change_are_refused(accept, accuracy, levels):
-    with pytest.raises(InputError, match=f"accuracy: {accuracy}: grid.levels would be"):
-        accept(TINY, accuracy=accuracy, **{"grid.levels": levels})
+def test_cells_that_cannot_change_are_refused_with_what_would_let_them(refuse):
+    """As they are, given by levels or not: sides of 80 m are no multiples of twice 80 m."""
+    line = refuse(TINY, accuracy="draft", **{"grid.levels": 1})
+    assert line.startswith("accuracy: draft: leaves out the finest cells, but all cells are of 10 m; make sides of the domain")
+    assert refuse(TINY, accuracy="draft", grid={"finest_cell": "80 m"}).endswith(
+        "whole multiples of 160 m and the largest cells (grid) as large, or leave accuracy out"
+    )
+    line = refuse(TINY, accuracy="fine", **{"grid.levels": 12})
+    assert line.startswith("accuracy: fine: halves the finest cells, but there are 12 sizes of cell, the most")
+
+
+def test_a_draft_of_an_ensemble_needs_increments_to_halve(refuse, accept):
+    line = refuse(TINY, accuracy="draft", ensemble=2, **{"solver.increments": 2})
+    assert "accuracy: draft has made 1 of solver.increments; set that to 3 or more, or ensemble to 0" in line
+    assert accept(TINY, accuracy="draft", ensemble=2, **{"solver.increments": 3}).members == 2
 
 
 def test_a_finest_cell_is_that_of_standard(accept):
