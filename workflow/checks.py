@@ -15,7 +15,8 @@ from workflow.shapes import check_repeated, check_shape
 
 PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
 IN_PLANE = {"xz": ("xx", "zz", "xz"), "xy": ("xx", "yy", "xy"), None: ("xx", "yy", "zz", "yz", "xz", "xy")}
-RESERVED = ("verification", "benchmarks")  # folders of results with other tenants
+ALL = "all"  # beside the steps in grid_convergence.nc and spread.nc: all of them together
+RESERVED = ("verification", "benchmarks", "extremes", "tradeoff", "stability", "catalog_spread")  # folders of results
 LEAST_HOURGLASS = 0.001  # a thousandth of it makes a stage twenty times as long, zero has no answer
 MOST_POISSON = 0.49  # where particles share a cell: a hole then closes 4 % too little, at 0.499 26 %, at 0.4999 73 %
 MOST_CELLS = 10**9  # coarse ones; the finer come on top
@@ -23,7 +24,7 @@ MOST_CELLS = 10**9  # coarse ones; the finer come on top
 
 def check_mine(mine: Mine) -> None:
     """What the schema cannot say. Raises InputError."""
-    if mine.name in RESERVED:
+    if mine.name.lower() in RESERVED:
         raise InputError(f"name: results/{mine.name} is a folder of the pipeline's own; take another name")
     _check_steps(mine)
     _check_domain(mine)
@@ -48,8 +49,14 @@ def check_virgin(mine: Mine, materials: dict) -> None:
 
 def _check_steps(mine) -> None:
     names = [step["name"] for step in mine.steps]
+    implicit = len(mine.steps) > len(mine.listed_steps)  # the first, history
     for index, step in enumerate(mine.steps):
         where = f"steps.{step['name']}"
+        if implicit and index and step["name"].lower() == names[0]:
+            raise InputError(
+                f"{where}: an undated step '{names[0]}' stands before the first dated one by itself; give this step "
+                "another name, or leave out its dates if it is that"
+            )
         if names.index(step["name"]) != index:
             raise InputError(f"{where}: this name stands twice; steps need names of their own")
         if step["name"].lower() in [name.lower() for name in names[:index]]:
@@ -58,6 +65,8 @@ def _check_steps(mine) -> None:
             )
         if step["name"] == PLANNED:
             raise InputError(f"{where}: '{PLANNED}' means not yet scheduled; give the step another name")
+        if step["name"] == ALL:
+            raise InputError(f"{where}: '{ALL}' means all dated steps in results; give the step another name")
         if ("start" in step) != ("end" in step):
             raise InputError(f"{where}: a dated step needs both start and end")
         if "start" not in step and any("start" in earlier for earlier in mine.steps[:index]):

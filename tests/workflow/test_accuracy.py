@@ -31,7 +31,9 @@ def test_a_fine_one_has_smaller_cells_and_more_increments(accept):
 def test_cells_that_cannot_change_are_refused_with_what_would_let_them(refuse):
     """As they are, given by levels or not: sides of 80 m are no multiples of twice 80 m."""
     line = refuse(TINY, accuracy="draft", **{"grid.levels": 1})
-    assert line.startswith("accuracy: draft: leaves out the finest cells, but all cells are of 10 m; make sides of the domain")
+    assert line.startswith(
+        "accuracy: draft: leaves out the finest cells, but all cells are of 10 m; make sides of the domain"
+    )
     assert refuse(TINY, accuracy="draft", grid={"finest_cell": "80 m"}).endswith(
         "whole multiples of 160 m and the largest cells (grid) as large, or leave accuracy out"
     )

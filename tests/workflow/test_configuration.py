@@ -3,17 +3,21 @@
 import copy
 import datetime
 import json
+import re
 
 import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, STRAIN, TINY, changed, merged
+from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, ROOT, STRAIN, TINY, changed, merged
 
+from catalogs import grid_convergence, spread
 from catalogs.record_settings import COLUMN_KEYS, RecordSlice
 from catalogs.records.filters import limits_of
 from pipeline.errors import InputError
+from verification.benchmarks.targets import RESULTS
 from verification.extremes.bad_input import AGAIN, FAR, FAULTS, ON_GLOBE, UTM
+from workflow.checks import ALL, RESERVED
 from workflow.configuration import load
 
 
@@ -25,6 +29,16 @@ def test_a_mistake_is_one_line_with_its_key(refuse, key, value, begins, says):
     line = refuse(TINY, **{key: value})
     assert line.startswith(begins)
     assert says in line
+
+
+def test_no_mine_takes_a_folder_of_results_that_rules_write_to():
+    """Whatever stands right below results/ in a rule, but for the mine's own folder."""
+    rules = "".join(path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk"))
+    assert set(RESERVED) == {*re.findall(r"\bresults/(\w+)", rules), RESULTS.removeprefix("results/")}
+
+
+def test_no_step_is_taken_for_all_of_them():
+    assert ALL == grid_convergence.ALL == spread.ALL
 
 
 def test_columns_of_degrees_need_a_frame_with_a_place(refuse, accept):

@@ -1,6 +1,6 @@
 """Mistakes in a mine's file, each with the line that it must be refused with."""
 
-from verification.extremes.tiny_mine import DIRECTED, FILL, HOST, PUSH, STRAIN, TINY, box
+from verification.extremes.tiny_mine import DIRECTED, FILL, HOST, NEXT_STEP, PUSH, STRAIN, TINY, box
 
 IN_FILE = {key: DIRECTED[key] for key in ("name", "step", "force", "toward")} | {"file": "record.csv"}
 UPSIDE_DOWN = {"shape": "prism", "lower": "50 m", "upper": "40 m"}
@@ -61,6 +61,8 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("excavations.0.shape", "tunnel", "excavations.drive.height: ", "missing; shape tunnel needs height, path, width"),
     ("excavations.0.name", "../etc", "excavations[0].name: ", "does not match"),
     ("steps.1.name", "planned", "steps.planned: ", "another name"),
+    ("steps.1.name", "all", "steps.all: ", "all dated steps in results; give the step another name"),
+    ("steps", [NEXT_STEP | {"name": "history"}], "steps.history: ", "undated step 'history' stands before the first"),
     ("steps.1.end", "2019-08-01", "steps.2019-08.end: ", "not after start"),
     ("steps.1.end", "2019-08-32", "steps.2019-08.end: ", "not a date"),
     ("steps.1.start", "August", "steps[1].start: ", "'August'"),
@@ -68,6 +70,7 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("name", "x y", "name: ", "letters, digits"),
     ("name", "x" * 300, "name: ", "up to 64 letters"),
     ("name", "verification", "name: results/verification", "another name"),
+    ("name", "Catalog_spread", "name: results/Catalog_spread", "another name"),
     ("materials.fill", "x", "materials.fill: ", "'object'"),
     ("materials." + "m" * 65, FILL, "materials", "up to 64 letters"),
     ("steps.1.name", "History", "steps.History: ", "capitals alone"),
