@@ -70,7 +70,7 @@ def grid_convergence(chosen: argparse.Namespace) -> None:
     settings = read_slice(chosen.settings)
     catalogs = [read_events(path) for path in (chosen.catalog, chosen.coarse_catalog)]
     states = [[read_dataset(path, ()).attrs for path in paths] for paths in (chosen.steps, chosen.coarse_steps)]
-    result = compare(catalogs, states, settings)
+    result = compare(catalogs, states, read_dataset(chosen.coarse_grid, ()).attrs, settings)
     write_dataset(result.assign_attrs(provenance(settings, "catalogs grid_convergence")), chosen.output)
 
 
@@ -141,7 +141,9 @@ def parser() -> argparse.ArgumentParser:
     gathered = stage("spread", spread, "catalog", "output", settings=True)
     gathered.add_argument("--comparison", type=Path)
     gathered.add_argument("--runs", type=Path, nargs="+", required=True, help="folders of steps and events, own first")
-    halved = stage("grid_convergence", grid_convergence, "catalog", "coarse-catalog", "output", settings=True)
+    halved = stage(
+        "grid_convergence", grid_convergence, "catalog", "coarse-catalog", "coarse-grid", "output", settings=True
+    )
     for name in ("steps", "coarse-steps"):
         halved.add_argument(
             f"--{name}", type=Path, nargs="+", required=True, help="states of the dated steps, in order"

@@ -14,8 +14,11 @@ Dimensions: cell (edge of the finest cells, m: the mine's, twice it), period (th
   events (cell, period)                resolved events from the larger floor of both catalogues on
   largest (cell, period)               log10 of the largest potency (m3), NaN without events
   potency_error, failed_volume_error (period)   share that these may be off by, NaN where nothing failed
-Attributes: mine, floor (log10 P in m3), config_hash, source_hash, versions.
+Attributes: mine, floor (log10 P in m3), left_out (excavations that cells of twice the size have no part of, JSON),
+config_hash, source_hash, versions.
 """
+
+import json
 
 import numpy as np
 import xarray as xr
@@ -31,11 +34,12 @@ FLOOR = 0.10  # share: the stope above has 2.18, 2.07 and 1.98 m3 where its wall
 
 
 def compare(
-    catalogs: list[xr.Dataset], steps: list[list[dict]], settings: GridConvergenceSettings | dict
+    catalogs: list[xr.Dataset], steps: list[list[dict]], coarse_grid: dict, settings: GridConvergenceSettings | dict
 ) -> xr.Dataset:
     """Numbers of both runs and what they say of the error; layout as at the head of this module.
 
     catalogs: of both runs; steps: attributes of the states of their dated steps; each the mine's own first.
+    coarse_grid: attributes of the grid of cells of twice the size.
     Raises InputError for files of another mine or of other steps.
     """
     settings = GridConvergenceSettings.of(settings)
@@ -58,10 +62,12 @@ def compare(
     data = {name: (("cell", "period"), values, {"units": units[name]}) for name, values in table.items()}
     for name in ("potency", "failed_volume"):
         data[f"{name}_error"] = ("period", share_off(*table[name]), {"units": "1"})
+    names, volumes = (json.loads(coarse_grid[name]) for name in ("excavation_names", "excavation_volume_grid"))
+    left_out = [name for name, volume in zip(names, volumes, strict=True) if not volume > 0.0]
     return xr.Dataset(
         data,
         coords={"cell": ("cell", list(settings.cells), {"units": "m"}), "period": [*settings.steps, ALL]},
-        attrs={"mine": settings.mine, "floor": floor},
+        attrs={"mine": settings.mine, "floor": floor, "left_out": json.dumps(left_out)},
     )
 
 

@@ -19,6 +19,8 @@ from mpm_core.settings import GridSlice
 from mpm_core.solids import bodies_at, read_solids
 from pipeline.errors import InputError
 
+NOTHING = 1e-9  # of a solid's box: round-off
+
 
 def domain_of(values: GridSlice) -> Domain:
     """The domain of the grid's configuration slice."""
@@ -28,12 +30,17 @@ def domain_of(values: GridSlice) -> Domain:
 
 
 def cut_pieces(
-    index: np.ndarray, domain: Domain, solids: list[Solid | Outside], chosen: np.ndarray, whole: bool
+    index: np.ndarray,
+    domain: Domain,
+    solids: list[Solid | Outside],
+    chosen: np.ndarray,
+    whole: bool,
+    allowed: float,
 ) -> Places:
     """Parts of finest cells inside chosen excavations (k,), numbers of solids, by excavation and cell.
 
     index (n, d): lower corners of the finest cells that may be, fine units, in Morton order. `whole`: in or out by the
-    half. Raises InputError for an excavation that is too thin for these cells.
+    half; allowed: grid.volume_error. Raises InputError for an excavation that no cell has a part of.
     """
     fine = domain.cell(domain.levels - 1)
     # Cells of one base cell stand together (Morton order): a solid looks at few base cells, not at all finest cells.
@@ -58,12 +65,25 @@ def cut_pieces(
             samples = np.where(np.bitwise_count(samples) >= SAMPLES // 2, FULL, np.uint64(0))
         keep = np.bitwise_count(samples) >= SLIVER
         if not keep.any():
-            raise InputError(
-                f"excavations.{solid.name}: adds no volume: it is thinner than a fraction of the finest cell, "
-                f"{fine:g} m; refine grid.levels or leave it out"
-            )
+            miss(solid, domain, allowed)
         parts.append(Places(index[near][keep], np.full(keep.sum(), number, np.int16), samples[keep]))
     return Places.all_of(parts, len(domain.lower))
+
+
+def miss(solid: Solid | Outside, domain: Domain, allowed: float) -> None:
+    """Raise InputError for an excavation that no cell has a part of; where all of it may be missed (allowed: grid's
+    volume_error) only warn. A surface that stands twice, once turned inward, encloses nothing."""
+    fine = domain.cell(domain.levels - 1)
+    where = f"excavations.{solid.name}: adds no volume"
+    if solid.volume <= NOTHING * np.prod(np.ptp(solid.bounds, axis=0)):
+        raise InputError(
+            f"{where}: its surface encloses nothing; where it stands twice, once turned inward, the two cancel: delete "
+            "one of them, or leave it out"
+        )
+    thin = f"{where}: it is thinner than a fraction of the finest cell, {fine:g} m"
+    if allowed < 1.0:
+        raise InputError(f"{thin}; refine grid.levels or leave it out")
+    logging.warning("%s, and left out", thin)
 
 
 def touched_cells(classify, domain: Domain) -> np.ndarray:
@@ -98,8 +118,8 @@ def refuse_propped(names: list[str], share: np.ndarray, size: np.ndarray, allowe
     share (k,): of each one's volume in wholly mined cells, size (k,) m3; allowed: grid.volume_error, from 1 on anything
     goes; cell: edge of the finest cells, m.
     """
-    for name, whole in zip(names, share, strict=True):
-        if whole < LEAST:
+    for name, whole, volume in zip(names, share, size, strict=True):
+        if whole < LEAST and volume > 0.0:
             logging.warning("%s: narrow for cells of %g m: %.0f %% of it fills whole ones", name, cell, 100 * whole)
     if size.sum() > 0.0 and share @ size < NEARLY_NONE * size.sum() and allowed < 1.0:
         raise InputError(
@@ -154,20 +174,20 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
         values.grid.buffer_cells,
         before_allocation=lambda count: require_memory(count, dimension),
     )
-    whole = values.grid.cut_cells == "whole"
+    whole, allowed = values.grid.cut_cells == "whole", values.grid.volume_error
     finest = grid.cell_index[grid.cell_level == grid.levels - 1]
-    pieces = cut_pieces(finest, domain, solids, np.flatnonzero(~later), whole)
+    pieces = cut_pieces(finest, domain, solids, np.flatnonzero(~later), whole, allowed)
     if later.any():
         touched = touched_cells(lambda level, index: marks(later, level, index), domain)
-        pieces = pieces.and_then(cut_pieces(touched, domain, solids, np.flatnonzero(later), whole))
+        pieces = pieces.and_then(cut_pieces(touched, domain, solids, np.flatnonzero(later), whole, allowed))
     thickness = values.thickness if dimension == 2 else 1.0
     on_grid = np.bincount(pieces.excavation, np.bitwise_count(pieces.samples) / 64, minlength=len(solids))
     on_grid = on_grid * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
     volume = [solid.volume_within(domain.lower, domain.upper) * thickness for solid in solids]
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
-        compare_volumes(solid.name, true, float(gridded), values.grid.volume_error, grid.fine_cell)
+        compare_volumes(solid.name, true, float(gridded), allowed, grid.fine_cell)
     share, names = whole_shares(pieces, grid.shape, later), [solid.name for solid in solids]
-    refuse_propped(names, share, on_grid, values.grid.volume_error, grid.fine_cell)
+    refuse_propped(names, share, on_grid, allowed, grid.fine_cell)
     return grid_dataset(
         grid,
         bodies_at(bodies, grid.cell_center),

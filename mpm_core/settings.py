@@ -86,12 +86,14 @@ class GridSettings(Settings):
     """adaptive (cells are split to the finest where rock is mined and where it comes near its strength) | static (fine
     around all excavations from the start, and nowhere else; also where particles move)"""
     max_cells: Many = 20_000_000
-    """of an adaptive grid: where it would have more, rock stays in coarse cells, and the step is labelled truncated"""
+    """of an adaptive grid: where it would have more, rock stays in coarse cells, and the step is labelled truncated;
+    cells of openings are made all the same"""
     cut_cells: Literal["fraction", "whole", "subdivide"] = "fraction"
     """cells crossed by a surface: fraction (by volume) | whole (in or out) | subdivide (64 points)"""
     volume_error: Annotated[float, Field(ge=0)] = 0.2
     """share of its volume by which the grid may miss an excavation; more is an error, 0.05 a banner. From 1 on openings
-    of which almost nothing fills a whole cell are let through, too: the rock in their cells props them"""
+    of which almost nothing fills a whole cell are let through, too: the rock in their cells props them; and those too
+    thin for any part of a cell are left out"""
 
 
 class StressComponents(Settings):

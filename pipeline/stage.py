@@ -3,6 +3,7 @@
 import ctypes
 import logging
 import os
+import re
 import resource
 import signal
 import sys
@@ -20,6 +21,7 @@ from pipeline.warnings import ToTerminal
 
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
 PIPELINE_PROCESS = "PIPELINE_PROCESS"  # environment variable: the process that starts the stages
+COMPANION = re.compile(r"results/[^/]+/coarse/")  # of its results (workflow/rules/common.smk)
 INTERRUPTED = 130  # what a shell makes of SIGINT
 
 
@@ -72,6 +74,10 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     die_with_parent()
     CLOCK.start()
     progress = Progress(name, f"{does.strip().splitlines()[0].rstrip('.')}; log: {log}")
+    is_companion = COMPANION.search(name)
+    whose = (
+        f"{name} (the mine on cells of twice the size; grid_convergence: false leaves it out)" if is_companion else name
+    )
     file = None
     try:
         file = start_log(log, progress)
@@ -80,10 +86,10 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
             function()
     except InputError as error:
         logging.exception("stage failed")
-        sys.exit(f"{name}: {error}")
+        sys.exit(f"{whose}: {error}")
     except MemoryError:
         logging.exception("out of memory")
-        sys.exit(f"{name}: out of memory; fewer levels, a larger coarse_cell or fewer buffer_cells need less")
+        sys.exit(f"{whose}: out of memory; fewer levels, a larger coarse_cell or fewer buffer_cells need less")
     except KeyboardInterrupt:
         logging.info("ended on the user's request")
         sys.exit(INTERRUPTED)
@@ -93,8 +99,8 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
         named = getattr(error, "filename", None)
         written = [os.environ.get("NUMBA_CACHE_DIR", "."), Path(log).parent if log else "."]  # besides whole files
         if full := no_room(error, Path(named).parent if named else full_one(written)):
-            sys.exit(f"{name}: {full}")
-        sys.exit(f"{name}: unexpected {type(error).__name__}: {error}; traceback in {log or 'the log above'}")
+            sys.exit(f"{whose}: {full}")
+        sys.exit(f"{whose}: unexpected {type(error).__name__}: {error}; traceback in {log or 'the log above'}")
     costs = Costs(*CLOCK.taken(), memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
     logging.info("%s", costs.closing_line(name))  # pipeline.costs reads it back: nothing comes after it
     if file:

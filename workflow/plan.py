@@ -135,7 +135,8 @@ class Plan:
     def coarser(self) -> Self:
         """The same mine without its finest cells: grid, states and events of its own.
 
-        What of an excavation's volume cells of this size miss is no error here: they are meant to be coarse.
+        What of an excavation's volume cells of this size miss is no error here, were it all: they are meant to be
+        coarse.
         """
         companion = copy.copy(self)
         grid = self.values["grid"]

@@ -1,11 +1,13 @@
 """What cells and increments leave uncertain, as words and rows: the run beside one on cells of twice the size."""
 
+import json
+
 import numpy as np
 import xarray as xr
 
 from catalogs.grid_convergence import ALL
 from catalogs.report.inputs import Evidence
-from catalogs.report.text import MISSING, fixed, number, percent, whole
+from catalogs.report.text import MISSING, NAMED, fixed, number, percent, whole
 
 AT_ONCE = 0.05  # share of the potency from which on the loading makes the events (docs/method.md, 8)
 TOO_COARSE = 0.5  # share: more than first-order convergence can be read from
@@ -24,8 +26,12 @@ def discretisation(evidence: Evidence) -> list[str]:
     every = table.sel(period=ALL)
     own, coarse = (f"{cell:g}" for cell in table["cell"].values)
     potency, volume = (every[name].values for name in ("potency", "failed_volume"))
+    names = json.loads(table.attrs["left_out"])
+    missed = [row.name for row in evidence.excavations if row.name in names and not row.planned]
+    more = f" and {len(missed) - NAMED} more" if len(missed) > NAMED else ""
+    without = f", which are too large for any of {', '.join(missed[:NAMED])}{more}," if missed else ""
     text = (
-        f"On cells of {coarse} m instead of {own} m the same steps release {number(potency[1])} m³ of potency "
+        f"On cells of {coarse} m instead of {own} m{without} the same steps release {number(potency[1])} m³ of potency "
         f"(here {number(potency[0])}) and {number(volume[1])} m³ of rock fail (here {number(volume[0])})"
     )
     if np.isfinite(table.attrs["floor"]):

@@ -1,5 +1,7 @@
 """What two runs on cells of two sizes say of each other: exact numbers of hand-made ones, and the report's words."""
 
+import json
+
 import numpy as np
 import pytest
 import report_fixtures as fixtures
@@ -15,6 +17,7 @@ from pipeline.event_table import new_catalog
 
 STEPS = ["2019-08", "2019-09"]
 SETTINGS = {"mine": "testmine", "steps": STEPS, "cells": [2.0, 4.0]}
+COARSE_GRID = {"excavation_names": '["drive", "stope_a", "sump"]', "excavation_volume_grid": "[9.0, 7.0, 0.0]"}
 VOLUMES = {"own": [100.0, 50.0], "coarse": [80.0, 50.0]}
 
 
@@ -33,7 +36,7 @@ def run(potency: list[float], step: list[str], floor: float, volumes: list[float
 def found() -> xr.Dataset:
     own = run([3.0, 0.5, 0.1, 1.0], ["2019-08"] * 3 + ["2019-09"], 0.05, VOLUMES["own"], [1, 1, 1, 0])
     coarse = run([2.5, 0.4, 1.2], ["2019-08", "2019-08", "2019-09"], 0.2, VOLUMES["coarse"])
-    return compare(*zip(own, coarse, strict=True), SETTINGS)
+    return compare(*zip(own, coarse, strict=True), COARSE_GRID, SETTINGS)
 
 
 def test_numbers_of_both_runs_by_step_and_in_total(found):
@@ -44,6 +47,7 @@ def test_numbers_of_both_runs_by_step_and_in_total(found):
     assert found["events"].values.tolist() == [[2, 0, 2], [2, 1, 3]]  # resolved, from the larger floor on
     np.testing.assert_allclose(found["largest"], np.log10([[3.0, 1.0, 3.0], [2.5, 1.2, 2.5]]))
     assert found.attrs["floor"] == pytest.approx(np.log10(0.2))
+    assert json.loads(found.attrs["left_out"]) == ["sump"]
 
 
 def test_a_number_may_be_off_by_what_it_changed_by(found):
@@ -67,7 +71,7 @@ def test_nothing_that_failed_has_no_error():
 def test_files_of_another_mine_or_other_steps_are_refused(fault):
     runs = [run([1.0], ["2019-08"], 0.1, VOLUMES["own"]) for _ in range(2)]
     with pytest.raises(InputError, match="grid_convergence: steps 2019-08, 2019-09 of testmine"):
-        compare(*zip(*runs, strict=True), SETTINGS | fault)
+        compare(*zip(*runs, strict=True), COARSE_GRID, SETTINGS | fault)
 
 
 def written(mine: fixtures.Mine, **attributes) -> dict:
@@ -95,6 +99,10 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     write_dataset(catalog, tmp_path / "at_once.nc")
     write_report(**arguments | {"catalog": tmp_path / "at_once.nc"})
     assert "Of the potency 24 % is in rock that an increment" in mine.arguments()["output"].read_text()
+    write_dataset(found.assign_attrs(left_out='["drive", "no_more"]'), tmp_path / "grid_convergence.nc")
+    write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
+    page = mine.arguments()["output"].read_text()
+    assert "On cells of 4 m instead of 2 m, which are too large for any of drive, the same steps release" in page
     worse = found.assign(potency_error=found["potency_error"] * 10)
     write_dataset(worse, tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")

@@ -1,9 +1,15 @@
 """`grid_convergence`: the tiny mine on cells of twice the size beside results that stand, and what both tell."""
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
-from tiny_mines import FLAT, TINY, changed, edited, hashes, jobs, snakemake
+from tiny_mines import FLAT, TINY, box, changed, edited, hashes, jobs, snakemake
+
+from mpm_core.gridding import make_grid
+from mpm_core.scene import parse_scene
+from mpm_core.stages import elastic_stage, mining_step
 
 STEPS = ("history", "2019-08")
 
@@ -26,6 +32,27 @@ def test_the_companion_differs_in_its_cells_alone(accept):
     assert coarse.scene_slice(1) == {key: value for key, value in here.items() if key != "refinement"}  # one size only
     assert coarse.event_slice("2019-08") == mine.event_slice("2019-08")
     assert mine.convergence_slice() == {"mine": "tiny", "steps": ["2019-08"], "cells": [5.0, 10.0]}
+
+
+def test_the_companion_leaves_out_what_is_too_small_for_its_cells(accept, caplog, tmp_path):
+    """Openings of 0.8 % of a doubled cell, one with water in it, each all that its step mines: it runs all the same."""
+    sumps = {
+        "excavations.0": box("sump", "history", [50, 31, 42], [52, 33, 44], pressure="0.2 MPa"),
+        "excavations.1": box("niche", "2019-08", [30, 61, 42], [32, 63, 44], fill="fill"),
+    }
+    mine = accept(TINY, **sumps, **{"grid.volume_error": 0.9})
+    assert min(json.loads(make_grid(mine.grid_slice(), {}).attrs["excavation_volume_grid"])) > 0.0
+    coarse = mine.coarser()
+    grid = make_grid(coarse.grid_slice(), {})
+    assert (
+        "excavations.sump: adds no volume: it is thinner than a fraction of the finest cell, 10 m, and left"
+        in caplog.text
+    )
+    assert json.loads(grid.attrs["excavation_volume_grid"])[:2] == [0.0, 0.0]
+    state, _ = elastic_stage(parse_scene(coarse.scene_slice(0)), grid, tmp_path / "failed.npz")
+    for step in STEPS:
+        state, _ = mining_step(parse_scene(coarse.step_slice(step)), grid, state, tmp_path / "failed.npz")
+    assert state.attrs["energy_released"] == 0.0
 
 
 @pytest.mark.slow

@@ -182,6 +182,17 @@ def solid(name: str, content: bytes, folder) -> dict:
     return {"name": "drive", "step": "history", "file": name}
 
 
+def test_a_surface_that_stands_twice_and_once_inward_encloses_nothing(refused, tmp_path):
+    """Large as it is, smaller cells would not help."""
+    outward = trimesh.creation.box(bounds=[[20, 30, 40], [60, 40, 50]])
+    inward = outward.copy()
+    inward.invert()
+    twice = trimesh.util.concatenate([outward, inward]).export(file_type="stl")
+    line = refused(TINY, **{"excavations.0": solid("twice.stl", twice, tmp_path)})
+    assert line.startswith("excavations.drive: adds no volume: its surface encloses nothing; where it stands twice")
+    assert "grid.levels" not in line
+
+
 SPOILED = {
     "text.stl": b"this is no solid",
     "empty.stl": b"",

@@ -138,6 +138,7 @@ rule grid_convergence:
         ],
         catalog=f"{RESULTS}/catalog.nc",
         coarse_catalog=f"{RESULTS}/{COARSE}/catalog.nc",
+        coarse_grid=f"{RESULTS}/{COARSE}/grid.nc",
     output:
         kept(f"{RESULTS}/grid_convergence.nc"),
     params:
@@ -155,6 +156,7 @@ rule grid_convergence:
         "../envs/environment.yaml"
     shell:
         "stage catalogs grid_convergence --catalog {input.catalog} --coarse-catalog {input.coarse_catalog}"
+        " --coarse-grid {input.coarse_grid}"
         " --steps {input.steps} --coarse-steps {input.coarse_steps}"
         " --settings {params.settings:q} --output {output} --log {log}"
 
