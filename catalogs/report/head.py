@@ -10,6 +10,8 @@ from catalogs.report.inputs import Evidence
 from catalogs.report.text import number, percent, plural, typeset, whole
 from catalogs.sizes import log_potency
 
+SAMPLES = 64  # points of a cell, one bit each, that are inside an excavation or not
+
 
 def missing_potency(evidence: Evidence) -> list[str]:
     """One sentence or two on rock that was too coarse to fail; empty where there is none.
@@ -52,9 +54,7 @@ def step_rows(evidence: Evidence) -> list[dict]:
         return []
     cut = float(evidence.comparison["cut"]) if evidence.comparison is not None else -np.inf
     cut = cut if np.isfinite(cut) else -np.inf
-    mined = {}
-    for row in evidence.excavations:
-        mined[row.step] = mined.get(row.step, 0.0) + row.drawn
+    mined = mined_volumes(evidence)
     rows, common = [], _common(evidence)
     for step in evidence.dated:
         start, end = window(step)
@@ -63,7 +63,7 @@ def step_rows(evidence: Evidence) -> list[dict]:
             "step": step["step"],
             "days": number((end - start) / DAY, 3),
             "recorded_days": number((ended - begun) / DAY, 3),
-            "mined": number(mined.get(step["step"], 0.0), 4),
+            "mined": number(mined[step["step"]], 4),
             "modelled": _count(evidence.resolved, evidence.resolved["step"].values == step["step"], cut),
         }
         if evidence.record is not None:
@@ -71,6 +71,26 @@ def step_rows(evidence: Evidence) -> list[dict]:
             row["recorded"] = _count(evidence.record, (time >= start) & (time < end), cut)
         rows.append(row)
     return rows
+
+
+def mined_volumes(evidence: Evidence) -> dict[str, float]:
+    """Rock that each step mines, on the grid, m3. Where solids overlap it counts once, in the step that comes first;
+    fill that is mined again is no rock."""
+    grid = evidence.grid
+    lower, upper, edge = (np.asarray(grid.attrs[name]) for name in ("domain_lower", "domain_upper", "fine_cell"))
+    cell, end = (np.rint((corner - lower) / edge).astype(np.int64) for corner in (grid["piece_origin"].values, upper))
+    _, place = np.unique(np.ravel_multi_index(cell.T, end + 1), return_inverse=True)
+    samples, excavation = grid["piece_samples"].values, grid["piece_excavation"].values
+    gone, found = np.zeros(len(place), np.uint64), {}
+    volume = float(edge) ** int(grid.attrs["dimension"]) * float(grid.attrs["thickness"])
+    for step in evidence.steps:
+        wanted = [index for index, row in enumerate(evidence.excavations) if row.step == step["step"]]
+        own = np.flatnonzero(np.isin(excavation, wanted))
+        here = np.unique(place[own])
+        before = gone[here]
+        np.bitwise_or.at(gone, place[own], samples[own])
+        found[step["step"]] = float(np.bitwise_count(gone[here] & ~before).sum()) / SAMPLES * volume
+    return found
 
 
 def _common(evidence: Evidence) -> list[np.datetime64]:

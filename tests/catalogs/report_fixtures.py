@@ -122,6 +122,7 @@ def make_grid(
             "cell_body": ("cell", np.full(len(size), -1, np.int16)),
             "piece_origin": (("piece", "xyz"), full[cell]),
             "piece_excavation": ("piece", excavation.astype(np.int16)),
+            "piece_samples": ("piece", (2.0 ** np.round(63 * fraction)).astype(np.uint64) * 2 - 1),
             "piece_fraction": ("piece", fraction),
         },
         attrs={

@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib import dates
 
 from catalogs.figures import events, panels, record, rock, style, views
-from catalogs.report.head import missing_potency, step_rows
+from catalogs.report.head import mined_volumes, missing_potency, step_rows
 from catalogs.report.inputs import Excavation
 from catalogs.report.insitu import insitu_axes
 from catalogs.settings import InsituStress
@@ -42,6 +42,26 @@ def events_of(potency, step_names=None, days=None) -> xr.Dataset:
             "location": (("event", "xyz"), np.zeros((count, 3))),
         }
     )
+
+
+def mined_in(parts: list[tuple[int, str, int]]) -> dict:
+    """A grid of four cells of 2 m and its excavations, one each: place of its cell, its step, how many of the 64
+    samples, the first ones."""
+    origin = np.array([[100.0 + 2 * place, 0.0, -8.0] for place, *_ in parts]).reshape(-1, 3)
+    samples = np.array([2**count - 1 for *_, count in parts], np.uint64)
+    data = {"piece_origin": (("piece", "xyz"), origin), "piece_samples": ("piece", samples)}
+    data["piece_excavation"] = ("piece", np.arange(len(parts)))
+    corners = {"domain_lower": [100.0, 0.0, -8.0], "domain_upper": [108.0, 2.0, -6.0]}
+    rows = [Excavation(f"e{at}", step, "none", step, 9.0, 9.0, False, True) for at, (_, step, _) in enumerate(parts)]
+    grid = xr.Dataset(data, attrs=corners | {"fine_cell": 2.0, "dimension": 3, "thickness": 1.0})
+    return {"grid": grid, "excavations": rows}
+
+
+def test_rock_counts_in_the_step_that_mines_it_first():
+    """A stope over an earlier drive, and over half a stope of its own step; one planned over all of it."""
+    parts = [(0, "a", 16), (0, "b", 64), (1, "b", 32), (1, "b", 64), (2, "b", 8), (2, "c", 8), (3, "planned", 64)]
+    found = mined_volumes(SimpleNamespace(steps=[{"step": name} for name in "abc"], **mined_in(parts)))
+    assert found == {"a": 2.0, "b": 6.0 + 8.0 + 1.0, "c": 0.0}
 
 
 def test_missing_potency_is_each_steps_own_share():
@@ -77,8 +97,8 @@ def test_each_step_stands_beside_what_was_recorded_while_it_was_mined():
             record=recorded,
             comparison={"cut": np.float64(-2.0)},
             dated=[step("a", 0.0, 1), step("b", 0.0, 2)],
-            excavations=[Excavation(name, at, "none", at, 9.0, drawn, False, True) for name, at, drawn in
-                         [("x", "a", 5.0), ("y", "a", 6.0), ("z", "b", 7.0)]],
+            steps=[step("a", 0.0, 1), step("b", 0.0, 2)],
+            **mined_in([(0, "a", 40), (1, "a", 48), (2, "b", 56)]),
         )
     )  # fmt: skip
     assert [(row["days"], row["mined"]) for row in rows] == [("31.0", "11.00"), ("28.0", "7.000")]
@@ -91,8 +111,9 @@ def test_a_record_that_ends_within_a_step_says_for_how_many_of_its_days_it_is():
     recorded.attrs["period"] = json.dumps({"common": ["2019-01-01T00:00:00", "2019-02-11T00:00:00"]})
     rows = step_rows(
         SimpleNamespace(
-            catalog=recorded, resolved=recorded, record=recorded, comparison=None, excavations=[],
+            catalog=recorded, resolved=recorded, record=recorded, comparison=None, **mined_in([]),
             dated=[step("a", 0.0, 1), step("b", 0.0, 2), step("c", 0.0, 3)],
+            steps=[step("a", 0.0, 1), step("b", 0.0, 2), step("c", 0.0, 3)],
         )
     )  # fmt: skip
     assert [(row["days"], row["recorded_days"]) for row in rows] == [("31.0", "31.0"), ("28.0", "10.0"), ("31.0", "0")]
