@@ -29,7 +29,7 @@ def discretisation(evidence: Evidence) -> list[str]:
     names = json.loads(table.attrs["left_out"])
     missed = [row.name for row in evidence.excavations if row.name in names and not row.planned]
     more = f" and {len(missed) - NAMED} more" if len(missed) > NAMED else ""
-    without = f", which are too large for any of {', '.join(missed[:NAMED])}{more}," if missed else ""
+    without = f", which leave out {', '.join(missed[:NAMED])}{more}," if missed else ""
     text = (
         f"On cells of {coarse} m instead of {own} m{without} the same steps release {number(potency[1])} m³ of potency "
         f"(here {number(potency[0])}) and {number(volume[1])} m³ of rock fail (here {number(volume[0])})"

@@ -102,7 +102,7 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     write_dataset(found.assign_attrs(left_out='["drive", "no_more"]'), tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
     page = mine.arguments()["output"].read_text()
-    assert "On cells of 4 m instead of 2 m, which are too large for any of drive, the same steps release" in page
+    assert "On cells of 4 m instead of 2 m, which leave out drive, the same steps release" in page
     worse = found.assign(potency_error=found["potency_error"] * 10)
     write_dataset(worse, tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
