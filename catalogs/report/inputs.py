@@ -180,6 +180,11 @@ def read_evidence(
     dates = {one["step"]: {key: one[key] for key in UNDATED} for one in budgets}
     for stage in stages:
         stage.attrs = UNDATED | stage.attrs | dates.get(stage.attrs["step"], {})
+    found_spread = read(spread)
+    members = 0 if found_spread is None else int(found_spread.attrs["members"])
+    made_by = {"catalog": catalog, "quakeml": catalog, "closeness": closeness, "record": record, "compare": comparison}
+    made_by |= {"spread": spread, "grid_convergence": grid_convergence, "coarse": grid_convergence}
+    absent = {stage for stage, path in made_by.items() if path is None}
     return Evidence(
         config=config,
         default=default,
@@ -191,12 +196,12 @@ def read_evidence(
         catalog=read(catalog, check=True),
         record=read(record, check=True),
         comparison=read(comparison),
-        spread=read(spread),
+        spread=found_spread,
         closeness=read(closeness),
         grid_convergence=read(grid_convergence),
         files=files,
         stale=_stale(files, expected_hashes or {}),
-        resources=read_resources(logs),
+        resources=read_resources(logs, {Path(path).stem for path in steps}, absent, members),
         insitu=insitu,
     )
 
@@ -224,10 +229,11 @@ def _stale(files: dict[str, dict], expected: dict) -> list[str]:
     return [os.fspath(path) for path, wanted in expected.items() if found.get(Path(path).resolve(), wanted) != wanted]
 
 
-def read_resources(logs) -> list[dict]:
+def read_resources(logs, steps: set[str], absent: set[str], members: int) -> list[dict]:
     """What each stage took, from the logs of stages below a folder: columns as in `pipeline.costs`.
 
-    The companion on larger cells is one row, and so is each member of an ensemble: the sum of its times, the largest of
+    Logs of earlier plans are left out: of other steps than these, of `absent` stages, of members beyond so many. The
+    companion on larger cells is one row, and so is each member of an ensemble: the sum of its times, the largest of
     its peaks.
     """
     if logs is None or not Path(logs).is_dir():
@@ -237,7 +243,13 @@ def read_resources(logs) -> list[dict]:
         if (cost := cost_of(path)) is None:  # of a stage that is under way: this one
             continue
         stage = path.relative_to(logs).with_suffix("").as_posix()
-        if part := PARTS.match(stage):
+        *folders, last = stage.split("/")
+        if {stage, *folders} & absent or ({"steps", "events"} & {*folders} and last not in steps):
+            continue
+        part = PARTS.match(stage)
+        if part and int(part[2] or 0) > members:
+            continue
+        if part:
             parts.setdefault((int(part[2] or 0), part[1]), []).append(asdict(cost))
         else:
             rows.append({"stage": stage, **asdict(cost)})

@@ -3,7 +3,8 @@
 import numpy as np
 import xarray as xr
 
-from catalogs.report.inputs import Excavation
+from catalogs.report.inputs import Evidence, Excavation
+from catalogs.report.text import whole
 
 
 def by_step(excavations: list[Excavation]) -> list[dict]:
@@ -43,4 +44,18 @@ def far_field(grid: xr.Dataset) -> str:
     return (
         f"The domain follows from the openings: its boundary is {distance:.0f} m from the nearest of them, and in "
         f"elastic rock moves wall stress by {error:.2g} % of the largest at most (closed-form estimate).{short}"
+    )
+
+
+def above_cap(evidence: Evidence) -> str:
+    """That there are more cells than grid.max_cells, in a sentence; empty where there are not, or on a static grid."""
+    grid = evidence.config.get("grid", {})
+    if not evidence.stages or grid.get("refinement") != "adaptive":
+        return ""
+    last = evidence.stages[-1].attrs
+    if last["cells"] <= grid["max_cells"]:
+        return ""
+    return (
+        f"There are {whole(last['cells'])} cells in the end, more than grid.max_cells ({whole(grid['max_cells'])}): "
+        "openings get theirs all the same, and rock that then comes near its strength stays in coarse cells."
     )

@@ -22,7 +22,7 @@ from catalogs.report.gallery import Gallery
 from catalogs.report.grid_convergence import rows as cell_rows
 from catalogs.report.inputs import Evidence
 from catalogs.report.insitu import insitu_axes
-from catalogs.report.scene import by_step, far_field
+from catalogs.report.scene import above_cap, by_step, far_field
 from catalogs.report.spread import section as section_of_spread
 from catalogs.size_law import NONE, TRUNCATED
 from catalogs.sizes import b_by_cut, cut_grid, estimate_b, log_potency
@@ -67,6 +67,7 @@ def _scene(evidence: Evidence, gallery: Gallery) -> dict:
         if evidence.grid.sizes["piece"]
         else None,
         "table": scene.level_table(evidence.grid),
+        "above_cap": above_cap(evidence),
         "far_field": far_field(evidence.grid),
         "excavations": rows,
         "steps": by_step(rows) if len(rows) > MANY else [],

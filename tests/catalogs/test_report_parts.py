@@ -11,7 +11,7 @@ from catalogs.figures import convergence
 from catalogs.report import record as report_record
 from catalogs.report import sections
 from catalogs.report.inputs import Excavation, read_resources
-from catalogs.report.scene import by_step, far_field
+from catalogs.report.scene import above_cap, by_step, far_field
 from catalogs.report.text import events_by_step, number
 from pipeline.costs import Costs
 
@@ -129,11 +129,34 @@ def test_companion_and_members_are_one_row_each_of_the_resources(tmp_path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(f"{Costs(seconds, 1.0, 0.5, peak).closing_line(stage)}\n")
     (tmp_path / "report.log").write_text("at work\n")
-    rows = read_resources(tmp_path)
+    rows = read_resources(tmp_path, {"a"}, set(), 10)
     parts = [f"{run}, all stages" for run in ("coarse", "ensemble/2", "ensemble/10")]
     assert [row["stage"] for row in rows] == ["spread", *parts]
     found = [tuple(row[name] for name in ("seconds", "processor", "compiling", "memory")) for row in rows[1:3]]
     assert found == [(3, 2, 1, 2), (7, 2, 1, 7)]
+
+
+def test_resources_are_of_the_stages_of_this_plan(tmp_path):
+    """A plan that once had another step, a record, a companion and more members has left their logs."""
+    for stage in ("grid", "steps/a", "steps/old", "vtk/steps/old", "compare", "coarse/grid", "ensemble/1/steps/a",
+                  "ensemble/1/events/old", "ensemble/2/steps/a"):  # fmt: skip
+        path = tmp_path / f"{stage}.log"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"{Costs(2, 1.0, 0.5, 3).closing_line(stage)}\n")
+    rows = read_resources(tmp_path, {"a"}, {"compare", "coarse"}, 1)
+    assert [(row["stage"], row["seconds"]) for row in rows] == [
+        ("grid", 2), ("steps/a", 2), ("ensemble/1, all stages", 2)
+    ]  # fmt: skip
+
+
+def test_more_cells_than_the_cap_are_told():
+    """On an adaptive grid."""
+    grid = {"refinement": "adaptive", "max_cells": 300}
+    evidence = SimpleNamespace(stages=[SimpleNamespace(attrs={"cells": 1234})], config={"grid": grid})
+    assert above_cap(evidence).startswith("There are 1\u202f234 cells in the end, more than grid.max_cells (300)")
+    for other in ({"max_cells": 1234}, {"refinement": "static"}):
+        evidence.config = {"grid": grid | other}
+        assert above_cap(evidence) == ""
 
 
 def test_events_of_many_steps_are_told_by_those_with_most():
