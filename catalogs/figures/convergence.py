@@ -42,7 +42,7 @@ def _panel(axes, stage: xr.Dataset, first: bool) -> None:
     if first:
         axes.set_ylabel("unbalanced force ratio (1)")
     ratio = stage["convergence_unbalanced_ratio"].values
-    if not len(ratio):
+    if not (ratio > 0).any():  # an axis of logarithms has no place for zero
         axes.text(0.5, 0.5, "nothing to solve", transform=axes.transAxes, ha="center", color=style.OUTLINE)
         return
     iteration = running_iteration(stage["convergence_iteration"].values)

@@ -1,9 +1,30 @@
 """The convergence panels: what the line shows."""
 
+import io
+
 import numpy as np
+import pytest
 import xarray as xr
 
 from catalogs.figures.convergence import convergence
+
+
+def stage_of(**columns) -> xr.Dataset:
+    """A step with these columns of its table of convergence."""
+    return xr.Dataset(
+        {f"convergence_{name}": ("iteration", np.array(values)) for name, values in columns.items()},
+        attrs={"stage": "step", "step": "2019-08", "tolerance": 1e-4},
+    )
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_stage_that_has_nothing_to_solve_says_so():
+    """One that mines nothing is at rest from the start: zero has no place on the axis."""
+    zero = {"increment": [1, 1], "generation": [0, 1], "iteration": [0, 0], "unbalanced_ratio": [0.0, 0.0]}
+    idle = stage_of(**zero, max_ratio=[0.0, 0.0], cells=[100, 100], new_failures=[0, 0])
+    figure = convergence([idle])
+    figure.savefig(io.BytesIO(), format="svg")
+    assert [text.get_text() for text in figure.get_axes()[0].texts] == ["nothing to solve"]
 
 
 def test_line_is_of_the_whole_mine_and_bars_of_all_that_fails():
@@ -17,10 +38,7 @@ def test_line_is_of_the_whole_mine_and_bars_of_all_that_fails():
         "cells": [100, 20, 20, 100, 100],
         "new_failures": [4, 2, 0, 0, 0],
     }
-    stage = xr.Dataset(
-        {f"convergence_{name}": ("iteration", np.array(values)) for name, values in columns.items()},
-        attrs={"stage": "step", "step": "2019-08", "tolerance": 1e-4},
-    )
+    stage = stage_of(**columns)
     axes, bars = convergence([stage]).get_axes()
     assert axes.get_lines()[2].get_xydata().tolist() == [[3, 1e-3], [9, 2e-3], [11, 1e-5]]
     assert [path[1][1] for path in bars.collections[0].get_segments()] == [4, 2]

@@ -315,6 +315,15 @@ def test_elastic_scene_in_two_dimensions(tmp_path):
     assert not (tmp_path / "figures" / "failed_rock.svg").exists()
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_stage_that_mines_nothing_has_no_finest_cells(mine, tmp_path):
+    """Nothing is a share of them."""
+    write_dataset(read_dataset(mine.elastic).assign_attrs(finest_cells=0), tmp_path / "elastic.nc")
+    alone = {"steps": [], "events": [], "catalog": None, "record": None, "comparison": None}
+    content = make_page(mine, tmp_path, elastic=tmp_path / "elastic.nc", **alone)
+    assert "nan" not in content.sections["convergence"]
+
+
 def test_undated_events_are_drawn(mine):
     """A record may lack times: the picture shows its events in grey instead of failing."""
     record = read_dataset(mine.record)
