@@ -16,11 +16,14 @@ def test_the_study_has_a_row_for_every_relation_and_its_figure(tmp_path):
     rows, figure = answer(results)
     assert len(figure.axes) == 4
     quantities = [row.quantity for row in rows]
-    assert len(quantities) == len(set(quantities)) == 2 * 4 + 21 + 6 + 7 + 4
+    assert len(quantities) == len(set(quantities)) == 2 * 7 + 24 + 6 + 7 + 4
     assert all(row.passed for row in rows if "as with rings_1" in row.quantity or "coarse cells" in row.quantity)
     at_once, asked = (next(row for row in rows if row.quantity.startswith(name)
                            and "potency over" in row.quantity) for name in ("parts_1", "error_20"))  # fmt: skip
     assert at_once.error > asked.error
+    cut = [row.obtained / row.expected for row in rows if "as with walls between cells" in row.quantity]
+    assert len(cut) == 6
+    assert max(cut) < 1.05
     (cost,) = (row for row in rows if row.quantity.startswith("rings_1: processor time of the step"))
     assert cost.obtained == 4e3 / Run(results["rings_1"]).particles  # ms, compiling left out
 

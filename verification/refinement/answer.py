@@ -42,6 +42,8 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     for name in settings["rings"]:
         rows += same(name, "fine cells everywhere", runs[name], fine, allowed["grid"])
     rows += same(settings["mirrored"], settings["rings"][0], runs[settings["mirrored"]], first, allowed["mirror"])
+    for between, moved in settings["moved"].items():
+        rows += same(moved, f"walls between cells ({between})", runs[moved], runs[between], None)
     for name, run in runs.items():
         share = float(run.facts["truncated_share"])
         rows.append(Row(f"{name}: rock above strength in coarse cells, share", 0.0, share, share, 0.0))
@@ -67,7 +69,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     return rows, draw(results, runs)
 
 
-def same(name: str, other: str, run: Run, expected: Run, bound: float) -> list[Row]:
+def same(name: str, other: str, run: Run, expected: Run, bound: float | None) -> list[Row]:
     """Potency and failed volume of a run beside those of another."""
     remark = f"{run.facts['cells']} cells, {run.facts['finest_cells']} of the finest; {expected.facts['cells']} cells"
     return [
