@@ -71,10 +71,11 @@ class Increments:
         return self._resize(LEAST, False, history)
 
     def _resize(self, factor: float, stands: bool, history: History) -> bool:
-        taken = history.load - history.load_before
+        taken, asked = history.load - history.load_before, history.size
         history.size = max(2.0 ** np.floor(np.log2(taken * factor)), SMALLEST)
-        if stands or taken <= SMALLEST:
+        if stands or min(taken, asked) <= SMALLEST:  # a member's may be larger than what was asked for
             return True
+        history.size = min(history.size, 0.5 * asked)  # whatever round-off makes of it: the next try is another
         history.load, history.increment = history.load_before, history.increment - 1
         return False
 

@@ -132,6 +132,21 @@ def test_chosen_increments_are_blocks_of_the_load(ratios):
     assert history.load == 1.0
 
 
+@pytest.mark.parametrize("perturbation", range(5))
+@pytest.mark.parametrize("ratio", [1.0 + 1e-15, 1.01, 30.0])
+def test_increments_end_however_large_their_error_stays(perturbation, ratio):
+    """Where it does not hang on the load, as of a history that is there from the start; a member's went on for ever."""
+    scene = SimpleNamespace(solver=SimpleNamespace(increments=0, move=False), perturbation=perturbation)
+    increments = Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), 1)
+    history = History(1e-3)
+    for _ in range(1000):
+        increments.begin(history)
+        increments.follow(ratio, history)
+        if history.load == 1.0:
+            return
+    raise AssertionError("no end")
+
+
 def test_what_would_fail_is_measured_without_change(tmp_path, monkeypatch):
     """Against its slow twin, which lets it fail."""
     seen, let_fail = [], cascade.let_fail
