@@ -25,6 +25,8 @@ from mpm_core.equilibrium.perturbation import delays, pace
 from mpm_core.kernels.failure import make_drop
 from mpm_core.model import Model
 from mpm_core.state import State
+from pipeline.source_tensors import scalar_potency
+from pipeline.voigt import tensor_from_voigt
 
 WITHOUT_DROP = 4  # increments where no rock loses strength, or where particles move and cannot go back
 SMALLEST = 1.0 / 256.0  # of the load: never less
@@ -116,4 +118,4 @@ def _overshoot_share(overshoot: np.ndarray, seismic: np.ndarray, volume: np.ndar
 
 def potency(strain: np.ndarray, volume: np.ndarray) -> np.ndarray:
     """Scalar potency (k,) m3, sqrt(2 P : P) as in a catalogue, of strains (k, 6), tensor shear, of volumes (k,) m3."""
-    return 2.0 * volume * np.sqrt(0.5 * np.sum(strain[:, :3] ** 2, axis=1) + np.sum(strain[:, 3:] ** 2, axis=1))
+    return volume * scalar_potency(tensor_from_voigt(strain))

@@ -17,8 +17,6 @@ from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.increments import Increments, increment_error, overshoot_of_next, potency
 from mpm_core.equilibrium.perturbation import pace
 from mpm_core.stages import elastic_stage, mining_step
-from pipeline.source_tensors import scalar_potency
-from pipeline.voigt import tensor_from_voigt
 
 HOLE, STRESS = [ball([40.0, 40.0], 5.0)], uniform(-30e6, -20e6, -18e6, 0.0, 3e6)
 STRONG = COULOMB | {"cohesion": {"intact": 1e9, "residual": 1e9}}
@@ -48,14 +46,6 @@ def step_of(tmp_path, **solver):
 def seismic_potency(state) -> float:
     here = state.failed.values == 1
     return float(potency(state.seismic_strain.values[here], state.volume.values[here]).sum())
-
-
-def test_potency_is_that_of_a_catalogue():
-    """One definition everywhere: half of it stood in the price list, once."""
-    random = np.random.default_rng(1)
-    strain, volume = random.normal(size=(20, 6)), random.uniform(0.1, 8.0, 20)
-    tensors = tensor_from_voigt(strain) * volume[:, None, None]
-    np.testing.assert_allclose(potency(strain, volume), scalar_potency(tensors))
 
 
 def test_a_smaller_error_asks_for_more_increments_and_less_is_in_excess(tmp_path):
