@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from catalogs import sizes
 from catalogs.settings import SpreadSettings
+from pipeline.datasets import read_dataset
 from pipeline.errors import InputError
 from pipeline.event_table import read_events
 
@@ -117,7 +118,8 @@ def _read_run(folder: Path, steps: list[str], mine: str) -> dict[str, list]:
         for name in ("potency", "particle_potency", "failed_volume", "energy_released", "energy_dissipated", "sizes")
     }
     for step in steps:
-        state, events = _attributes(folder / "steps" / f"{step}.nc"), read_events(folder / "events" / f"{step}.nc")
+        state = read_dataset(folder / "steps" / f"{step}.nc", names=()).attrs
+        events = read_events(folder / "events" / f"{step}.nc")
         for attributes, name in ((state, "steps"), (events.attrs, "events")):
             if attributes.get("mine") != mine:
                 raise InputError(f"{folder / name / step}.nc: is of mine {attributes.get('mine')}, not of {mine}")
@@ -127,15 +129,6 @@ def _read_run(folder: Path, steps: list[str], mine: str) -> dict[str, list]:
             found[name].append(float(state[name]))
         found["sizes"].append(sizes.log_potency(events["potency"].values[events["resolved"].values == 1]))
     return found
-
-
-def _attributes(path: Path) -> dict:
-    """Attributes of a dataset whose fields, gigabytes of a large mine, are not read. Raises InputError."""
-    try:
-        with xr.open_dataset(path, engine="netcdf4") as dataset:
-            return dict(dataset.attrs)
-    except (OSError, ValueError, RuntimeError) as error:
-        raise InputError(f"{path}: not a readable dataset ({error}); delete it and run again") from error
 
 
 def _totals(run: dict[str, list], name: str) -> list[float]:

@@ -4,12 +4,12 @@ A command line holds 128 KiB, some 500 excavations; a file holds any mine. A sli
 so that a rule which has the name as a parameter depends on the content. One file per stage: an earlier one is removed.
 """
 
-import hashlib
 import json
 from pathlib import Path
 
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
+from pipeline.slices import content_hash
 
 FOLDER = "slices"  # below results/<mine>
 
@@ -25,8 +25,7 @@ class SliceFiles:
     def name(self, place: str, stage: str, values) -> str:
         """Path of the slice `values` (plain, as JSON) of a stage below results/<place>; written now or when begun."""
         text = json.dumps(values, sort_keys=True)
-        digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-        path = Path("results", place, FOLDER, f"{stage}.{digest}.json")
+        path = Path("results", place, FOLDER, f"{stage}.{content_hash(text)}.json")
         if self.at_once:
             write(path, text)
         else:
@@ -41,11 +40,11 @@ class SliceFiles:
 
 
 def write(path: Path, text: str) -> None:
-    """Write a slice unless it stands there, whole or not at all, and remove the stage's earlier one.
+    """Write a slice unless it stands there as it is, whole or not at all, and remove the stage's earlier one.
 
     Raises InputError where the disk is full or the folder takes no file.
     """
-    if path.exists():
+    if path.exists() and path.read_text(encoding="utf-8", errors="replace") == text:
         return
     try:
         with atomic_path(path) as temporary:
