@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.event_table import read_events, write_events
-from pipeline.provenance import provenance
+from pipeline.provenance import made_from, provenance
 from pipeline.slices import read_slice
 from pipeline.stage import run_stage
 
@@ -41,7 +41,9 @@ def quakeml(chosen: argparse.Namespace) -> None:
     """A catalogue as QuakeML."""
     from catalogs.quakeml import write_quakeml
 
-    write_quakeml(read_events(chosen.catalog), chosen.output)
+    write_quakeml(
+        read_events(chosen.catalog), chosen.output, made_from=made_from({}, "catalogs quakeml", [chosen.catalog])
+    )
 
 
 def compare(chosen: argparse.Namespace) -> None:
@@ -50,7 +52,8 @@ def compare(chosen: argparse.Namespace) -> None:
 
     settings = read_slice(chosen.settings)
     result = comparison.compare(read_events(chosen.catalog), read_events(chosen.record), settings)
-    write_dataset(result.assign_attrs(provenance(settings, "catalogs compare")), chosen.output)
+    inputs = [chosen.catalog, chosen.record]
+    write_dataset(result.assign_attrs(provenance(settings, "catalogs compare", inputs)), chosen.output)
 
 
 def spread(chosen: argparse.Namespace) -> None:
@@ -60,7 +63,10 @@ def spread(chosen: argparse.Namespace) -> None:
     settings = read_slice(chosen.settings)
     comparison = read_dataset(chosen.comparison) if chosen.comparison else None
     result = gather(chosen.runs, read_events(chosen.catalog), comparison, settings)
-    write_dataset(result.assign_attrs(provenance(settings, "catalogs spread")), chosen.output)
+    folders = [run / folder for run in chosen.runs for folder in ("steps", "events")]
+    of_runs = [folder / f"{step}.nc" for folder in folders for step in settings["steps"]]
+    inputs = [*of_runs, chosen.catalog, *filter(None, [chosen.comparison])]
+    write_dataset(result.assign_attrs(provenance(settings, "catalogs spread", inputs)), chosen.output)
 
 
 def grid_convergence(chosen: argparse.Namespace) -> None:
@@ -71,7 +77,8 @@ def grid_convergence(chosen: argparse.Namespace) -> None:
     catalogs = [read_events(path) for path in (chosen.catalog, chosen.coarse_catalog)]
     states = [[read_dataset(path, ()).attrs for path in paths] for paths in (chosen.steps, chosen.coarse_steps)]
     result = compare(catalogs, states, read_dataset(chosen.coarse_grid, ()).attrs, settings)
-    write_dataset(result.assign_attrs(provenance(settings, "catalogs grid_convergence")), chosen.output)
+    inputs = [*chosen.steps, *chosen.coarse_steps, chosen.catalog, chosen.coarse_catalog, chosen.coarse_grid]
+    write_dataset(result.assign_attrs(provenance(settings, "catalogs grid_convergence", inputs)), chosen.output)
 
 
 def twin(chosen: argparse.Namespace) -> None:
@@ -94,12 +101,14 @@ def report(chosen: argparse.Namespace) -> None:
     from catalogs.report.page import write_report
     from catalogs.settings import ReportSlice
 
-    settings = ReportSlice.of(read_slice(chosen.settings))
+    values = read_slice(chosen.settings)
+    settings = ReportSlice.of(values)
+    single = ("grid", "elastic", "catalog", "record", "comparison", "spread", "closeness", "grid_convergence")
+    inputs = [*chosen.steps, *chosen.events, *filter(None, (getattr(chosen, name) for name in single))]
     write_report(
         config=settings.config,
         default=settings.default,
         excavations=settings.excavations,
-        expected_hashes=settings.expected_hashes,
         insitu=settings.insitu,
         grid=chosen.grid,
         elastic=chosen.elastic,
@@ -114,6 +123,7 @@ def report(chosen: argparse.Namespace) -> None:
         logs=chosen.logs,
         output=chosen.output,
         figures=chosen.figures,
+        made_from=made_from(values, "catalogs report", inputs),
     )
 
 

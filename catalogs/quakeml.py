@@ -39,6 +39,7 @@ from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
 from pipeline.event_table import FIELDS, check_events, new_catalog
 from pipeline.fields import TEXT, Field
+from pipeline.provenance import comment
 from pipeline.source_tensors import moment_from_potency, source_shares
 
 NAMESPACE = "urn:mine-seismicity:catalogue:1"
@@ -56,11 +57,12 @@ UP_SOUTH_EAST = {
 }
 
 
-def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike) -> None:
+def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike, made_from: str = "") -> None:
     """Write a catalogue (form of pipeline.event_table) as QuakeML, atomically, after ObsPy's own schema check.
 
-    Needs attributes mine, frame, and where there are tensors lame_lambda and shear_modulus (Pa). Raises InputError for
-    a missing frame, an event without time or location, or a file that the schema refuses.
+    made_from: see pipeline.provenance. Needs attributes mine, frame, and where there are tensors lame_lambda and
+    shear_modulus (Pa). Raises InputError for a missing frame, an event without time or location, or a file that the
+    schema refuses.
     """
     catalog = check_events(catalog, "catalogue")
     stream = io.BytesIO()
@@ -71,7 +73,7 @@ def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike) -> None:
     if not _validate(stream, verbose=True):
         raise InputError(f"{path}: ObsPy's QuakeML schema check failed; see the log, and report it")
     with atomic_path(path) as temporary:
-        temporary.write_bytes(stream.getvalue())
+        temporary.write_bytes(stream.getvalue() + comment(made_from).encode())
 
 
 def _obspy_catalog(catalog: xr.Dataset) -> Catalog:

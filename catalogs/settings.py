@@ -75,8 +75,6 @@ class ReportSlice(Settings):
     """as the user wrote it, defaults included"""
     default: dict[str, Any]
     excavations: Annotated[tuple[Scheduled, ...], AsTuple]
-    expected_hashes: dict[str, str]
-    """config_hash that each dataset should carry, by its path"""
     insitu: InsituStress
 
 

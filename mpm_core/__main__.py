@@ -40,7 +40,8 @@ def _solve(arguments: argparse.Namespace) -> None:
 
     use_threads(arguments.threads)
     values = read_slice(arguments.scene)
-    made_from = provenance(values, f"mpm_core {arguments.stage}")
+    inputs = [arguments.grid] if arguments.stage == "elastic" else [arguments.grid, arguments.state]
+    made_from = provenance(values, f"mpm_core {arguments.stage}", inputs)
     scene = parse_scene(values)
     failed_state = Path(arguments.output).with_suffix(".failed.npz")
     with ExitStack() as files:  # gigabytes in a large mine, read once each

@@ -1,19 +1,31 @@
-"""What a dataset was made from: configuration, sources and package versions, never the time of day."""
+"""What a result was made from: configuration, sources, inputs and package versions, never the time of day.
 
+A result carries `made_from`, a digest of its slice of the configuration, the sources of its stage, the content of the
+files that the slice names, and the `made_from` of the results that it was made of. So it stands for all that came
+before it, and the workflow compares it with what it would be now (workflow/rules/common.smk), whatever the times say.
+"""
+
+import functools
 import hashlib
 import json
 import os
+import re
 import shutil
 import sys
 import tempfile
+from collections.abc import Iterable, Iterator
 from importlib.metadata import version
 from pathlib import Path
+
+import netCDF4
 
 from pipeline.sources import ROOT, source_hash
 
 PACKAGES = ("numpy", "numba", "scipy", "scikit-learn", "xarray", "netCDF4", "obspy")
 KERNEL_PACKAGES = ("mpm_core", "seismic")
 CACHES_KEPT = 3
+MADE_FROM = "made_from"
+TAIL = 200  # bytes at the end of a page in which its comment is looked for
 
 
 def config_hash(slice_: dict) -> str:
@@ -28,16 +40,76 @@ def config_hash(slice_: dict) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def provenance(slice_: dict, command: str) -> dict[str, str]:
-    """Attributes that every dataset carries: config_hash, source_hash, versions (JSON).
+def provenance(slice_: dict, command: str, inputs: Iterable[str | os.PathLike] = ()) -> dict[str, str]:
+    """Attributes that every dataset carries: config_hash, source_hash, made_from, versions (JSON).
 
-    command: the stage that makes it, as pipeline.sources has it ("mpm_core grid").
+    command: the stage that makes it, as pipeline.sources has it ("mpm_core grid"); inputs: the results it is made of.
     """
     return {
         "config_hash": config_hash(slice_),
         "source_hash": source_hash(command),
+        MADE_FROM: made_from(slice_, command, inputs),
         "versions": json.dumps({name: version(name) for name in PACKAGES}),
     }
+
+
+def made_from(slice_: dict, command: str, inputs: Iterable[str | os.PathLike] = ()) -> str:
+    """Digest of all that a result depends on; arguments as in provenance. Missing inputs count as such."""
+    digest = hashlib.sha256(f"{config_hash(slice_)} {source_hash(command)}".encode())
+    for path in files_of(slice_):
+        digest.update(content_of(path).encode())
+    for identity in sorted(read_made_from(path) or "" for path in inputs):
+        digest.update(f" {identity}".encode())
+    return digest.hexdigest()[:16]
+
+
+def files_of(slice_) -> Iterator[Path]:
+    """Files and folders that a slice names by the key `file`, in the order of the slice's keys."""
+    if isinstance(slice_, dict):
+        for key in sorted(slice_):
+            if key == "file" and isinstance(slice_[key], str):
+                yield Path(slice_[key])
+            else:
+                yield from files_of(slice_[key])
+    elif isinstance(slice_, list | tuple):
+        for entry in slice_:
+            yield from files_of(entry)
+
+
+@functools.cache
+def content_of(path: Path) -> str:
+    """Digest of a file's bytes, of a folder's names and bytes (hidden ones left out); empty if it is not there."""
+    if path.is_dir():
+        inside = sorted(entry for entry in path.iterdir() if not entry.name.startswith("."))
+        text = "".join(f"{entry.name}\0{content_of(entry)}\0" for entry in inside)
+        return hashlib.sha256(text.encode()).hexdigest()
+    if not path.is_file():
+        return ""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_made_from(path: str | os.PathLike) -> str | None:
+    """What a result says that it was made from; None if it is missing, cannot be read or does not say.
+
+    A dataset has it as an attribute, a page or QuakeML file in a comment at its end (see comment).
+    """
+    path = Path(path)
+    try:
+        if path.suffix == ".nc":
+            with netCDF4.Dataset(path) as dataset:
+                return str(getattr(dataset, MADE_FROM, "")) or None
+        with path.open("rb") as file:
+            file.seek(-min(TAIL, path.stat().st_size), os.SEEK_END)
+            found = re.search(comment("([0-9a-f]{16})"), file.read().decode(errors="replace"))
+    except OSError:
+        return None
+    return found[1] if found else None
+
+
+def comment(identity: str) -> str:
+    """The last line of a page or QuakeML file: what it was made from."""
+    return f"<!-- {MADE_FROM}: {identity} -->\n"
 
 
 def _last_use(path: Path) -> float:

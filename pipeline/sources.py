@@ -15,6 +15,7 @@ ROOT = Path(__file__).resolve().parent.parent
 CODE = (".py", ".pyc")
 
 
+@functools.cache
 def source_hash(*commands: str) -> str:
     """Hash of all files that the commands run, in path order; commands: see source_files."""
     digest = hashlib.sha256()

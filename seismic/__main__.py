@@ -52,7 +52,7 @@ def events(chosen: argparse.Namespace) -> None:
         dataset, _ = extract_events(step, settings)
     except InputError as error:
         raise InputError(f"{chosen.step}: {error}") from error
-    write_events(dataset.assign_attrs(provenance(settings, "seismic events")), chosen.output)
+    write_events(dataset.assign_attrs(provenance(settings, "seismic events", [chosen.step])), chosen.output)
 
 
 def closeness(chosen: argparse.Namespace) -> None:
@@ -63,7 +63,7 @@ def closeness(chosen: argparse.Namespace) -> None:
     settings = read_slice(chosen.settings)
     steps = (read_dataset(path, (*VARIABLES, *OF_PLANES)) for path in chosen.steps)
     sizes = sizes_by_closeness(steps, settings)
-    write_dataset(sizes.assign_attrs(provenance(settings, "seismic closeness")), chosen.output)
+    write_dataset(sizes.assign_attrs(provenance(settings, "seismic closeness", chosen.steps)), chosen.output)
 
 
 def catalog(chosen: argparse.Namespace) -> None:
@@ -77,7 +77,7 @@ def catalog(chosen: argparse.Namespace) -> None:
     if merged.attrs["mine"] != mine:
         raise InputError(f"catalog: events are of mine {merged.attrs['mine']}, settings of {mine}")
     logging.info("catalogue of %d events, %d resolved", merged.sizes["event"], np.sum(merged["resolved"].values))
-    write_events(merged.assign_attrs(provenance(settings, "seismic catalog")), chosen.output)
+    write_events(merged.assign_attrs(provenance(settings, "seismic catalog", chosen.events)), chosen.output)
     write_csv(merged, chosen.csv)
 
 

@@ -6,7 +6,6 @@ that month.
 """
 
 from mpm_core.scene import parse_scene
-from pipeline.provenance import config_hash
 from pipeline.voigt import NAMES
 from workflow.plan import Plan
 
@@ -157,32 +156,35 @@ class Mine(Plan):
             "steps": [{key: step[key] for key in ("name", "start", "end")} for step in dated]
         }
 
-    def report_slice(self, results: str) -> dict:
-        """What the report tells of the configuration: as written, the default, what is mined when, what is up to date.
-
-        results: folder of the mine's results.
-        """
+    def report_slice(self) -> dict:
+        """What the report tells of the configuration: as written, the default, what is mined when."""
         return {
             "config": self.text,
             "default": self.default,
             "excavations": self.schedule(),
-            "expected_hashes": {f"{results}/{path}": value for path, value in self.hashes().items()},
             "insitu": self.scene_slice(0)["insitu_stress"] | {"surface": self.values["frame"]["surface"]},
         }
 
-    def hashes(self) -> dict[str, str]:
-        """The config_hash that each dataset carries if it is up to date, by its path below results/<mine>."""
-        hashes = {"grid.nc": self.grid_slice(), "elastic.nc": self.scene_slice(0)}
-        for step in self.mined_steps:
-            hashes |= {f"steps/{step}.nc": self.step_slice(step), f"events/{step}.nc": self.event_slice(step)}
-        hashes |= dict.fromkeys(("catalog.nc", "closeness.nc"), self.event_slice())
-        if "record" in self.values:
-            hashes |= {"record.nc": self.record_slice(), "comparison.nc": self.comparison_slice()}
-        if self.members:
-            hashes["spread.nc"] = self.spread_slice()
-        if self.has_companion:
-            hashes["grid_convergence.nc"] = self.convergence_slice()
-        return {path: config_hash(values) for path, values in hashes.items()}
+    def slice_of(self, stage: str) -> dict:
+        """The slice of a stage, which is named by its result below results/<mine>, without ending: "steps/2019-08"."""
+        kind, _, step = stage.partition("/")
+        of_stage = {
+            "scene": self.picture_slice,
+            "grid": self.grid_slice,
+            "solids": self.solids_slice,
+            "elastic": lambda: self.scene_slice(0),
+            "steps": lambda: self.step_slice(step),
+            "events": lambda: self.event_slice(step),
+            "catalog": self.event_slice,
+            "closeness": self.event_slice,
+            "quakeml": dict,
+            "record": self.record_slice if "record" in self.values else dict,
+            "comparison": self.comparison_slice,
+            "spread": self.spread_slice,
+            "grid_convergence": self.convergence_slice,
+            "report": self.report_slice,
+        }
+        return of_stage[kind]()
 
     def record_slice(self) -> dict:
         """What record.nc depends on, beside the recorded data."""

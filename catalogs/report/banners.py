@@ -10,9 +10,6 @@ OFF_VOLUME = 0.05  # share of an excavation's volume that the grid may miss with
 def banners(evidence: Evidence) -> list[tuple[str, str]]:
     """What the reader must know before anything else: (kind, text)."""
     found = []
-    if evidence.stale:
-        names = ", ".join(evidence.stale)
-        found.append(("stale", f"Older than the configuration: {names}. Run snakemake again before using this report."))
     if evidence.config.get("accuracy") == "draft":
         text = "A draft: cells of twice the size, looser tolerances and larger increments than section 13 says. "
         found.append(("draft", text + "Its numbers are a first look: those to use come without accuracy: draft."))

@@ -73,7 +73,6 @@ class Evidence:
     closeness: xr.Dataset | None
     grid_convergence: xr.Dataset | None
     files: dict[str, dict]
-    stale: list[str]
     resources: list[dict]
     insitu: InsituStress | None
 
@@ -150,7 +149,6 @@ def read_evidence(
     closeness,
     grid_convergence,
     logs,
-    expected_hashes: dict | None,
     excavations: Sequence[Scheduled] | None,
     insitu: InsituStress | None,
 ) -> Evidence:
@@ -200,7 +198,6 @@ def read_evidence(
         closeness=read(closeness),
         grid_convergence=read(grid_convergence),
         files=files,
-        stale=_stale(files, expected_hashes or {}),
         resources=read_resources(logs, {Path(path).stem for path in steps}, absent, members),
         insitu=insitu,
     )
@@ -221,12 +218,6 @@ def _scheduled(entries: list[dict]) -> list[Scheduled]:
 def _order(stage: xr.Dataset) -> tuple[bool, int]:
     """Elastic first, whatever step it is numbered as, then the steps."""
     return stage.attrs["stage"] == "step", int(stage.attrs["step_index"])
-
-
-def _stale(files: dict[str, dict], expected: dict) -> list[str]:
-    """Names of the files whose config_hash differs from the expected one."""
-    found = {Path(path).resolve(): attributes.get("config_hash") for path, attributes in files.items()}
-    return [os.fspath(path) for path, wanted in expected.items() if found.get(Path(path).resolve(), wanted) != wanted]
 
 
 def read_resources(logs, steps: set[str], absent: set[str], members: int) -> list[dict]:

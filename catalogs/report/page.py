@@ -22,6 +22,7 @@ from catalogs.report.text import fixed, number, percent, whole
 from catalogs.settings import InsituStress, Scheduled
 from pipeline.datasets import atomic_path
 from pipeline.pages import page_templates
+from pipeline.provenance import comment
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -45,20 +46,19 @@ def write_report(
     default: dict | None = None,
     excavations: Sequence[Scheduled] | None = None,
     insitu: InsituStress | None = None,
-    expected_hashes: dict[str, str] | None = None,
+    made_from: str = "",
 ) -> None:
     """Write the page to `output` (atomically) and each of its figures as SVG into the folder `figures`.
 
     config: the resolved configuration as the user wrote it (units as text), default: config/default.yaml, for the marks
     of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness, grid_convergence:
     datasets, absent stages None or empty; logs: folder of the logs of this mine's stages; excavations: when each is
-    mined, if not as `config` says; insitu: the stress before mining; expected_hashes: {dataset path:
-    config_hash it should carry}, for the banner of stale results.
+    mined, if not as `config` says; insitu: the stress before mining; made_from: see pipeline.provenance.
     Same inputs, same bytes. Raises InputError where a dataset is unreadable or is no catalogue.
     """
     evidence = read_evidence(
         config, default, grid, elastic, list(steps), list(events), catalog, record, comparison, spread, closeness,
-        grid_convergence, logs, expected_hashes, excavations, insitu,
+        grid_convergence, logs, excavations, insitu,
     )  # fmt: skip
     gallery = Gallery(Path(figures))
     with style.applied():
@@ -84,7 +84,7 @@ def write_report(
         **shown,
     )  # fmt: skip
     with atomic_path(output) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+        temporary.write_text(page.rstrip() + "\n" + comment(made_from), encoding="utf-8")
 
 
 def _environment() -> jinja2.Environment:

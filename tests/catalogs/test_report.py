@@ -61,8 +61,7 @@ def page(mine) -> Page:
     logs = mine.folder / "logs"
     (logs / "steps").mkdir(parents=True)
     (logs / "steps" / "2019-08.log").write_text(f"at work\n{Costs(12.5, 20.25, 1.5, 345.0).closing_line('step')}\n")
-    stale = {mine.grid: "1111", mine.catalog: "another"}
-    write_report(**mine.arguments(logs=logs, expected_hashes=stale))
+    write_report(**mine.arguments(logs=logs))
     return Page((mine.folder / "report.html").read_text())
 
 
@@ -183,12 +182,9 @@ def test_record_of_measured_events_is_not_called_a_twin(mine, tmp_path):
     assert not [name for name, section in content.sections.items() if "twin" in section]
 
 
-def test_banners_name_truncation_and_stale_files(page):
+def test_banners_name_truncation(page):
     assert "of potency is missing beside the 0.629 m³" in page.sections["headline"]
     assert "3.4 % of the rock that has failed or should lies in cells too coarse to fail" in page.sections["headline"]
-    assert "Older than the configuration" in page.sections["headline"]
-    assert "catalog.nc" in page.sections["headline"]
-    assert "grid.nc" not in page.sections["headline"]
 
 
 def test_stopes_filled_while_they_are_mined_are_named(page):

@@ -91,7 +91,7 @@ def test_a_flipped_bit_anywhere_is_told_or_harmless(tmp_path):
 
 
 def test_a_block_that_meets_damage_later_names_the_file(tmp_path):
-    """Values are read when asked for; of two open files the damaged one is named, and other errors stay what they are."""
+    """Of two open files the damaged one is named; other errors stay what they are."""
     for name in ("good.nc", "bad.nc"):
         write_dataset(scene(), tmp_path / name)
     content = bytearray((tmp_path / "bad.nc").read_bytes())

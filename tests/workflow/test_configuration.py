@@ -9,7 +9,7 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, ROOT, STRAIN, TINY, changed, merged
+from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, ROOT, STRAIN, TINY, changed, merged, slices
 
 from catalogs import grid_convergence, spread
 from catalogs.record_settings import COLUMN_KEYS, RecordSlice
@@ -204,8 +204,8 @@ def test_an_ensemble_that_would_show_nothing_is_refused(refuse):
 def test_an_ensemble_leaves_every_slice_of_the_mine_as_it_was(accept):
     """Switched on it re-runs nothing; a member's slices are the mine's and its own number."""
     without, mine = accept(TINY), accept(TINY, ensemble=2)
-    assert {path: mine.hashes()[path] for path in without.hashes()} == without.hashes()
-    assert set(mine.hashes()) - set(without.hashes()) == {"spread.nc"}
+    assert {stage: slices(mine)[stage] for stage in slices(without)} == slices(without)
+    assert set(slices(mine)) - set(slices(without)) == {"spread"}
     assert (without.members, mine.members, mine.member(2).members) == (0, 2, 0)
     for step in mine.mined_steps:
         assert "perturbation" not in mine.step_slice(step)

@@ -3,7 +3,7 @@
 import copy
 
 import pytest
-from tiny_mines import DIRECTED, NEXT_STEP, STRAIN, TINY, box, merged
+from tiny_mines import DIRECTED, NEXT_STEP, STRAIN, TINY, box, merged, slices
 
 from pipeline.errors import InputError
 from workflow.configuration import load
@@ -82,8 +82,8 @@ def test_every_setting_of_the_comparison_can_be_set(accept):
 def test_dates_reach_the_events_of_their_step_alone(accept):
     """And what is compared with them. No slice of the mechanics has them, nor have the events of another step."""
     before, after = accept(TINY), accept(TINY, **{"steps.1.end": "2019-09-15"})
-    changed = {path for path, made_from in after.hashes().items() if made_from != before.hashes()[path]}
-    assert changed == {"events/2019-08.nc", "record.nc", "comparison.nc"}
+    changed = {stage for stage, slice_ in slices(after).items() if slice_ != slices(before)[stage]}
+    assert changed == {"events/2019-08", "record", "comparison"}
     assert after.event_slice("2019-08")["end"] == "2019-09-15"
     assert after.event_slice("history")["start"] == ""
 

@@ -124,6 +124,14 @@ def jobs(text: str) -> dict[str, int]:
     return {pair[0]: int(pair[1]) for pair in pairs if len(pair) == 2 and pair[0] in STAGES and pair[1].isdigit()}
 
 
+def slices(mine) -> dict[str, dict]:
+    """The slice of every stage of a mine, by the stage's name."""
+    stages = ["grid", "elastic", *(f"{folder}/{step}" for folder in ("steps", "events") for step in mine.mined_steps)]
+    stages += ["catalog", "closeness", "record", "comparison"]
+    stages += ["spread"] * bool(mine.members) + ["grid_convergence"] * bool(mine.has_companion)
+    return {stage: mine.slice_of(stage) for stage in stages}
+
+
 def hashes(results: Path, suffixes: tuple[str, ...] = DATASETS) -> dict[str, str]:
     """sha256 of every result by its path."""
     files = sorted(path for path in results.rglob("*") if path.suffix in suffixes and path.is_file())

@@ -8,6 +8,7 @@ import functools
 import json
 import shlex
 
+from pipeline.provenance import made_from, read_made_from
 from pipeline.sources import source_hash
 from pipeline.stage import name_parent_of_stages
 from verification.studies import load_study
@@ -40,7 +41,10 @@ wildcard_constraints:
 
 
 def kept(path):
-    """A result whose earlier version outlives a stage that fails: stages write whole files or none."""
+    """A result whose earlier version outlives a stage that fails: stages write whole files or none.
+
+    Only for what says what it was made from (inputs_of): Snakemake would take an earlier version as current.
+    """
     return update(path)
 
 
@@ -169,27 +173,44 @@ def bodies(wildcards):
 
 
 @functools.cache
+def slice_values(folder, stage):
+    """The slice that a stage of results/<folder> depends on; the stage by its result's name without ending."""
+    return mine_at(folder).slice_of(stage)
+
+
+@functools.cache
 def slice_file(folder, stage):
-    """File of the slice that a stage of results/<folder> depends on; the stage by its result's name without ending."""
+    """File of the same."""
     if workflow.execution_settings and workflow.execution_settings.no_hooks and not workflow.dryrun:
         SLICES.begin()
-    mine = mine_at(folder)
-    kind, _, step = stage.partition("/")
-    of_stage = {
-        "scene": mine.picture_slice,
-        "grid": mine.grid_slice,
-        "solids": mine.solids_slice,
-        "elastic": lambda: mine.scene_slice(0),
-        "steps": lambda: mine.step_slice(step),
-        "events": lambda: mine.event_slice(step),
-        "catalog": mine.event_slice,
-        "record": mine.record_slice if "record" in mine.values else dict,
-        "comparison": mine.comparison_slice,
-        "spread": mine.spread_slice,
-        "grid_convergence": mine.convergence_slice,
-        "report": lambda: mine.report_slice(f"results/{folder}"),
-    }
-    return SLICES.name(folder, stage, of_stage[kind]())
+    return SLICES.name(folder, stage, slice_values(folder, stage))
+
+
+def inputs_of(command, stage, result="", **files):
+    """Input files of the rule whose stage makes results/{mine}/<result>, or <stage>.nc: names, or functions of wildcards.
+
+    Where that result stands, but says that it was made from another configuration, other sources or other inputs than
+    these, it is made again (pipeline.provenance). Snakemake compares times and its own notes: it drops the notes of a
+    job that fails, and gives the earlier result that it puts back a new time, so that it would take it as current.
+    """
+
+    def inputs(wildcards):
+        found = {name: file(wildcards) if callable(file) else named(file, wildcards) for name, file in files.items()}
+        made = named(stage, wildcards)
+        output = f"results/{wildcards.mine}/{result or f'{made}.nc'}"
+        paths = [path for one in found.values() for path in ([one] if isinstance(one, str) else one)]
+        if all(map(os.path.exists, [output, *paths])):
+            results = [path for path in paths if path.endswith(".nc")]
+            if read_made_from(output) != made_from(slice_values(wildcards.mine, made), command, results):
+                workflow.dag.forcefiles.add(output)
+        return found
+
+    return unpack(inputs)
+
+
+def named(files, wildcards):
+    """A file's name, or a list of such, with the wildcards filled in."""
+    return files.format(**wildcards) if isinstance(files, str) else files
 
 
 def slice_of(stage):

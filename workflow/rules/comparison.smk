@@ -33,7 +33,7 @@ rule record:
     Before the grid and what is solved on it: those take all cores, and one that cannot be read ends the run at once.
     """
     input:
-        data=record_files(),
+        inputs_of("catalogs record", "record", data=record_files()),
     output:
         kept(f"{RESULTS}/record.nc"),
     params:
@@ -57,7 +57,7 @@ rule record:
 rule quakeml:
     """The synthetic catalogue as QuakeML 1.2."""
     input:
-        catalog=f"{RESULTS}/catalog.nc",
+        inputs_of("catalogs quakeml", "quakeml", "catalog.xml", catalog=f"{RESULTS}/catalog.nc"),
     output:
         kept(f"{RESULTS}/catalog.xml"),
     params:
@@ -79,8 +79,9 @@ rule quakeml:
 rule compare:
     """Modelled beside recorded events: location, size, axes, each with a number and its interval."""
     input:
-        catalog=f"{RESULTS}/catalog.nc",
-        record=f"{RESULTS}/record.nc",
+        inputs_of(
+            "catalogs compare", "comparison", catalog=f"{RESULTS}/catalog.nc", record=f"{RESULTS}/record.nc"
+        ),
     output:
         kept(f"{RESULTS}/comparison.nc"),
     params:
@@ -104,9 +105,13 @@ rule compare:
 rule spread:
     """How far the members of an ensemble are apart, and where the mine's own run lies among them."""
     input:
-        runs=dated_results,
-        catalog=f"{RESULTS}/catalog.nc",
-        comparison=comparison_of,
+        inputs_of(
+            "catalogs spread",
+            "spread",
+            runs=dated_results,
+            catalog=f"{RESULTS}/catalog.nc",
+            comparison=comparison_of,
+        ),
     output:
         kept(f"{RESULTS}/spread.nc"),
     params:
@@ -132,13 +137,17 @@ rule spread:
 rule grid_convergence:
     """How far cells decide the numbers: the mine's run beside the same on cells of twice the size."""
     input:
-        steps=dated_steps_of,
-        coarse_steps=lambda wildcards: [
-            f"results/{wildcards.mine}/{COARSE}/steps/{step}.nc" for step in mine_of(wildcards).dated_steps
-        ],
-        catalog=f"{RESULTS}/catalog.nc",
-        coarse_catalog=f"{RESULTS}/{COARSE}/catalog.nc",
-        coarse_grid=f"{RESULTS}/{COARSE}/grid.nc",
+        inputs_of(
+            "catalogs grid_convergence",
+            "grid_convergence",
+            steps=dated_steps_of,
+            coarse_steps=lambda wildcards: [
+                f"results/{wildcards.mine}/{COARSE}/steps/{step}.nc" for step in mine_of(wildcards).dated_steps
+            ],
+            catalog=f"{RESULTS}/catalog.nc",
+            coarse_catalog=f"{RESULTS}/{COARSE}/catalog.nc",
+            coarse_grid=f"{RESULTS}/{COARSE}/grid.nc",
+        ),
     output:
         kept(f"{RESULTS}/grid_convergence.nc"),
     params:
@@ -164,15 +173,20 @@ rule grid_convergence:
 rule report:
     """The page that a geotechnical engineer reads top to bottom, and its figures."""
     input:
-        grid=f"{RESULTS}/grid.nc",
-        elastic=f"{RESULTS}/elastic.nc",
-        steps=step_results("steps"),
-        events=step_results("events"),
-        catalog=result("catalog.nc") if HAS_CATALOG else [],
-        matched=[result("record.nc"), result("comparison.nc")] if HAS_RECORD else [],
-        spread=result("spread.nc") if MINE.members else [],
-        closeness=result("closeness.nc") if HAS_CATALOG else [],
-        grid_convergence=result("grid_convergence.nc") if HAS_COARSE else [],
+        inputs_of(
+            "catalogs report",
+            "report",
+            "report.html",
+            grid=f"{RESULTS}/grid.nc",
+            elastic=f"{RESULTS}/elastic.nc",
+            steps=step_results("steps"),
+            events=step_results("events"),
+            catalog=result("catalog.nc") if HAS_CATALOG else [],
+            matched=[result("record.nc"), result("comparison.nc")] if HAS_RECORD else [],
+            spread=result("spread.nc") if MINE.members else [],
+            closeness=result("closeness.nc") if HAS_CATALOG else [],
+            grid_convergence=result("grid_convergence.nc") if HAS_COARSE else [],
+        ),
     output:
         page=report(kept(f"{RESULTS}/report.html"), caption="../report/report.rst", category="{mine}"),
         figures=directory(f"{RESULTS}/figures"),

@@ -1,7 +1,7 @@
 rule elastic:
     """Elastic equilibrium of everything mined in history."""
     input:
-        grid=f"{RESULTS}/grid.nc",
+        inputs_of("mpm_core elastic", "elastic", grid=f"{RESULTS}/grid.nc"),
     output:
         kept(f"{RESULTS}/elastic.nc"),
     params:
@@ -27,9 +27,7 @@ rule mining_step:
     Before the events of steps that are done: those take one core, so that steps on all cores would wait beside an idle one.
     """
     input:
-        grid=grid_of,
-        state=previous_state,
-        bodies=bodies,
+        inputs_of("mpm_core step", "steps/{step}", grid=grid_of, state=previous_state, bodies=bodies),
     output:
         kept(f"{RESULTS}/steps/{{step}}.nc"),
     params:

@@ -1,7 +1,7 @@
 rule events:
     """Seismic events of one step: rock that fails together, touches and has like mechanisms."""
     input:
-        step=f"{RESULTS}/steps/{{step}}.nc",
+        inputs_of("seismic events", "events/{step}", step=f"{RESULTS}/steps/{{step}}.nc"),
     output:
         kept(f"{RESULTS}/events/{{step}}.nc"),
     params:
@@ -24,7 +24,7 @@ rule events:
 rule catalog:
     """The synthetic catalogue of all dated steps."""
     input:
-        events=events_of,
+        inputs_of("seismic catalog", "catalog", events=events_of),
     output:
         catalog=kept(f"{RESULTS}/catalog.nc"),
         table=report(kept(f"{RESULTS}/catalog.csv"), caption="../report/catalog.rst", category="{mine}"),
@@ -48,12 +48,12 @@ rule catalog:
 rule closeness:
     """Sizes of the events of all dated steps at several values of closeness, for the report."""
     input:
-        steps=dated_steps_of,
+        inputs_of("seismic closeness", "closeness", steps=dated_steps_of),
     output:
         kept(f"{RESULTS}/closeness.nc"),
     params:
         code=source_hash("seismic closeness"),
-        settings=slice_of("catalog"),
+        settings=slice_of("closeness"),
     log:
         "logs/{mine}/closeness.log",
     benchmark:

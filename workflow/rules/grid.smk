@@ -1,7 +1,7 @@
 rule grid:
     """Cells, nodes, hanging-node constraints, and the part of each cell inside each excavation."""
     input:
-        solids=solids,
+        inputs_of("mpm_core grid", "grid", solids=solids),
     output:
         kept(f"{RESULTS}/grid.nc"),
     params:

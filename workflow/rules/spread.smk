@@ -7,8 +7,8 @@ rule catalog_spread:
         results=spread_results,
         studies=expand(f"{BASE}/config/verification/{{study}}.yaml", study=spread_studies()),
     output:
-        table=kept("results/catalog_spread/table.csv"),
-        page=kept("results/catalog_spread/report.html"),
+        table="results/catalog_spread/table.csv",
+        page="results/catalog_spread/report.html",
     params:
         code=source_hash("verification.spread report"),
         default=json.dumps(DEFAULT, sort_keys=True),

@@ -7,7 +7,7 @@ from verification.stability.keys import KEYS as STABILITY_KNOBS
 rule stability_points:
     """How the runs of one knob ended, and by how much they are wrong."""
     output:
-        kept("results/stability/points/{knob}.json"),
+        "results/stability/points/{knob}.json",
     params:
         code=source_hash("verification.stability points", "config/default.yaml"),
     wildcard_constraints:
@@ -31,8 +31,8 @@ rule stability_report:
     input:
         expand("results/stability/points/{knob}.json", knob=STABILITY_KNOBS),
     output:
-        table=kept("results/stability/table.csv"),
-        page=kept("results/stability/report.html"),
+        table="results/stability/table.csv",
+        page="results/stability/report.html",
     params:
         code=source_hash("verification.stability report"),
     log:

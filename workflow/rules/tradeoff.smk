@@ -7,7 +7,7 @@ rule tradeoff_points:
         results=study_results,
         study=f"{BASE}/config/verification/{{study}}.yaml",
     output:
-        kept(f"{STUDY}/points.json"),
+        f"{STUDY}/points.json",
     params:
         code=source_hash("verification.tradeoff points"),
         default=json.dumps(DEFAULT, sort_keys=True),
@@ -33,8 +33,8 @@ rule tradeoff:
         points=expand(f"{STUDY}/points.json", study=tradeoff_studies()),
         studies=expand(f"{BASE}/config/verification/{{study}}.yaml", study=tradeoff_studies()),
     output:
-        table=kept("results/tradeoff/table.csv"),
-        page=kept("results/tradeoff/report.html"),
+        table="results/tradeoff/table.csv",
+        page="results/tradeoff/report.html",
     params:
         code=source_hash("verification.tradeoff report"),
         default=json.dumps(DEFAULT, sort_keys=True),

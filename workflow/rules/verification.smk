@@ -4,8 +4,8 @@ rule answer:
         results=study_results,
         study=f"{BASE}/config/verification/{{study}}.yaml",
     output:
-        rows=kept(f"{STUDY}/rows.csv"),
-        figure=kept(f"{STUDY}/figure.svg"),
+        rows=f"{STUDY}/rows.csv",
+        figure=f"{STUDY}/figure.svg",
     params:
         code=answer_sources,
         default=json.dumps(DEFAULT, sort_keys=True),
@@ -30,8 +30,8 @@ rule verification_report:
     input:
         answers=answers,
     output:
-        page=report(kept("results/verification/report.html"), caption="../report/verification.rst", category="verification"),
-        summary=kept("results/verification/summary.csv"),
+        page=report("results/verification/report.html", caption="../report/verification.rst", category="verification"),
+        summary="results/verification/summary.csv",
     params:
         code=source_hash("verification report"),
         studies=study_files,
