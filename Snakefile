@@ -21,6 +21,7 @@ sys.path.insert(0, str(BASE))
 
 from pipeline.errors import InputError
 from workflow.configuration import load
+from workflow.leftovers import leftovers, message
 from workflow.owners import check_owner, note_owner
 from workflow.strict_yaml import check_files
 
@@ -65,6 +66,9 @@ onstart:
         SLICES.begin()
     except InputError as error:
         sys.exit(str(error))
+    folder = Path("results", MINE.name)
+    if left := leftovers(folder, planned_results()):
+        print(message(folder, left), file=sys.stderr)
     if HAS_CATALOG and not HAS_QUAKEML:
         print(f"{MINE.name}: frame has no place on Earth: no catalog.xml, catalog.csv in mine coordinates", file=sys.stderr)
 

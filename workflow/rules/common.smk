@@ -150,6 +150,15 @@ def all_results():
     return stage_results(MINE.name, MINE) + [result(file) for file in files]
 
 
+def planned_results():
+    """All results that the mine's plan may leave: those of all_results, of the companion, and what is made on request."""
+    files = [*all_results(), result("twin.csv")]
+    if HAS_COARSE:
+        place = f"{MINE.name}/{COARSE}"
+        files += stage_results(place, MINE.coarser()) + [f"results/{place}/catalog.{kind}" for kind in ("nc", "csv")]
+    return files
+
+
 def grid_of(wildcards):
     """The grid of a mine, which the members of an ensemble share with their mine."""
     return f"{shared(wildcards)}/grid.nc"
