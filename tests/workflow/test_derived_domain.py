@@ -4,6 +4,7 @@ import copy
 import json
 import time
 
+import ezdxf
 import numpy as np
 import pytest
 import trimesh
@@ -11,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from large_mines import large_mine
 from test_configuration import ODD, leaves
-from tiny_mines import FLAT, TINY, box, changed, merged
+from tiny_mines import FLAT, TINY, box, changed, merged, snakemake, write_mine
 
 from mpm_core.domain import base_cells
 from mpm_core.far_field import MOST_ERROR
@@ -212,3 +213,21 @@ def test_a_mine_of_five_thousand_stopes_is_derived_in_seconds():
     made = load(text, "mine.yaml")
     assert time.perf_counter() - begun < SECONDS
     assert made.far_field.distance > 1000.0
+
+
+def test_a_solid_that_is_read_before_the_run_leaves_the_terminal_to_the_workflow(tmp_path):
+    """A drawing without units is logged as it is read; Snakemake's own records must not follow it to the terminal."""
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = 0
+    for triangle in trimesh.creation.box(bounds=[[30, 40, 25], [45, 55, 50]]).triangles:
+        drawing.modelspace().add_3dface([tuple(corner) for corner in triangle])
+    drawing.saveas(tmp_path / "stope.dxf")
+    entry = {"name": "stope_1", "step": "2019-08", "fill": "fill", "file": "stope.dxf"}
+    file = write_mine(free(TINY, **{"excavations.1": entry}), tmp_path / "mine.yaml")
+    status, text = snakemake(file, tmp_path, "--dry-run")
+    assert status == 0, text
+    first, *others = text.splitlines()
+    assert "Using workflow specific profile" in first
+    assert others[0] == "Job stats:"
+    assert text.count("Job stats:") == 1
+    assert "snakemake.logging" not in text
