@@ -13,13 +13,14 @@ snakemake --cores all catalog_spread                               what a catalo
 import sys
 
 import yaml
-from snakemake.utils import min_version
+from snakemake.utils import min_version, update_config
 
 min_version("9.0")
 BASE = Path(workflow.basedir)
 sys.path.insert(0, str(BASE))
 
 from pipeline.errors import InputError
+from workflow.command_line import read_overrides
 from workflow.configuration import load
 from workflow.leftovers import leftovers, message
 from workflow.owners import check_owner, note_owner
@@ -41,6 +42,8 @@ else:
 
 try:
     check_files(workflow.overwrite_configfiles or [MINE_FILE])
+    OVERRIDES = read_overrides(workflow.config_settings.config_args)
+    update_config(config, OVERRIDES)
     MINE = load(config, os.path.relpath(MINE_FILE), DEFAULT)
     check_owner(MINE.name, MINE_FILE)
 except InputError as error:
@@ -61,7 +64,7 @@ include: "workflow/rules/spread.smk"
 
 
 onstart:
-    note_owner(MINE.name, MINE_FILE)
+    note_owner(MINE.name, MINE_FILE, "name" in OVERRIDES)
     try:
         SLICES.begin()
     except InputError as error:

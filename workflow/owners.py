@@ -10,28 +10,32 @@ NOTES = Path(".snakemake/mine_files")  # beside Snakemake's own notes of what re
 
 
 def check_owner(name: str, mine_file: Path) -> None:
-    """Raise InputError if results/<name> was made from another file, which is still there and has this name, too.
+    """Raise InputError if results/<name> was made from another file, which is still there and has this name, too, in
+    itself or by --config.
 
     A file that was moved, renamed or copied as it is takes its results along.
     """
     note, own = NOTES / name, Path(mine_file).resolve()
     if not note.is_file() or not Path("results", name).is_dir():
         return
-    other = Path(note.read_text(encoding="utf-8"))
+    made_from, *named = note.read_text(encoding="utf-8").splitlines()
+    other = Path(made_from)
     if other == own or not other.is_file() or other.read_bytes() == own.read_bytes():
         return
     try:
-        claims = read_yaml(other).get("name") == name
+        claims = bool(named) or read_yaml(other).get("name") == name
     except InputError:
         return
     if claims:
+        also = "with that name by --config" if named else "which has this name, too"
         raise InputError(
-            f"{os.path.relpath(own)}: name: results/{name} was made from {other}, which has this name, too; give one "
-            f"of them another name, or move results/{name} away"
+            f"{os.path.relpath(own)}: name: results/{name} was made from {other}, {also}; give one of them another "
+            f"name, or move results/{name} away"
         )
 
 
-def note_owner(name: str, mine_file: Path) -> None:
-    """Remember the file that results/<name> is made from."""
+def note_owner(name: str, mine_file: Path, is_overridden: bool = False) -> None:
+    """Remember the file that results/<name> is made from; is_overridden: the name is of --config, not the file's."""
     NOTES.mkdir(parents=True, exist_ok=True)
-    (NOTES / name).write_text(str(Path(mine_file).resolve()), encoding="utf-8")
+    text = str(Path(mine_file).resolve()) + ("\nname of --config" if is_overridden else "")
+    (NOTES / name).write_text(text, encoding="utf-8")

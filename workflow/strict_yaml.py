@@ -48,16 +48,11 @@ def read_yaml(path: str | Path) -> dict:
         if path.is_file() and path.stat().st_size > LARGEST_FILE:
             raise InputError(f"{path}: over {LARGEST_FILE // 10**6} MB; give solids and records as files of their own")
         text = path.read_text(encoding="utf-8")
-        document = _read(path, text, loader_of(text))
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 (byte {error.start}: {error.reason}); save it as UTF-8") from error
     except OSError as error:
         raise InputError(f"{path}: not readable ({error.strerror}); check its name and place") from error
-    except yaml.MarkedYAMLError as error:
-        place = f" line {error.problem_mark.line + 1}:" if error.problem_mark else ""
-        raise InputError(f"{path}:{place} not YAML ({error.problem}); check indents, brackets and quotes") from error
-    except (yaml.YAMLError, ValueError, OverflowError) as error:  # ValueError: a date of month 13, a number too long
-        raise InputError(f"{path}: not YAML ({str(error)[:200]})") from error
+    document = read_text(path, text)
     if not isinstance(document, dict):
         raise InputError(f"{path}: not a configuration: it has no keys; start from config/mines/demo.yaml")
     if TEMPLATE in document:
@@ -67,7 +62,18 @@ def read_yaml(path: str | Path) -> dict:
     return document
 
 
-def _read(path: Path, text: str, loader: type):
+def read_text(source: str | Path, text: str):
+    """What a YAML text holds. Raises InputError as `read_yaml`; source: what it is of, for messages."""
+    try:
+        return _read(source, text, loader_of(text))
+    except yaml.MarkedYAMLError as error:
+        place = f" line {error.problem_mark.line + 1}:" if error.problem_mark else ""
+        raise InputError(f"{source}:{place} not YAML ({error.problem}); check indents, brackets and quotes") from error
+    except (yaml.YAMLError, ValueError, OverflowError) as error:  # ValueError: a date of month 13, a number too long
+        raise InputError(f"{source}: not YAML ({str(error)[:200]})") from error
+
+
+def _read(path: str | Path, text: str, loader: type):
     """What a text holds. What the fast loader does not take is for the slow one to judge."""
     try:
         _check_structure(path, text, loader)
@@ -83,7 +89,7 @@ def loader_of(text: str) -> type:
     return FAST_LOADER if PLAIN.fullmatch(text) else yaml.SafeLoader
 
 
-def _check_structure(path: Path, text: str, loader: type) -> None:
+def _check_structure(path: str | Path, text: str, loader: type) -> None:
     """Nesting, keys and aliases, from the parser's events: nothing is built, so nothing can grow."""
 
     def refuse(event: yaml.Event, problem: str) -> InputError:

@@ -1,0 +1,106 @@
+"""What a user writes behind snakemake: taken as in a mine's file, or refused in one line that shows the right way."""
+
+import os
+
+import pytest
+from tiny_mines import TINY, snakemake, write_mine
+
+from pipeline.errors import InputError
+from workflow.command_line import read_overrides
+from workflow.owners import check_owner, note_owner
+
+READ_ONLY = "/sys"  # a folder of Linux that takes no files, of root neither
+
+
+@pytest.mark.parametrize(
+    ("entry", "means"),
+    [
+        ("solver={increments: 2}", {"solver": {"increments": 2}}),
+        ('solver={"tolerance": 1.0e-3, "move": false}', {"solver": {"tolerance": 1e-3, "move": False}}),
+        ("grid_convergence=false", {"grid_convergence": False}),
+        ("ensemble=8", {"ensemble": 8}),
+        ("thickness=2 m", {"thickness": "2 m"}),
+        ("plane=none", {"plane": "none"}),
+        ('name="2019"', {"name": "2019"}),
+        ("domain={lower: [0 m, 0 m, 0 m]}", {"domain": {"lower": ["0 m"] * 3}}),
+        ("record=", {"record": None}),
+    ],
+)
+def test_a_value_means_what_it_means_in_a_mine_file(entry, means):
+    assert read_overrides([entry]) == means
+
+
+@pytest.mark.parametrize(
+    ("entries", "says"),
+    [
+        (["solver.tolerance=1e-3"], "--config solver.tolerance=1e-3: keys below.*--config 'solver={tolerance: 1e-3}'"),
+        (["materials.m.cohesion.intact=3 MPa"], "--config 'materials={m: {cohesion: {intact: 3 MPa}}}'"),
+        (["excavations.0.radius=3 m"], "entries of a list are changed in the mine's file"),
+        (["x=1"], "--config x=1: 'x' is no key of a mine's file"),
+        (["=1"], "--config =1: '' is no key"),
+        (["accuracy=draft", "verification"], "--config verification: no key=value.*--cores all verification --config"),
+        (["accuracy=draft", "accuracy=fine"], "--config accuracy=fine: accuracy stands twice"),
+        (["solver={increments"], "--config solver: line 1: not YAML"),
+        (["solver={increments: 2, increments: 3}"], "--config solver: line 1: increments: this key stands twice"),
+        (["name=!!python/object/apply:os.getcwd []"], "--config name: line 1: not YAML"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_with_the_right_way(entries, says):
+    with pytest.raises(InputError, match=says) as refused:
+        read_overrides(entries)
+    assert "\n" not in str(refused.value)
+
+
+def spoken(folder, *options: str) -> list[str]:
+    """What a user reads who asks for the tiny mine with these options, and is refused."""
+    file = write_mine(TINY, folder / "mine.yaml")
+    status, text = snakemake(file, folder, "--dry-run", *options)
+    assert status != 0, text
+    return [line for line in text.splitlines() if "Using workflow specific profile" not in line]
+
+
+def test_keys_of_a_section_merge_with_those_of_the_file(tmp_path):
+    """Numbers as numbers; what the file says of the section beside them stays."""
+    (line,) = spoken(tmp_path, "--config", "ensemble=2", "solver={increments: 1}")
+    assert "ensemble: members differ by the parts in which they take rock out, and solver.increments is 1" in line
+    status, text = snakemake(tmp_path / "mine.yaml", tmp_path, "-n", "--config", "ensemble=2", "solver={increments: 3}")
+    assert status == 0, text
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--config", "solver.tolerance=1e-3"], "keys below a section are written in braces"),
+        (["--config", "accuracy=draft", "--config", "ensemble=2"], "--config stands twice"),
+        (["--config", "accuracy=draft", "report"], "--config report: no key=value"),
+        (["--config", "acuracy=draft"], "acuracy: unknown key; did you mean accuracy?"),
+        (["--config", "solver=3"], "solver: 3 is not of type 'object'"),
+        (["--config", "name=a b"], "name: 'a b' does not match"),
+    ],
+)
+def test_snakemake_ends_in_one_line(tmp_path, options, says):
+    lines = spoken(tmp_path, *options)
+    assert len(lines) == 1, lines
+    assert says in lines[0]
+
+
+@pytest.mark.skipif(not os.path.isdir(READ_ONLY), reason="no folder that takes no files")
+@pytest.mark.parametrize("folder", [READ_ONLY, __file__], ids=["read-only", "a file"])
+def test_a_working_directory_that_takes_no_files_is_one_line(tmp_path, folder):
+    """Snakemake makes folders for its notes there before it reads the Snakefile."""
+    status, text = snakemake(write_mine(TINY, tmp_path / "mine.yaml"), folder, "--dry-run")
+    lines = [line for line in text.splitlines() if "Using workflow specific profile" not in line]
+    assert status != 0
+    assert len(lines) == 1, lines
+    assert lines[0].startswith(f"{folder}: takes no files (")
+
+
+def test_results_under_a_name_of_the_command_line_are_not_replaced(tmp_path, monkeypatch):
+    """The file that they were made from does not have that name."""
+    monkeypatch.chdir(tmp_path)
+    one, other = (write_mine(TINY | {"name": name}, tmp_path / f"{name}.yaml") for name in ("one", "other"))
+    (tmp_path / "results/other").mkdir(parents=True)
+    note_owner("other", one, is_overridden=True)
+    check_owner("other", one)
+    with pytest.raises(InputError, match=r"results/other was made from .*one\.yaml, with that name by --config; give"):
+        check_owner("other", other)
