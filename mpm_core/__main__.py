@@ -76,7 +76,8 @@ def solids(arguments: argparse.Namespace) -> None:
     from mpm_core.vtk import INDEX, write_solids
 
     scene = GridSlice.of(read_slice(arguments.scene))
-    groups = {group: read_solids(getattr(scene, group), group, domain_of(scene)) for group in INDEX}
+    domain, may_miss = domain_of(scene), {"rock_bodies": scene.far_field is not None}
+    groups = {group: read_solids(getattr(scene, group), group, domain, may_miss.get(group, False)) for group in INDEX}
     write_solids(groups, scene.plane, scene.mined, arguments.output)
 
 

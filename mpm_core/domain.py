@@ -28,10 +28,11 @@ class Domain:
         return self.coarse_cell / 2**level
 
 
-def base_cells(lower, upper, coarse_cell: float) -> np.ndarray:
+def base_cells(lower, upper, coarse_cell: float, name: str = "grid.coarse_cell") -> np.ndarray:
     """How many base cells of edge coarse_cell m tile the box from lower to upper (d,) m along each axis: (d,) int64.
 
     Raises InputError if they do not, but for the round-off of the coordinates: what is left would be no part of a cell.
+    name: what a message calls coarse_cell.
     """
     lower, upper = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     side = upper - lower
@@ -40,7 +41,7 @@ def base_cells(lower, upper, coarse_cell: float) -> np.ndarray:
     for axis in np.flatnonzero((count < 1) | (np.abs(side - count * coarse_cell) > round_off)):
         tiled = max(int(count[axis]), 1)
         raise InputError(
-            f"domain.upper[{axis}]: the side of {side[axis]:.15g} m is not a whole multiple of grid.coarse_cell, "
+            f"domain.upper[{axis}]: the side of {side[axis]:.15g} m is not a whole multiple of {name}, "
             f"{coarse_cell:.15g} m, of which {tiled} {'make' if tiled > 1 else 'makes'} {tiled * coarse_cell:.15g} m; "
             "change one of the two"
         )

@@ -19,10 +19,14 @@ import numpy as np
 from mpm_core.domain import marks_memory
 
 MOST_ERROR = 0.005  # share of the largest wall stress
+LARGEST_ERROR = 0.05  # the same where virgin rock bears its own stress no further: more is no domain
 LEAST_BASE_CELLS = 4  # along the shortest side, where levels are free
 MOST_LEVELS = 12
 LARGEST_MARKS = 2e9  # bytes for marking splits (domain.marks_memory); the domain ends where they are reached
 RASTER = 64  # cells across the largest face of the box of openings, on which the part that they cover is counted
+MEMORY, STRENGTH = "memory", "strength"
+HIGHEST = 1e9  # m: elevations that bound nothing
+FILLED = 0.9  # least share of the height in which rock bears its stress that whole base cells make use of
 SNAP = 1e-6  # of a cell: round-off of coordinates makes no further cell
 
 
@@ -53,8 +57,9 @@ class FarField:
     """expected share of the largest wall stress by which the boundary moves wall stress"""
     radius: float
     """m, of the round opening that disturbs as much as all of them"""
-    limited: bool
-    """whether the domain ends where the split marks of its grid take LARGEST_MARKS"""
+    limited: str
+    """MEMORY: the domain ends where the split marks of its grid take LARGEST_MARKS; STRENGTH: above or below it virgin
+    rock does not bear its stress; else empty"""
 
 
 def coefficients(dimension: int, poisson_ratio: float, condition: str) -> tuple[float, float]:
@@ -192,50 +197,74 @@ def derive_domain(
     finest_cell: float,
     poisson_ratios: Sequence[float],
     conditions: Sequence[str] = ("fixed",),
-    levels: int | None = None,
+    levels: tuple[int, int] = (1, MOST_LEVELS),
     ground: float | None = None,
+    sound: tuple[float, float] = (-math.inf, math.inf),
 ) -> FarField:
     """The domain around openings whose boundary moves no wall stress by more than MOST_ERROR.
 
-    finest_cell m; conditions: of the faces that are no ground surface; levels: if not free to choose; ground: elevation
-    m at which the domain ends if it reaches so high (None: it does not matter). The boundary is R from the axis of the
-    thinnest opening, so further from that of any other. Corners lie on whole finest cells.
+    finest_cell m; conditions: of the faces that are no ground surface; levels: fewest and most of cells; ground:
+    elevation m at which the domain ends if it reaches so high (None: it does not matter); sound: elevations m, around
+    all openings, between which virgin rock bears its stress and the domain stays, unless its largest cell is larger.
+    The boundary is R from the axis of the thinnest opening, so further from that of any other. Corners lie on whole
+    finest cells.
     """
     reach = reach_of(openings, poisson_ratios, conditions)
     axis_depth = 0.5 * min(float(np.min(one.sides)) for one in openings)
     wanted = max(reach.distance(MOST_ERROR) - axis_depth, finest_cell)
-    box = bounds(openings)
-    distance, limited = wanted, False
+    box, ground = bounds(openings), math.inf if ground is None else ground
+    low, high = sound[0], min(sound[1], ground)
+    distance = wanted
     while True:
-        lower, shape, coarse, used = _tile(box, distance, finest_cell, levels, ground)
+        lower, shape, used = _tile(box, distance, finest_cell, levels, (low, high), high == ground)
         if marks_memory(shape, used) <= LARGEST_MARKS or distance <= finest_cell:
             break
-        distance, limited = 0.97 * distance, True
+        distance = 0.97 * distance
+    coarse = finest_cell * 2 ** (used - 1)
     upper = lower + shape * coarse
     gaps = np.array([box[0] - lower, upper - box[1]])
-    if ground is not None and upper[-1] >= ground - SNAP * finest_cell:
+    if upper[-1] >= ground - SNAP * finest_cell:
         upper[-1] = ground
         gaps[1, -1] = np.inf
     nearest = float(gaps.min())
-    error, radius = float(reach.error(nearest + axis_depth)), float(reach.terms[0][1])
-    return FarField(lower, upper, coarse, used, nearest, error, radius, limited)
+    error = float(reach.error(nearest + axis_depth)) if nearest > 0 else math.inf
+    if lower[-1] < low or upper[-1] > high:  # its largest cell is larger
+        nearest, error = min(nearest, 0.0), math.inf
+    is_cut = nearest < distance - SNAP * finest_cell
+    limited = STRENGTH if is_cut else MEMORY if distance < wanted else ""
+    return FarField(lower, upper, coarse, used, nearest, error, float(reach.terms[0][1]), limited)
 
 
-def _tile(box, distance: float, finest: float, levels: int | None, ground: float | None) -> tuple:
-    """Lower corner, base cells, base cell and levels of the smallest domain that leaves `distance` around a box."""
+def _tile(
+    box: np.ndarray,
+    distance: float,
+    finest: float,
+    levels: tuple[int, int],
+    heights: tuple[float, float],
+    ends_at_ground: bool,
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Lower corner m, base cells and levels of the smallest domain that leaves `distance` m around a box, (2, d) m.
+
+    heights: elevations m that it stays between; where it reaches the upper one and ends_at_ground, it ends there.
+    """
+    low, high = np.clip(heights, -HIGHEST, HIGHEST)
     lower, upper = box[0] - distance, box[1] + distance
-    ends = ground is not None and upper[-1] > ground
-    if ends:
-        upper[-1] = ground
+    lower[-1], upper[-1] = max(lower[-1], low), min(upper[-1], high)
     # one finest cell to spare: the corner moves to a whole one
     sides = (upper - lower) / finest + 1 - SNAP
-    if levels is None:
-        levels = 1
-        while levels < MOST_LEVELS and math.ceil(sides.min() / 2**levels) >= LEAST_BASE_CELLS:
-            levels += 1
-    width = 2 ** (levels - 1)
+    used = levels[0]
+    while used < levels[1] and math.ceil(sides.min() / 2**used) >= LEAST_BASE_CELLS:
+        used += 1
+    room = (high - low) / finest - 1
+    while used > levels[0] and math.floor(room / 2 ** (used - 1)) * 2 ** (used - 1) < min(FILLED * room, sides[-1]):
+        used -= 1
+    width = 2 ** (used - 1)
     shape = np.maximum(np.ceil(sides / width), 1).astype(np.int64)
+    shape[-1] = max(min(shape[-1], room // width), 1)
     corner = np.rint((0.5 * (lower + upper) / finest) - 0.5 * shape * width) * finest
-    if ends:
-        corner[-1] = ground - shape[-1] * width * finest
-    return corner, shape, finest * width, levels
+    height = shape[-1] * width * finest
+    if corner[-1] + height > high or upper[-1] == high:
+        corner[-1] = high - height if ends_at_ground else math.floor(high / finest) * finest - height
+    if corner[-1] < low and height <= high - low:
+        corner[-1] = math.ceil(low / finest) * finest
+    return corner, shape, used

@@ -82,7 +82,7 @@ def miss(solid: Solid | Outside, domain: Domain, allowed: float) -> None:
         )
     thin = f"{where}: it is thinner than a fraction of the finest cell, {fine:g} m"
     if allowed < 1.0:
-        raise InputError(f"{thin}; refine grid.levels or leave it out")
+        raise InputError(f"{thin}; take smaller cells (grid.finest_cell, or more grid.levels), or leave it out")
     logging.warning("%s, and left out", thin)
 
 
@@ -107,7 +107,8 @@ def compare_volumes(name: str, solid: float, gridded: float, allowed: float, cel
     if abs(error) > allowed:
         raise InputError(
             f"excavations.{name}: {solid:.4g} m3 in the domain as a solid but {gridded:.4g} m3 on the grid "
-            f"({100 * error:+.0f} %): too thin for cells of {cell:g} m; refine grid.levels, mend the solid, or allow "
+            f"({100 * error:+.0f} %): too thin for cells of {cell:g} m; take smaller ones "
+            "(grid.finest_cell, or more grid.levels), mend the solid, or allow "
             f"more by grid.volume_error (now {allowed:g})"
         )
 
@@ -134,7 +135,7 @@ def require_memory(count: GridCount, dimension: int) -> None:
     require(
         stage_bytes("multigrid", dimension, count.cells, count.cells),
         f"grid: {count.cells:,} cells, {count.nodes:,} nodes, in the stages that follow",
-        "use fewer grid.levels, a larger grid.coarse_cell, fewer grid.buffer_cells or a smaller domain",
+        "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.buffer_cells or a smaller domain",
     )
 
 
@@ -146,7 +147,7 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
     values = GridSlice.of(values)
     dimension, domain = values.dimension, domain_of(values)
     solids = read_solids(values.excavations, "excavations", domain)
-    bodies = read_solids(values.rock_bodies, "rock_bodies", domain)
+    bodies = read_solids(values.rock_bodies, "rock_bodies", domain, values.far_field is not None)
     features = [solid for solid, entry in zip(bodies, values.rock_bodies, strict=True) if entry.refine]
     later = np.isin(np.arange(len(solids)), values.later)
 
@@ -213,13 +214,15 @@ def far_field_attributes(values: GridSlice) -> dict:
     if far is None:
         return {}
     said = f"domain: {far.distance:.4g} m from the openings; moves wall stress by {100 * far.error:.2g} % at most"
-    if far.limited:
-        logging.warning("%s; a larger one takes too much memory on these cells: use a larger grid.finest_cell", said)
-    else:
-        logging.info("%s", said)
+    reason = {
+        "memory": "; a larger one takes too much memory on these cells: use a larger grid.finest_cell",
+        "strength": "; beyond it virgin rock stands above its strength (insitu_stress, materials.host)",
+        "": "",
+    }[far.limited]
+    logging.log(logging.WARNING if reason else logging.INFO, "%s%s", said, reason)
     return {
         "far_field_distance": far.distance,
         "far_field_radius": far.radius,
         "far_field_error": 100 * far.error,
-        "far_field_limited": int(far.limited),
+        "far_field_limited": far.limited,
     }

@@ -17,7 +17,7 @@ BASE = {"explicit": 0.35e9, "multigrid": 0.45e9}  # libraries and compiled kerne
 PER_CELL = {"explicit": 1160.0, "multigrid": 1640.0}
 PER_PARTICLE = 360.0
 ELASTIC_SAVES = {"explicit": 0.0, "multigrid": 700.0}  # per cell: nothing flows, no steps are remembered
-SMALLER = "use a larger grid.coarse_cell, fewer grid.particles_per_cell, fewer grid.max_cells, or free some"
+SMALLER = "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.particles_per_cell, or free some"
 FOLLOWS = 1.65  # times as much in a step whose cells follow the rock: while they are split it has those before, too.
 # renison_scale in cells of 2.5 m: 4.1 GB with 1.1 M cells
 SHARE_2D = 0.6  # of the cells' part: fewer corners and components

@@ -200,21 +200,27 @@ def check_strains(scene: Scene) -> None:
             )
 
 
-def check_virgin_stress(scene: Scene, lowest: float, highest: float) -> None:
+def virgin_excess(host: MaterialSettings, insitu: InsituStress, elevation: float) -> float:
+    """How far virgin rock of the host stands above its intact strength at an elevation, Pa; 0 or less where it bears
+    its stress, everywhere if it cannot fail."""
+    if not can_fail(host):
+        return 0.0
+    law = law_of(host)
+    intact, _ = law.strength_rows(host, (0, 1, 2))
+    return law.overstress_of_tensor(tensor_from_voigt(insitu.at(elevation)), intact)
+
+
+def check_virgin_stress(scene: Scene, ends: dict[str, float]) -> None:
     """Raise InputError if virgin rock of the host stands above its intact strength anywhere between two elevations, m.
 
-    What a law admits is convex, and stress is linear in depth: the ends decide.
+    ends: both, each by what a message says of its place. What a law admits is convex, and stress is linear in depth:
+    the ends decide.
     """
-    material = scene.materials["host"]
-    if not can_fail(material):
-        return
-    law = law_of(material)
-    intact, _ = law.strength_rows(material, (0, 1, 2))
-    for elevation in (lowest, highest):
-        excess = law.overstress_of_tensor(tensor_from_voigt(scene.insitu.at(elevation)), intact)
+    for place, elevation in ends.items():
+        excess = virgin_excess(scene.materials["host"], scene.insitu, elevation)
         if excess > 0.0:
             raise InputError(
-                f"insitu_stress: at elevation {elevation:.10g} m virgin stress is {excess / 1e6:.3g} MPa above the "
-                "intact strength of materials.host: it would fail before anything is mined; check stress, depth "
+                f"insitu_stress: at elevation {elevation:.10g} m{place} virgin stress is {excess / 1e6:.3g} MPa above "
+                "the intact strength of materials.host: it would fail before anything is mined; check stress, depth "
                 "and strength"
             )

@@ -75,7 +75,7 @@ class GridSettings(Settings):
     twice the one before, that divide its sides, else at least four along its shortest side"""
     coarse_cell: Size = None
     """edge of the largest cells; the sides of the domain are whole multiples of it; 10 m where finest_cell does not say
-    it"""
+    it, and 5, 2.5 or 1.25 m with fewer levels where that divides the domain and 10 m does not"""
     levels: whole_number(ge=1, le=12) = None
     """sizes of cell, each half the one before: 10, 5, 2.5, 1.25 m; 4 where finest_cell does not say it"""
     buffer_cells: whole_number(ge=0, le=100) = 3
@@ -276,7 +276,7 @@ class GridFarField(Settings):
     distance: Length
     error: float
     radius: Size
-    limited: bool
+    limited: Literal["", "memory", "strength"]
 
 
 class GridSlice(Settings):

@@ -14,10 +14,12 @@ from mpm_core.settings import SolidSettings
 from pipeline.errors import InputError
 
 
-def read_solids(entries: Sequence[SolidSettings], section: str, domain: Domain) -> list[Solid | Outside]:
+def read_solids(
+    entries: Sequence[SolidSettings], section: str, domain: Domain, may_miss: bool = False
+) -> list[Solid | Outside]:
     """Solids of a section of the configuration ("excavations"), in order; `outside`: what they leave of the domain.
 
-    entries: or their values.
+    entries: or their values. may_miss: only warn of one that lies outside the domain.
 
     Raises InputError naming the entry, also for one that lies outside the domain.
     """
@@ -35,7 +37,7 @@ def read_solids(entries: Sequence[SolidSettings], section: str, domain: Domain) 
                 solids.append(build_shape(entry.given(), dimension))
         except InputError as error:
             raise InputError(f"{section}.{entry.name}: {str(error).removeprefix(entry.name + ': ')}") from error
-        check_inside(solids[-1], domain, section, bool(entry.file))
+        check_inside(solids[-1], domain, section, bool(entry.file), may_miss)
         if entry.outside:
             solids[-1] = Outside(solids[-1], domain.lower, domain.upper)
     return solids
@@ -51,16 +53,20 @@ def with_outline(entry: SolidSettings) -> dict:
     return made
 
 
-def check_inside(solid: Solid, domain: Domain, section: str, from_file: bool = False) -> None:
-    """Raise InputError for a solid outside the domain; one that is partly outside is cut off at the boundary."""
+def check_inside(solid: Solid, domain: Domain, section: str, from_file: bool, may_miss: bool) -> None:
+    """Raise InputError for a solid outside the domain, unless it may miss it; one that is partly outside is cut off at
+    the boundary."""
     lower, upper = solid.bounds
-    if (upper <= domain.lower).any() or (lower >= domain.upper).any():
+    is_outside = (upper <= domain.lower).any() or (lower >= domain.upper).any()
+    if is_outside and may_miss:
+        logging.warning("%s.%s lies outside the domain and is left out", section, solid.name)
+    elif is_outside:
         raise InputError(
             f"{section}.{solid.name}: lies outside the domain ({_span(lower, upper)}; "
             f"domain {_span(domain.lower, domain.upper)}): check its coordinates"
             f"{', its units, scale and offset' if from_file else ''} and domain.lower, domain.upper"
         )
-    if (lower < domain.lower).any() or (upper > domain.upper).any():
+    elif (lower < domain.lower).any() or (upper > domain.upper).any():
         logging.warning("%s.%s reaches beyond the domain; the part inside is used", section, solid.name)
 
 

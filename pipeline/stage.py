@@ -89,7 +89,10 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
         sys.exit(f"{whose}: {error}")
     except MemoryError:
         logging.exception("out of memory")
-        sys.exit(f"{whose}: out of memory; fewer levels, a larger coarse_cell or fewer buffer_cells need less")
+        sys.exit(
+            f"{whose}: out of memory; larger cells (grid.finest_cell, or grid.coarse_cell) or fewer grid.buffer_cells "
+            "need less"
+        )
     except KeyboardInterrupt:
         logging.info("ended on the user's request")
         sys.exit(INTERRUPTED)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from mpm_core.far_field import MOST_LEVELS
 from pipeline.errors import InputError
+from workflow.plan import Plan
 
 LOOSEST = {"tolerance": 1e-2, "cascade_tolerance": 0.05}  # looser, rock is not at rest when its failure is looked for
 
@@ -26,23 +27,29 @@ DRAFT, STANDARD, FINE = "draft", "standard", "fine"
 PRESETS = {DRAFT: Accuracy(-1, 3.0, 2.0), STANDARD: Accuracy(0, 1.0, 1.0), FINE: Accuracy(1, 1.0, 0.5)}
 
 
-def apply_accuracy(values: dict) -> None:
-    """Change cells and solver of a configuration in SI, its grid complete. Raises InputError where cells cannot."""
-    name = values["accuracy"]
-    preset, grid, solver = PRESETS[name], values["grid"], values["solver"]
+def apply_accuracy(mine: Plan) -> None:
+    """Change cells and solver of a mine, its grid complete. Raises InputError where cells cannot."""
+    name = mine.values["accuracy"]
+    preset, grid, solver = PRESETS[name], mine.values["grid"], mine.values["solver"]
     if preset == PRESETS[STANDARD]:
         return
     levels = grid["levels"] + preset.levels
     if levels < 1:
         coarse = grid["coarse_cell"]
+        larger = (
+            "take grid.levels: 2 or more"
+            if mine.far_field
+            else f"make sides of the domain whole multiples of {2 * coarse:g} m and the largest cells (grid) as large"
+        )
         raise InputError(
-            f"accuracy: {name}: leaves out the finest cells, but all cells are of {coarse:g} m; make sides of the "
-            f"domain whole multiples of {2 * coarse:g} m and the largest cells (grid) as large, or leave accuracy out"
+            f"accuracy: {name}: leaves out the finest cells, but all cells are of {coarse:g} m; {larger}, or leave "
+            "accuracy out"
         )
     if levels > MOST_LEVELS:
+        fewer = "fewer grid.levels" if "levels" in mine.written_cells else "a smaller grid.coarse_cell"
         raise InputError(
             f"accuracy: {name}: halves the finest cells, but there are {MOST_LEVELS} sizes of cell, the most that "
-            "there can be; leave accuracy out, or take fewer grid.levels"
+            f"there can be; leave accuracy out, or take {fewer}"
         )
     grid["levels"] = levels
     for key, loosest in LOOSEST.items():

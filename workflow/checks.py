@@ -9,6 +9,7 @@ from mpm_core.scene import check_virgin_stress, parse_scene
 from pipeline.errors import InputError
 from workflow.accuracy import DRAFT
 from workflow.dates import read_date
+from workflow.far_field import largest_cell_name
 from workflow.mine import Mine
 from workflow.record_checks import check_record
 from workflow.shapes import check_repeated, check_shape
@@ -34,17 +35,18 @@ def check_mine(mine: Mine) -> None:
     _check_solver(mine)
     _check_ensemble(mine)
     _check_compression(mine)
-    check_virgin(mine, mine.values["materials"])
+    _check_virgin(mine)
 
 
-def check_virgin(mine: Mine, materials: dict) -> None:
-    """Raise InputError where virgin rock of these materials would fail before anything is mined."""
-    scene = parse_scene(mine.scene_slice(len(mine.steps) - 1) | {"materials": materials})
+def _check_virgin(mine: Mine) -> None:
+    """Raise InputError where virgin rock would fail before anything is mined; that a derived domain has none is its
+    own affair (workflow/far_field.py)."""
+    scene = parse_scene(mine.scene_slice(len(mine.steps) - 1))
     domain = mine.values["domain"]
     if mine.plane == "xy":
-        check_virgin_stress(scene, scene.insitu.surface, scene.insitu.surface)
+        check_virgin_stress(scene, {"": scene.insitu.surface})
     else:
-        check_virgin_stress(scene, domain["lower"][-1], domain["upper"][-1])
+        check_virgin_stress(scene, {f" (domain.{end})": domain[end][-1] for end in ("lower", "upper")})
 
 
 def _check_steps(mine) -> None:
@@ -182,14 +184,15 @@ def _check_domain(mine) -> None:
     for axis, (low, high) in enumerate(zip(domain["lower"], domain["upper"], strict=True)):
         if high <= low:
             raise InputError(f"domain.upper[{axis}]: {high:g} m is not above domain.lower[{axis}], {low:g} m")
-    base_cells(domain["lower"], domain["upper"], coarse)
+    base_cells(domain["lower"], domain["upper"], coarse, largest_cell_name(mine))
     count = mine.values["grid"]["particles_per_cell"]
     if round(count ** (1 / mine.dimension)) ** mine.dimension != count:
         raise InputError(f"grid.particles_per_cell: {count} is not n^{mine.dimension} in {mine.dimension}-D")
     cells = math.prod((high - low) / coarse for low, high in zip(domain["lower"], domain["upper"], strict=True))
     if cells > MOST_CELLS:
         raise InputError(
-            f"grid.coarse_cell: {coarse:g} m makes {cells:.1g} coarse cells of this domain; take larger ones"
+            f"grid.{'coarse_cell' if 'coarse_cell' in mine.written_cells else 'finest_cell'}: the largest cells, "
+            f"{coarse:g} m, are {cells:.1g} coarse cells in this domain; take larger ones"
         )
 
 

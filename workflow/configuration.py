@@ -22,7 +22,7 @@ def load(config: dict, mine_file: str | os.PathLike, default: dict | None = None
         text = with_yaml_habits(config)
         mine = Mine(MineSettings.read(text).given(), text, mine_file.parent, default or {})
         complete(mine)
-        apply_accuracy(mine.values)
+        apply_accuracy(mine)
         check_mine(mine)
     except InputError as error:
         raise InputError(f"{mine_file}: {error}") from error

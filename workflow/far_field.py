@@ -8,14 +8,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mpm_core.constitutive.laws import Materials
 from mpm_core.domain import base_cells
-from mpm_core.far_field import MOST_LEVELS, Opening, derive_domain
-from mpm_core.scene import FACES, PLANES
+from mpm_core.far_field import LARGEST_ERROR, MOST_LEVELS, STRENGTH, FarField, Opening, bounds, derive_domain
+from mpm_core.insitu import InsituStress
+from mpm_core.scene import FACES, PLANES, virgin_excess
 from pipeline.errors import InputError
+from pipeline.voigt import NAMES
+from workflow.accuracy import PRESETS
 from workflow.mine import Mine
 from workflow.shapes import check_form, extent
 
-COARSE_CELL, LEVELS = 10.0, 4  # of a mine that names neither these nor its finest cell
+COARSE_CELL, LEVELS = 10.0, 4  # of a mine that names neither these nor its finest cell; fewer where its domain asks
+DEEPEST = 1e5  # m from the openings: virgin rock is not looked at further away
 TURNS = 60  # corners of an outline at most along whose edges a box around it is laid
 PIECES = 16  # boxes at most that cover a stretch of tunnel
 SAME = 1e-9  # share by which sizes differ that are the same
@@ -25,10 +30,7 @@ def complete(mine: Mine) -> None:
     """Fill in what a mine's file leaves to us of domain and grid. Raises InputError, one line, for what contradicts."""
     domain, grid = mine.values.setdefault("domain", {}), mine.values["grid"]
     finest = grid.pop("finest_cell", None)
-    if finest is None:
-        grid.setdefault("coarse_cell", COARSE_CELL)
-        grid.setdefault("levels", LEVELS)
-    else:
+    if finest is not None:
         _check_sizes(grid, finest)
     missing = [key for key in ("lower", "upper") if key not in domain]
     if len(missing) == 1:
@@ -39,8 +41,13 @@ def complete(mine: Mine) -> None:
         )
     if missing:
         _derive(mine, finest)
-    elif finest is not None and "coarse_cell" not in grid:
-        _divide(mine, finest)
+    elif finest is None and "coarse_cell" not in grid:
+        levels = grid.get("levels", LEVELS)
+        _divide(mine, COARSE_CELL / 2 ** (levels - 1), range(levels, levels - 1 if "levels" in grid else 0, -1))
+    elif "coarse_cell" not in grid:
+        _divide(mine, finest, range(_levels(mine)[1], 0, -1))
+    grid.setdefault("coarse_cell", COARSE_CELL)
+    grid.setdefault("levels", LEVELS)
     domain.setdefault("boundary", "fixed")
 
 
@@ -62,14 +69,27 @@ def _check_sizes(grid: dict, finest: float) -> None:
         grid["coarse_cell"] = finest * 2 ** (grid["levels"] - 1)
 
 
-def _divide(mine: Mine, finest: float) -> None:
-    """The largest cells that tile a domain that is given."""
+def largest_cell_name(mine: Mine) -> str:
+    """What the largest cell is by the keys that the mine's file gives."""
+    if "coarse_cell" in mine.written_cells:
+        return "grid.coarse_cell"
+    return f"grid.finest_cell times 2^{mine.values['grid']['levels'] - 1} (grid.levels)"
+
+
+def _levels(mine: Mine) -> tuple[int, int]:
+    """Fewest and most levels of cells that leave the preset of accuracy a level to take away or to add."""
+    more = PRESETS[mine.values["accuracy"]].levels
+    return 1 + max(-more, 0), MOST_LEVELS - max(more, 0)
+
+
+def _divide(mine: Mine, finest: float, choices: range) -> None:
+    """The first of so many levels of cells, from finest m on, of which the largest tile a domain that is given."""
     lower, upper = (np.array(mine.values["domain"][key]) for key in ("lower", "upper"))
     grid = mine.values["grid"]
-    grid |= {"coarse_cell": finest, "levels": 1}
     if not len(lower) == len(upper) == mine.dimension or (upper <= lower).any():
+        grid |= {"coarse_cell": finest, "levels": 1}
         return  # said by the checks that follow
-    for levels in range(MOST_LEVELS, 0, -1):
+    for levels in choices:
         coarse = finest * 2 ** (levels - 1)
         try:
             base_cells(lower, upper, coarse)
@@ -78,9 +98,12 @@ def _divide(mine: Mine, finest: float) -> None:
         grid |= {"coarse_cell": coarse, "levels": levels}
         return
     sides = ", ".join(f"{side:.15g} m" for side in upper - lower)
+    problem = f"the sides of the domain ({sides}) are no whole multiples of {coarse:.15g} m"
+    if "finest_cell" in mine.written_cells:
+        raise InputError(f"grid.finest_cell: {problem}; change one, or leave domain.lower and domain.upper out")
+    which = f"the largest of {levels} sizes of cell (grid.levels)" if "levels" in grid else "a size of cell"
     raise InputError(
-        f"grid.finest_cell: the sides of the domain ({sides}) are no whole multiples of {finest:.15g} m; change one, "
-        "or leave domain.lower and domain.upper out"
+        f"grid.finest_cell: missing key: {problem}, {which} where none is given; give one that divides them"
     )
 
 
@@ -98,14 +121,19 @@ def _derive(mine: Mine, finest: float) -> None:
     held = [face for face in FACES if "xyz".index(face[0]) in mined and (face, faces[face]) != ("z_upper", "free")]
     conditions = [faces[face] for face in held]
     rocks = ["host", *(body["material"] for body in values.get("rock_bodies", []))]
+    heights = bounds(openings)[:, -1]
+    sound = _sound(mine, heights) if 2 in mined else (-np.inf, np.inf)
     found = derive_domain(
         openings,
         finest,
         [values["materials"][name]["poisson_ratio"] for name in rocks if name in values["materials"]],
         conditions if asked else ["fixed"],
-        levels=grid.get("levels"),
+        levels=(grid["levels"],) * 2 if "levels" in grid else _levels(mine),
         ground=values["frame"]["surface"] if 2 in mined else None,
+        sound=sound,
     )
+    if found.limited == STRENGTH and found.error > LARGEST_ERROR:
+        raise InputError(_no_room(mine, found, heights, sound))
     top, surface = float(found.upper[-1]), values["frame"]["surface"]
     at_surface = 2 in mined and top == surface
     if at_surface and asked and faces["z_upper"] not in ("free", "traction"):
@@ -125,6 +153,52 @@ def _derive(mine: Mine, finest: float) -> None:
     mine.far_field = found
 
 
+def _sound(mine: Mine, heights: np.ndarray) -> tuple[float, float]:
+    """Elevations, m, between which virgin rock of the host bears its stress; heights (2,): of all openings, m.
+
+    Raises InputError where it does not at the openings themselves. What a law admits is convex, and stress is linear in
+    depth: there is one such stretch.
+    """
+    values = mine.values
+    host = Materials.of({"materials": {"host": values["materials"]["host"]}}).materials["host"]
+    parts = [values["insitu_stress"].get(key, {}) for key in ("constant", "gradient")]
+    surface = values["frame"]["surface"]
+    insitu = InsituStress(*(np.array([part.get(name, 0.0) for name in NAMES]) for part in parts), surface)
+    for place, elevation in zip(("lower", "upper"), np.minimum(heights, surface), strict=True):
+        if (excess := virgin_excess(host, insitu, elevation)) > 0.0:
+            raise InputError(
+                f"insitu_stress: at elevation {elevation:.6g} m, the {place} end of the excavations, virgin stress is "
+                f"{excess / 1e6:.3g} MPa above the intact strength of materials.host: it would fail before anything is "
+                "mined; check stress, depth and strength"
+            )
+    ends = []
+    for bears, away in ((min(heights[0], surface), -DEEPEST), (min(heights[1], surface), DEEPEST)):
+        fails = bears + away
+        if virgin_excess(host, insitu, fails) <= 0.0:
+            ends.append(fails)
+            continue
+        while abs(fails - bears) > SAME * DEEPEST:
+            middle = 0.5 * (fails + bears)
+            bears, fails = (bears, middle) if virgin_excess(host, insitu, middle) > 0.0 else (middle, fails)
+        ends.append(bears)
+    return tuple(ends)
+
+
+def _no_room(mine: Mine, found: FarField, heights: np.ndarray, sound: tuple[float, float]) -> str:
+    """Why a derived domain that stays where virgin rock bears its stress is none; heights, sound: see _sound."""
+    gaps = heights[0] - sound[0], sound[1] - heights[1]
+    end, gap = min(zip(sound, gaps, strict=True), key=lambda pair: pair[1])
+    largest = ", ".join(f"grid.{key}" for key in ("coarse_cell", "levels") if key in mine.written_cells)
+    cells = f" in cells up to {found.coarse_cell:g} m ({largest})" if largest else ""
+    expected = f"moves wall stress by {100 * found.error:.3g} %" if found.distance > 0 else "does not hold them"
+    return (
+        f"insitu_stress: virgin stress reaches the intact strength of materials.host at elevation {end:.6g} m, "
+        f"{gap:.3g} m from the excavations: a domain that ends before{cells} {expected} "
+        f"({100 * LARGEST_ERROR:g} % are allowed); check stress, depth and strength, or give domain.lower and "
+        "domain.upper"
+    )
+
+
 def _openings(mine: Mine) -> Iterator[Opening]:
     """All excavations, planned ones too, and loads; a tunnel stretch by stretch."""
     sections = {"excavations": mine.excavations, "loads": mine.values.get("loads", [])}
@@ -135,10 +209,17 @@ def _openings(mine: Mine) -> Iterator[Opening]:
                 raise InputError(f"{where}.outside: the domain follows from the excavations; give lower and upper")
             check_form(mine, where, entry)
             try:
-                yield from _opening(mine, where, entry)
+                found = list(_opening(mine, where, entry))
             except InputError as error:
                 text = str(error)
                 raise InputError(text if text.startswith(where) else f"{where}: {text}") from error
+            lowest = min((float(opening.lower[-1]) for opening in found), default=-np.inf)
+            if 2 in PLANES[mine.plane] and lowest >= mine.values["frame"]["surface"]:
+                raise InputError(
+                    f"{where}: lies above the ground, z {lowest:g} m and more (frame.surface: "
+                    f"{mine.values['frame']['surface']:g} m); check its coordinates and frame.surface"
+                )
+            yield from found
 
 
 def _opening(mine: Mine, where: str, entry: dict) -> Iterator[Opening]:

@@ -62,6 +62,11 @@ class Plan:
         return {face: given.get(face, given.get(face[0], given.get("others", "fixed"))) for face in FACES}
 
     @property
+    def written_cells(self) -> set[str]:
+        """Which sizes of cells the mine's file gives: finest_cell, coarse_cell, levels; the others are ours."""
+        return {"finest_cell", "coarse_cell", "levels"} & set(self.text.get("grid") or {})
+
+    @property
     def finest_cell(self) -> float:
         """Edge of the finest cells, m."""
         grid = self.values["grid"]

@@ -55,7 +55,7 @@ def _check_filter_meets_domain(mine: Mine, chosen: dict) -> None:
         if low >= upper or high <= lower:
             raise InputError(
                 f"record.filter: the box lies outside the domain, {'xyz'[axis]} {lower:g} to {upper:g} m, to which the "
-                "record is cropped; correct it"
+                f"record is cropped; correct it{', or give domain.lower and domain.upper' if mine.far_field else ''}"
             )
 
 

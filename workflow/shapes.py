@@ -28,13 +28,17 @@ SHAPES = {  # by dimension, keys that a shape needs, and may have
 
 
 def check_shape(mine: Mine, where: str, entry: dict) -> None:
-    """Raise InputError for an entry whose shape lacks keys, is upside down, or lies outside the domain."""
+    """Raise InputError for an entry whose shape lacks keys, is upside down, or lies outside the domain.
+
+    A rock body may lie outside a domain that follows from the excavations: the grid's stage leaves it out, and says so.
+    """
     check_form(mine, where, entry)
     if "file" in entry:
         return
     lower, upper = extent(where, entry, mine.dimension)
     domain = [np.array(mine.values["domain"][key]) for key in ("lower", "upper")]
-    if (upper <= domain[0]).any() or (lower >= domain[1]).any():
+    is_body = where.startswith("rock_bodies.")
+    if ((upper <= domain[0]).any() or (lower >= domain[1]).any()) and not (is_body and mine.far_field):
         raise InputError(
             f"{where}: lies outside the domain ({_span(lower, upper)}; domain {_span(*domain)}): check its coordinates "
             "and domain.lower, domain.upper"

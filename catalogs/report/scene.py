@@ -40,7 +40,11 @@ def far_field(grid: xr.Dataset) -> str:
     if "far_field_error" not in grid.attrs:
         return ""
     distance, error = float(grid.attrs["far_field_distance"]), float(grid.attrs["far_field_error"])
-    short = " A larger one would take too much memory on these cells." if int(grid.attrs["far_field_limited"]) else ""
+    short = {
+        "memory": " A larger one would take too much memory on these cells.",
+        "strength": " It ends there because virgin rock beyond it stands above its strength.",
+        "": "",
+    }[grid.attrs["far_field_limited"]]
     return (
         f"The domain follows from the openings: its boundary is {distance:.0f} m from the nearest of them, and in "
         f"elastic rock moves wall stress by {error:.2g} % of the largest at most (closed-form estimate).{short}"

@@ -16,7 +16,7 @@ WORK_PER_CELL = 16
 """bytes per cell while nodes are numbered: levels and widths as int32, first cells of blocks"""
 WORK_PER_NODE = 8
 """bytes per node while nodes are numbered: hash table of the nodes on block surfaces; measured 1 to 7"""
-REMEDY = "use fewer levels, a larger coarse_cell, fewer buffer_cells or a smaller domain"
+REMEDY = "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.buffer_cells or a smaller domain"
 
 
 class GridCount(NamedTuple):

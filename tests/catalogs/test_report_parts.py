@@ -43,12 +43,13 @@ def test_many_excavations_are_summed_by_step_with_the_worst_of_them():
 def test_a_derived_domain_is_told_with_what_is_expected_of_it():
     """In one sentence, another where it could not be as large as it should; of a given domain nothing is said."""
     assert far_field(xr.Dataset()) == ""
-    attributes = {"far_field_distance": 209.86, "far_field_error": 0.3585, "far_field_limited": 0}
+    attributes = {"far_field_distance": 209.86, "far_field_error": 0.3585, "far_field_limited": ""}
     told = far_field(xr.Dataset(attrs=attributes))
     assert "210 m from the nearest of them" in told
     assert "0.36 % of the largest" in told
     assert "memory" not in told
-    assert "memory" in far_field(xr.Dataset(attrs=attributes | {"far_field_limited": 1}))
+    assert "memory" in far_field(xr.Dataset(attrs=attributes | {"far_field_limited": "memory"}))
+    assert "above its strength" in far_field(xr.Dataset(attrs=attributes | {"far_field_limited": "strength"}))
 
 
 def test_many_excavations_with_events_end_with_the_sum_of_the_others(monkeypatch):

@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 from mpm_core.domain import base_cells, marks_memory
 from mpm_core.far_field import (
     LARGEST_MARKS,
+    MEMORY,
     MOST_ERROR,
     MOST_LEVELS,
+    STRENGTH,
     Opening,
     bounds,
     coefficients,
@@ -150,7 +152,7 @@ def test_a_domain_too_large_for_its_split_marks_ends_where_they_do_and_says_so()
     """It says what is expected of it all the same."""
     found = derive_domain([box([0, 0, 0], [2000, 2000, 800])], 1.0, [0.25])
     shape = base_cells(found.lower, found.upper, found.coarse_cell)
-    assert found.limited
+    assert found.limited == MEMORY
     assert found.error > MOST_ERROR
     assert marks_memory(shape, found.levels) > 0.3 * LARGEST_MARKS or found.distance <= 1.0
 
@@ -184,7 +186,8 @@ def corners(dimension: int):
 )
 def test_a_derived_domain_is_whole_base_cells_around_all_openings(openings, finest, nu, levels):
     """With the distance on every side, about in the middle; the same elsewhere, and mirrored."""
-    found = derive_domain(openings, finest, [nu], levels=levels)
+    chosen = (levels, levels) if levels else (1, MOST_LEVELS)
+    found = derive_domain(openings, finest, [nu], levels=chosen)
     shape = base_cells(found.lower, found.upper, found.coarse_cell)
     assert found.levels <= MOST_LEVELS
     assert found.coarse_cell == finest * 2 ** (found.levels - 1)
@@ -199,14 +202,14 @@ def test_a_derived_domain_is_whole_base_cells_around_all_openings(openings, fine
     assert (np.abs(0.5 * (found.lower + found.upper) - 0.5 * (lower + upper)) <= finest).all()
 
     shift = np.array([1e6, -2e6, 3e6][: len(lower)])
-    moved = derive_domain([box(one.lower + shift, one.upper + shift) for one in openings], finest, [nu], levels=levels)
+    moved = derive_domain([box(one.lower + shift, one.upper + shift) for one in openings], finest, [nu], levels=chosen)
     np.testing.assert_array_equal(base_cells(moved.lower, moved.upper, moved.coarse_cell), shape)
     assert (np.abs(moved.lower - shift - found.lower) <= finest).all()
     base_cells(moved.lower, moved.upper, moved.coarse_cell)
 
     flip = np.array([-1.0, 1.0, 1.0][: len(lower)])
     ends = [np.sort([one.lower * flip, one.upper * flip], axis=0) for one in openings]
-    mirrored = derive_domain([box(*pair) for pair in ends], finest, [nu], levels=levels)
+    mirrored = derive_domain([box(*pair) for pair in ends], finest, [nu], levels=chosen)
     np.testing.assert_array_equal(base_cells(mirrored.lower, mirrored.upper, mirrored.coarse_cell), shape)
     assert abs(mirrored.upper[0] + found.lower[0]) <= finest
 
@@ -217,3 +220,32 @@ def test_more_openings_or_larger_ones_never_disturb_less(openings):
     before = effective_volume(openings)
     assert before >= sum(own_volume(one) for one in openings) * (1 - 1e-9) or len(openings) > 1
     assert before <= np.sort(np.ptp(bounds(openings), axis=0))[-2] ** 2 * np.ptp(bounds(openings), axis=0).max() * 1.001
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    corners(3),
+    st.sampled_from([0.7, 1.25, 5.0]),
+    st.floats(1.0, 3000.0),
+    st.floats(1.0, 3000.0),
+    st.booleans(),
+)
+def test_a_domain_stays_between_the_elevations_where_rock_bears_its_stress(openings, finest, below, above, is_ground):
+    """Where its largest cell fits between them; what it gives up by that is told, and the ground is met exactly."""
+    lower, upper = bounds(openings)
+    heights = lower[2] - below, upper[2] + above
+    ground = {"ground": heights[1]} if is_ground else {}
+    sound = (heights[0], np.inf) if is_ground else heights
+    found = derive_domain(openings, finest, [0.25], **ground, sound=sound)
+    base_cells(found.lower, found.upper, found.coarse_cell)
+    assert found.error <= MOST_ERROR or found.limited
+    if heights[1] - heights[0] > 2 * finest:
+        assert heights[0] - 1e-9 <= found.lower[2]
+        assert found.upper[2] <= heights[1] + 1e-9
+    if found.limited != STRENGTH:
+        assert (
+            min((lower - found.lower).min(), (found.upper - upper)[: 2 if is_ground else 3].min())
+            >= found.distance - 1e-6
+        )
+    far = derive_domain(openings, finest, [0.25], sound=(-1e8, 1e8))
+    np.testing.assert_array_equal(far.lower, derive_domain(openings, finest, [0.25]).lower)

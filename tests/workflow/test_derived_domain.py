@@ -15,7 +15,7 @@ from test_configuration import ODD, leaves
 from tiny_mines import FLAT, TINY, box, changed, merged, snakemake, write_mine
 
 from mpm_core.domain import base_cells
-from mpm_core.far_field import MOST_ERROR
+from mpm_core.far_field import LARGEST_ERROR, MOST_ERROR
 from mpm_core.gridding import make_grid
 from pipeline.errors import InputError
 from workflow.configuration import load
@@ -231,3 +231,142 @@ def test_a_solid_that_is_read_before_the_run_leaves_the_terminal_to_the_workflow
     assert others[0] == "Job stats:"
     assert text.count("Job stats:") == 1
     assert "snakemake.logging" not in text
+
+
+DEEP = {"constant": {}, "gradient": {"xx": "-0.006 MPa/m", "yy": "-0.006 MPa/m", "zz": "-0.0278 MPa/m"}}
+
+
+def deep(cohesion: str, cell: str = "5 m", **values) -> dict:
+    """The tiny mine 5 km down, in rock of this cohesion, its domain left out."""
+    host = {"materials.host.cohesion": {"intact": cohesion, "residual": "1 MPa"}, "insitu_stress": DEEP}
+    return free(TINY, cell, **{"frame.surface": "5040 m", **host, **values})
+
+
+def test_a_deep_domain_ends_before_virgin_rock_stands_above_its_strength(accept, refuse):
+    """By itself, on that side alone, and it says what that costs; where rock by the openings fails, the mine is refused
+    by the stress that its file gives."""
+    whole, cut = accept(deep("100 MPa")), accept(deep("14.5 MPa"))
+    assert (whole.far_field.limited, cut.far_field.limited) == ("", "strength")
+    assert corners(whole)[0][2] < corners(cut)[0][2] < 25.0
+    assert corners(cut)[0][0] == pytest.approx(corners(whole)[0][0], abs=20.0)
+    assert MOST_ERROR < cut.far_field.error <= LARGEST_ERROR
+    attributes = make_grid(cut.grid_slice(), {}).attrs
+    assert attributes["far_field_limited"] == "strength"
+    assert attributes["far_field_error"] == pytest.approx(100 * cut.far_field.error)
+    line = refuse(deep("14.2 MPa"))
+    assert line.startswith("insitu_stress: virgin stress reaches the intact strength of materials.host at elevation")
+    line = refuse(deep("8 MPa"))
+    assert line.startswith("insitu_stress: at elevation 25 m, the lower end of the excavations, virgin stress is")
+
+
+def test_a_domain_whose_cells_are_not_given_takes_some_that_divide_it(accept, refuse):
+    """The finest as ever, 1.25 m; where no size of ours divides its sides, the key that chooses one is named."""
+    mine = {key: value for key, value in TINY.items() if key != "grid"}
+
+    def sides(side: str) -> dict:
+        return {"domain": {"lower": ["0 m"] * 3, "upper": ["80 m", "80 m", side]}}
+
+    for side, expected in (("80 m", (10.0, 4)), ("85 m", (5.0, 3)), ("83.75 m", (1.25, 1))):
+        grid = accept(mine, **sides(side), solver={"increments": 2}).values["grid"]
+        assert (grid["coarse_cell"], grid["levels"]) == expected
+    assert refuse(mine, **sides("83 m")).startswith(
+        "grid.finest_cell: missing key: the sides of the domain (80 m, 80 m"
+    )
+    line = refuse(TINY, **sides("85 m"), grid={"levels": 2})
+    assert line.startswith("grid.finest_cell: missing key: the sides of the domain (80 m, 80 m, 85 m) are no whole")
+    assert "of 10 m, the largest of 2 sizes of cell (grid.levels)" in line
+    line = refuse(TINY, **sides("85 m"), grid={"levels": 3, "finest_cell": "2.5 m"})
+    assert "85 m is not a whole multiple of grid.finest_cell times 2^2 (grid.levels), 10 m" in line
+
+
+def test_the_cells_of_a_derived_domain_leave_a_preset_its_level(accept, refuse):
+    """A draft has larger cells to go to, a fine one smaller, however many finest cells the domain is across."""
+    for cell in ("100 m", "40 m", "0.01 m"):
+        made = {name: accept(free(TINY, cell, accuracy=name)).values["grid"] for name in ("draft", "standard", "fine")}
+        finest = {name: grid["coarse_cell"] / 2 ** (grid["levels"] - 1) for name, grid in made.items()}
+        assert finest["draft"] == pytest.approx(2 * finest["standard"])
+        assert finest["fine"] == pytest.approx(0.5 * finest["standard"])
+    line = refuse(free(TINY, accuracy="draft", **{"grid.levels": 1}))
+    assert line.startswith(
+        "accuracy: draft: leaves out the finest cells, but all cells are of 2.5 m; take grid.levels: 2"
+    )
+
+
+def test_a_rock_body_outside_a_derived_domain_is_left_out(accept):
+    """Its place is the user's, the domain is not."""
+    dyke = box("dyke", "history", [9000, 0, 0], [9100, 80, 80]) | {"material": "fill"}
+    dyke.pop("step")
+    dataset = make_grid(accept(free(TINY, "5 m", rock_bodies=[dyke])).grid_slice(), {})
+    assert (dataset["cell_body"] == -1).all()
+
+
+def test_an_excavation_above_the_ground_is_named(refuse):
+    """Not the domain, which is ours."""
+    line = refuse(free(TINY, **{"excavations.2": box("tower", "planned", [20, 30, 1040], [60, 40, 1050])}))
+    assert line.startswith("excavations.tower: lies above the ground, z 1040 m and more (frame.surface: 1000 m)")
+
+
+def layout(seed: int) -> dict:
+    """A mine of some excavations 5 m to 5 km down, in rock that may or may not bear it, with what sizes of cells and
+    faces its file may give: its domain is ours."""
+    random = np.random.default_rng(seed)
+    size, depth = 10 ** random.uniform(0.5, 2), 10 ** random.uniform(0.7, 3.7)
+
+    def opening(number: int) -> dict:
+        middle = np.append(random.uniform(-3, 3, 2) * size, 1000 - depth + random.uniform(-1, 1) * size)
+        half = size * random.uniform(0.2, 0.6, 3)
+        return box(f"stope_{number}", "history", (middle - half).round(3).tolist(), (middle + half).round(3).tolist())
+
+    cell, cohesion = float(f"{size * random.choice([0.05, 0.2, 1.5]):.3g}"), 10 ** random.uniform(0, 2)
+    stress = {
+        axis: f"{-0.0278 * ratio:.5f} MPa/m"
+        for axis, ratio in zip(("xx", "yy"), random.uniform(0.2, 2.5, 2), strict=True)
+    }
+    grid = {"finest_cell": f"{cell} m"} | random.choice(
+        [
+            {},
+            {},
+            {},
+            {"levels": int(random.integers(1, 13))},
+            {"coarse_cell": f"{cell * 2 ** random.integers(0, 12)} m"},
+        ]
+    )
+    faces = random.choice(
+        [{}, {}, {}, {"domain": {"boundary": "roller"}}, {"domain": {"boundary": {"z_upper": "free"}}}]
+    )
+    mine = {key: value for key, value in TINY.items() if key not in ("domain", "record", "steps", "excavations")}
+    return changed(
+        mine | {"grid": grid, "accuracy": str(random.choice(["draft", "standard", "fine"]))} | faces,
+        **{
+            "excavations": [opening(number) for number in range(random.integers(1, 6))],
+            "insitu_stress": {"constant": {}, "gradient": {"zz": "-0.0278 MPa/m"} | stress},
+            "materials.host.cohesion": {"intact": f"{cohesion:.3g} MPa", "residual": "0.1 MPa"},
+        },
+    )
+
+
+def is_written(mine: dict, key: str) -> bool:
+    """Whether a mine's file has a key; entries of lists by name."""
+    for name in key.split("."):
+        named = {entry["name"]: entry for entry in mine} if isinstance(mine, list) else mine
+        if not isinstance(named, dict) or name not in named:
+            return False
+        mine = named[name]
+    return True
+
+
+def test_what_is_derived_fits_or_the_refusal_names_what_the_file_says():
+    """Never a corner of the domain or a size of cell that nobody wrote."""
+    accepted = 0
+    for seed in range(300):
+        mine, line = layout(seed), ""
+        try:
+            made = load(merged(mine), "mine.yaml")
+        except InputError as refused:
+            line = str(refused).removeprefix("mine.yaml: ")
+        if line:
+            assert is_written(mine, line.split(": ")[0]), line
+            continue
+        accepted += 1
+        base_cells(*corners(made), made.values["grid"]["coarse_cell"])
+    assert accepted > 200
