@@ -44,7 +44,7 @@ try:
     check_files(workflow.overwrite_configfiles or [MINE_FILE])
     OVERRIDES = read_overrides(workflow.config_settings.config_args)
     update_config(config, OVERRIDES)
-    MINE = load(config, os.path.relpath(MINE_FILE), DEFAULT)
+    MINE = load(config, os.path.relpath(MINE_FILE), DEFAULT, OVERRIDES)
     check_owner(MINE.name, MINE_FILE)
 except InputError as error:
     sys.exit(str(error))

@@ -1,4 +1,7 @@
-"""The one exception that a user is meant to read."""
+"""The exceptions that a user is meant to read."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 
 class InputError(Exception):
@@ -6,3 +9,41 @@ class InputError(Exception):
 
     def __init__(self, message: str):
         super().__init__(" ".join(message.split()))
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Its mistakes, one each."""
+        return (str(self),)
+
+
+class InputErrors(InputError):
+    """Several mistakes at once, a line each."""
+
+    def __init__(self, lines: Iterable[str]):
+        self._lines = tuple(" ".join(line.split()) for line in lines)
+        Exception.__init__(self, "\n".join(self._lines))
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Its mistakes, one each."""
+        return self._lines
+
+
+class Mistakes:
+    """Gathers mistakes of which one does not hide the others."""
+
+    def __init__(self):
+        self.lines: list[str] = []
+
+    @contextmanager
+    def gather(self) -> Iterator[None]:
+        """Keep what is raised within as InputError."""
+        try:
+            yield
+        except InputError as error:
+            self.lines += error.lines
+
+    def add(self, line: str) -> None:
+        """Keep a mistake."""
+        with self.gather():
+            raise InputError(line)

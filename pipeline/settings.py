@@ -18,11 +18,12 @@ from pydantic import (
     Tag,
     ValidationError,
     ValidationInfo,
+    ValidatorFunctionWrapHandler,
     model_validator,
 )
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
-from pipeline.errors import InputError
+from pipeline.errors import InputErrors
 from pipeline.quantities import parse_quantity
 
 SI = "SI"  # context of a validation: quantities are numbers already
@@ -52,13 +53,13 @@ class Settings(BaseModel):
     def of(cls, values: "Mapping | Self", where: str = "") -> Self:
         """The settings of a stage's slice: keys as declared, quantities as numbers in their unit.
 
-        where: key of the section, for messages. Raises InputError, one line, naming the key.
+        where: key of the section, for messages. Raises InputErrors, a line for each mistake, naming its key.
         """
         return values if isinstance(values, cls) else cls._checked(values, where, SI)
 
     @classmethod
     def read(cls, values: Mapping, where: str = "") -> Self:
-        """The settings as a user writes them, quantities as text with a unit. Raises InputError as `of`."""
+        """The settings as a user writes them, quantities as text with a unit. Raises InputErrors as `of`."""
         return cls._checked(values, where, None)
 
     @classmethod
@@ -66,27 +67,55 @@ class Settings(BaseModel):
         try:
             return cls.model_validate(values, context=context)
         except ValidationError as error:
-            raise InputError(told(error, where)) from error
+            raise InputErrors(told(error, where)) from error
 
     def given(self) -> dict:
         """What was given, as plain values for a slice: no default, quantities as numbers in their unit."""
         return self.model_dump(mode="json", exclude_unset=True)
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _only_known_keys(cls, values: Any) -> Any:
-        if isinstance(values, Mapping):
-            known = cls.__pydantic_fields__
-            if foreign := [str(key) for key in values if key not in known]:
-                near = difflib.get_close_matches(min(foreign), known, n=1)
-                hint = f"did you mean {near[0]}?" if near else f"known here: {', '.join(known)}"
-                raise refusal(f"unknown key; {hint}", min(foreign))
-        return values
+    def _only_known_keys(cls, values: Any, handler: ValidatorFunctionWrapHandler) -> Self:
+        known = cls.__pydantic_fields__
+        foreign = sorted(str(key) for key in values if key not in known) if isinstance(values, Mapping) else []
+        if not foreign:
+            return handler(values)
+        near = {key: difflib.get_close_matches(key, known, n=1) for key in foreign}
+        found = []
+        for key, meant in near.items():
+            hint = f"did you mean {meant[0]}?" if meant else f"known here: {', '.join(known)}"
+            found.append(InitErrorDetails(type=refusal(f"unknown key; {hint}", key), input=None))
+        try:
+            handler({key: value for key, value in values.items() if key in known})
+        except ValidationError as error:
+            not_missing = [[key] for meant in near.values() for key in meant]  # it stands there, with a slip
+            found += [_again(other) for other in error.errors() if _path_of(other) not in not_missing]
+        raise ValidationError.from_exception_data(cls.__name__, found)
 
 
 def refusal(reason: str, *keys: str | int) -> PydanticCustomError:
     """What a validator of settings raises: the reason, and the key below that which is validated."""
     return PydanticCustomError("refused", "{reason}", {"reason": reason, "keys": keys})
+
+
+def refuse(refusals: Sequence[PydanticCustomError]) -> None:
+    """Raise what a validator of settings has found, all of it."""
+    if refusals:
+        details = [InitErrorDetails(type=found, input=None) for found in refusals]
+        raise ValidationError.from_exception_data("settings", details)
+
+
+def _again(found: Mapping) -> InitErrorDetails:
+    """An error that pydantic has told, to be raised once more from further out."""
+    kind, context = found["type"], found.get("ctx", {})
+    own = PydanticCustomError("refused", "{reason}", context) if kind == "refused" else kind
+    return InitErrorDetails(type=own, loc=found["loc"], input=found["input"], ctx=context)
+
+
+def _path_of(found: Mapping) -> list[str | int]:
+    """The key that an error of pydantic is about, without the tags of choices."""
+    path = [part for part in found["loc"] if not (isinstance(part, str) and part.startswith((TAG, "[key]")))]
+    return [*path, *found.get("ctx", {}).get("keys", ())]
 
 
 class Unit:
@@ -195,15 +224,13 @@ TYPES = {
 }
 
 
-def told(error: ValidationError, where: str = "") -> str:
-    """The deepest of a configuration's mistakes in one line: its key and what was expected."""
+def told(error: ValidationError, where: str = "") -> list[str]:
+    """A configuration's mistakes, a line each: the key and what was expected."""
     lines = []
     for found in error.errors(include_url=False):
-        path = [part for part in found["loc"] if not (isinstance(part, str) and part.startswith((TAG, "[key]")))]
-        path += found.get("ctx", {}).get("keys", ())
-        lines.append((len(path), key_of([*([where] if where else []), *path]), _reason(found)))
-    _, key, reason = max(lines, key=lambda line: line[0])
-    return f"{key}: {reason}" if key else reason
+        key, reason = key_of([*([where] if where else []), *_path_of(found)]), _reason(found)
+        lines.append(f"{key}: {reason}" if key else reason)
+    return list(dict.fromkeys(lines))
 
 
 def _reason(found: Mapping) -> str:

@@ -86,7 +86,7 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
             function()
     except InputError as error:
         logging.exception("stage failed")
-        sys.exit(f"{whose}: {error}")
+        sys.exit("\n".join(f"{whose}: {line}" for line in error.lines))
     except MemoryError:
         logging.exception("out of memory")
         sys.exit(

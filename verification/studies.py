@@ -11,7 +11,7 @@ from pathlib import Path
 
 import yaml
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, InputErrors
 from workflow.checks import PLANNED
 from workflow.configuration import load
 from workflow.mine import Mine
@@ -90,7 +90,8 @@ def load_study(path: str | os.PathLike, default: dict) -> Study:
         try:
             mines[name] = load(merge(default, scene), source, default)
         except InputError as error:
-            raise InputError(f"{path}: variants.{name}: {str(error).removeprefix(f'{path}: ')}") from error
+            lines = (f"{path}: variants.{name}: {line.removeprefix(f'{path}: ')}" for line in error.lines)
+            raise InputErrors(lines) from error
     return Study(
         name=path.stem,
         answer=text["answer"],

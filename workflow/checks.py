@@ -1,18 +1,20 @@
 """What the schema cannot say about a mine: steps in order, names that match, the domain, the virgin stress."""
 
 import math
-from collections import Counter
+from collections.abc import Callable, Iterator
 
 from mpm_core.constitutive.laws import can_fail
 from mpm_core.domain import base_cells
 from mpm_core.scene import check_virgin_stress, parse_scene
-from pipeline.errors import InputError
-from workflow.accuracy import DRAFT
-from workflow.dates import read_date
-from workflow.far_field import largest_cell_name
+from pipeline.errors import InputError, InputErrors, Mistakes
+from workflow.accuracy import DRAFT, apply_accuracy
+from workflow.dates import is_date, read_date
+from workflow.far_field import complete, largest_cell_name
 from workflow.mine import Mine
-from workflow.record_checks import check_record
-from workflow.shapes import check_repeated, check_shape
+from workflow.places import key_in, parts_of, section_of
+from workflow.record_checks import check_filter, check_frame, check_record
+from workflow.settings import MineSettings
+from workflow.shapes import check_form, check_place, check_repeated, extent
 
 PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
 IN_PLANE = {"xz": ("xx", "zz", "xz"), "xy": ("xx", "yy", "xy"), None: ("xx", "yy", "zz", "yz", "xz", "xy")}
@@ -23,22 +25,51 @@ MOST_POISSON = 0.49  # where particles share a cell: a hole then closes 4 % too 
 MOST_CELLS = 10**9  # coarse ones; the finer come on top
 
 
-def check_mine(mine: Mine) -> None:
-    """What the schema cannot say. Raises InputError."""
+def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
+    """Fill in what a mine's file leaves to us, and gather what the schema cannot say.
+
+    broken: sections of the configuration with mistakes already. What needs one of them is not checked: it would tell
+    the same mistake once more.
+    """
+    broken = set(broken)
+
+    def check(function: Callable, *needs: str) -> None:
+        if not broken.isdisjoint(needs):
+            return
+        before = len(mistakes.lines)
+        with mistakes.gather():
+            function(mine, mistakes)
+        broken.update(map(section_of, mistakes.lines[before:]))
+
+    check(_check_name, "name")
+    check(_check_steps, "steps")
+    check(_check_references)
+    check(_check_forms, "plane")
+    cells = ("domain", "grid", "plane", "accuracy")
+    follows = () if mine.has_corners else ("frame", "insitu_stress", "materials", "rock_bodies", "excavations", "loads")
+    before = len(mistakes.lines)
+    check(lambda mine, _: complete(mine), *cells, *follows)
+    if len(mistakes.lines) > before or not mine.has_corners or "coarse_cell" not in mine.values.get("grid", {}):
+        broken |= {"domain", "grid"}
+    check(lambda mine, _: apply_accuracy(mine), "solver", *cells)
+    check(_check_domain, *cells)
+    check(check_frame, "frame", "domain", "plane")
+    check(_check_places, "frame", "domain", "plane")  # where the frame is wrong, they lie beside the domain too
+    check(check_record, "record", "frame")
+    check(check_filter, "record", "domain", "plane")
+    check(check_repeated, "excavations", "steps")
+    check(_check_solver, "solver", "grid", "materials")
+    check(_check_ensemble, "ensemble", "steps", "materials", "rock_bodies", "solver", "accuracy")
+    check(_check_compression, "insitu_stress", "domain", "frame", "plane")
+    check(_check_virgin, *MineSettings.model_fields)
+
+
+def _check_name(mine: Mine, _: Mistakes) -> None:
     if mine.name.lower() in RESERVED:
         raise InputError(f"name: results/{mine.name} is a folder of the pipeline's own; take another name")
-    _check_steps(mine)
-    _check_domain(mine)
-    check_record(mine)
-    _check_names(mine)
-    check_repeated(mine)
-    _check_solver(mine)
-    _check_ensemble(mine)
-    _check_compression(mine)
-    _check_virgin(mine)
 
 
-def _check_virgin(mine: Mine) -> None:
+def _check_virgin(mine: Mine, _: Mistakes) -> None:
     """Raise InputError where virgin rock would fail before anything is mined; that a derived domain has none is its
     own affair (workflow/far_field.py)."""
     scene = parse_scene(mine.scene_slice(len(mine.steps) - 1))
@@ -49,95 +80,132 @@ def _check_virgin(mine: Mine) -> None:
         check_virgin_stress(scene, {f" (domain.{end})": domain[end][-1] for end in ("lower", "upper")})
 
 
-def _check_steps(mine) -> None:
-    names = [step["name"] for step in mine.steps]
+def _check_steps(mine: Mine, mistakes: Mistakes) -> None:
+    for index in range(len(mine.steps)):
+        with mistakes.gather():
+            _check_step(mine, index)
+
+
+def _check_step(mine: Mine, index: int) -> None:
+    names, step = [step["name"] for step in mine.steps], mine.steps[index]
     implicit = len(mine.steps) > len(mine.listed_steps)  # the first, history
-    for index, step in enumerate(mine.steps):
-        where = f"steps.{step['name']}"
-        if implicit and index and step["name"].lower() == names[0]:
-            raise InputError(
-                f"{where}: an undated step '{names[0]}' stands before the first dated one by itself; give this step "
-                "another name, or leave out its dates if it is that"
-            )
-        if names.index(step["name"]) != index:
-            raise InputError(f"{where}: this name stands twice; steps need names of their own")
-        if step["name"].lower() in [name.lower() for name in names[:index]]:
-            raise InputError(
-                f"{where}: differs from another step in capitals alone, which some disks take for the same file"
-            )
-        if step["name"] == PLANNED:
-            raise InputError(f"{where}: '{PLANNED}' means not yet scheduled; give the step another name")
-        if step["name"] == ALL:
-            raise InputError(f"{where}: '{ALL}' means all dated steps in results; give the step another name")
-        if ("start" in step) != ("end" in step):
-            raise InputError(f"{where}: a dated step needs both start and end")
-        if "start" not in step and any("start" in earlier for earlier in mine.steps[:index]):
-            raise InputError(f"{where}: an undated step is history and must stand before the first dated one")
-        start, end = (read_date(f"{where}.{key}", step[key]) if key in step else None for key in ("start", "end"))
-        if start and start >= end:
-            raise InputError(f"{where}.end: {step['end']} is not after start {step['start']}")
-        earlier = [other for other in mine.steps[:index] if "end" in other]
-        if start and earlier and start < read_date(where, earlier[-1]["end"]):
-            raise InputError(
-                f"{where}.start: {step['start']} is before the end of the step before, {earlier[-1]['end']}"
-            )
+    where = f"steps.{step['name']}"
+    if implicit and index and step["name"].lower() == names[0]:
+        raise InputError(
+            f"{where}: an undated step '{names[0]}' stands before the first dated one by itself; give this step "
+            "another name, or leave out its dates if it is that"
+        )
+    if names.index(step["name"]) != index:
+        raise InputError(f"{where}: this name stands twice; steps need names of their own")
+    if step["name"].lower() in [name.lower() for name in names[:index]]:
+        raise InputError(
+            f"{where}: differs from another step in capitals alone, which some disks take for the same file"
+        )
+    if step["name"] == PLANNED:
+        raise InputError(f"{where}: '{PLANNED}' means not yet scheduled; give the step another name")
+    if step["name"] == ALL:
+        raise InputError(f"{where}: '{ALL}' means all dated steps in results; give the step another name")
+    if ("start" in step) != ("end" in step):
+        raise InputError(f"{where}: a dated step needs both start and end")
+    if "start" not in step and any("start" in earlier for earlier in mine.steps[:index]):
+        raise InputError(f"{where}: an undated step is history and must stand before the first dated one")
+    start, end = (read_date(f"{where}.{key}", step[key]) if key in step else None for key in ("start", "end"))
+    if start and start >= end:
+        raise InputError(f"{where}.end: {step['end']} is not after start {step['start']}")
+    earlier = [other["end"] for other in mine.steps[:index] if "end" in other]
+    if start and earlier and is_date(earlier[-1]) and start < read_date(where, earlier[-1]):
+        raise InputError(f"{where}.start: {step['start']} is before the end of the step before, {earlier[-1]}")
 
 
-def _check_names(mine) -> None:
+def _solids(mine: Mine) -> Iterator[tuple[str, dict]]:
+    """Whatever has a shape: how messages name it, and its entry."""
+    sections = {"excavations": mine.excavations} | {key: mine.values.get(key, []) for key in ("rock_bodies", "loads")}
+    for section, entries in sections.items():
+        yield from ((f"{section}.{entry['name']}", entry) for entry in entries)
+
+
+def _check_forms(mine: Mine, mistakes: Mistakes) -> None:
+    for where, entry in _solids(mine):
+        with mistakes.gather():
+            check_form(mine, where, entry)
+            if "file" in entry and where.startswith("loads."):
+                raise InputError(f"{where}.file: a load acts on a shape; give one instead")
+            if "file" not in entry:
+                extent(where, entry, mine.dimension)
+        if "force" in entry:
+            with mistakes.gather():
+                _check_force(mine, where, entry)
+    for entry in mine.values.get("strains", []):
+        for name in entry["strain"]:
+            with mistakes.gather():
+                if name not in IN_PLANE[mine.plane]:
+                    raise InputError(
+                        f"strains.{entry['name']}.strain.{name}: out of the plane, where plane strain has none; "
+                        f"give {', '.join(IN_PLANE[mine.plane])}"
+                    )
+
+
+def _check_places(mine: Mine, mistakes: Mistakes) -> None:
+    """Where all solids lie outside the domain, the first stands for them: the domain may be the mistake."""
+    found, solids = Mistakes(), list(_solids(mine))
+    for where, entry in solids:
+        with found.gather():
+            check_place(mine, where, entry)
+    if len(found.lines) == len(solids) > 1:
+        found.lines = [found.lines[0].replace("lies outside", "lies, as all others do, outside", 1)]
+    mistakes.lines += found.lines
+
+
+def _check_references(mine: Mine, mistakes: Mistakes) -> None:
+    """Names that stand once, and names that refer to a step or a material; to steps only if their names are right."""
     names = [step["name"] for step in mine.steps]
+    about_steps = [parts_of(key_in(line)) for line in mistakes.lines if section_of(line) == "steps"]
+    knows_steps = all(parts[-1] in ("start", "end") for parts in about_steps)
     materials = mine.values["materials"]
-    for section in ("rock_bodies", "loads", "strains"):
-        listed = Counter(entry["name"] for entry in mine.values.get(section, []))
-        if twice := [name for name, count in listed.items() if count > 1]:
-            raise InputError(f"{section}.{twice[0]}: this name stands twice")
-    seen = set()
-    for index, entry in enumerate(mine.excavations):
-        where = f"excavations.{entry.get('name', index)}"
-        if entry["name"] in seen:
-            raise InputError(f"{where}: this name stands twice")
-        seen.add(entry["name"])
-        for key in ("step", "filled"):
-            if key in entry and entry[key] not in (*names, PLANNED):
+    for section in ("excavations", "rock_bodies", "loads", "strains"):
+        seen = set()
+        for entry in mine.excavations if section == "excavations" else mine.values.get(section, []):
+            where = f"{section}.{entry['name']}"
+            with mistakes.gather():
+                if entry["name"] in seen:
+                    raise InputError(f"{where}: this name stands twice")
+            seen.add(entry["name"])
+            with mistakes.gather():
+                if section == "excavations":
+                    _check_mined(mine, where, entry, knows_steps)
+                elif section == "rock_bodies" and entry["material"] not in materials:
+                    raise InputError(
+                        f"{where}.material: '{entry['material']}' is not one of the materials {', '.join(materials)}"
+                    )
+                elif section in ("loads", "strains") and knows_steps and entry["step"] not in names:
+                    raise InputError(f"{where}.step: '{entry['step']}' is not one of the steps {', '.join(names)}")
+
+
+def _check_mined(mine: Mine, where: str, entry: dict, knows_steps: bool) -> None:
+    """When an excavation is mined and filled, with what, and the pressure in between. Raises InputErrors."""
+    names, materials = [step["name"] for step in mine.steps], mine.values["materials"]
+    found, fill = Mistakes(), entry.get("fill", "none")
+    for key in ("step", "filled"):
+        with found.gather():
+            if knows_steps and key in entry and entry[key] not in (*names, PLANNED):
                 raise InputError(f"{where}.{key}: '{entry[key]}' is not one of the steps {', '.join(names)}, {PLANNED}")
-        fill = entry.get("fill", "none")
+    with found.gather():
         if fill != "none" and fill not in materials:
             raise InputError(f"{where}.fill: '{fill}' is not one of the materials {', '.join(materials)}, none")
         if fill != "none" and can_fail(materials[fill]):
             raise InputError(f"{where}.fill: '{fill}' is {materials[fill]['model']}; only elastic fill is supported")
         if "filled" in entry and fill == "none":
             raise InputError(f"{where}.filled: there is no fill to place; name a material in fill")
-        check_shape(mine, where, entry)
-        mined, filled = mine.step_index(entry["step"]), mine.step_index(entry.get("filled", entry["step"]))
-        if -1 < filled < mined or (mined == -1 and filled > -1):
-            raise InputError(
-                f"{where}.filled: '{entry['filled']}' comes before the excavation is mined in '{entry['step']}'"
-            )
-        _check_pressure(mine, where, entry, mined, filled)
-    for index, entry in enumerate(mine.values.get("rock_bodies", [])):
-        where = f"rock_bodies.{entry.get('name', index)}"
-        if entry["material"] not in materials:
-            raise InputError(
-                f"{where}.material: '{entry['material']}' is not one of the materials {', '.join(materials)}"
-            )
-        check_shape(mine, where, entry)
-    for entry in mine.values.get("loads", []):
-        where = f"loads.{entry['name']}"
-        if entry["step"] not in names:
-            raise InputError(f"{where}.step: '{entry['step']}' is not one of the steps {', '.join(names)}")
-        check_shape(mine, where, entry)
-        if "file" in entry:
-            raise InputError(f"{where}.file: a load acts on a shape; give one instead")
-        _check_force(mine, where, entry)
-    for entry in mine.values.get("strains", []):
-        where = f"strains.{entry['name']}"
-        if entry["step"] not in names:
-            raise InputError(f"{where}.step: '{entry['step']}' is not one of the steps {', '.join(names)}")
-        for name in entry["strain"]:
-            if name not in IN_PLANE[mine.plane]:
-                raise InputError(
-                    f"{where}.strain.{name}: out of the plane, where plane strain has none; "
-                    f"give {', '.join(IN_PLANE[mine.plane])}"
-                )
+    if found.lines:
+        raise InputErrors(found.lines)
+    if not knows_steps:
+        return
+    mined, filled = mine.step_index(entry["step"]), mine.step_index(entry.get("filled", entry["step"]))
+    if -1 < filled < mined or (mined == -1 and filled > -1):
+        raise InputError(
+            f"{where}.filled: '{entry['filled']}' comes before the excavation is mined in '{entry['step']}'"
+        )
+    _check_pressure(mine, where, entry, mined, filled)
 
 
 def _check_pressure(mine, where: str, entry: dict, mined: int, filled: int) -> None:
@@ -176,18 +244,26 @@ def _check_force(mine, where: str, entry: dict) -> None:
             raise InputError(f"{where}.toward: two points are a line, in three dimensions; give one, or two different")
 
 
-def _check_domain(mine) -> None:
-    domain, coarse = mine.values["domain"], mine.values["grid"]["coarse_cell"]
-    for key in ("lower", "upper"):
-        if len(domain[key]) != mine.dimension:
-            raise InputError(f"domain.{key}: {len(domain[key])} coordinates; this scene has {mine.dimension}")
-    for axis, (low, high) in enumerate(zip(domain["lower"], domain["upper"], strict=True)):
-        if high <= low:
-            raise InputError(f"domain.upper[{axis}]: {high:g} m is not above domain.lower[{axis}], {low:g} m")
-    base_cells(domain["lower"], domain["upper"], coarse, largest_cell_name(mine))
+def _check_domain(mine: Mine, mistakes: Mistakes) -> None:
     count = mine.values["grid"]["particles_per_cell"]
-    if round(count ** (1 / mine.dimension)) ** mine.dimension != count:
-        raise InputError(f"grid.particles_per_cell: {count} is not n^{mine.dimension} in {mine.dimension}-D")
+    with mistakes.gather():
+        if round(count ** (1 / mine.dimension)) ** mine.dimension != count:
+            raise InputError(f"grid.particles_per_cell: {count} is not n^{mine.dimension} in {mine.dimension}-D")
+    domain, coarse = mine.values["domain"], mine.values["grid"]["coarse_cell"]
+    before = len(mistakes.lines)
+    for key in ("lower", "upper"):
+        with mistakes.gather():
+            if len(domain[key]) != mine.dimension:
+                raise InputError(f"domain.{key}: {len(domain[key])} coordinates; this scene has {mine.dimension}")
+    if len(mistakes.lines) > before:
+        return
+    for axis, (low, high) in enumerate(zip(domain["lower"], domain["upper"], strict=True)):
+        with mistakes.gather():
+            if high <= low:
+                raise InputError(f"domain.upper[{axis}]: {high:g} m is not above domain.lower[{axis}], {low:g} m")
+    if len(mistakes.lines) > before:
+        return
+    base_cells(domain["lower"], domain["upper"], coarse, largest_cell_name(mine))
     cells = math.prod((high - low) / coarse for low, high in zip(domain["lower"], domain["upper"], strict=True))
     if cells > MOST_CELLS:
         raise InputError(
@@ -196,20 +272,22 @@ def _check_domain(mine) -> None:
         )
 
 
-def _check_solver(mine) -> None:
+def _check_solver(mine: Mine, mistakes: Mistakes) -> None:
     solver, count = mine.values["solver"], mine.values["grid"]["particles_per_cell"]
-    if solver["hourglass"] < LEAST_HOURGLASS and count == 1:
-        raise InputError(
-            f"solver.hourglass: {solver['hourglass']:g} leaves cells of one particle without stiffness against "
-            f"hourglass patterns; take {LEAST_HOURGLASS:g} to 1, or more grid.particles_per_cell"
-        )
     stiff = {name: rock["poisson_ratio"] for name, rock in mine.values["materials"].items()}
-    if count > 1 and max(stiff.values()) > MOST_POISSON:
-        name = max(stiff, key=stiff.get)
-        raise InputError(
-            f"materials.{name}.poisson_ratio: {stiff[name]:g} locks cells of {count} particles, which then hardly "
-            f"deform; take at most {MOST_POISSON:g}, or grid.particles_per_cell: 1"
-        )
+    with mistakes.gather():
+        if solver["hourglass"] < LEAST_HOURGLASS and count == 1:
+            raise InputError(
+                f"solver.hourglass: {solver['hourglass']:g} leaves cells of one particle without stiffness against "
+                f"hourglass patterns; take {LEAST_HOURGLASS:g} to 1, or more grid.particles_per_cell"
+            )
+    for name, ratio in stiff.items():
+        with mistakes.gather():
+            if count > 1 and ratio > MOST_POISSON:
+                raise InputError(
+                    f"materials.{name}.poisson_ratio: {ratio:g} locks cells of {count} particles, which then hardly "
+                    f"deform; take at most {MOST_POISSON:g}, or grid.particles_per_cell: 1"
+                )
     if solver["move"] and count == 1:
         raise InputError(
             "solver.move: a lone particle must rest at its cell's centre; take more grid.particles_per_cell"
@@ -218,7 +296,7 @@ def _check_solver(mine) -> None:
         raise InputError("solver.move: particles move with scheme explicit only; set solver.scheme: explicit")
 
 
-def _check_ensemble(mine) -> None:
+def _check_ensemble(mine: Mine, _: Mistakes) -> None:
     if not mine.members:
         return
     if not mine.dated_steps:
@@ -235,7 +313,7 @@ def _check_ensemble(mine) -> None:
         )
 
 
-def _check_compression(mine) -> None:
+def _check_compression(mine: Mine, mistakes: Mistakes) -> None:
     """Compression is negative: rock in place is under tension along an axis nowhere, at no depth of a mine."""
     insitu = mine.values["insitu_stress"]
     if insitu.get("gradient", {}).get("zz", 0.0) > 0.0:
@@ -247,8 +325,9 @@ def _check_compression(mine) -> None:
     depths = [0.0] if mine.plane == "xy" else [surface - domain[key][-1] for key in ("lower", "upper")]
     for name in ("xx", "yy", "zz"):
         constant, gradient = (insitu.get(key, {}).get(name, 0.0) for key in ("constant", "gradient"))
-        if all(constant + gradient * depth > 0.0 for depth in depths):
-            raise InputError(
-                f"insitu_stress: {name} is positive, tension, in all of the domain; compression is negative "
-                f"(constant.{name}, and gradient.{name} per metre of depth below frame.surface)"
-            )
+        with mistakes.gather():
+            if all(constant + gradient * depth > 0.0 for depth in depths):
+                raise InputError(
+                    f"insitu_stress: {name} is positive, tension, in all of the domain; compression is negative "
+                    f"(constant.{name}, and gradient.{name} per metre of depth below frame.surface)"
+                )

@@ -15,3 +15,12 @@ def read_date(where: str, text: str) -> datetime.datetime:
     if not FIRST_YEAR <= date.year <= LAST_YEAR:
         raise InputError(f"{where}: {text}: give a year from {FIRST_YEAR} to {LAST_YEAR}")
     return date if date.tzinfo else date.replace(tzinfo=datetime.UTC)
+
+
+def is_date(text: str) -> bool:
+    """Whether a text is a date that can be used."""
+    try:
+        read_date("", text)
+    except InputError:
+        return False
+    return True

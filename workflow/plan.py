@@ -62,6 +62,11 @@ class Plan:
         return {face: given.get(face, given.get(face[0], given.get("others", "fixed"))) for face in FACES}
 
     @property
+    def has_corners(self) -> bool:
+        """Whether both corners of the domain are known."""
+        return {"lower", "upper"} <= set(self.values.get("domain", {}))
+
+    @property
     def written_cells(self) -> set[str]:
         """Which sizes of cells the mine's file gives: finest_cell, coarse_cell, levels; the others are ours."""
         return {"finest_cell", "coarse_cell", "levels"} & set(self.text.get("grid") or {})

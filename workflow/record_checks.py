@@ -2,7 +2,7 @@
 
 import math
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, Mistakes
 from workflow.dates import read_date
 from workflow.mine import Mine
 from workflow.shapes import is_file
@@ -11,22 +11,21 @@ FARTHEST_FROM_ORIGIN = 100e3  # m; no mine is as large, and no easting or northi
 BEYOND_USE = 3.0  # degrees that a projected system may be used beyond its zone: half a zone of UTM
 
 
-def check_record(mine: Mine) -> None:
-    """Frame and record of a mine. Raises InputError."""
-    _check_frame(mine)
+def check_record(mine: Mine, mistakes: Mistakes) -> None:
+    """The record of a mine, as far as it can be judged by itself."""
     record = mine.values.get("record")
     if not record:
         return
     if record["reader"] != "elk_creek" and not is_file(mine.path(record["file"])):
-        raise InputError(f"record.file: {mine.path(record['file'])} is missing; paths resolve from {mine.folder}")
+        mistakes.add(f"record.file: {mine.path(record['file'])} is missing; paths resolve from {mine.folder}")
     if "latitude" in record.get("columns", {}) and "x" not in record["columns"] and not mine.has_place:
-        raise InputError(
+        mistakes.add(
             "record.columns.latitude: the frame has no place on Earth to take it from; give frame.latitude and "
             "frame.longitude, or frame.crs, or the columns x, y and z"
         )
     for part in ("filter", "orientations"):
-        _check_part(f"record.{part}", record.get(part, {}))
-    _check_filter_meets_domain(mine, record.get("filter", {}))
+        with mistakes.gather():
+            _check_part(f"record.{part}", record.get(part, {}))
 
 
 def _check_part(where: str, part: dict) -> None:
@@ -46,8 +45,9 @@ def _check_part(where: str, part: dict) -> None:
             raise InputError(f"{where}.maximum.{column}: {most[column]:g} is below the minimum, {least[column]:g}")
 
 
-def _check_filter_meets_domain(mine: Mine, chosen: dict) -> None:
-    """The record is cropped to the domain: a box beside it would leave nothing."""
+def check_filter(mine: Mine, _: Mistakes) -> None:
+    """The record is cropped to the domain: a box beside it would leave nothing. Raises InputError."""
+    chosen = mine.values.get("record", {}).get("filter", {})
     axes = {"xz": (0, 2), "xy": (0, 1)}.get(mine.plane, (0, 1, 2))
     domain = mine.values["domain"]
     for axis, lower, upper in zip(axes, domain["lower"], domain["upper"], strict=True):
@@ -59,8 +59,8 @@ def _check_filter_meets_domain(mine: Mine, chosen: dict) -> None:
             )
 
 
-def _check_frame(mine: Mine) -> None:
-    """The domain's corners have a place on the globe, near where the frame says that it is."""
+def check_frame(mine: Mine, _: Mistakes) -> None:
+    """The domain's corners have a place on the globe, near where the frame says that it is. Raises InputError."""
     frame, domain = mine.values["frame"], mine.values["domain"]
     axes = (0, 1) if mine.plane != "xz" else (0,)
     corners = [[domain[end][axis] for axis in axes] + [0.0] * (2 - len(axes)) for end in ("lower", "upper")]

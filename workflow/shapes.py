@@ -3,11 +3,9 @@
 From the numbers alone: triangles are made of them by the grid stage (mpm_core/geometry/shapes.py), at leisure.
 """
 
-from itertools import combinations
-
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, Mistakes
 from workflow.mine import NOT_SHAPE, Mine
 
 PLACED = {"units", "scale", "offset"}  # of what a file holds
@@ -27,18 +25,17 @@ SHAPES = {  # by dimension, keys that a shape needs, and may have
 }
 
 
-def check_shape(mine: Mine, where: str, entry: dict) -> None:
-    """Raise InputError for an entry whose shape lacks keys, is upside down, or lies outside the domain.
+def check_place(mine: Mine, where: str, entry: dict) -> None:
+    """Raise InputError for an entry whose shape lies outside the domain, or lacks what check_form asks for.
 
     A rock body may lie outside a domain that follows from the excavations: the grid's stage leaves it out, and says so.
     """
     check_form(mine, where, entry)
-    if "file" in entry:
+    if "file" in entry or (where.startswith("rock_bodies.") and mine.far_field):
         return
     lower, upper = extent(where, entry, mine.dimension)
     domain = [np.array(mine.values["domain"][key]) for key in ("lower", "upper")]
-    is_body = where.startswith("rock_bodies.")
-    if ((upper <= domain[0]).any() or (lower >= domain[1]).any()) and not (is_body and mine.far_field):
+    if (upper <= domain[0]).any() or (lower >= domain[1]).any():
         raise InputError(
             f"{where}: lies outside the domain ({_span(lower, upper)}; domain {_span(*domain)}): check its coordinates "
             "and domain.lower, domain.upper"
@@ -178,8 +175,8 @@ def _check_above(where: str, lower: np.ndarray, upper: np.ndarray) -> None:
         raise InputError(f"{where}: upside down: {upper.tolist()} m is not above lower {lower.tolist()} m throughout")
 
 
-def check_repeated(mine: Mine) -> None:
-    """Raise InputError for the same solid mined twice: the second finds nothing, unless the first was filled before."""
+def check_repeated(mine: Mine, mistakes: Mistakes) -> None:
+    """Gather the same solid mined twice: the second finds nothing, unless the first was filled before."""
 
     def solid(entry: dict) -> dict:
         return {key: value for key, value in entry.items() if key not in NOT_SHAPE}
@@ -192,9 +189,13 @@ def check_repeated(mine: Mine) -> None:
     for entry in mine.excavations:
         by_solid.setdefault(repr(sorted(solid(entry).items())) + str(entry.get("outside", False)), []).append(entry)
     for entries in by_solid.values():
-        for first, second in combinations(entries, 2):
-            if not filled_before(first, second) and not filled_before(second, first):
-                raise InputError(
+        for second in entries[1:]:
+            earlier = entries[: entries.index(second)]
+            first = next(
+                (one for one in earlier if not filled_before(one, second) and not filled_before(second, one)), None
+            )
+            if first is not None:
+                mistakes.add(
                     f"excavations.{second['name']}: the same solid as excavations.{first['name']}, which leaves "
                     "nothing to mine; leave one out, or have the first filled before"
                 )

@@ -85,7 +85,7 @@ def test_too_little_memory_is_said_with_figures_before_it_is_taken(monkeypatch, 
             self.available = available
 
     monkeypatch.setattr(building.psutil, "virtual_memory", Memory)
-    with pytest.raises(InputError, match=f"grid: .*{what}.* take .* GB .* fewer levels"):
+    with pytest.raises(InputError, match=f"grid: .*{what}.* take .* GB .* larger cells"):
         build_grid((0, 0, 0), 1.0, (5, 5, 5), 2, Boxes([((2, 2, 2), (3, 3, 3))], 2), 0)
 
 

@@ -207,7 +207,7 @@ run_stage("elastic tiny", sys.argv[1], body)
     ("body", "status", "line"),
     [
         ("raise InputError('solver.tolerance: too small;\\n raise it')", 1, "solver.tolerance: too small; raise it"),
-        ("raise MemoryError", 1, "out of memory; fewer levels"),
+        ("raise MemoryError", 1, "out of memory; larger cells"),
         ("[][1]", 1, "unexpected IndexError: list index out of range; traceback in "),
         ("raise KeyboardInterrupt", 130, ""),
         ("pass", 0, " MiB"),

@@ -31,7 +31,7 @@ from mpm_core.constitutive.strength import (
 from mpm_core.constitutive.strength import ROW_LENGTH as ROW_LENGTH
 from mpm_core.constitutive.tangent import isotropic_tangent
 from mpm_core.settings import AnglePair, MaterialSettings, StrengthPair
-from pipeline.settings import choose, is_section, refusal
+from pipeline.settings import choose, is_section, refusal, refuse
 
 NAME = "coulomb"
 
@@ -50,24 +50,23 @@ class Material(MaterialSettings):
 
     @model_validator(mode="after")
     def _gains_nothing_by_failing(self) -> Self:
+        found = []
         for key in ("friction_angle", "cohesion", "tension_cutoff"):
             pair = getattr(self, key)
             if pair != "none" and pair.residual > pair.intact:
-                raise refusal(
-                    f"residual {pair.residual:g} is above intact {pair.intact:g}; rock gains no strength by failing",
-                    key,
-                )
-        if reason := residual_outside_intact(*strength_rows(self, (0, 1, 2))):
-            raise refusal(reason)
+                gains = f"residual {pair.residual:g} is above intact {pair.intact:g}; rock gains no strength by failing"
+                found.append(refusal(gains, key))
+        if not found and (reason := residual_outside_intact(*strength_rows(self, (0, 1, 2)))):
+            found.append(refusal(reason))
         for state in ("intact", "residual"):
             friction, dilation = (getattr(getattr(self, key), state) for key in ("friction_angle", "dilation_angle"))
             if dilation > friction and not self.allow_psi_above_phi:
-                raise refusal(
+                gains = (
                     f"{dilation:g} deg is above the friction angle {friction:g} deg, which creates energy; set "
-                    "allow_psi_above_phi: true if that is meant",
-                    "dilation_angle",
-                    state,
+                    "allow_psi_above_phi: true if that is meant"
                 )
+                found.append(refusal(gains, "dilation_angle", state))
+        refuse(found)
         return self
 
 
