@@ -10,6 +10,7 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
+from pipeline.command_line import CommandLine
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.event_table import read_events, write_events
 from pipeline.provenance import made_from, provenance
@@ -127,12 +128,12 @@ def report(chosen: argparse.Namespace) -> None:
     )
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> CommandLine:
     """What each stage is given; every stage also takes --log."""
-    top = argparse.ArgumentParser(prog="python -m catalogs", description=__doc__)
+    top = CommandLine(prog="python -m catalogs", description=__doc__)
     stages = top.add_subparsers(dest="stage", required=True)
 
-    def stage(name: str, function: Callable, *paths: str, settings: bool = False) -> argparse.ArgumentParser:
+    def stage(name: str, function: Callable, *paths: str, settings: bool = False) -> CommandLine:
         one = stages.add_parser(name, help=function.__doc__)
         one.set_defaults(function=function)
         if settings:

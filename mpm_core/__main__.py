@@ -5,6 +5,7 @@ import logging
 from contextlib import ExitStack
 from pathlib import Path
 
+from pipeline.command_line import CommandLine
 from pipeline.datasets import open_dataset, read_dataset, write_dataset
 from pipeline.provenance import provenance
 from pipeline.slices import read_slice
@@ -83,7 +84,7 @@ def solids(arguments: argparse.Namespace) -> None:
 
 def main() -> None:
     """Parse the command line and run the stage."""
-    parser = argparse.ArgumentParser(prog="python -m mpm_core", description=__doc__)
+    parser = CommandLine(prog="python -m mpm_core", description=__doc__)
     stages = parser.add_subparsers(dest="stage", required=True)
     takes = {
         "grid": (),

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 
+OURS = "slices stand in results/<mine>/slices; a run makes those anew that are deleted there"
+
 
 def content_hash(text: str) -> str:
     """What the name of a slice's file ends in."""
@@ -24,14 +26,12 @@ def read_slice(path: str | os.PathLike) -> dict:
         text = path.read_text(encoding="utf-8")
         values = json.loads(text)
     except OSError as error:
-        raise InputError(
-            f"{path}: not readable ({error.strerror}); run the same command again, it is made anew"
-        ) from error
+        raise InputError(f"{path}: not readable ({error.strerror}); {OURS}") from error
     except ValueError as error:
-        raise InputError(f"{path}: not JSON ({error}); delete it and run again") from error
+        raise InputError(f"{path}: not JSON ({error}); {OURS}") from error
     if not isinstance(values, dict):
-        raise InputError(f"{path}: not a JSON object; delete it and run again")
+        raise InputError(f"{path}: not a JSON object; {OURS}")
     named = re.fullmatch(r"\.([0-9a-f]{16})", Path(path.stem).suffix)
     if named and named[1] != content_hash(text):
-        raise InputError(f"{path}: damaged: its content is not what was written; delete it and run again")
+        raise InputError(f"{path}: damaged: its content is not what was written; {OURS}")
     return values

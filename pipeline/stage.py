@@ -85,7 +85,8 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
         with progress if log else nullcontext():
             function()
     except InputError as error:
-        logging.exception("stage failed")
+        if file:  # without one, the line below is all
+            logging.exception("stage failed")
         sys.exit("\n".join(f"{whose}: {line}" for line in error.lines))
     except MemoryError:
         logging.exception("out of memory")

@@ -5,6 +5,7 @@ import logging
 
 import numpy as np
 
+from pipeline.command_line import CommandLine
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
 from pipeline.event_table import read_events, write_events
@@ -15,7 +16,7 @@ from pipeline.stage import run_stage
 
 def main(arguments: list[str] | None = None) -> None:
     """Parse the command line and run the stage it names."""
-    parser = argparse.ArgumentParser(prog="python -m seismic", description=__doc__)
+    parser = CommandLine(prog="python -m seismic", description=__doc__)
     stages = parser.add_subparsers(dest="stage", required=True)
     one = stages.add_parser("events", help="events of one mining step")
     one.add_argument("--step", required=True, help="steps/<step>.nc")

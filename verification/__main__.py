@@ -6,6 +6,7 @@ import json
 import logging
 from pathlib import Path
 
+from pipeline.command_line import CommandLine
 from pipeline.errors import InputError
 from pipeline.stage import run_stage
 
@@ -50,7 +51,7 @@ def verdict(arguments: argparse.Namespace) -> None:
 
 def main() -> None:
     """Parse the command line and run the stage."""
-    parser = argparse.ArgumentParser(prog="python -m verification", description=__doc__)
+    parser = CommandLine(prog="python -m verification", description=__doc__)
     stages = parser.add_subparsers(dest="stage", required=True)
     takes = {
         "answer": ("study", "default", "results", "logs", "rows", "figure"),

@@ -157,10 +157,11 @@ def _check_places(mine: Mine, mistakes: Mistakes) -> None:
 
 
 def _check_references(mine: Mine, mistakes: Mistakes) -> None:
-    """Names that stand once, and names that refer to a step or a material; to steps only if their names are right."""
+    """Names that stand once, and names that refer to a step or a material, where those names are right."""
     names = [step["name"] for step in mine.steps]
-    about_steps = [parts_of(key_in(line)) for line in mistakes.lines if section_of(line) == "steps"]
-    knows_steps = all(parts[-1] in ("start", "end") for parts in about_steps)
+    told = [parts_of(key_in(line)) for line in mistakes.lines]
+    knows_steps = all(parts[0] != "steps" or parts[-1] in ("start", "end") for parts in told)
+    knows_materials = ["materials"] not in told
     materials = mine.values["materials"]
     for section in ("excavations", "rock_bodies", "loads", "strains"):
         seen = set()
@@ -172,8 +173,8 @@ def _check_references(mine: Mine, mistakes: Mistakes) -> None:
             seen.add(entry["name"])
             with mistakes.gather():
                 if section == "excavations":
-                    _check_mined(mine, where, entry, knows_steps)
-                elif section == "rock_bodies" and entry["material"] not in materials:
+                    _check_mined(mine, where, entry, knows_steps, knows_materials)
+                elif section == "rock_bodies" and knows_materials and entry["material"] not in materials:
                     raise InputError(
                         f"{where}.material: '{entry['material']}' is not one of the materials {', '.join(materials)}"
                     )
@@ -181,7 +182,7 @@ def _check_references(mine: Mine, mistakes: Mistakes) -> None:
                     raise InputError(f"{where}.step: '{entry['step']}' is not one of the steps {', '.join(names)}")
 
 
-def _check_mined(mine: Mine, where: str, entry: dict, knows_steps: bool) -> None:
+def _check_mined(mine: Mine, where: str, entry: dict, knows_steps: bool, knows_materials: bool) -> None:
     """When an excavation is mined and filled, with what, and the pressure in between. Raises InputErrors."""
     names, materials = [step["name"] for step in mine.steps], mine.values["materials"]
     found, fill = Mistakes(), entry.get("fill", "none")
@@ -190,9 +191,9 @@ def _check_mined(mine: Mine, where: str, entry: dict, knows_steps: bool) -> None
             if knows_steps and key in entry and entry[key] not in (*names, PLANNED):
                 raise InputError(f"{where}.{key}: '{entry[key]}' is not one of the steps {', '.join(names)}, {PLANNED}")
     with found.gather():
-        if fill != "none" and fill not in materials:
+        if knows_materials and fill != "none" and fill not in materials:
             raise InputError(f"{where}.fill: '{fill}' is not one of the materials {', '.join(materials)}, none")
-        if fill != "none" and can_fail(materials[fill]):
+        if knows_materials and fill != "none" and can_fail(materials[fill]):
             raise InputError(f"{where}.fill: '{fill}' is {materials[fill]['model']}; only elastic fill is supported")
         if "filled" in entry and fill == "none":
             raise InputError(f"{where}.filled: there is no fill to place; name a material in fill")

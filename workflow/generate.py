@@ -11,6 +11,7 @@ import yaml
 from pydantic.fields import FieldInfo
 
 from mpm_core.settings import ShapeSettings
+from pipeline.command_line import CommandLine
 from pipeline.settings import Settings, Unit
 from workflow.settings import MineSettings
 
@@ -222,6 +223,7 @@ def _meaning(field: FieldInfo, section: type[Settings] | None) -> str:
 
 def main() -> None:
     """Write what has changed."""
+    CommandLine(prog="python -m workflow.generate", description=__doc__).parse_args()
     for path, text in generated().items():
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")

@@ -1,9 +1,11 @@
 """What a user writes behind snakemake: taken as in a mine's file, or refused in one line that shows the right way."""
 
 import os
+import subprocess
+import sys
 
 import pytest
-from tiny_mines import TINY, snakemake, write_mine
+from tiny_mines import ROOT, TINY, snakemake, write_mine
 
 from pipeline.errors import InputError
 from workflow.command_line import read_overrides
@@ -104,3 +106,31 @@ def test_results_under_a_name_of_the_command_line_are_not_replaced(tmp_path, mon
     check_owner("other", one)
     with pytest.raises(InputError, match=r"results/other was made from .*one\.yaml, with that name by --config; give"):
         check_owner("other", other)
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "says"),
+    [
+        ("mpm_core", 2, "python -m mpm_core: the following arguments are required: stage; --help"),
+        (
+            "mpm_core grid --scene x --output x --threads many",
+            2,
+            "python -m mpm_core grid: argument --threads: inv",
+        ),
+        ("seismic events", 2, "python -m seismic events: the following arguments are required"),
+        ("catalogs nonsense", 2, "python -m catalogs: argument stage: invalid choice"),
+        ("verification.extremes nonsense", 2, "python -m verification.extremes: the following arguments are required"),
+        ("workflow.generate nonsense", 2, "python -m workflow.generate: unrecognized arguments: nonsense"),
+        ("mpm_core grid --scene . --output x", 1, "grid x: .: not readable (Is a directory); slices stand in results/"),
+        ("mpm_core grid --scene README.md --output x", 1, "grid x: README.md: not JSON ("),
+        ("mpm_core elastic --scene {empty} --grid x --output x", 1, "elastic x: not the slice of a step; slices stand"),
+    ],
+)
+def test_a_stage_that_is_called_wrong_by_hand_is_one_line(tmp_path, words, status, says):
+    """No usage of many lines, no traceback, no advice to delete what is no slice."""
+    (tmp_path / "empty.json").write_text("{}")
+    line = words.format(empty=tmp_path / "empty.json").split()
+    run = subprocess.run([sys.executable, "-m", *line], cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == status
+    assert len(run.stderr.splitlines()) == 1, run.stderr
+    assert run.stderr.startswith(says)

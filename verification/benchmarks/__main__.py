@@ -5,6 +5,7 @@ import json
 import logging
 from pathlib import Path
 
+from pipeline.command_line import CommandLine
 from pipeline.datasets import atomic_path
 from pipeline.stage import run_stage
 from verification.benchmarks.settings import Case, read_settings
@@ -43,7 +44,7 @@ def report(arguments: argparse.Namespace) -> None:
 
 def main() -> None:
     """Parse the command line and run it."""
-    parser = argparse.ArgumentParser(prog="python -m verification.benchmarks", description=__doc__)
+    parser = CommandLine(prog="python -m verification.benchmarks", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     for name in ("measure", "solve"):
         command = commands.add_parser(name)

@@ -7,6 +7,7 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
+from pipeline.command_line import CommandLine
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
 from pipeline.stage import run_stage
@@ -17,7 +18,7 @@ EVERY = 5  # scenes of which one is compared with its relations
 
 def main() -> None:
     """Parse the command line and run."""
-    parser = argparse.ArgumentParser(prog="python -m verification.extremes", description=__doc__)
+    parser = CommandLine(prog="python -m verification.extremes", description=__doc__)
     parser.add_argument("--table", required=True)
     parser.add_argument("--scenes", type=int, default=400)
     parser.add_argument("--first", type=int, default=0)

@@ -4,6 +4,7 @@ import argparse
 import json
 from pathlib import Path
 
+from pipeline.command_line import CommandLine
 from pipeline.stage import run_stage
 
 
@@ -21,7 +22,7 @@ def report(arguments: argparse.Namespace) -> None:
 
 def main() -> None:
     """Parse the command line and run the stage."""
-    parser = argparse.ArgumentParser(prog="python -m verification.spread", description=__doc__)
+    parser = CommandLine(prog="python -m verification.spread", description=__doc__)
     stage = parser.add_subparsers(dest="stage", required=True).add_parser("report")
     stage.add_argument("--studies", required=True, nargs="+")
     for option in ("default", "results", "logs", "table", "page", "log"):

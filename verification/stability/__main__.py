@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from pipeline.command_line import CommandLine
 from pipeline.stage import run_stage
 
 
@@ -34,7 +35,7 @@ def verdict(arguments: argparse.Namespace) -> None:
 
 def main() -> None:
     """Parse the command line and run the stage."""
-    parser = argparse.ArgumentParser(prog="python -m verification.stability", description=__doc__)
+    parser = CommandLine(prog="python -m verification.stability", description=__doc__)
     stages = parser.add_subparsers(dest="stage", required=True)
     options = {"points": ("knob", "points"), "report": ("points", "table", "page"), "verdict": ("table", "page")}
     for name, own in options.items():

@@ -4,6 +4,7 @@ import argparse
 import json
 from pathlib import Path
 
+from pipeline.command_line import CommandLine
 from pipeline.stage import run_stage
 
 
@@ -32,7 +33,7 @@ def report(arguments: argparse.Namespace) -> None:
 
 def main() -> None:
     """Parse the command line and run the stage."""
-    parser = argparse.ArgumentParser(prog="python -m verification.tradeoff", description=__doc__)
+    parser = CommandLine(prog="python -m verification.tradeoff", description=__doc__)
     stages = parser.add_subparsers(dest="stage", required=True)
     one = stages.add_parser("points")
     for option in ("study", "default", "results", "logs", "points", "log"):

@@ -7,7 +7,6 @@ monthly advances 2010-09 to 2010-12 are steps of that name.
     python -m workflow.mines.elk_creek --data FOLDER --output FILE.yaml     writes the list in the configuration's form
 """
 
-import argparse
 import logging
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ import pandas as pd
 import yaml
 
 from catalogs.records.elk_creek import data_folder, data_path
+from pipeline.command_line import CommandLine
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
 from pipeline.stage import run_stage
@@ -157,7 +157,7 @@ def prepare(folder: Path, gob_height: float = GOB_HEIGHT) -> dict:
 
 def main() -> None:
     """Command line: write the excavations to a YAML file."""
-    parser = argparse.ArgumentParser(description="Elk Creek: dated longwall faces to excavations")
+    parser = CommandLine(description="Elk Creek: dated longwall faces to excavations")
     parser.add_argument("--data", type=Path, required=True, help="folder with the recorded data")
     parser.add_argument("--output", type=Path, required=True, help="YAML file to write")
     parser.add_argument("--gob-height", type=float, default=GOB_HEIGHT, help="height of the caved gob, m")
