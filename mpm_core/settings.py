@@ -220,7 +220,7 @@ class ShapeSettings(Settings):
     width: Size = None
     """tunnel"""
     height: Size = None
-    """tunnel; prism from a file: above its polyline"""
+    """tunnel; prism from a file: above each of its polylines"""
     profile: Literal["rectangular", "arched"] = None
     """tunnel"""
     start: Point = None

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mpm_core.domain import Domain
-from mpm_core.geometry.files import Picked, read_outline, read_solid
+from mpm_core.geometry.bodies import join
+from mpm_core.geometry.files import Picked, read_outlines, read_solid
 from mpm_core.geometry.inside import contains
 from mpm_core.geometry.shapes import build_shape
 from mpm_core.geometry.solids import Outside, Solid
@@ -30,7 +31,7 @@ def read_solids(
             if entry.file and dimension == 2:
                 raise InputError(f"{entry.name}: file: a plane strain scene needs a shape in its plane, not a solid")
             if entry.file and entry.shape:
-                solids.append(build_shape(with_outline(entry), dimension))
+                solids.append(_joined([build_shape(prism, dimension) for prism in prisms_of(entry)]))
             elif entry.file:
                 solids.append(read_solid(entry.file, entry.name, Picked.of(entry.given())))
             else:
@@ -43,14 +44,23 @@ def read_solids(
     return solids
 
 
-def with_outline(entry: SolidSettings) -> dict:
-    """A prism's keys with the polygon of its drawing; `height` stands on the polyline's own elevations."""
+def prisms_of(entry: SolidSettings) -> list[dict]:
+    """Keys of a prism for each outline of its drawing; `height` stands on each polyline's own elevations."""
     given = entry.given()
-    outline = read_outline(entry.file, entry.name, Picked.of(given))
-    made = given | {"polygon": outline[:, :2].tolist()}
-    if entry.height:
-        made |= {"base": outline[:, 2].tolist(), "top": (outline[:, 2] + entry.height).tolist()}
-    return made
+
+    def ring(line: np.ndarray) -> dict:
+        if not entry.height:
+            return {"polygon": line[:, :2].tolist(), "lower": entry.lower, "upper": entry.upper}
+        level = line[:, 2]
+        return {"polygon": line[:, :2].tolist(), "base": level.tolist(), "top": (level + entry.height).tolist()}
+
+    outlines = read_outlines(entry.file, entry.name, Picked.of(given), entry.height)
+    return [given | ring(outline.line) | {"holes": [ring(hole) for hole in outline.holes]} for outline in outlines]
+
+
+def _joined(solids: list[Solid]) -> Solid:
+    """Several solids as one, named as the first."""
+    return Solid(solids[0].name, *join([(solid.vertices, solid.facets) for solid in solids]))
 
 
 def check_inside(solid: Solid, domain: Domain, section: str, from_file: bool, may_miss: bool) -> None:

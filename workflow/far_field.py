@@ -230,7 +230,9 @@ def _opening(mine: Mine, where: str, entry: dict) -> Iterator[Opening]:
         yield _of_file(str(path), entry["name"], _picked(entry), stamp.st_mtime_ns, stamp.st_size)
         return
     if "file" in entry:
-        entry = _with_outline(mine, entry)
+        for prism in _prisms(mine, entry):
+            yield from _opening(mine, where, prism)
+        return
     lower, upper = extent(where, entry, dimension)
     if shape == "tunnel":
         path = np.array(entry["path"], float)
@@ -304,15 +306,16 @@ def _of_file(path: str, name: str, picked: tuple, stamp: int, size: int) -> Open
     return Opening(lower, upper, sides, volume, np.stack([lower, upper])[None])
 
 
-def _with_outline(mine: Mine, entry: dict) -> dict:
-    """A prism's keys with the polygon of its drawing."""
+def _prisms(mine: Mine, entry: dict) -> list[dict]:
+    """Keys of a prism for each outline of its drawing; holes in them count as mined."""
     from mpm_core.settings import SolidSettings
-    from mpm_core.solids import with_outline
+    from mpm_core.solids import prisms_of
 
     shape = {key: entry[key] for key in SolidSettings.model_fields if key in entry and key != "outside"}
     with _quiet():
-        made = with_outline(SolidSettings.of(shape | {"file": mine.path(entry["file"]).as_posix()}, "excavations"))
-    return {key: made[key] for key in ("shape", "polygon", "lower", "upper", "base", "top") if key in made}
+        made = prisms_of(SolidSettings.of(shape | {"file": mine.path(entry["file"]).as_posix()}, "excavations"))
+    keys = ("shape", "polygon", "lower", "upper", "base", "top")
+    return [{key: prism[key] for key in keys if key in prism} for prism in made]
 
 
 class _quiet:

@@ -7,6 +7,7 @@ import functools
 import logging
 import math
 from collections import Counter
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import ezdxf
@@ -17,7 +18,7 @@ from ezdxf.entities import DXFEntity
 from ezdxf.path import make_path
 from ezdxf.render import MeshBuilder
 
-from mpm_core.geometry.bodies import EVERYTHING, Mesh, triangles
+from mpm_core.geometry.bodies import EVERYTHING, Mesh, Part, triangles
 from pipeline.errors import InputError
 
 # $INSUNITS: metres of each unit that a mine could be drawn in
@@ -38,12 +39,14 @@ CHORD = 1e-3  # of an outline's size: the greatest distance of an arc from its c
 def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], float | None]:
     """3DFACE, MESH and polyface or polygon-mesh POLYLINE by layer, and metres of the drawing's unit, if any.
 
-    layer: what will be chosen; the meshes of others may be left empty. Raises InputError for a drawing without any.
+    layer: what will be chosen; the meshes of others may be left empty, hidden layers that only a pattern fits are left
+    out. Raises InputError for a drawing without any.
     """
-    entities, unit = _open(path)
+    entities, unit, hidden = _open(path)
     faces: dict[str, list[Mesh]] = {}
     others: Counter[str] = Counter()
     outlines = 0
+    smoothed: Counter[str] = Counter()
     for kind, on_layer, entity in entities:
         found = None
         wanted = layer is None or EVERYTHING in layer or on_layer == layer
@@ -53,6 +56,7 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
         elif kind == "MESH":
             builder = MeshBuilder.from_mesh(entity)
             found = builder.vertices, builder.faces
+            smoothed[on_layer] += wanted and entity.dxf.get("subdivision_levels", 0) > 0
         elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
             builder = MeshBuilder.from_polyface(entity)
             found = builder.vertices, builder.faces
@@ -70,7 +74,34 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
     elif others:
         left_out = ", ".join(f"{count} {kind}" for kind, count in others.items())
         logging.warning("%s: also holds %s, of which no faces are read: left out", path, left_out)
+    faces = _without_hidden(path, faces, layer, hidden)
+    for on_layer in faces:
+        if smoothed[on_layer]:
+            logging.warning(
+                "%s: layer %s: %d MESH are shown smooth (subdivision levels); their cages are taken, which reach "
+                "further out: export the smoothed mesh if that is meant",
+                path, on_layer, smoothed[on_layer],
+            )  # fmt: skip
     return faces, unit
+
+
+def _without_hidden(path: Path, parts: dict[str, Part], layer: str | None, hidden: dict[str, str]) -> dict[str, Part]:
+    """What is on layers less what is on hidden ones, unless `layer` names one or there is no other; both are said."""
+    chosen = [name for name in parts if name == layer] or list(parts)
+    here = {name: hidden[name] for name in chosen if name in hidden and fnmatchcase(name, layer or EVERYTHING)}
+    if not here:
+        return parts
+    named = ", ".join(f"{name} ({how})" for name, how in here.items())
+    if layer in here or len(parts) == 1:
+        logging.warning("%s: layer %s in the drawing; taken all the same", path, named)
+        return parts
+    if layer is None:
+        return parts  # one is asked for by name
+    logging.warning("%s: layers hidden in the drawing: %s; left out: name one to take it", path, named)
+    left = {name: part for name, part in parts.items() if name not in here}
+    if not any(fnmatchcase(name, layer) for name in left):
+        raise InputError(f"layer {layer!r}: fits hidden layers only, {named}: name one to take it, or thaw it")
+    return left
 
 
 def _refuse(others: Counter[str], outlines: int) -> None:
@@ -86,9 +117,12 @@ def _refuse(others: Counter[str], outlines: int) -> None:
         )
 
 
-def read_outlines(path: Path) -> tuple[dict[str, list[np.ndarray]], float | None]:
-    """Closed polylines by layer, their corners (point, 3) with arcs as chords, and metres of the drawing's unit."""
-    entities, unit = _open(path)
+def read_outlines(path: Path, layer: str | None) -> tuple[dict[str, list[np.ndarray]], float | None]:
+    """Closed polylines by layer, their corners (point, 3) with arcs as chords, and metres of the drawing's unit.
+
+    layer: what will be chosen; hidden layers that only a pattern fits are left out.
+    """
+    entities, unit, hidden = _open(path)
     outlines: dict[str, list[np.ndarray]] = {}
     for kind, on_layer, entity in entities:
         is_outline = kind in OUTLINES and not getattr(entity, "is_poly_face_mesh", False)
@@ -100,7 +134,7 @@ def read_outlines(path: Path) -> tuple[dict[str, list[np.ndarray]], float | None
             outlines.setdefault(on_layer, []).append(points[:-1])
     if not outlines:
         raise InputError("holds no closed polyline: close the outline, or give the prism its polygon")
-    return outlines, unit
+    return _without_hidden(path, outlines, layer, hidden), unit
 
 
 def _is_closed(polyline: DXFEntity) -> bool:
@@ -111,23 +145,24 @@ def _is_closed(polyline: DXFEntity) -> bool:
     return len(points) > 3 and tuple(points[0]) == tuple(points[-1])
 
 
-def _open(path: Path) -> tuple[list[tuple[str, str, DXFEntity]], float | None]:
-    """Kind, layer and entity of all of the drawing, and metres of its unit: None if it names none, NaN if that is not
-    known. Raises InputError."""
+def _open(path: Path) -> tuple[list[tuple[str, str, DXFEntity]], float | None, dict[str, str]]:
+    """Kind, layer and entity of all of the drawing, metres of its unit (None if it names none, NaN if that is not
+    known), and its hidden layers with how they are hidden. Raises InputError."""
     stamp = path.stat()
-    entities, code = _parsed(path, stamp.st_mtime_ns, stamp.st_size)
+    entities, code, hidden = _parsed(path, stamp.st_mtime_ns, stamp.st_size)
     if code == 0:
         logging.info("%s: names no unit ($INSUNITS): metres, unless `units` says otherwise", path)
-        return entities, None
+        return entities, None, hidden
     unit = UNITS.get(code, math.nan)
     if unit != 1.0:
         logging.warning("%s: drawn in units of %g m ($INSUNITS %d), and read so", path, unit, code)
-    return entities, unit
+    return entities, unit, hidden
 
 
 @functools.lru_cache(maxsize=1)  # hundreds of stopes are layers of one drawing
-def _parsed(path: Path, modified: int, size: int) -> tuple[list[tuple[str, str, DXFEntity]], int]:
-    """Kind, layer and entity of all of a drawing as it is at this time, blocks unfolded, and its $INSUNITS."""
+def _parsed(path: Path, modified: int, size: int) -> tuple[list[tuple[str, str, DXFEntity]], int, dict[str, str]]:
+    """Kind, layer and entity of all of a drawing as it is at this time, blocks unfolded, its $INSUNITS, and its layers
+    that are off or frozen."""
     raw = path.read_bytes()
     if raw.count(b"\nINSERT\r\n") + raw.count(b"\nINSERT\n") > MOST_INSERTED:
         raise InputError(f"inserts blocks more than {MOST_INSERTED:,} times: export the solid alone, as plain faces")
@@ -140,7 +175,12 @@ def _parsed(path: Path, modified: int, size: int) -> tuple[list[tuple[str, str, 
         )
     entities = recursive_decompose(drawing.modelspace())
     listed = [(entity.dxftype(), entity.dxf.get("layer", "0"), entity) for entity in entities]
-    return listed, drawing.header.get("$INSUNITS", 0)
+    hidden = {
+        layer.dxf.name: "frozen" if layer.is_frozen() else "off"
+        for layer in drawing.layers
+        if layer.is_frozen() or layer.is_off()
+    }
+    return listed, drawing.header.get("$INSUNITS", 0), hidden
 
 
 def _unfolded(drawing: Drawing, layout, known: dict[str, int]) -> int:

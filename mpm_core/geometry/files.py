@@ -14,6 +14,7 @@ from mpm_core.geometry.bodies import Mesh, choose, join
 from mpm_core.geometry.edges import unique_rows
 from mpm_core.geometry.meshes import read_obj, read_omf, read_ply, read_stl
 from mpm_core.geometry.orientation import agree, check_bounds_volume, without_partitions
+from mpm_core.geometry.outlines import Outline, check_simple, nest
 from mpm_core.geometry.solids import Solid
 from pipeline.errors import InputError
 
@@ -98,24 +99,36 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
     return Solid(name, vertices, facets)
 
 
-def read_outline(path: str | Path, name: str, picked: Picked) -> np.ndarray:
-    """Corners (point, 3) m of the one closed polyline of a DXF drawing, or of its layer; arcs as chords.
+def read_outlines(path: str | Path, name: str, picked: Picked, height: float | None = None) -> list[Outline]:
+    """Outlines with their holes (point, 3) m of the closed polylines of a DXF drawing, or of its layer; arcs as chords.
 
-    Raises InputError naming the file.
+    height, m: of prisms that stand on the polylines (outlines.nest). Raises InputError naming the file and the layer.
     """
-    from mpm_core.geometry.dxf import read_outlines
+    from mpm_core.geometry import dxf
 
     path = Path(path)
     if path.suffix.lower() != ".dxf" or picked.element:
         raise InputError(f"{path}: {name}: a prism takes its outline from a DXF polyline, by `layer`: export it as DXF")
-    outlines, own_unit = _read(path, name, lambda: read_outlines(path))
+    lines, own_unit = _read(path, name, lambda: dxf.read_outlines(path, picked.layer))
     try:
-        found = choose(outlines, picked.layer, "layer")
+        found = choose(lines, picked.layer, "layer")
     except InputError as error:
         raise InputError(f"{path}: {name}: {error}") from error
-    if len(found) != 1:
-        raise InputError(f"{path}: {name}: has {len(found)} closed polylines there; a prism needs one: name its layer")
-    return _placed(path, name, picked, found[0], own_unit)
+    layer = picked.layer or next(iter(lines))
+    found = [_placed(path, name, picked, line, own_unit) for line in found]
+    try:
+        for line in found:
+            check_simple(line[:, :2])
+        outlines = nest(found, height)
+    except InputError as error:
+        raise InputError(f"{path}: {name}: layer {layer}: {error}") from error
+    holes = sum(len(outline.holes) for outline in outlines)
+    if holes:
+        logging.warning(
+            "%s: %s: layer %s: %d of %d closed polylines lie within another one: rock is left there",
+            path, name, layer, holes, len(found),
+        )  # fmt: skip
+    return outlines
 
 
 def _placed(path: Path, name: str, picked: Picked, vertices: np.ndarray, own_unit: float | None) -> np.ndarray:

@@ -68,7 +68,8 @@ def build_shape(specification: dict, dimension: int) -> Solid:
          tunnel    path: points on the centre line of the FLOOR; width, height; profile: rectangular (default) | arched
          cylinder  start, end: centres of the end faces; radius
          sphere    center; radius
-         prism     polygon: list of [x, y]; lower, upper: elevations; or base, top: one elevation per polygon point
+         prism     polygon: list of [x, y]; lower, upper: elevations; or base, top: one elevation per polygon point;
+              holes: a list of such polygons within it, with elevations of their own (of files alone)
     2-D  box       lower, upper: corners
          circle    (or sphere, cylinder) center; radius
          polygon   points: list of points in the plane
@@ -127,8 +128,30 @@ def _sphere(reader: _Reader) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _prism(reader: _Reader) -> tuple[np.ndarray, np.ndarray]:
+    rings = [_ring_of_prism(reader, reader.specification)]
+    rings += [_ring_of_prism(reader, hole) for hole in reader.specification.get("holes", [])]
+    rings = [rings[0][:: _turn(rings[0])], *(ring[:: -_turn(ring)] for ring in rings[1:])]  # holes the other way round
+    vertices = np.concatenate(rings)
+    count = len(vertices)
+    bottom = np.arange(count)
+    ahead = np.concatenate(
+        [np.roll(own, -1) for own in np.split(bottom, np.cumsum([len(ring) for ring in rings])[:-1])]
+    )
+    walls = [np.column_stack([bottom, ahead, ahead + count]), np.column_stack([bottom, ahead + count, bottom + count])]
+    places = np.concatenate([vertices[:, [0, 1, 2]], vertices[:, [0, 1, 3]]])
+    plan = [ring[:, :2] for ring in rings]
+    for cap in (_triangulate(plan), _fans(plan)):  # fans serve any polygon, even a self-crossing one
+        facets = np.concatenate([*walls, cap[:, ::-1], cap + count])
+        if Solid(reader.name, places, facets).is_closed:
+            break
+    return places, facets
+
+
+def _ring_of_prism(reader: _Reader, specification: dict) -> np.ndarray:
+    """Corners (point, 4) m of a prism's outline or hole: x, y, lower and upper elevation; points on a line left out."""
+    reader = _Reader({"name": reader.name, "shape": "prism", **specification}, 3)
     polygon = reader.array("polygon", (None, 2), "a list of points [x, y] in m")
-    by_point = "base" in reader.specification or "top" in reader.specification
+    by_point = "base" in specification or "top" in specification
     if by_point:
         what = f"one elevation in m for each of the {len(polygon)} polygon points"
         lower, upper = (reader.array(key, (len(polygon),), what) for key in ("base", "top"))
@@ -143,21 +166,15 @@ def _prism(reader: _Reader) -> tuple[np.ndarray, np.ndarray]:
             if not straight.any():
                 break
             keep[np.flatnonzero(straight)[0]] = False  # one at a time: its neighbours' angles change
-    polygon, lower, upper = polygon[keep], lower[keep], upper[keep]
-    if len(polygon) < 3:
+    if keep.sum() < 3:
         raise reader.fail("polygon", "needs at least 3 points that are not on one line")
-    vertices = np.concatenate([np.column_stack([polygon, lower]), np.column_stack([polygon, upper])])
-    bottom = np.arange(len(polygon))
-    ahead = np.roll(bottom, -1)
-    walls = [
-        np.column_stack([bottom, ahead, ahead + len(polygon)]),
-        np.column_stack([bottom, ahead + len(polygon), bottom + len(polygon)]),
-    ]
-    for cap in (_triangulate(polygon), _fan(len(polygon))):  # the fan serves any polygon, even a self-crossing one
-        facets = np.concatenate([*walls, cap[:, ::-1], cap + len(polygon)])
-        if Solid(reader.name, vertices, facets).is_closed:
-            break
-    return vertices, facets
+    return np.column_stack([polygon, lower, upper])[keep]
+
+
+def _turn(ring: np.ndarray) -> int:
+    """1 if a ring (point, 2 or more) runs counterclockwise in plan, else -1."""
+    local = ring[:, :2] - ring[:, :2].mean(axis=0)
+    return 1 if np.linalg.det(local[_ring(local)[1]]).sum() >= 0 else -1
 
 
 def _straight(polygon: np.ndarray) -> np.ndarray:
@@ -167,24 +184,30 @@ def _straight(polygon: np.ndarray) -> np.ndarray:
     return np.abs(turn) <= COLLINEAR * ((before**2).sum(axis=1) + (after**2).sum(axis=1))
 
 
-def _triangulate(polygon: np.ndarray) -> np.ndarray:
-    """Triangles (triangle, 3) of a simple polygon (point, 2), wound as the polygon is."""
+def _triangulate(rings: list[np.ndarray]) -> np.ndarray:
+    """Triangles (triangle, 3) of a simple counterclockwise polygon (point, 2) less its holes: rows of all rings."""
     from ezdxf.math.triangulation import mapbox_earcut_2d
 
-    local = polygon - polygon.mean(axis=0)
+    places = np.concatenate(rings)
+    local = places - places.mean(axis=0)
+    outline, *holes = (part.tolist() for part in np.split(local, np.cumsum([len(ring) for ring in rings])[:-1]))
     row = {tuple(point): number for number, point in enumerate(local.tolist())}
-    triangles = [[row[point.x, point.y] for point in triangle] for triangle in mapbox_earcut_2d(local.tolist(), [])]
+    triangles = [[row[point.x, point.y] for point in triangle] for triangle in mapbox_earcut_2d(outline, holes)]
     triangles = np.array(triangles, dtype=np.int64).reshape(-1, 3)
-    polygon_area = np.linalg.det(local[_ring(local)[1]]).sum()
-    wrong = np.linalg.det(np.dstack([local[triangles], np.ones(triangles.shape)])) * polygon_area < 0
+    wrong = np.linalg.det(np.dstack([local[triangles], np.ones(triangles.shape)])) < 0
     triangles[wrong] = triangles[wrong, ::-1]
     return triangles
 
 
-def _fan(count: int) -> np.ndarray:
-    """Triangles (count - 2, 3) from corner 0 to each edge: where they overlap, they cancel in the winding number."""
-    ahead = np.arange(1, count - 1)
-    return np.column_stack([np.zeros_like(ahead), ahead, ahead + 1])
+def _fans(rings: list[np.ndarray]) -> np.ndarray:
+    """Triangles (triangle, 3) of each ring from its first corner to each edge, rows of all rings: where they overlap,
+    they cancel in the winding number."""
+    first = np.cumsum([0] + [len(ring) for ring in rings])[:-1]
+    fans = []
+    for start, ring in zip(first, rings, strict=True):
+        ahead = start + np.arange(1, len(ring) - 1)
+        fans.append(np.column_stack([np.full_like(ahead, start), ahead, ahead + 1]))
+    return np.concatenate(fans)
 
 
 def _circle(reader: _Reader) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,7 @@
 
 import itertools
 import logging
+import re
 import time
 
 import ezdxf
@@ -9,9 +10,11 @@ import numpy as np
 import omf
 import pytest
 import trimesh
+from ezdxf.render import MeshBuilder
 
 from mpm_core.domain import Domain
 from mpm_core.geometry import Solid, build_shape, read_solid
+from mpm_core.geometry.inside import contains
 from mpm_core.gridding import read_solids
 from pipeline.errors import InputError
 from tests.geometry.test_files import write_dxf, write_omf
@@ -298,3 +301,170 @@ def test_a_prism_of_a_drawing_without_one_outline_is_refused(tmp_path):
         solid_of({"shape": "prism", "file": str(path), "height": 10.0})
     with pytest.raises(InputError, match="takes its outline from a DXF polyline"):
         solid_of({"shape": "prism", "file": "b.obj", "height": 10.0})
+
+
+def outlines(path, *lines, layers=(), elevation=0.0):
+    """A drawing of closed polylines [(x, y), ...], all on layer PANELS or each on its own, at one elevation or each."""
+
+    def add(document, space):
+        for number, line in enumerate(lines):
+            level = elevation if np.isscalar(elevation) else elevation[number]
+            on = {"layer": layers[number] if layers else "PANELS", "elevation": level}
+            space.add_lwpolyline(line, close=True, dxfattribs=on)
+
+    return str(drawing(path, add, 6))
+
+
+def square(x, y, width, height=None):
+    return [(x, y), (x + width, y), (x + width, y + (height or width)), (x, y + (height or width))]
+
+
+FLAT_PRISM = {"shape": "prism", "layer": "PANELS", "lower": 10.0, "upper": 15.0}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        pytest.param([(0, 0), (40, 20), (40, 0), (0, 30)], id="crossing"),
+        pytest.param([(0, 0), (20, 20), (40, 40), (40, 0), (20, 20), (0, 40)], id="crossing at a corner"),
+        pytest.param(square(0, 0, 40) + square(0, 0, 40), id="twice around"),
+        pytest.param([(0, 0), (60, 0), (60, 40), (20, 40), (20, 10), (40, 10), (40, 60), (0, 60)], id="over itself"),
+    ],
+)
+def test_an_outline_that_crosses_itself_is_refused(tmp_path, line):
+    """It was mined: some places by the sign of one lobe, some twice. Far from the origin, too."""
+    for shift in (0.0, 512000.0):
+        path = outlines(tmp_path / "level.dxf", [(x + shift, y + 2 * shift) for x, y in line])
+        with pytest.raises(
+            InputError, match=r"level\.dxf: stope: layer PANELS: crosses itself near [-\d.]+, [-\d.]+ m: put its points"
+        ) as caught:
+            solid_of({**FLAT_PRISM, "file": path, "offset": [-shift, -2 * shift, 0.0]})
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        pytest.param([(0, 0), (100, 0), (100, 100), (50, 0), (0, 100)], id="touching at a corner"),
+        pytest.param(
+            [
+                (0, 0),
+                (100, 0),
+                (100, 100),
+                (0, 100),
+                (0, 50),
+                (30, 50),
+                (30, 70),
+                (60, 70),
+                (60, 50),
+                (30, 50),
+                (0, 50),
+            ],
+            id="a hole at the end of a slit",
+        ),
+        pytest.param([(0, 0), (100, 0), (150, 0), (100, 0), (100, 100), (0, 100)], id="a spike"),
+    ],
+)
+def test_an_outline_that_touches_itself_is_taken(tmp_path, line):
+    solid = solid_of({**FLAT_PRISM, "file": outlines(tmp_path / "level.dxf", line)})
+    area = abs(sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(line, line[1:] + line[:1], strict=True))) / 2
+    assert solid.volume == pytest.approx(5 * area, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("lines", "area", "inside", "outside"),
+    [
+        pytest.param([square(0, 0, 40), square(60, 0, 20)], 2000, (70, 10), (50, 10), id="apart"),
+        pytest.param([square(0, 0, 40), square(40, 0, 20)], 2000, (50, 10), (50, 30), id="side by side"),
+        pytest.param([square(0, 0, 40), square(40, 40, 20)], 2000, (50, 50), (50, 30), id="touching at a corner"),
+        pytest.param([square(10, 10, 20), square(0, 0, 40)], 1200, (5, 5), (20, 20), id="one within the other"),
+        pytest.param([square(0, 10, 20), square(0, 0, 40)], 1200, (5, 5), (10, 20), id="within, at its side"),
+        pytest.param(
+            [square(0, 0, 40), square(10, 10, 20), square(15, 15, 10)], 1300, (20, 20), (12, 12), id="within a hole"
+        ),
+        pytest.param([square(0, 0, 40), square(0, 0, 40)[::-1], square(50, 0, 9)], 1681, (5, 5), (45, 5), id="twice"),
+        pytest.param([square(20 * n, 0, 20, 50) for n in range(7)], 7000, (130, 5), (145, 5), id="seven panels"),
+    ],
+)
+def test_outlines_of_one_layer_are_prisms_and_holes(tmp_path, caplog, lines, area, inside, outside):
+    """Side by side each is a prism, one within another a hole."""
+    with caplog.at_level(logging.WARNING):
+        solid = solid_of({**FLAT_PRISM, "file": outlines(tmp_path / "level.dxf", *lines)})
+    assert solid.volume == pytest.approx(5 * area, rel=1e-9)
+    assert contains(solid, np.array([[*inside, 12.0], [*outside, 12.0], [*inside, 16.0]])).tolist() == [
+        True,
+        False,
+        False,
+    ]
+    assert ("layer PANELS: 1 of " in caplog.text) == (area in (1200, 1300))
+
+
+@pytest.mark.parametrize("other", [square(20, 20, 40), square(20, 0, 40), square(-10, 10, 60, 10)])
+def test_outlines_that_overlap_are_refused(tmp_path, other):
+    path = outlines(tmp_path / "level.dxf", square(0, 0, 40), other)
+    with pytest.raises(InputError, match=r"level\.dxf: stope: layer PANELS: two closed polylines overlap near .* draw"):
+        solid_of({**FLAT_PRISM, "file": path})
+
+
+def test_each_outline_has_its_own_elevation(tmp_path):
+    """Panels at 10 and 20 m; levels above one another overlap in plan alone; a hole keeps to its outline."""
+    standing = {"shape": "prism", "layer": "PANELS", "height": 4.0}
+    path = outlines(tmp_path / "a.dxf", square(0, 0, 40), square(60, 0, 20), elevation=(10.0, 20.0))
+    solid = solid_of({**standing, "file": path})
+    assert solid.volume == pytest.approx(8000)
+    points = np.array([[5, 5, 12], [5, 5, 22], [65, 5, 22], [65, 5, 12]], float)
+    assert contains(solid, points).tolist() == [True, False, True, False]
+    levels = outlines(tmp_path / "b.dxf", square(0, 0, 40), square(10, 0, 40), square(0, 0, 40), elevation=(0, 10, 20))
+    assert solid_of({**standing, "file": levels}).volume == pytest.approx(3 * 6400)
+    ring = outlines(tmp_path / "c.dxf", square(0, 0, 40), square(10, 10, 20), elevation=10.0)
+    assert solid_of({**standing, "file": ring}).volume == pytest.approx(4800)
+
+
+def test_a_mesh_that_is_shown_smooth_says_that_its_cage_is_taken(tmp_path, caplog):
+    def add(document, space):
+        for layer, levels in (("A", 0), ("B", 2)):
+            builder = MeshBuilder()
+            builder.vertices, builder.faces = list(ezdxf.math.Vec3.generate(BOX.vertices)), BOX.facets.tolist()
+            mesh = builder.render_mesh(space, dxfattribs={"layer": layer})
+            mesh.dxf.subdivision_levels = levels
+
+    path = drawing(tmp_path / "stope.dxf", add)
+    with caplog.at_level(logging.WARNING):
+        assert read_solid(path, "stope", layer="A").volume == pytest.approx(64)
+        assert "smooth" not in caplog.text
+        assert read_solid(path, "stope", layer="B").volume == pytest.approx(64)
+    assert re.search(r"stope\.dxf: layer B: 1 MESH are shown smooth .* cages are taken", caplog.text)
+
+
+@pytest.mark.parametrize("how", ["off", "frozen"])
+@pytest.mark.parametrize("kind", ["faces", "outlines"])
+def test_layers_that_are_off_or_frozen_are_named(tmp_path, caplog, how, kind):
+    """Taken where `layer` names one, left out where a pattern fits it with others."""
+
+    def add(document, space):
+        for layer, shift in (("STOPES", 0.0), ("STOPES_OLD", 50.0)):
+            on = document.layers.add(layer)
+            if layer == "STOPES_OLD":
+                on.off() if how == "off" else on.freeze()
+            if kind == "faces":
+                for facet in BOX.facets:
+                    space.add_3dface(BOX.vertices[facet] + [shift, 0, 0], dxfattribs={"layer": layer})
+            else:
+                space.add_lwpolyline(
+                    [(x + shift, y) for x, y in square(0, 0, 8, 4)], close=True, dxfattribs={"layer": layer}
+                )
+
+    path = drawing(tmp_path / "stope.dxf", add, 6)
+    entry = {"file": str(path)} | ({} if kind == "faces" else {"shape": "prism", "lower": 0.0, "upper": 2.0})
+    with caplog.at_level(logging.WARNING):
+        assert solid_of({**entry, "layer": "STOPES"}).volume == pytest.approx(64)
+    assert not caplog.text
+    with caplog.at_level(logging.WARNING):
+        assert solid_of({**entry, "layer": "STOPES_OLD"}).bounds[0, 0] == 50.0
+    assert f"stope.dxf: layer STOPES_OLD ({how}) in the drawing; taken all the same" in caplog.text
+    caplog.clear()
+    with caplog.at_level(logging.WARNING):
+        assert solid_of({**entry, "layer": "*"}).volume == pytest.approx(64)
+    assert f"stope.dxf: layers hidden in the drawing: STOPES_OLD ({how}); left out: name one to take it" in caplog.text
+    with pytest.raises(InputError, match=r"stope\.dxf: stope: layer '\*_OLD': fits hidden layers only, STOPES_OLD"):
+        solid_of({**entry, "layer": "*_OLD"})

@@ -148,6 +148,24 @@ def test_a_solid_of_a_file_counts_with_its_box_and_volume(accept, refuse, tmp_pa
     assert "stope_1" in refuse(free(TINY, **{"excavations.1": entry}))
 
 
+def test_the_domain_follows_from_every_outline_of_a_layer(accept, tmp_path):
+    """As from prisms of their own; one within another is a hole and adds nothing."""
+    document = ezdxf.new()
+    panels = [(0, 0, 20), (300, 0, 20), (5, 5, 10)]
+    for x, y, width in panels:
+        corner = [(x, y), (x + width, y), (x + width, y + width), (x, y + width)]
+        document.modelspace().add_lwpolyline(corner, close=True, dxfattribs={"elevation": 40})
+    document.saveas(tmp_path / "panels.dxf")
+    file = {"shape": "prism", "file": str(tmp_path / "panels.dxf"), "units": "m", "height": "5 m"}
+    drawn = accept(free(TINY, excavations=[{"name": "panels", "step": "history"} | file], steps=[]))
+    boxes = [
+        {"name": f"panel_{x}", "step": "history", "shape": "box", "lower": [f"{x} m", f"{y} m", "40 m"],
+         "upper": [f"{x + width} m", f"{y + width} m", "45 m"]}
+        for x, y, width in panels[:2]
+    ]  # fmt: skip
+    np.testing.assert_allclose(corners(drawn), corners(accept(free(TINY, excavations=boxes, steps=[]))))
+
+
 WEDGE = [["20 m", "30 m"], ["60 m", "50 m"], ["18 m", "34 m"]]
 SHAPES = [
     {"shape": "sphere", "center": ["40 m", "40 m", "40 m"], "radius": "5 m"},

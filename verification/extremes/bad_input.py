@@ -19,6 +19,7 @@ SHAFT = {"name": "drive", "step": "history", "shape": "tunnel", "width": "6 m", 
     "path": [["20 m", "30 m", "40 m"], ["40 m", "30 m", "40 m"], ["40 m", "30 m", "60 m"]]
 }
 LOW_ARCH = SHAFT | {"path": SHAFT["path"][:2], "profile": "arched", "height": "2 m"}
+LOPSIDED = [["20 m", "30 m"], ["40 m", "40 m"], ["40 m", "30 m"], ["20 m", "36 m"]]  # one lobe larger
 BOW_TIE = [["20 m", "30 m"], ["40 m", "40 m"], ["40 m", "30 m"], ["20 m", "40 m"]]
 ON_GLOBE = {"time": "date", "latitude": "x", "longitude": "y", "depth": "z", "log_potency": "size"}
 QUAKEML = {"reader": "quakeml", "file": "record.csv", "location_error": "5 m"}
@@ -182,7 +183,12 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("comparison.blocks", "cluster", "comparison.blocks: ", "day, step, event"),
     ("excavations.0", SHAFT, "excavations.drive.path: stretch 2 is too steep", "cylinder, box or prism"),
     ("excavations.0", LOW_ARCH, "excavations.drive.height: an arched profile", "half its width, 3 m, not 2 m"),
-    ("excavations.0", PRISM | {"polygon": BOW_TIE}, "excavations.drive.polygon: crosses itself", "encloses nothing"),
+    (
+        "excavations.0",
+        PRISM | {"polygon": BOW_TIE},
+        "excavations.drive.polygon: crosses itself",
+        "put its points in order",
+    ),
     ("record.units", {"x": "parrot"}, "record.units.x: 'parrot' is not a unit", "like m"),
     ("record.units", {"x": "Pa"}, "record.units.x: 'Pa' is not convertible to m", ""),
     ("record.units", {"moment": "N m"}, "record.units.moment: not a named column", "such are x, y"),
