@@ -12,7 +12,19 @@ from pydantic import Field, model_validator
 from catalogs.units import unit_quantity
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.settings import AsTuple, Length, Settings, Size, Unit, choose, is_list, is_section, refusal, short
+from pipeline.settings import (
+    AsTuple,
+    Length,
+    Settings,
+    Size,
+    Unit,
+    choose,
+    is_list,
+    is_section,
+    real_number,
+    refusal,
+    short,
+)
 from pipeline.voigt import COMPONENTS
 
 FIRST_YEAR, LAST_YEAR = 1678, 2261  # whole years that nanoseconds since 1970 reach
@@ -32,7 +44,7 @@ READ_BY = {  # keys of a record that not every reader uses
 }
 
 
-Numbers = dict[str, float]  # by column of the file
+Numbers = dict[str, real_number()]  # by column of the file
 Words = dict[str, choose(is_list, Annotated[tuple[str, ...], Field(min_length=1), AsTuple], str)]
 Box = Annotated[tuple[Length, ...], Field(min_length=2, max_length=3), AsTuple]
 
@@ -109,8 +121,8 @@ COLUMN_KEYS = tuple(ColumnSettings.model_fields)
 class Conversion(Settings):
     """Mw = slope M + offset."""
 
-    slope: Annotated[float, Field(gt=0, le=10)]
-    offset: Annotated[float, Field(ge=-10, le=10)]
+    slope: real_number(gt=0, le=10)
+    offset: real_number(ge=-10, le=10)
 
 
 class FilterSettings(Settings):
@@ -162,7 +174,7 @@ class RecordSettings(Settings):
     """what x, y and z of the tensor columns mean: east north up, north east down, or up south east; else ENU"""
     units: dict[str, str] = None
     """kind of column: its unit, if not m, m^3, N m or s and not in the file"""
-    missing: Annotated[tuple[float, ...], AsTuple] = None
+    missing: Annotated[tuple[real_number(), ...], AsTuple] = None
     """numbers that stand for a missing value; else -99, -999, -9999"""
     decimal: Literal["point", "comma"] = None
     date_order: Literal["day", "month"] = None

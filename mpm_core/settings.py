@@ -15,6 +15,7 @@ from pipeline.settings import (
     choose,
     is_list,
     is_section,
+    real_number,
     refusal,
     whole,
     whole_number,
@@ -26,7 +27,7 @@ Stress = Annotated[float, Unit("Pa", ge=-1e13, le=1e13)]
 Gradient = Annotated[float, Unit("Pa/m", ge=-1e12, le=1e12)]
 Angle = Annotated[float, Unit("deg", ge=0, lt=90)]
 StrengthPart = Annotated[float, Unit("Pa", ge=0, le=1e13)]
-Tolerance = Annotated[float, Field(ge=1e-15, le=0.1)]
+Tolerance = real_number(ge=1e-15, le=0.1)
 Corner = Annotated[tuple[Length, ...], Field(min_length=2, max_length=2), AsTuple]
 Many = whole_number(ge=1, le=1_000_000_000)
 
@@ -90,7 +91,7 @@ class GridSettings(Settings):
     cells of openings are made all the same"""
     cut_cells: Literal["fraction", "whole", "subdivide"] = "fraction"
     """cells crossed by a surface: fraction (by volume) | whole (in or out) | subdivide (64 points)"""
-    volume_error: Annotated[float, Field(ge=0)] = 0.2
+    volume_error: real_number(ge=0) = 0.2
     """share of its volume by which the grid may miss an excavation; more is an error, 0.05 a banner. From 1 on openings
     of which almost nothing fills a whole cell are let through, too: the rock in their cells props them; and those too
     thin for any part of a cell are left out"""
@@ -144,7 +145,7 @@ class MaterialSettings(Settings):
 
     model: str
     youngs_modulus: Annotated[float, Unit("Pa", ge=1e-3, le=1e21)]
-    poisson_ratio: Annotated[float, Field(ge=0, le=0.4999)]
+    poisson_ratio: real_number(ge=0, le=0.4999)
     density: Annotated[float, Unit("kg/m^3", ge=1e-3, le=1e6)]
 
     @property
@@ -175,22 +176,22 @@ class SolverSettings(Settings):
     """the same between two generations of failure; where no rock loses strength 50 times as much, up to 0.05"""
     increments: whole_number(ge=0, le=1000) = 0
     """parts in which the rock of one step is taken out; 0: as many as increment_error asks for"""
-    increment_error: Annotated[float, Field(ge=0.001, le=1)] = 0.2
+    increment_error: real_number(ge=0.001, le=1) = 0.2
     """where increments is 0: overshoot of the rock that fails first in each, over its drop: at most about the share by
     which a step's potency is too large"""
     max_iterations: Many = 40000
     """of one relaxation; more is an error"""
     max_generations: Many = 2000
     """of brittle failure in one increment; more is a collapse"""
-    weakest_first: Annotated[float, Field(ge=0, le=1)] = 0.0
+    weakest_first: real_number(ge=0, le=1) = 0.0
     """0: all rock above strength fails at once; 0.9: only what has 0.9 of the overstress nearby"""
     collapse: Literal["error", "keep"] = "error"
     """rock that finds no rest after a failure, or fails on: error | keep (the last state of rest, the last step)"""
-    damping: Annotated[float, Field(ge=0, lt=1)] = 0.7
+    damping: real_number(ge=0, lt=1) = 0.7
     """local damping (Cundall), 0.7 to 0.85"""
     density_scaling: bool = True
     """densities such that all cells share one time step; weights stay real"""
-    hourglass: Annotated[float, Field(ge=0, le=1)] = 0.05
+    hourglass: real_number(ge=0, le=1) = 0.05
     """Flanagan-Belytschko stiffness, share kappa, 0.001 to 1; only at one particle per cell"""
     move: bool = False
     """particles move through the grid (needs scheme explicit and more than one per cell)"""
@@ -208,7 +209,7 @@ class ShapeSettings(Settings):
     """OMF surface, OBJ object or group, solid of a text STL; "*" all"""
     units: Literal["m", "cm", "mm", "km", "ft", "us_ft", "inch"] = None
     """of the file's coordinates, where it does not say them itself"""
-    scale: Annotated[float, Field(ge=1e-6, le=1e6)] = None
+    scale: real_number(ge=1e-6, le=1e6) = None
     """metres = coordinate x units x scale + offset"""
     offset: Annotated[tuple[Length, ...], Field(min_length=3, max_length=3), AsTuple] = None
     lower: choose(is_list, Point, Length) = None

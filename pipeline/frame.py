@@ -1,18 +1,18 @@
 """Where on Earth a mine's coordinates lie, as its configuration says it."""
 
-from typing import Annotated, Self
+from typing import Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
-from pipeline.settings import Length, Settings, refusal
+from pipeline.settings import Length, Settings, real_number, refusal
 
 
 class Frame(Settings):
     """Place of x east, y north, z up (m): latitude and longitude of the origin, or crs, or none (local only)."""
 
-    latitude: Annotated[float, Field(ge=-90, le=90)] = None
+    latitude: real_number(ge=-90, le=90) = None
     """of the frame's origin, degrees (WGS 84)"""
-    longitude: Annotated[float, Field(ge=-180, le=180)] = None
+    longitude: real_number(ge=-180, le=180) = None
     """of the frame's origin, degrees (WGS 84)"""
     crs: str = None
     """instead: EPSG code, PROJ text or WKT of a projected system in metres"""

@@ -6,6 +6,8 @@ degrees). JSON schema, default file and table of keys are generated from the mod
 """
 
 import difflib
+import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Self
 
@@ -30,6 +32,7 @@ SI = "SI"  # context of a validation: quantities are numbers already
 TAG = "="  # begins the tag of a choice, which is no key of the user's
 SHOWN = 60  # characters of a wrong value that its message shows
 LARGEST_INTEGER = 2**63 - 1
+EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")  # a number that YAML 1.1 may take for text
 BOUNDS = {"minimum": "ge", "exclusiveMinimum": "gt", "maximum": "le", "exclusiveMaximum": "lt"}  # JSON's name, ours
 NAME_PATTERN = "^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 DATE_PATTERN = "^[0-9]{4}-[0-9]{2}-[0-9]{2}([T ][0-9:.]+Z?)?$"
@@ -155,8 +158,14 @@ class Unit:
         return number
 
 
+def number(value: Any) -> Any:
+    """The number of a text such as 1e-5, which YAML 1.1 takes for text: it wants a point and a sign, 1.0e-5."""
+    return float(value) if isinstance(value, str) and EXPONENT.fullmatch(value) else value
+
+
 def whole(value: Any) -> Any:
     """The same number as an integer, where it is one."""
+    value = number(value)
     return int(value) if isinstance(value, float) and value.is_integer() else value  # 4.0 is an integer to JSON
 
 
@@ -168,6 +177,11 @@ def _plain_list(value: Any) -> Any:
 def whole_number(**bounds: int) -> Any:
     """The type of an integer within bounds, as pydantic has them (ge, le); 4.0 is one to JSON."""
     return Annotated[int, Field(**bounds), BeforeValidator(whole)]
+
+
+def real_number(**bounds: float) -> Any:
+    """The type of a number without unit within bounds, as pydantic has them (ge, gt, le, lt)."""
+    return Annotated[float, Field(**bounds), BeforeValidator(number)]
 
 
 def choose(test: Callable[[Any], bool], first: Any, other: Any) -> Any:
@@ -258,6 +272,11 @@ def _reason(found: Mapping) -> str:
     ):
         if limit in context:
             return f"{value} is {words} of {context[limit]:g}"
+    if isinstance(found["input"], float) and not math.isfinite(found["input"]):
+        return f"{value} is not a finite number that can be computed with"
+    if kind == "string_type" and isinstance(found["input"], bool | int | float):
+        what = "true or false" if isinstance(found["input"], bool) else "a number"
+        return f"{value} is {what} to YAML; put the text in quotes"
     wanted = next((name for part, name in TYPES.items() if kind.startswith(part)), None)
     if found["input"] is None and wanted in ("object", "array"):
         return f"nothing stands below it; give it {'keys' if wanted == 'object' else 'entries'}, or leave it out"

@@ -1,11 +1,11 @@
 """The settings of event extraction: those of a mine's configuration, and what the event stage is given beside them."""
 
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from pipeline.frame import Frame
-from pipeline.settings import Settings, Size, refusal, whole_number
+from pipeline.settings import Settings, Size, real_number, refusal, whole_number
 
 Positive = whole_number(ge=1, le=1_000_000)
 
@@ -16,7 +16,7 @@ class ClusterSettings(Settings):
     method: Literal["dbscan", "single_linkage", "kmeans"] = "dbscan"
     """dbscan: dense places (single linkage, at its default of 3 samples); single_linkage: all that a chain of steps
     within the radius joins; kmeans: compact ones"""
-    radius_cells: Annotated[float, Field(gt=0, le=1000)] = 1.8
+    radius_cells: real_number(gt=0, le=1000) = 1.8
     """neighbours are within so many particle spacings"""
     min_samples: Positive = 3
     """particles that make a dense place (dbscan); smaller events are not resolved"""
@@ -36,11 +36,11 @@ class SeismicSettings(Settings):
     method: Literal["simultaneous", "families"] = "simultaneous"
     """simultaneous: rock that fails together, touches and is alike; families: the paper's, alike anywhere in the mine,
     then clusters"""
-    closeness: Annotated[float, Field(gt=0, lt=1)] = 0.8
+    closeness: real_number(gt=0, lt=1) = 0.8
     """cosine of potency tensors above which mechanisms are alike"""
     least_particles: Positive = 3
     """smaller events are not resolved (families: cluster.min_samples)"""
-    seismic_fraction: Annotated[float, Field(gt=0, le=1)] = 1.0
+    seismic_fraction: real_number(gt=0, le=1) = 1.0
     """share alpha of the brittle drop that is seismic"""
     cluster: ClusterSettings = None
     """how a family is separated into events; families alone"""
@@ -66,9 +66,9 @@ class EventSettings(SeismicSettings):
     """The slice of the event and catalogue stages: all of `seismic`, and whose events, where and when."""
 
     method: Literal["simultaneous", "families"]
-    closeness: Annotated[float, Field(gt=0, lt=1)]
+    closeness: real_number(gt=0, lt=1)
     least_particles: Positive
-    seismic_fraction: Annotated[float, Field(gt=0, le=1)]
+    seismic_fraction: real_number(gt=0, le=1)
     mine: str
     """its name"""
     frame: Frame

@@ -28,12 +28,13 @@ from pipeline.settings import (
     choose,
     is_list,
     is_section,
+    real_number,
     refusal,
     whole_number,
 )
 from seismic.settings import SeismicSettings
 
-Strain = Annotated[float, Field(ge=-0.5, le=0.5)]
+Strain = real_number(ge=-0.5, le=0.5)
 Pressure = Annotated[float, Unit("Pa", ge=0, le=1e13)]
 ForcePart = Annotated[float, Unit("N", ge=-1e20, le=1e20)]
 

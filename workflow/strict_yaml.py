@@ -21,6 +21,7 @@ TEMPLATE = "__use_yte__"
 # traceback: it reads what has none of them, as nearly every mine file.
 FAST_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 PLAIN = re.compile(r"""[A-Za-z0-9 \n_.,:;+/()\[\]{}#'"^=<>&*|~`\-°²³µ·]*""")
+NO_WORD = re.compile(r"[-+.~\d]|(?:yes|no|on|off|true|false|null)$|$", re.IGNORECASE)  # a key that YAML may read
 SWALLOWED = (
     "--configfile takes all words up to the next option, so a target stands before it: "
     "snakemake --cores all {target} --configfile <mine>.yaml"
@@ -89,6 +90,14 @@ def loader_of(text: str) -> type:
     return FAST_LOADER if PLAIN.fullmatch(text) else yaml.SafeLoader
 
 
+def meant_by(key: str) -> str:
+    """What stands in a configuration for a key without quotes: 7 for 007, True for on, 750 for 12:30."""
+    if not NO_WORD.match(key):
+        return key
+    loader = yaml.SafeLoader("")
+    return str(loader.construct_object(yaml.ScalarNode(loader.resolve(yaml.ScalarNode, key, (True, False)), key)))
+
+
 def _check_structure(path: str | Path, text: str, loader: type) -> None:
     """Nesting, keys and aliases, from the parser's events: nothing is built, so nothing can grow."""
 
@@ -111,6 +120,8 @@ def _check_structure(path: str | Path, text: str, loader: type) -> None:
                 raise refuse(event, "a key is a word here, not a list, a mapping or an alias")
             if is_key and len(event.value) > LONGEST_KEY:
                 raise refuse(event, f"{event.value[:20]}...: a key of {len(event.value):,} characters; shorten it")
+            if is_key and event.implicit[0] and (meant := meant_by(event.value)) != event.value:
+                raise refuse(event, f"{event.value}: a key that YAML takes for {meant}; put it in quotes")
             if is_key and event.value in keys:
                 raise refuse(event, f"{event.value}: this key stands twice; the second would replace the first")
             if is_key:

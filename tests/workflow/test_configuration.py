@@ -9,16 +9,20 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import BeforeValidator
 from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, ROOT, STRAIN, TINY, changed, merged, slices
 
 from catalogs import grid_convergence, spread
 from catalogs.record_settings import COLUMN_KEYS, RecordSlice
 from catalogs.records.filters import limits_of
 from pipeline.errors import InputError
+from pipeline.settings import NAME_PATTERN, Unit
 from verification.benchmarks.targets import RESULTS
 from verification.extremes.bad_input import AGAIN, FAR, FAULTS, ON_GLOBE, UTM
 from workflow.checks import ALL, RESERVED
 from workflow.configuration import load
+from workflow.generate import sections_of
+from workflow.settings import MineSettings
 
 
 @pytest.mark.parametrize(
@@ -133,6 +137,61 @@ def test_what_yaml_makes_of_dates_and_numbers(accept):
     mine = accept(TINY, **{"steps.1.start": datetime.date(2019, 8, 1), "solver.tolerance": "1e-5"})
     assert mine.steps[1]["start"] == "2019-08-01"
     assert mine.values["solver"]["tolerance"] == 1e-5
+
+
+NUMBER_LIKE = ("10E2", "1e3", "007", "12:30", "on", "1_000", "0x10", "-1e-3", "2019-08-01", "1.0")
+
+
+@pytest.mark.parametrize("text", NUMBER_LIKE)
+def test_a_text_that_looks_like_a_number_stays_a_text(accept, text):
+    """Where a text is wanted: a layer, a name, a material, a column, a magnitude's type, what a filter looks for."""
+    words = {"filter": {"only": {text: [text, "a"]}, "without": {"x": text}}, "conversions": {text: "none"}}
+    record = TINY["record"] | {"columns": TINY["record"]["columns"] | {"step": text, "time": [text, "t"]}} | words
+    solid = {"name": "stope_1", "step": "2019-08", "file": "record.csv", "layer": text, "units": "m"}
+    mine = accept(TINY, **{"excavations.1": solid, "record": record})
+    assert mine.values["excavations"][1]["layer"] == text
+    assert mine.values["record"]["columns"] | {"step": text, "time": [text, "t"]} == mine.values["record"]["columns"]
+    assert mine.values["record"]["filter"] == words["filter"]
+    assert mine.values["record"]["conversions"] == {text: "none"}
+    if re.fullmatch(NAME_PATTERN, text):
+        material = {
+            "materials": TINY["materials"] | {text: FILL},
+            "excavations.1.fill": text,
+            "excavations.0.name": text,
+        }
+        mine = accept(TINY, **material)
+        assert (mine.values["excavations"][1]["fill"], mine.excavations[0]["name"]) == (text, text)
+
+
+@pytest.mark.parametrize(("text", "number"), [("1e-5", 1e-5), ("1E-2", 1e-2), ("+1e-3", 1e-3), (".1e-1", 1e-2)])
+def test_a_number_that_yaml_takes_for_a_text_is_one_where_a_number_is_wanted(accept, refuse, text, number):
+    """YAML 1.1 wants a point and a sign: 1.0e-5. 007, on and 12:30 are none, and a decimal comma is none."""
+    mine = accept(TINY, **{"solver.tolerance": text, "comparison.seed": "1e3", "record.missing": ["-1e3", text]})
+    assert mine.values["solver"]["tolerance"] == number
+    assert mine.values["comparison"]["seed"] == 1000
+    assert mine.values["record"]["missing"] == [-1000.0, number]
+    assert accept(TINY, **{"record.conversions": {"ML": {"slope": "1e0", "offset": "-1e-1"}}})
+    assert "is not of type 'number'" in refuse(TINY, **{"solver.tolerance": text + "x"})
+
+
+@pytest.mark.parametrize("value", [7, 1.5, True])
+def test_a_number_where_a_text_is_wanted_is_asked_for_in_quotes(refuse, value):
+    """YAML reads 007 as 7, 12:30 as 750 and on as true: which was meant nobody can tell."""
+    for key in ("record.columns.x", "excavations.1.fill", "excavations.1.step", "record.file"):
+        assert "to YAML; put the text in quotes" in refuse(TINY, **{key: value})
+
+
+def test_every_number_of_the_settings_takes_what_yaml_takes_for_text():
+    """No key is forgotten: a number without unit has `pipeline.settings.number` before it."""
+    told, queue = set(), [MineSettings]
+    while queue:
+        model = queue.pop()
+        told.add(model)
+        for name, field in model.model_fields.items():
+            queue += [section for section in sections_of(field.annotation) if section not in told | set(queue)]
+            number = field.annotation in (int, float) and not any(isinstance(part, Unit) for part in field.metadata)
+            assert not number or any(isinstance(part, BeforeValidator) for part in field.metadata), f"{model}.{name}"
+    assert len(told) > 20
 
 
 def test_default_file_holds_no_mine():

@@ -40,6 +40,12 @@ SPOILED = {  # content of the file, what its one line says
     "nested mappings": (b"".join(b" " * n + b"a:\n" for n in range(400)), "line 31: nested deeper"),
     "a key twice": (b"name: x\ngrid:\n  levels: 2\n  levels: 3\n", "line 4: levels: this key stands twice"),
     "a number and its text": (b"name: x\nmaterials: {1: a, '1': b}\n", "line 2: 1: this key stands twice"),
+    "a key that is a number": (b"name: x\nmaterials: {007: a}\n", "line 2: 007: a key that YAML takes for 7; put it"),
+    "a key that is a switch": (
+        b"name: x\nrecord: {conversions: {on: none}}\n",
+        "line 2: on: .* takes for True; put it",
+    ),
+    "a key that is a time": (b"name: x\nmaterials: {12:30: a}\n", "line 2: 12:30: .* takes for 750; put it in quotes"),
     "a list as a key": (b"? [a]\n: 1\n", "line 1: a key is a word here"),
     "a key without end": (b"0x" + b"f" * 900 + b": 1\n", "line 1: 0x(f+)...: a key of 902 characters"),
     "Latin-1": ("name: Mine Nord-Süd\n".encode("latin-1"), "not UTF-8"),
@@ -87,6 +93,13 @@ def test_a_spoiled_file_is_one_line(tmp_path, kind):
     assert re.search(says, line), line
     assert len(line) < 400
     assert os.listdir(tmp_path) == ["mine.yaml"]
+
+
+def test_keys_that_stay_what_they_are_are_taken(tmp_path):
+    """In quotes, as dates, as whole numbers, as words that look like one."""
+    file = tmp_path / "mine.yaml"
+    file.write_text('"007": 1\n2019: 1\n2019-08: 1\n2019-08-01: 1\n1e3: 1\n-: 1\n"on": 1\nonly: 1\n')
+    assert [str(key) for key in read_yaml(file)] == ["007", "2019", "2019-08", "2019-08-01", "1e3", "-", "on", "only"]
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "config").rglob("*.yaml")), ids=lambda path: path.name)

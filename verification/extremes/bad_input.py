@@ -67,7 +67,7 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("steps.1.end", "2019-08-01", "steps.2019-08.end: ", "not after start"),
     ("steps.1.end", "2019-08-32", "steps.2019-08.end: ", "not a date"),
     ("steps.1.start", "August", "steps[1].start: ", "'August'"),
-    ("steps.1.name", 201908, "steps[1].name: ", 'put the name in quotes: "201908"'),
+    ("steps.1.name", 201908, "steps[1].name: ", "is a number to YAML; put the text in quotes"),
     ("name", "x y", "name: ", "letters, digits"),
     ("name", "x" * 300, "name: ", "up to 64 letters"),
     ("name", "verification", "name: results/verification", "another name"),

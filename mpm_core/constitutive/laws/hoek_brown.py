@@ -20,7 +20,7 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from numba import njit
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from mpm_core.constitutive.general import lane_by_lane
 from mpm_core.constitutive.isotropic import isotropic_return
@@ -37,7 +37,7 @@ from mpm_core.constitutive.regions import (
 from mpm_core.constitutive.returning import tension_return
 from mpm_core.constitutive.tangent import isotropic_tangent
 from mpm_core.settings import AnglePair, MaterialSettings, StrengthPair
-from pipeline.settings import Settings, Unit, choose, is_section, refusal
+from pipeline.settings import Settings, Unit, choose, is_section, real_number, refusal
 
 NAME = "hoek_brown"
 ROW_LENGTH = 7
@@ -59,29 +59,29 @@ class StressPair(Settings):
 class SlopePair(Settings):
     """Of intact rock, and of rock that has failed."""
 
-    intact: Annotated[float, Field(ge=1e-3, le=100)]
-    residual: Annotated[float, Field(ge=1e-3, le=100)]
+    intact: real_number(ge=1e-3, le=100)
+    residual: real_number(ge=1e-3, le=100)
 
 
 class SharePair(Settings):
     """Of intact rock, and of rock that has failed."""
 
-    intact: Annotated[float, Field(ge=0, le=1)]
-    residual: Annotated[float, Field(ge=0, le=1)]
+    intact: real_number(ge=0, le=1)
+    residual: real_number(ge=0, le=1)
 
 
 class ExponentPair(Settings):
     """Of intact rock, and of rock that has failed."""
 
-    intact: Annotated[float, Field(ge=0.3, le=1)]
-    residual: Annotated[float, Field(ge=0.3, le=1)]
+    intact: real_number(ge=0.3, le=1)
+    residual: real_number(ge=0.3, le=1)
 
 
 class IndexPair(Settings):
     """Of intact rock, and of rock that has failed."""
 
-    intact: Annotated[float, Field(ge=0, le=100)]
-    residual: Annotated[float, Field(ge=0, le=100)]
+    intact: real_number(ge=0, le=100)
+    residual: real_number(ge=0, le=100)
 
 
 class Material(MaterialSettings):
