@@ -223,6 +223,9 @@ class RecordSettings(Settings):
         if self.reader != "csv" and self.filter:
             for key in self.filter.model_fields_set & {"only", "without"}:
                 raise refusal(f"reader {self.reader} has no columns of text; leave it out", "filter", key)
+        names = [plain(name) for name in self.conversions or {}]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise refusal("this type stands there twice, but for blanks around it; leave one out", "conversions", twice)
         if self.tensor_frame and not {f"{kind}_xx" for kind in TENSOR_KINDS} & self.columns.model_fields_set:
             raise refusal("of which tensor? name its six columns, or leave it out", "tensor_frame")
         if self.time_zone:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.record_settings import Conversion
+from catalogs.record_settings import Conversion, plain
 from pipeline.errors import InputError
 
 UNTYPED = "untyped"
@@ -79,6 +79,24 @@ def sizes_text(used: Mapping[str, int], conversions: Mapping) -> str:
 
 
 def _conversion(kind: str, conversions: Mapping) -> Conversion | str | None:
-    """What is stated for a type; upper and lower case are the same."""
-    wanted = (kind.strip() or UNTYPED).lower()
-    return next((value for name, value in conversions.items() if name.lower() == wanted), None)
+    """What is stated for a type: under its own name, else under one that differs from it by upper and lower case only.
+
+    Raises InputError where two such names state different things.
+    """
+    wanted = kind.strip() or UNTYPED
+    stated = {plain(name): value for name, value in conversions.items()}
+    if wanted in stated:
+        return stated[wanted]
+    alike = {name: value for name, value in stated.items() if _folded(name) == _folded(wanted)}
+    first = next(iter(alike.values()), None)
+    if any(value != first for value in alike.values()):
+        raise InputError(
+            f"record.conversions: {' and '.join(alike)} state different things, and both may be meant by type {wanted} "
+            f"of the file; name {wanted} itself"
+        )
+    return first
+
+
+def _folded(kind: str) -> str:
+    """A type as it is compared: in lower case, but for mB (broad-band body waves), which is not mb (short-period)."""
+    return kind if kind[:2] in ("mB", "MB") else kind.lower()

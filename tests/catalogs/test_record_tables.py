@@ -211,6 +211,38 @@ def test_a_stated_conversion_makes_them_moment_magnitudes_and_none_leaves_them_o
     assert record.attrs["sizes_text"] == "1 Mw, 1 ML as Mw = 0.8 ML - 0.5, 1 ml as Mw = 0.8 ml - 0.5, 1 Md left out"
 
 
+def converted(slope: float) -> dict:
+    return {"slope": slope, "offset": 0.0}
+
+
+def test_a_type_is_converted_by_its_own_name_first(tmp_path):
+    """ML and ml in one file are two types where both are stated, one where one is."""
+    record = read(tmp_path, MIXED, TYPED, conversions={"ML": converted(0.5), "ml": "none", "Md": converted(1)})
+    np.testing.assert_allclose(record["mw"], [1.0, 0.5, 2.0])
+    other = read(tmp_path, MIXED, TYPED, conversions={"ml": "none", "ML": converted(0.5), "MD": converted(1)})
+    np.testing.assert_array_equal(other["mw"], record["mw"])
+
+
+def test_two_conversions_of_which_either_may_be_meant_are_asked_about(tmp_path):
+    """Neither is the file's own name; where they say the same there is nothing to ask."""
+    types = MIXED.replace(",ml", ",ML")
+    line = refused(tmp_path, types, TYPED, conversions={"Ml": converted(0.5), "mL": "none", "Md": "none"})
+    assert "record.conversions: Ml and mL state different things" in line
+    assert "name ML itself" in line
+    assert read(tmp_path, types, TYPED, conversions={"Ml": "none", "mL": "none", "Md": "none"}).sizes["event"] == 1
+    twice = {"ML": converted(0.5), " ML": "none", "Md": "none"}
+    assert "record.conversions.ML: this type stands there twice" in refused(tmp_path, types, TYPED, conversions=twice)
+
+
+def test_mb_and_mB_are_two_magnitudes(tmp_path):
+    """Short-period and broad-band body waves: a conversion of the one says nothing of the other."""
+    text = MIXED.replace(",ml", ",mB").replace(",ML", ",mb")
+    line = refused(tmp_path, text, TYPED, conversions={"mb": converted(0.5), "Md": "none"})
+    assert "1 of 4 events are of type mB" in line
+    record = read(tmp_path, text, TYPED, conversions={"mb": converted(0.5), "mB": converted(2), "Md": "none"})
+    np.testing.assert_allclose(record["mw"], [1.0, 0.5, 0.0])
+
+
 def test_a_foreign_magnitude_beside_a_known_potency_is_not_asked_for(tmp_path):
     """The potency is the size; the other column says nothing of it."""
     rows = [line + f",{0.1 * number}" for number, line in enumerate(MIXED.splitlines())]
