@@ -157,11 +157,20 @@ def _obspy_event(
 
 
 def read_quakeml(path: str | os.PathLike) -> Catalog:
-    """ObsPy's catalogue of any QuakeML file. Raises InputError if it is missing or not QuakeML."""
+    """ObsPy's catalogue of a QuakeML file. Raises InputError if it is missing or not QuakeML."""
+    return parse_quakeml(quakeml_bytes(path), path)
+
+
+def quakeml_bytes(path: str | os.PathLike) -> bytes:
+    """What a file holds: ObsPy would unpack it by its name's ending alone. Raises InputError if it is missing."""
     try:
-        content = Path(path).read_bytes()  # ObsPy would unpack a file by its name's ending alone
+        return Path(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path}: not readable ({error.strerror}); give a QuakeML file") from error
+
+
+def parse_quakeml(content: bytes, path: str | os.PathLike) -> Catalog:
+    """ObsPy's catalogue of what a QuakeML file holds. Raises InputError, naming it, if it is not QuakeML."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -36,16 +36,19 @@ TENSOR_KINDS = ("potency", "moment")
 MAGNITUDE, MAGNITUDE_TYPE = "magnitude", "magnitude_type"
 UNITS = {**dict.fromkeys((*MINE_COORDINATES, "depth"), "m"), "potency": "m^3", "moment": "N m", "time_uncertainty": "s"}
 UNITS |= {f"{kind}_{name}": UNITS[kind] for kind in TENSOR_KINDS for name in COMPONENTS}
-TEXTS = ("time", MAGNITUDE_TYPE, "step")  # kinds of columns that hold no numbers
+EVENT_TYPE, STATUS, MODE = "event_type", "evaluation_status", "evaluation_mode"
+QUAKEML_TEXTS = (EVENT_TYPE, STATUS, MODE)  # what filters of a QuakeML file may ask for
+TEXTS = ("time", MAGNITUDE_TYPE, "step", EVENT_TYPE, STATUS)  # kinds of columns that hold no numbers
 READ_BY = {  # keys of a record that not every reader uses
-    **dict.fromkeys(("columns", "tensor_frame", "units", "missing", "decimal", "date_order", "time_zone"), ("csv",)),
-    **dict.fromkeys(("twin", "conversions"), ("csv", "quakeml")),
+    **dict.fromkeys(("columns", "tensor_frame", "missing", "decimal", "date_order", "time_zone"), ("csv",)),
+    **dict.fromkeys(("twin", "conversions", "units"), ("csv", "quakeml")),
     **dict.fromkeys(("rigidity", "match_within", "orientations"), ("elk_creek",)),
 }
 
 
 Numbers = dict[str, real_number()]  # by column of the file
-Words = dict[str, choose(is_list, Annotated[tuple[str, ...], Field(min_length=1), AsTuple], str)]
+Text = choose(is_list, Annotated[tuple[str, ...], Field(min_length=1), AsTuple], str)
+Words = dict[str, Text]
 Box = Annotated[tuple[Length, ...], Field(min_length=2, max_length=3), AsTuple]
 
 
@@ -82,6 +85,10 @@ class ColumnSettings(Settings):
     moment_xy: str = None
     time_uncertainty: str = None
     step: str = None
+    event_type: str = None
+    """what is no seismicity (quarry blast, explosion, noise, not existing) is left out; record.filter.keep"""
+    evaluation_status: str = None
+    """what is rejected or deleted is left out"""
 
     @model_validator(mode="after")
     def _enough(self) -> Self:
@@ -144,7 +151,10 @@ class FilterSettings(Settings):
     only: Words = None
     """text, or a list of texts, of which one stands in a column of the file: {status: [manual, reviewed]}"""
     without: Words = None
-    """text, or a list of texts, of which none does: {status: automatic}"""
+    """text, or a list of texts, of which none does: {status: automatic}. QuakeML: event_type, evaluation_status and
+    evaluation_mode (manual, automatic)"""
+    keep: Text = None
+    """event types and evaluation statuses that count, although they are no seismicity: [quarry blast, rejected]"""
 
 
 class OrientationSettings(Settings):
@@ -173,7 +183,7 @@ class RecordSettings(Settings):
     tensor_frame: Literal["ENU", "NED", "USE"] = None
     """what x, y and z of the tensor columns mean: east north up, north east down, or up south east; else ENU"""
     units: dict[str, str] = None
-    """kind of column: its unit, if not m, m^3, N m or s and not in the file"""
+    """kind of column: its unit, if not m, m^3, N m or s and not in the file; QuakeML: {depth: km}"""
     missing: Annotated[tuple[real_number(), ...], AsTuple] = None
     """numbers that stand for a missing value; else -99, -999, -9999"""
     decimal: Literal["point", "comma"] = None
@@ -210,6 +220,8 @@ class RecordSettings(Settings):
             if key in self.model_fields_set and self.reader not in readers:
                 raise refusal(f"not used by reader {self.reader}, by {' and '.join(readers)} only; leave it out", key)
         for kind, unit in (self.units or {}).items():
+            if self.reader == "quakeml" and kind != "depth":
+                raise refusal("QuakeML has its own unit here; depth alone may be in another one", "units", kind)
             if kind not in UNITS or (self.columns and kind not in self.columns.model_fields_set):
                 raise refusal(f"not a named column with a unit; such are {', '.join(UNITS)}", "units", kind)
             quantity = unit_quantity(unit)
@@ -220,9 +232,12 @@ class RecordSettings(Settings):
         if self.reader == "quakeml" and self.filter:
             for key in self.filter.model_fields_set & {"maximum", "minimum"}:
                 raise refusal("a QuakeML file has no columns; leave it out", "filter", key)
-        if self.reader != "csv" and self.filter:
             for key in self.filter.model_fields_set & {"only", "without"}:
-                raise refusal(f"reader {self.reader} has no columns of text; leave it out", "filter", key)
+                for name in getattr(self.filter, key):
+                    if name not in QUAKEML_TEXTS:
+                        raise refusal(
+                            f"no text of a QuakeML file; such are {', '.join(QUAKEML_TEXTS)}", "filter", key, name
+                        )
         names = [plain(name) for name in self.conversions or {}]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise refusal("this type stands there twice, but for blanks around it; leave one out", "conversions", twice)

@@ -8,11 +8,13 @@ import xarray as xr
 
 from catalogs.frame import MineFrame
 from catalogs.record_settings import (
+    EVENT_TYPE,
     GLOBE_COORDINATES,
     MAGNITUDE,
     MAGNITUDE_TYPE,
     MINE_COORDINATES,
     SIZE_NAMES,
+    STATUS,
     TENSOR_KINDS,
     TEXTS,
     UNITS,
@@ -20,6 +22,7 @@ from catalogs.record_settings import (
 )
 from catalogs.records.build import build_record
 from catalogs.records.csv_table import Table, read_table
+from catalogs.records.event_kinds import is_left_out, kept_words, plain_word
 from catalogs.records.filters import filter_events
 from catalogs.records.magnitudes import moment_magnitudes, sizes_text
 from catalogs.records.times import parse_times
@@ -38,22 +41,24 @@ CODES = (-99.0, -999.0, -9999.0)  # written for a missing value, unless record.m
 def read(settings: RecordSlice) -> xr.Dataset:
     """The events of a CSV file in the form of pipeline.event_table, filtered (catalogs.records.filters).
 
-    settings.columns names the file's columns: time (one column, or a list of two or three: date, time of day, offset;
-    see catalogs.records.times), x, y, z (m) or latitude, longitude (degrees), depth (m below sea level), at least one
-    of potency (m3), log_potency, moment (N m), mw, or magnitude with magnitude_type, and optionally potency_xx, _yy,
-    _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m) in the axes of tensor_frame, time_uncertainty (s),
-    step. units: {kind of column: unit}, where it is not the one above and not in the file; decimal, date_order,
-    time_zone: what cannot be found from the file; conversions: catalogs.records.magnitudes; missing: numbers that stand
-    for a missing value, else CODES. How the table is read: catalogs.records.csv_table.
+    settings.columns names the file's columns: time (one column, or a list of two or three: date, time of day,
+    offset; see catalogs.records.times), x, y, z (m) or latitude, longitude (degrees), depth (m below sea level), at
+    least one of potency (m3), log_potency, moment (N m), mw, or magnitude with magnitude_type, and optionally
+    potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m) in the axes of tensor_frame,
+    time_uncertainty (s), step, event_type and evaluation_status (catalogs.records.event_kinds). units: {kind of
+    column: unit}, where it is not the one above and not in the file; decimal, date_order, time_zone: what cannot be
+    found from the file; conversions: catalogs.records.magnitudes; missing: numbers that stand for a missing value,
+    else CODES. How the table is read: catalogs.records.csv_table.
 
-    Events without a time, a place or a size are left out, and rows that are there twice. Raises InputError, naming
-    file, column and event, for what is missing, not a number, or not a date.
+    Events that are no seismicity or have no time, place or size are left out, and rows that are there twice. Raises
+    InputError, naming file, column and event, for what is missing, not a number, or not a date.
     """
     path = Path(settings.file)
     columns = settings.columns.names()
     names = {key: name for key, name in columns.items() if key not in TEXTS}
     named = {name: f"record.columns.{key}" for key, value in columns.items() for name in _listed(value)}
     table = read_table(path, named, list(names.values()), settings.decimal)
+    _check_untold_kinds(table, set(named), settings)
     table.decide_decimals(names.values())
     codes = CODES if settings.missing is None else settings.missing
     units = settings.units or {}
@@ -79,12 +84,31 @@ def read(settings: RecordSlice) -> xr.Dataset:
     quality = table.rows if limits and (limits.maximum or limits.minimum) else ()
     quality = {name: table.numbers(name, strict=False) for name in quality}
     words = table.rows if limits and (limits.only or limits.without) else ()
-    words = {name: table.text(name).to_numpy(str) for name in words}
-    return filter_events(record, settings, quality, source=str(path), repeated=table.repeated, words=words)
+    words = {name: table.text(name).to_numpy(object) for name in words}
+    kinds = {key: table.text(columns[key]).to_numpy(object) for key in (EVENT_TYPE, STATUS) if key in columns}
+    return filter_events(record, settings, quality, str(path), table.repeated, words, kinds)
 
 
 def _listed(value: str | list[str]) -> list[str]:
     return [value] if isinstance(value, str) else value
+
+
+def _check_untold_kinds(table: Table, named: set[str], settings: RecordSlice) -> None:
+    """Raise InputError for a column of which nothing is said, and whose cells say that events are no seismicity."""
+    limits, kept = settings.filter, kept_words(settings)
+    asked = {*((limits and limits.only) or ()), *((limits and limits.without) or ())}
+    for name in table.rows:
+        if name in named or name in asked:
+            continue
+        cells = table.text(name).value_counts()
+        for kind in (EVENT_TYPE, STATUS):
+            found = [cell for cell in cells.index if is_left_out(kind, plain_word(cell))]
+            if found and plain_word(found[0]) not in kept:
+                raise InputError(
+                    f"{table.source}: column {name!r}: {cells[found[0]]} of {len(table.rows)} rows are {found[0]!r}, "
+                    f"no seismicity: say record.columns.{kind}: {name} to leave such out, or record.filter.keep: "
+                    f"[{found[0]}] to count them"
+                )
 
 
 def _check_codes(key: str, codes: np.ndarray, factor: float, settings: RecordSlice) -> None:

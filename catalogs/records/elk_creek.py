@@ -111,7 +111,9 @@ def read(settings: RecordSlice) -> xr.Dataset:
         mw=moment_magnitude(moment),
     )
     numbers = {name: frame[name].to_numpy() for name in frame.select_dtypes("number")}
-    events = filter_events(events, settings, numbers, source=str(folder))
+    texts = frame.drop(columns="time").select_dtypes(["object", "string"])
+    words = {name: texts[name].fillna("").astype(str).to_numpy(object) for name in texts}
+    events = filter_events(events, settings, numbers, source=str(folder), words=words)
 
     chosen = settings.orientations
     if chosen:

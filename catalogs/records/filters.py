@@ -11,7 +11,8 @@ import numpy as np
 import xarray as xr
 
 from catalogs.periods import recorded_period
-from catalogs.record_settings import DomainBox, RecordSlice
+from catalogs.record_settings import EVENT_TYPE, DomainBox, RecordSlice
+from catalogs.records.event_kinds import no_seismicity, plain_word, types_text
 from catalogs.records.times import parse_time
 from pipeline.errors import InputError
 
@@ -38,19 +39,22 @@ def filter_events(
     source: str = "record",
     repeated: np.ndarray | None = None,
     words: Mapping[str, np.ndarray] | None = None,
+    kinds: Mapping[str, np.ndarray] | None = None,
 ) -> xr.Dataset:
     """The whole events that pass every filter and lie in the domain; attrs["filter"]: what each took (JSON).
 
-    attrs["rows"]: events of the file; attrs["dropped"] (JSON): how many of them lack a time, a place or a size, or are
-    `repeated` (event,) bool. Each entry of attrs["filter"] holds filter, value, before, after; the domain's, which is
-    the last, also potency_before and potency_after (m3) and farthest (m: of an event left out, from the domain; null if
-    there is none).
+    attrs["rows"]: events of the file; attrs["dropped"] (JSON): how many of them are no seismicity
+    (catalogs.records.event_kinds), lack a time, a place or a size, or are `repeated` (event,) bool.
+    attrs["types_text"]: how many of the others are of each type, where the file says it. Each entry of
+    attrs["filter"] holds filter, value, before, after; the domain's, which is the last, also potency_before and
+    potency_after (m3) and farthest (m: of an event left out, from the domain; null if there is none).
 
     settings: filter (lower, upper: 3 numbers in m, a box, its faces included; start, end: ISO text, start <= time <
     end, UTC; minimum_potency in m3; maximum and minimum: {column: value}, quality columns of the file in its own
     units; only and without: {column: text or texts}); period (start and end of the modelled months); domain (lower,
     upper in m, plane: "xz", "xy" or null; absent: no crop). columns, words: name -> (event,) numbers, and texts, of the
-    file. A missing number passes no filter.
+    file; kinds: event types and evaluation statuses, which filters name so, too, where the file has no column of that
+    name. A missing number passes no filter; of texts upper and lower case, _ and blanks are the same.
 
     Raises InputError naming `source` and the key for an unknown column, a bad date, when a filter of the
     configuration leaves no event, when none of the file lies in the domain (such a record is of other ground), or when
@@ -63,11 +67,14 @@ def filter_events(
         raise InputError(f"{source}: no events in the file")
     check_places(events["location"].values, source)
     columns = columns or {}
-    whole, dropped = _whole_events(events, repeated, source)
+    kinds = kinds or {}
+    whole, dropped = _whole_events(events, no_seismicity(kinds, settings, source), repeated, source)
     attributes = {"rows": events.sizes["event"], "dropped": json.dumps(dropped)}
+    if told := types_text(kinds[EVENT_TYPE][whole]) if EVENT_TYPE in kinds else "":
+        attributes["types_text"] = told
     events = events.isel(event=np.flatnonzero(whole))
     columns = {name: np.asarray(values)[whole] for name, values in columns.items()}
-    words = {name: np.asarray(values)[whole] for name, values in (words or {}).items()}
+    words = {name: np.asarray(values)[whole] for name, values in {**kinds, **(words or {})}.items()}
     box = domain_box(settings.domain) if settings.domain else None
     beyond = distance_beyond(events["location"].values, *box) if box else np.zeros(events.sizes["event"])
     if not (beyond == 0).any():
@@ -150,9 +157,15 @@ def check_places(location: np.ndarray, source: str) -> None:
         )
 
 
-def _whole_events(events: xr.Dataset, repeated: np.ndarray | None, source: str) -> tuple[np.ndarray, dict[str, int]]:
-    """Which events (event,) have a time, a place and a size and stand there once; how many do not, by what lacks."""
+def _whole_events(
+    events: xr.Dataset, other: Mapping[str, np.ndarray], repeated: np.ndarray | None, source: str
+) -> tuple[np.ndarray, dict[str, int]]:
+    """Which events (event,) are seismicity, have a time, a place and a size and stand there once.
+
+    And how many are not, by why: other, what is no seismicity, (event,) bool each; then by what lacks.
+    """
     has = {
+        **{what: ~here for what, here in other.items()},
         "without a time": ~np.isnat(events["time"].values),
         "without a place": np.isfinite(events["location"].values).all(axis=1),
         "without a size": np.isfinite(events["potency"].values),
@@ -166,7 +179,8 @@ def _whole_events(events: xr.Dataset, repeated: np.ndarray | None, source: str) 
         kept &= there
     if not kept.any():
         told = ", ".join(f"{count} {what}" for what, count in dropped.items())
-        raise InputError(f"{source}: none of its {len(kept)} events has a time, a place and a size ({told})")
+        keep = "; record.filter.keep counts what it names" if other else ""
+        raise InputError(f"{source}: none of its {len(kept)} events has a time, a place and a size ({told}){keep}")
     return kept, dropped
 
 
@@ -225,5 +239,5 @@ def _conditions(events: xr.Dataset, settings: Mapping, columns: Mapping, words: 
             if column not in words:
                 raise InputError(f"{where}.{key}.{column}: no such column; the file has {', '.join(words)}")
             texts = [listed] if isinstance(listed, str) else list(listed)
-            found = np.isin(words[column], texts)
+            found = np.isin([plain_word(word) for word in words[column]], [plain_word(text) for text in texts])
             yield f"{key}.{column}", texts, found if key == "only" else ~found

@@ -4,39 +4,80 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from obspy.core.event import Catalog, Event, Magnitude
+from obspy.core.event import Catalog, Event, Magnitude, Origin
 
 from catalogs.frame import MineFrame
-from catalogs.quakeml import moment_tensor, own_catalog, read_quakeml
-from catalogs.record_settings import FIRST_YEAR, LAST_YEAR, RecordSlice
+from catalogs.quakeml import moment_tensor, own_catalog, parse_quakeml, quakeml_bytes
+from catalogs.record_settings import EVENT_TYPE, FIRST_YEAR, LAST_YEAR, MODE, STATUS, RecordSlice
 from catalogs.records.build import build_record, check_sizes
+from catalogs.records.event_kinds import kept_words
 from catalogs.records.filters import filter_events
 from catalogs.records.magnitudes import is_convertible, is_moment_type, moment_magnitudes, sizes_text
+from catalogs.records.quakeml_forms import Words, plain_quakeml
+from catalogs.units import unit_quantity
 from pipeline.errors import InputError
 from pipeline.source_tensors import potency_from_moment
 
+REJECTED = "rejected"
 GLOBE = {"latitude": 90.0, "longitude": 180.0, "depth": np.inf}  # of an origin, and the most that it may be
 
 
 def read(settings: RecordSlice) -> xr.Dataset:
     """The events of a QuakeML file in the form of pipeline.event_table, filtered (catalogs.records.filters).
 
-    Conversions: catalogs.records.magnitudes. An event's preferred origin and mechanism count, else its first. Its size
-    is its moment tensor, else its moment magnitude, else a magnitude for which a conversion is stated; of several the
-    preferred one, else the first. Events without a time, a place or a size are left out and counted.
+    Conversions: catalogs.records.magnitudes. An event's preferred origin and mechanism count, else its first, and of
+    these none whose evaluation status is rejected; an event is rejected where no other origin is there or the preferred
+    one is. Its size is its moment tensor, else its moment magnitude, else a magnitude for which a conversion is stated;
+    of several the preferred one, else the first. Events that are no seismicity (catalogs.records.event_kinds) and those
+    without a time, a place or a size are left out and counted. Depth is in m, unless settings.units says otherwise.
     A file written by catalogs.quakeml keeps its x, y, z and tensors bit for bit. Raises InputError, naming file and
     event, for degrees off the globe, magnitudes of other types, sizes that no event has, and what is no QuakeML.
     """
     path = Path(settings.file)
-    events = read_quakeml(path)
+    content, words = plain_quakeml(quakeml_bytes(path), path)
+    events = parse_quakeml(content, path)
     if len(events) == 0:
         raise InputError(f"{path}: no events in the file")
+    origins = [_origin(event, one) for event, one in zip(events, words, strict=True)]
+    if REJECTED not in kept_words(settings):  # else what is rejected of an event counts as the event does
+        for event in events:
+            _leave_out_rejected(event)
+    kinds = {EVENT_TYPE: [one.event_type for one in words]}
+    kinds |= {
+        kind: ["" if place is None else one.origins[place][kind] for one, place in zip(words, origins, strict=True)]
+        for kind in (STATUS, MODE)
+    }
+    kinds = {kind: np.array(texts, dtype=object) for kind, texts in kinds.items()}
     try:
         record = own_catalog(events)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    record = _foreign(events, settings, path) if record is None else _relabelled(record, settings, path)
-    return filter_events(record, settings, source=str(path))
+    if record is None:
+        places = [None if place is None else event.origins[place] for event, place in zip(events, origins, strict=True)]
+        record = _foreign(events, places, settings, path)
+    else:
+        record = _relabelled(record, settings, path)
+    mode = {MODE: kinds.pop(MODE)}
+    return filter_events(record, settings, source=str(path), words=mode, kinds=kinds)
+
+
+def _origin(event: Event, words: Words) -> int | None:
+    """Place of the origin that counts among an event's: the preferred one, else the first that is not rejected."""
+    preferred = event.preferred_origin()
+    if preferred is not None and preferred in event.origins:
+        return event.origins.index(preferred)
+    sound = [place for place, one in enumerate(words.origins) if one[STATUS] != REJECTED]
+    return next(iter(sound or range(len(event.origins))), None)
+
+
+def _leave_out_rejected(event: Event) -> None:
+    """Take rejected magnitudes and mechanisms out of an event."""
+    event.magnitudes = [one for one in event.magnitudes if one.evaluation_status != REJECTED]
+    event.focal_mechanisms = [one for one in event.focal_mechanisms if one.evaluation_status != REJECTED]
+    for kind in ("magnitude", "focal_mechanism"):
+        preferred = getattr(event, f"preferred_{kind}")()
+        if preferred is not None and preferred.evaluation_status == REJECTED:
+            setattr(event, f"preferred_{kind}_id", None)
 
 
 def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dataset:
@@ -50,12 +91,13 @@ def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dat
     return record
 
 
-def _foreign(events: Catalog, settings: RecordSlice, path: Path) -> xr.Dataset:
-    """A catalogue from what every QuakeML file holds."""
-    origins = [event.preferred_origin() or (event.origins or [None])[0] for event in events]
+def _foreign(events: Catalog, origins: list[Origin | None], settings: RecordSlice, path: Path) -> xr.Dataset:
+    """A catalogue from what every QuakeML file holds, and from the origin of each event that counts."""
     time = np.array([_time(origin, number, path) for number, origin in enumerate(origins, 1)], "datetime64[ns]")
     uncertainty = [origin.time_errors.uncertainty if origin and origin.time_errors else None for origin in origins]
     globe = np.array([[getattr(origin, name, None) for name in GLOBE] for origin in origins], float)
+    if settings.units:
+        globe[:, list(GLOBE).index("depth")] *= unit_quantity(settings.units["depth"]).to("m").magnitude
     for column, (name, most) in enumerate(GLOBE.items()):
         off = np.abs(globe[:, column]) > most
         if off.any():

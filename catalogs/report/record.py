@@ -51,6 +51,8 @@ def _account(evidence: Evidence) -> str:
         text += ". Only those inside are compared and shown."
     if attributes.get("sizes_text"):
         text += f" Magnitudes read: {typeset(str(attributes['sizes_text'])).replace(' - ', ' − ')}."
+    if attributes.get("types_text"):
+        text += f" Event types of those that have a time, a place and a size: {typeset(str(attributes['types_text']))}."
     if attributes.get("times_text") and not evidence.is_twin:
         text += f" Times read: {attributes['times_text']}."
     return text

@@ -348,11 +348,16 @@ def test_result_counts_the_record_inside_and_outside_the_domain(mine, tmp_path):
     crop = {"filter": "domain", "before": 565, "after": 265, "potency_before": 4.0, "potency_after": 1.0}
     dates = {"filter": "start", "before": 580, "after": 565}
     content = recorded(
-        mine, tmp_path, rows=592, dropped=json.dumps({"without a size": 8, "there twice": 4}),
+        mine, tmp_path, rows=595,
+        dropped=json.dumps({"of type quarry blast": 2, "rejected": 1, "without a size": 8, "there twice": 4}),
+        types_text="570 without a type, 10 rock burst",
         filter=json.dumps([dates, crop | {"farthest": 512.3}]), sizes_text="20 Mw, 560 ML as Mw = 0.9 ML - 0.2",
     )  # fmt: skip
     result = content.sections["headline"]
-    assert "holds 592 events, of which 8 without a size, 4 there twice are left out" in result
+    assert (
+        "holds 595 events, of which 2 of type quarry blast, 1 rejected, 8 without a size, 4 there twice are" in result
+    )
+    assert "Event types of those that have a time, a place and a size: 570 without a type, 10 rock burst." in result
     assert "Of 565 events in the modelled months, 265 lie inside the model's domain and 300 outside, up to" in result
     assert "up to 512 m away, with 75 % of their potency" in result
     assert "560 ML as Mw = 0.9 ML − 0.2" in result

@@ -1,0 +1,102 @@
+"""What of a record is seismicity: rock that breaks or slips, whatever set it off. All else is left out, and counted.
+
+Event types are those of QuakeML 1.2 (Storchak et al. 2012) and words that mines' systems write. Types that say nothing
+count: "not reported" is what QuakeML 1.2 made of the "null" of its forerunners. A word that is not known here, and one
+that holds blasts as well as tremors ("anthropogenic event"), is asked about.
+"""
+
+import logging
+import re
+import unicodedata
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.record_settings import EVENT_TYPE, STATUS, RecordSlice
+from pipeline.errors import InputError
+
+COUNTED = {
+    EVENT_TYPE: {
+        "", "null", "not reported", "earthquake", "induced or triggered event", "rock burst", "reservoir loading",
+        "fluid injection", "fluid extraction", "collapse", "cavity collapse", "mine collapse",
+        "induced earthquake", "seismic event", "microseismic event", "tremor", "rockburst", "fall of ground",
+    },
+    STATUS: {"", "preliminary", "confirmed", "reviewed", "final", "automatic", "manual"},
+}  # fmt: skip
+LEFT_OUT = {
+    EVENT_TYPE: {
+        "not existing", "building collapse", "explosion", "accidental explosion", "chemical explosion",
+        "controlled explosion", "experimental explosion", "industrial explosion", "mining explosion", "quarry blast",
+        "road cut", "blasting levee", "nuclear explosion", "crash", "plane crash", "train crash", "boat crash",
+        "atmospheric event", "sonic boom", "sonic blast", "acoustic noise", "thunder", "avalanche", "snow avalanche",
+        "debris avalanche", "hydroacoustic event", "ice quake", "slide", "landslide", "rockslide", "meteorite",
+        "volcanic eruption", "duplicate", "not locatable", "outside of network interest",
+    },
+    STATUS: {"rejected", "deleted"},
+}  # fmt: skip
+LEFT_OUT_ENDINGS = ("blast", "blasting", "explosion", "noise")  # production blast, electrical noise
+WHAT = {EVENT_TYPE: "of type ", STATUS: ""}
+
+
+def plain_word(text: str) -> str:
+    """A word as it is compared: upper and lower case, _ and blanks are the same."""
+    return re.sub(r"[\s_]+", " ", unicodedata.normalize("NFC", text)).strip().casefold()
+
+
+def is_left_out(kind: str, word: str) -> bool:
+    """Whether a plain word of this kind (EVENT_TYPE, STATUS) says that an event is no seismicity."""
+    ends = kind == EVENT_TYPE and word.split(" ")[-1] in LEFT_OUT_ENDINGS
+    return word in LEFT_OUT[kind] or ends
+
+
+def kept_words(settings: RecordSlice) -> set[str]:
+    """Plain words of what counts although it is no seismicity."""
+    return {plain_word(text) for text in _listed(settings.filter.keep if settings.filter else None)}
+
+
+def no_seismicity(kinds: Mapping[str, NDArray], settings: RecordSlice, source: str) -> dict[str, NDArray]:
+    """Events that are no seismicity: {"of type quarry blast": (event,) bool, "rejected": ...}.
+
+    kinds: of EVENT_TYPE and STATUS those that the record has, (event,) texts. settings.filter.keep, and what
+    settings.filter.only names, count all the same. Raises InputError for a word of which nobody said what it means.
+    """
+    limits, kept = settings.filter, kept_words(settings)
+    found = {}
+    for kind, texts in kinds.items():
+        names = {kind, getattr(settings.columns, kind, None)}
+        only, without = (
+            [plain_word(text) for name, listed in (getattr(limits, key, None) or {}).items() if name in names
+             for text in _listed(listed)]
+            for key in ("only", "without")
+        )  # fmt: skip
+        words = np.array([plain_word(text) for text in texts], dtype=object)
+        for word in dict.fromkeys(words):
+            here = words == word
+            if word in kept or word in only:
+                continue
+            if is_left_out(kind, word):
+                found[f"{WHAT[kind]}{word}"] = here
+            elif word not in COUNTED[kind] and word not in without and not only:
+                raise InputError(
+                    f"{source}: {int(here.sum())} of {len(words)} events are {WHAT[kind]}{word!r}: is that rock that "
+                    f"broke? Name it in record.filter.keep if they count, in record.filter.without.{kind} if they "
+                    "do not"
+                )
+    if found:
+        told = ", ".join(f"{int(here.sum())} {what}" for what, here in found.items())
+        logging.warning("%s: left out: %s; record.filter.keep counts what it names", source, told)
+    return found
+
+
+def types_text(types: NDArray) -> str:
+    """How many of the events (event,) are of each type; empty where no type is given."""
+    words, counts = np.unique([plain_word(text) for text in types], return_counts=True)
+    if not any(words):
+        return ""
+    order = np.argsort(-counts, kind="stable")
+    return ", ".join(f"{counts[place]} {words[place] or 'without a type'}" for place in order)
+
+
+def _listed(value: str | tuple[str, ...] | None) -> list[str]:
+    return [value] if isinstance(value, str) else list(value or ())

@@ -1,0 +1,71 @@
+"""QuakeML as other programs write it, brought into the form that ObsPy reads without leaving events out.
+
+ObsPy ignores an event whose type is no word of the standard ("blast"), forgets a status in capitals, and finds nothing
+in a file whose elements have a prefix or the namespace of another version.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from lxml import etree
+from obspy.core.event.header import EventType
+
+from catalogs.record_settings import MODE, STATUS
+from catalogs.records.event_kinds import plain_word
+from pipeline.errors import InputError
+
+FAMILY = "http://quakeml.org/xmlns/"  # with which namespaces of all versions of QuakeML begin
+ROOT, BODY = f"{FAMILY}quakeml/1.2", f"{FAMILY}bed/1.2"
+STATUS_TAGS = {"evaluationStatus": STATUS, "evaluationMode": MODE}
+
+
+@dataclass(frozen=True)
+class Words:
+    """Texts of one event as they stand in the file, in lower case: its type; of each origin its status and mode."""
+
+    event_type: str
+    origins: tuple[dict[str, str], ...]
+
+
+def plain_quakeml(content: bytes, path: Path) -> tuple[bytes, list[Words]]:
+    """QuakeML 1.2 that ObsPy reads whole, and the words of each event, in order. Raises InputError for what is none."""
+    try:
+        root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True))
+    except etree.XMLSyntaxError as error:
+        text = content.lstrip(b"\xef\xbb\xbf \r\n")[:200]
+        hint = "" if text.startswith(b"<") else "; a table, as FDSN's text is, is read by record.reader: csv"
+        raise InputError(f"{path}: not QuakeML 1.2 ({str(error)[:200]}){hint}") from error
+    if etree.QName(root).localname != "quakeml":
+        raise InputError(f"{path}: not QuakeML 1.2, but <{etree.QName(root).localname}>; export it as QuakeML 1.2")
+    others = {prefix: name for prefix, name in root.nsmap.items() if prefix and not name.startswith(FAMILY)}
+    plain = etree.Element(f"{{{ROOT}}}quakeml", nsmap={**others, None: BODY, "q": ROOT})
+    _copy_parts(root, plain)
+    words = []
+    for event in plain.iterfind(f"{{{BODY}}}eventParameters/{{{BODY}}}event"):
+        kind = event.find(f"{{{BODY}}}type")
+        word = _plain(kind)
+        if kind is not None:
+            kind.text = word if word in EventType.keys() else None
+        origins = event.iterfind(f"{{{BODY}}}origin")
+        words.append(Words(word, tuple(_statuses(origin) for origin in origins)))
+        for part in event.iter(*(f"{{{BODY}}}{tag}" for tag in STATUS_TAGS)):
+            part.text = _plain(part)
+    return etree.tostring(plain), words
+
+
+def _copy_parts(element: etree._Element, copy: etree._Element) -> None:
+    """Copy what an element holds; what is of any version of QuakeML becomes that of 1.2, other namespaces stay."""
+    for part in element.iterchildren(etree.Element):
+        name = etree.QName(part)
+        own = name.namespace is None or name.namespace.startswith(FAMILY)
+        made = etree.SubElement(copy, f"{{{BODY}}}{name.localname}" if own else part.tag, part.attrib)
+        made.text = part.text
+        _copy_parts(part, made)
+
+
+def _statuses(origin: etree._Element) -> dict[str, str]:
+    return {kind: _plain(origin.find(f"{{{BODY}}}{tag}")) for tag, kind in STATUS_TAGS.items()}
+
+
+def _plain(element: etree._Element | None) -> str:
+    return plain_word((element.text or "") if element is not None else "")
