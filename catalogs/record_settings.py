@@ -1,5 +1,6 @@
 """The settings of a record, checked without the record: this is imported before anything runs."""
 
+import codecs
 import datetime
 import re
 import unicodedata
@@ -29,18 +30,26 @@ from pipeline.voigt import COMPONENTS
 
 FIRST_YEAR, LAST_YEAR = 1678, 2261  # whole years that nanoseconds since 1970 reach
 SIZE_NAMES = ("potency", "log_potency", "moment", "mw")
+SIZE_COLUMNS = (*SIZE_NAMES, "log_moment", "energy", "log_energy")
 FOREIGN_TYPES = ("ml", "mlv", "mb", "mb_lg", "mblg", "md", "mc", "ms", "mn", "mr")
 MINE_COORDINATES = ("x", "y", "z")
 GLOBE_COORDINATES = ("latitude", "longitude", "depth")
 TENSOR_KINDS = ("potency", "moment")
 MAGNITUDE, MAGNITUDE_TYPE = "magnitude", "magnitude_type"
-UNITS = {**dict.fromkeys((*MINE_COORDINATES, "depth"), "m"), "potency": "m^3", "moment": "N m", "time_uncertainty": "s"}
+UNITS = {**dict.fromkeys((*MINE_COORDINATES, "depth"), "m"), "potency": "m^3", "moment": "N m", "energy": "J"}
+UNITS["time_uncertainty"] = "s"
 UNITS |= {f"{kind}_{name}": UNITS[kind] for kind in TENSOR_KINDS for name in COMPONENTS}
+LINEAR = ("potency", "moment", "energy")  # sizes that a column may also hold the logarithm of: log_potency ...
+UNITS |= {f"log_{kind}": UNITS[kind] for kind in LINEAR}
+LOGARITHM = re.compile(r"(log|lg|ln)(_?10)?([\W_]|[MPE]0?\b|10\b)", re.IGNORECASE)  # how the name of one begins
+DATE_PARTS = ("year", "month", "day", "hour", "minute", "second")
+TIME_FORMATS = ("excel", "excel_1904", "unix", "unix_ms")
 EVENT_TYPE, STATUS, MODE = "event_type", "evaluation_status", "evaluation_mode"
 QUAKEML_TEXTS = (EVENT_TYPE, STATUS, MODE)  # what filters of a QuakeML file may ask for
 TEXTS = ("time", MAGNITUDE_TYPE, "step", EVENT_TYPE, STATUS)  # kinds of columns that hold no numbers
 READ_BY = {  # keys of a record that not every reader uses
     **dict.fromkeys(("columns", "tensor_frame", "missing", "decimal", "date_order", "time_zone"), ("csv",)),
+    **dict.fromkeys(("energy_conversion", "encoding", "time_format"), ("csv",)),
     **dict.fromkeys(("twin", "conversions", "units"), ("csv", "quakeml")),
     **dict.fromkeys(("rigidity", "match_within", "orientations"), ("elk_creek",)),
 }
@@ -56,7 +65,14 @@ class ColumnSettings(Settings):
     """What the columns of a CSV file hold: kind of column, its name in the file."""
 
     time: choose(is_list, Annotated[tuple[str, ...], Field(min_length=1, max_length=3), AsTuple], str) = None
-    """one, or a list of up to three: date, time of day, offset"""
+    """one, or a list of up to three: date, time of day, offset; record.time_format, if it holds numbers"""
+    year: str = None
+    """instead of time: year, month, day, and hour, minute, second, as far as there are columns of them"""
+    month: str = None
+    day: str = None
+    hour: str = None
+    minute: str = None
+    second: str = None
     x: str = None
     y: str = None
     z: str = None
@@ -67,7 +83,12 @@ class ColumnSettings(Settings):
     potency: str = None
     log_potency: str = None
     moment: str = None
+    log_moment: str = None
+    """log_*: the logarithm to base 10"""
     mw: str = None
+    energy: str = None
+    """radiated energy; record.energy_conversion says which moment it means"""
+    log_energy: str = None
     magnitude: str = None
     magnitude_type: str = None
     potency_xx: str = None
@@ -94,13 +115,18 @@ class ColumnSettings(Settings):
     def _enough(self) -> Self:
         """A time, a location and a size among them, and a tensor whole."""
         named = self.model_fields_set
-        if "time" not in named:
+        parts = [part in named for part in DATE_PARTS]
+        if "time" not in named and not any(parts):
             raise refusal("missing; name the column that holds the date and time", "time")
+        if "time" in named and any(parts):
+            raise refusal("the time stands in columns of its parts, or in one; leave either out", "time")
+        if any(parts) and (not all(parts[:3]) or sorted(parts, reverse=True) != parts):
+            raise refusal(f"name the columns of all parts of the time down to the last: {', '.join(DATE_PARTS)}")
         if not any(set(names) <= named for names in (MINE_COORDINATES, GLOBE_COORDINATES)):
             raise refusal("name the columns x, y and z, or latitude, longitude and depth")
         kinds = [kind for kind in TENSOR_KINDS if all(f"{kind}_{name}" in named for name in COMPONENTS)]
-        if not kinds and not named & {*SIZE_NAMES, MAGNITUDE}:
-            raise refusal(f"name a column of sizes: {', '.join((*SIZE_NAMES, MAGNITUDE))}, or six of a tensor")
+        if not kinds and not named & {*SIZE_COLUMNS, MAGNITUDE}:
+            raise refusal(f"name a column of sizes: {', '.join((*SIZE_COLUMNS, MAGNITUDE))}, or six of a tensor")
         for kind in TENSOR_KINDS:
             if 0 < sum(f"{kind}_{name}" in named for name in COMPONENTS) < len(COMPONENTS):
                 raise refusal(f"a tensor needs all six of {kind}_xx ... {kind}_xy")
@@ -130,6 +156,13 @@ class Conversion(Settings):
 
     slope: real_number(gt=0, le=10)
     offset: real_number(ge=-10, le=10)
+
+
+class EnergyConversion(Settings):
+    """log10 moment (N m) = slope log10 energy (J) + offset."""
+
+    slope: real_number(gt=0, le=10)
+    offset: real_number(ge=-30, le=30)
 
 
 class FilterSettings(Settings):
@@ -183,7 +216,7 @@ class RecordSettings(Settings):
     tensor_frame: Literal["ENU", "NED", "USE"] = None
     """what x, y and z of the tensor columns mean: east north up, north east down, or up south east; else ENU"""
     units: dict[str, str] = None
-    """kind of column: its unit, if not m, m^3, N m or s and not in the file; QuakeML: {depth: km}"""
+    """kind of column: its unit, if not m, m^3, N m, J or s and not in the file; QuakeML: {depth: km}"""
     missing: Annotated[tuple[real_number(), ...], AsTuple] = None
     """numbers that stand for a missing value; else -99, -999, -9999"""
     decimal: Literal["point", "comma"] = None
@@ -193,6 +226,12 @@ class RecordSettings(Settings):
     """of times without an offset: Australia/Hobart, +10:00; else UTC"""
     conversions: dict[str, choose(is_section, Conversion, Literal["none"])] = None
     """what magnitudes of other types than Mw mean: {ML: {slope: 0.9, offset: 0.2}}, or none: left out"""
+    energy_conversion: EnergyConversion = None
+    """what a radiated energy means: log10 moment (N m) = slope log10 energy (J) + offset; nothing is assumed"""
+    encoding: str = None
+    """of a CSV file that is not in UTF-8 or UTF-16, where its names or texts count: gbk, shift_jis, cp1252"""
+    time_format: Literal["excel", "excel_1904", "unix", "unix_ms"] = None
+    """of a time that is a number: days of a worksheet (of 1900, of 1904), seconds or milliseconds since 1970 in UTC"""
     rigidity: Annotated[float, Unit("Pa", gt=0, le=1e20)] = None
     """elk_creek: potency = moment / rigidity; else 33 GPa"""
     match_within: Annotated[float, Unit("s", gt=0, le=1e9)] = None
@@ -219,6 +258,8 @@ class RecordSettings(Settings):
         for key, readers in READ_BY.items():
             if key in self.model_fields_set and self.reader not in readers:
                 raise refusal(f"not used by reader {self.reader}, by {' and '.join(readers)} only; leave it out", key)
+        if self.columns:
+            self._check_columns()
         for kind, unit in (self.units or {}).items():
             if self.reader == "quakeml" and kind != "depth":
                 raise refusal("QuakeML has its own unit here; depth alone may be in another one", "units", kind)
@@ -249,6 +290,42 @@ class RecordSettings(Settings):
             except InputError as error:
                 raise refusal(str(error).partition(": ")[2], "time_zone") from error
         return self
+
+    def _check_columns(self) -> None:
+        """What the columns of a CSV file ask of other keys."""
+        named = self.columns.model_fields_set
+        for kind in LINEAR:
+            name = getattr(self.columns, kind) or ""
+            if LOGARITHM.match(name.strip()) and kind not in (self.units or {}):
+                raise refusal(
+                    f"column {name!r} is by its name a logarithm; name it in record.columns.log_{kind}, or give its "
+                    f"unit in record.units.{kind} if it is none",
+                    "columns",
+                    kind,
+                )
+        if named & {"energy", "log_energy"} and not self.energy_conversion:
+            raise refusal(
+                "missing; an energy is no moment: say {slope: ..., offset: ...} for log10 moment (N m) = slope log10 "
+                "energy (J) + offset",
+                "energy_conversion",
+            )
+        if self.energy_conversion and not named & {"energy", "log_energy"}:
+            raise refusal("of which energy? name its column in record.columns.energy", "energy_conversion")
+        if self.time_format and "time" not in named:
+            raise refusal("of which number? name its column in record.columns.time", "time_format")
+        if self.time_format and self.date_order:
+            raise refusal("a time that is a number has no order of day and month; leave it out", "date_order")
+        if (self.time_format or "").startswith("unix") and self.time_zone:
+            raise refusal("Unix time is UTC everywhere; leave it out", "time_zone")
+        if self.encoding:
+            try:
+                known = codecs.lookup(self.encoding)._is_text_encoding
+            except (LookupError, ValueError):
+                known = False
+            if not known:
+                raise refusal(
+                    f"{short(self.encoding)} is no encoding; such are utf-8, cp1252, gbk, shift_jis", "encoding"
+                )
 
 
 class Period(Settings):

@@ -1,6 +1,7 @@
 """Records in CSV: the configuration says which column is what."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,10 @@ import xarray as xr
 
 from catalogs.frame import MineFrame
 from catalogs.record_settings import (
+    DATE_PARTS,
     EVENT_TYPE,
     GLOBE_COORDINATES,
+    LINEAR,
     MAGNITUDE,
     MAGNITUDE_TYPE,
     MINE_COORDINATES,
@@ -17,6 +20,7 @@ from catalogs.record_settings import (
     STATUS,
     TENSOR_KINDS,
     TEXTS,
+    TIME_FORMATS,
     UNITS,
     RecordSlice,
 )
@@ -25,7 +29,7 @@ from catalogs.records.csv_table import Table, read_table
 from catalogs.records.event_kinds import is_left_out, kept_words, plain_word
 from catalogs.records.filters import filter_events
 from catalogs.records.magnitudes import moment_magnitudes, sizes_text
-from catalogs.records.times import parse_times
+from catalogs.records.times import parse_times, times_of_numbers, times_of_parts
 from pipeline.errors import InputError
 from pipeline.source_tensors import potency_from_moment
 from pipeline.voigt import COMPONENTS
@@ -35,6 +39,8 @@ FRAMES = {  # axes of a tensor's frame (row) in east, north, up; up south east i
     "NED": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
     "USE": np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]),
 }
+LARGEST_LOG = 25.0  # log10 of the moment (N m) of an earthquake larger than any
+FEWEST_SIZES, CHANCE = 10, 0.01  # so many sizes as alike as by this chance are none
 CODES = (-99.0, -999.0, -9999.0)  # written for a missing value, unless record.missing names others
 
 
@@ -56,27 +62,32 @@ def read(settings: RecordSlice) -> xr.Dataset:
     path = Path(settings.file)
     columns = settings.columns.names()
     names = {key: name for key, name in columns.items() if key not in TEXTS}
+    times = _listed(columns["time"]) if settings.time_format else []  # numbers, too
     named = {name: f"record.columns.{key}" for key, value in columns.items() for name in _listed(value)}
-    table = read_table(path, named, list(names.values()), settings.decimal)
+    numeric = [*names.values(), *times]
+    table = read_table(path, named, numeric, settings.decimal, settings.encoding)
     _check_untold_kinds(table, set(named), settings)
-    table.decide_decimals(names.values())
+    table.decide_decimals(numeric)
     codes = CODES if settings.missing is None else settings.missing
     units = settings.units or {}
     numbers = {}
     for key, name in names.items():
         values = table.numbers(name)
-        factor = table.factor(name, UNITS[key], units.get(key)) if key in UNITS else 1.0
+        factor = table.factor(key, name, UNITS[key], units.get(key)) if key in UNITS else 1.0
         missing = np.isin(values, codes)
         if settings.missing is None:
             _check_codes(key, values[missing], factor, settings)
-        numbers[key] = np.where(missing, np.nan, values) * factor
-    time, local = _times(table, columns["time"], settings)
+        values = np.where(missing, np.nan, values)
+        if key in LINEAR:
+            _check_logarithm(key, name, values, settings)
+        numbers[key] = values + np.log10(factor) if key.startswith("log_") else values * factor
+    time, local = _times(table, columns, numbers, settings, codes)
     place = _locations(table, columns, numbers, settings)
     tensor = _tensor(numbers, settings)
     sizes, told = _sizes(table, columns, numbers, tensor, settings)
     other = {key: numbers[key] for key in ("time_uncertainty",) if key in columns}
     if "step" in columns:
-        other["step"] = table.text(columns["step"]).to_numpy(object)
+        other["step"] = table.words(columns["step"]).to_numpy(object)
     record = build_record(settings, time, place, sizes, tensor, source=str(path), **other)
     record.attrs |= {"sizes_text": told} if told else {}
     record.attrs |= {"times_text": f"{local} without an offset, as {settings.time_zone or 'UTC'}"} if local else {}
@@ -84,8 +95,9 @@ def read(settings: RecordSlice) -> xr.Dataset:
     quality = table.rows if limits and (limits.maximum or limits.minimum) else ()
     quality = {name: table.numbers(name, strict=False) for name in quality}
     words = table.rows if limits and (limits.only or limits.without) else ()
-    words = {name: table.text(name).to_numpy(object) for name in words}
-    kinds = {key: table.text(columns[key]).to_numpy(object) for key in (EVENT_TYPE, STATUS) if key in columns}
+    asked = {*((limits and limits.only) or ()), *((limits and limits.without) or ())}
+    words = {name: (table.words(name) if name in asked else table.text(name)).to_numpy(object) for name in words}
+    kinds = {key: table.words(columns[key]).to_numpy(object) for key in (EVENT_TYPE, STATUS) if key in columns}
     return filter_events(record, settings, quality, str(path), table.repeated, words, kinds)
 
 
@@ -102,8 +114,9 @@ def _check_untold_kinds(table: Table, named: set[str], settings: RecordSlice) ->
             continue
         cells = table.text(name).value_counts()
         for kind in (EVENT_TYPE, STATUS):
-            found = [cell for cell in cells.index if is_left_out(kind, plain_word(cell))]
-            if found and plain_word(found[0]) not in kept:
+            words = {cell: plain_word(cell) for cell in cells.index}
+            found = [cell for cell, word in words.items() if is_left_out(kind, word) and word not in kept]
+            if found:
                 raise InputError(
                     f"{table.source}: column {name!r}: {cells[found[0]]} of {len(table.rows)} rows are {found[0]!r}, "
                     f"no seismicity: say record.columns.{kind}: {name} to leave such out, or record.filter.keep: "
@@ -132,9 +145,44 @@ def _check_codes(key: str, codes: np.ndarray, factor: float, settings: RecordSli
         )
 
 
-def _times(table: Table, names: str | list[str], settings: RecordSlice) -> tuple[np.ndarray, int]:
-    """UTC times (event,) datetime64[ns] of one column, or of date, clock and offset; how many had no offset."""
-    names = _listed(names)
+def _check_logarithm(key: str, name: str, values: np.ndarray, settings: RecordSlice) -> None:
+    """Raise InputError where numbers can only be logarithms of sizes: asked for, unless record.units has their unit.
+
+    values (event,): as they stand in the file. A record whose moments all stay below LARGEST_LOG is
+    one of Mw -5.1 and less, of grains. The chance that n sizes lie within a factor r is (1 - 1 / r)^n where as many as
+    1 / size are larger, a steeper law than that of most records; below CHANCE they are no sizes.
+    """
+    if key in (settings.units or {}):
+        return
+    sizes = values[np.isfinite(values) & (values != 0)]
+    if not sizes.size or sizes.min() < 0 or sizes.max() > LARGEST_LOG:
+        return  # what is negative is refused by its event
+    alike = sizes.size >= FEWEST_SIZES and (1 - sizes.min() / sizes.max()) ** sizes.size < CHANCE
+    if key == "moment" or alike:
+        raise InputError(
+            f"{settings.file}: column {name!r}: {sizes.min():g} to {sizes.max():g} {UNITS[key]} can hardly be all of a "
+            f"record's sizes: name the column in record.columns.log_{key} if it holds their logarithm, or its unit in "
+            f"record.units.{key} if it does not"
+        )
+
+
+def _times(
+    table: Table, columns: Mapping, numbers: Mapping, settings: RecordSlice, codes: Sequence[float]
+) -> tuple[np.ndarray, int]:
+    """UTC times (event,) datetime64[ns] of a column, of date, clock and offset, or of parts; how many had no offset."""
+    if "time" not in columns:
+        parts = {part: numbers[part] for part in DATE_PARTS if part in numbers}
+        time, local = times_of_parts(parts, settings.time_zone)
+        wrong = np.isnat(time) & np.all([np.isfinite(values) for values in parts.values()], axis=0)
+        if wrong.any():
+            told = ", ".join(f"{values[wrong][0]:g}" for values in parts.values())
+            table.refuse(wrong, columns["year"], f"({told}) is not a date and time", "correct it")
+        return time, local
+    names = _listed(columns["time"])
+    if settings.time_format:
+        days = [table.numbers(name) for name in names]
+        days = sum(np.where(np.isin(values, codes), np.nan, values) for values in days)
+        return times_of_numbers(days, settings.time_format, settings.time_zone, f"{table.source}: column {names[0]!r}")
     text = table.text(names[0])
     there = text != ""
     for name in names[1:]:
@@ -144,7 +192,9 @@ def _times(table: Table, names: str | list[str], settings: RecordSlice) -> tuple
     time, local = parse_times(text.where(there, ""), settings.date_order, settings.time_zone, where)
     wrong = np.isnat(time) & there.to_numpy()
     if wrong.any():
-        table.refuse(wrong, names[0], f"({text[wrong].iloc[0]}) is not a date and time", "write 2019-08-01T12:00:00")
+        is_number = re.fullmatch(r"[-+]?\d+[.,]?\d*", text[wrong].iloc[0])
+        remedy = f"say record.time_format: {', '.join(TIME_FORMATS)}" if is_number else "write 2019-08-01T12:00:00"
+        table.refuse(wrong, names[0], f"({text[wrong].iloc[0]}) is not a date and time", remedy)
     return time, local
 
 
@@ -166,28 +216,52 @@ def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: Recor
 def _sizes(
     table: Table, columns: Mapping, numbers: Mapping, tensor: np.ndarray | None, settings: RecordSlice
 ) -> tuple[dict[str, np.ndarray], str]:
-    """Sizes of every kind (event,), NaN where unknown, and a sentence on the magnitudes that were converted."""
+    """Sizes of every kind (event,), NaN where unknown, and in words which magnitudes and energies were converted."""
     sizes = {key: numbers[key] for key in SIZE_NAMES if key in columns}
-    for key in ("potency", "moment"):
-        if key in sizes:
-            sizes[key] = np.where(sizes[key] == 0, np.nan, sizes[key])  # what was never computed
+    for key in LINEAR:
+        if key in columns:
+            numbers[key] = np.where(numbers[key] == 0, np.nan, numbers[key])  # what was never computed
             table.refuse(
-                sizes[key] < 0,
+                numbers[key] < 0,
                 columns[key],
                 "is not positive",
-                "if it is a logarithm, name it log_potency; else correct it",
+                f"if it is a logarithm, name it in record.columns.log_{key}; else correct it",
             )
-    if MAGNITUDE not in columns and MAGNITUDE_TYPE not in columns:
-        return sizes, ""
-    source = MAGNITUDE if MAGNITUDE in columns else "mw"
-    needed = np.ones(len(table.rows), bool) if tensor is None else ~np.isfinite(tensor).all(axis=(1, 2))
-    for key, values in sizes.items():
-        needed &= np.isnan(values) | (key == source)
-    kinds = table.text(columns[MAGNITUDE_TYPE]) if MAGNITUDE_TYPE in columns else [""] * len(table.rows)
-    conversions = settings.conversions or {}
-    mw, used = moment_magnitudes(numbers[source], list(kinds), conversions, needed, table.source)
-    sizes["mw"] = np.where(np.isnan(mw), sizes.get("mw", np.nan), mw) if source == MAGNITUDE else mw
-    return sizes, sizes_text(used, conversions)
+    for key in ("moment", "energy"):
+        if f"log_{key}" in columns:
+            with np.errstate(over="ignore"):
+                from_logarithm = 10.0 ** numbers[f"log_{key}"]
+            numbers[key] = _first(numbers.get(key), from_logarithm)
+    sizes |= {key: numbers[key] for key in ("potency", "moment") if key in numbers}
+    told = ""
+    tensors = np.zeros(len(table.rows), bool) if tensor is None else np.isfinite(tensor).all(axis=(1, 2))
+    if MAGNITUDE in columns or MAGNITUDE_TYPE in columns:
+        source = MAGNITUDE if MAGNITUDE in columns else "mw"
+        needed = ~tensors
+        for key, values in sizes.items():
+            needed = needed & (np.isnan(values) | (key == source))
+        kinds = table.words(columns[MAGNITUDE_TYPE]) if MAGNITUDE_TYPE in columns else [""] * len(table.rows)
+        conversions = settings.conversions or {}
+        mw, used = moment_magnitudes(numbers[source], list(kinds), conversions, needed, table.source)
+        sizes["mw"] = _first(mw, sizes.get("mw")) if source == MAGNITUDE else mw
+        told = sizes_text(used, conversions)
+    if "energy" in numbers:
+        needed = ~tensors & np.all([np.isnan(values) for values in sizes.values()] or [True], axis=0)
+        slope, offset = settings.energy_conversion.slope, settings.energy_conversion.offset
+        with np.errstate(over="ignore"):
+            moment = 10.0 ** (slope * np.log10(np.where(needed, numbers["energy"], np.nan)) + offset)
+        sizes["moment"] = _first(sizes.get("moment"), moment)
+        sign = "-" if offset < 0 else "+"
+        how = f"as log10 M0 = {slope:g} log10 E {sign} {abs(offset):g}"
+        told = ", ".join([*([told] if told else []), f"{int(np.isfinite(moment).sum())} of energy {how}"])
+    return sizes, told
+
+
+def _first(values: np.ndarray | None, other: np.ndarray | None) -> np.ndarray:
+    """The values (event,), and the others where they are unknown; either may be absent."""
+    if values is None or other is None:
+        return other if values is None else values
+    return np.where(np.isnan(values), other, values)
 
 
 def _tensor(numbers: Mapping, settings: RecordSlice) -> np.ndarray | None:

@@ -29,25 +29,36 @@ NUMBER = {  # by decimal mark; the other one may stand between thousands
     "point": r"[-+]?(?:(?:[1-9]\d{0,2}(?:,\d{3})+|\d+)\.?\d*|\.\d+)(?:[eE][-+]?\d+)?",
     "comma": r"[-+]?(?:(?:[1-9]\d{0,2}(?:\.\d{3})+|\d+),?\d*|,\d+)(?:[eE][-+]?\d+)?",
 }
+MARKED = {  # first bytes of texts that say their encoding; those of UTF-32 begin as those of UTF-16 do
+    "utf-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE),
+    "utf-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE),
+}
 CONTAINERS = {  # first bytes of what is no text
     b"PK\x03\x04": "a zip archive or an Excel workbook",
     b"\xd0\xcf\x11\xe0": "an Excel workbook",
     b"\x1f\x8b": "a gzip archive",
 }
-UNIT_IN_NAME = re.compile(r".*[\[(]\s*(?P<unit>[^\])]+?)\s*[\])]\s*$")
+UNIT_IN_NAME = re.compile(r".*(?:[\[(]\s*(?P<unit>[^\])]+?)\s*[\])]|/\s*(?P<after>[^/]+?))\s*$")
+UNIT_AT_END = re.compile(r".*[^\W_][_ ](?P<unit>[A-Za-z]+)")  # depth_km
+ASK_ENCODING = (
+    "the file is not in UTF-8, and here its letters count; say its encoding with record.encoding, such as cp1252, gbk "
+    "or shift_jis"
+)
 
 
 @dataclass
 class Table:
     """Rows of text as they stand in the file, one per event; `source` names the file in errors.
 
-    decimal: "comma", "point", or None: to be found. units: by column, from a line below the header. repeated (event,)
+    decimal: "comma", "point", or None: to be found. sure: whether its encoding is known, and not only taken to be that
+    of western Europe. units: by column, from a line below the header. repeated (event,)
     bool: rows that repeat an earlier one in every column.
     """
 
     rows: pd.DataFrame
     source: str
     decimal: str | None = None
+    sure: bool = True
     units: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -58,6 +69,14 @@ class Table:
         """A column as text without surrounding blanks, empty where it holds nothing."""
         text = self.rows[name].fillna("").str.strip()
         return text.where(~text.str.lower().isin(EMPTY), "")
+
+    def words(self, name: str) -> pd.Series:
+        """A column as text whose letters count. Raises InputError where they hang on an encoding that is not known."""
+        text = self.text(name)
+        foreign = text[~text.map(str.isascii)]
+        if not self.sure and len(foreign):
+            raise InputError(f"{self.source}: column {name!r}: {foreign.iloc[0]!r}?: {ASK_ENCODING}")
+        return text
 
     def numbers(self, name: str, strict: bool = True) -> np.ndarray:
         """A column as numbers (event,), NaN where empty. Raises InputError for what is none (NaN if not strict)."""
@@ -114,11 +133,12 @@ class Table:
             self.units = {name: text for name, text in first.items() if text}
             self.rows = self.rows.iloc[1:].reset_index(drop=True)
 
-    def factor(self, name: str, unit: str, given: str | None) -> float:
-        """What a column's numbers are multiplied by to be in `unit`.
+    def factor(self, key: str, name: str, unit: str, given: str | None) -> float:
+        """What the numbers of a column, of kind `key`, are multiplied by to be in `unit`.
 
-        Its own unit is `given`, else what stands in brackets behind its name or in a line below the header, if that is
-        a unit of that kind; else it is taken to be `unit`. Raises InputError where the unit is of another kind.
+        Its own unit is `given`, else what stands in brackets or after a stroke behind its name ("Depth/km") or in a
+        line below the header, if that is a unit of that kind; else it is taken to be `unit`. Raises InputError where
+        the unit is of another kind, or where the name ends as another one: depth_km.
         """
         text = given or self.units.get(name)
         quantity = unit_quantity(text) if text else None
@@ -130,7 +150,14 @@ class Table:
         if given and quantity is None:
             raise InputError(f"record.units: {given!r} is not a unit; expected one like {unit}")
         if not text and (in_name := UNIT_IN_NAME.fullmatch(name)):
-            quantity = unit_quantity(in_name["unit"])
+            quantity = unit_quantity(in_name["unit"] or in_name["after"])
+        elif not text and (at_end := UNIT_AT_END.fullmatch(name)):
+            maybe = unit_quantity(at_end["unit"])
+            if maybe is not None and maybe.check(unit) and maybe.to(unit).magnitude != 1.0:
+                raise InputError(
+                    f"{self.source}: column {name!r}: is it in {at_end['unit']}? Say it with record.units: "
+                    f"{{{key}: {at_end['unit']}}}, or {{{key}: {unit}}}"
+                )
         return float(quantity.to(unit).magnitude) if quantity is not None and quantity.check(unit) else 1.0
 
 
@@ -139,33 +166,39 @@ def _bare(text: pd.Series) -> pd.Series:
     return text.str.replace("\u2212", "-", regex=False).str.replace(BETWEEN_THOUSANDS, "", regex=True)
 
 
-def read_table(path: Path, named: Mapping[str, str], numeric: Iterable[str], decimal: str | None) -> Table:
+def read_table(
+    path: Path, named: Mapping[str, str], numeric: Iterable[str], decimal: str | None, encoding: str | None = None
+) -> Table:
     """The table of a CSV file that has the columns `named` (by the key that names each); `numeric` hold numbers.
 
-    Lines that begin with # are comments. Raises InputError, one line: not readable, not text, a column missing or there
-    twice, no row.
+    Lines that begin with # are comments, but for a header (FDSN's text has one). Raises InputError, one line: not
+    readable, not text, in an encoding that is not known where that counts, a column missing or there twice, no row.
     """
-    lines = [line for line in _decoded(path).splitlines() if line.strip(" \t\r,;|") and not line.startswith("#")]
-    if not lines:
+    text, sure = _decoded(path, encoding)
+    lines = [line for line in text.splitlines() if line.strip(" \t\r,;|")]
+    if all(line.startswith("#") for line in lines):
         raise InputError(f"{path}: not a readable CSV file (it is empty); give a table with a header")
     place, separator, header = _header(lines, set(named))
     for name, key in named.items():
         if name not in header:
+            if not sure and not all(map(str.isascii, (name, *header))):
+                raise InputError(f"{path}: column {name!r} ({key}) is not found: {ASK_ENCODING}")
             raise InputError(f"{path}: column {name!r} ({key}) is missing; it has {', '.join(filter(None, header))}")
         if header.count(name) > 1:
             raise InputError(f"{path}: column {name!r} is there {header.count(name)} times; name each its own way")
+    body = "\n".join(line for line in lines[place + 1 :] if not line.startswith("#"))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # a row with more cells than names
             rows = pd.read_csv(
-                io.StringIO("\n".join(lines[place + 1 :])), sep=separator, names=_apart(header),
+                io.StringIO(body), sep=separator, names=_apart(header),
                 dtype=str, skipinitialspace=True, keep_default_na=False, index_col=False,
             )  # fmt: skip
     except pd.errors.EmptyDataError as error:
         raise InputError(f"{path}: no events in the file") from error
     except (ValueError, pd.errors.ParserWarning) as error:  # pandas' parser errors are ValueErrors
         raise InputError(f"{path}: not a readable CSV file ({error}); give a table with a header") from error
-    table = Table(rows, str(path), decimal)
+    table = Table(rows, str(path), decimal, sure)
     table.take_units(numeric)
     if table.rows.empty:
         raise InputError(f"{path}: no events in the file")
@@ -173,8 +206,11 @@ def read_table(path: Path, named: Mapping[str, str], numeric: Iterable[str], dec
     return table
 
 
-def _decoded(path: Path) -> str:
-    """The text of a file in UTF-8, in UTF-16 with its mark, or else in the Windows code page of western Europe."""
+def _decoded(path: Path, encoding: str | None) -> tuple[str, bool]:
+    """The text of a file, and whether its encoding is known: as named, UTF-8, or UTF-16 and UTF-32 with their mark.
+
+    Else it is taken to be that of western Europe, which is right for letters of ASCII. Raises InputError.
+    """
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -182,30 +218,44 @@ def _decoded(path: Path) -> str:
     for begins, what in CONTAINERS.items():
         if content.startswith(begins):
             raise InputError(f"{path}: {what}, not a CSV file; unpack it, or export the table as CSV")
-    encodings = (
-        ["utf-16"] if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else ["utf-8-sig", "cp1252"]
-    )
-    for encoding in [*encodings, "latin-1"]:
+    if encoding:
+        try:
+            text = content.decode(encoding).removeprefix("\ufeff")
+        except ValueError as error:  # a UnicodeDecodeError
+            raise InputError(
+                f"{path}: not in record.encoding: {encoding} ({error}); name the encoding it has"
+            ) from error
+        return text, True
+    marked = [name for name, marks in MARKED.items() if content.startswith(marks)][:1]
+    for encoding in marked or ["utf-8-sig", "cp1252", "latin-1"]:
         try:
             text = content.decode(encoding)
         except UnicodeDecodeError:
             continue
         break
+    else:
+        raise InputError(f"{path}: begins as {marked[0]} and is not; export the table as text")
     if "\0" in text:
-        raise InputError(f"{path}: not a readable CSV file (it holds zero bytes); export the table as text")
+        raise InputError(
+            f"{path}: not a readable CSV file (it holds zero bytes); export the table as text, or say record.encoding: "
+            "utf-16-le if it is that"
+        )
     logging.info("%s: read as %s", path, encoding)
-    return text
+    return text, encoding not in ("cp1252", "latin-1")
 
 
 def _header(lines: list[str], named: set[str]) -> tuple[int, str, list[str]]:
     """Place of the header, its separator and its names: where most of the named columns appear."""
     best, found = -1, (0, ",", [])
-    for place, line in enumerate(lines[:PREAMBLE]):
+    head = list(enumerate(lines[:PREAMBLE]))
+    first = next((place for place, line in head if not line.startswith("#")), 0)
+    for place, line in sorted(head, key=lambda one: one[1].startswith("#")):  # comments last
+        line = line.lstrip("# ")
         for separator in SEPARATORS:
             header = [plain(name) for name in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
             count = len(named & set(header))
             # without any of them, the first line, separated by what parts it most
-            score = (len(header) - 1) / len(line) if not count and place == 0 else count
+            score = (len(header) - 1) / len(line) if not count and place == first else count
             if score > best:
                 best, found = score, (place, separator, header)
         if best == len(named):

@@ -1,11 +1,12 @@
 """Dates and times as mines export them: ISO 8601, day or month first, months by name, local time, UTC offsets."""
 
 import re
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 
-from catalogs.record_settings import FIRST_YEAR, LAST_YEAR, check_zone
+from catalogs.record_settings import DATE_PARTS, FIRST_YEAR, LAST_YEAR, check_zone
 from pipeline.errors import InputError
 
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
@@ -19,6 +20,20 @@ SECOND = r"(?::?(?P<whole>\d{2})(?:[.,](?P<fraction>\d+))?)?"
 CLOCK = r"(?:[T ,;]+(?P<hour>\d{1,2}):?(?P<minute>\d{2})" + SECOND + r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?)?"
 OFFSET = r"\s*(?:\(?(?:UTC|GMT)?(?P<sign>[-+])(?P<ahead>\d{1,2}):?(?P<minutes>\d{2})?\)?|(?P<zulu>Z|UTC|GMT))?"
 PATTERN = re.compile(f"{DATE}{CLOCK}{OFFSET}", re.IGNORECASE)
+DAY, ONE_SECOND, MILLISECOND, MICROSECOND = (
+    np.timedelta64(size, "ns") for size in (86_400 * 10**9, 10**9, 10**6, 10**3)
+)
+EPOCHS = {  # of times that are numbers: day zero, unit, to which it is rounded
+    "excel": (np.datetime64("1899-12-30", "ns"), DAY, MILLISECOND),  # a day off before March 1900, as the program is
+    "excel_1904": (np.datetime64("1904-01-01", "ns"), DAY, MILLISECOND),
+    "unix": (np.datetime64("1970-01-01", "ns"), ONE_SECOND, MICROSECOND),
+    "unix_ms": (np.datetime64("1970-01-01", "ns"), MILLISECOND, MICROSECOND),
+}
+CLOCK_PARTS = {
+    "hour": (60 * 60 * ONE_SECOND, 24),
+    "minute": (60 * ONE_SECOND, 60),
+    "second": (ONE_SECOND, 61),
+}  # unit, below
 NANOSECONDS = {"hour": 3_600_000_000_000, "minute": 60_000_000_000, "whole": 1_000_000_000}
 
 
@@ -75,6 +90,57 @@ def parse_times(text: pd.Series, order: str | None, zone: str | None, source: st
     if zone is not None:
         time[local] = _to_utc(time[local], zone)
     return time, int((local & ~np.isnat(time)).sum())
+
+
+def times_of_numbers(values: np.ndarray, form: str, zone: str | None, source: str) -> tuple[np.ndarray, int]:
+    """UTC times (event,) datetime64[ns] of numbers (event,), NaT where NaN; how many had no offset.
+
+    form: one of EPOCHS; days are rounded to milliseconds, which a worksheet has, seconds to microseconds, which a
+    number of 16 digits has. zone: of days, as of parse_times; Unix time is UTC. Raises InputError as it.
+    """
+    epoch, unit, step = EPOCHS[form]
+    steps = np.round(values * (unit / step))
+    first, last = (
+        np.datetime64(f"{year}-01-01").astype("datetime64[s]").astype(float) * (ONE_SECOND / step)
+        - epoch.astype(float) / step.astype(float)
+        for year in (FIRST_YEAR, LAST_YEAR + 1)
+    )
+    strange = (steps < first) | (steps >= last)  # NaN is neither
+    if strange.any():
+        raise InputError(
+            f"{source}: {values[strange][0]:.17g} is no time of record.time_format: {form}: years run from "
+            f"{FIRST_YEAR} to {LAST_YEAR} here"
+        )
+    known = np.isfinite(steps)
+    time = np.full(len(values), np.datetime64("NaT", "ns"))
+    time[known] = epoch + steps[known].astype(np.int64) * step
+    if form.startswith("unix"):
+        return time, 0
+    if zone is not None:
+        time = _to_utc(time, zone)
+    return time, int(known.sum())
+
+
+def times_of_parts(parts: Mapping[str, np.ndarray], zone: str | None) -> tuple[np.ndarray, int]:
+    """UTC times (event,) datetime64[ns] of years, months, days ..., NaT where they are none, and how many there are.
+
+    parts: those of DATE_PARTS that there are columns of, numbers (event,); seconds may have fractions. zone: as of
+    parse_times.
+    """
+    year, month, day = (parts[name] for name in DATE_PARTS[:3])
+    dated = pd.DataFrame({"year": year, "month": month, "day": day})
+    whole = np.all([values == np.floor(values) for name, values in parts.items() if name != "second"], axis=0)
+    dated[~(whole & (year >= FIRST_YEAR) & (year <= LAST_YEAR))] = np.nan
+    time = pd.to_datetime(dated, errors="coerce").to_numpy("datetime64[ns]")
+    for name, (unit, most) in CLOCK_PARTS.items():
+        if name in parts:
+            values = parts[name]
+            fits = (values >= 0) & (values < most)
+            size = np.round(np.where(fits, values, 0) * (unit / MICROSECOND)).astype(np.int64) * MICROSECOND
+            time = np.where(fits, time + size, np.datetime64("NaT", "ns"))
+    if zone is not None:
+        time = _to_utc(time, zone)
+    return time, int((~np.isnat(time)).sum())
 
 
 def _numbers(text: pd.Series) -> pd.Series:

@@ -35,6 +35,12 @@ KINDS = (
     "depth",
     "step",
     "moment_xx",
+    "energy",
+    "log_energy",
+    "log_moment",
+    "event_type",
+    "evaluation_status",
+    "year",
     "zzz",
 )
 NAMES = ("x", "mw", "time", "q", ["time", "x"], {"a": 1}, None, 3, "", " x ")
@@ -48,7 +54,10 @@ SETTINGS_AT_RANDOM = {
     "conversions": ({"ML": "none"}, {"untyped": {"slope": 1, "offset": 0}}),
     "domain": (DOMAIN,),
     "period": ({"start": "2019-08-01", "end": "2019-09-01"},),
-    "filter": ({"maximum": {"q": 1}}, {"minimum": {"mw": 0}}),
+    "encoding": ("gbk", "utf-16", "cp1252", "base64", "", "\0", "idna", "utf-7"),
+    "time_format": ("excel", "unix", "unix_ms"),
+    "energy_conversion": ({"slope": 1, "offset": 5},),
+    "filter": ({"keep": ["blast", "rejected"]}, {"maximum": {"q": 1}}, {"minimum": {"mw": 0}}),
 }
 VALUES = (
     "",

@@ -164,7 +164,7 @@ FAULTS = {  # text, settings, what the line says
     "a column as a list": (PLAIN, {"columns": COLUMNS | {"x": ["x", "y"]}}, "record.columns.x: ['x', 'y']"),
     "a time of four columns": (PLAIN, {"columns": COLUMNS | {"time": ["x"] * 4}}, "record.columns.time"),
     "another magnitude": (PLAIN.replace("mw", "ML"), {"columns": COLUMNS | {"mw": "ML"}}, "'ML' is by its name"),
-    "negative potency": (PLAIN, {"columns": POTENCY}, "name it log_potency"),
+    "negative potency": (PLAIN, {"columns": POTENCY}, "name it in record.columns.log_potency"),
     "nothing whole": (PLAIN.replace(",300,", ",,"), {}, "has a time, a place and a size (2 without a place)"),
     "more cells than names": (PLAIN.replace("0.5\n", "0.5,1,2,3\n"), {}, "not a readable CSV"),
 }  # fmt: skip

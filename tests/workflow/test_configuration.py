@@ -13,7 +13,7 @@ from pydantic import BeforeValidator
 from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, ROOT, STRAIN, TINY, changed, merged, slices
 
 from catalogs import grid_convergence, spread
-from catalogs.record_settings import COLUMN_KEYS, RecordSlice
+from catalogs.record_settings import COLUMN_KEYS, DATE_PARTS, RecordSlice
 from catalogs.records.filters import limits_of
 from pipeline.errors import InputError
 from pipeline.settings import NAME_PATTERN, Unit
@@ -288,8 +288,10 @@ def test_a_record_is_read_for_the_modelled_months_unless_told_otherwise(accept):
 
 def test_the_schema_knows_the_columns_that_the_reader_reads(accept):
     """Each as a text, and no other."""
-    columns = dict.fromkeys(COLUMN_KEYS, "x")
-    assert accept(TINY, **{"record.columns": columns}).values["record"]["columns"] == columns
+    for other in (("time",), DATE_PARTS):  # a time stands in one column, or in those of its parts
+        columns = {key: "x" for key in COLUMN_KEYS if key not in other}
+        record = {"record.columns": columns, "record.energy_conversion": {"slope": 1, "offset": 4}}
+        assert accept(TINY, **record).values["record"]["columns"] == columns
 
 
 def test_a_frame_of_map_coordinates_takes_a_domain_of_them(accept):
