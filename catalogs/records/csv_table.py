@@ -206,6 +206,13 @@ def read_table(
     return table
 
 
+def check_container(content: bytes, path: Path, wanted: str) -> None:
+    """Raise InputError for what is no text but holds one; wanted: CSV or QuakeML."""
+    for begins, what in CONTAINERS.items():
+        if content.startswith(begins):
+            raise InputError(f"{path}: {what}, not a {wanted} file; unpack it, or export it as {wanted}")
+
+
 def _decoded(path: Path, encoding: str | None) -> tuple[str, bool]:
     """The text of a file, and whether its encoding is known: as named, UTF-8, or UTF-16 and UTF-32 with their mark.
 
@@ -215,9 +222,7 @@ def _decoded(path: Path, encoding: str | None) -> tuple[str, bool]:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: not a readable CSV file ({error.strerror}); give a table as text") from error
-    for begins, what in CONTAINERS.items():
-        if content.startswith(begins):
-            raise InputError(f"{path}: {what}, not a CSV file; unpack it, or export the table as CSV")
+    check_container(content, path, "CSV")
     if encoding:
         try:
             text = content.decode(encoding).removeprefix("\ufeff")

@@ -11,6 +11,7 @@ from lxml import etree
 from obspy.core.event.header import EventType
 
 from catalogs.record_settings import MODE, STATUS
+from catalogs.records.csv_table import check_container
 from catalogs.records.event_kinds import plain_word
 from pipeline.errors import InputError
 
@@ -21,14 +22,16 @@ STATUS_TAGS = {"evaluationStatus": STATUS, "evaluationMode": MODE}
 
 @dataclass(frozen=True)
 class Words:
-    """Texts of one event as they stand in the file, in lower case: its type; of each origin its status and mode."""
+    """Texts of one event: its publicID; in lower case its type, and of each origin its status and mode."""
 
+    name: str
     event_type: str
     origins: tuple[dict[str, str], ...]
 
 
 def plain_quakeml(content: bytes, path: Path) -> tuple[bytes, list[Words]]:
     """QuakeML 1.2 that ObsPy reads whole, and the words of each event, in order. Raises InputError for what is none."""
+    check_container(content, path, "QuakeML")
     try:
         root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True))
     except etree.XMLSyntaxError as error:
@@ -47,7 +50,7 @@ def plain_quakeml(content: bytes, path: Path) -> tuple[bytes, list[Words]]:
         if kind is not None:
             kind.text = word if word in EventType.keys() else None
         origins = event.iterfind(f"{{{BODY}}}origin")
-        words.append(Words(word, tuple(_statuses(origin) for origin in origins)))
+        words.append(Words(event.get("publicID", ""), word, tuple(_statuses(origin) for origin in origins)))
         for part in event.iter(*(f"{{{BODY}}}{tag}" for tag in STATUS_TAGS)):
             part.text = _plain(part)
     return etree.tostring(plain), words

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from obspy.core.event import Catalog, Event, Magnitude, Origin
 
@@ -25,13 +26,14 @@ GLOBE = {"latitude": 90.0, "longitude": 180.0, "depth": np.inf}  # of an origin,
 def read(settings: RecordSlice) -> xr.Dataset:
     """The events of a QuakeML file in the form of pipeline.event_table, filtered (catalogs.records.filters).
 
-    Conversions: catalogs.records.magnitudes. An event's preferred origin and mechanism count, else its first, and of
-    these none whose evaluation status is rejected; an event is rejected where no other origin is there or the preferred
-    one is. Its size is its moment tensor, else its moment magnitude, else a magnitude for which a conversion is stated;
-    of several the preferred one, else the first. Events that are no seismicity (catalogs.records.event_kinds) and those
-    without a time, a place or a size are left out and counted. Depth is in m, unless settings.units says otherwise.
-    A file written by catalogs.quakeml keeps its x, y, z and tensors bit for bit. Raises InputError, naming file and
-    event, for degrees off the globe, magnitudes of other types, sizes that no event has, and what is no QuakeML.
+    Conversions: catalogs.records.magnitudes. An event's preferred origin and mechanism count, else its first, and
+    of these none whose evaluation status is rejected; an event is rejected where no other origin is there or the
+    preferred one is. Its size is its moment tensor, else its moment magnitude, else a magnitude for which a
+    conversion is stated; of several the preferred one, else the first. Events that are no seismicity
+    (catalogs.records.event_kinds) and those without a time, a place or a size are left out and counted, and so is
+    one whose publicID is there before. Depth is in m, unless settings.units says otherwise. A file written by
+    catalogs.quakeml keeps its x, y, z and tensors bit for bit. Raises InputError, naming file and event, for
+    degrees off the globe, magnitudes of other types, sizes that no event has, and what is no QuakeML.
     """
     path = Path(settings.file)
     content, words = plain_quakeml(quakeml_bytes(path), path)
@@ -58,7 +60,9 @@ def read(settings: RecordSlice) -> xr.Dataset:
     else:
         record = _relabelled(record, settings, path)
     mode = {MODE: kinds.pop(MODE)}
-    return filter_events(record, settings, source=str(path), words=mode, kinds=kinds)
+    names = pd.Series([one.name or None for one in words])
+    repeated = (names.duplicated() & names.notna()).to_numpy()
+    return filter_events(record, settings, source=str(path), repeated=repeated, words=mode, kinds=kinds)
 
 
 def _origin(event: Event, words: Words) -> int | None:

@@ -1,5 +1,6 @@
 """What of a record is seismicity: the words of QuakeML and of mines' systems, left out, kept or asked about."""
 
+import gzip
 import json
 import logging
 
@@ -216,9 +217,30 @@ def test_other_forms_of_quakeml_are_read(tmp_path, form):
     assert json.loads(record.attrs["dropped"]) == {"of type quarry blast": 1}
 
 
+def test_an_event_that_is_there_twice_counts_once(tmp_path):
+    """Downloads that overlap, put together in one file; without a name each is another event."""
+    record = quakeml(tmp_path, event("a", "earthquake"), event("b", "earthquake"), event("a", "earthquake"))
+    assert json.loads(record.attrs["dropped"]) == {"there twice": 1}
+    nameless = [event(name, "earthquake").replace(f'<event publicID="smi:local/{name}">', "<event>") for name in "ab"]
+    assert quakeml(tmp_path, *nameless).sizes["event"] == 2
+
+
+def test_several_origins_and_magnitudes_without_a_preferred_one(tmp_path):
+    """The first origin; the first moment magnitude, wherever it stands."""
+    origins, magnitudes = (("950", None), ("940", None)), ((2.0, "ML", None), (0.5, "Mw", None), (0.7, "Mww", None))
+    record = quakeml(tmp_path, event("a", "earthquake", origins, magnitudes))
+    assert (float(record["location"][0, 2]), float(record["mw"][0])) == pytest.approx((-950, 0.5))
+    dangling = "<preferredOriginID>smi:local/nowhere</preferredOriginID>"
+    record = quakeml(tmp_path, event("a", "earthquake", origins, magnitudes, preferred=dangling))
+    assert float(record["location"][0, 2]) == pytest.approx(-950)
+
+
 def test_what_is_no_quakeml_is_one_line_that_says_what_it_is(tmp_path):
     line = refused(quakeml, tmp_path, change=lambda text: "#EventID|Time|Latitude\n1|2019|3\n")
     assert "a table, as FDSN's text is, is read by record.reader: csv" in line
+    (tmp_path / "record.xml").write_bytes(gzip.compress(QUAKEML.encode()))
+    packed = SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "record.xml")}
+    assert "a gzip archive, not a QuakeML file; unpack it" in refused(read_record, packed)
     line = refused(quakeml, tmp_path, change=lambda text: "<seiscomp><a/></seiscomp>")
     assert "record.xml: not QuakeML 1.2, but <seiscomp>" in line
 

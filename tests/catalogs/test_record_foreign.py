@@ -269,6 +269,12 @@ def test_a_name_that_ends_as_a_unit_is_asked_about(tmp_path):
     assert read(tmp_path, text, columns, units={"y": "km"})["location"].values[0, 1] == 200_000
 
 
+def test_one_column_is_not_two_coordinates(tmp_path):
+    """A slip that puts all events on a diagonal."""
+    line = refused(tmp_path, PLAIN, COLUMNS | {"y": "x"})
+    assert "record.columns.y: column 'x' is named as x, too" in line
+
+
 def test_a_footer_is_one_line(tmp_path):
     line = refused(tmp_path, PLAIN + "Total: 2 events,,,,\n")
     assert "event 3 of 3: column 'time': 'Total: 2 events'" in line

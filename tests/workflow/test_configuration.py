@@ -289,7 +289,7 @@ def test_a_record_is_read_for_the_modelled_months_unless_told_otherwise(accept):
 def test_the_schema_knows_the_columns_that_the_reader_reads(accept):
     """Each as a text, and no other."""
     for other in (("time",), DATE_PARTS):  # a time stands in one column, or in those of its parts
-        columns = {key: "x" for key in COLUMN_KEYS if key not in other}
+        columns = {key: f"column of {key}" for key in COLUMN_KEYS if key not in other}
         record = {"record.columns": columns, "record.energy_conversion": {"slope": 1, "offset": 4}}
         assert accept(TINY, **record).values["record"]["columns"] == columns
 
