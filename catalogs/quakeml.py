@@ -40,7 +40,7 @@ from pipeline.errors import InputError
 from pipeline.event_table import FIELDS, check_events, new_catalog
 from pipeline.fields import TEXT, Field
 from pipeline.provenance import comment
-from pipeline.source_tensors import moment_from_potency, source_shares
+from pipeline.source_tensors import source_shares
 
 NAMESPACE = "urn:mine-seismicity:catalogue:1"
 PREFIX = "mine"
@@ -60,9 +60,8 @@ UP_SOUTH_EAST = {
 def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike, made_from: str = "") -> None:
     """Write a catalogue (form of pipeline.event_table) as QuakeML, atomically, after ObsPy's own schema check.
 
-    made_from: see pipeline.provenance. Needs attributes mine, frame, and where there are tensors lame_lambda and
-    shear_modulus (Pa). Raises InputError for a missing frame, an event without time or location, or a file that the
-    schema refuses.
+    made_from: see pipeline.provenance. Needs attributes mine and frame. Raises InputError for a missing frame, an event
+    without time or location, or a file that the schema refuses.
     """
     catalog = check_events(catalog, "catalogue")
     stream = io.BytesIO()
@@ -81,11 +80,7 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
     if np.isnat(catalog["time"].values).any() or not np.isfinite(catalog["location"].values).all():
         raise InputError("QuakeML: an event without time or location cannot be written; leave it out")
     latitude, longitude, depth = MineFrame(catalog.attrs.get("frame")).to_globe(catalog["location"].values)
-    moment = moment_from_potency(
-        catalog["potency_tensor"].values,
-        float(catalog.attrs.get("lame_lambda", np.nan)),
-        float(catalog.attrs.get("shear_modulus", np.nan)),
-    )
+    moment = catalog["moment_tensor"].values
     base = f"smi:local/{_word(catalog.attrs['mine'])}/{catalog.attrs['kind']}"
     shares = np.full((len(moment), 3), np.nan)
     known = np.isfinite(moment).all(axis=(1, 2))
@@ -97,7 +92,7 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
         event = _obspy_event(
             name,
             time=catalog["time"].values[index],
-            time_uncertainty=float(catalog["time_uncertainty"].values[index]),
+            time_uncertainty=[float(catalog[f"time_{side}_uncertainty"].values[index]) for side in ("lower", "upper")],
             place=(float(latitude[index]), float(longitude[index]), float(depth[index])),
             location_error=float(catalog.attrs.get("location_error", np.nan)),
             mw=float(catalog["mw"].values[index]),
@@ -126,8 +121,9 @@ def _obspy_event(
         depth=place[2],
         depth_type="other",
     )
-    if np.isfinite(time_uncertainty):
-        origin.time_errors = QuantityError(uncertainty=time_uncertainty)
+    if np.isfinite(time_uncertainty).all():
+        lower, upper = time_uncertainty
+        origin.time_errors = QuantityError(lower_uncertainty=lower, upper_uncertainty=upper)
     if np.isfinite(location_error):
         origin.depth_errors = QuantityError(uncertainty=location_error)
         origin.origin_uncertainty = OriginUncertainty(

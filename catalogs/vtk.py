@@ -22,7 +22,8 @@ FIELDS = {  # variable of the catalogue: its array, with its unit
     "particles": "particles",
     "resolved": "resolved",
     "source_size": "source_size_m",
-    "time_uncertainty": "time_uncertainty_s",
+    "time_lower_uncertainty": "time_lower_uncertainty_s",
+    "time_upper_uncertainty": "time_upper_uncertainty_s",
 }
 
 

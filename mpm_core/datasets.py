@@ -173,13 +173,14 @@ def state_dataset(
     values |= _cells(model.grid, model.body, scene.axes)
     dataset = xr.Dataset({name: variable(name, values[name]) for name in FIELDS if name in values})
     dataset["mesh"] = _mesh(model.dimension)
-    host = scene.materials["host"]
+    rocks, host = scene.materials, scene.materials["host"]
     dataset.attrs = CONVENTIONS | {
         "mine": scene.mine,
         "plane": scene.plane or "none",
         **_of_domain(model.grid, scene.axes),
         "thickness": scene.thickness,
         "material_names": json.dumps(list(scene.materials)),
+        "elastic_moduli": json.dumps({name: [rock.lame_lambda, rock.shear_modulus] for name, rock in rocks.items()}),
         "lame_lambda": host.lame_lambda,
         "shear_modulus": host.shear_modulus,
         "tolerance": scene.solver.tolerance,

@@ -34,11 +34,15 @@ def _field(name: str, dims: str, dtype: DTypeLike, unit: str, meaning: str) -> F
 
 FIELDS = (
     _field("time", "event", "datetime64[ns]", "", "origin time, UTC; of a model by rank within its step"),
-    _field("time_uncertainty", "event", "f8", "s", "half width of the interval that holds the time"),
+    _field("time_lower_uncertainty", "event", "f8", "s", "the event is at most this much earlier than its time"),
+    _field("time_upper_uncertainty", "event", "f8", "s", "the event is at most this much later than its time"),
     _field("location", "event xyz", "f8", "m", "source location in the mine frame: east, north, up"),
     _field("potency_tensor", "event xyz axis", "f8", "m3", "potency tensor, tensor shear, opening positive"),
     _field("potency", "event", "f8", "m3", "scalar potency sqrt(2 P_ij P_ij): slip times area for shear"),
-    _field("moment", "event", "f8", "N m", "scalar moment sqrt(M_ij M_ij / 2), M = lambda tr(P) I + 2 mu P"),
+    _field(
+        "moment_tensor", "event xyz axis", "f8", "N m", "moment tensor lambda tr(P) I + 2 mu P, summed over the source"
+    ),
+    _field("moment", "event", "f8", "N m", "scalar moment sqrt(M_ij M_ij / 2)"),
     _field("mw", "event", "f8", "1", "moment magnitude 2/3 (log10 M0 - 9.1)"),
     _field("p_axis", "event xyz", "f8", "1", "most compressive axis, unit vector pointing down; NaN where none is"),
     _field("b_axis", "event xyz", "f8", "1", "intermediate axis, unit vector pointing down; NaN where none is"),

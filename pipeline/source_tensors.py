@@ -13,10 +13,13 @@ TIE = 1e-9  # of the largest principal value: equal ones differ by 1e-15 in the 
 DOWN_NORTH_EAST = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
-def moment_from_potency(potency: NDArray, lame_lambda: float, shear_modulus: float) -> NDArray:
-    """Moment tensors M_ij = lambda tr(P) delta_ij + 2 mu P_ij, N m, of potency tensors (..., 3, 3) m3; moduli in Pa."""
-    trace = np.trace(potency, axis1=-2, axis2=-1)
-    return lame_lambda * trace[..., None, None] * np.eye(3) + 2.0 * shear_modulus * np.asarray(potency)
+def moment_from_potency(potency: NDArray, lame_lambda: NDArray | float, shear_modulus: NDArray | float) -> NDArray:
+    """Moment tensors M_ij = lambda tr(P) delta_ij + 2 mu P_ij, N m, of potency tensors (..., 3, 3) m3.
+
+    lame_lambda, shear_modulus: Pa, of all rock or (...) of each source's own.
+    """
+    trace = lame_lambda * np.trace(potency, axis1=-2, axis2=-1)
+    return trace[..., None, None] * np.eye(3) + 2.0 * np.asarray(shear_modulus)[..., None, None] * np.asarray(potency)
 
 
 def potency_from_moment(moment: NDArray, lame_lambda: float, shear_modulus: float) -> NDArray:

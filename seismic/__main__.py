@@ -45,10 +45,10 @@ def main(arguments: list[str] | None = None) -> None:
 def events(chosen: argparse.Namespace) -> None:
     """Events of one mining step."""
     # here: the catalogue need not wait for numba and scikit-learn, nor be made again when they are used otherwise
-    from seismic.events import OF_PLANES, VARIABLES, extract_events
+    from seismic.events import VARIABLES, extract_events
 
     settings = read_slice(chosen.settings)
-    step = read_dataset(chosen.step, (*VARIABLES, *OF_PLANES))
+    step = read_dataset(chosen.step, VARIABLES)
     try:
         dataset, _ = extract_events(step, settings)
     except InputError as error:
@@ -59,10 +59,10 @@ def events(chosen: argparse.Namespace) -> None:
 def closeness(chosen: argparse.Namespace) -> None:
     """Sizes of events at several values of closeness."""
     from seismic.closeness import sizes_by_closeness
-    from seismic.events import OF_PLANES, VARIABLES
+    from seismic.events import VARIABLES
 
     settings = read_slice(chosen.settings)
-    steps = (read_dataset(path, (*VARIABLES, *OF_PLANES)) for path in chosen.steps)
+    steps = (read_dataset(path, VARIABLES) for path in chosen.steps)
     sizes = sizes_by_closeness(steps, settings)
     write_dataset(sizes.assign_attrs(provenance(settings, "seismic closeness", chosen.steps)), chosen.output)
 

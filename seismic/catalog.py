@@ -79,16 +79,20 @@ def _mean_share(name: str, steps: list[xr.Dataset], budgets: list[dict]) -> floa
 def write_csv(catalog: xr.Dataset, path: str | os.PathLike) -> None:
     """Write the catalogue as a plain table, one row per event below one row of column names, atomically.
 
-    date, time_utc: to the second, which keeps the order of a step's events; time_uncertainty_s: half of the step, as
-    the model dates no event within it; x_m, y_m, z_m east, north, up; location_uncertainty_m: the size of a cell;
-    log10_potency_m3; moment_n_m; mw; potency_xx_m3 ... potency_xy_m3 (tensor shear, opening positive); step; resolved
-    (0: too few particles); on_planes, where rock has weak planes: share of the potency that is slip on them.
+    date, time_utc: to the second, which keeps the order of a step's events; time_lower_uncertainty_s and
+    time_upper_uncertainty_s: back to the start and on to the end of the step, as the model dates no event within it,
+    in whole seconds from the time in the table; x_m, y_m, z_m east, north, up; location_uncertainty_m: the size of a
+    cell; log10_potency_m3; moment_n_m and mw, with the moduli of the rock that failed; potency_xx_m3 ... potency_xy_m3
+    (tensor shear, opening positive); step; resolved (0: too few particles, counts in the budget only); on_planes, where
+    rock has weak planes: share of the potency that is slip on them.
     """
     day = pd.DatetimeIndex(catalog["time"].values)
+    cut_off = (day - day.floor("s")).total_seconds().to_numpy()  # of the time, which is written in whole seconds
     table = {
         "date": day.strftime("%Y-%m-%d"),
         "time_utc": day.strftime("%H:%M:%S"),
-        "time_uncertainty_s": _text(catalog["time_uncertainty"].values, ".0f"),
+        "time_lower_uncertainty_s": _text(np.floor(catalog["time_lower_uncertainty"].values - cut_off), ".0f"),
+        "time_upper_uncertainty_s": _text(np.floor(catalog["time_upper_uncertainty"].values + cut_off), ".0f"),
     }
     location = catalog["location"].values
     table |= {f"{axis}_m": _text(location[:, i], ".3f") for i, axis in enumerate("xyz")}

@@ -32,9 +32,9 @@ STRAINS = {
     "later": "later_strain",
     "plastic": "plastic_strain_step",
 }
-VARIABLES = (*STRAINS.values(), "position", "spacing", "volume", "failed", "failure_order")
-OF_PLANES = ("material",)  # what else is needed where rock has weak planes
+VARIABLES = (*STRAINS.values(), "position", "spacing", "volume", "material", "failed", "failure_order")
 STEP_ATTRIBUTES = ("mine", "step", "step_index", "lame_lambda", "shear_modulus")
+MATERIAL_ATTRIBUTES = ("material_names", "elastic_moduli")
 UNDATED = {"start": "", "end": "", "dated": 0}
 ALONG_PLANES = 1e-6  # share of a strain that may deform planes within themselves, and it is still slip along them
 LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")
@@ -44,9 +44,10 @@ def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Datase
     """Events of a step and its potency budget.
 
     step: the dataset of a mining step (particles with seismic_strain, overshoot_strain, later_strain and
-    plastic_strain_step of this step, position, spacing, volume, failed, failure_order; attributes mine, step,
-    step_index, lame_lambda, shear_modulus, truncated*, and start, end, dated where it has dates: see dated). settings:
-    EventSettings, or their values; their start and end, if given, are the step's, since the mechanics know no dates.
+    plastic_strain_step of this step, position, spacing, volume, material, failed, failure_order; attributes mine,
+    step, step_index, lame_lambda and shear_modulus of the host, material_names, elastic_moduli, truncated*, and start,
+    end, dated where it has dates: see dated). settings: EventSettings, or their values; their start and end, if given,
+    are the step's, since the mechanics know no dates. Moments have the moduli of the rock that failed.
     Events stand in the order in which they begin. An undated step gives events without times, to be looked at; they
     enter no catalogue. Particles that failed without a drop (no seismic strain) have no mechanism and join no event.
     Raises InputError for a dataset that lacks something or contradicts itself.
@@ -81,8 +82,9 @@ def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Datase
     event, resolved = rank[label], resolved[np.argsort(rank)]
 
     event_potency = _sum_by(event, potency, len(resolved))
+    moment = _moments(event, potency, len(resolved), step, source)
     values = _locate(position, spacing, weight, event, len(resolved), chosen.dimension)
-    values |= _describe(event_potency, step.attrs["lame_lambda"], step.attrs["shear_modulus"])
+    values |= _describe(event_potency, moment)
     values |= _order_in_time(step.attrs, len(resolved), where)
     values |= {
         "particles": np.bincount(event, minlength=len(resolved)),
@@ -154,7 +156,8 @@ def dated(step: xr.Dataset, start: str, end: str) -> xr.Dataset:
 def _check_step(step: xr.Dataset, settings: EventSettings) -> str:
     """Name of the step for messages. Raises InputError if the dataset is not a step of this mine."""
     missing = [name for name in VARIABLES if name not in step.variables]
-    missing += [name for name in (*STEP_ATTRIBUTES, *LABEL_ATTRIBUTES) if name not in step.attrs]
+    needed = (*STEP_ATTRIBUTES, *MATERIAL_ATTRIBUTES, *LABEL_ATTRIBUTES)
+    missing += [name for name in needed if name not in step.attrs]
     where = f"step {step.attrs.get('step', '?')}"
     if missing:
         raise InputError(f"{where}: not a mining step, it lacks {', '.join(missing)}: give a dataset of steps/")
@@ -175,6 +178,20 @@ def particle_potency(seismic_strain: NDArray, volume: NDArray, seismic_fraction:
 def _sum_by(event: NDArray, values: NDArray, events: int) -> NDArray:
     """Sums (event, k) of particle values (particle, k), added in the order of the particles."""
     return np.stack([np.bincount(event, column, minlength=events) for column in values.T], axis=-1)
+
+
+def _moments(event: NDArray, potency: NDArray, events: int, step: xr.Dataset, source: NDArray) -> NDArray:
+    """Moment tensors (event, 3, 3) N m: the potency of each material in an event with that material's own moduli.
+
+    event (particle,) and potency (particle, 6) m3 of the particles `source` of the step.
+    """
+    moduli, material = json.loads(step.attrs["elastic_moduli"]), step["material"].values[source]
+    total = np.zeros((events, 3, 3))
+    for index, name in enumerate(json.loads(step.attrs["material_names"])):
+        own = np.flatnonzero(material == index)
+        if len(own):
+            total += moment_from_potency(tensor_from_voigt(_sum_by(event[own], potency[own], events)), *moduli[name])
+    return total
 
 
 def _rank_events(failure_order: NDArray, label: NDArray, events: int) -> NDArray:
@@ -212,12 +229,11 @@ def _locate(
     }
 
 
-def _describe(potency: NDArray, lame_lambda: float, shear_modulus: float) -> dict[str, NDArray]:
-    """Size, axes and type of sources from their potency (event, 6) m3 and the host's moduli, Pa."""
-    tensor = tensor_from_voigt(potency)
-    moment = scalar_moment(moment_from_potency(tensor, lame_lambda, shear_modulus))
-    values = {"potency_tensor": tensor, "potency": scalar_potency(tensor), "moment": moment}
-    values["mw"] = moment_magnitude(moment)
+def _describe(potency: NDArray, moment: NDArray) -> dict[str, NDArray]:
+    """Size, axes and type of sources from their potency (event, 6) m3 and moment tensor (event, 3, 3) N m."""
+    tensor, scalar = tensor_from_voigt(potency), scalar_moment(moment)
+    values = {"potency_tensor": tensor, "potency": scalar_potency(tensor)}
+    values |= {"moment_tensor": moment, "moment": scalar, "mw": moment_magnitude(scalar)}
     axes, shares = clear_axes(tensor), source_shares(tensor)
     values |= {f"{name}_axis": axes[:, row] for row, name in enumerate("pbt")}
     values |= {name: shares[:, column] for column, name in enumerate(("iso", "clvd", "dc"))}
@@ -225,11 +241,15 @@ def _describe(potency: NDArray, lame_lambda: float, shear_modulus: float) -> dic
 
 
 def _order_in_time(attributes: dict, events: int, where: str) -> dict[str, NDArray]:
-    """Times of ranked events, evenly over the step: start + (rank - 1/2) / N of its length; NaT without dates."""
+    """Times of ranked events, evenly over the step: start + (rank - 1/2) / N of its length; NaT without dates.
+
+    Their uncertainties reach to the start and the end of the step, as the model dates no event within it.
+    """
     if not attributes["dated"]:
         return {
             "time": np.full(events, np.datetime64("NaT"), "datetime64[ns]"),
-            "time_uncertainty": np.full(events, np.nan),
+            "time_lower_uncertainty": np.full(events, np.nan),
+            "time_upper_uncertainty": np.full(events, np.nan),
         }
     start, end = (_microseconds(attributes[name], f"{where}: {name}") for name in ("start", "end"))
     if end <= start:
@@ -239,7 +259,8 @@ def _order_in_time(attributes: dict, events: int, where: str) -> dict[str, NDArr
     offset = np.rint((np.arange(events) + 0.5) / max(events, 1) * (end - start)).astype(np.int64)
     return {
         "time": (start + offset).astype("datetime64[us]").astype("datetime64[ns]"),
-        "time_uncertainty": np.full(events, (end - start) / 2e6),
+        "time_lower_uncertainty": offset / 1e6,
+        "time_upper_uncertainty": (end - start - offset) / 1e6,
     }
 
 

@@ -34,10 +34,14 @@ def build_record(
     settings: of these mine, twin, location_error, lame_lambda, shear_modulus count. sizes: any of potency (m3),
     log_potency, moment (N m), mw, each (event,) with NaN where unknown; the first that an event has, in this order,
     counts, and the tensor where it has none. tensor (event, 3, 3): potency tensors m3, NaN where unknown. other:
-    variables of the event table. A scalar moment alone is read as shear: potency = moment / mu. Raises InputError
-    without the moduli it needs, and naming `source` for a size that no event can have.
+    variables of the event table; time_uncertainty (event,) s stands for both sides of a time. A scalar moment alone is
+    read as shear: potency = moment / mu. Raises InputError without the moduli it needs, and naming `source` for a size
+    that no event can have.
     """
     count = len(time)
+    if "time_uncertainty" in other:
+        either = other.pop("time_uncertainty")
+        other |= {"time_lower_uncertainty": either, "time_upper_uncertainty": either}
     check_sizes(np.asarray(sizes.get("mw", []), float), source)
     mu, lame = settings.shear_modulus, settings.lame_lambda
     if mu is None or not mu > 0:
@@ -50,13 +54,15 @@ def build_record(
     if known.any():
         if not np.isfinite(lame):
             raise InputError("record: lame_lambda is missing; tensors need it: give the host rock's, in Pa")
-        moments = moment_from_potency(tensor[known], lame, mu)
+        moments = np.full_like(tensor, np.nan)
+        moments[known] = moment_from_potency(tensor[known], lame, mu)
         from_tensor = scalar_potency(tensor[known])
         axes, shares = np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
         axes[known], shares[known] = clear_axes(tensor[known]), source_shares(tensor[known])
         derived = {f"{name}_axis": axes[:, row] for row, name in enumerate("pbt")}
         derived |= {name: shares[:, column] for column, name in enumerate(("iso", "clvd", "dc"))}
-        moment[known] = scalar_moment(moments)
+        derived["moment_tensor"] = moments
+        moment[known] = scalar_moment(moments[known])
     for name in SIZE_NAMES:
         if name in sizes:
             unknown = np.isnan(potency)

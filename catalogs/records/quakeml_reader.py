@@ -98,7 +98,7 @@ def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dat
 def _foreign(events: Catalog, origins: list[Origin | None], settings: RecordSlice, path: Path) -> xr.Dataset:
     """A catalogue from what every QuakeML file holds, and from the origin of each event that counts."""
     time = np.array([_time(origin, number, path) for number, origin in enumerate(origins, 1)], "datetime64[ns]")
-    uncertainty = [origin.time_errors.uncertainty if origin and origin.time_errors else None for origin in origins]
+    lower, upper = np.array([_time_uncertainties(origin) for origin in origins], float).T
     globe = np.array([[getattr(origin, name, None) for name in GLOBE] for origin in origins], float)
     if settings.units:
         globe[:, list(GLOBE).index("depth")] *= unit_quantity(settings.units["depth"]).to("m").magnitude
@@ -128,9 +128,8 @@ def _foreign(events: Catalog, origins: list[Origin | None], settings: RecordSlic
         if None in moduli:
             raise InputError("record: moment tensors need lame_lambda and shear_modulus of the host rock, in Pa")
         tensor = potency_from_moment(tensor, *map(float, moduli))
-    record = build_record(
-        settings, time, location, {"mw": mw}, tensor, str(path), time_uncertainty=np.array(uncertainty, float)
-    )
+    uncertainties = {"time_lower_uncertainty": lower, "time_upper_uncertainty": upper}
+    record = build_record(settings, time, location, {"mw": mw}, tensor, str(path), **uncertainties)
     text = sizes_text(used, conversions)
     record.attrs |= {"sizes_text": text} if text else {}
     return record
@@ -145,6 +144,15 @@ def _time(origin, number: int, path: Path) -> np.datetime64:
             f"{path}: event {number}: {str(origin.time)!r}: years run from {FIRST_YEAR} to {LAST_YEAR} here"
         )
     return np.datetime64(origin.time.ns, "ns")
+
+
+def _time_uncertainties(origin) -> tuple[float | None, float | None]:
+    """How much earlier and how much later than its time an origin may be, s; None where it does not say."""
+    errors = getattr(origin, "time_errors", None)
+    if not errors:
+        return None, None
+    both = errors.uncertainty
+    return tuple(both if one is None else one for one in (errors.lower_uncertainty, errors.upper_uncertainty))
 
 
 def _magnitude(event: Event, conversions: dict) -> Magnitude | None:

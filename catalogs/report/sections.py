@@ -26,7 +26,6 @@ from catalogs.report.scene import above_cap, by_step, far_field
 from catalogs.report.spread import section as section_of_spread
 from catalogs.size_law import NONE, TRUNCATED
 from catalogs.sizes import b_by_cut, cut_grid, estimate_b, log_potency
-from pipeline.source_tensors import moment_from_potency
 
 BALLS = 10
 MANY = 40  # rows: a longer list is folded or scrolls, or ends after the MOST that have most potency
@@ -239,8 +238,7 @@ def _balls(evidence: Evidence, gallery: Gallery) -> dict | None:
         f"{row['rank']}: log P {row['log_potency']}, Mw {row['mw']}\n{row['location']} m\n{row['step']}" for row in rows
     ]
     axes_of = np.stack([chosen["p_axis"].values, chosen["t_axis"].values], axis=1)
-    lame_lambda, shear_modulus = (float(chosen.attrs[name]) for name in ("lame_lambda", "shear_modulus"))
-    tensors = moment_from_potency(chosen["potency_tensor"].values, lame_lambda, shear_modulus)
+    tensors = chosen["moment_tensor"].values
     return {
         "figure": gallery.add("beach_balls", beachballs.beach_balls(tensors, titles, axes_of, style.MODELLED)),
         "rows": rows,

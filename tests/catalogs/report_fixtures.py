@@ -235,7 +235,8 @@ def decompose(tensor: np.ndarray) -> dict[str, np.ndarray]:
     parts = np.array([trace / 3, clvd, (largest - smallest - np.abs(largest + smallest - 2 * middle)) / 2])
     parts = parts / np.abs(parts).sum(axis=0)
     return {
-        "potency_tensor": tensor, "potency": potency, "moment": moment, "mw": 2 / 3 * (np.log10(moment) - 9.1),
+        "potency_tensor": tensor, "potency": potency, "moment_tensor": moment_tensor, "moment": moment,
+        "mw": 2 / 3 * (np.log10(moment) - 9.1),
         "p_axis": vector[:, :, 0], "b_axis": vector[:, :, 1], "t_axis": vector[:, :, 2],
         "iso": parts[0], "clvd": parts[1], "dc": parts[2],
     }  # fmt: skip
@@ -263,7 +264,8 @@ def make_catalog(state: xr.Dataset, count: int, kind: str = "synthetic", seed: i
     potency = 1e-4 * generator.random(count) ** (-1 / 0.8)
     catalog = new_catalog(
         count, attributes, time=start + (rank / (count + 1) * 29 * 86400e9).astype("timedelta64[ns]"),
-        time_uncertainty=np.full(count, 15 * 86400.0), location=location, source_size=np.full(count, 2.0),
+        time_lower_uncertainty=np.full(count, 15 * 86400.0),
+        time_upper_uncertainty=np.full(count, 15 * 86400.0), location=location, source_size=np.full(count, 2.0),
         step=step if kind == "synthetic" else np.full(count, "", dtype=object),
         particles=generator.integers(3, 90, count) if kind == "synthetic" else np.full(count, -1),
         resolved=(generator.random(count) > 0.05).astype(np.int8) if kind == "synthetic" else np.ones(count, np.int8),

@@ -17,13 +17,14 @@ from catalogs.records import read_record
 from pipeline.errors import InputError
 from pipeline.event_table import NAMES, new_catalog, write_events
 from pipeline.event_table import read_events as read_table
+from pipeline.source_tensors import moment_from_potency
 
 
 @pytest.fixture
 def catalog() -> xr.Dataset:
     """Thirty events with nanoseconds, one without a tensor, one unresolved, awkward names and attributes."""
     catalog = made_up_catalog(30)
-    for name in ("potency_tensor", "p_axis", "b_axis", "t_axis", "iso", "clvd", "dc"):
+    for name in ("potency_tensor", "moment_tensor", "p_axis", "b_axis", "t_axis", "iso", "clvd", "dc"):
         catalog[name][3] = np.nan
     catalog["resolved"][5] = 0
     catalog["step"][7] = "a <b> & 'c'"
@@ -41,7 +42,7 @@ def test_written_and_read_back_is_identical_bit_for_bit(catalog, tmp_path):
 
 
 def test_netcdf_gives_the_same_catalogue_back(catalog, tmp_path):
-    catalog["time_uncertainty"][0] = np.nan
+    catalog["time_lower_uncertainty"][1:], catalog["time_upper_uncertainty"][1:] = 5.0, 6.0
     write_events(catalog, tmp_path / "catalog.nc")
     xr.testing.assert_identical(read_table(tmp_path / "catalog.nc"), catalog)
 
@@ -78,7 +79,7 @@ def test_shares_are_those_of_the_moment_tensor_beside_them(tmp_path):
     A closing one has the same sizes: QuakeML's shares have no sign."""
     catalog = made_up_catalog(2)
     catalog["potency_tensor"][0], catalog["potency_tensor"][1] = np.diag([1.0, 0, 0]), np.diag([-1.0, 0, 0])
-    catalog.attrs |= {"lame_lambda": 1e10, "shear_modulus": 1e10}
+    catalog["moment_tensor"].values[:] = moment_from_potency(catalog["potency_tensor"].values, 1e10, 1e10)
     write_quakeml(catalog, tmp_path / "catalog.xml")
     for event in read_events(str(tmp_path / "catalog.xml")):
         tensor = event.preferred_focal_mechanism().moment_tensor
@@ -90,6 +91,29 @@ def test_recorded_events_are_not_called_rock_bursts(tmp_path):
     catalog = made_up_catalog(1).assign_attrs(kind="recorded")
     write_quakeml(catalog, tmp_path / "catalog.xml")
     assert read_events(str(tmp_path / "catalog.xml"))[0].event_type == "induced or triggered event"
+
+
+def test_times_and_their_uncertainty_stay_within_the_step(tmp_path):
+    """They reached up to half a step beyond it, for all events but the middle one."""
+    catalog = made_up_catalog(40)
+    start, end = np.datetime64("2019-07-20", "ns"), np.datetime64("2019-10-05T12:00:00", "ns")
+    catalog["time"] = catalog["time"].astype("datetime64[us]").astype("datetime64[ns]")
+    catalog["time_lower_uncertainty"] = (
+        "event",
+        (catalog["time"].values - start) / np.timedelta64(1, "s"),
+        {"units": "s"},
+    )
+    catalog["time_upper_uncertainty"] = (
+        "event",
+        (end - catalog["time"].values) / np.timedelta64(1, "s"),
+        {"units": "s"},
+    )
+    write_quakeml(catalog, tmp_path / "catalog.xml")
+    for event in read_events(str(tmp_path / "catalog.xml")):
+        origin = event.preferred_origin()
+        assert origin.time_errors.uncertainty is None
+        assert origin.time - origin.time_errors.lower_uncertainty == UTCDateTime("2019-07-20")
+        assert origin.time + origin.time_errors.upper_uncertainty == UTCDateTime("2019-10-05T12:00:00")
 
 
 def test_an_empty_catalogue_is_still_a_valid_file(catalog, tmp_path):

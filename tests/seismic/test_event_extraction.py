@@ -10,6 +10,7 @@ from pipeline.datasets import read_dataset
 from pipeline.errors import InputError
 from pipeline.event_table import FIELDS, NAMES, read_events, write_events
 from pipeline.source_tensors import scalar_potency
+from pipeline.voigt import tensor_from_voigt
 from seismic.budget import PARTS
 from seismic.events import extract_events
 
@@ -66,7 +67,8 @@ def test_events_tell_how_much_of_them_is_slip_on_weak_planes(make_step, make_set
     names = json.dumps(["bedded", "fault", "host"])
 
     def share(**normals):
-        labelled = step.assign_attrs(material_names=names, plane_normals=json.dumps(normals))
+        moduli = json.dumps({name: [2e10, 2e10] for name in ("bedded", "fault", "host")})
+        labelled = step.assign_attrs(material_names=names, elastic_moduli=moduli, plane_normals=json.dumps(normals))
         return extract_events(labelled, make_settings())[0]["on_planes"].values
 
     assert_allclose(share(bedded=[1.0, 0.0, 0.0], fault=[0.0, -1.0, 0.0]), [4 / 8])
@@ -147,7 +149,40 @@ def test_events_follow_increment_then_earliest_generation(make_step, make_settin
     assert_allclose(events["location"][:, 0], [201.25, 101.25, 1.25])
     hours = (events["time"].values - np.datetime64("2019-08-01")) / np.timedelta64(1, "h")
     assert_allclose(hours, [5 * 24, 15 * 24, 25 * 24])  # 30 days: (rank - 1/2) / 3
-    assert_allclose(events["time_uncertainty"], 15 * 86400)
+    assert_allclose(events["time_lower_uncertainty"], [5 * 86400, 15 * 86400, 25 * 86400])
+    assert_allclose(events["time_upper_uncertainty"], [25 * 86400, 15 * 86400, 5 * 86400])
+
+
+def test_an_events_time_less_and_plus_its_uncertainty_is_its_step(make_scattered_step, make_settings):
+    """To the microsecond, for every event; it was half a step on both sides, right for the middle event alone."""
+    events, _ = extract_events(make_scattered_step(2, 150), make_settings())
+    assert events.sizes["event"] > 20
+    for name, sign, date in (("lower", -1, "2019-08-01"), ("upper", 1, "2019-09-01")):
+        reach = np.rint(events[f"time_{name}_uncertainty"].values * 1e6).astype("timedelta64[us]")
+        assert_array_equal(events["time"].values + sign * reach, np.datetime64(date))
+
+
+def test_moments_have_the_moduli_of_the_rock_that_failed(make_step, make_settings):
+    """Shear in a soft seam has M0 = mu P with the seam's mu, not the host's; an opening that spans both rocks has the
+    sum lambda tr(P) I + 2 mu P of its two parts. It was the host's everywhere: Mw 0.64 too large in this seam."""
+    moduli = {"host": [22.8e9, 22.8e9], "seam": [5e9, 2.5e9]}
+    position = np.concatenate([line([0, 0, 0], 3), line([100, 0, 0], 3), line([200, 0, 0], 4)])
+    strain = np.concatenate([np.tile(SHEAR, (6, 1)), np.tile(OPENING, (4, 1))])
+    step = make_step(position, strain, failure_order=np.repeat([[0, 0], [1, 0], [2, 0]], [3, 3, 4], axis=0))
+    step = step.assign(material=("particle", np.array([0, 0, 0, 1, 1, 1, 0, 0, 0, 1], np.int16)))
+    step.attrs |= {"material_names": json.dumps(list(moduli)), "elastic_moduli": json.dumps(moduli)}
+    events, _ = extract_events(step, make_settings())
+    assert_array_equal(events["particles"], [3, 3, 4])
+    potency = events["potency"].values
+    assert_allclose(events["moment"][:2], [22.8e9 * potency[0], 2.5e9 * potency[1]], rtol=1e-12)
+    assert float(events["mw"][0] - events["mw"][1]) == pytest.approx(2 / 3 * np.log10(22.8 / 2.5))
+    one = tensor_from_voigt(np.asarray(OPENING)) * 1.25**3
+    expected = sum(
+        count * (lame * np.trace(one) * np.eye(3) + 2 * mu * one)
+        for count, (lame, mu) in zip((3, 1), moduli.values(), strict=True)
+    )
+    assert_allclose(events["moment_tensor"][2], expected, rtol=1e-12)
+    assert_allclose(events["moment"][2], np.sqrt((expected**2).sum() / 2), rtol=1e-12)
 
 
 def test_equal_order_falls_back_to_the_first_particle(make_step, make_settings):
@@ -219,14 +254,18 @@ def test_an_undated_step_gives_events_without_times(make_step, make_settings, tm
     events, _ = extract_events(step, make_settings())
     assert events.sizes["event"] == 1
     assert np.isnat(events["time"].values).all()
-    assert np.isnan(events["time_uncertainty"].values).all()
+    assert np.isnan(events["time_lower_uncertainty"].values).all()
+    assert np.isnan(events["time_upper_uncertainty"].values).all()
     check_round_trip(events, tmp_path / "history.nc")
 
 
 def test_a_step_that_contradicts_itself_is_refused(make_step, make_settings):
     good = make_step(line([0, 0, 0], 3), np.tile(SHEAR, (3, 1)))
+    without_moduli = good.copy()
+    del without_moduli.attrs["elastic_moduli"]
     for broken, message in (
         (good.drop_vars("overshoot_strain"), "it lacks overshoot_strain"),
+        (without_moduli, "it lacks elastic_moduli"),
         (good.assign_attrs(mine="other"), "belongs to mine other, not to testmine"),
         (good.assign_attrs(step_index=5), "3 particles have seismic strain but did not fail in it"),
         (good.assign_attrs(end="2019-08-01"), "is not after start"),

@@ -19,6 +19,7 @@ from seismic.events import extract_events
 HISTORY = {"step": "history", "step_index": 0, "start": "", "end": "", "dated": 0}
 AUGUST = {"step": "2019-08", "step_index": 1, "start": "2019-08-01", "end": "2019-09-01"}
 SEPTEMBER = {"step": "2019-09", "step_index": 2, "start": "2019-09-01", "end": "2019-10-01"}
+UNCERTAINTIES = ("time_lower_uncertainty_s", "time_upper_uncertainty_s")
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +107,7 @@ def test_a_catalog_of_history_alone_is_empty_and_valid(event_steps, tmp_path):
     write_csv(again, tmp_path / "catalog.csv")
     table = pd.read_csv(tmp_path / "catalog.csv")
     assert len(table) == 0
-    assert list(table.columns[:5]) == ["date", "time_utc", "time_uncertainty_s", "x_m", "y_m"]
+    assert list(table.columns[:5]) == ["date", "time_utc", *UNCERTAINTIES, "x_m"]
 
 
 def test_steps_that_do_not_belong_together_are_refused(event_steps):
@@ -127,14 +128,16 @@ def test_table_holds_the_catalog(event_steps, tmp_path):
     assert (
         list(table.columns)
         == (
-            "date time_utc time_uncertainty_s x_m y_m z_m location_uncertainty_m log10_potency_m3 moment_n_m mw "
-            "potency_xx_m3 potency_yy_m3 potency_zz_m3 potency_yz_m3 "
+            f"date time_utc {' '.join(UNCERTAINTIES)} x_m y_m z_m location_uncertainty_m log10_potency_m3 moment_n_m "
+            "mw potency_xx_m3 potency_yy_m3 potency_zz_m3 potency_yz_m3 "
             "potency_xz_m3 potency_xy_m3 step resolved"
         ).split()
     )
     time = pd.to_datetime(table.date + "T" + table.time_utc).to_numpy()
     assert np.all(np.abs(time - catalog["time"].values) <= np.timedelta64(1, "s"))
-    assert_allclose(table.time_uncertainty_s, catalog["time_uncertainty"], atol=0.5)
+    for name, sign, month in ((UNCERTAINTIES[0], -1, 0), (UNCERTAINTIES[1], 1, 1)):  # never out of the step
+        edge = time.astype("datetime64[s]") + sign * table[name].to_numpy().astype("timedelta64[s]")
+        assert_array_equal(edge, (table.step.to_numpy().astype("datetime64[M]") + month).astype("datetime64[s]"))
     assert_allclose(table.location_uncertainty_m, catalog.attrs["location_error"], rtol=5e-3)
     assert_allclose(table[["x_m", "y_m", "z_m"]], catalog["location"], atol=5.01e-4)
     assert_allclose(10**table.log10_potency_m3, catalog["potency"], rtol=2e-6)
@@ -165,7 +168,9 @@ def test_command_lines_end_to_end(planes, make_scattered_step, make_settings, tm
     step = make_scattered_step(2, 150, **AUGUST)
     if planes:
         step = step.assign(material=("particle", np.arange(step.sizes["particle"], dtype=np.int16) % 2)).assign_attrs(
-            material_names=json.dumps(["fault", "host"]), plane_normals=json.dumps({"fault": [0.0, 0.0, 1.0]})
+            material_names=json.dumps(["fault", "host"]),
+            elastic_moduli=json.dumps({"fault": [2e10, 1e10], "host": [2e10, 2e10]}),
+            plane_normals=json.dumps({"fault": [0.0, 0.0, 1.0]}),
         )
     (tmp_path / "slice.json").write_text(json.dumps(make_settings()))
     settings = str(tmp_path / "slice.json")

@@ -47,8 +47,10 @@ convergence_unbalanced_ratio iteration float64 1 | convergence_max_ratio iterati
 convergence_cells iteration int32 1 | convergence_new_failures iteration int32 1
 """
 EVENTS = """
-time event datetime64[ns] - | time_uncertainty event float64 s | location event,xyz float64 m
-potency_tensor event,xyz,axis float64 m3 | potency event float64 m3 | moment event float64 N_m | mw event float64 1
+time event datetime64[ns] - | time_lower_uncertainty event float64 s | time_upper_uncertainty event float64 s
+location event,xyz float64 m
+potency_tensor event,xyz,axis float64 m3 | potency event float64 m3 | moment_tensor event,xyz,axis float64 N_m
+moment event float64 N_m | mw event float64 1
 p_axis event,xyz float64 1 | b_axis event,xyz float64 1 | t_axis event,xyz float64 1
 iso event float64 1 | clvd event float64 1 | dc event float64 1 | particles event int32 1 | resolved event int8 1
 source_size event float64 m
@@ -58,6 +60,7 @@ STATE_FACTS = {
     *("stage", "step", "step_index", "tolerance", "scheme", "iterations", "unbalanced_ratio"),
     *("truncated", "truncated_share", "truncated_where", "failed_particles", "failed_volume", "energy_released"),
     *("energy_dissipated", "energy_left_share", "energy_balance", "lame_lambda", "shear_modulus"),
+    "elastic_moduli",
 }
 EVENT_FACTS = {"kind", "lame_lambda", "shear_modulus", "frame"}
 CATALOG_FACTS = EVENT_FACTS | {"potency_floor", "seismic_fraction", "budget"}
@@ -72,7 +75,7 @@ CONTRACT = {
     "record.nc": (EVENTS, EVENT_FACTS | {"location_error"}),
 }
 COLUMNS = (
-    "date,time_utc,time_uncertainty_s,x_m,y_m,z_m,location_uncertainty_m,log10_potency_m3,moment_n_m,mw,"
+    "date,time_utc,time_lower_uncertainty_s,time_upper_uncertainty_s,x_m,y_m,z_m,location_uncertainty_m,log10_potency_m3,moment_n_m,mw,"
     "potency_xx_m3,potency_yy_m3,potency_zz_m3,potency_yz_m3,potency_xz_m3,potency_xy_m3"
 )
 

@@ -1,5 +1,7 @@
 """What the mechanics would hand to the event stage, with known contents: mechanisms with scatter, and whole steps."""
 
+import json
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -56,6 +58,7 @@ def synthetic_step(
             "position": (("particle", "xyz"), position),
             "spacing": ("particle", spacing),
             "volume": ("particle", volume),
+            "material": ("particle", np.zeros(count, np.int16)),
             "failed": ("particle", np.where(np.broadcast_to(failed, count), step_index, -1).astype(np.int32)),
             "failure_order": (("particle", "order"), order.astype(np.int32)),
             "seismic_strain": (voigt, strains[0]),
@@ -73,6 +76,8 @@ def synthetic_step(
             "dated": dated,
             "lame_lambda": LAME_LAMBDA,
             "shear_modulus": SHEAR_MODULUS,
+            "material_names": json.dumps(["host"]),
+            "elastic_moduli": json.dumps({"host": [LAME_LAMBDA, SHEAR_MODULUS]}),
             "truncated": 0,
             "truncated_share": 0.0,
             "truncated_where": "",
