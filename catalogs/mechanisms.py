@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import chi2, f
 
-from pipeline.source_tensors import point_down
+from pipeline.source_tensors import HORIZONTAL, point_down
 
 AXIS_NAMES = ("P", "B", "T")
 KAGAN_PAIRS = ("model_record", "nearest", "record_record", "uniform")
@@ -33,6 +33,29 @@ def axis_from_trend_plunge(trend: NDArray, plunge: NDArray) -> NDArray:
     """Unit vectors (..., 3) pointing down from trend and plunge in degrees."""
     trend, plunge = np.radians(trend), np.radians(plunge)
     return np.stack([np.sin(trend) * np.cos(plunge), np.cos(trend) * np.cos(plunge), -np.sin(plunge)], axis=-1)
+
+
+def nodal_planes(p_axis: NDArray, t_axis: NDArray) -> NDArray:
+    """Strike, dip and rake (..., 2, 3), degrees, of the two nodal planes of double couples with these axes (..., 3).
+
+    Slip along a plane opens along T = (n + s) / sqrt 2 and closes along P = (n - s) / sqrt 2, with n the plane's normal
+    and s the slip of the side that n points to; the other plane has them exchanged (Aki and Richards 2002, section
+    4.2). Strike 0 to 360, the plane dips to its right; dip 0 to 90; rake of the hanging wall, -180 to 180. A level
+    plane has no strike: it is north.
+    """
+    sums, differences = (np.asarray(t_axis) + sign * np.asarray(p_axis) for sign in (1.0, -1.0))
+    normal = np.stack([sums, differences], axis=-2) / np.sqrt(2.0)
+    slip = normal[..., ::-1, :]
+    upward = np.where(normal[..., 2:] < 0.0, -1.0, 1.0)  # the hanging wall lies above
+    normal, slip = upward * normal, upward * slip
+    level = np.hypot(normal[..., 0], normal[..., 1])
+    towards = np.where(level > HORIZONTAL, np.arctan2(normal[..., 0], normal[..., 1]), np.pi / 2.0)  # dips to there
+    dip = np.arctan2(level, normal[..., 2])
+    east, north = np.sin(towards), np.cos(towards)
+    along = np.stack([-north, east, np.zeros_like(east)], axis=-1)  # the strike: its dip is to the right
+    updip = np.stack([-np.cos(dip) * east, -np.cos(dip) * north, np.sin(dip)], axis=-1)
+    rake = np.arctan2(np.sum(slip * updip, axis=-1), np.sum(slip * along, axis=-1))
+    return np.degrees(np.stack([(towards - np.pi / 2.0) % (2.0 * np.pi), dip, rake], axis=-1))
 
 
 def angle_between_axes(first: NDArray, second: NDArray) -> NDArray:

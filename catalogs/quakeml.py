@@ -1,11 +1,13 @@
 """A catalogue as QuakeML 1.2, for exchange: written through ObsPy, read back identical, with the same bytes every time.
 
-What any reader understands: origin time, latitude, longitude, depth (m below sea level, = -z), moment magnitude, and
-the moment tensor in N m, Up-South-East (rr = zz, tt = yy, pp = xx, rt = -yz, rp = xz, tp = -xy), with its own shares,
-sizes from 0 to 1 as QuakeML has them; those of the potency tensor, signed, stand in our namespace. Events of a model
-are rock bursts, rock that breaks because it is mined; recorded ones may be of other making and are called induced or
-triggered (event types: Storchak et al. 2012). Beside that, in the namespace NAMESPACE and bit for bit, every variable
-of pipeline.event_table per event and the attributes once (JSON).
+What any reader understands: origin time with how much earlier and later it may be, latitude, longitude, depth (m below
+sea level, = -z), moment magnitude, the moment tensor in N m, Up-South-East (rr = zz, tt = yy, pp = xx, rt = -yz,
+rp = xz, tp = -xy), with its own shares, sizes from 0 to 1 as QuakeML has them, and, where the event has P and T axes,
+principal axes and nodal planes of that tensor. Beside that, in the namespace NAMESPACE and bit for bit, stand every
+variable of pipeline.event_table per event, among them the signed shares of the potency tensor, and the attributes once
+(JSON). Unresolved events are left out: QuakeML has no mark for them that other programs read, and these would count
+them. An event's identifier ends in its row of the catalogue and of catalog.csv. A synthetic event says so in its
+description and its creationInfo.
 ObsPy makes random resource identifiers and stamps the time unless told otherwise: here every one is given.
 """
 
@@ -20,14 +22,19 @@ import numpy as np
 import xarray as xr
 from obspy import UTCDateTime, read_events
 from obspy.core.event import (
+    Axis,
     Catalog,
     CreationInfo,
     Event,
+    EventDescription,
     FocalMechanism,
     Magnitude,
     MomentTensor,
+    NodalPlane,
+    NodalPlanes,
     Origin,
     OriginUncertainty,
+    PrincipalAxes,
     QuantityError,
     ResourceIdentifier,
     Tensor,
@@ -35,16 +42,24 @@ from obspy.core.event import (
 from obspy.io.quakeml.core import _validate
 
 from catalogs.frame import MineFrame
+from catalogs.mechanisms import nodal_planes, trend_plunge
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
 from pipeline.event_table import FIELDS, check_events, new_catalog
 from pipeline.fields import TEXT, Field
 from pipeline.provenance import comment
-from pipeline.source_tensors import source_shares
+from pipeline.source_tensors import principal_axes, source_shares
 
 NAMESPACE = "urn:mine-seismicity:catalogue:1"
 PREFIX = "mine"
-EVENT_TYPES = {"synthetic": "rock burst", "twin": "rock burst", "recorded": "induced or triggered event"}
+# Of the types of Storchak et al. (2012): caused by human activity. A "rock burst" does damage, which no model tells.
+EVENT_TYPE = "induced or triggered event"
+AUTHOR = "rockburst-mpm"
+SAYS = {  # what an event says of itself by its kind
+    "synthetic": "Synthetic event of a numerical model of mine {mine}, not recorded",
+    "twin": "Synthetic event of a numerical model of mine {mine}, not recorded: part of a made-up record",
+    "recorded": "",
+}
 ATTRIBUTES = "attributes"
 # Component of QuakeML's tensor -> sign, row, column in east, north, up.
 UP_SOUTH_EAST = {
@@ -58,10 +73,10 @@ UP_SOUTH_EAST = {
 
 
 def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike, made_from: str = "") -> None:
-    """Write a catalogue (form of pipeline.event_table) as QuakeML, atomically, after ObsPy's own schema check.
+    """Write the resolved events of a catalogue (form of pipeline.event_table) as QuakeML, atomically.
 
-    made_from: see pipeline.provenance. Needs attributes mine and frame. Raises InputError for a missing frame, an event
-    without time or location, or a file that the schema refuses.
+    ObsPy checks the file against the schema first. made_from: see pipeline.provenance. Needs attributes mine and frame.
+    Raises InputError for a missing frame, a resolved event without time or location, or a file that the schema refuses.
     """
     catalog = check_events(catalog, "catalogue")
     stream = io.BytesIO()
@@ -76,80 +91,96 @@ def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike, made_from: str =
 
 
 def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
-    """The catalogue as ObsPy's object, every identifier explicit."""
+    """The catalogue's resolved events as ObsPy's object, every identifier explicit."""
+    rows, total = np.flatnonzero(catalog["resolved"].values), catalog.sizes["event"]
+    catalog = catalog.isel(event=rows)
     if np.isnat(catalog["time"].values).any() or not np.isfinite(catalog["location"].values).all():
         raise InputError("QuakeML: an event without time or location cannot be written; leave it out")
-    latitude, longitude, depth = MineFrame(catalog.attrs.get("frame")).to_globe(catalog["location"].values)
-    moment = catalog["moment_tensor"].values
-    base = f"smi:local/{_word(catalog.attrs['mine'])}/{catalog.attrs['kind']}"
-    shares = np.full((len(moment), 3), np.nan)
-    known = np.isfinite(moment).all(axis=(1, 2))
-    shares[known] = np.abs(source_shares(moment[known]))[:, [2, 1, 0]]  # DC, CLVD, ISO
+    globe = np.transpose(MineFrame(catalog.attrs.get("frame")).to_globe(catalog["location"].values))
+    kind = catalog.attrs["kind"]
+    base = f"smi:local/{_word(catalog.attrs['mine'])}/{kind}"
+    says = SAYS[kind].format(mine=catalog.attrs["mine"])
+    made = CreationInfo(agency_id=kind, author=AUTHOR if says else None)
+    mechanisms = _mechanisms(catalog)
     texts = {field.name: _texts(catalog[field.name].values) for field in FIELDS}
     events = []
-    for index in range(catalog.sizes["event"]):
-        name = f"{base}/event/{index + 1:06d}"
-        event = _obspy_event(
-            name,
-            time=catalog["time"].values[index],
-            time_uncertainty=[float(catalog[f"time_{side}_uncertainty"].values[index]) for side in ("lower", "upper")],
-            place=(float(latitude[index]), float(longitude[index]), float(depth[index])),
-            location_error=float(catalog.attrs.get("location_error", np.nan)),
-            mw=float(catalog["mw"].values[index]),
-            scalar_moment=float(catalog["moment"].values[index]),
-            moment=moment[index],
-            shares=shares[index].tolist(),
-            event_type=EVENT_TYPES[catalog.attrs["kind"]],
-        )
+    for index, row in enumerate(rows):
+        name = f"{base}/event/{row + 1:06d}"
+        event = Event(resource_id=ResourceIdentifier(name), event_type=EVENT_TYPE, creation_info=made)
+        event.event_descriptions = [EventDescription(text=says)] if says else []
+        origin = _origin(f"{name}/origin", catalog, index, globe[index])
+        event.origins, event.preferred_origin_id = [origin], origin.resource_id
+        if np.isfinite(catalog["mw"].values[index]):
+            mw = float(catalog["mw"].values[index])
+            size = Magnitude(resource_id=ResourceIdentifier(f"{name}/magnitude"), mag=mw, magnitude_type="Mw")
+            size.origin_id = origin.resource_id
+            event.magnitudes, event.preferred_magnitude_id = [size], size.resource_id
+        if mechanisms[index] is not None:
+            mechanism = mechanisms[index]
+            mechanism.resource_id = ResourceIdentifier(f"{name}/mechanism")
+            mechanism.moment_tensor.resource_id = ResourceIdentifier(f"{name}/moment_tensor")
+            mechanism.moment_tensor.derived_origin_id = origin.resource_id
+            event.focal_mechanisms, event.preferred_focal_mechanism_id = [mechanism], mechanism.resource_id
         event.extra = {name: {"value": text[index], "namespace": NAMESPACE} for name, text in texts.items()}
         events.append(event)
-    result = Catalog(events=events, resource_id=ResourceIdentifier(base))
-    result.creation_info = CreationInfo(agency_id=catalog.attrs["kind"])
+    result = Catalog(events=events, resource_id=ResourceIdentifier(base), creation_info=made)
+    left_out = f"{total - len(rows)} unresolved events of {total} are left out" if len(rows) < total else ""
+    result.description = ". ".join(part for part in (says, left_out) if part) or None
     result.extra = {ATTRIBUTES: {"value": json.dumps(_plain(catalog.attrs)), "namespace": NAMESPACE}}
     return result
 
 
-def _obspy_event(
-    name: str, time, time_uncertainty, place, location_error, mw, scalar_moment, moment, shares, event_type
-) -> Event:
-    """One event with an origin, and a magnitude and a moment tensor where they are known."""
+def _origin(name: str, catalog: xr.Dataset, index: int, globe: np.ndarray) -> Origin:
+    """Where and when an event was; globe: latitude and longitude (degrees), depth (m)."""
     origin = Origin(
-        resource_id=ResourceIdentifier(f"{name}/origin"),
-        time=UTCDateTime(ns=int(time.astype("datetime64[ns]").astype(np.int64))),
-        latitude=place[0],
-        longitude=place[1],
-        depth=place[2],
+        resource_id=ResourceIdentifier(name),
+        time=UTCDateTime(ns=int(catalog["time"].values[index].astype("datetime64[ns]").astype(np.int64))),
+        latitude=float(globe[0]),
+        longitude=float(globe[1]),
+        depth=float(globe[2]),
         depth_type="other",
     )
-    if np.isfinite(time_uncertainty).all():
-        lower, upper = time_uncertainty
+    lower, upper = (float(catalog[f"time_{side}_uncertainty"].values[index]) for side in ("lower", "upper"))
+    if np.isfinite(lower) and np.isfinite(upper):
         origin.time_errors = QuantityError(lower_uncertainty=lower, upper_uncertainty=upper)
+    location_error = float(catalog.attrs.get("location_error", np.nan))
     if np.isfinite(location_error):
         origin.depth_errors = QuantityError(uncertainty=location_error)
         origin.origin_uncertainty = OriginUncertainty(
             horizontal_uncertainty=location_error, preferred_description="horizontal uncertainty"
         )
-    event = Event(resource_id=ResourceIdentifier(name), event_type=event_type, origins=[origin])
-    event.preferred_origin_id = origin.resource_id
-    if np.isfinite(mw):
-        size = Magnitude(resource_id=ResourceIdentifier(f"{name}/magnitude"), mag=mw, magnitude_type="Mw")
-        size.origin_id = origin.resource_id
-        event.magnitudes = [size]
-        event.preferred_magnitude_id = size.resource_id
-    if np.isfinite(moment).all():
-        tensor = Tensor(**{key: float(sign * moment[i, j]) for key, (sign, i, j) in UP_SOUTH_EAST.items()})
+    return origin
+
+
+def _mechanisms(catalog: xr.Dataset) -> list[FocalMechanism | None]:
+    """Focal mechanism of each event, without identifiers; None where it has no moment tensor."""
+    tensors = catalog["moment_tensor"].values
+    found: list[FocalMechanism | None] = [None] * len(tensors)
+    known = np.flatnonzero(np.isfinite(tensors).all(axis=(1, 2)))
+    tensors = tensors[known]
+    shares = np.abs(source_shares(tensors))
+    axes, lengths = principal_axes(tensors), np.linalg.eigvalsh(tensors)
+    planes = nodal_planes(axes[:, 0], axes[:, 2])
+    trends, plunges = trend_plunge(axes)
+    clear = np.isfinite(catalog["p_axis"].values).all(axis=1) & np.isfinite(catalog["t_axis"].values).all(axis=1)
+    for row, event in enumerate(known):
+        scalar = float(catalog["moment"].values[event])
         source = MomentTensor(
-            resource_id=ResourceIdentifier(f"{name}/moment_tensor"),
-            derived_origin_id=origin.resource_id,
-            scalar_moment=scalar_moment if np.isfinite(scalar_moment) else None,
-            tensor=tensor,
+            scalar_moment=scalar if np.isfinite(scalar) else None,
+            tensor=Tensor(**{key: float(sign * tensors[row, i, j]) for key, (sign, i, j) in UP_SOUTH_EAST.items()}),
         )
-        if np.isfinite(shares).all():
-            source.double_couple, source.clvd, source.iso = shares
-        mechanism = FocalMechanism(resource_id=ResourceIdentifier(f"{name}/mechanism"), moment_tensor=source)
-        event.focal_mechanisms = [mechanism]
-        event.preferred_focal_mechanism_id = mechanism.resource_id
-    return event
+        if np.isfinite(shares[row]).all():
+            source.iso, source.clvd, source.double_couple = shares[row].tolist()
+        found[event] = FocalMechanism(moment_tensor=source)
+        if clear[event]:
+            first, second = (
+                NodalPlane(strike=strike, dip=dip, rake=rake) for strike, dip, rake in planes[row].tolist()
+            )
+            found[event].nodal_planes = NodalPlanes(nodal_plane_1=first, nodal_plane_2=second)
+            columns = zip(trends[row].tolist(), plunges[row].tolist(), lengths[row].tolist(), strict=True)
+            p, n, t = (Axis(azimuth=trend, plunge=plunge, length=length) for trend, plunge, length in columns)
+            found[event].principal_axes = PrincipalAxes(p_axis=p, n_axis=n, t_axis=t)
+    return found
 
 
 def read_quakeml(path: str | os.PathLike) -> Catalog:

@@ -55,7 +55,7 @@ rule record:
 
 
 rule quakeml:
-    """The synthetic catalogue as QuakeML 1.2."""
+    """The resolved events of the synthetic catalogue as QuakeML 1.2."""
     input:
         inputs_of("catalogs quakeml", "quakeml", "catalog.xml", catalog=f"{RESULTS}/catalog.nc"),
     output:
