@@ -1,6 +1,7 @@
 """`grid_convergence`: the tiny mine on cells of twice the size beside results that stand, and what both tell."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -63,7 +64,12 @@ def test_a_companion_runs_beside_what_stands(spoiled, base):
     with edited(base / "files" / "tiny.yaml", changed(TINY, grid_convergence=True)) as file:
         status, text = snakemake(file, spoiled)
         again = snakemake(file, spoiled, "--dry-run")
+        packed = snakemake(file, spoiled, "--report", str(spoiled / "packed.html"))
     assert status == 0, text
+    assert packed[0] == 0, packed[1]
+    labels = re.findall(r'"labels": ({[^}]*})', (spoiled / "packed.html").read_text(encoding="utf-8"))
+    names = ["catalogue", "catalogue, cells of twice the size", "report"]  # two of them are files of one name
+    assert sorted(json.loads(label)["result"] for label in labels) == names
     own = {"grid": 1, "elastic": 1, "mining_step": 2, "events": 2, "catalog": 1}
     assert jobs(text) == own | {"grid_convergence": 1, "report": 1, "all": 1}
     after = hashes(results)

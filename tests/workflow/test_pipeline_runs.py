@@ -161,8 +161,9 @@ def test_snakemakes_own_report_needs_no_network(undisturbed, tiny_file, tmp_path
     status, text = snakemake(tiny_file, undisturbed[0], "--report", str(page))
     assert status == 0, text
     page = page.read_text(encoding="utf-8")
-    for result in ("report.html", "catalog.csv"):
-        assert f"results/tiny/{result}" in page
+    for file, result in (("report.html", "report"), ("catalog.csv", "catalogue")):
+        assert f"results/tiny/{file}" in page
+        assert f'"labels": {{"result": "{result}"}}' in page
     assert not re.findall(r"""<(?:script|link|img)[^>]+(?:src|href)=["']?https?:""", page)
 
 

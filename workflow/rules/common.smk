@@ -249,6 +249,17 @@ def dated_results(wildcards):
     return [f"{run}/{folder}/{step}.nc" for run in runs_of(wildcards) for folder in ("steps", "events") for step in steps]
 
 
+def packed(path, result):
+    """A result that `snakemake --report` packs, in its mine's category: labels tell files of one name apart."""
+
+    def labels(wildcards):
+        coarse = ", cells of twice the size" if place_of(wildcards)[1] == COARSE else ""
+        return {"result": result + coarse}
+
+    caption = f"../report/{result}.rst"
+    return report(kept(path), caption=caption, category=lambda wildcards: place_of(wildcards)[0], labels=labels)
+
+
 def comparison_of(wildcards):
     """The comparison with the record, if there is one."""
     return result("comparison.nc") if HAS_RECORD and wildcards.mine == MINE.name else []

@@ -188,7 +188,7 @@ rule report:
             grid_convergence=result("grid_convergence.nc") if HAS_COARSE else [],
         ),
     output:
-        page=report(kept(f"{RESULTS}/report.html"), caption="../report/report.rst", category="{mine}"),
+        page=packed(f"{RESULTS}/report.html", "report"),
         figures=directory(f"{RESULTS}/figures"),
     params:
         code=source_hash("catalogs report"),

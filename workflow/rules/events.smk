@@ -27,7 +27,7 @@ rule catalog:
         inputs_of("seismic catalog", "catalog", events=events_of),
     output:
         catalog=kept(f"{RESULTS}/catalog.nc"),
-        table=report(kept(f"{RESULTS}/catalog.csv"), caption="../report/catalog.rst", category="{mine}"),
+        table=packed(f"{RESULTS}/catalog.csv", "catalogue"),
     params:
         code=source_hash("seismic catalog"),
         settings=slice_of("catalog"),
