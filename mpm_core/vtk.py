@@ -1,5 +1,6 @@
 """A state on its grid, and the solids, as VTK files."""
 
+import json
 import os
 from pathlib import Path
 from xml.etree import ElementTree
@@ -29,7 +30,9 @@ INDEX = {"excavations": "excavation", "rock_bodies": "rock_body"}  # groups of s
 def write_vtu(grid: MultiLevelGrid, pieces: Places, state: xr.Dataset, path: str | os.PathLike) -> None:
     """Write cells with the mean of their rock's fields and the step of its failure, and nodal displacement, as VTU.
 
-    Principal stresses count from the most compressive (1: the most negative) to the least (3), each with its direction.
+    fraction_of_<material>: share of a cell that this rock or fill takes; material: number, in the order of these
+    arrays, of the one that takes most, -1 where nothing is. Principal stresses count from the most compressive (1: the
+    most negative) to the least (3), each with its direction.
     """
     cells = len(grid.cell_level)
     cell, volume = state.cell.values, state.volume.values
@@ -40,6 +43,11 @@ def write_vtu(grid: MultiLevelGrid, pieces: Places, state: xr.Dataset, path: str
         "solid_fraction": np.bincount(cell, volume, minlength=cells) / full,
         "excavation": main_excavation(pieces, grid),
     }
+    names = json.loads(state.attrs["material_names"])
+    share = np.zeros((len(names), cells))
+    np.add.at(share, (state.material.values, cell), volume / full[cell])
+    data["material"] = np.where(share.any(axis=0), share.argmax(axis=0), -1).astype(np.int32)
+    data |= {f"fraction_of_{name}": row for name, row in zip(names, share.astype(np.float32), strict=True)}
     rock = (state.excavation.values < 0) & (volume > 0.0)
     data["failed_in_step"] = np.full(cells, -1, np.int32)
     np.maximum.at(data["failed_in_step"], cell[rock], state.failed.values[rock])

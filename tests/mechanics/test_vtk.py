@@ -1,5 +1,6 @@
 """VTK files of a state and of the solids: what ParaView shows is what the dataset holds, by name and unit."""
 
+import json
 from xml.etree import ElementTree
 
 import meshio
@@ -42,6 +43,31 @@ def test_a_state_is_a_vtk_file_that_others_read(stage):
     np.testing.assert_allclose(mesh.cell_data["solid_fraction"][0], share, rtol=1e-12)
     excavated = np.isin(np.arange(len(share)), holding_cells(grid, pieces.place))
     np.testing.assert_array_equal(mesh.cell_data["excavation"][0], np.where(excavated, 0, -1))
+
+
+def test_cells_tell_their_material_and_what_share_of_them_it_takes(stage, tmp_path):
+    """Rock of another material east of the middle, and a cell that holds nothing: numbers, shares by name, -1."""
+    dataset, state, _ = stage
+    grid = read_grid(state)[0]
+    state = state.copy(deep=True)
+    state.attrs["material_names"] = json.dumps(["host", "fill", "solid"])
+    east = state.position.values[:, 0] > 12.0
+    state.material.values[:] = np.where(east, 2, 0)
+    state.volume.values[state.cell.values == 0] = 0.0
+    write_vtu(grid, read_pieces(dataset), state, tmp_path / "materials.vtu")
+    cells = {name: values[0] for name, values in meshio.read(tmp_path / "materials.vtu").cell_data.items()}
+    shares = np.stack([cells[f"fraction_of_{name}"] for name in ("host", "fill", "solid")])
+    np.testing.assert_allclose(shares.sum(axis=0), cells["solid_fraction"], atol=1e-6)
+    full = grid.cell_size**grid.dimension * 5.0
+    for index in range(3):
+        own = (state.material.values == index) & (state.volume.values > 0)
+        expected = np.zeros(len(full))
+        for particle in np.flatnonzero(own):
+            expected[state.cell.values[particle]] += state.volume.values[particle] / full[state.cell.values[particle]]
+        np.testing.assert_allclose(shares[index], expected, atol=1e-6)
+        assert set(cells["material"][expected > 0.5]) <= {index}
+    assert cells["material"][0] == -1
+    assert set(cells["material"][1:]) == {0, 2}
 
 
 def test_stress_components_are_those_that_paraview_names(stage):
