@@ -227,7 +227,7 @@ class RecordSettings(Settings):
     date_order: Literal["day", "month"] = None
     """what 01/02/2019 begins with"""
     time_zone: str = None
-    """of times without an offset: Australia/Hobart, +10:00; else UTC"""
+    """of times without an offset: Australia/Hobart, +10:00; else UTC. An hour that a clock shows twice is the later"""
     conversions: dict[str, choose(is_section, Conversion, Literal["none"])] = None
     """what magnitudes of other types than Mw mean: {ML: {slope: 0.9, offset: 0.2}}, or none: left out"""
     energy_conversion: EnergyConversion = None

@@ -29,7 +29,7 @@ from catalogs.records.csv_table import Table, read_table
 from catalogs.records.event_kinds import is_left_out, kept_words, plain_word
 from catalogs.records.filters import filter_events
 from catalogs.records.magnitudes import moment_magnitudes, sizes_text
-from catalogs.records.times import parse_times, times_of_numbers, times_of_parts
+from catalogs.records.times import parse_times, shown_twice, times_of_numbers, times_of_parts
 from pipeline.errors import InputError
 from pipeline.source_tensors import potency_from_moment
 from pipeline.voigt import COMPONENTS
@@ -90,7 +90,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
         other["step"] = table.words(columns["step"]).to_numpy(object)
     record = build_record(settings, time, place, sizes, tensor, source=str(path), **other)
     record.attrs |= {"sizes_text": told} if told else {}
-    record.attrs |= {"times_text": f"{local} without an offset, as {settings.time_zone or 'UTC'}"} if local else {}
+    record.attrs |= {"times_text": _times_text(time, local, settings.time_zone)} if local else {}
     limits = settings.filter
     quality = table.rows if limits and (limits.maximum or limits.minimum) else ()
     quality = {name: table.numbers(name, strict=False) for name in quality}
@@ -99,6 +99,15 @@ def read(settings: RecordSlice) -> xr.Dataset:
     words = {name: (table.words(name) if name in asked else table.text(name)).to_numpy(object) for name in words}
     kinds = {key: table.words(columns[key]).to_numpy(object) for key in (EVENT_TYPE, STATUS) if key in columns}
     return filter_events(record, settings, quality, str(path), table.repeated, words, kinds)
+
+
+def _times_text(time: np.ndarray, local: int, zone: str | None) -> str:
+    """How many times had no offset, as what they were read, and how many of the record's hours were not unique."""
+    text = f"{local} without an offset, as {zone or 'UTC'}"
+    twice = np.count_nonzero(shown_twice(time, zone)) if zone else 0
+    if not twice:
+        return text
+    return f"{text}; {twice} in an hour that the clock showed twice, taken as the later: they may be an hour too late"
 
 
 def _listed(value: str | list[str]) -> list[str]:

@@ -143,6 +143,16 @@ def times_of_parts(parts: Mapping[str, np.ndarray], zone: str | None) -> tuple[n
     return time, int((~np.isnat(time)).sum())
 
 
+def shown_twice(time: np.ndarray, zone: str) -> np.ndarray:
+    """Which times (event,) datetime64[ns], UTC, lie in an hour that a zone's clocks showed twice: (event,) bool."""
+    local = pd.DatetimeIndex(time).tz_localize("UTC").tz_convert(check_zone(zone)).tz_localize(None)
+    first, second = (
+        local.tz_localize(check_zone(zone), ambiguous=np.full(len(time), summer), nonexistent="shift_forward")
+        for summer in (True, False)
+    )
+    return np.asarray(first.tz_convert("UTC") < second.tz_convert("UTC"))
+
+
 def _numbers(text: pd.Series) -> pd.Series:
     """A column of digits as numbers, NaN where there are none."""
     return pd.to_numeric(text, errors="coerce").astype(float)

@@ -90,6 +90,22 @@ def test_one_table_in_many_forms_is_one_record(tmp_path, form):
     assert said in record.attrs.get("times_text", said)
 
 
+def test_hours_that_a_clock_showed_twice_are_counted_and_taken_as_the_later(tmp_path):
+    """Hobart set its clocks back from 3 to 2 on 7 April 2019: 2:30 was 15:30 and 16:30 UTC. Nothing was said of it."""
+    texts = ["2019-04-07T01:59:59", "2019-04-07T02:00:00", "2019-04-07T02:30:00", "2019-04-07T03:00:00", ""]
+    rows = "".join(f"{text},{x},2,3,-1\n" for x, text in enumerate(texts))
+    record = read(tmp_path, PLAIN.splitlines()[0] + "\n" + rows, COLUMNS, time_zone="Australia/Hobart")
+    utc = ["2019-04-06T14:59:59", "2019-04-06T16:00:00", "2019-04-06T16:30:00", "2019-04-06T17:00:00"]
+    np.testing.assert_array_equal(record["time"].values, np.array(utc, "datetime64[ns]"))
+    assert record.attrs["times_text"] == (
+        "4 without an offset, as Australia/Hobart; 2 in an hour that the clock showed twice, taken as the later: they "
+        "may be an hour too late"
+    )
+    for zone in ("+10:00", "Australia/Brisbane"):  # no summer time
+        record = read(tmp_path, PLAIN.splitlines()[0] + "\n" + rows, COLUMNS, time_zone=zone)
+        assert record.attrs["times_text"] == f"4 without an offset, as {zone}"
+
+
 def test_sizes_are_read_in_the_units_that_the_header_says(tmp_path):
     """A moment of 1e16 dyn cm is 1e9 N m."""
     text = PLAIN.replace("mw\n", "M0 (dyn.cm)\n").replace(",-1.0\n", ",1e16\n").replace(",0.5\n", ",1e17\n")
