@@ -23,7 +23,7 @@ def main(arguments: list[str] | None = None) -> None:
     every = stages.add_parser("catalog", help="the catalogue of all dated steps")
     every.add_argument("--events", required=True, nargs="+", help="events/<step>.nc of every step")
     every.add_argument("--csv", required=True, help="the same catalogue as a table")
-    tried = stages.add_parser("closeness", help="sizes of events at several values of closeness")
+    tried = stages.add_parser("closeness", help="sizes of events at several closenesses and link reaches")
     tried.add_argument("--steps", required=True, nargs="+", help="steps/<step>.nc of every dated step")
     for stage in (one, every, tried):
         stage.add_argument(
@@ -37,7 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
     run, does = {
         "events": (events, "seismic events of one step, from its plastic strain"),
         "catalog": (catalog, "the catalogue of all dated steps"),
-        "closeness": (closeness, "sizes of events at several values of closeness"),
+        "closeness": (closeness, "sizes of events at several values of closeness, and with shorter links"),
     }[chosen.stage]
     run_stage(f"{chosen.stage} {chosen.output}", chosen.log, lambda: run(chosen), does)
 
@@ -57,7 +57,7 @@ def events(chosen: argparse.Namespace) -> None:
 
 
 def closeness(chosen: argparse.Namespace) -> None:
-    """Sizes of events at several values of closeness."""
+    """Sizes of events at several values of closeness, and with shorter links."""
     from seismic.closeness import sizes_by_closeness
     from seismic.events import VARIABLES
 

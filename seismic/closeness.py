@@ -1,4 +1,4 @@
-"""What closeness makes of the same rock: sizes of events at several of them, since it sets their number and b."""
+"""What two choices of the extraction make of the same rock: which mechanisms are alike, and which cells touch."""
 
 from collections.abc import Iterable
 
@@ -6,33 +6,46 @@ import numpy as np
 import xarray as xr
 
 from seismic.events import extract_events
+from seismic.regions import CORNERS, EDGES, FACES
 from seismic.settings import EventSettings
 
 CLOSENESS = (0.6, 0.7, 0.8, 0.9, 0.95)
 
 
 def sizes_by_closeness(steps: Iterable[xr.Dataset], settings: EventSettings) -> xr.Dataset:
-    """Resolved events of all steps, extracted at each CLOSENESS and at the mine's own.
+    """Resolved events of all steps, extracted at each CLOSENESS and at the mine's own, and there with shorter links.
 
     steps: datasets of mining steps, one after the other; settings: EventSettings, or their values. Gives potency
-    (event,) m3 and, beside it, the closeness at which the event was extracted (event,); attribute own: the mine's.
+    (event,) m3 and, beside it, choice (event,): the index of the choice with which the event was extracted; closeness
+    and reach (choice,): the cosine, and over what regions are linked (seismic.regions; families have no such links);
+    attribute own: the index of the catalogue's own choice.
     """
     chosen = EventSettings.of(settings, "seismic")
-    values = sorted({*CLOSENESS, chosen.closeness})
-    potency: dict[float, list] = {value: [np.empty(0)] for value in values}
+    choices = [(value, CORNERS) for value in sorted({*CLOSENESS, chosen.closeness})]
+    own = choices.index((chosen.closeness, CORNERS))
+    if chosen.method == "simultaneous":
+        choices += [(chosen.closeness, reach) for reach in (EDGES, FACES)]
+    potency: list[list] = [[np.empty(0)] for _ in choices]
     for step in steps:
-        for value in values:
-            events, _ = extract_events(step, chosen.model_copy(update={"closeness": value}))
-            potency[value].append(events["potency"].values[events["resolved"].values == 1])
-    joined = {value: np.concatenate(parts) for value, parts in potency.items()}
+        for (value, reach), parts in zip(choices, potency, strict=True):
+            events, _ = extract_events(step, chosen.model_copy(update={"closeness": value}), reach)
+            parts.append(events["potency"].values[events["resolved"].values == 1])
+    joined = [np.concatenate(parts) for parts in potency]
+    closeness, reach = zip(*choices, strict=True)
     return xr.Dataset(
         {
-            "potency": ("event", np.concatenate(list(joined.values())), {"units": "m3", "long_name": "scalar potency"}),
-            "closeness": (
+            "potency": ("event", np.concatenate(joined), {"units": "m3", "long_name": "scalar potency"}),
+            "choice": (
                 "event",
-                np.repeat(values, [len(part) for part in joined.values()]),
-                {"units": "1", "long_name": "closeness at which the event was extracted"},
+                np.repeat(np.arange(len(choices)), [len(part) for part in joined]),
+                {"units": "1", "long_name": "choice with which the event was extracted"},
+            ),
+            "closeness": ("choice", list(closeness), {"units": "1", "long_name": "cosine above which rock is alike"}),
+            "reach": (
+                "choice",
+                list(reach),
+                {"units": "1", "long_name": "links go over faces (1), also edges (2), also corners (3)"},
             ),
         },
-        attrs={"mine": chosen.mine, "own": chosen.closeness, "tried": values},
+        attrs={"mine": chosen.mine, "own": own},
     )

@@ -22,7 +22,7 @@ from pipeline.voigt import tensor_from_voigt
 from seismic.budget import log_budget, potency_budget
 from seismic.clusters import find_clusters
 from seismic.families import find_families
-from seismic.regions import find_regions
+from seismic.regions import CORNERS, find_regions
 from seismic.settings import EventSettings
 from seismic.shares import at_once_share, unlike_share
 
@@ -40,14 +40,15 @@ ALONG_PLANES = 1e-6  # share of a strain that may deform planes within themselve
 LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")
 
 
-def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Dataset, dict]:
+def extract_events(step: xr.Dataset, settings: EventSettings, reach: int = CORNERS) -> tuple[xr.Dataset, dict]:
     """Events of a step and its potency budget.
 
     step: the dataset of a mining step (particles with seismic_strain, overshoot_strain, later_strain and
     plastic_strain_step of this step, position, spacing, volume, material, failed, failure_order; attributes mine,
     step, step_index, lame_lambda and shear_modulus of the host, material_names, elastic_moduli, truncated*, and start,
     end, dated where it has dates: see dated). settings: EventSettings, or their values; their start and end, if given,
-    are the step's, since the mechanics know no dates. Moments have the moduli of the rock that failed.
+    are the step's, since the mechanics know no dates. reach: over what regions are linked (seismic.regions). Moments
+    have the moduli of the rock that failed.
     Events stand in the order in which they begin. An undated step gives events without times, to be looked at; they
     enter no catalogue. Particles that failed without a drop (no seismic strain) have no mechanism and join no event.
     Raises InputError for a dataset that lacks something or contradicts itself.
@@ -77,7 +78,7 @@ def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Datase
     spacing = np.asarray(step["spacing"].values, dtype=np.float64)[source]
 
     order = step["failure_order"].values[source]
-    label, resolved = find_events(position, spacing, potency, order, chosen)
+    label, resolved = find_events(position, spacing, potency, order, chosen, reach)
     rank = _rank_events(order, label, len(resolved))
     event, resolved = rank[label], resolved[np.argsort(rank)]
 
@@ -120,7 +121,12 @@ def extract_events(step: xr.Dataset, settings: EventSettings) -> tuple[xr.Datase
 
 
 def find_events(
-    position: NDArray, spacing: NDArray, potency: NDArray, failure_order: NDArray, settings: EventSettings
+    position: NDArray,
+    spacing: NDArray,
+    potency: NDArray,
+    failure_order: NDArray,
+    settings: EventSettings,
+    reach: int = CORNERS,
 ) -> tuple[NDArray, NDArray]:
     """Event of every particle, (particle,) from 0, and which events are resolved (event,) bool, by the chosen method.
 
@@ -129,7 +135,7 @@ def find_events(
     if settings.method == "families":
         family, _ = find_families(potency, settings.closeness)
         return find_clusters(position, spacing, family, settings.clustering)
-    label = find_regions(position, spacing, potency, failure_order, settings.closeness)
+    label = find_regions(position, spacing, potency, failure_order, settings.closeness, reach)
     return label, np.bincount(label) >= settings.fewest
 
 

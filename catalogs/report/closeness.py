@@ -1,4 +1,4 @@
-"""What closeness, a choice of the extraction, makes of the number, b and the largest of the modelled events."""
+"""What closeness and links, choices of the extraction, make of the number, b and the largest of the modelled events."""
 
 import numpy as np
 
@@ -7,20 +7,23 @@ from catalogs.report.text import fixed, percent, whole, with_unit
 from catalogs.size_law import NONE
 from catalogs.sizes import estimate_b, log_potency
 
+OVER = {1: "faces", 2: "faces, edges", 3: "faces, edges, corners"}  # by reach, of seismic.regions
+
 
 def closeness_rows(evidence: Evidence, cut: float) -> list[dict]:
-    """A row for each closeness tried: events, those from the cut (log10 m3) on, their b, the largest log P."""
+    """A row for each choice tried: events, those from the cut (log10 m3) on, their b, the largest log P."""
     found = evidence.closeness
     if found is None or not found.sizes["event"]:
         return []
-    size, at, rows = log_potency(found["potency"].values), found["closeness"].values, []
-    for value in np.atleast_1d(found.attrs["tried"]):
-        own = size[at == value]
+    size, choice, rows = log_potency(found["potency"].values), found["choice"].values, []
+    for index, (value, reach) in enumerate(zip(found["closeness"].values, found["reach"].values, strict=True)):
+        own = size[choice == index]
         fit = estimate_b(own, cut)
         rows.append(
             {
                 "closeness": f"{value:g}",
-                "own": bool(value == found.attrs["own"]),
+                "over": OVER[int(reach)],
+                "own": index == int(found.attrs["own"]),
                 "events": whole(len(own)),
                 "above": whole(fit.events),
                 "b": fit.b,
@@ -40,13 +43,15 @@ def intervals_contain(evidence: Evidence, rows: list[dict]) -> list[str]:
     low, high = (pick(known, key=lambda row: row["b"]) for pick in (min, max))
     own = next(row["closeness"] for row in rows if row["own"])
     range_of_b = f"{fixed(low['b'], 2)} to {fixed(high['b'], 2)} (section 6)."
-    tried = f"at {known[0]['closeness']} to {known[-1]['closeness']}"
+    tried = [float(row["closeness"]) for row in known]
+    tried = f"at {min(tried):g} to {max(tried):g} closeness"
+    tried += ", linked over faces to corners," if len({row["over"] for row in known}) > 1 else ""
     if law == NONE:
         text = "No power law describes the sizes of the model's events. "
-        return [text + f"Fitted all the same, to the same rock extracted {tried} closeness, b is {range_of_b}"]
+        return [text + f"Fitted all the same, to the same rock extracted {tried} b is {range_of_b}"]
     return [
         f"An interval of the model's b contains the sampling of its events at closeness {own}; not the choice of "
-        f"closeness, increments or cell size. Extracted from the same rock {tried} b is {range_of_b}"
+        f"closeness, links, increments or cell size. Extracted from the same rock {tried} b is {range_of_b}"
     ]
 
 

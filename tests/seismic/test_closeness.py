@@ -12,22 +12,35 @@ from catalogs.sizes import estimate_b, log_potency
 from seismic.catalog import merge
 from seismic.closeness import CLOSENESS, sizes_by_closeness
 from seismic.events import extract_events
+from seismic.regions import CORNERS, EDGES, FACES
 
 
-def test_each_closeness_has_the_events_that_an_extraction_at_it_has(make_scattered_step, make_settings):
-    """Two steps, one after the other, and the mine's own closeness among those tried."""
+def test_each_choice_has_the_events_that_an_extraction_with_it_has(make_scattered_step, make_settings):
+    """Two steps, one after the other; the mine's own closeness among those tried, and shorter links at it alone."""
     steps = [make_scattered_step(seed) for seed in (0, 1)]
     chosen = make_settings(method="simultaneous", closeness=0.85, least_particles=2)
     del chosen["cluster"]
     found = sizes_by_closeness(iter(steps), chosen)
-    assert_array_equal(found.attrs["tried"], sorted([*CLOSENESS, 0.85]))
-    for value in found.attrs["tried"]:
+    choices = list(zip(found.closeness.values, found.reach.values, strict=True))
+    tried = sorted([*CLOSENESS, 0.85])
+    assert choices == [*((value, CORNERS) for value in tried), (0.85, EDGES), (0.85, FACES)]
+    assert choices[found.attrs["own"]] == (0.85, CORNERS)
+    numbers = []
+    for index, (value, reach) in enumerate(choices):
         expected = []
         for step in steps:
-            events, _ = extract_events(step, chosen | {"closeness": value})
+            events, _ = extract_events(step, chosen | {"closeness": value}, reach)
             expected += events.potency.values[events.resolved.values == 1].tolist()
         assert expected
-        assert_array_equal(found.potency.values[found.closeness.values == value], expected)
+        assert_array_equal(found.potency.values[found.choice.values == index], expected)
+        numbers.append(len(expected))
+    assert len({numbers[found.attrs["own"]], *numbers[-2:]}) == 3
+
+
+def test_families_have_no_links_to_shorten(make_scattered_step, make_settings):
+    found = sizes_by_closeness([make_scattered_step(0)], make_settings())
+    assert_array_equal(found.closeness, CLOSENESS)
+    assert_array_equal(found.reach, CORNERS)
 
 
 def test_rows_and_sentence_say_what_the_sizes_are(make_scattered_step, make_settings):
@@ -37,16 +50,19 @@ def test_rows_and_sentence_say_what_the_sizes_are(make_scattered_step, make_sett
     evidence = SimpleNamespace(closeness=found)
     cut = float(np.median(log_potency(found.potency.values)))
     rows = closeness_rows(evidence, cut)
-    assert [row["closeness"] for row in rows] == ["0.6", "0.7", "0.8", "0.9", "0.95"]
-    assert [row["own"] for row in rows] == [False, False, True, False, False]
-    own = log_potency(found.potency.values[found.closeness.values == 0.9])
-    assert rows[3]["b"] == estimate_b(own, cut).b
-    assert rows[3]["events"] == str(len(own))
-    assert rows[3]["largest"].replace("−", "-") == f"{own.max():.2f}"
+    assert [row["closeness"] for row in rows] == ["0.6", "0.7", "0.8", "0.9", "0.95", "0.8", "0.8"]
+    assert [row["over"] for row in rows] == [*["faces, edges, corners"] * 5, "faces, edges", "faces"]
+    assert [row["own"] for row in rows] == [False, False, True, False, False, False, False]
+    for index in (3, 6):
+        own = log_potency(found.potency.values[found.choice.values == index])
+        assert rows[index]["b"] == estimate_b(own, cut).b
+        assert rows[index]["events"] == str(len(own))
+        assert rows[index]["largest"].replace("−", "-") == f"{own.max():.2f}"
     (sentence,) = intervals_contain(SimpleNamespace(comparison=None), rows)
     b = [row["b"] for row in rows]
     assert f"b is {min(b):.2f} to {max(b):.2f} (section 6)" in sentence
-    assert "events at closeness 0.8; not the choice of closeness, increments or cell size" in sentence
+    assert "events at closeness 0.8; not the choice of closeness, links, increments or cell size" in sentence
+    assert "at 0.6 to 0.95 closeness, linked over faces to corners, b is" in sentence
     assert intervals_contain(SimpleNamespace(comparison=None), []) == []
     assert closeness_rows(SimpleNamespace(closeness=None), cut) == []
 

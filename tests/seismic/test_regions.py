@@ -15,7 +15,7 @@ from pipeline.voigt import tensor_from_voigt
 from seismic import regions
 from seismic.events import extract_events
 from seismic.families import closeness
-from seismic.regions import SMALL, find_regions
+from seismic.regions import CORNERS, EDGES, FACES, SMALL, find_regions
 from seismic.shares import at_once_share, unlike_share
 
 SHEAR = np.array([0, 0, 0, 0, 0, 1.0])
@@ -71,24 +71,39 @@ def test_generations_are_linked_within_an_increment_only(order, expected):
 
 
 @pytest.mark.parametrize(
-    ("second", "expected"),
+    ("second", "shared"),
     [
-        ([1, 0, 0], [0, 0]),  # a face
-        ([1, 1, 0], [0, 1]),  # an edge
-        ([2, 0, 0], [0, 1]),  # a cell between them
+        ([1, 0, 0], FACES),
+        ([1, 1, 0], EDGES),
+        ([1, -1, 1], CORNERS),
+        ([2, 0, 0], None),  # a cell between them
+        ([2, 1, 1], None),
     ],
 )
-def test_only_cells_that_share_a_face_touch(second, expected):
-    assert_array_equal(regions_of([SHEAR] * 2, position=np.array([[0, 0, 0], second], float)), expected)
+def test_cells_that_share_a_face_an_edge_or_a_corner_touch(second, shared):
+    position = np.array([[0, 0, 0], second], float)
+    assert_array_equal(regions_of([SHEAR] * 2, position=position), [0, int(shared is None)])
+    for reach in (FACES, EDGES, CORNERS):
+        label = find_regions(position, np.ones(2), np.tile(SHEAR, (2, 1)), np.zeros((2, 2), int), 0.8, reach)
+        assert_array_equal(label, [0, int(shared is None or shared > reach)])
 
 
-def test_a_coarse_cell_touches_the_fine_ones_beside_it():
-    """A cube of 2 m beside two of 1 m, of which one shares its face and the other lies across its edge."""
-    position = np.array([[0, 0, 0], [1.5, 0.5, 0.5], [1.5, 1.5, 0.5]])
-    label = find_regions(position, np.array([2.0, 1.0, 1.0]), np.tile(SHEAR, (3, 1)), np.zeros((3, 2), int), 0.8)
-    assert_array_equal(label, [0, 0, 0])  # the third through the second
-    label = find_regions(position[::2], np.array([2.0, 1.0]), np.tile(SHEAR, (2, 1)), np.zeros((2, 2), int), 0.8)
-    assert_array_equal(label, [0, 1])
+@pytest.mark.parametrize(
+    ("fine", "shared"),
+    [
+        ([1.5, 0.5, 0.5], FACES),
+        ([1.5, 1.5, 0.5], EDGES),
+        ([1.5, -1.5, 1.5], CORNERS),
+        ([2.5, 0.5, 0.5], None),  # a fine cell between them
+        ([0.5, 2.5, 1.5], None),
+    ],
+)
+def test_a_coarse_cell_touches_the_fine_ones_around_it(fine, shared):
+    """A cube of 2 m beside one of 1 m: as far apart as the gap says, whatever the larger one's size."""
+    position, spacing = np.array([[0.0, 0, 0], fine]), np.array([2.0, 1.0])
+    for reach in (FACES, EDGES, CORNERS):
+        label = find_regions(position, spacing, np.tile(SHEAR, (2, 1)), np.zeros((2, 2), int), 0.8, reach)
+        assert_array_equal(label, [0, int(shared is None or shared > reach)])
 
 
 def test_no_chain_turns_a_mechanism_round():
@@ -156,7 +171,7 @@ def slow_regions(position, potency, order, threshold, small_share=SMALL):
         (i, j)
         for i in range(len(tensor))
         for j in range(len(tensor))
-        if np.abs(position[i] - position[j]).sum() == 1.0
+        if np.abs(position[i] - position[j]).max() == 1.0
         and order[i][0] == order[j][0]
         and abs(order[i][1] - order[j][1]) <= 1
         and cosine(tensor[i], tensor[j]) > threshold
@@ -276,11 +291,11 @@ def test_share_of_unlike_particles_is_that_of_a_loop():
     assert unlike_share(potency[:0], event[:0], total[:0], 0.5) == 0.0
 
 
-def test_in_a_plane_edges_touch_and_corners_do_not():
-    position = np.array([[0.0, 0, 0], [1, 0, 0], [2, 1, 0], [2, 2, 0], [3.5, 1.5, 0]])
-    spacing = np.array([1.0, 1, 1, 1, 2])  # the last touches the third and the fourth
+def test_in_a_plane_edges_and_corners_touch():
+    position = np.array([[0.0, 0, 0], [1, 0, 0], [2, 1, 0], [2, 4, 0], [3.5, 1.5, 0]])
+    spacing = np.array([1.0, 1, 1, 1, 2])  # the last touches the third; a cell lies between the fourth and the others
     label = find_regions(position, spacing, np.tile(SHEAR, (5, 1)), np.zeros((5, 2), int), 0.8)
-    assert_array_equal(label, [0, 0, 1, 1, 1])
+    assert_array_equal(label, [0, 0, 0, 1, 0])
 
 
 def test_threads_are_nothing():

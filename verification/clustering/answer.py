@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
 from seismic.clusters import find_clusters
 from seismic.events import extract_events
+from verification.clustering.cracks import body_rows, crack_rows
 from verification.clustering.families import family_rows, recover
 from verification.clustering.figure import draw
 from verification.clustering.points import (
@@ -37,7 +38,7 @@ class Separation:
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Separation in space, its budget and its time; families; one figure of all."""
+    """Separation in space, its budget and its time; families; cracks, bodies as regions; one figure."""
     settings, allowed = results.settings, results.allowed
     separations = separate(settings)
     families = recover(settings["families"], settings["seed"])
@@ -47,6 +48,8 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         *budget_rows(separations, settings, allowed),
         *time_rows(times, settings),
         *family_rows(settings["families"], families, allowed),
+        *crack_rows(settings, allowed),
+        *body_rows(settings, allowed),
     ]
     return rows, draw(separations, families, times, len(settings["families"]["mechanisms"]))
 

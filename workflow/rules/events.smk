@@ -46,7 +46,7 @@ rule catalog:
 
 
 rule closeness:
-    """Sizes of the events of all dated steps at several values of closeness, for the report."""
+    """Sizes of the events of all dated steps at several values of closeness, and with shorter links, for the report."""
     input:
         inputs_of("seismic closeness", "closeness", steps=dated_steps_of),
     output:
