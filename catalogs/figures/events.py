@@ -17,6 +17,7 @@ from catalogs.sizes import log_potency
 
 SMALLEST, LARGEST = 2.0, 15.0  # points: diameters of the smallest and largest event shown
 UNDATED = "#9a9a9a"
+LEFT_OUT = "#8c8c8c"  # the rim of an event that is not compared
 CROWD = 2000  # events: more of them hide the workings, and each other; they are counted
 BINS = 60  # along the longer side of a view
 
@@ -58,11 +59,14 @@ def event_limits(grid: xr.Dataset, catalogs: list[xr.Dataset]) -> tuple[np.ndarr
     return views.frame_limits(grid, [catalog["location"].values for catalog in catalogs], margin=0.05)
 
 
-def locations(grid: xr.Dataset, catalogs: dict[str, xr.Dataset], planned: list[int]) -> Figure:
+def locations(
+    grid: xr.Dataset, catalogs: dict[str, xr.Dataset], compared: dict[str, np.ndarray], planned: list[int]
+) -> Figure:
     """Plans and sections, one column per catalogue (keys: labels), same limits; size by log P, colour by time.
 
-    Excavations lie underneath as silhouettes. One catalogue alone fills the width with its views. A catalogue of more
-    than CROWD events is shown as their number per square instead.
+    compared: of each catalogue, which events (event,) bool its numbers are of; the others are hollow. Excavations lie
+    underneath as silhouettes. One catalogue alone fills the width with its views. Of a catalogue of more than CROWD
+    events the number of compared ones per square is shown instead.
     """
     lower, upper = event_limits(grid, list(catalogs.values()))
     scale = common_scale(list(catalogs.values()))
@@ -74,13 +78,14 @@ def locations(grid: xr.Dataset, catalogs: dict[str, xr.Dataset], planned: list[i
     for axes, (view, label) in zip(array, planes, strict=True):
         views.draw_excavations(axes, grid, view, planned, fill=not is_crowd(catalogs[label]))
         if is_crowd(catalogs[label]):
-            draw_density(figure, axes, catalogs[label], view, lower, upper)
+            draw_density(figure, axes, catalogs[label].isel(event=compared[label]), view, lower, upper)
         else:
-            draw_events(axes, catalogs[label], view, scale)
-    if all(is_crowd(catalog) for catalog in catalogs.values()):
-        bar.set_axis_off()
+            draw_events(axes, catalogs[label], compared[label], view, scale)
+    single = [label for label, catalog in catalogs.items() if not is_crowd(catalog)]
+    if single:
+        _keys(figure, bar, scale, hollow=not all(compared[label].all() for label in single))
     else:
-        _keys(figure, bar, scale)
+        bar.set_axis_off()
     return figure
 
 
@@ -109,40 +114,55 @@ def draw_density(figure: Figure, axes: Axes, catalog: xr.Dataset, view: views.Vi
     inset.tick_params(labelsize=7)
 
 
-def draw_events(axes: Axes, catalog: xr.Dataset, view: views.View, scale: Scale) -> None:
-    """Circles at the events' projections, large ones first so that small ones stay visible; undated ones grey."""
+def draw_events(axes: Axes, catalog: xr.Dataset, compared: np.ndarray, view: views.View, scale: Scale) -> None:
+    """Circles at the events' projections, large ones first so that small ones stay visible; undated ones grey.
+
+    Those not compared (event,) lie underneath, hollow.
+    """
     size, days = log_potency(catalog["potency"].values), days_since_1970(catalog)
-    order = np.argsort(-np.nan_to_num(size, nan=scale.log_potency[0]), kind="stable")
-    place = catalog["location"].values[order][:, view.axes]
+    diameter = scale.diameter(np.nan_to_num(size, nan=scale.log_potency[0]))
+    place = catalog["location"].values[:, view.axes]
+    rasterized = len(place) > 300
+    axes.scatter(
+        *place[~compared].T, s=diameter[~compared] ** 2, c="none", edgecolors=LEFT_OUT, linewidths=0.4, zorder=2,
+        rasterized=rasterized,
+    )  # fmt: skip
+    order = np.flatnonzero(compared)[np.argsort(-diameter[compared], kind="stable")]
     colour = colormaps["viridis"](Normalize(*scale.days)(days[order]))
     colour[np.isnan(days[order])] = (*[int(UNDATED[at : at + 2], 16) / 255 for at in (1, 3, 5)], 1.0)
-    diameter = scale.diameter(np.nan_to_num(size[order], nan=scale.log_potency[0]))
     axes.scatter(
-        *place.T, s=diameter**2, c=colour, alpha=0.8, edgecolors="black", linewidths=0.25, zorder=3,
-        rasterized=len(place) > 300,
+        *place[order].T, s=diameter[order] ** 2, c=colour, alpha=0.8, edgecolors="black", linewidths=0.25, zorder=3,
+        rasterized=rasterized,
     )  # fmt: skip
 
 
-def _keys(figure: Figure, bar: Axes, scale: Scale) -> None:
-    """Colour bar of time and a key of sizes."""
+def _keys(figure: Figure, bar: Axes, scale: Scale, hollow: bool) -> None:
+    """Colour bar of time and a key of sizes; hollow: whether some events are not compared."""
     locator = dates.AutoDateLocator(minticks=3, maxticks=8)
     first, last = (dates.num2date(day) for day in scale.days)
-    short = "%d %b" if scale.days[1] - scale.days[0] < 200 else "%b %y"
-    years = f"{first.year}" if first.year == last.year else f"{first.year} to {last.year}"
+    shared = [form for form in ("%Y", "%b %Y", "%d %b %Y") if first.strftime(form) == last.strftime(form)]
+    when = first.strftime(shared[-1]) if shared else f"{first.year} to {last.year}"  # what the marks leave out
     figure.colorbar(
-        ScalarMappable(Normalize(*scale.days), "viridis"), cax=bar, label=f"time ({years})", ticks=locator,
-        format=dates.DateFormatter(short),
+        ScalarMappable(Normalize(*scale.days), "viridis"), cax=bar, ticks=locator,
+        format=dates.ConciseDateFormatter(locator, show_offset=False),
     )  # fmt: skip
+    bar.set_title(when, fontsize=8.5, fontweight="normal", loc="left")
     low, high = scale.log_potency
     step = next((step for step in (1.0, 0.5, 0.2) if high - low >= 2 * step), 0.1)
     values = np.arange(np.ceil(low / step), np.floor(high / step) + 0.5) * step
+
+    def circle(diameter: float, label: str, **look) -> Line2D:
+        return Line2D([], [], linestyle="none", marker="o", markersize=diameter, label=label, **look)
+
     handles = [
-        Line2D(
-            [], [], linestyle="none", marker="o", color="#bbbbbb", markeredgecolor="k", markeredgewidth=0.3,
-            markersize=float(scale.diameter(value)), label=f"log P {value:.4g}".replace("-", "−"),
+        circle(
+            float(scale.diameter(value)), f"log P {value:.4g}".replace("-", "−"), color="#bbbbbb",
+            markeredgecolor="k", markeredgewidth=0.3,
         )
         for value in values
     ]  # fmt: skip
+    if hollow:
+        handles.append(circle(4.0, "not compared", markerfacecolor="none", markeredgecolor=LEFT_OUT))
     panels.key(figure, handles)
 
 

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from catalogs.figures.views import AXIS_LABELS, AXIS_NAMES, LONG_PLAN, WHOLE_FROM, View
+from catalogs.figures.views import AXIS_LABELS, AXIS_NAMES, WHOLE_FROM, View
 
 LEFT, RIGHT, TOP, BOTTOM, KEY, BAR = 0.85, 0.15, 0.5, 0.55, 0.35, 0.95  # inches: labels of a panel, key, colour bar
 DIGIT = 0.075  # inches
@@ -63,9 +63,6 @@ def _places(views: list[View], lower, upper, columns: int | None, bar: bool, tal
     """Row and column of each panel."""
     counts = range(1, len(views) + 1) if columns is None else [columns]
     found = [[divmod(number, count) for number in range(len(views))] for count in counts]
-    below = [(0, 0), (0, 1), (1, 1)]  # the plan below the section along it
-    if columns is None and len(views) == len(below) and views[2].axes == LONG_PLAN.axes:
-        found.append(below)
     scales = [_scale(views, lower, upper, places, bar, tallest) for places in found]
     large = [places for places, scale in zip(found, scales, strict=True) if scale >= NEARLY * max(scales)]
     extent = np.maximum(upper - lower, 1e-3)
@@ -116,6 +113,4 @@ def dress(axes: Axes, view: View, lower: np.ndarray, upper: np.ndarray) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlim(lower[view.horizontal], upper[view.horizontal])
     axes.set_ylim(lower[view.vertical], upper[view.vertical])
-    if view.axes == LONG_PLAN.axes:
-        axes.invert_yaxis()  # east points down where north points right, seen from above
     axes.ticklabel_format(style="plain", useOffset=False)

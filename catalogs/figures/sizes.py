@@ -34,6 +34,7 @@ def potency_frequency(catalogs: list[Sizes]) -> Figure:
     array = figure.subplots(1, len(catalogs), squeeze=False, sharex=True, sharey=True).ravel()
     for axes, sizes in zip(array, catalogs, strict=True):
         _panel(axes, sizes)
+    array[0].set_ylim(0.7, None)  # of all panels, once all are drawn: what is set stays, however many events follow
     array[0].set_ylabel("number of events")
     return figure
 
@@ -62,7 +63,6 @@ def _panel(axes: Axes, sizes: Sizes) -> None:
         span = np.array([sizes.cut, max(values[-1], sizes.cut + SIZE_BIN)])
         text = f"b = {sizes.b:.2f} ± {sizes.b_error:.2f}"
         axes.plot(span, 10 ** (sizes.a - sizes.b * span), color="k", linewidth=1.6, label=text)
-    axes.set_ylim(0.7, None)
     axes.legend(loc="upper right")
 
 

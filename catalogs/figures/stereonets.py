@@ -37,6 +37,8 @@ class Axes:
 def stereonets(catalogs: list[Axes], insitu: np.ndarray | None = None) -> Figure:
     """A row of three nets per catalogue: axes (dots), their density (contours), mean axis (star) and its 95 % cone.
 
+    A net's title says how many axes it shows.
+
     insitu: (3, xyz), the most, middle and least compressive axis of the stress before mining, a cross on P, B and T.
     Placed by hand: the overlay on which mplstereonet draws azimuths is lost in matplotlib's layouts.
     """
@@ -48,7 +50,8 @@ def stereonets(catalogs: list[Axes], insitu: np.ndarray | None = None) -> Figure
         for column, name in enumerate(AXIS_NAMES):
             place = [(CELL * column + (CELL - NET) / 2) / width, bottom / height, NET / width, NET / height]
             axes = figure.add_axes(place, projection="equal_area_stereonet")
-            axes.set_title(f"{axes_of.label}: {name}", pad=16)
+            count = int(np.isfinite(axes_of.vectors[column]).all(axis=-1).sum())
+            axes.set_title(f"{axes_of.label}: {count:,} {name}".replace(",", "\u202f"), pad=16)
             drawn = _net(axes, axes_of, column) or drawn
             if insitu is not None:
                 _mark_insitu(axes, insitu[column], INSITU[name])

@@ -40,19 +40,14 @@ class View:
 
 
 PLAN = View("Plan", EAST, NORTH, UP)
-LONG_PLAN = View(
-    "Plan, north to the right", NORTH, EAST, UP
-)  # of a mine that reaches north: below the section along it
 LOOKING_NORTH = View("Section looking north", EAST, UP, NORTH)
 LOOKING_WEST = View("Section looking west", NORTH, UP, EAST)
 
 
 def projections(grid: xr.Dataset) -> list[View]:
-    """Two sections and the plan, which lies along the longer of them; in 2-D the one plane."""
+    """Two sections and the plan, north up; in 2-D the one plane."""
     if int(grid.attrs["dimension"]) == 3:
-        corners = piece_corners(grid)
-        east, north = (np.ptp(corners, axis=0) if len(corners) else np.ones(3))[:2]
-        return [LOOKING_NORTH, LOOKING_WEST, LONG_PLAN if north > east else PLAN]
+        return [LOOKING_NORTH, LOOKING_WEST, PLAN]
     return [PLAN if grid.attrs.get("plane") == "xy" else LOOKING_NORTH]
 
 

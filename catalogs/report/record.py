@@ -35,20 +35,21 @@ def _account(evidence: Evidence) -> str:
         text += f", of which {', '.join(lacking)} are left out. " if lacking else ". "
     crop = next((one for one in filters if one["filter"] == "domain"), None)
     if crop is None:
-        return text + f"{plural(evidence.record.sizes['event'], 'recorded event')} are compared."
+        return text + f"{plural(evidence.record.sizes['event'], 'recorded event')} are left.{_counted(evidence)}"
     inside, outside = crop["after"], crop["before"] - crop["after"]
     passed = "in the modelled months" if {one["filter"] for one in filters} <= {"start", "end", "domain"} else ""
     passed = passed or "that pass the filters (dates, box, size, quality)"
     if not crop["before"]:
         text += f"No event lies {passed}." if passed.startswith("in") else "No event passes the filters."
     elif not outside:
-        text += f"All {plural(inside, 'event')} {passed} lie inside the model's domain and are compared."
+        text += f"All {plural(inside, 'event')} {passed} lie inside the model's domain."
     else:
         text += f"Of {plural(crop['before'], 'event')} {passed}, {whole(inside)} lie inside the model's domain "
         text += f"and {whole(outside)} outside"
         share = 1 - crop["potency_after"] / crop["potency_before"] if crop["potency_before"] > 0 else np.nan
         text += f", up to {number(crop['farthest'], 2)} m away, with {percent(share)} of their potency"
-        text += ". Only those inside are compared and shown."
+        text += ". Only those inside are shown."
+    text += _counted(evidence)
     if attributes.get("sizes_text"):
         text += f" Magnitudes read: {typeset(str(attributes['sizes_text'])).replace(' - ', ' − ')}."
     if attributes.get("types_text"):
@@ -56,6 +57,16 @@ def _account(evidence: Evidence) -> str:
     if attributes.get("times_text") and not evidence.is_twin:
         text += f" Times read: {attributes['times_text']}."
     return text
+
+
+def _counted(evidence: Evidence) -> str:
+    """How many of the events of both catalogues are large enough to be compared; empty where none is."""
+    comparison = evidence.comparison
+    if comparison is None or not comparison["events_above_cut"].values.all():
+        return ""
+    counts = [int(value) for value in comparison["events_above_cut"].values]
+    cut = typeset(str(comparison.attrs["cut_text"])).split(",")[0]
+    return f" Compared are those of {cut}: {plural(counts[1], 'event')} of the record, {whole(counts[0])} of the model."
 
 
 def _impossible(evidence: Evidence) -> list[str]:

@@ -113,15 +113,43 @@ def _shown(evidence: Evidence) -> dict:
     return found if any(catalog.sizes["event"] for catalog in found.values()) else {}
 
 
+def _compared(evidence: Evidence, shown: dict) -> dict[str, np.ndarray]:
+    """Which events (event,) of each catalogue shown the comparison's numbers are of; all where nothing is compared."""
+    comparison = evidence.comparison
+    found = {label: np.ones(catalog.sizes["event"], bool) for label, catalog in shown.items()}
+    if comparison is None or not comparison["events_above_cut"].values.all():
+        return found
+    used = {name: comparison[f"{name}_used"].values == 1 for name in ("model", "record")}
+    both = (evidence.catalog, evidence.record)
+    if any(one is None or one.sizes["event"] != len(chosen) for one, chosen in zip(both, used.values(), strict=True)):
+        return found  # a comparison of other catalogues: a banner says so
+    used["model"] = used["model"][evidence.catalog["resolved"].values == 1]
+    return {label: used["model" if label == MODEL_LABEL else "record"] for label in shown}
+
+
+def _selection(compared: dict[str, np.ndarray]) -> str:
+    """How many of the events shown are compared; empty where all are."""
+    if all(chosen.all() for chosen in compared.values()):
+        return ""
+    counts = [
+        f"{text.whole(chosen.sum())} of {text.whole(len(chosen))} ({label[0].lower()}{label[1:]})"
+        for label, chosen in compared.items()
+    ]
+    return f"{' and '.join(counts)} events are compared: from the cut on, in the time that both catalogues share."
+
+
 def _events(evidence: Evidence, gallery: Gallery) -> dict | None:
     shown = _shown(evidence)
     if not shown:
         return None
+    chosen = _compared(evidence, shown)
     rows, _ = text.near_excavations(evidence)
     compared = evidence.comparison is not None
     located = compared and bool(np.isfinite(evidence.comparison["energy_distance"]))
     return {
-        "figure": gallery.add("events", events.locations(evidence.grid, shown, evidence.planned)),
+        "figure": gallery.add("events", events.locations(evidence.grid, shown, chosen, evidence.planned)),
+        "selection": _selection(chosen),
+        "smeared": float(evidence.comparison.attrs["location_error"]) if located else 0.0,
         "near": _with_most_potency(rows),
         "nearness": gallery.add("nearness", events.nearness(evidence.comparison)) if located else None,
         "rows": match.location_rows(evidence) if located else [],
@@ -195,15 +223,19 @@ def _size_fit(evidence: Evidence, label: str, catalog) -> sizes.Sizes:
 
 
 def _axes(evidence: Evidence, gallery: Gallery) -> dict | None:
-    nets = [net for net in (_net(evidence, *item) for item in _shown(evidence).items()) if net is not None]
+    shown = _shown(evidence)
+    chosen = _compared(evidence, shown)
+    kept = {label: catalog.isel(event=chosen[label]) for label, catalog in shown.items()}
+    nets = [net for net in (_net(evidence, *item) for item in kept.items()) if net is not None]
     if not nets:
         return None
     compared = evidence.comparison is not None and int(evidence.comparison.attrs.get("axes_present", 0))
-    typed = {label: catalog for label, catalog in _shown(evidence).items() if np.isfinite(catalog["dc"].values).any()}
+    typed = {label: catalog for label, catalog in kept.items() if np.isfinite(catalog["dc"].values).any()}
     colours = {label: style.MODELLED if label == MODEL_LABEL else style.RECORDED for label in typed}
     return {
         "figure": gallery.add("stereonets", stereonets.stereonets(nets, insitu_axes(evidence))),
         "types": gallery.add("source_types", source_types.source_types(typed, colours)) if typed else None,
+        "selection": _selection(chosen),
         "kagan": gallery.add("kagan_angles", stereonets.kagan_angles(evidence.comparison)) if compared else None,
         "rows": match.axis_rows(evidence) if compared else [],
         "text": "" if evidence.comparison is None else evidence.comparison.attrs.get("axes_text", ""),

@@ -6,16 +6,19 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 import pytest
 import report_fixtures as fixtures
 import yaml
+from matplotlib.collections import PathCollection
 
 from catalogs.comparison import compare
 from catalogs.figures import events, style
 from catalogs.report import energy as report_energy
 from catalogs.report import sections
+from catalogs.report.gallery import Gallery
 from catalogs.report.page import write_report
 from catalogs.report.text import between, config_lines, number
 from pipeline.costs import Costs
@@ -325,8 +328,46 @@ def test_undated_events_are_drawn(mine):
     record = read_dataset(mine.record)
     record["time"].values[:] = np.datetime64("NaT")
     with style.applied():
-        figure = events.locations(read_dataset(mine.grid), {"Recorded": record}, [])
+        everything = {"Recorded": np.ones(record.sizes["event"], bool)}
+        figure = events.locations(read_dataset(mine.grid), {"Recorded": record}, everything, [])
     assert [axes.get_title(loc="left").split("\n")[0] for axes in figure.axes[:3]] == ["Recorded"] * 3
+
+
+def test_pictures_show_the_events_that_the_numbers_are_of(mine, tmp_path):
+    """A cut above half of the events: so many circles are full and so many dots on nets as the numbers count; the other
+    circles are hollow, and every caption says how many."""
+    catalog, record = read_dataset(mine.catalog), read_dataset(mine.record)
+    catalog.attrs["potency_floor"] = float(np.median(catalog["potency"].values))
+    write_dataset(catalog, tmp_path / "catalog.nc")
+    comparison = compare(catalog, record, {"resamplings": 99})
+    write_dataset(comparison, tmp_path / "comparison.nc")
+    counts = comparison["events_above_cut"].values
+    resolved = int(comparison["events_resolved"].values[0])
+    assert 0 < counts[0] < resolved
+    assert 0 < counts[1] < record.sizes["event"]
+    drawn = {}
+
+    def keep(gallery, name, figure):
+        drawn[name] = figure
+        return {"name": f"{name}.svg", "uri": "", "width": "1"}
+
+    changed = {name: tmp_path / f"{name}.nc" for name in ("catalog", "comparison")}
+    with mock.patch.object(Gallery, "add", keep):
+        content = make_page(mine, tmp_path, **changed)
+    totals = (resolved, record.sizes["event"])
+    for index in (0, 1):  # modelled and recorded, side by side
+        hollow, full = (one for one in drawn["events"].axes[index].collections if isinstance(one, PathCollection))
+        assert len(full.get_offsets()) == counts[index]
+        assert len(hollow.get_offsets()) == totals[index] - counts[index]
+        assert not len(hollow.get_facecolors())
+    titles = [title for axes in drawn["stereonets"].axes if (title := axes.get_title(loc="left"))]
+    assert titles[::3] == [f"Modelled: {counts[0]} P", f"Recorded (twin): {counts[1]} P"]
+    dots = [one.get_offsets() for axes in drawn["source_types"].axes for one in axes.collections]
+    assert [len(one) for one in dots] == counts.tolist()
+    said = f"{counts[0]} of {resolved} (modelled) and {counts[1]} of {totals[1]} (recorded (twin)) events are compared"
+    assert said in content.sections["events"]
+    assert said in content.sections["axes"]
+    assert "moves each at random by the record's location error, 5.00 m" in content.sections["events"]
 
 
 def recorded(

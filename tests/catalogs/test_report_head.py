@@ -9,7 +9,7 @@ import report_fixtures as fixtures
 import xarray as xr
 from matplotlib import dates
 
-from catalogs.figures import events, panels, record, rock, style, views
+from catalogs.figures import events, panels, record, rock, sizes, style, views
 from catalogs.report.head import mined_volumes, missing_potency, step_rows
 from catalogs.report.inputs import Excavation
 from catalogs.report.insitu import insitu_axes
@@ -171,22 +171,57 @@ def test_very_many_events_are_counted_per_square():
     assert np.isfinite(mesh.get_array()).sum() == 1
 
 
-@pytest.mark.parametrize(("east", "north", "long"), [(30.0, 200.0, True), (200.0, 30.0, False)])
-def test_the_plan_lies_along_the_longer_section_and_is_no_mirror_image(east, north, long):
-    """Seen from above: with north to the right, east points down."""
-    plan = views.LONG_PLAN if long else views.PLAN
+@pytest.mark.parametrize(("east", "north"), [(30.0, 200.0), (200.0, 30.0)])
+def test_the_plan_has_north_up_and_equal_scales(east, north):
+    """East to the right, north up, whichever way the mine reaches."""
     lower, upper = np.zeros(3), np.array([east, north, 40.0])
+    grid = xr.Dataset(attrs={"dimension": 3})
     with style.applied():
-        _, array, _ = panels.panels([views.LOOKING_NORTH, views.LOOKING_WEST, plan], lower, upper)
-    right, up = ([0, 1], [-1, 0]) if long else ([1, 0], [0, 1])  # east, north
+        figure, array, _ = panels.panels(views.projections(grid), lower, upper)
+        figure.canvas.draw()
     axes = array[2]
-    (left, end), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    assert np.sign([end - left, top - bottom]).tolist() == ([1, -1] if long else [1, 1])
-    assert right[0] * up[1] - right[1] * up[0] == 1
-    if long:
-        boxes = [one.get_position() for one in array]
-        assert boxes[2].x0 == pytest.approx(boxes[1].x0)  # below the section along it
-        assert boxes[2].y1 < boxes[1].y0
+    assert [axes.get_xlabel(), axes.get_ylabel()] == ["east x (m)", "north y (m)" if north > 100 else "y (m)"]
+    scales = []
+    for one in array:
+        (left, right), (bottom, top) = one.get_xlim(), one.get_ylim()
+        box = one.get_position()
+        scales += [box.width * figure.get_figwidth() / (right - left)]
+        scales += [box.height * figure.get_figheight() / (top - bottom)]
+    assert min(scales) > 0.0
+    np.testing.assert_allclose(scales, scales[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("days", "title"),
+    [(0.3, "01 Feb 2020"), (2.0, "Feb 2020"), (10.0, "Feb 2020"), (92.0, "2020"), (800.0, "2020 to 2022")],
+)
+def test_marks_of_time_can_be_told_apart(days, title):
+    """Two days read "02 Feb" twice. What the marks leave out stands above them."""
+    scale = events.Scale((-2.0, 0.0), (18293.25, 18293.25 + days))
+    with style.applied():
+        figure = style.new_figure(layout=None)
+        bar = figure.add_axes([0.4, 0.3, 0.05, 0.6])
+        events._keys(figure, bar, scale, hollow=False)
+        figure.canvas.draw()
+        low, high = bar.get_ylim()
+        marks = [mark.get_text() for mark in bar.get_yticklabels() if low <= mark.get_position()[1] <= high]
+    assert len(marks) >= 2
+    assert all(marks[index] != marks[index + 1] for index in range(len(marks) - 1))
+    assert bar.get_title(loc="left") == title
+
+
+def test_panels_of_sizes_hold_the_counts_of_both():
+    """The second catalogue has a hundred times the events of the first."""
+    generator, catalogs = np.random.default_rng(0), []
+    for count in (40, 4000):
+        size = generator.exponential(0.5, count)
+        catalogs.append(sizes.Sizes("", "k", size, 0.9, 0.1, np.log10(count), 0.0, np.zeros((3, 0))))
+    with style.applied():
+        figure = sizes.potency_frequency(catalogs)
+    for axes, count in zip(figure.axes, (40, 4000), strict=True):
+        low, high = axes.get_ylim()
+        assert low <= 1.0
+        assert count <= high
 
 
 def test_rock_above_strength_in_coarse_cells_is_not_shown_as_rock_that_fails_next():

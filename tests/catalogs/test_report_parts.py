@@ -98,11 +98,13 @@ def test_iterations_run_on_where_the_counter_starts_anew():
 
 def evidence_of(count: int, **attributes) -> SimpleNamespace:
     """What the report tells of a record by its attributes alone."""
-    return SimpleNamespace(is_twin=False, record=xr.Dataset({"x": ("event", np.zeros(count))}, attrs=attributes))
+    return SimpleNamespace(
+        is_twin=False, comparison=None, record=xr.Dataset({"x": ("event", np.zeros(count))}, attrs=attributes)
+    )
 
 
-def test_result_says_so_when_all_of_the_record_counts():
-    """And nothing of an outside that there is not; none at all is said, too."""
+def test_result_says_so_when_all_of_the_record_lies_inside():
+    """And nothing of an outside that there is not; none at all is said, too. Compared are those from the cut on."""
     domain = {
         "filter": "domain",
         "before": 60,
@@ -113,8 +115,12 @@ def test_result_says_so_when_all_of_the_record_counts():
     }
     record = evidence_of(60, rows=60, dropped="{}", filter=json.dumps([domain]))
     assert report_record._account(record) == (
-        "The record holds 60 events. All 60 events in the modelled months lie inside the model's domain and are "
-        "compared."
+        "The record holds 60 events. All 60 events in the modelled months lie inside the model's domain."
+    )
+    counts = {"events_above_cut": ("catalogue", [12, 31])}
+    record.comparison = xr.Dataset(counts, attrs={"cut_text": "log P >= -1.50, the record's completeness"})
+    assert report_record._account(record).endswith(
+        "domain. Compared are those of log P ≥ −1.50: 31 events of the record, 12 of the model."
     )
     none = evidence_of(0, rows=60, filter=json.dumps([domain | {"before": 0, "after": 0}]))
     assert report_record._account(none).endswith("No event lies in the modelled months.")
