@@ -110,3 +110,16 @@ def source_shares(tensor: NDArray) -> NDArray:
     parts = np.stack([(m1 + m2 + m3) / 3.0, 2.0 / 3.0 * bend, double_couple], axis=-1)
     with np.errstate(invalid="ignore"):
         return parts / np.sum(np.abs(parts), axis=-1, keepdims=True)
+
+
+def shear_iso_share(dilation_angle: float) -> tuple[float, float]:
+    """Smallest and largest isotropic share of shear flow with a dilation angle, degrees (Coulomb, Hoek-Brown).
+
+    Flow on a face has principal strains (N, 0, -1), N = (1 + sin psi) / (1 - sin psi): tr / 3 = (N - 1) / 3 over a sum
+    of sizes of N, a share of (N - 1) / (3 N) = 2 sin psi / (3 (1 + sin psi)). It is the same on the edge at which the
+    two larger compressions are equal, (N, -t, t - 1). On the other edge, (N (1 - t), N t, -1), the sum of sizes falls
+    to (2 N + 1) / 3, and the share grows to (N - 1) / (2 N + 1) = 2 sin psi / (3 + sin psi). A sum of such tensors may
+    have more: traces add up, and deviators that differ cancel in part.
+    """
+    sine = np.sin(np.radians(dilation_angle))
+    return float(2.0 * sine / (3.0 * (1.0 + sine))), float(2.0 * sine / (3.0 + sine))

@@ -18,6 +18,7 @@ from catalogs.figures import (
 from catalogs.mechanisms import mean_axis, trend_plunge
 from catalogs.report import energy, match, text
 from catalogs.report.closeness import closeness_rows, unlike
+from catalogs.report.dilation import iso_share
 from catalogs.report.gallery import Gallery
 from catalogs.report.grid_convergence import rows as cell_rows
 from catalogs.report.inputs import Evidence
@@ -132,7 +133,7 @@ def _selection(compared: dict[str, np.ndarray]) -> str:
     if all(chosen.all() for chosen in compared.values()):
         return ""
     counts = [
-        f"{text.whole(chosen.sum())} of {text.whole(len(chosen))} ({label[0].lower()}{label[1:]})"
+        f"{text.whole(chosen.sum())} of {text.whole(len(chosen))} {label[0].lower()}{label[1:]}"
         for label, chosen in compared.items()
     ]
     return f"{' and '.join(counts)} events are compared: from the cut on, in the time that both catalogues share."
@@ -235,6 +236,7 @@ def _axes(evidence: Evidence, gallery: Gallery) -> dict | None:
     return {
         "figure": gallery.add("stereonets", stereonets.stereonets(nets, insitu_axes(evidence))),
         "types": gallery.add("source_types", source_types.source_types(typed, colours)) if typed else None,
+        "iso_share": iso_share(evidence),
         "selection": _selection(chosen),
         "kagan": gallery.add("kagan_angles", stereonets.kagan_angles(evidence.comparison)) if compared else None,
         "rows": match.axis_rows(evidence) if compared else [],

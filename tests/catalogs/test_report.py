@@ -364,7 +364,7 @@ def test_pictures_show_the_events_that_the_numbers_are_of(mine, tmp_path):
     assert titles[::3] == [f"Modelled: {counts[0]} P", f"Recorded (twin): {counts[1]} P"]
     dots = [one.get_offsets() for axes in drawn["source_types"].axes for one in axes.collections]
     assert [len(one) for one in dots] == counts.tolist()
-    said = f"{counts[0]} of {resolved} (modelled) and {counts[1]} of {totals[1]} (recorded (twin)) events are compared"
+    said = f"{counts[0]} of {resolved} modelled and {counts[1]} of {totals[1]} recorded (twin) events are compared"
     assert said in content.sections["events"]
     assert said in content.sections["axes"]
     assert "moves each at random by the record's location error, 5.00 m" in content.sections["events"]

@@ -10,6 +10,7 @@ import xarray as xr
 from catalogs.figures import convergence
 from catalogs.report import record as report_record
 from catalogs.report import sections
+from catalogs.report.dilation import iso_share
 from catalogs.report.inputs import Excavation, read_resources
 from catalogs.report.scene import above_cap, by_step, far_field
 from catalogs.report.text import events_by_step, number
@@ -176,3 +177,16 @@ def test_events_of_many_steps_are_told_by_those_with_most():
     assert {entry.split(" in ")[0] for entry in entries} <= {"60", "50"}
     assert "60 in m6" in entries
     assert events_by_step(counts[:3]) == "0 in m0, 10 in m1, 20 in m2"
+
+
+def test_isotropic_share_is_said_to_be_an_input():
+    """At 10 degrees N = 1.420277: 0.420277 / 4.260831 = 9.86 %, and 0.420277 / 3.840554 = 10.9 %. The angle of the drop
+    is the residual one; fill that does not fail has none."""
+    rock = {"model": "coulomb", "dilation_angle": {"intact": "3 deg", "residual": "10 deg"}}
+    materials = {"ore": rock | {"dilation_angle": {"intact": "10 deg", "residual": "0 deg"}}, "host": rock}
+    said = iso_share(SimpleNamespace(config={"materials": materials | {"fill": {"model": "elastic"}}}))
+    assert "an input: 9.9 to 11 % in a cell of host (10°), 0 % in a cell of ore (0°)." in said
+    assert "is no agreement of model and record" in said
+    assert "(McGarr 1992), are not in the tensor." in said
+    assert iso_share(SimpleNamespace(config={"materials": {"fill": {"model": "elastic"}}})) == ""
+    assert iso_share(SimpleNamespace(config={})) == ""

@@ -9,6 +9,7 @@ from mpm_core.constitutive.elastic import lame_parameters, stress_increment
 from mpm_core.constitutive.laws.coulomb import return_to_surface
 from mpm_core.constitutive.returning import EDGE, ELASTIC, TENSION
 from mpm_core.constitutive.strength import residual_inside_intact, strength_row
+from pipeline.source_tensors import shear_iso_share, source_shares
 
 from . import twins
 from .twins import strength_rows, stresses
@@ -87,3 +88,31 @@ def test_strains_account_for_the_whole_stress_drop(stress, intact, residual):
     np.testing.assert_allclose(stress - drop, last, rtol=0, atol=1e-13 * np.abs(stress).max())
     for outcome, row in ((peak, intact), (last, intact)):
         assert twins.overstress(outcome, row) <= 1e-11 * (row[0] + 1.0) * max(np.abs(outcome).max(), 1e-300)
+
+
+@pytest.mark.parametrize("dilation", [0.0, 5.0, 10.0, 20.0])
+def test_isotropic_share_of_a_drop_in_shear_is_that_of_the_dilation_angle(dilation):
+    """6,000 states of stress above strength, none of which tears: all within the closed form's bounds, and both
+    reached; the residual angle decides. What tears opens: a third and more of its share is isotropic."""
+    generator = np.random.default_rng(1)
+    intact, residual = strength_row(30, 2.0, 8e6), strength_row(20, dilation, 2e6)
+    torn = strength_row(20, dilation, 2e6, 0.0)
+    shares, tears = [], []
+    for row, found in ((residual, shares), (torn, tears)):
+        for _ in range(3000):
+            s3 = -generator.uniform(40e6, 120e6)
+            s1 = -generator.uniform(0.0, 5e6)
+            s2 = generator.choice([s1, s3, generator.uniform(s3, s1)])
+            _, after, _, seismic, region = brittle_drop(s1, s2, s3, 0.0, 0.0, 0.0, *ROCK, intact, row)
+            if region == ELASTIC or not np.any(seismic):
+                continue
+            if row is torn and max(after) < -1e-3 * abs(min(after)):
+                continue
+            found.append(source_shares(np.diag(seismic[:3]))[0])
+    low, high = shear_iso_share(dilation)
+    assert len(shares) > 2000
+    assert min(shares) == pytest.approx(low, rel=1e-6, abs=1e-12)
+    assert max(shares) == pytest.approx(high, rel=0.02, abs=1e-12)
+    assert max(shares) <= high * (1.0 + 1e-9) + 1e-12
+    assert len(tears) > 100
+    assert max(tears) > high
