@@ -50,11 +50,16 @@ def quakeml(chosen: argparse.Namespace) -> None:
 def compare(chosen: argparse.Namespace) -> None:
     """The synthetic catalogue against the recorded one."""
     from catalogs import comparison
+    from catalogs.members import read_members
 
     settings = read_slice(chosen.settings)
-    result = comparison.compare(read_events(chosen.catalog), read_events(chosen.record), settings)
-    inputs = [chosen.catalog, chosen.record]
-    write_dataset(result.assign_attrs(provenance(settings, "catalogs compare", inputs)), chosen.output)
+    catalog = read_events(chosen.catalog)
+    dated = [step["name"] for step in settings.get("steps", [])]
+    members = read_members(chosen.members, dated, catalog.attrs["mine"])
+    result = comparison.compare(catalog, read_events(chosen.record), settings, members)
+    of_members = [member / "events" / f"{step}.nc" for member in chosen.members for step in dated]
+    made_of = provenance(settings, "catalogs compare", [chosen.catalog, chosen.record, *of_members])
+    write_dataset(result.assign_attrs(made_of), chosen.output)
 
 
 def spread(chosen: argparse.Namespace) -> None:
@@ -148,7 +153,8 @@ def parser() -> CommandLine:
     stage("record", record, "output", settings=True)
     stage("quakeml", quakeml, "catalog", "output")
     stage("vtk", vtk, "catalog", "output")
-    stage("compare", compare, "catalog", "record", "output", settings=True)
+    compared = stage("compare", compare, "catalog", "record", "output", settings=True)
+    compared.add_argument("--members", type=Path, nargs="*", default=[], help="folders with events of other runs")
     gathered = stage("spread", spread, "catalog", "output", settings=True)
     gathered.add_argument("--comparison", type=Path)
     gathered.add_argument("--runs", type=Path, nargs="+", required=True, help="folders of steps and events, own first")

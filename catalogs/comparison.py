@@ -4,6 +4,7 @@ Layout of comparison.nc: catalogs.comparison_layout.
 """
 
 import json
+from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
@@ -22,17 +23,26 @@ from pipeline.errors import InputError
 from pipeline.event_table import check_events
 
 
-def compare(catalog: xr.Dataset, record: xr.Dataset, settings: ComparisonSlice) -> xr.Dataset:
+def compare(
+    catalog: xr.Dataset, record: xr.Dataset, settings: ComparisonSlice, members: Sequence[xr.Dataset] = ()
+) -> xr.Dataset:
     """The three comparisons of a synthetic catalogue with a recorded one; layout: catalogs.comparison_layout.
 
-    catalog, record: form of pipeline.event_table. settings: or their values. Raises InputError for an unknown setting,
-    a catalogue of the wrong form or for another mine. A catalogue with too few events, or none, gives NaN and a
-    sentence, not an error.
+    catalog, record: form of pipeline.event_table. settings: or their values. members: catalogues of the ensemble's
+    other runs (`catalogs.members`), as many as settings.members; with the mine's own they are the model's draws.
+    Raises InputError for an unknown setting, a catalogue of the wrong form or for another mine, a member too few or too
+    many. A catalogue with too few events, or none, gives NaN and a sentence, not an error.
     """
     settings = ComparisonSlice.of(settings, "comparison")
     catalog, record = check_events(catalog, "catalog"), check_events(record, "record")
-    if catalog.attrs["mine"] != record.attrs["mine"]:
-        raise InputError(f"comparison: catalog is of mine {catalog.attrs['mine']}, record of {record.attrs['mine']}")
+    members = [check_events(member, f"member {number}") for number, member in enumerate(members, 1)]
+    for name, events in (("record", record), *((f"member {number}", one) for number, one in enumerate(members, 1))):
+        if catalog.attrs["mine"] != events.attrs["mine"]:
+            raise InputError(
+                f"comparison: catalog is of mine {catalog.attrs['mine']}, {name} of {events.attrs['mine']}"
+            )
+    if len(members) != settings.members:
+        raise InputError(f"comparison: {len(members)} members are given, and the ensemble has {settings.members}")
     both = (catalog, record)
     x = [sizes.log_potency(events["potency"].values) for events in both]
     resolved = [events["resolved"].values == 1 for events in both]

@@ -27,9 +27,10 @@ class DatedStep(Settings):
 
 
 class ComparisonSlice(ComparisonSettings):
-    """The slice of the comparison: its settings, and the dated steps in order."""
+    """The slice of the comparison: its settings, the dated steps in order, and how many members the ensemble has."""
 
     steps: Annotated[tuple[DatedStep, ...], AsTuple] = ()
+    members: Annotated[int, Field(ge=0)] = 0
 
 
 class MinedStep(Settings):

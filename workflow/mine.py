@@ -150,10 +150,11 @@ class Mine(Plan):
         return {"mine": self.name, "steps": self.dated_steps, "cells": [self.finest_cell, 2 * self.finest_cell]}
 
     def comparison_slice(self) -> dict:
-        """What comparison.nc depends on, beside the two catalogues."""
+        """What comparison.nc depends on, beside the two catalogues and the events of the ensemble's members."""
         dated = [step for step in self.listed_steps if "start" in step]
         return self.values["comparison"] | {
-            "steps": [{key: step[key] for key in ("name", "start", "end")} for step in dated]
+            "steps": [{key: step[key] for key in ("name", "start", "end")} for step in dated],
+            **({"members": self.members} if self.members else {}),
         }
 
     def report_slice(self) -> dict:

@@ -261,10 +261,12 @@ def test_an_ensemble_that_would_show_nothing_is_refused(refuse):
 
 
 def test_an_ensemble_leaves_every_slice_of_the_mine_as_it_was(accept):
-    """Switched on it re-runs nothing; a member's slices are the mine's and its own number."""
+    """Switched on it re-runs the comparison only; a member's slices are the mine's and its own number."""
     without, mine = accept(TINY), accept(TINY, ensemble=2)
-    assert {stage: slices(mine)[stage] for stage in slices(without)} == slices(without)
-    assert set(slices(mine)) - set(slices(without)) == {"spread"}
+    before, after = slices(without), slices(mine)
+    assert {stage for stage in before if after[stage] != before[stage]} == {"comparison"}
+    assert mine.comparison_slice() == without.comparison_slice() | {"members": 2}
+    assert set(after) - set(before) == {"spread"}
     assert (without.members, mine.members, mine.member(2).members) == (0, 2, 0)
     for step in mine.mined_steps:
         assert "perturbation" not in mine.step_slice(step)

@@ -260,6 +260,16 @@ def packed(path, result):
     return report(kept(path), caption=caption, category=lambda wildcards: place_of(wildcards)[0], labels=labels)
 
 
+def member_events(wildcards):
+    """Events of all dated steps of the members of an ensemble; empty without one."""
+    return [f"{run}/events/{step}.nc" for run in runs_of(wildcards)[1:] for step in mine_of(wildcards).dated_steps]
+
+
+def members_option(wildcards, input):
+    """The command line option for the folders of these members; empty without any."""
+    return " ".join(["--members", *runs_of(wildcards)[1:]]) if input.members else ""
+
+
 def comparison_of(wildcards):
     """The comparison with the record, if there is one."""
     return result("comparison.nc") if HAS_RECORD and wildcards.mine == MINE.name else []

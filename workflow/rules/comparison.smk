@@ -80,13 +80,18 @@ rule compare:
     """Modelled beside recorded events: location, size, axes, each with a number and its interval."""
     input:
         inputs_of(
-            "catalogs compare", "comparison", catalog=f"{RESULTS}/catalog.nc", record=f"{RESULTS}/record.nc"
+            "catalogs compare",
+            "comparison",
+            catalog=f"{RESULTS}/catalog.nc",
+            record=f"{RESULTS}/record.nc",
+            members=member_events,
         ),
     output:
         kept(f"{RESULTS}/comparison.nc"),
     params:
         code=source_hash("catalogs compare"),
         settings=slice_of("comparison"),
+        members=members_option,
     log:
         "logs/{mine}/compare.log",
     benchmark:
@@ -98,8 +103,8 @@ rule compare:
     conda:
         "../envs/environment.yaml"
     shell:
-        "stage catalogs compare --catalog {input.catalog} --record {input.record} --settings {params.settings:q}"
-        " --output {output} --log {log}"
+        "stage catalogs compare --catalog {input.catalog} --record {input.record} {params.members}"
+        " --settings {params.settings:q} --output {output} --log {log}"
 
 
 rule spread:

@@ -1,0 +1,29 @@
+"""The events of an ensemble's members: other runs of the model, as likely as the mine's own."""
+
+import os
+from pathlib import Path
+
+import xarray as xr
+
+from pipeline.errors import InputError
+from pipeline.event_table import NAMES, check_events, read_events
+
+
+def read_members(folders: list[str | os.PathLike], steps: list[str], mine: str) -> list[xr.Dataset]:
+    """One catalogue (form of pipeline.event_table) of each member: events of the dated steps, in order of time.
+
+    folders: each with events/<step>.nc. Raises InputError for a missing or unreadable file, or one of another mine.
+    """
+    return [_read_member(Path(folder), steps, mine) for folder in folders]
+
+
+def _read_member(folder: Path, steps: list[str], mine: str) -> xr.Dataset:
+    parts = []
+    for step in steps:
+        path = folder / "events" / f"{step}.nc"
+        events = read_events(path)
+        if events.attrs["mine"] != mine:
+            raise InputError(f"{path}: is of mine {events.attrs['mine']}, not of {mine}")
+        parts.append(events[list(NAMES)].drop_attrs(deep=False))
+    joined = xr.concat(parts, "event").sortby("time")  # stable: ties stay in the order of steps, and of events in one
+    return check_events(joined.assign_attrs(mine=mine, kind="synthetic"), str(folder))
