@@ -60,6 +60,11 @@ ON_PLANES = _field(
     "on_planes", "event", "f8", "1", "share of the potency that is slip on weak planes; only where rock has some"
 )
 
+LOCATION_UNCERTAINTY = _field(
+    "location_uncertainty", "event", "f8", "m", "root mean square location error of the event, where a record states it"
+)
+OPTIONAL = (ON_PLANES, LOCATION_UNCERTAINTY)
+
 
 def event_dataset(values: Mapping[str, NDArray], attributes: Mapping) -> xr.Dataset:
     """A dataset of all FIELDS from arrays by name. Raises InputError where one is missing, unknown or misshapen."""
@@ -102,8 +107,9 @@ def check_events(dataset: xr.Dataset, source: str) -> xr.Dataset:
         field.check(dataset, source)
         if field.dtype == TEXT:
             dataset[field.name] = dataset[field.name].astype(TEXT)
-    if ON_PLANES.name in dataset:
-        ON_PLANES.check(dataset, source)
+    for field in OPTIONAL:
+        if field.name in dataset:
+            field.check(dataset, source)
     for dim, size in SIZES.items():
         if dataset.sizes[dim] != size:
             raise InputError(f"{source}: dimension {dim} has length {dataset.sizes[dim]}, not {size}; {REMEDY}")

@@ -13,10 +13,12 @@ from catalogs.record_settings import EVENT_TYPE, FIRST_YEAR, LAST_YEAR, MODE, ST
 from catalogs.records.build import build_record, check_sizes
 from catalogs.records.event_kinds import kept_words
 from catalogs.records.filters import filter_events
+from catalogs.records.location_uncertainty import location_uncertainty
 from catalogs.records.magnitudes import is_convertible, is_moment_type, moment_magnitudes, sizes_text
 from catalogs.records.quakeml_forms import Words, plain_quakeml
 from catalogs.units import unit_quantity
 from pipeline.errors import InputError
+from pipeline.event_table import LOCATION_UNCERTAINTY
 from pipeline.source_tensors import potency_from_moment
 
 REJECTED = "rejected"
@@ -31,9 +33,10 @@ def read(settings: RecordSlice) -> xr.Dataset:
     preferred one is. Its size is its moment tensor, else its moment magnitude, else a magnitude for which a
     conversion is stated; of several the preferred one, else the first. Events that are no seismicity
     (catalogs.records.event_kinds) and those without a time, a place or a size are left out and counted, and so is
-    one whose publicID is there before. Depth is in m, unless settings.units says otherwise. A file written by
-    catalogs.quakeml keeps its x, y, z and tensors bit for bit. Raises InputError, naming file and event, for
-    degrees off the globe, magnitudes of other types, sizes that no event has, and what is no QuakeML.
+    one whose publicID is there before. Depth is in m, unless settings.units says otherwise. Location errors that
+    origins state are kept (catalogs.records.location_uncertainty). A file written by catalogs.quakeml keeps its x, y,
+    z and tensors bit for bit. Raises InputError, naming file and event, for degrees off the globe, magnitudes of
+    other types, sizes that no event has, and what is no QuakeML.
     """
     path = Path(settings.file)
     content, words = plain_quakeml(quakeml_bytes(path), path)
@@ -132,6 +135,9 @@ def _foreign(events: Catalog, origins: list[Origin | None], settings: RecordSlic
     record = build_record(settings, time, location, {"mw": mw}, tensor, str(path), **uncertainties)
     text = sizes_text(used, conversions)
     record.attrs |= {"sizes_text": text} if text else {}
+    errors = np.array([location_uncertainty(origin) for origin in origins], float)
+    if np.isfinite(errors).any():
+        record[LOCATION_UNCERTAINTY.name] = (LOCATION_UNCERTAINTY.dims, errors, LOCATION_UNCERTAINTY.attributes)
     return record
 
 

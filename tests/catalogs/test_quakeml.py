@@ -7,12 +7,14 @@ import pytest
 import xarray as xr
 from catalog_fixtures import FRAME, LAME, SETTINGS, SHEAR, made_up_catalog
 from obspy import UTCDateTime, read_events
-from obspy.core.event import Magnitude
+from obspy.core.event import ConfidenceEllipsoid, Magnitude, OriginUncertainty, QuantityError
 from obspy.imaging.beachball import MomentTensor, aux_plane, mt2plane
 from obspy.io.quakeml.core import _validate
 from pyproj import CRS
+from scipy.stats import chi2, norm
 
 from catalogs.frame import MineFrame
+from catalogs.location_errors import location_errors
 from catalogs.mechanisms import axis_from_trend_plunge
 from catalogs.quakeml import read_catalog, write_quakeml
 from catalogs.records import read_record
@@ -228,6 +230,40 @@ def test_our_own_file_as_a_record_keeps_every_bit_and_takes_the_filter(catalog, 
     kept = catalog["potency"].values >= 1e-2
     assert record.attrs["kind"] == "twin"
     assert record["location"].values.tobytes() == catalog["location"].values[kept].tobytes()
+
+
+def test_a_foreign_file_states_the_error_of_each_event(catalog, tmp_path):
+    """In degrees and metres, as a circle and a depth at a level, as an ellipsoid; one without depth has none. All are
+    root mean square errors in 3-D, and the comparison takes the record's own where an event has none."""
+
+    def state(number, event):
+        origin = event.origins[0]
+        origin.latitude_errors = origin.longitude_errors = origin.depth_errors = QuantityError()
+        origin.origin_uncertainty = None
+        if number == 0:
+            east = 30.0 / (111_195 * np.cos(np.radians(origin.latitude)))
+            origin.latitude_errors = QuantityError(uncertainty=20.0 / 111_195)
+            origin.longitude_errors = QuantityError(uncertainty=east)
+            origin.depth_errors = QuantityError(uncertainty=60.0)
+        elif number == 1:
+            circle = np.sqrt(chi2.ppf(0.9, 2)) * 10.0
+            origin.origin_uncertainty = OriginUncertainty(horizontal_uncertainty=circle, confidence_level=90.0)
+            origin.depth_errors = QuantityError(uncertainty=norm.ppf(0.95) * 10.0, confidence_level=90.0)
+        elif number == 2:
+            axes = np.sqrt(chi2.ppf(0.9, 3)) * np.array([20.0, 30.0, 60.0])
+            names = ("semi_minor_axis_length", "semi_intermediate_axis_length", "semi_major_axis_length")
+            turns = dict.fromkeys(("major_axis_plunge", "major_axis_azimuth", "major_axis_rotation"), 0.0)
+            body = ConfidenceEllipsoid(**dict(zip(names, axes, strict=True)), **turns)
+            origin.origin_uncertainty = OriginUncertainty(confidence_ellipsoid=body, confidence_level=90.0)
+        elif number == 3:
+            origin.origin_uncertainty = OriginUncertainty(horizontal_uncertainty=10.0)
+
+    record = read_record(foreign(catalog, tmp_path / "foreign.xml", state) | {"location_error": 25.0})
+    write_events(record, tmp_path / "record.nc")
+    record = read_table(tmp_path / "record.nc")
+    np.testing.assert_allclose(record["location_uncertainty"][:3], [70.0, np.sqrt(300.0), 70.0], rtol=1e-4)
+    assert np.isnan(record["location_uncertainty"][3:]).all()
+    np.testing.assert_allclose(location_errors(record)[[0, 3, 4]], [70.0, 25.0, 25.0])
 
 
 OWN_FAULTS = {  # what stands in the file, what is put there, what the line says
