@@ -11,12 +11,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs import sizes
-from catalogs.blocks import block_labels
+from catalogs.blocks import cluster_labels
 from catalogs.comparison_layout import described
 from catalogs.completeness import completeness, fullest_bin, next_edge, rounding
 from catalogs.exposure import Exposure, total_interval
+from catalogs.location_errors import location_errors
 from catalogs.measures import axes_measures, location_measures
 from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
+from catalogs.members import all_runs
 from catalogs.settings import ComparisonSlice
 from catalogs.size_measures import CATALOGUES, SIZE_BIN, size_measures
 from pipeline.errors import InputError
@@ -53,10 +55,9 @@ def compare(
     steps = [exposure.step(events["time"].values) for events in both]
     resolved = [good & (step >= 0) for good, step in zip(resolved, steps, strict=True)]
     used = [good & (value >= cut) for good, value in zip(resolved, x, strict=True)]
-    # The model orders its events but does not date them: no days of it are resampled, each event is by itself.
-    blocks = [np.arange(catalog.sizes["event"]), _blocks(record, settings)]
+    clusters = _clusters(record, used[1], steps[1])
 
-    result |= _sums(both, used, resolved, blocks, exposure, settings)
+    result |= _sums(both, used, resolved, exposure, settings)
     sized, laws = size_measures(
         [value[good] for value, good in zip(x, resolved, strict=True)],
         [0.0, rounded],
@@ -65,10 +66,18 @@ def compare(
         settings,
     )
     result |= sized
-    located, location_attributes = location_measures(both, used, blocks, steps, settings)
+    # Places and axes are those of all runs of the model: what runs differ by is its chance.
+    model, run = all_runs(catalog, members)
+    model_steps = exposure.step(model["time"].values)
+    model_used = (model["resolved"].values == 1) & (model_steps >= 0)
+    model_used &= sizes.log_potency(model["potency"].values) >= cut
+    every, counted, blocks = (model, record), (model_used, used[1]), (run, clusters)
+    located, location_attributes = location_measures(every, counted, blocks, (model_steps, steps[1]), settings)
     result |= located
-    oriented, axes_attributes = axes_measures(both, used, blocks, settings)
+    oriented, axes_attributes = axes_measures(every, counted, blocks, settings)
+    oriented["model_axes_used"] = ("event_model", oriented["model_axes_used"][1][: catalog.sizes["event"]])
     result |= oriented
+    result["blocks"] = ("catalogue", np.array([1 + len(members), len(np.unique(clusters[used[1]]))], np.int64))
     coordinates = {
         "catalogue": list(CATALOGUES),
         "interval": ["lower", "upper"],
@@ -117,8 +126,12 @@ def _period_text(record: xr.Dataset, exposure: Exposure) -> str:
     )
 
 
-def _blocks(events: xr.Dataset, settings: ComparisonSlice) -> NDArray:
-    return block_labels(settings.blocks, events["time"].values, events["step"].values)
+def _clusters(record: xr.Dataset, used: NDArray, step: NDArray) -> NDArray:
+    """Cluster (event,) of each event that counts, -1 for the others."""
+    labels = np.full(record.sizes["event"], -1)
+    error = float(np.median(location_errors(record)[used])) if used.any() else 0.0
+    labels[used] = cluster_labels(record["time"].values[used], record["location"].values[used], step[used], error)
+    return labels
 
 
 def _cut(catalog: xr.Dataset, recorded: NDArray, rounded: float) -> tuple[dict, dict]:
@@ -147,7 +160,7 @@ def _cut(catalog: xr.Dataset, recorded: NDArray, rounded: float) -> tuple[dict, 
     )
 
 
-def _sums(both, used, resolved, blocks, exposure: Exposure, settings: ComparisonSlice) -> dict:
+def _sums(both, used, resolved, exposure: Exposure, settings: ComparisonSlice) -> dict:
     """Counts and summed potency, per day of exposure, and their ratio.
 
     Intervals resample the record's blocks of days, empty ones too; the model, one realisation, has none.
@@ -165,7 +178,6 @@ def _sums(both, used, resolved, blocks, exposure: Exposure, settings: Comparison
         "events_total": [events.sizes["event"] for events in both],
         "events_resolved": [int(good.sum()) for good in resolved],
         "events_above_cut": [int(kept.sum()) for kept in used],
-        "blocks": [len(np.unique(labels[kept])) for labels, kept in zip(blocks, used, strict=True)],
     }
     days = exposure.days
     return {

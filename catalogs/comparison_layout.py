@@ -2,14 +2,15 @@
 
 Dimensions: catalogue (model, record), interval (lower, upper: 95 %), xyz, axis (x, y, z of a tensor's second index),
 axis_name (P, B, T), pair (of nearest_distance), share (iso, clvd, dc), event_model and event_record (events of
-catalog.nc and record.nc, in their order), size_bin, trial_cut, distance, angle, kagan_pair. All but xyz, axis,
-event_model, event_record, size_bin, trial_cut and angle carry coordinates. NaN where a number does not exist (too few
-events, no tensors, no stable completeness).
+catalog.nc and record.nc, in their order), size_bin, trial_cut, distance, angle, eigenvalue, kagan_pair. All but xyz,
+axis, event_model, event_record, size_bin, trial_cut, angle and eigenvalue carry coordinates. Places and axes of the
+model are those of all its runs, if it has an ensemble. NaN where a number does not exist (too few events, no tensors,
+no stable completeness), and for intervals and p-values of places and axes if the model ran fewer than three times.
 
 Attributes: mine, record_kind ("recorded" | "twin"), period_model, period_record, settings (JSON, defaults filled in),
 cut_is ("model floor" | "record completeness" | "nothing"), cut_stable (1: b of the record is stable),
 law_model, law_record ("power law" | "truncated power law" |
-"no power law" | "too few events": what sizes above the cut follow), location_blocks, location_error (m),
+"no power law" | "too few events": what sizes above the cut follow), location_error (m, median of the events compared),
 axes_present (0 | 1), summed_weight ("unit": over unit tensors where the record has orientations only | "potency"),
 size_bin_width, kagan_bin_width (degrees), config_hash, source_hash, versions. period_text, cut_text, size_text,
 location_text and axes_text are sentences for the reader of the report; they also say why a number does not exist.
@@ -39,7 +40,7 @@ FIELDS = (
     _field("events_resolved", "catalogue", "1", "of enough particles (all of a record) in the time compared", np.int64),
     _field("events_above_cut", "catalogue", "1", "of these at or above the cut: the events compared", np.int64),
     _field("events_with_axes", "catalogue", "1", "events whose axes are compared", np.int64),
-    _field("blocks", "catalogue", "1", "blocks that are resampled; of the model every event is one", np.int64),
+    _field("blocks", "catalogue", "1", "what is resampled: runs of the model, clusters of recorded events", np.int64),
     _field("cut", "", LOG, "smallest size that counts in both catalogues: the larger of the next two"),
     _field("model_floor", "", LOG, "smallest size that the model's cells resolve"),
     _field("record_completeness", "", LOG, "size from which the record is complete (stable b, else the fullest bin)"),
@@ -103,8 +104,12 @@ FIELDS = (
     _field("mean_axis", "catalogue axis_name xyz", "1", "mean axis: unit eigenvector of the orientation matrix"),
     _field("mean_trend", "catalogue axis_name", DEGREE, "its trend, clockwise from north"),
     _field("mean_plunge", "catalogue axis_name", DEGREE, "its plunge below the horizontal"),
-    _field("mean_cone", "catalogue axis_name", DEGREE, "half angle of its 95 % bootstrap cone"),
-    _field("mean_strength", "catalogue axis_name", "1", "its eigenvalue: 1/3 for uniform axes, 1 for parallel ones"),
+    _field("mean_cone", "catalogue axis_name", DEGREE, "half angle of its 95 % cone; NaN of a model that ran once"),
+    _field("axis_eigenvalue", "catalogue axis_name eigenvalue", "1", "of the orientation matrix, the largest first"),
+    _field("axis_k", "catalogue axis_name", "1", "Woodcock's K: above 1 a cluster about a mean axis, below 1 a girdle"),
+    _field("axis_shape", "catalogue axis_name", "", "cluster, girdle or no preferred direction; empty: no axes", TEXT),
+    _field("pole_trend", "catalogue axis_name", DEGREE, "trend of a girdle's pole, clockwise from north"),
+    _field("pole_plunge", "catalogue axis_name", DEGREE, "plunge of a girdle's pole below the horizontal"),
     _field("axis_clear_share", "catalogue axis_name", "1", "share of the potency whose axis is clear, and counted"),
     _field("mean_angle", "axis_name", DEGREE, "angle between the catalogues' mean axes"),
     _field("mean_angle_interval", "axis_name interval", DEGREE, "its 95 % interval; from 0 if they may be one"),

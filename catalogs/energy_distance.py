@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from catalogs.jackknife import Scatter
+
 CHUNK = 1 << 22  # pairs held at once
 
 
@@ -21,7 +23,8 @@ CHUNK = 1 << 22  # pairs held at once
 class Side:
     """One catalogue: its points (point, 3) m ordered by step and block, `draws` of them per event.
 
-    A block that reaches over two steps is two blocks. block_step (block,): the step of each.
+    labels (point,): what each point belongs to, a cluster of a record or a run of the model: its unit. What a unit has
+    in a step is a block. block_step, block_unit (block,): step and unit of each, units numbered 0, 1, ...
     """
 
     points: NDArray
@@ -34,6 +37,7 @@ class Side:
         pairs = np.stack([np.asarray(self.steps, np.int64), np.asarray(self.labels, np.int64)], axis=1)
         found, labels = np.unique(pairs, axis=0, return_inverse=True)
         labels, self.block_step = labels.reshape(-1), found[:, 0]
+        self.block_unit = np.unique(found[:, 1], return_inverse=True)[1].reshape(-1)
         order = np.argsort(labels, kind="stable")
         self.points, self.labels = np.asarray(self.points, float)[order], labels[order]
         self.blocks = int(self.labels[-1]) + 1 if len(labels) else 0
@@ -82,7 +86,8 @@ def pair_means(sums: NDArray, counts: list[NDArray], weights: list[NDArray]) -> 
 class Matched:
     """The steps that have two blocks at least in each catalogue, moved onto each other; see the head of this module.
 
-    own: numbers of these blocks within each catalogue; steps: how many steps.
+    own: numbers of these blocks within each catalogue; unit: the unit of each, numbered 0, 1, ...; units: how many;
+    steps: how many steps.
     """
 
     def __init__(self, sides: tuple[Side, Side], shared: NDArray):
@@ -90,6 +95,11 @@ class Matched:
         self.own = [np.flatnonzero(np.isin(side.block_step, shared)) for side in sides]
         self.blocks = [len(own) for own in self.own]
         self.step = [np.searchsorted(shared, side.block_step[own]) for side, own in zip(sides, self.own, strict=True)]
+        self.unit = [
+            np.unique(side.block_unit[own], return_inverse=True)[1].reshape(-1)
+            for side, own in zip(sides, self.own, strict=True)
+        ]
+        self.units = [int(unit.max()) + 1 for unit in self.unit]
         self.counts = [side.counts[own] for side, own in zip(sides, self.own, strict=True)]
         totals = [np.bincount(step, count) for step, count in zip(self.step, self.counts, strict=True)]
         events = [total / side.draws for total, side in zip(totals, sides, strict=True)]
@@ -119,12 +129,32 @@ class Matched:
             found.append(weight * (self.step_weight / ((weight * count) @ member))[:, step])
         return found
 
-    def offset(self, weights: list[NDArray]) -> NDArray:
-        """Centroid of the model minus that of the record (resampling, 3), m, of the blocks taken so many times."""
+    def centroids(self, weights: list[NDArray]) -> list[NDArray]:
+        """Centroid (resampling, 3), m, of model and record within steps, of the blocks taken so many times."""
+        return [side.centroids(weight) for side, weight in zip(self.sides, self._weighted(weights), strict=True)]
+
+    def offset_scatter(self) -> Scatter:
+        """How well the centroids' offset, m, is known: the jackknife over the units of both catalogues."""
+        both = [np.ones((1, count)) for count in self.blocks]
+        without = [1.0 - (unit == np.arange(count)[:, None]) for unit, count in zip(self.unit, self.units, strict=True)]
+        estimate = [part[0] for part in self.centroids(both)]
+        moved = [self.centroids(pair)[side] for side, pair in enumerate(((without[0], both[1]), (both[0], without[1])))]
         model, record = (
-            side.centroids(weight) for side, weight in zip(self.sides, self._weighted(weights), strict=True)
+            Scatter.of(again, mean, self._freedom(side))
+            for side, (again, mean) in enumerate(zip(moved, estimate, strict=True))
         )
-        return model - record
+        return model + record
+
+    def _freedom(self, side: int) -> float:
+        """Degrees of freedom of a catalogue's centroid: what its units are worth, less one for each step's own mean.
+
+        Units that all steps have, such as the model's runs, lose one degree only.
+        """
+        step, weight = self.step[side], self.step_weight / self.step_weight.sum()
+        share = weight[step] * self.counts[side] / np.bincount(step, self.counts[side])[step]
+        of_unit = np.bincount(self.unit[side], share)
+        together = np.sum(share**2) / np.sum(of_unit**2)
+        return max(1.0 / np.sum(of_unit**2) - max(together / np.sum(weight**2), 1.0), 1.0)
 
     def energy(self, weights: list[NDArray]) -> NDArray:
         """Energy distance 2 E|X - Y| - E|X - X'| - E|Y - Y'| (resampling,), m (Szekely and Rizzo 2013).
@@ -139,10 +169,10 @@ class Matched:
         """Energy distance of a power of distance (1 or 1.5), and what it is (resampling,) if both are of one process.
 
         A dependent wild bootstrap (Leucht and Neumann 2013; Chwialkowski et al. 2014): the block sums are centred on
-        the mean of the block's own catalogue in its step, so that a true difference drops out, and each block takes a
-        random sign, signs (resampling, block). Unlike a permutation this also holds where one catalogue's blocks are
-        larger than the other's. A large block draws that mean to itself: it is divided by one minus its share of the
-        events, which puts it against the mean of the others (as in the CR3 estimate of a clustered variance).
+        the mean of the block's own catalogue in its step, so that a true difference drops out, and each unit takes a
+        random sign, signs (resampling, unit of both). Unlike a permutation this also holds where one catalogue's blocks
+        are larger than the other's. A large block draws that mean to itself: it is divided by one minus its share of
+        the events, which puts it against the mean of the others (as in the CR3 estimate of a clustered variance).
         """
         sums, counts = self._sums[exponent], np.concatenate(self.counts)
         group = np.concatenate([self.step[0], self.step[1] + self.steps])  # step and catalogue
@@ -155,7 +185,8 @@ class Matched:
         centred += np.outer(counts, counts) * between[np.ix_(group, group)]
         weight = np.concatenate([self.step_weight, -self.step_weight]) / self.step_weight.sum()
         share = (weight / totals)[group]
-        scaled = signs * (share / (1 - counts / totals[group]))
+        unit = np.concatenate([self.unit[0], self.unit[1] + self.units[0]])
+        scaled = signs[:, unit] * (share / (1 - counts / totals[group]))
         return float(-(share @ sums @ share)), -np.sum((scaled @ centred) * scaled, axis=1)
 
 

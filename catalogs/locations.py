@@ -2,71 +2,82 @@
 
 Events come in clusters, so a catalogue of n events holds far fewer than n independent places; resampling single
 events would find a difference between any two catalogues of one clustered process. Here whole blocks are resampled:
-days or steps (`catalogs.blocks`). Where events lie depends on what is mined, in model and mine alike, so offset,
-energy distance and p-value are taken within steps (`catalogs.energy_distance`): how far steps lie apart drops out.
-Everything is computed once between blocks and then only re-weighted, so a thousand resamplings cost little. Distances
-in m. BLAS is held to one thread: the same bytes with any number.
+clusters of a record (`catalogs.blocks`), runs of a model. A model that ran once has no blocks, so that chance cannot be
+told from a difference: then there are distances, and no interval and no p-value. Where events lie depends on what is
+mined, in model and mine alike, so offset, energy distance and p-value are taken within steps
+(`catalogs.energy_distance`): how far steps lie apart drops out. Everything is computed once between blocks and then
+only re-weighted, so a thousand resamplings cost little. Distances in m. BLAS is held to one thread: the same bytes with
+any number.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
+from catalogs.blocks import LEAST_BLOCKS
 from catalogs.energy_distance import Side, block_starts, match_steps, pair_means, pairs_by_block
 
 TAILS = (0.025, 0.975)
+LENGTHS = 9999  # draws for the quantile of a length: no data in them, so they cost nothing
 TEST_EXPONENT = 1.5  # of distance in the p-value's statistic: as good as the mean for a shift, and sees shapes too
 
 
-def smear(location: NDArray, error: float, draws: int, generator: np.random.Generator) -> tuple[NDArray, NDArray]:
-    """Locations (event * draws, 3) as a network of that location error would report them, and each one's event.
+def smear(
+    location: NDArray, errors: float | NDArray, draws: int, generator: np.random.Generator
+) -> tuple[NDArray, NDArray]:
+    """Locations (event * draws, 3) as a network of such location errors would report them, and each one's event.
 
-    error: root mean square distance in 3-D, m, so error / sqrt(3) in each coordinate. Several draws per event lower
-    the noise that this adds to the comparison. No error: the locations themselves.
+    errors: root mean square distance in 3-D, m, so errors / sqrt(3) in each coordinate: one, or those of recorded
+    events (recorded,), of which each copy takes one at random. Several draws per event lower the noise that this adds
+    to the comparison. No error: the locations themselves.
     """
-    location = np.asarray(location, float)
-    if not error > 0:
+    location, errors = np.asarray(location, float), np.atleast_1d(np.asarray(errors, float))
+    if not (errors > 0).any():
         return location, np.arange(len(location))
     event = np.repeat(np.arange(len(location)), draws)
-    return location[event] + generator.normal(scale=error / np.sqrt(3), size=(len(event), 3)), event
+    scale = generator.choice(errors, size=(len(event), 1)) if len(errors) > 1 else errors
+    return location[event] + generator.normal(size=(len(event), 3)) * scale / np.sqrt(3), event
 
 
 @dataclass(frozen=True)
 class LocationComparison:
-    """The numbers of `compare_locations`; an interval is (lower, upper) of 95 %, last dimension where an array."""
+    """The numbers of `compare_locations`; an interval is (lower, upper) of 95 %, last dimension where an array.
+
+    blocks: of the model (0 where it ran too seldom for intervals, which are NaN then), of the record.
+    """
 
     centroids: NDArray
     offset: NDArray
-    offset_interval: NDArray
     offset_distance: float
-    offset_distance_interval: NDArray
     energy_distance: float
-    energy_interval: NDArray
-    energy_null: NDArray
-    energy_p_value: float
     distance: NDArray
     cross_k: NDArray
-    cross_k_interval: NDArray
     model_k: NDArray
     record_k: NDArray
     cross_ratio: NDArray
-    cross_ratio_interval: NDArray
     nearest: NDArray
-    nearest_interval: NDArray
     blocks: tuple[int, int]
     steps: int
+    offset_interval: NDArray | float = np.nan
+    offset_distance_interval: NDArray | float = np.nan
+    energy_interval: NDArray | float = np.nan
+    energy_null: NDArray | float = np.nan
+    energy_p_value: float = np.nan
+    cross_k_interval: NDArray | float = np.nan
+    cross_ratio_interval: NDArray | float = np.nan
+    nearest_interval: NDArray | float = np.nan
 
 
 def compare_locations(
     model: NDArray,
     record: NDArray,
-    model_blocks: NDArray,
+    model_blocks: NDArray | None,
     record_blocks: NDArray,
     seed: int = 0,
-    location_error: float = 0.0,
+    location_error: float | NDArray = 0.0,
     draws: int = 4,
     resamplings: int = 999,
     distances: NDArray | None = None,
@@ -75,11 +86,12 @@ def compare_locations(
 ) -> LocationComparison | None:
     """Model (event, 3) against record (event, 3), m, with block and step of each event (without steps: all of one).
 
-    None if no step has two blocks in each catalogue. Offset, energy distance and p-value: of such steps, moved onto
-    each other (`energy_distance.Matched`). The others: of all events, where they lie. Intervals resample the blocks of
-    each step with replacement.
-    Measured at 5 %: 3 to 6 % false alarms from 5 blocks on (8 % with 3); a 10 m shift of 200 events spread 30 m per
-    coordinate is found in 80 % of cases, where the best test for a shift (Hotelling's) finds 80.4 %.
+    model_blocks: None for a model that ran once: its events count as independent where pairs of one block are left out,
+    and intervals and p-value are NaN. location_error: as `smear` takes it. None if no step has two blocks in each
+    catalogue, or the record fewer than LEAST_BLOCKS in all; with as few blocks of the model intervals are NaN, too.
+    Offset, energy distance and p-value: of such steps, moved onto each other (`energy_distance.Matched`). The others:
+    of all events, where they lie. Intervals of the offset: jackknife over blocks (`catalogs.jackknife`); the others
+    weigh blocks at random (Bayesian bootstrap, Rubin 1981), with one weight in all steps.
     Cross-K: share of model-record pairs closer than r, times the volume of the box that holds both catalogues.
     """
     generator = np.random.default_rng(seed)
@@ -88,60 +100,67 @@ def compare_locations(
         np.zeros(len(points), int) if given is None else np.asarray(given)
         for points, given in ((model, model_steps), (record, record_steps))
     ]
+    labels = np.arange(len(model)) if model_blocks is None else np.asarray(model_blocks)
     sides = (
-        Side(smeared, np.asarray(model_blocks)[event], steps[0][event], len(smeared) // max(len(model), 1)),
+        Side(smeared, labels[event], steps[0][event], len(smeared) // max(len(model), 1)),
         Side(record, record_blocks, steps[1]),
     )
     matched = match_steps(sides)
-    if matched is None:
+    if matched is None or matched.units[1] < LEAST_BLOCKS:
         return None
+    tested = model_blocks is not None and matched.units[0] >= LEAST_BLOCKS
     points = np.concatenate([side.points for side in sides])
     distances = default_distances(points) if distances is None else np.asarray(distances, float)
-    weights = [_bootstrap_weights(side, resamplings, generator) for side in sides]
+    weights = [
+        generator.standard_exponential((resamplings, int(side.block_unit.max()) + 1))[:, side.block_unit]
+        for side in sides
+    ]
     once = [np.ones((1, side.blocks)) for side in sides]
-    signs = generator.choice([-1.0, 1.0], size=(resamplings, sum(matched.blocks)))
-    chosen = [weight[:, own] for weight, own in zip(weights, matched.own, strict=True)]
+    signs = generator.choice([-1.0, 1.0], size=(resamplings, sum(matched.units)))
 
     with threadpool_limits(1, user_api="blas"):
         energy = matched.energy([np.ones((1, count)) for count in matched.blocks])[0]
-        energies = matched.energy(chosen)
+        counts = [side.counts for side in sides]
+        closer = _pairs_closer(sides, distances)
+        shares = np.array([[share[0] for share in pair_means(counted, counts, once)] for counted in closer]).T
+        model_centre, record_centre = matched.centroids([np.ones((1, count)) for count in matched.blocks])
+        centroids = np.concatenate([side.centroids(one) for side, one in zip(sides, once, strict=True)])
+        nearest, nearest_interval = _nearest(sides, weights)
+        offset = model_centre[0] - record_centre[0]
+        volume = float(np.prod(np.maximum(np.ptp(points, axis=0), 1.0)))
+        found = LocationComparison(
+            centroids=centroids,
+            offset=offset,
+            offset_distance=float(np.linalg.norm(offset)),
+            energy_distance=float(energy),
+            distance=distances,
+            cross_k=shares[0] * volume,
+            model_k=shares[1] * volume,
+            record_k=shares[2] * volume,
+            cross_ratio=_ratio(*shares),
+            nearest=nearest,
+            blocks=(matched.units[0] if tested else 0, matched.units[1]),
+            steps=matched.steps,
+        )
+        if not tested:
+            return found
+        energies = matched.energy([weight[:, own] for weight, own in zip(weights, matched.own, strict=True)])
         null = matched.wild_bootstrap(1.0, signs)[1]
         statistic, chance = matched.wild_bootstrap(TEST_EXPONENT, signs)
-        closer = _pairs_closer(sides, distances)
-        counts = [side.counts for side in sides]
-        shares = [[share[0] for share in pair_means(counted, counts, once)] for counted in closer]
-        resampled = [pair_means(counted, counts, weights) for counted in closer]
-        offset = matched.offset([np.ones((1, count)) for count in matched.blocks])[0]
-        moved = matched.offset(chosen)
-        centroids = np.concatenate([side.centroids(one) for side, one in zip(sides, once, strict=True)])
-    shares, resampled = np.array(shares).T, np.array(resampled).transpose(1, 0, 2)
-    volume = float(np.prod(np.maximum(np.ptp(points, axis=0), 1.0)))
-    nearest, nearest_interval = _nearest(sides, weights)
-    # Resampled offsets are longer than the offset itself, so their lengths are no interval for its length: the ball
-    # about the offset that holds 95 % of them is.
-    distance = float(np.linalg.norm(offset))
-    reach = float(np.quantile(np.linalg.norm(moved - offset, axis=1), 0.95))
-    return LocationComparison(
-        centroids=centroids,
-        offset=offset,
-        offset_interval=_interval(moved.T),
-        offset_distance=distance,
-        offset_distance_interval=np.array([max(0.0, distance - reach), distance + reach]),
-        energy_distance=float(energy),
+        resampled = np.array([pair_means(counted, counts, weights) for counted in closer]).transpose(1, 0, 2)
+        scatter = matched.offset_scatter()
+    # How far the offset may be off is at least by how much its length is.
+    reach = float(np.quantile(scatter.lengths(max(resamplings, LENGTHS), generator), 0.95))
+    return replace(
+        found,
+        offset_interval=scatter.interval(offset),
+        offset_distance_interval=np.array([max(0.0, found.offset_distance - reach), found.offset_distance + reach]),
         energy_interval=_interval(energies),
         energy_null=_interval(null - null.mean()),
         energy_p_value=float((1 + np.sum(chance >= statistic)) / (resamplings + 1)),
-        distance=distances,
-        cross_k=shares[0] * volume,
         cross_k_interval=_interval(resampled[0]) * volume,
-        model_k=shares[1] * volume,
-        record_k=shares[2] * volume,
-        cross_ratio=_ratio(*shares),
         cross_ratio_interval=_interval(_ratio(*resampled)),
-        nearest=nearest,
         nearest_interval=nearest_interval,
-        blocks=(sides[0].blocks, sides[1].blocks),
-        steps=matched.steps,
     )
 
 
@@ -149,15 +168,6 @@ def default_distances(points: NDArray, count: int = 12) -> NDArray:
     """Distances for the cross-K function, m: from a fiftieth to half of the diagonal of the box around all points."""
     diagonal = max(float(np.linalg.norm(np.ptp(points, axis=0))), 1.0)
     return np.geomspace(diagonal / 50, diagonal / 2, count)
-
-
-def _bootstrap_weights(side: Side, resamplings: int, generator: np.random.Generator) -> NDArray:
-    """How often each block is drawn (resampling, block): with replacement, as many of each step as it has."""
-    drawn = np.empty((resamplings, side.blocks))
-    for step in np.unique(side.block_step):
-        own = np.flatnonzero(side.block_step == step)
-        drawn[:, own] = generator.multinomial(len(own), np.full(len(own), 1 / len(own)), size=resamplings)
-    return drawn
 
 
 def _pairs_closer(sides: tuple[Side, Side], distances: NDArray) -> NDArray:
@@ -172,7 +182,7 @@ def _pairs_closer(sides: tuple[Side, Side], distances: NDArray) -> NDArray:
 
 def _ratio(cross: NDArray, model: NDArray, record: NDArray) -> NDArray:
     """cross / sqrt(model record); NaN where either catalogue has no pair so close."""
-    within = np.sqrt(model * record)
+    within = np.sqrt(np.maximum(model * record, 0.0))  # round-off of weights may leave less than none
     return np.divide(cross, within, out=np.full_like(within, np.nan), where=within > 0)
 
 

@@ -1,7 +1,8 @@
 """The comparisons of places and axes as variables of comparison.nc (their layout: catalogs.comparison_layout).
 
-`both` is (catalogue, record) in the form of pipeline.event_table, `used` which of their events count, `blocks` the
-block of each event. Every function returns the variables, and the sentences that go with them.
+`both` is (model, record) in the form of pipeline.event_table, the model with the events of all its runs, `used` which
+of their events count, `blocks` (run of each modelled event, None of a model that ran once; cluster of each recorded
+one). Every function returns the variables, and the sentences that go with them.
 """
 
 import json
@@ -10,23 +11,27 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.locations import compare_locations
+from catalogs.blocks import LEAST_BLOCKS, cluster_labels
+from catalogs.location_errors import location_errors
+from catalogs.locations import LocationComparison, compare_locations
+from catalogs.mean_axes import GIRDLE, UNIFORM, AxesSample
 from catalogs.mechanisms import (
     AXIS_NAMES,
     KAGAN_BIN,
     KAGAN_LIMIT,
     KAGAN_PAIRS,
-    AxesSample,
     angle_between_axes,
     compare_axes,
+    direction,
     kagan_angle,
     trend_plunge,
 )
 from catalogs.settings import ComparisonSettings
+from pipeline.fields import TEXT
 from pipeline.source_tensors import clear_axes, principal_axes, scalar_potency, source_shares
 
 CATALOGUES = ("model", "record")
-TAILS = (0.025, 0.975)
+TAILS = (0.025, 0.975)  # of errors that a sentence gives
 MOST_EVENTS = (
     3000  # of each catalogue whose places are compared, else drawn at random: memory, 1.1 GB, grows as its square
 )
@@ -38,10 +43,9 @@ AXES_RESAMPLINGS = 499
 
 
 def location_measures(both, used, blocks, steps, settings: ComparisonSettings) -> tuple[dict, dict]:
-    """Centroids, energy distance, nearest distances and cross-K, the model smeared by the record's location error."""
+    """Centroids, energy distance, nearest distances and cross-K, the model smeared by the record's location errors."""
     generator = np.random.default_rng([settings.seed, 1])
-    error = float(both[1].attrs.get("location_error", 0.0))
-    error = error if np.isfinite(error) else 0.0
+    errors = location_errors(both[1])[used[1]]
     chosen = [_thin(np.flatnonzero(kept), MOST_EVENTS, generator) for kept in used]
     points = [events["location"].values[index] for events, index in zip(both, chosen, strict=True)]
     draws = int(np.clip(MOST_EVENTS // max(len(points[0]), 1), 1, MOST_DRAWS))
@@ -49,12 +53,12 @@ def location_measures(both, used, blocks, steps, settings: ComparisonSettings) -
     if min(map(len, points)):
         found = compare_locations(
             *points,
-            blocks[0][chosen[0]],
+            None if blocks[0] is None else blocks[0][chosen[0]],
             blocks[1][chosen[1]],
             model_steps=steps[0][chosen[0]],
             record_steps=steps[1][chosen[1]],
             seed=settings.seed,
-            location_error=error,
+            location_error=errors,
             draws=draws,
             resamplings=settings.resamplings,
         )
@@ -79,26 +83,53 @@ def location_measures(both, used, blocks, steps, settings: ComparisonSettings) -
         "cross_ratio_interval": ("cross_ratio_interval", ("distance", "interval"), (DISTANCES, 2)),
     }
     variables = {
-        name: (dims, np.full(shape, np.nan) if found is None else np.asarray(getattr(found, key)))
+        name: (dims, np.full(shape, np.nan) if found is None else np.broadcast_to(getattr(found, key), shape).copy())
         for name, (key, dims, shape) in shapes.items()
     }
-    kind = settings.blocks
     if found is None:
-        count = [len(np.unique(labels[kept])) for labels, kept in zip(blocks, used, strict=True)]
+        count = [int(np.sum(used[0])), len(np.unique(blocks[1][used[1]]))]
         text = (
-            f"locations cannot be compared: an interval needs, in one step, two modelled events above the cut and two "
-            f"blocks ({kind}s) of recorded ones; the model has {count[0]}, the record {count[1]} in all"
+            f"locations cannot be compared: that takes two modelled events above the cut and two clusters of recorded "
+            f"ones in one step, and {LEAST_BLOCKS} clusters in all; the model has {plural(count[0], 'event')}, the "
+            f"record {plural(count[1], 'cluster')}"
         )
     else:
-        low, high = found.energy_interval
-        text = (
-            f"energy distance {found.energy_distance:.1f} m ({low:.1f} to {high:.1f}), p = {found.energy_p_value:.3f}; "
-            f"centroids {found.offset_distance:.0f} m apart ({found.offset_distance_interval[0]:.0f} to "
-            f"{found.offset_distance_interval[1]:.0f}); model smeared by {error:g} m; within {found.steps} "
-            f"step{'s' * (found.steps > 1)}; resampled: {found.blocks[0]} modelled events, "
-            f"{found.blocks[1]} {kind}s of the record"
+        text = _location_text(found, blocks[0], errors)
+    return variables, {"location_error": float(np.median(errors)) if len(errors) else np.nan, "location_text": text}
+
+
+def _location_text(found: LocationComparison, runs: NDArray | None, errors: NDArray) -> str:
+    """The numbers in a sentence, what they rest on, and what they lack."""
+    smeared = f"model smeared by {np.median(errors):g} m"
+    if np.ptp(errors) > 0:
+        low, high = np.quantile(errors, TAILS)
+        smeared = f"model smeared by the errors of the recorded events ({low:.3g} to {high:.3g} m)"
+    steps = f"within {plural(found.steps, 'step')}"
+    if not found.blocks[0]:
+        return (
+            f"energy distance {found.energy_distance:.1f} m; centroids {found.offset_distance:.0f} m apart; {smeared}; "
+            f"{steps}; {_untested(runs, 'places')}"
         )
-    return variables, {"location_blocks": kind, "location_error": error, "location_text": text}
+    (low, high), (near, far) = found.energy_interval, found.offset_distance_interval
+    return (
+        f"energy distance {found.energy_distance:.1f} m ({low:.1f} to {high:.1f}), p = {found.energy_p_value:.3f}; "
+        f"centroids {found.offset_distance:.0f} m apart ({near:.0f} to {far:.0f}); {smeared}; {steps}; resampled: "
+        f"{found.blocks[0]} runs of the model, {found.blocks[1]} clusters of recorded events"
+    )
+
+
+def plural(count: int, name: str) -> str:
+    """A count with its noun."""
+    return f"{count} {name}{'s' * (count != 1)}"
+
+
+def _untested(runs: NDArray | None, what: str) -> str:
+    """Why there is no interval and no p-value of a model, and what would give one."""
+    ran = "ran once" if runs is None else f"ran {len(np.unique(runs))} times"
+    return (
+        f"no interval and no p-value of {what}: the model {ran}, so that chance cannot be told from a difference; "
+        f"set ensemble to {LEAST_BLOCKS - 1} or more, better to 8"
+    )
 
 
 def _thin(index: NDArray, most: int, generator: np.random.Generator) -> NDArray:
@@ -111,38 +142,46 @@ def axes_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dic
     model, record = both
     tensors = [events["potency_tensor"].values for events in both]
     known = [kept & np.isfinite(tensor).all(axis=(1, 2)) for kept, tensor in zip(used, tensors, strict=True)]
+    runs = None if blocks[0] is None else np.unique(blocks[0])
     apart = "orientation_tensor" in record
     weight, text = "potency", "potency tensors of the events compared"
     record_tensors = tensors[1][known[1]]
-    samples = [_sample(model, tensors[0], known[0], blocks[0])]
     if apart:
         known[0] = known[0] & _during(model["time"].values, record.attrs.get("orientation_filter"))
         known[1] = np.zeros_like(known[1])
         record_tensors = record["orientation_tensor"].values
         weight = "unit"
-        days = record["orientation_time"].values.astype("datetime64[D]")
-        samples[0] = _sample(model, tensors[0], known[0], blocks[0])
-        samples.append(
-            AxesSample(clear_axes(record_tensors), record["orientation_location"].values, days.astype(np.int64))
-        )
+        time, location = record["orientation_time"].values, record["orientation_location"].values
+        error = float(record.attrs.get("location_error", 0.0))
+        labels = cluster_labels(time, location, np.zeros(len(time), int), error if np.isfinite(error) else 0.0)
+        samples = [AxesSample(clear_axes(record_tensors), location, labels)]
+        days = time.astype("datetime64[D]")
         period = f"{days.min()} to {days.max()}" if days.size else "no time"
         text = (
             f"orientations from a catalogue of their own, {period}; tensors at unit size, model's events of that time"
         )
     else:
-        samples.append(_sample(record, tensors[1], known[1], blocks[1]))
+        samples = [_sample(record, tensors[1], known[1], blocks[1])]
+    tested = runs is not None and len(runs) >= LEAST_BLOCKS
+    samples.insert(0, _sample(model, tensors[0], known[0], blocks[0] if tested else None))
     count = [len(sample.axes) for sample in samples]
-    present = min(count) >= LEAST_AXES
+    clusters = len(np.unique(samples[1].blocks))
+    present = min(count) >= LEAST_AXES and clusters >= LEAST_BLOCKS
     if not np.isfinite(record_tensors).any():
         text = "the record has no tensors: axes cannot be compared"
-    elif not present:
+    elif min(count) < LEAST_AXES:
         text = f"too few events with tensors: {count[0]} modelled, {count[1]} recorded; axes not compared"
+    elif not present:
+        text = (
+            f"axes are not compared: the {count[1]} recorded events with tensors are of {plural(clusters, 'cluster')}, "
+            f"and {LEAST_BLOCKS} are needed to tell how far their mean may be off"
+        )
 
     variables = _absent_axes()
     if present:
         dims = {name: value[0] for name, value in variables.items()}
         found = compare_axes(*samples, seed=settings.seed, resamplings=min(settings.resamplings, AXES_RESAMPLINGS))
-        found |= _summed(tensors[0][known[0]], record_tensors, weight)
+        found |= _summed(tensors[0][known[0]], record_tensors, weight, 1 if runs is None else len(runs))
         variables |= {name: (dims[name], value) for name, value in found.items()}
         size = [
             scalar_potency(tensors[0][known[0]]),
@@ -150,7 +189,9 @@ def axes_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dic
         ]
         clear = np.array([one.clear_share(weight) for one, weight in zip(samples, size, strict=True)])
         variables["axis_clear_share"] = (dims["axis_clear_share"], clear)
-        text += _left_out(clear, "events" if apart else "potency")
+        text += _left_out(clear, "events" if apart else "potency") + _shapes_text(found)
+        text += f"; resampled: {len(runs)} runs of the model, {clusters} clusters of recorded events" if tested else ""
+        text += "" if tested else f"; {_untested(runs, 'axes')}"
     variables |= {
         "events_with_axes": ("catalogue", np.array(count, np.int64)),
         "model_axes_used": ("event_model", known[0].astype(np.int8)),
@@ -173,8 +214,23 @@ def _left_out(clear: NDArray, of: str) -> str:
     )
 
 
-def _sample(events: xr.Dataset, tensor: NDArray, kept: NDArray, blocks: NDArray) -> AxesSample:
-    return AxesSample(clear_axes(tensor[kept]), events["location"].values[kept], blocks[kept])
+def _shapes_text(found: dict[str, NDArray]) -> str:
+    """Which axes have no mean, and what they have instead, in words; empty where all have one."""
+    said = []
+    for row, which in enumerate(("modelled", "recorded")):
+        for column, name in enumerate(AXIS_NAMES):
+            shape, k = found["axis_shape"][row, column], found["axis_k"][row, column]
+            if shape == GIRDLE:
+                pole = direction(found["pole_trend"][row, column], found["pole_plunge"][row, column])
+                said.append(f"{which} {name} axes lie in a girdle about {pole} (Woodcock K {k:.2f})")
+            elif shape == UNIFORM:
+                said.append(f"{which} {name} axes have no preferred direction")
+    return f"; {', '.join(said)}: no mean axis of these" if said else ""
+
+
+def _sample(events: xr.Dataset, tensor: NDArray, kept: NDArray, blocks: NDArray | None) -> AxesSample:
+    own = None if blocks is None else blocks[kept]
+    return AxesSample(clear_axes(tensor[kept]), events["location"].values[kept], own)
 
 
 def _during(time: NDArray, window: str | None) -> NDArray:
@@ -188,11 +244,11 @@ def _during(time: NDArray, window: str | None) -> NDArray:
     return inside
 
 
-def _summed(model: NDArray, record: NDArray, weight: str) -> dict[str, NDArray]:
-    """Summed tensors, their axes, and how far those lie apart."""
+def _summed(model: NDArray, record: NDArray, weight: str, runs: int) -> dict[str, NDArray]:
+    """Summed tensors, the model's as its runs have it on average, their axes, and how far those lie apart."""
     if weight == "unit":
         model, record = (part / np.sqrt(np.sum(part**2, axis=(1, 2), keepdims=True)) for part in (model, record))
-    summed = np.array([model.sum(axis=0), record.sum(axis=0)])
+    summed = np.array([model.sum(axis=0) / runs, record.sum(axis=0)])
     axes = principal_axes(summed)
     trend, plunge = trend_plunge(axes)
     return {
@@ -209,13 +265,17 @@ def _summed(model: NDArray, record: NDArray, weight: str) -> dict[str, NDArray]:
 def _absent_axes() -> dict:
     """Every variable of the axes comparison, NaN."""
     length = {"catalogue": 2, "axis_name": len(AXIS_NAMES), "xyz": 3, "axis": 3, "interval": 2, "share": 3}
-    length |= {"kagan_pair": len(KAGAN_PAIRS), "angle": round(KAGAN_LIMIT / KAGAN_BIN)}
+    length |= {"eigenvalue": 3, "kagan_pair": len(KAGAN_PAIRS), "angle": round(KAGAN_LIMIT / KAGAN_BIN)}
     dims = {
         "mean_axis": "catalogue axis_name xyz",
         "mean_trend": "catalogue axis_name",
         "mean_plunge": "catalogue axis_name",
         "mean_cone": "catalogue axis_name",
-        "mean_strength": "catalogue axis_name",
+        "axis_eigenvalue": "catalogue axis_name eigenvalue",
+        "axis_k": "catalogue axis_name",
+        "axis_shape": "catalogue axis_name",
+        "pole_trend": "catalogue axis_name",
+        "pole_plunge": "catalogue axis_name",
         "axis_clear_share": "catalogue axis_name",
         "mean_angle": "axis_name",
         "mean_angle_interval": "axis_name interval",
@@ -232,7 +292,8 @@ def _absent_axes() -> dict:
         "kagan_median_interval": "kagan_pair interval",
         "source_share": "catalogue share",
     }
-    return {
+    absent = {
         name: (tuple(text.split()), np.full([length[dim] for dim in text.split()], np.nan))
         for name, text in dims.items()
     }
+    return absent | {"axis_shape": (("catalogue", "axis_name"), np.full((2, len(AXIS_NAMES)), "", TEXT))}

@@ -1,16 +1,16 @@
-"""Axes of many seismic sources: their means and cones, and the Kagan angles between them.
+"""Axes of many seismic sources: angles between their means (`catalogs.mean_axes`), and Kagan angles between them.
 
 Axes have no sense: a unit vector and its opposite are the same axis. They are given pointing down, as
 pipeline.source_tensors.point_down says. x east, y north, z up; trend clockwise from north, plunge below the horizontal.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.stats import chi2, f
 
+from catalogs.jackknife import Scatter
+from catalogs.mean_axes import AxesSample, describe_axes
+from pipeline.fields import TEXT
 from pipeline.source_tensors import HORIZONTAL, point_down
 
 AXIS_NAMES = ("P", "B", "T")
@@ -18,6 +18,7 @@ KAGAN_PAIRS = ("model_record", "nearest", "record_record", "uniform")
 MOST_PAIRS = 20000  # sampled of all pairs of two catalogues
 KAGAN_LIMIT = 120.0
 KAGAN_BIN = 10.0  # degrees
+ANGLES = 9999  # draws for the quantile of an angle: no data in them, so they cost nothing
 TAILS = (0.025, 0.975)
 
 
@@ -27,6 +28,11 @@ def trend_plunge(axes: NDArray) -> tuple[NDArray, NDArray]:
     trend = np.degrees(np.arctan2(down[..., 0], down[..., 1])) % 360.0
     plunge = np.degrees(np.arctan2(-down[..., 2], np.hypot(down[..., 0], down[..., 1])))
     return trend, plunge
+
+
+def direction(trend: float, plunge: float) -> str:
+    """Trend/plunge as written on a plan, whole degrees: 003°/45°."""
+    return f"{round(trend) % 360:03d}°/{plunge:.0f}°"
 
 
 def axis_from_trend_plunge(trend: NDArray, plunge: NDArray) -> NDArray:
@@ -63,26 +69,6 @@ def angle_between_axes(first: NDArray, second: NDArray) -> NDArray:
     along = np.abs(np.sum(first * second, axis=-1))
     across = np.linalg.norm(np.cross(first, second), axis=-1)
     return np.degrees(np.arctan2(across, along))
-
-
-def mean_axis(axes: NDArray, weights: NDArray | None = None) -> tuple[NDArray, NDArray]:
-    """Mean (..., 3) of axes (..., event, 3): largest eigenvector of the orientation matrix, and its eigenvalue (...).
-
-    The orientation matrix is the weighted mean of a a^T (Scheidegger 1965; Woodcock 1977): the maximum likelihood
-    mean of a Bingham or Watson distribution. Its largest eigenvalue is 1 for parallel axes, 1/3 for uniform ones.
-    Axes that are NaN (pipeline.source_tensors.clear_axes) do not count; NaN where none does.
-    """
-    axes = np.asarray(axes, float)
-    clear = np.isfinite(axes).all(axis=-1)
-    axes = np.where(clear[..., None], axes, 0.0)
-    weights = clear * (1.0 if weights is None else np.asarray(weights, float))
-    total = weights.sum(axis=-1)
-    matrix = (
-        np.einsum("...e,...ei,...ej->...ij", weights, axes, axes) / np.where(total > 0, total, 1.0)[..., None, None]
-    )
-    values, vectors = np.linalg.eigh(matrix)
-    known = total > 0
-    return np.where(known[..., None], point_down(vectors[..., 2]), np.nan), np.where(known, values[..., 2], np.nan)
 
 
 def frames(axes: NDArray) -> NDArray:
@@ -128,87 +114,58 @@ def random_frames(count: int, generator: np.random.Generator) -> NDArray:
     )
 
 
-@dataclass(frozen=True)
-class AxesSample:
-    """Axes of one catalogue: rows P, B, T (event, 3, 3), NaN where unclear; where (event, 3) m, and blocks (event,)."""
-
-    axes: NDArray
-    location: NDArray
-    blocks: NDArray
-
-    def weights(self, resamplings: int, generator: np.random.Generator) -> NDArray:
-        """How often each event is drawn (resampling, event) when blocks are drawn with replacement."""
-        labels = np.unique(self.blocks, return_inverse=True)[1].reshape(-1)
-        count = int(labels.max()) + 1
-        return generator.multinomial(count, np.full(count, 1 / count), size=resamplings)[:, labels].astype(float)
-
-    def clear_share(self, size: NDArray) -> NDArray:
-        """Share (3,) of the summed size (event,) whose P, B and T axes are clear."""
-        clear = np.isfinite(self.axes).all(axis=-1)
-        return size @ clear / size.sum()
-
-
 def compare_axes(model: AxesSample, record: AxesSample, seed: int = 0, resamplings: int = 499) -> dict[str, NDArray]:
-    """Mean axes, their cones and angles, and Kagan angles of two catalogues, as named in catalogs.comparison.
+    """Mean axes, their cones and angles, and Kagan angles of two catalogues, as named in catalogs.comparison_layout.
 
-    Cones and intervals (95 %) resample blocks with replacement. Resampled angles are larger than the angle itself and
-    never 0: the interval of the angle is what a test of each angle leaves, `_angle_test`. Of all pairs of events at
-    most MOST_PAIRS are drawn for the Kagan angles; record_record leaves out an event with itself.
+    Cones, intervals of the angle between mean axes and its p-value: the jackknife over blocks (`catalogs.jackknife`).
+    The angle cannot be off by more than the difference of the mean axes is. Intervals of Kagan angles weigh blocks at
+    random. NaN where they need blocks that a model which ran once has not, or a mean that a girdle has not. Of all
+    pairs of events at most MOST_PAIRS are drawn for the Kagan angles; record_record leaves out an event with itself.
     """
     generator = np.random.default_rng(seed)
     sides = (model, record)
-    weights = [side.weights(resamplings, generator) for side in sides]
-    means, strengths, cones, drawn = [], [], [], []
-    for side, weight in zip(sides, weights, strict=True):
-        found = [mean_axis(side.axes[:, row]) for row in range(3)]
-        again = np.stack([mean_axis(side.axes[:, row], weight)[0] for row in range(3)], axis=1)
-        means.append(np.array([axis for axis, _ in found]))
-        strengths.append([strength for _, strength in found])
-        cones.append(_quantile(angle_between_axes(again, means[-1]), 0.95))
-        drawn.append(again)
-    means = np.array(means)
+    described = [
+        [describe_axes(side.axes[:, row], side.labels, side.blocks is not None) for row in range(3)] for side in sides
+    ]
+    draws = max(resamplings, ANGLES)
+    means = np.array([[one.mean for one in side] for side in described])
+    cones = [[_quantile(_off(one.scatter, draws, generator)) for one in side] for side in described]
     angle = angle_between_axes(means[0], means[1])
-    reach, p_value = _angle_test(means, drawn, [len(np.unique(side.blocks)) for side in sides], angle)
+    reach, p_value = np.full(3, np.nan), np.full(3, np.nan)
+    for row, (own, other) in enumerate(zip(*described, strict=True)):
+        if own.scatter is not None and other.scatter is not None:
+            off = _off(own.scatter + other.scatter, draws, generator)
+            reach[row], p_value[row] = _quantile(off), (1 + np.sum(off >= angle[row])) / (draws + 1)
     trend, plunge = trend_plunge(means)
+    pole_trend, pole_plunge = trend_plunge(np.array([[one.pole for one in side] for side in described]))
+    values = np.array([[one.values for one in side] for side in described])
     result = {
         "mean_axis": means,
         "mean_trend": trend,
         "mean_plunge": plunge,
         "mean_cone": np.array(cones),
-        "mean_strength": np.array(strengths),
+        "axis_eigenvalue": values,
+        "axis_k": np.array([[one.woodcock for one in side] for side in described]),
+        "axis_shape": np.array([[one.shape for one in side] for side in described], TEXT),
+        "pole_trend": pole_trend,
+        "pole_plunge": pole_plunge,
         "mean_angle": angle,
         "mean_angle_interval": np.stack([np.maximum(angle - reach, 0.0), np.minimum(angle + reach, 90.0)], axis=-1),
         "mean_angle_p_value": p_value,
     }
+    weights = [side.weights(resamplings, generator) for side in sides]
     return result | _kagan_distributions(sides, weights, generator)
 
 
-def _angle_test(means: NDArray, drawn: list[NDArray], blocks: list[int], angle: NDArray) -> tuple[NDArray, NDArray]:
-    """How far, degrees (3,), the mean axes' angle may be off in 95 of 100 cases, and p (3,) of the angle if it is 0.
-
-    means (2, 3, 3); drawn: of each catalogue (resampling, 3, 3). How much both means move in a resampling, less each
-    other, is taken for the error of their difference; the angle cannot be off by more than that. Few blocks scatter
-    less than what they are drawn from: the distance of two components grows as Hotelling's T2 of so many does over its
-    limit, chi-square.
-    """
-    moved = []
-    for mean, again in zip(means, drawn, strict=True):
-        same = np.where(np.sum(again * mean, axis=-1, keepdims=True) < 0, -1.0, 1.0)
-        moved.append(same * again - mean)
-    # axes: turn the second to the side of the first
-    moved[1] = moved[1] * np.where(np.sum(means[0] * means[1], axis=-1) < 0, -1.0, 1.0)[:, None]
-    fewest = max(min(blocks), 4)
-    few = np.sqrt(2 * (fewest - 1) / (fewest - 2) * f.ppf(0.95, 2, fewest - 2) / chi2.ppf(0.95, 2))
-    chord = few * np.linalg.norm(moved[0] - moved[1], axis=-1)
-    off = np.degrees(2 * np.arcsin(np.minimum(chord / 2, 1.0)))
-    p_value = (1 + np.sum(off >= angle, axis=0)) / (len(off) + 1)
-    return _quantile(off, 0.95), np.where(np.isfinite(angle), p_value, np.nan)
+def _off(scatter: Scatter | None, draws: int, generator: np.random.Generator) -> NDArray:
+    """Angles (draw,), degrees, that a mean axis may be off by; NaN without a scatter."""
+    if scatter is None:
+        return np.full(1, np.nan)
+    return np.degrees(2 * np.arcsin(np.minimum(scatter.lengths(draws, generator), np.sqrt(2)) / 2))
 
 
-def _quantile(values: NDArray, share: float) -> NDArray:
-    """Quantile over the first dimension of what is finite; NaN where nothing is."""
-    found = np.isfinite(values).any(axis=0)
-    return np.where(found, np.nanquantile(np.where(found, values, 0.0), share, axis=0), np.nan)
+def _quantile(angles: NDArray) -> float:
+    return float(np.quantile(angles, 0.95))
 
 
 def _kagan_distributions(
@@ -217,18 +174,22 @@ def _kagan_distributions(
     """Kagan angles of the pairs KAGAN_PAIRS, of sources with three clear axes: share per bin, median, its interval."""
     full = [np.flatnonzero(np.isfinite(side.axes).all(axis=(1, 2))) for side in sides]
     model, record = (
-        AxesSample(side.axes[own], side.location[own], side.blocks[own]) for side, own in zip(sides, full, strict=True)
+        AxesSample(side.axes[own], side.location[own], side.labels[own]) for side, own in zip(sides, full, strict=True)
     )
     weights = [weight[:, own] for weight, own in zip(weights, full, strict=True)]
+    once = sides[0].blocks is None
     modelled, recorded = _pairs(len(model.axes), len(record.axes), generator)
     one, other = _pairs(len(record.axes), len(record.axes), generator)
     one, other = one[one != other], other[one != other]
     beside = np.arange(len(model.axes) if len(record.axes) else 0)
     nearest = cKDTree(record.location).query(model.location[beside])[1] if len(beside) else beside
-    # of each kind of pair: its angles, and how often each pair is drawn when the events are drawn (model's, record's)
+    # of each kind of pair: its angles, and the weight of each pair for weights of the events (model's, record's)
     angles = [
-        (kagan_angle(model.axes[modelled], record.axes[recorded]), lambda m, r: m[modelled] * r[recorded]),
-        (kagan_angle(model.axes[beside], record.axes[nearest]), lambda m, r: m[beside]),
+        (
+            kagan_angle(model.axes[modelled], record.axes[recorded]),
+            None if once else lambda m, r: m[modelled] * r[recorded],
+        ),
+        (kagan_angle(model.axes[beside], record.axes[nearest]), None if once else lambda m, r: m[beside]),
         (kagan_angle(record.axes[one], record.axes[other]), lambda m, r: r[one] * r[other]),
         (kagan_angle(random_frames(MOST_PAIRS, generator), np.eye(3)), None),
     ]
@@ -256,7 +217,7 @@ def _pairs(first: int, second: int, generator: np.random.Generator) -> tuple[NDA
 
 
 def _median_interval(angle: NDArray, weigh, weights: list[NDArray]) -> NDArray:
-    """Interval (2,) of the median when blocks are resampled."""
+    """Interval (2,) of the median when blocks get weights; NaN without a rule for them."""
     if weigh is None or len(angle) == 0:
         return np.full(2, np.nan)
     order = np.argsort(angle, kind="stable")

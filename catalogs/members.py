@@ -3,7 +3,9 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.event_table import NAMES, check_events, read_events
@@ -27,3 +29,12 @@ def _read_member(folder: Path, steps: list[str], mine: str) -> xr.Dataset:
         parts.append(events[list(NAMES)].drop_attrs(deep=False))
     joined = xr.concat(parts, "event").sortby("time")  # stable: ties stay in the order of steps, and of events in one
     return check_events(joined.assign_attrs(mine=mine, kind="synthetic"), str(folder))
+
+
+def all_runs(catalog: xr.Dataset, members: list[xr.Dataset]) -> tuple[xr.Dataset, NDArray | None]:
+    """Events of all runs, the mine's own first, and the number of the run of each (event,); None if there is one."""
+    if not members:
+        return catalog, None
+    runs = [catalog, *members]
+    joined = xr.concat([run[list(NAMES)].drop_attrs(deep=False) for run in runs], "event").assign_attrs(catalog.attrs)
+    return joined, np.repeat(np.arange(len(runs)), [run.sizes["event"] for run in runs])

@@ -214,7 +214,7 @@ class RecordSettings(Settings):
     twin: bool = False
     """the record is a model's own"""
     location_error: Annotated[float, Unit("m", ge=0, le=1e8)] = None
-    """needed but by elk_creek with orientations"""
+    """r.m.s. error in 3-D of events that state none (QuakeML); required, but by elk_creek with orientations"""
     columns: ColumnSettings = None
     """of a CSV file"""
     tensor_frame: Literal["ENU", "NED", "USE"] = None

@@ -1,6 +1,6 @@
 """The settings of the comparison and of an ensemble's spread; those of a record: catalogs.record_settings."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -10,10 +10,8 @@ from pipeline.settings import AsTuple, Settings, whole_number
 class ComparisonSettings(Settings):
     """How a modelled catalogue is compared with a recorded one."""
 
-    blocks: Literal["day", "step", "event"] = "day"
-    """what of a record is resampled: day | step | event (clustered events are not independent)"""
     resamplings: whole_number(ge=99, le=100_000) = 999
-    """of blocks, for each interval"""
+    """of clusters of recorded events and of the model's runs, for each interval and p-value"""
     seed: whole_number(ge=0, le=2**32 - 1) = 1
     """of all that is drawn"""
 

@@ -173,7 +173,8 @@ def nearness(comparison: xr.Dataset) -> Figure:
     distance, ratio = comparison["distance"].values, comparison["cross_ratio"].values
     low, high = comparison["cross_ratio_interval"].values.T
     axes.axhline(1.0, color="k", linewidth=0.8, linestyle="--", label="as near as to their own kind")
-    axes.fill_between(distance, low, high, color=style.BOTH, alpha=0.25, linewidth=0, label="95 % interval")
+    if np.isfinite(low).any():
+        axes.fill_between(distance, low, high, color=style.BOTH, alpha=0.25, linewidth=0, label="95 % interval")
     axes.plot(distance, ratio, color=style.BOTH, marker="o", markersize=4, label="modelled with recorded")
     axes.set_xlim(0, None)
     axes.set_ylim(0, None)

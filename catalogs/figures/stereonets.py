@@ -8,13 +8,13 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from catalogs.mechanisms import AXIS_NAMES, trend_plunge
+from catalogs.mean_axes import GIRDLE, UNIFORM, WIDEST_CONE
+from catalogs.mechanisms import AXIS_NAMES, direction, trend_plunge
 
 DENSITIES = (2, 4, 6, 8, 12, 16, 24)  # multiples of a uniform distribution
 LEAST_CONTOURED = 8  # axes: a density of fewer is a picture of its own smoothing
 CELL, NET, BAR = 3.3, 2.6, 1.0  # inches: a panel, the net in it, the colour bar
 MOST_POINTS = 600  # of one net: the contours tell the rest
-WIDEST_CONE = 45.0  # degrees: a wider one says that there is no mean
 INSITU = {"P": "σ₁ in situ", "B": "σ₂ in situ", "T": "σ₃ in situ"}
 
 
@@ -22,7 +22,8 @@ INSITU = {"P": "σ₁ in situ", "B": "σ₂ in situ", "T": "σ₃ in situ"}
 class Axes:
     """One catalogue's axes: label, colour, map of density; vectors (3: P B T, event, xyz) unit, east north up.
 
-    mean_trend, mean_plunge, mean_cone: (3,) degrees; NaN where there is none.
+    mean_trend, mean_plunge, mean_cone: (3,) degrees; NaN where there is none. shape (3,): what the axes form
+    (catalogs.mean_axes); pole_trend, pole_plunge (3,): of a girdle, degrees, else NaN.
     """
 
     label: str
@@ -32,12 +33,16 @@ class Axes:
     mean_trend: np.ndarray
     mean_plunge: np.ndarray
     mean_cone: np.ndarray
+    shape: np.ndarray
+    pole_trend: np.ndarray
+    pole_plunge: np.ndarray
 
 
 def stereonets(catalogs: list[Axes], insitu: np.ndarray | None = None) -> Figure:
     """A row of three nets per catalogue: axes (dots), their density (contours), mean axis (star) and its 95 % cone.
 
-    A net's title says how many axes it shows.
+    A net's title says how many axes it shows. Axes of a girdle have its great circle (dashed) instead of a star, axes
+    without a preferred direction, or with a cone that is wider than WIDEST_CONE, neither.
 
     insitu: (3, xyz), the most, middle and least compressive axis of the stress before mining, a cross on P, B and T.
     Placed by hand: the overlay on which mplstereonet draws azimuths is lost in matplotlib's layouts.
@@ -68,11 +73,6 @@ def _mark_insitu(axes, vector: np.ndarray, label: str) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.05), handletextpad=0.2, ncols=2, columnspacing=0.8)
 
 
-def direction(trend: float, plunge: float) -> str:
-    """Trend/plunge as written on a plan, whole degrees: 003°/45°."""
-    return f"{round(trend) % 360:03d}°/{plunge:.0f}°"
-
-
 def _net(axes, axes_of: Axes, column: int):
     """One net; gives what a colour bar needs, None if nothing is contoured."""
     axes.grid(False)
@@ -94,18 +94,31 @@ def _net(axes, axes_of: Axes, column: int):
         )
     every = -(-len(vectors) // MOST_POINTS)
     axes.line(plunge[::every], trend[::every], ".", markersize=2.5, color="k", alpha=0.4, rasterized=True)
-    mean = axes_of.mean_trend[column], axes_of.mean_plunge[column], axes_of.mean_cone[column]
-    if np.isfinite(mean[:2]).all():
-        known = np.isfinite(mean[2]) and mean[2] > 0
-        cone = known and mean[2] <= WIDEST_CONE
-        axes.line(
-            mean[1], mean[0], "*", markersize=13, markerfacecolor="white", markeredgecolor="k", markeredgewidth=1.2,
-            label=f"mean {direction(mean[0], mean[1])}" + (f" ± {mean[2]:.0f}°" if known else ""),
-        )  # fmt: skip
-        if cone:
-            axes.cone(mean[1], mean[0], mean[2], facecolor="none", edgecolor="k", linewidth=1.3)
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.05), handletextpad=0.2)
+    _mark_mean(axes, axes_of, column)
     return drawn
+
+
+def _mark_mean(axes, axes_of: Axes, column: int) -> None:
+    """What the axes of one net have in common: a star and its cone, a girdle's great circle, or a word."""
+    trend, plunge, cone = (part[column] for part in (axes_of.mean_trend, axes_of.mean_plunge, axes_of.mean_cone))
+    pole = axes_of.pole_trend[column], axes_of.pole_plunge[column]
+    if axes_of.shape[column] == GIRDLE:
+        label = f"girdle, pole {direction(*pole)}"
+        axes.plane(pole[0] + 90.0, 90.0 - pole[1], "--", color="k", linewidth=1.3, label=label)
+    elif axes_of.shape[column] == UNIFORM or cone > WIDEST_CONE:
+        label = UNIFORM if axes_of.shape[column] == UNIFORM else f"no mean axis (± {cone:.0f}°)"
+        axes.plot([], [], " ", label=label)
+    elif np.isfinite([trend, plunge]).all():
+        known = np.isfinite(cone) and cone > 0
+        axes.line(
+            plunge, trend, "*", markersize=13, markerfacecolor="white", markeredgecolor="k", markeredgewidth=1.2,
+            label=f"mean {direction(trend, plunge)}" + (f" ± {cone:.0f}°" if known else ""),
+        )  # fmt: skip
+        if known:
+            axes.cone(plunge, trend, cone, facecolor="none", edgecolor="k", linewidth=1.3)
+    else:
+        return
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.05), handletextpad=0.2)
 
 
 def kagan_angles(comparison: xr.Dataset) -> Figure:

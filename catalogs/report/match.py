@@ -3,7 +3,8 @@
 import numpy as np
 import xarray as xr
 
-from catalogs.figures.stereonets import direction
+from catalogs.mean_axes import CLUSTER, GIRDLE, UNIFORM
+from catalogs.mechanisms import direction
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import MISSING, between, fixed, number, whole, with_unit
 from catalogs.size_law import POWER, TRUNCATED
@@ -41,7 +42,7 @@ def location_rows(evidence: Evidence) -> list[dict]:
             between(comparison["centroid_distance_interval"].values),
         ),
         _row(
-            f"energy distance (0: one distribution; by chance {chance} m)", "", "",
+            "energy distance (0: one distribution" + (")" if chance == MISSING else f"; by chance {chance} m)"), "", "",
             with_unit(number(comparison["energy_distance"]), " m"),
             between(comparison["energy_distance_interval"].values),
         ),
@@ -110,8 +111,29 @@ def size_rows(evidence: Evidence) -> list[dict]:
     ]  # fmt: skip
 
 
+def _means(comparison: xr.Dataset) -> list[str]:
+    """Mean axis of the model and of the record with its cone; of axes without a mean what they form."""
+    texts = []
+    for which in ("model", "record"):
+        here = comparison.sel(catalogue=which)
+        shape, cone = str(here["axis_shape"].values), float(here["mean_cone"])
+        if shape == GIRDLE:
+            texts.append(f"girdle, pole {direction(float(here['pole_trend']), float(here['pole_plunge']))}")
+        elif shape == UNIFORM:
+            texts.append(UNIFORM)
+        elif shape == CLUSTER:
+            mean = direction(float(here["mean_trend"]), float(here["mean_plunge"]))
+            texts.append(mean + (f" ± {number(cone, 2)}°" if np.isfinite(cone) else ""))
+        else:
+            texts.append(MISSING)
+    return texts
+
+
 def _directions(comparison: xr.Dataset, kind: str) -> list[str]:
-    """Trend/plunge of the model's and the record's axis of one kind: mean or summed."""
+    """Trend/plunge of the model's and the record's axis of one kind.
+
+    kind: what the variables' names begin with.
+    """
     trends, plunges = (_pair(comparison, f"{kind}_{name}", float) for name in ("trend", "plunge"))
     return [
         direction(trend, plunge) if trend == trend else MISSING for trend, plunge in zip(trends, plunges, strict=True)
@@ -119,18 +141,18 @@ def _directions(comparison: xr.Dataset, kind: str) -> list[str]:
 
 
 def axis_rows(evidence: Evidence) -> list[dict]:
-    """Axes: mean trend and plunge of both, the angle between them with 95 % interval, and Kagan angles."""
+    """Axes: mean axes of both or what axes form instead, the angle between them with 95 % interval, Kagan angles."""
     comparison = evidence.comparison
     rows = []
     for axis in comparison["axis_name"].values:
         here = comparison.sel(axis_name=axis)
-        cones = _pair(here, "mean_cone", lambda value: number(value, 2))
-        means = [with_unit(axis, f" ± {cone}°") for axis, cone in zip(_directions(here, "mean"), cones, strict=True)]
+        chance = float(here["mean_angle_p_value"])
         interval = between(here["mean_angle_interval"].values)
         rows.append(
             _row(
-                f"mean {axis} axis (trend/plunge), angle between (p = {number(here['mean_angle_p_value'], 2)} if one)",
-                *means,
+                f"mean {axis} axis (trend/plunge), angle between"
+                + (f" (p = {number(chance, 2)} if one)" if np.isfinite(chance) else ""),
+                *_means(here),
                 with_unit(number(here["mean_angle"]), "°"),
                 interval,
             )

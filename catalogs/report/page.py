@@ -9,6 +9,7 @@ import jinja2
 import numpy as np
 
 from catalogs.figures import style
+from catalogs.mean_axes import WIDEST_CONE
 from catalogs.report import match, sections, text
 from catalogs.report.banners import banners
 from catalogs.report.closeness import intervals_contain
@@ -78,6 +79,7 @@ def write_report(
         step_rows=step_rows(evidence),
         step_caption=caption(evidence) if evidence.dated else "",
         many=sections.MANY,
+        widest_cone=WIDEST_CONE,
         config_lines=text.config_lines(config, default),
         versions=_versions(evidence),
         files=[(_short(path, output), attributes) for path, attributes in evidence.files.items()],

@@ -15,7 +15,8 @@ from catalogs.figures import (
     style,
     views,
 )
-from catalogs.mechanisms import mean_axis, trend_plunge
+from catalogs.mean_axes import describe_axes
+from catalogs.mechanisms import trend_plunge
 from catalogs.report import energy, match, text
 from catalogs.report.closeness import closeness_rows, unlike
 from catalogs.report.dilation import iso_share
@@ -252,12 +253,16 @@ def _net(evidence: Evidence, label: str, catalog) -> stereonets.Axes | None:
     if not known.any():
         return None
     vectors = vectors[:, known]
-    mean, cone = [*trend_plunge(mean_axis(vectors)[0])], np.full(3, np.nan)
     if comparison is not None and int(comparison.attrs.get("axes_present", 0)):
         here = comparison.sel(catalogue="model" if modelled else "record")
-        mean, cone = [here["mean_trend"].values, here["mean_plunge"].values], here["mean_cone"].values
+        names = ("mean_trend", "mean_plunge", "mean_cone", "axis_shape", "pole_trend", "pole_plunge")
+        common = [here[name].values for name in names]
+    else:
+        found = [describe_axes(one, np.arange(len(one)), blocks_known=False) for one in vectors]
+        mean, pole = (trend_plunge(np.array(part)) for part in zip(*((f.mean, f.pole) for f in found), strict=True))
+        common = [*mean, np.full(3, np.nan), np.array([one.shape for one in found]), *pole]
     look = (style.MODELLED, "Blues") if modelled else (style.RECORDED, "Oranges")
-    return stereonets.Axes(label, *look, vectors, *mean, cone)
+    return stereonets.Axes(label, *look, vectors, *common)
 
 
 def _balls(evidence: Evidence, gallery: Gallery) -> dict | None:

@@ -2,9 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from catalogs.blocks import BLOCK_KINDS, block_labels
 from catalogs.locations import compare_locations, smear
-from pipeline.errors import InputError
 from verification.statistics.samples import clustered_locations
 
 QUICK = {"resamplings": 199, "distances": np.array([20.0, 40.0])}
@@ -100,11 +98,12 @@ def test_energy_distance_and_cross_k_as_the_slow_sums_say():
 
 
 def test_pairs_within_a_block_do_not_count_within_a_catalogue():
-    """Two tight clusters 100 m apart, one block each: within a catalogue only the 100 m between them is left."""
-    x = np.repeat([[0.0, 0, 0], [100.0, 0, 0]], 5, axis=0) + np.random.default_rng(5).normal(size=(10, 3)) * 1e-6
-    blocks = np.repeat([0, 1], 5)
+    """Three tight clusters 100 m apart, one block each: within a catalogue only the 100 m between them are left."""
+    corner = np.array([[0.0, 0, 0], [100.0, 0, 0], [50.0, np.sqrt(7500.0), 0]])
+    x = np.repeat(corner, 5, axis=0) + np.random.default_rng(5).normal(size=(15, 3)) * 1e-6
+    blocks = np.repeat([0, 1, 2], 5)
     found = compare_locations(x, x, blocks, blocks, resamplings=20, distances=np.array([50.0, 150.0]))
-    assert found.energy_distance == pytest.approx(2 * 50 - 100 - 100, abs=1e-4)
+    assert found.energy_distance == pytest.approx(2 * 200 / 3 - 100 - 100, abs=1e-4)
     np.testing.assert_allclose(found.record_k[0], 0.0)
 
 
@@ -124,9 +123,24 @@ def test_intervals_hold_what_was_put_in():
     assert again.energy_interval.tobytes() == found.energy_interval.tobytes()
 
 
-def test_one_block_says_nothing():
-    x = np.zeros((10, 3))
-    assert compare_locations(x, x, np.zeros(10, int), np.arange(10)) is None
+def test_a_record_of_fewer_than_three_blocks_says_nothing():
+    x = np.random.default_rng(6).normal(size=(10, 3))
+    for blocks, compared in ((1, False), (2, False), (3, True)):
+        found = compare_locations(x, x, np.arange(10), np.arange(10) % blocks, **QUICK)
+        assert (found is not None) == compared
+
+
+@pytest.mark.parametrize("blocks", [None, np.arange(10) % 2])
+def test_a_model_of_fewer_than_three_runs_has_no_interval_and_no_p_value(blocks):
+    """The numbers stand. With a run more they have both."""
+    x = np.random.default_rng(6).normal(size=(10, 3))
+    found = compare_locations(x, x, blocks, np.arange(10), **QUICK)
+    assert np.isfinite([found.energy_distance, found.offset_distance]).all()
+    assert np.isnan(found.energy_p_value)
+    assert np.isnan(found.offset_interval).all()
+    assert found.blocks == (0, 10)
+    again = compare_locations(x, x, np.arange(10) % 3, np.arange(10), **QUICK)
+    assert np.isfinite([again.energy_p_value, *again.offset_distance_interval]).all()
 
 
 def test_smeared_locations_lie_the_location_error_away():
@@ -138,13 +152,9 @@ def test_smeared_locations_lie_the_location_error_away():
     assert smear(x, 0.0, 4, generator)[0] is x
 
 
-def test_blocks_by_day_step_and_event():
-    time = np.array(["2019-08-01T01", "2019-08-01T23", "2019-08-02T01", "2019-08-04T01"], "M8[ns]")
-    step = ["b", "b", "a", "a"]
-    assert block_labels("day", time, step).tolist() == [0, 0, 1, 2]
-    assert block_labels("step", time, step).tolist() == [1, 1, 0, 0]
-    assert block_labels("event", time, step).tolist() == [0, 1, 2, 3]
-    assert block_labels("day", np.array(["NaT"] * 2, "M8[ns]"), step[:2]).tolist() == [0, 0]
-    assert [block_labels(kind, time[:0], []).tolist() for kind in BLOCK_KINDS] == [[], [], []]
-    with pytest.raises(InputError, match=r"comparison.blocks: 'week'"):
-        block_labels("week", time, step)
+def test_each_copy_takes_the_error_of_a_recorded_event():
+    """Of 10 m and 100 m, one in two: r.m.s. of 71 m, and half of the copies within 17 m, where one error has 68 m."""
+    x = np.zeros((3000, 3))
+    away = np.linalg.norm(smear(x, np.array([10.0, 100.0]), 4, np.random.default_rng(9))[0], axis=1)
+    assert np.sqrt(np.mean(away**2)) == pytest.approx(np.sqrt((10**2 + 100**2) / 2), rel=0.05)
+    assert 0.45 < np.mean(away < 17.0) < 0.56

@@ -73,10 +73,10 @@ def test_a_slice_holds_only_what_its_stage_needs(accept, key, value, same):
 
 def test_every_setting_of_the_comparison_can_be_set(accept):
     """Its slice holds all of them, those of the default as well."""
-    chosen = {"blocks": "step", "seed": 3}
+    chosen = {"resamplings": 199, "seed": 3}
     slice_ = accept(TINY, **{f"comparison.{key}": value for key, value in chosen.items()}).comparison_slice()
     steps = [{"name": "2019-08", "start": "2019-08-01", "end": "2019-09-01"}]
-    assert slice_ == {"resamplings": 99, "steps": steps} | chosen
+    assert slice_ == {"steps": steps} | chosen
 
 
 def test_dates_reach_the_events_of_their_step_alone(accept):

@@ -1,16 +1,20 @@
 """Catalogues of known truth, and whether the intervals of the comparison hold it: (share given, share held)."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
 from catalogs import completeness
+from catalogs.blocks import cluster_labels
 from catalogs.exposure import total_interval
+from catalogs.locations import compare_locations
 from catalogs.mechanisms import AxesSample, compare_axes
 from catalogs.settings import ComparisonSettings
 from catalogs.size_measures import fit
-from verification.statistics.samples import LN10, simulated_sizes
+from verification.statistics.samples import LN10, branching_events, burst_events, dated, simulated_sizes
 
 
 def detected_sizes(generator: np.random.Generator, case: dict) -> NDArray:
@@ -84,3 +88,72 @@ def sum_coverage(case: dict, chosen: dict, seed: list[int]) -> tuple[float, floa
         given += bool(np.isfinite(low))
         held += bool(low <= truth <= high)
     return given / chosen["catalogues"], held / max(given, 1)
+
+
+@dataclass(frozen=True)
+class Run:
+    """Events of one run, or of a record: days (event,), location (event, 3) m, axes (event, 3, 3), rows P, B, T."""
+
+    days: NDArray
+    location: NDArray
+    axes: NDArray
+
+
+@dataclass(frozen=True)
+class OneProcess:
+    """Shares of pairs of a record and an ensemble of one process: with a comparison, and of these with what is true.
+
+    held: by what the interval is of (offset, distance, axes); alarms: by what is told apart at 5 % (places, axes).
+    """
+
+    given: float
+    held: dict[str, float]
+    alarms: dict[str, float]
+
+
+def one_process(case: dict, chosen: dict, seed: list[int]) -> OneProcess:
+    """Runs of a model and a record, all drawn from one process of clustered events in three steps, compared."""
+    generator = np.random.default_rng(seed)
+    held = {"offset": [], "distance": [], "axes": []}
+    alarms = {"places": [], "axes": []}
+    given = 0
+    for index in range(chosen["catalogues"]):
+        runs = [_run(generator, case, chosen) for _ in range(chosen["runs"])]
+        record = _run(generator, case, chosen)
+        errors = case.get("error", 0.0) * np.exp(case.get("scatter", 0.0) * generator.normal(size=len(record.days)))
+        seen = record.location + generator.normal(size=record.location.shape) * errors[:, None] / np.sqrt(3)
+        width = chosen["days"] / chosen["steps"]
+        number = np.repeat(np.arange(len(runs)), [len(run.days) for run in runs])
+        step = np.concatenate([run.days for run in runs]) // width
+        clusters = cluster_labels(dated(record.days), seen, record.days // width, float(np.median(errors)))
+        places = compare_locations(
+            np.concatenate([run.location for run in runs]), seen, number, clusters,
+            seed=index, location_error=errors, draws=1, resamplings=chosen["resamplings"], distances=np.array([20.0]),
+            model_steps=step.astype(int), record_steps=(record.days // width).astype(int),
+        )  # fmt: skip
+        if places is None:
+            continue
+        given += 1
+        model = AxesSample(np.concatenate([run.axes for run in runs]), np.zeros((len(number), 3)), number)
+        axes = compare_axes(model, AxesSample(record.axes, seen, clusters), index, chosen["resamplings"])
+        low, high = places.offset_interval.T
+        held["offset"].append(np.mean((low <= 0.0) & (high >= 0.0)))
+        held["distance"].append(places.offset_distance_interval[0] <= 0.0)
+        held["axes"].append(axes["mean_angle_interval"][0, 0] <= 0.0)
+        alarms["places"].append(places.energy_p_value <= chosen["level"])
+        alarms["axes"].append(axes["mean_angle_p_value"][0] <= chosen["level"])
+    shares = ({name: float(np.mean(values)) for name, values in of.items()} for of in (held, alarms))
+    return OneProcess(given / chosen["catalogues"], *shares)
+
+
+def _run(generator: np.random.Generator, case: dict, chosen: dict) -> Run:
+    """One draw: triggered events (`branching`; 0: independent ones) or bursts; axes differ by cluster and by event."""
+    if "bursts" in case:
+        each = case["events"] / case["bursts"]
+        days, location, cluster = burst_events(generator, chosen["days"], case["bursts"], each)
+    else:
+        days, location, cluster = branching_events(generator, chosen["days"], case["events"], case["branching"])
+    of_cluster = generator.normal(size=(cluster.max(initial=-1) + 1, 3))[cluster]
+    turns = Rotation.from_rotvec(np.radians(chosen["spread"]) * of_cluster)
+    turns *= Rotation.from_rotvec(np.radians(chosen["spread"]) * generator.normal(size=(len(days), 3)))
+    return Run(days, location, np.swapaxes(turns.as_matrix(), 1, 2))

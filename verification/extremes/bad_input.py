@@ -180,7 +180,7 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ),
     ("comparison.resamplings", 98, "comparison.resamplings: ", "minimum of 99"),
     ("comparison.resamplings", 99.5, "comparison.resamplings: ", "not of type 'integer'"),
-    ("comparison.blocks", "cluster", "comparison.blocks: ", "day, step, event"),
+    ("comparison.blocks", "day", "comparison.blocks: ", "unknown key"),
     ("excavations.0", SHAFT, "excavations.drive.path: stretch 2 is too steep", "cylinder, box or prism"),
     ("excavations.0", LOW_ARCH, "excavations.drive.height: an arched profile", "half its width, 3 m, not 2 m"),
     (

@@ -1,0 +1,49 @@
+"""Errors of an estimate from blocks: the jackknife, and Student's t of as many blocks as they are worth.
+
+Blocks are independent of each other, what is in them is not. The estimate without one block, less the estimate, is
+squared and summed (CR3: MacKinnon and White 1985), which holds for blocks of unequal sizes where a bootstrap of so few
+scatters too little. Blocks of shares h_j are worth 1 / sum h_j^2 equal ones (Kish 1965).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Covariance (3, 3) of an estimate with three components, and the degrees of freedom that it is known with."""
+
+    covariance: NDArray
+    freedom: float
+
+    @classmethod
+    def of(cls, without: NDArray, estimate: NDArray, freedom: float) -> "Scatter":
+        """From the estimate (3,) and what it is without each block (block, 3)."""
+        off = without - estimate
+        return cls(off.T @ off, freedom)
+
+    def __add__(self, other: "Scatter") -> "Scatter":
+        """Of the difference of two independent estimates; degrees of freedom after Welch and Satterthwaite."""
+        own, others = np.trace(self.covariance), np.trace(other.covariance)
+        both = own**2 / self.freedom + others**2 / other.freedom
+        return Scatter(self.covariance + other.covariance, (own + others) ** 2 / both if both > 0 else self.freedom)
+
+    def interval(self, estimate: NDArray, share: float = 0.95) -> NDArray:
+        """Interval (3, 2) of each component."""
+        half = t.ppf(0.5 + share / 2, self.freedom) * np.sqrt(np.diag(self.covariance))
+        return np.stack([estimate - half, estimate + half], axis=-1)
+
+    def lengths(self, draws: int, generator: np.random.Generator) -> NDArray:
+        """How far the estimate may be off (draw,): lengths of vectors of Student's t with this covariance."""
+        values, vectors = np.linalg.eigh(self.covariance)
+        vector = generator.normal(size=(draws, 3)) * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+        return np.linalg.norm(vector, axis=1) * np.sqrt(self.freedom / generator.chisquare(self.freedom, draws))
+
+
+def effective_blocks(sizes: NDArray) -> float:
+    """How many equal blocks these (block,) are worth (Kish 1965); 0 without any."""
+    sizes = np.asarray(sizes, float)
+    return float(sizes.sum() ** 2 / np.sum(sizes**2)) if sizes.any() else 0.0

@@ -1,0 +1,65 @@
+"""Clusters of a record, found from the record itself."""
+
+import numpy as np
+import pytest
+
+from catalogs.blocks import cluster_labels
+from catalogs.jackknife import effective_blocks
+from verification.statistics.samples import branching_events, dated
+
+
+def clusters_of(events):
+    """Labels of a made-up record: times in days, locations (event, 3) m, true clusters."""
+    days, location, _ = events
+    return cluster_labels(dated(days), location, np.zeros(len(days), int), 1.0)
+
+
+def test_independent_events_are_blocks_of_their_own():
+    """In 18 of 20 records at least; the others, by chance, lose a part."""
+    generator = np.random.default_rng(1)
+    alone = 0
+    for _ in range(20):
+        days, location = np.sort(generator.uniform(0, 90, 100)), 30 * generator.normal(size=(100, 3))
+        alone += len(np.unique(clusters_of((days, location, None)))) == 100
+    assert alone >= 18
+
+
+def test_bursts_are_found_whatever_days_they_fall_on():
+    """Ten bursts of ten within an hour, each in its place, one of them about midnight."""
+    generator = np.random.default_rng(2)
+    start = np.array([4.999, 11.2, 23.4, 30.1, 39.8, 47.3, 58.2, 66.6, 71.5, 83.9])
+    days = np.sort((start[:, None] + generator.uniform(0, 0.04, (10, 10))).ravel())
+    burst = np.repeat(np.arange(10), 10)
+    location = 100 * generator.normal(size=(10, 3))[burst] + 5 * generator.normal(size=(100, 3))
+    labels = clusters_of((days, location, None))
+    assert len(np.unique(labels)) == 10
+    np.testing.assert_array_equal(labels, burst)
+
+
+@pytest.mark.parametrize("branching", [0.5, 0.7])
+def test_blocks_of_triggered_events_are_worth_about_what_their_clusters_are(branching):
+    """Delays to 40 days, 90 days of record. More than twice as many blocks as clusters are worth would hide the
+    variance of the record's mean; days are worth two and more times as many."""
+    generator = np.random.default_rng(3)
+    worth = []
+    for _ in range(8):
+        events = branching_events(generator, 90.0, 150, branching)
+        found, truth, day = (
+            effective_blocks(np.unique(one, return_counts=True)[1])
+            for one in (clusters_of(events), events[2], np.floor(events[0]))
+        )
+        worth.append((found / truth, day / truth))
+    found, day = np.median(worth, axis=0)
+    assert found < 1.5
+    assert found < day
+
+
+def test_events_without_a_time_are_one_cluster_and_few_events_are_no_error():
+    location = np.random.default_rng(4).normal(size=(6, 3))
+    time = dated(np.arange(6.0))
+    time[:3] = np.datetime64("NaT")
+    labels = cluster_labels(time, location, np.zeros(6, int))
+    assert len(np.unique(labels[:3])) == 1
+    assert labels[0] not in labels[3:]
+    for count in range(4):
+        assert len(cluster_labels(time[:count], location[:count], np.zeros(count, int))) == count
