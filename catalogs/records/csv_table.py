@@ -171,8 +171,9 @@ def read_table(
 ) -> Table:
     """The table of a CSV file that has the columns `named` (by the key that names each); `numeric` hold numbers.
 
-    Lines that begin with # are comments, but for a header (FDSN's text has one). Raises InputError, one line: not
-    readable, not text, in an encoding that is not known where that counts, a column missing or there twice, no row.
+    Lines that begin with # are comments, but for a header (FDSN's text has one). A header without a row is a record
+    without an event. Raises InputError, one line: not readable, not text, in an encoding that is not known where that
+    counts, a column missing or there twice.
     """
     text, sure = _decoded(path, encoding)
     lines = [line for line in text.splitlines() if line.strip(" \t\r,;|")]
@@ -194,14 +195,12 @@ def read_table(
                 io.StringIO(body), sep=separator, names=_apart(header),
                 dtype=str, skipinitialspace=True, keep_default_na=False, index_col=False,
             )  # fmt: skip
-    except pd.errors.EmptyDataError as error:
-        raise InputError(f"{path}: no events in the file") from error
+    except pd.errors.EmptyDataError:
+        rows = pd.DataFrame(columns=_apart(header), dtype=str)
     except (ValueError, pd.errors.ParserWarning) as error:  # pandas' parser errors are ValueErrors
         raise InputError(f"{path}: not a readable CSV file ({error}); give a table with a header") from error
     table = Table(rows, str(path), decimal, sure)
     table.take_units(numeric)
-    if table.rows.empty:
-        raise InputError(f"{path}: no events in the file")
     logging.info("%s: %d rows, separated by %s", path, len(rows), SEPARATORS[separator])
     return table
 

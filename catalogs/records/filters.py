@@ -17,6 +17,7 @@ from catalogs.records.times import parse_time
 from pipeline.errors import InputError
 
 DOMAIN = "domain"
+FAR = 10.0  # times as far from the domain as it is wide: the coordinates are not the mine's
 MUCH = 0.1  # of the events outside the domain: worth a line on the terminal
 FARTHEST = 1e8  # m; more than twice round the Earth, hence no coordinate
 
@@ -47,7 +48,7 @@ def filter_events(
     (catalogs.records.event_kinds), lack a time, a place or a size, or are `repeated` (event,) bool.
     attrs["types_text"]: how many of the others are of each type, where the file says it. Each entry of
     attrs["filter"] holds filter, value, before, after; the domain's, which is the last, also potency_before and
-    potency_after (m3) and farthest (m: of an event left out, from the domain; null if there is none).
+    potency_after (m3), nearest and farthest (m: of an event left out, from the domain; null if there is none).
 
     settings: filter (lower, upper: 3 numbers in m, a box, its faces included; start, end: ISO text, start <= time <
     end, UTC; minimum_potency in m3; maximum and minimum: {column: value}, quality columns of the file in its own
@@ -57,14 +58,13 @@ def filter_events(
     name. A missing number passes no filter; of texts upper and lower case, _ and blanks are the same.
 
     Raises InputError naming `source` and the key for an unknown column, a bad date, when a filter of the
-    configuration leaves no event, when none of the file lies in the domain (such a record is of other ground), or when
-    it was recorded before or after the modelled months. None left by these months, or by the domain in them, is a
-    record without events. attrs["period"] (JSON): modelled, recorded and common, each start and end, ISO, UTC.
+    configuration leaves no event, when all lie FAR times as far from the domain as it or the record is wide (such a
+    record is of other ground), or when it was recorded before or after the modelled months. A file without events, and
+    none in the domain or in these months, is a record without events: that nothing happens is a result.
+    attrs["period"] (JSON): modelled, recorded and common, each start and end, ISO, UTC.
     """
     where = f"{source}: record.filter"
     chosen = settings.filter.given() if settings.filter else {}
-    if not events.sizes["event"]:
-        raise InputError(f"{source}: no events in the file")
     check_places(events["location"].values, source)
     columns = columns or {}
     kinds = kinds or {}
@@ -77,7 +77,7 @@ def filter_events(
     words = {name: np.asarray(values)[whole] for name, values in {**kinds, **(words or {})}.items()}
     box = domain_box(settings.domain) if settings.domain else None
     beyond = distance_beyond(events["location"].values, *box) if box else np.zeros(events.sizes["event"])
-    if not (beyond == 0).any():
+    if box and events.sizes["event"] and beyond.min() > FAR * _width(events["location"].values, *box):
         raise InputError(_other_ground(events, box, source))
     kept = np.ones(events.sizes["event"], bool)
     if settings.period and settings.period.given():
@@ -101,6 +101,7 @@ def filter_events(
                 "after": int(inside.sum()),
                 "potency_before": float(potency[kept].sum()),
                 "potency_after": float(potency[inside].sum()),
+                "nearest": float(outside.min()) if outside.size else None,
                 "farthest": float(outside.max()) if outside.size else None,
             }
         )
@@ -122,11 +123,13 @@ def _periods(time: np.ndarray, settings: RecordSlice, source: str) -> dict[str, 
     if common[0] >= common[1]:
         filtered = max(modelled[0], first) < min(modelled[1], last)
         key = "record.filter: start and end leave" if filtered else "the file has"
+        run = f"its events run from {_day(time.min())} to {_day(time.max())}" if len(time) else "it has no events"
         raise InputError(
-            f"{source}: {key} nothing of the modelled months, {_day(modelled[0])} to {_day(modelled[1])}: its events "
-            f"run from {_day(time.min())} to {_day(time.max())}; check the steps' dates and the record's times"
+            f"{source}: {key} nothing of the modelled months, {_day(modelled[0])} to {_day(modelled[1])}: {run}; check "
+            "the steps' dates and the record's times"
         )
-    found = {"modelled": modelled, "recorded": [time.min(), time.max()], "common": common}
+    recorded = [time.min(), time.max()] if len(time) else common
+    found = {"modelled": modelled, "recorded": recorded, "common": common}
     return {name: [str(moment)[:19] for moment in pair] for name, pair in found.items()}
 
 
@@ -138,7 +141,8 @@ def _warn(crop: Mapping, source: str) -> None:
     """Tell on the terminal, too, that much of a record, or all of it, is not compared."""
     outside = crop["before"] - crop["after"]
     if not crop["after"]:
-        logging.warning("%s: no event in the domain in these months; the model has nothing to be compared with", source)
+        near = "" if crop["nearest"] is None else f"; the nearest lies {crop['nearest']:.0f} m away"
+        logging.warning("%s: no event in the domain in these months: it counts as quiet%s", source, near)
     elif outside > MUCH * crop["before"]:
         logging.warning(
             "%s: %d of %d events lie outside the domain, up to %.0f m away, and are not compared",
@@ -177,7 +181,8 @@ def _whole_events(
         if count := int((kept & ~there).sum()):
             dropped[what] = count
         kept &= there
-    if not kept.any():
+    seismic = len(kept) - sum(dropped.get(what, 0) for what in other)
+    if seismic and not kept.any():  # blasts alone are a record of a quiet volume
         told = ", ".join(f"{count} {what}" for what, count in dropped.items())
         keep = "; record.filter.keep counts what it names" if other else ""
         raise InputError(f"{source}: none of its {len(kept)} events has a time, a place and a size ({told}){keep}")
@@ -195,6 +200,12 @@ def domain_box(domain: DomainBox) -> tuple[np.ndarray, np.ndarray]:
     axes = {"xz": [0, 2], "xy": [0, 1]}.get(domain.plane, [0, 1, 2])
     box[:, axes] = domain.lower, domain.upper
     return box[0], box[1]
+
+
+def _width(location: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
+    """The longest edge, m, of the box around all events (event, 3), or of the domain, whichever is longer."""
+    edges = np.append(np.ptp(location, axis=0), upper - lower)
+    return float(edges[np.isfinite(edges)].max())
 
 
 def _other_ground(events: xr.Dataset, box: tuple[np.ndarray, np.ndarray], source: str) -> str:

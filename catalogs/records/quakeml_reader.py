@@ -41,8 +41,6 @@ def read(settings: RecordSlice) -> xr.Dataset:
     path = Path(settings.file)
     content, words = plain_quakeml(quakeml_bytes(path), path)
     events = parse_quakeml(content, path)
-    if len(events) == 0:
-        raise InputError(f"{path}: no events in the file")
     origins = [_origin(event, one) for event, one in zip(events, words, strict=True)]
     if REJECTED not in kept_words(settings):  # else what is rejected of an event counts as the event does
         for event in events:
@@ -101,8 +99,9 @@ def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dat
 def _foreign(events: Catalog, origins: list[Origin | None], settings: RecordSlice, path: Path) -> xr.Dataset:
     """A catalogue from what every QuakeML file holds, and from the origin of each event that counts."""
     time = np.array([_time(origin, number, path) for number, origin in enumerate(origins, 1)], "datetime64[ns]")
-    lower, upper = np.array([_time_uncertainties(origin) for origin in origins], float).T
+    lower, upper = np.array([_time_uncertainties(origin) for origin in origins], float).reshape(-1, 2).T
     globe = np.array([[getattr(origin, name, None) for name in GLOBE] for origin in origins], float)
+    globe = globe.reshape(-1, len(GLOBE))  # of no event, too
     if settings.units:
         globe[:, list(GLOBE).index("depth")] *= unit_quantity(settings.units["depth"]).to("m").magnitude
     for column, (name, most) in enumerate(GLOBE.items()):
@@ -117,7 +116,7 @@ def _foreign(events: Catalog, origins: list[Origin | None], settings: RecordSlic
     known = np.isfinite(globe).all(axis=1)
     if known.any():
         location[known] = MineFrame(settings.frame).to_mine(*globe[known].T)
-    tensor = np.array([moment_tensor(event) for event in events])
+    tensor = np.array([moment_tensor(event) for event in events]).reshape(-1, 3, 3)
     tensor[~tensor.any(axis=(1, 2))] = np.nan  # never computed
     known = np.isfinite(tensor).all(axis=(1, 2))
     conversions = settings.conversions or {}

@@ -241,7 +241,6 @@ def test_a_filter_of_the_configuration_narrows_the_modelled_months_and_never_wid
             {"text": TABLE.replace("2019-08-02", "2 August")},
             "event 2 of 3: column 'date': '2 August' .2 August 00.*is not a date and time",
         ),
-        ({"text": "\n".join(TABLE.splitlines()[:2])}, "no events in the file"),
         ({"text": ""}, "not a readable CSV"),
         ({"filter": {"minimum_potency": 100.0}}, "record.filter.minimum_potency: no event left .3 before"),
         ({"filter": {"start": "2020-01-01"}}, "record.filter.start: no event left"),
