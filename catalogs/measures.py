@@ -28,7 +28,7 @@ from catalogs.mechanisms import (
 )
 from catalogs.settings import ComparisonSettings
 from pipeline.fields import TEXT
-from pipeline.source_tensors import clear_axes, principal_axes, scalar_potency, source_shares
+from pipeline.source_tensors import APART, clear_axes, principal_axes, scalar_potency, source_shares
 
 CATALOGUES = ("model", "record")
 TAILS = (0.025, 0.975)  # of errors that a sentence gives
@@ -209,8 +209,8 @@ def _left_out(clear: NDArray, of: str) -> str:
         for row in clear
     ]
     return (
-        f"; left out where two principal values are within 10 % of the largest: of the model's potency {shares[0]}, of "
-        f"the record's {of} {shares[1]}; Kagan angles take sources with three clear axes"
+        f"; left out where two principal values are within {100 * APART:g} % of the largest: of the model's potency "
+        f"{shares[0]}, of the record's {of} {shares[1]}; Kagan angles take sources with three clear axes"
     )
 
 

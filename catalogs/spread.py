@@ -19,8 +19,8 @@ does not exist: b of too few events, the standard deviation of one member.
   energy_released, energy_dissipated (run, period) J
   <name>_statistics (period, statistic)   of each of these but b_error and events_above_cut
   size_bin_lower (size_bin) log10 P;  cumulative (run, size_bin)   resolved events of all dated steps at least so large
-Attributes: mine, members, cut (log10 P in m3, that of the mine's own catalogue, for all runs alike), cut_text,
-config_hash, source_hash, versions.
+Attributes: mine, members, largest_overstress (share of cohesion), cut (log10 P in m3, that of the mine's own catalogue,
+for all runs alike), cut_text, config_hash, source_hash, versions.
 """
 
 import json
@@ -87,6 +87,7 @@ def gather(
     }
     coordinates = {"run": np.arange(len(runs)), "period": [*steps, ALL], "statistic": list(STATISTICS)}
     attributes = {"mine": settings.mine, "members": len(runs) - 1, "cut": cut, "cut_text": cut_text}
+    attributes["largest_overstress"] = settings.largest_overstress
     return xr.Dataset(result, coords=coordinates, attrs=attributes)
 
 

@@ -5,6 +5,7 @@ not mined yet looks the same in a slice whether it is planned or dated later: gi
 that month.
 """
 
+from mpm_core.equilibrium.perturbation import LARGEST_OVERSTRESS
 from mpm_core.scene import parse_scene
 from pipeline.voigt import NAMES
 from workflow.plan import Plan
@@ -143,7 +144,12 @@ class Mine(Plan):
 
     def spread_slice(self) -> dict:
         """What spread.nc depends on, beside the runs of the ensemble."""
-        return {"mine": self.name, "members": self.members, "steps": self.dated_steps}
+        return {
+            "mine": self.name,
+            "members": self.members,
+            "largest_overstress": LARGEST_OVERSTRESS,
+            "steps": self.dated_steps,
+        }
 
     def convergence_slice(self) -> dict:
         """What grid_convergence.nc depends on, beside the runs on cells of this size and of twice the size."""

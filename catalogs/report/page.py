@@ -9,12 +9,15 @@ import jinja2
 import numpy as np
 
 from catalogs.figures import style
+from catalogs.figures.record import WINDOW
+from catalogs.figures.views import INSIDE
+from catalogs.grid_convergence import FLOOR
 from catalogs.mean_axes import WIDEST_CONE
 from catalogs.report import match, sections, text
 from catalogs.report.banners import banners
 from catalogs.report.closeness import intervals_contain
 from catalogs.report.gallery import Gallery
-from catalogs.report.grid_convergence import discretisation
+from catalogs.report.grid_convergence import TOO_COARSE, discretisation
 from catalogs.report.head import caption, missing_potency, step_rows
 from catalogs.report.inputs import Evidence, read_evidence
 from catalogs.report.record import sentences
@@ -26,6 +29,13 @@ from pipeline.pages import page_templates
 from pipeline.provenance import comment
 
 TEMPLATES = Path(__file__).parent / "templates"
+LIMITS = {  # of the code, that the page's own sentences name
+    "least_error": FLOOR,
+    "too_coarse": TOO_COARSE,
+    "shown_excavated": INSIDE,
+    "window": WINDOW,
+    "widest_cone": WIDEST_CONE,
+}
 
 
 def write_report(
@@ -79,7 +89,7 @@ def write_report(
         step_rows=step_rows(evidence),
         step_caption=caption(evidence) if evidence.dated else "",
         many=sections.MANY,
-        widest_cone=WIDEST_CONE,
+        limits=LIMITS,
         config_lines=text.config_lines(config, default),
         versions=_versions(evidence),
         files=[(_short(path, output), attributes) for path, attributes in evidence.files.items()],

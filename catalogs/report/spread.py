@@ -35,6 +35,7 @@ def section(evidence: Evidence, add: Callable[[str, Figure], dict]) -> dict:
         "figure": add("spread", spread.spread(runs, beside)),
         "rows": spread_rows(evidence),
         "members": int(runs.attrs["members"]),
+        "overstress": percent(runs.attrs["largest_overstress"]),
         "cut": typeset(str(runs.attrs["cut_text"])),
     }
 

@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from pipeline.event_table import new_catalog, write_events
 
 STEPS = ["2019-08", "2019-09"]
-SETTINGS = {"mine": "testmine", "members": 2, "steps": STEPS}
+SETTINGS = {"mine": "testmine", "members": 2, "largest_overstress": 0.03, "steps": STEPS}
 CATALOG = xr.Dataset(attrs={"potency_floor": 1e-3})
 
 
@@ -143,6 +143,7 @@ def test_the_report_shows_the_spread_in_its_section_and_beside_the_headline(mine
     top = text[text.index('<section id="headline">') : text.index('<section id="scene">')]
     assert (tmp_path / "figures/spread.svg").stat().st_size > 10_000
     assert "figures/spread.svg" in section
+    assert "rock bears up to 3.0 % of its cohesion more" in section
     assert "in 3 perturbed members of its ensemble" in top
     assert "141 to 147 events are of enough particles (here 150)" in top
     _, _, least, largest = found["potency_statistics"].sel(period="all").values

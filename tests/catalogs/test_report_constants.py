@@ -1,0 +1,55 @@
+"""Numbers of the code in the report's own words: as values, so that the words cannot say another number."""
+
+import re
+
+import jinja2
+import pytest
+
+from catalogs.figures.record import WINDOW
+from catalogs.figures.views import INSIDE
+from catalogs.grid_convergence import FLOOR
+from catalogs.mean_axes import WIDEST_CONE
+from catalogs.report import page
+from catalogs.report.grid_convergence import TOO_COARSE
+from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY
+
+LIMITS = {
+    "least_error": FLOOR,
+    "too_coarse": TOO_COARSE,
+    "shown_excavated": INSIDE,
+    "window": WINDOW,
+    "widest_cone": WIDEST_CONE,
+}
+
+
+def test_every_limit_that_the_page_names_is_that_of_the_code():
+    assert page.LIMITS == LIMITS
+    template = (page.TEMPLATES / "report.html.j2").read_text()
+    for name in LIMITS:
+        assert f"limits.{name}" in template, name
+    assert B_MAGNITUDE_PER_B_POTENCY == 1.5
+
+
+def test_the_template_has_no_number_of_its_own_in_its_sentences():
+    """But 95 %, which is what an interval is, and the page's own section numbers and styles."""
+    template = (page.TEMPLATES / "report.html.j2").read_text()
+    body = template[template.index("<body>") :]
+    sentences = re.findall(r"<p>.*?</p>|picture\(.*?\) \}\}", body, flags=re.DOTALL)
+    assert len(sentences) > 20
+    for sentence in sentences:
+        words = re.sub(r"\{%.*?%\}|\{\{(?! picture).*?\}\}|<[^>]+>|'[^']*'", " ", sentence)
+        words = re.sub(r"95 %|~.*?~|\b1 (?:is at failure|means)|0 means|DXF|2015", " ", words)
+        found = re.findall(r"\b\d+(?:\.\d+)?(?: %| degrees)|\b(?:hundred|half of|a fifth|a tenth)\b", words)
+        assert not found, (found, sentence)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"), [("least_error", 0.2, "by 20 % at least"), ("too_coarse", 0.3, "30 %")]
+)
+def test_another_limit_is_another_sentence(name, value, said):
+    template = (page.TEMPLATES / "report.html.j2").read_text()
+    line = next(line for line in template.splitlines() if f"limits.{name}" in line)
+    environment = page._environment()
+    text = environment.from_string(line).render(limits=LIMITS | {name: value}, convergence={"sizes": ["1", "2"]})
+    assert said in text
+    assert isinstance(environment, jinja2.Environment)
