@@ -59,10 +59,13 @@ def completeness(x: NDArray, bin_width: float = 0.0) -> float:
 
 
 def fullest_bin(x: NDArray, bin_width: float = 0.0) -> float:
-    """Lower edge of the fullest bin (maximum curvature, Wiemer and Wyss 2000): where counting surely fails below."""
+    """Lower edge of the fullest bin (maximum curvature, Wiemer and Wyss 2000): where counting surely fails below.
+
+    NaN of fewer than LEAST_ABOVE events: the fullest of bins that hold two or three is fullest by chance.
+    """
     x = np.asarray(x, float)
     x = x[np.isfinite(x)]
-    if not x.size:
+    if x.size < LEAST_ABOVE:
         return np.nan
     counts, edge, width = _counted(x, bin_width)
     return float(edge + np.argmax(counts) * width)

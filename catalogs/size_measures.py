@@ -7,16 +7,16 @@ from numpy.typing import NDArray
 
 from catalogs import completeness, sizes
 from catalogs.settings import ComparisonSettings
-from catalogs.size_law import FEW, NONE, TRUNCATED, Law, find_law
+from catalogs.size_law import FEW, NONE, POWER, TRUNCATED, Law, find_law
 
 CATALOGUES = ("model", "record")
-LAW_RESAMPLINGS = 499
+LAW_RESAMPLINGS, LAW_SEED = 999, 1  # the verdict on the law hangs on the sizes alone, not on the comparison's seed
 SIZE_BIN = 0.2  # of log10 P, in plots: 0.13 of Mw, where 0.1 is usual
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Sizes of one catalogue above a cut: the law they follow, b without an upper end and with one."""
+    """Sizes of one catalogue above a cut: the law they follow, b without an upper end and with one at the largest."""
 
     law: Law
     plain: sizes.BValue
@@ -24,10 +24,19 @@ class Fit:
 
     @property
     def quoted(self) -> sizes.BValue | None:
-        """b of the law that is not rejected; None if both are, or there is none."""
+        """b of the law that is not rejected; None if both are, or there is none.
+
+        Few sizes of a law that ends one or two decades above the cut do not reject one without an end, whose b is then
+        too large. Where it stands its interval holds that of the law with an end, too: the hull of both.
+        """
         if self.law.name in (NONE, FEW) or not np.isfinite(self.plain.b):
             return None
-        return self.bounded if self.law.name == TRUNCATED else self.plain
+        if self.law.name == TRUNCATED:
+            return self.bounded
+        if not np.isfinite(self.bounded.b):
+            return self.plain
+        lower, upper = min(self.plain.lower, self.bounded.lower), max(self.plain.upper, self.bounded.upper)
+        return replace(self.plain, lower=lower, upper=upper)
 
 
 def fit(x: NDArray, cut: float, bin_width: float, chosen: bool, settings: ComparisonSettings, number: int = 0) -> Fit:
@@ -36,8 +45,8 @@ def fit(x: NDArray, cut: float, bin_width: float, chosen: bool, settings: Compar
     chosen: the cut comes from these sizes, so that the intervals of b also hold those of resampled catalogues that
     choose their own (`completeness.interval`): the hull of both. number: of the catalogue, for the draws.
     """
+    law = find_law(x, cut, bin_width, min(settings.resamplings, LAW_RESAMPLINGS), np.random.default_rng(LAW_SEED))
     generator = np.random.default_rng([settings.seed, 2, number])
-    law = find_law(x, cut, bin_width, min(settings.resamplings, LAW_RESAMPLINGS), generator)
     found = []
     for bound in (None, "largest"):
         value = sizes.estimate_b(x, cut + 0.5 * bin_width, bin_width, bound)
@@ -89,7 +98,8 @@ def size_measures(
         "completeness_stability": stable,
     }
     result = {name: ("catalogue", np.array(values, float)) for name, values in by_catalogue.items()}
-    for name, values in (("b_interval", plain), ("b_truncated_interval", bounded)):
+    quoted = [one.quoted if one.law.name == POWER else one.plain for one in fits]
+    for name, values in (("b_interval", quoted), ("b_truncated_interval", bounded)):
         result[name] = (("catalogue", "interval"), [[value.lower, value.upper] for value in values])
     result |= {
         "b_difference": ((), difference.difference),
@@ -138,7 +148,8 @@ def _text(name: str, one: Fit, stable: float) -> str:
         said = f"no power law ({power}), nor one that ends at its largest event ({bounded}), so no b describes it"
     else:
         b = f"b = {one.quoted.b:.2f} ({one.quoted.lower:.2f} to {one.quoted.upper:.2f})"
-        said = f"{b}, a power law ({power})"
+        end = f", or {one.bounded.b:.2f} if it ends at the largest event: the interval holds both"
+        said = f"{b}, a power law ({power}){end if np.isfinite(one.bounded.b) else ''}"
         if law.name == TRUNCATED:
             said = f"no power law ({power}) but one that ends at log P = {one.bounded.bound:.1f} ({bounded}), {b}"
     return f"{name}: {said}, n = {value.events}, {complete}"
