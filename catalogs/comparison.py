@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 from catalogs import sizes
 from catalogs.blocks import cluster_labels
 from catalogs.comparison_layout import described
-from catalogs.completeness import completeness, fullest_bin, next_edge, rounding
-from catalogs.exposure import Exposure, total_interval
+from catalogs.completeness import LEAST_ABOVE, completeness, fullest_bin, next_edge, rounding
+from catalogs.exposure import Exposure
 from catalogs.location_errors import location_errors
 from catalogs.measures import axes_measures, location_measures
 from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
 from catalogs.members import all_runs
 from catalogs.settings import ComparisonSlice
 from catalogs.size_measures import CATALOGUES, SIZE_BIN, size_measures
+from catalogs.sum_measures import sum_measures
 from pipeline.errors import InputError
 from pipeline.event_table import check_events
 
@@ -57,7 +58,13 @@ def compare(
     used = [good & (value >= cut) for good, value in zip(resolved, x, strict=True)]
     clusters = _clusters(record, used[1], steps[1])
 
-    result |= _sums(both, used, resolved, exposure, settings)
+    summed, sums_text = sum_measures(both, used, members, clusters, cut, exposure)
+    result |= summed | {
+        "events_total": ("catalogue", [events.sizes["event"] for events in both]),
+        "events_resolved": ("catalogue", [int(good.sum()) for good in resolved]),
+        "model_used": ("event_model", used[0].astype(np.int8)),
+        "record_used": ("event_record", used[1].astype(np.int8)),
+    }
     sized, laws = size_measures(
         [value[good] for value, good in zip(x, resolved, strict=True)],
         [0.0, rounded],
@@ -97,6 +104,7 @@ def compare(
         "size_bin_width": SIZE_BIN,
         "kagan_bin_width": KAGAN_BIN,
         **attributes,
+        **sums_text,
         **laws,
         **location_attributes,
         **axes_attributes,
@@ -135,63 +143,37 @@ def _clusters(record: xr.Dataset, used: NDArray, step: NDArray) -> NDArray:
 
 
 def _cut(catalog: xr.Dataset, recorded: NDArray, rounded: float) -> tuple[dict, dict]:
-    """The cut both catalogues take, log10 P, and which of the two sets it; the edge of a bin if sizes are rounded."""
+    """The cut both catalogues take, log10 P, and what sets it; the edge of a bin if sizes are rounded.
+
+    The larger of the model's floor and the size from which the record is complete; of a record too small to tell that,
+    of the floor and its smallest event.
+    """
+    recorded = recorded[np.isfinite(recorded)]
     floor = float(catalog.attrs.get("potency_floor", np.nan))
     floor = float(np.log10(floor)) if floor > 0 else np.nan
     stable = completeness(recorded, rounded)
     complete = fullest_bin(recorded, rounded) if np.isnan(stable) else stable
-    how = "b is stable above it" if np.isfinite(stable) else "no stable completeness: the fullest bin instead"
-    if np.isnan(floor) and np.isnan(complete):
+    if np.isfinite(complete):
+        other, which = complete, "record completeness"
+        how = "b is stable above it" if np.isfinite(stable) else "no stable completeness: the fullest bin instead"
+        called, record = f"the record's completeness ({how})", f"the record is complete from {complete:.2f}: {how}"
+    elif recorded.size:
+        other, which = float(recorded.min()) - 0.5 * rounded, "smallest recorded"
+        few = f"{recorded.size} event{'s' * (recorded.size > 1)} of {LEAST_ABOVE} needed"
+        record = f"the record has {few} to tell from which size on it is complete"
+        called = f"the smallest recorded event ({record})"
+    else:
+        other, record = np.nan, "the record has no event to tell from which size on it is complete"
+    model = f"the model's floor is {floor:.2f}" if np.isfinite(floor) else "the model has no failed rock to set a floor"
+    if np.isnan(floor) and np.isnan(other):
         cut, which = np.nan, "nothing"
         text = "no cut, as the model has no failed rock to set a floor, and the record no event"
-    elif np.isnan(complete) or floor >= complete:
+    elif np.isnan(other) or floor >= other:
         cut, which = next_edge(recorded, floor, rounded), "model floor"
-        record = f"complete from {complete:.2f}: {how}" if np.isfinite(complete) else "without enough events to tell"
-        text = f"log P >= {cut:.2f}, the model's floor (the record is {record})"
+        text = f"log P >= {cut:.2f}, the model's floor ({record})"
     else:
-        cut, which = complete, "record completeness"
-        model = (
-            f"the model's floor is {floor:.2f}" if np.isfinite(floor) else "the model has no failed rock to set a floor"
-        )
-        text = f"log P >= {cut:.2f}, the record's completeness ({how}); {model}"
+        cut, text = other, f"log P >= {other:.2f}, {called}; {model}"
     return (
         {"cut": ((), cut), "model_floor": ((), floor), "record_completeness": ((), complete)},
         {"cut_is": which, "cut_text": text, "cut_stable": int(np.isfinite(stable))},
     )
-
-
-def _sums(both, used, resolved, exposure: Exposure, settings: ComparisonSlice) -> dict:
-    """Counts and summed potency, per day of exposure, and their ratio.
-
-    Intervals resample the record's blocks of days, empty ones too; the model, one realisation, has none.
-    """
-    generator = np.random.default_rng(settings.seed)
-    potency = [events["potency"].values for events in both]
-    summed = [float(value[kept].sum()) for value, kept in zip(potency, used, strict=True)]
-    whole = [float(np.nansum(value)) for value in potency]
-    time, kept = both[1]["time"].values, used[1]
-    intervals = {}
-    for name, values in (("event_rate", np.ones(kept.sum())), ("potency_rate", potency[1][kept])):
-        per_day = exposure.sums(time[kept], values)
-        intervals[name] = total_interval(per_day, settings.resamplings, generator)
-    counts = {
-        "events_total": [events.sizes["event"] for events in both],
-        "events_resolved": [int(good.sum()) for good in resolved],
-        "events_above_cut": [int(kept.sum()) for kept in used],
-    }
-    days = exposure.days
-    return {
-        **{name: ("catalogue", np.array(value, np.int64)) for name, value in counts.items()},
-        "model_used": ("event_model", used[0].astype(np.int8)),
-        "record_used": ("event_record", used[1].astype(np.int8)),
-        "exposure": ((), days),
-        "event_rate": ("catalogue", np.array(counts["events_above_cut"]) / days),
-        "potency_rate": ("catalogue", np.array(summed) / days),
-        "event_rate_interval": ("interval", intervals["event_rate"] / days),
-        "potency_rate_interval": ("interval", intervals["potency_rate"] / days),
-        "summed_potency": ("catalogue", summed),
-        "summed_potency_all": ("catalogue", whole),
-        "potency_ratio": ((), summed[0] / summed[1] if summed[1] > 0 else np.nan),
-        "potency_ratio_all": ((), whole[0] / whole[1] if whole[1] > 0 else np.nan),
-        "potency_ratio_interval": ("interval", summed[0] / intervals["potency_rate"][::-1]),
-    }

@@ -8,12 +8,14 @@ model are those of all its runs, if it has an ensemble. NaN where a number does 
 no stable completeness), and for intervals and p-values of places and axes if the model ran fewer than three times.
 
 Attributes: mine, record_kind ("recorded" | "twin"), period_model, period_record, settings (JSON, defaults filled in),
-cut_is ("model floor" | "record completeness" | "nothing"), cut_stable (1: b of the record is stable),
+cut_is ("model floor" | "record completeness" | "smallest recorded" | "nothing"), cut_stable (1: b of the record is
+stable),
 law_model, law_record ("power law" | "truncated power law" |
 "no power law" | "too few events": what sizes above the cut follow), location_error (m, median of the events compared),
 axes_present (0 | 1), summed_weight ("unit": over unit tensors where the record has orientations only | "potency"),
-size_bin_width, kagan_bin_width (degrees), config_hash, source_hash, versions. period_text, cut_text, size_text,
-location_text and axes_text are sentences for the reader of the report; they also say why a number does not exist.
+size_bin_width, kagan_bin_width (degrees), config_hash, source_hash, versions. period_text, cut_text, sums_text,
+size_text, location_text and axes_text are sentences for the reader of the report; they also say why a number does not
+exist.
 """
 
 import numpy as np
@@ -47,14 +49,20 @@ FIELDS = (
     # sums of potency
     _field("exposure", "", "d", "time compared: of the dated steps, what both catalogues are known for"),
     _field("event_rate", "catalogue", "1/d", "events compared per day of exposure"),
-    _field("event_rate_interval", "interval", "1/d", "95 % interval of the record's, days resampled, empty ones too"),
+    _field("event_rate_interval", "interval", "1/d", "95 % interval of the number expected of the record, per day"),
     _field("potency_rate", "catalogue", "m3/d", "potency of the events compared per day of exposure"),
-    _field("potency_rate_interval", "interval", "m3/d", "95 % interval of the record's, days resampled"),
+    _field("potency_rate_interval", "interval", "m3/d", "that of its potency, of events up to the largest recorded"),
+    _field("record_clustering", "", "1", "variance of the record's number of events over its mean; 1: independent"),
+    _field("model_runs", "", "1", "runs of the model whose mean the next ratios take", np.int64),
+    _field("event_ratio", "", "1", "number of events compared, model over record"),
+    _field("event_ratio_interval", "interval", "1", "95 % interval of that of those expected; may be open above"),
+    _field("event_ratio_p_value", "", "1", "chance of a ratio as far from 1 if both expect as many events"),
     _field("summed_potency", "catalogue", "m3", "potency of the events compared"),
     _field("summed_potency_all", "catalogue", "m3", "potency of every event"),
     _field("potency_ratio", "", "1", "summed potency, model over record"),
     _field("potency_ratio_all", "", "1", "potency of every event, model over record"),
-    _field("potency_ratio_interval", "interval", "1", "its 95 % interval: of the record's days, the model as it is"),
+    _field("potency_ratio_interval", "interval", "1", "95 % interval of that of those expected; may be open above"),
+    _field("potency_ratio_p_value", "", "1", "chance of a ratio as far from 1 if both expect as much potency"),
     # location
     _field("centroid", "catalogue xyz", "m", "mean location of the events compared"),
     _field("centroid_offset", "xyz", "m", "centroid of the model minus that of the record"),
@@ -77,10 +85,10 @@ FIELDS = (
     # sizes: N(>= P) = 10^a P^-b
     _field("b", "catalogue", "1", "b of potency, maximum likelihood without an upper bound; of magnitudes it is 1.5 b"),
     _field("b_error", "catalogue", "1", "its standard error"),
-    _field("b_interval", "catalogue interval", "1", "its 95 % interval, with the choice of the cut"),
+    _field("b_interval", "catalogue interval", "1", "its 95 % interval; of a power law with b_truncated's"),
     _field("b_magnitude", "catalogue", "1", "b of moment magnitudes: 1.5 b of potency"),
     _field("a", "catalogue", "1", "a in log10 N(>= P) = a - b log10 P, P in m3"),
-    _field("b_truncated", "catalogue", "1", "b of potency if no event may be larger than the largest"),
+    _field("b_truncated", "catalogue", "1", "b if no event may be larger than the largest"),
     _field("b_truncated_error", "catalogue", "1", "its standard error"),
     _field("b_truncated_interval", "catalogue interval", "1", "its 95 % interval"),
     _field("largest_log_potency", "catalogue", LOG, "largest event"),

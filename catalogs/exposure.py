@@ -1,6 +1,10 @@
-"""How long a catalogue was recorded, and rates and sums per day of it, with days on which nothing happened.
+"""How long a catalogue was recorded, and what is expected in that time: number and summed potency of events.
 
 The time both catalogues share is that of the dated steps during which was recorded (`catalogs.periods`).
+
+Events are a compound Poisson process: if they are independent, a sum S of their sizes s has the variance sum(s^2). It
+is worth S / scale equal events, scale = sum(s^2) / S (Kish 1965), and S / scale is nearly Poisson (Bohm and Zech 2014).
+Clusters raise the variance by a factor. All intervals and tests below follow from that, in closed form.
 """
 
 from collections.abc import Mapping
@@ -8,14 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, t
+from scipy.stats import chi2, f
 
 from catalogs.records.times import parse_time
 from catalogs.settings import DatedStep
 
 DAY = np.timedelta64(86400 * 10**9, "ns")
-LEAST_DAYS = 10  # with events, for an interval: fewer have not seen what large events they may have
+WINDOWS = (1, 2, 4, 8)  # days, in which events are counted for their clustering: an aftershock may come a week later
+LEAST_WINDOWS = 10  # of one length, for a variance
+LEVEL = 0.05  # chance of clustering found among independent events, whose limits are exact without
 TAILS = (0.025, 0.975)
+MOST_WORTH = 1e7  # equal events: more of them make an interval no narrower that matters
 
 
 @dataclass(frozen=True)
@@ -48,19 +55,42 @@ class Exposure:
         inside = (time[:, None] >= self.start) & (time[:, None] < self.end)
         return np.where(inside.any(axis=1), np.argmax(inside, axis=1), -1)
 
-    def sums(self, time: NDArray, values: NDArray) -> NDArray:
-        """Sum of values (event,) over each day of exposure (day,), those without events included."""
+    def counts(self, time: NDArray) -> list[NDArray]:
+        """Events on each day of each step (day,), those without events included."""
         time = np.asarray(time, "datetime64[ns]")
         parts = zip(self.start, self.end, strict=True)
         if not len(self.start):
             known = time[~np.isnat(time)]
             parts = [(known.min(), known.max() + np.timedelta64(1, "ns"))] if known.size else []
-        found = [np.empty(0)]
+        found = []
         for start, end in parts:
-            count = int(np.ceil((end - start) / DAY))
             inside = (time >= start) & (time < end)
-            found.append(np.bincount((time[inside] - start) // DAY, values[inside], minlength=count))
-        return np.concatenate(found)
+            count = int(np.ceil((end - start) / DAY))
+            found.append(np.bincount((time[inside] - start) // DAY, minlength=count))
+        return found
+
+    def clustering(self, time: NDArray) -> float:
+        """How often the variance of the number of events is its mean: 1 if they are independent, never less.
+
+        The largest value over windows of WINDOWS days, their numbers about the mean of their own step: what a step
+        mines sets its rate, and that is no chance. 1 where no length has a variance that independent events hardly have
+        (LEVEL, all lengths together), or LEAST_WINDOWS of them.
+        """
+        found = [1.0]
+        for length in WINDOWS:
+            variance, events, windows, freedom = 0.0, 0, 0, 0
+            for days in self.counts(time):
+                count = len(days) // length
+                if count < 2:
+                    continue
+                numbers = days[: count * length].reshape(count, length).sum(axis=1)
+                variance += count * numbers.var(ddof=1)
+                events, windows, freedom = events + numbers.sum(), windows + count, freedom + count - 1
+            if windows >= LEAST_WINDOWS and events:
+                ratio = float(variance / events)
+                if chi2.sf(ratio * freedom, freedom) < LEVEL / len(WINDOWS):
+                    found.append(ratio)
+        return max(found)
 
 
 def window(step: Mapping[str, str]) -> tuple[np.datetime64, np.datetime64]:
@@ -68,25 +98,58 @@ def window(step: Mapping[str, str]) -> tuple[np.datetime64, np.datetime64]:
     return tuple(parse_time(step[key], f"step {key}") for key in ("start", "end"))
 
 
-def total_interval(sums: NDArray, resamplings: int, generator: np.random.Generator) -> NDArray:
-    """95 % interval (2,) of the sum expected over blocks like these (block,); NaN with too few of them.
+def total_interval(sizes: NDArray, clustering: float = 1.0, largest: float | None = None) -> NDArray:
+    """95 % interval (2,) of what is expected of a sum of positive sizes (event,), whatever law they follow.
 
-    Blocks, empty ones too, are drawn with replacement, and the logarithm of the sum is divided by its own standard
-    error in every draw (bootstrap-t: Efron and Tibshirani 1993, 12.5): sums of few or large events are so skew that
-    quantiles of the drawn sums themselves would hold too little. A few large events stand for a tail that was hardly
-    seen; what they say is worth no more than (sum)^2 / sum of squares equal ones (Kish 1965), and the interval is
-    stretched as Student's t of so many is over the normal distribution, less one degree each for the sum and the worth.
+    It holds for sizes up to `largest` (that of the largest event if not given): a power law without an upper end, of b
+    below 1, has no mean, and nothing bounds a sum of it. Gamma limits of equal mean and variance, the upper one with
+    one event more, of size `largest` (Fay and Feuer 1997); of equal sizes they are the exact Poisson limits (Garwood
+    1936). clustering: by what the variance is larger than that of independent events. No event: from 0; NaN if
+    `largest` is not given either.
     """
-    count = len(sums)
-    if np.count_nonzero(sums) < LEAST_DAYS:
+    sizes = np.asarray(sizes, float)
+    total, variance = sizes.sum(), clustering * np.sum(sizes**2)
+    one = clustering * (sizes.max(initial=0.0) if largest is None else largest)
+    if not total + one > 0:
         return np.full(2, np.nan)
-    weights = generator.multinomial(count, np.full(count, 1 / count), size=resamplings).astype(float)
-    total = weights @ sums
-    with np.errstate(divide="ignore", invalid="ignore"):
-        error = np.sqrt(np.maximum(weights @ sums**2 - total**2 / count, 0.0)) / total
-        centred = (np.log(total) - np.log(sums.sum())) / error
-    own = np.sqrt(np.sum((sums - sums.mean()) ** 2)) / sums.sum()
-    worth = max(sums.sum() ** 2 / np.sum(sums**2), 3.0)
-    stretch = t.ppf(TAILS[1], worth - 2) / norm.ppf(TAILS[1])
-    low, high = np.quantile(centred[np.isfinite(centred)], TAILS)
-    return sums.sum() * np.exp(-stretch * own * np.array([high, low]))
+    lower = variance / (2 * total) * chi2.ppf(TAILS[0], 2 * total**2 / variance) if total else 0.0
+    total, variance = total + one, variance + one**2
+    return np.array([lower, variance / (2 * total) * chi2.ppf(TAILS[1], 2 * total**2 / variance)])
+
+
+@dataclass(frozen=True)
+class Total:
+    """What a catalogue sums to, and the size of equal events whose sum would vary as much (its variance over it)."""
+
+    value: float
+    scale: float
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Of two totals: the first over the second, its 95 % interval (2,), and the chance of one as far from 1.
+
+    NaN where the second is 0. The interval is open on the side of one that is 0 (to 0 or infinity), NaN if both are.
+    """
+
+    value: float
+    interval: NDArray
+    p_value: float
+
+
+def total_ratio(first: Total, second: Total) -> Ratio:
+    """The ratio of what is expected of two totals.
+
+    Each is taken as a Poisson number of equal events. Half an event is added to either (Jeffreys' prior), so that the
+    ratio follows an F distribution: of numbers of events Jeffreys' interval of a binomial share (Brown, Cai and
+    DasGupta 2001), which holds the truth as often as it says on average; that of Clopper and Pearson more often.
+    """
+    if not first.value + second.value > 0:
+        return Ratio(np.nan, np.full(2, np.nan), np.nan)
+    worth = [min(one.value / one.scale, MOST_WORTH) + 0.5 for one in (first, second)]
+    middle = first.scale * worth[0] / (second.scale * worth[1])
+    law = f(2 * worth[0], 2 * worth[1])
+    lower, upper = middle * law.ppf(TAILS)
+    lower, upper = lower if first.value else 0.0, upper if second.value else np.inf
+    p_value = 2 * min(law.cdf(1 / middle), law.sf(1 / middle))
+    return Ratio(first.value / second.value if second.value else np.nan, np.array([lower, upper]), float(p_value))

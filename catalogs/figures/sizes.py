@@ -15,14 +15,14 @@ from catalogs.sizes import counts, cut_grid
 class Sizes:
     """One catalogue's sizes: label and colour; log_potency (event,) of m3; the fit log10 N = a - b log P above cut.
 
-    by_cut: (3, n) rows cut, b, error of b; NaN where too few events remain.
+    b_interval: (lower, upper), 95 %. by_cut: (3, n) rows cut, b, error of b; NaN where too few events remain.
     """
 
     label: str
     colour: str
     log_potency: np.ndarray
     b: float
-    b_error: float
+    b_interval: tuple[float, float]
     a: float
     cut: float
     by_cut: np.ndarray
@@ -61,7 +61,8 @@ def _panel(axes: Axes, sizes: Sizes) -> None:
         axes.axvline(sizes.cut, color="k", linewidth=0.9, linestyle="--", label=f"cut {_number(sizes.cut)}")
     if np.isfinite(sizes.b):
         span = np.array([sizes.cut, max(values[-1], sizes.cut + SIZE_BIN)])
-        text = f"b = {sizes.b:.2f} ± {sizes.b_error:.2f}"
+        low, high = sizes.b_interval
+        text = f"b = {sizes.b:.2f} ({low:.2f} to {high:.2f})"
         axes.plot(span, 10 ** (sizes.a - sizes.b * span), color="k", linewidth=1.6, label=text)
     axes.legend(loc="upper right")
 

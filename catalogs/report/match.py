@@ -8,7 +8,8 @@ from catalogs.mechanisms import direction
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import MISSING, between, fixed, number, whole, with_unit
 from catalogs.size_law import POWER, TRUNCATED
-from catalogs.spread import ALL
+
+LEAST_P = 0.001  # smaller chances are not told apart
 
 
 def _pair(comparison: xr.Dataset, name: str, form=number) -> list[str]:
@@ -52,16 +53,13 @@ def location_rows(evidence: Evidence) -> list[dict]:
     ]  # fmt: skip
 
 
-def _runs(evidence: Evidence) -> str:
-    """What was varied of the model, and how far its potency then moved; a model that ran once has no interval."""
-    if evidence.spread is None:
-        return "the model ran once and has none"
-    _, _, least, largest = evidence.spread["potency_statistics"].sel(period=ALL).values
-    own = float(evidence.spread["potency"].sel(period=ALL).values[0])
-    if not own > 0:
-        return "the model made no events"
-    members = f"its ensemble of {int(evidence.spread.attrs['members'])}"
-    return f"the model's: × {number(least / own)} to {number(largest / own)} in {members}"
+def _ratio(comparison: xr.Dataset, name: str, both: str) -> tuple[str, str, str]:
+    """Name of a ratio's row, its value and its interval. both: what both expect as much of if the ratio is 1."""
+    runs, p_value = int(comparison["model_runs"]), float(comparison[f"{name}_p_value"])
+    mean = f"mean of {runs} runs over recorded" if runs > 1 else "modelled over recorded"
+    chance = f"p = {number(p_value, 2)}" if p_value >= LEAST_P else f"p < {LEAST_P:g}"
+    value, interval = float(comparison[name]), comparison[f"{name}_interval"].values
+    return f"{mean} ({chance} if both expect as {both})", number(value), between(interval)
 
 
 def size_rows(evidence: Evidence) -> list[dict]:
@@ -71,10 +69,12 @@ def size_rows(evidence: Evidence) -> list[dict]:
         return []
     free, bounded = (
         [
-            with_unit(b, f" ± {error}")
-            for b, error in zip(*(_pair(comparison, name, hundredths) for name in names), strict=True)
+            with_unit(b, f" ({between(interval, hundredths)})")
+            for b, interval in zip(
+                _pair(comparison, name, hundredths), comparison[f"{name}_interval"].values, strict=True
+            )
         ]
-        for names in (("b", "b_error"), ("b_truncated", "b_truncated_error"))
+        for name in ("b", "b_truncated")
     )
     laws = [str(comparison.attrs[f"law_{which}"]) for which in ("model", "record")]
     # b of a law that the sizes do not follow is no result
@@ -84,6 +84,8 @@ def size_rows(evidence: Evidence) -> list[dict]:
         text if text != MISSING else "no stable value"
         for text in _pair(comparison, "completeness_stability", hundredths)
     ]
+    number_name, *number_ratio = _ratio(comparison, "event_ratio", "many")
+    potency_name, *potency_ratio = _ratio(comparison, "potency_ratio", "much")
     return [
         _row("sizes follow (tested before b is given)", *laws, "", ""),
         _row("events at or above the cut", *_pair(comparison, "events_above_cut", whole), "", ""),
@@ -91,18 +93,16 @@ def size_rows(evidence: Evidence) -> list[dict]:
             "events per day compared (interval: the record's)", *_pair(comparison, "event_rate"), "",
             between(comparison["event_rate_interval"].values),
         ),
+        _row(f"number of events, {number_name}", "", "", *number_ratio),
         _row(
             "potency per day compared (m³; interval: the record's)", *_pair(comparison, "potency_rate"), "",
             between(comparison["potency_rate_interval"].values),
         ),
         _row(
-            "summed potency above the cut (m³); modelled over recorded "
-            f"(interval: the record's days; {_runs(evidence)})",
-            *_pair(comparison, "summed_potency"),
-            number(comparison["potency_ratio"]), between(comparison["potency_ratio_interval"].values),
+            f"summed potency from the cut on (m³); {potency_name}", *_pair(comparison, "summed_potency"), *potency_ratio
         ),
         _row(
-            "b of potency; modelled − recorded", *free, fixed(float(comparison["b_difference"]), 2),
+            "b of potency (95 % interval); modelled − recorded", *free, fixed(float(comparison["b_difference"]), 2),
             between(comparison["b_difference_interval"].values, hundredths),
         ),
         _row("b if no event may be larger than the largest", *bounded, "", ""),
@@ -173,9 +173,9 @@ def axis_rows(evidence: Evidence) -> list[dict]:
 
 def match_rows(evidence: Evidence) -> list[dict]:
     """The few numbers of the headline: where, how large, how oriented."""
-    if evidence.comparison is None or not evidence.comparison["events_above_cut"].values.all():
+    if evidence.comparison is None or not evidence.comparison["events_above_cut"].values.any():
         return []
-    rows = size_rows(evidence)[:6]
+    rows = size_rows(evidence)[:7]
     if np.isfinite(evidence.comparison["energy_distance"]):
         rows += location_rows(evidence)[:2]
     if int(evidence.comparison.attrs.get("axes_present", 0)):

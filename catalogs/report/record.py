@@ -85,10 +85,11 @@ def _impossible(evidence: Evidence) -> list[str]:
     ]
     if without:
         cut = typeset(str(attributes.get("cut_text", "")))
-        return [f"Model and record cannot be compared: {', and '.join(without)}. Counted are events of {cut}."]
+        text = f"Places, sizes and axes cannot be compared: {', and '.join(without)}. Counted are events of {cut}."
+        return [text, as_sentence(attributes["sums_text"])]
     found = []
     if not np.isfinite(comparison["energy_distance"]):
-        found.append(_sentence(attributes["location_text"]))
+        found.append(as_sentence(attributes["location_text"]))
     few = [f"{name} has {count}" for name, count in zip(names, counts, strict=True) if count < LEAST_EVENTS]
     if not np.isfinite(comparison["b_difference"]):
         laws = [f"those of {name} {_follow(attributes[f'law_{name.split()[1]}'])}" for name in names]
@@ -99,7 +100,7 @@ def _impossible(evidence: Evidence) -> list[str]:
         )
         found.append(f"b is not compared: {why}.")
     if not int(attributes.get("axes_present", 0)):
-        found.append(_sentence(attributes.get("axes_text", "")))
+        found.append(as_sentence(attributes.get("axes_text", "")))
     return found
 
 
@@ -110,6 +111,6 @@ def _follow(law: str) -> str:
     )
 
 
-def _sentence(text: str) -> str:
+def as_sentence(text: str) -> str:
     """A phrase of the comparison with a capital and a full stop."""
     return typeset(text[:1].upper() + text[1:].rstrip(".")) + "." if text else ""

@@ -24,10 +24,13 @@ from catalogs.report.gallery import Gallery
 from catalogs.report.grid_convergence import rows as cell_rows
 from catalogs.report.inputs import Evidence
 from catalogs.report.insitu import insitu_axes
+from catalogs.report.record import as_sentence
 from catalogs.report.scene import above_cap, by_step, far_field
 from catalogs.report.spread import section as section_of_spread
+from catalogs.settings import ComparisonSettings
 from catalogs.size_law import NONE, TRUNCATED
-from catalogs.sizes import b_by_cut, cut_grid, estimate_b, log_potency
+from catalogs.size_measures import fit
+from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY, b_by_cut, cut_grid, log_potency
 
 BALLS = 10
 MANY = 40  # rows: a longer list is folded or scrolls, or ends after the MOST that have most potency
@@ -194,7 +197,12 @@ def _sizes(evidence: Evidence, gallery: Gallery) -> dict | None:
         "fits": catalogs,
         "closeness": closeness_rows(evidence, catalogs[0].cut) if MODEL_LABEL in shown else [],
         "unlike": unlike(evidence),
-        "text": "" if evidence.comparison is None else text.typeset(evidence.comparison.attrs.get("size_text", "")),
+        "scales": (1.0, B_MAGNITUDE_PER_B_POTENCY),
+        "texts": [
+            as_sentence(evidence.comparison.attrs[name])
+            for name in ("sums_text", "size_text")
+            if evidence.comparison is not None
+        ],
     }
 
 
@@ -206,21 +214,23 @@ def _size_fit(evidence: Evidence, label: str, catalog) -> sizes.Sizes:
     if comparison is not None:
         here = comparison.sel(catalogue="model" if modelled else "record")
         by_cut = np.stack([comparison["cut_log_potency"], here["b_by_cut"], here["b_by_cut_error"]])
-        fit = [float(here[name]) for name in ("b", "b_error", "a")]
+        b, a, interval = float(here["b"]), float(here["a"]), here["b_interval"].values
         law, cut = comparison.attrs["law_model" if modelled else "law_record"], float(comparison["cut"])
         if law == TRUNCATED:  # its line through the same number of events at the cut
-            b = float(here["b_truncated"])
-            fit = [b, float(here["b_truncated_error"]), fit[2] + (b - fit[0]) * cut]
+            a += (float(here["b_truncated"]) - b) * cut
+            b, interval = float(here["b_truncated"]), here["b_truncated_interval"].values
         elif law == NONE:
-            fit = [np.nan] * 3
-        return sizes.Sizes(label, colour, values, *fit, cut, by_cut)
+            b = a = np.nan
+        return sizes.Sizes(label, colour, values, b, tuple(interval), a, cut, by_cut)
     floor = float(evidence.catalog.attrs["potency_floor"]) if modelled else np.nan
     known = values[np.isfinite(values)]
     cut = np.log10(floor) if floor > 0 else known.min(initial=np.inf)
-    fit = estimate_b(known, cut)
-    table = [(value.cut, value.b, value.error) for value in b_by_cut(known, cut_grid(known))]
+    one = fit(known, float(cut), 0.0, False, ComparisonSettings())
+    value = one.quoted or one.plain
+    interval = value.lower, value.upper
+    table = [(each.cut, each.b, each.error) for each in b_by_cut(known, cut_grid(known))]
     return sizes.Sizes(
-        label, colour, values, fit.b, fit.error, fit.a, float(cut), np.array(table, float).reshape(-1, 3).T
+        label, colour, values, value.b, interval, value.a, float(cut), np.array(table, float).reshape(-1, 3).T
     )
 
 

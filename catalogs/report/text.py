@@ -59,6 +59,8 @@ def percent(share) -> str:
 def between(interval, form=number) -> str:
     """An interval as text; a dash if it is not known."""
     low, high = (float(value) for value in interval)
+    if np.isfinite(low) and high == np.inf:
+        return f"{form(low)} or more"
     return f"{form(low)} to {form(high)}" if np.isfinite([low, high]).all() else MISSING
 
 

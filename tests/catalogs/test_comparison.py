@@ -207,6 +207,64 @@ def test_few_events_give_no_b_and_say_so():
     assert "nan" not in result.attrs["size_text"]
 
 
+STEPS = [{"name": "a", "start": "2019-08-01", "end": "2019-09-30"}]
+
+
+def test_no_recorded_event_is_a_result():
+    """Of 60 days: 3.69 events (95 %, Poisson) bound what is expected, and 200 modelled ones are not compatible."""
+    catalog = made_up_catalog(200)
+    result = compare(catalog, as_record(catalog.isel(event=[])), QUICK | {"steps": STEPS})
+    np.testing.assert_allclose(result["event_rate_interval"] * result["exposure"], [0.0, 3.6889], rtol=1e-4)
+    assert result["event_ratio_p_value"] < 1e-6
+    low, high = result["event_ratio_interval"].values
+    assert low > 30
+    assert np.isinf(high)
+    expected = "no recorded event in 60 days: fewer than 3.69 are expected (95 %); the model makes "
+    assert result.attrs["sums_text"].startswith(expected)
+    quiet = compare(catalog.isel(event=[0]), as_record(catalog.isel(event=[])), QUICK | {"steps": STEPS})
+    assert quiet["event_ratio_p_value"] > 0.2
+
+
+@pytest.mark.parametrize("count", [1, 10])
+def test_a_record_of_few_events_has_ratios_and_no_completeness(count):
+    """Its cut is the model's floor or its smallest event, and the sentence says which and why."""
+    record = as_record(made_up_catalog(count, seed=8))
+    result = compare(made_up_catalog(100), record, QUICK | {"steps": STEPS})
+    assert np.isnan(result["record_completeness"])
+    assert result.attrs["cut_is"] == "smallest recorded"
+    assert float(result["cut"]) == pytest.approx(np.log10(record["potency"].values.min()))
+    assert f"the record has {count} event" in result.attrs["cut_text"]
+    for name in ("event_ratio", "potency_ratio"):
+        low, high = result[f"{name}_interval"].values
+        assert 0 < low < float(result[name]) < high < np.inf
+    below = as_record(made_up_catalog(count, seed=8))
+    below["potency"][:] = 2e-4
+    result = compare(made_up_catalog(100), below, QUICK | {"steps": STEPS})
+    assert result.attrs["cut_is"] == "model floor"
+    assert float(result["cut"]) == pytest.approx(-3.0)
+
+
+def test_members_are_the_models_chance():
+    """Five runs and more: the mean of all over the record, its interval from what they differ by; fewer count for
+    nothing, and the sentence says so."""
+    catalog, record = made_up_catalog(100), as_record(made_up_catalog(100, seed=9))
+    alike = [catalog] * 4
+    apart = [made_up_catalog(count, seed=count) for count in (40, 80, 160, 320)]
+    one, three, same, other = (
+        compare(catalog, record, QUICK | {"members": len(members)}, members)
+        for members in ([], apart[:3], alike, apart)
+    )
+    for name in ("event_ratio_interval", "potency_ratio_interval"):
+        widths = [np.ptp(np.log(each[name].values)) for each in (same, one, other)]
+        assert widths[0] < widths[1] < widths[2]
+        np.testing.assert_array_equal(one[name], three[name])
+    assert other["model_runs"] == 5
+    above = [np.sum(run["potency"].values >= 10 ** float(other["cut"])) for run in (catalog, *apart)]
+    np.testing.assert_allclose(other["event_ratio"], np.mean(above) / float(other["events_above_cut"][1]))
+    assert "the least it can be" in one.attrs["sums_text"]
+    assert "what its 5 runs differ by" in other.attrs["sums_text"]
+
+
 def test_faults_are_named():
     catalog = made_up_catalog(50)
     with pytest.raises(InputError, match=r"comparison\.block_size: unknown key"):

@@ -410,8 +410,9 @@ def test_result_counts_the_record_inside_and_outside_the_domain(mine, tmp_path):
         (
             slice(0, 0),
             True,
-            "Model and record cannot be compared: the record has no event here. Counted are events of log P ≥ ",
+            "Places, sizes and axes cannot be compared: the record has no event here. Counted are events of log P ≥ ",
         ),
+        (slice(0, 0), True, "No recorded event: fewer than 3.69 are expected (95 %); the model makes "),
         (slice(0, 7), True, "b is not compared: 10 events are needed in each, the record has "),
         (slice(0, 1), True, "Locations cannot be compared: an interval needs, in one step, two"),
         (slice(0, 40), False, "The record has no tensors: axes cannot be compared."),

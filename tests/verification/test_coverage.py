@@ -22,11 +22,9 @@ def test_the_reduced_study_holds_wider_bounds(tmp_path):
     rows, figure = coverage.answer(results)
     assert isinstance(figure, Figure)
     assert [row.quantity for row in rows if row.passed is not True] == []
-    assert (
-        len({row.quantity for row in rows})
-        == len(rows)
-        == 2 * sum(len(chosen[part]["cases"]) for part in chosen if part != "seed")
-    )
+    intervals = {"sizes": 1, "axes": 1, "sums": 4}
+    expected = 2 * sum(each * len(chosen[part]["cases"]) for part, each in intervals.items())
+    assert len({row.quantity for row in rows}) == len(rows) == expected
 
 
 def test_detected_sizes_are_rounded_and_fade():

@@ -1,4 +1,5 @@
-"""Coverage of the 95 % intervals of the comparison: of b, of angles between mean axes, of potency and number of events.
+"""Coverage of the 95 % intervals of the comparison: of b, of angles between mean axes, of potency and number of events
+and their ratios.
 
 Each case draws many catalogues of known truth; what is asked is the share whose interval holds it, and in how many an
 interval is given at all.
@@ -25,14 +26,15 @@ class Found:
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Two rows of each case, and a figure of all."""
+    """Two rows of each interval of a case, and a figure of all."""
     settings, allowed = results.settings, results.allowed
     found = []
     for group, (part, cover) in enumerate((("sizes", size_coverage), ("axes", axes_coverage), ("sums", sum_coverage))):
         chosen = settings[part]
         for number, case in enumerate(chosen["cases"]):
-            given, held = cover(case, chosen, [settings["seed"], group, number])
-            found.append(Found(case["name"], chosen["catalogues"], given, held))
+            for of, (given, held) in cover(case, chosen, [settings["seed"], group, number]).items():
+                name = f"{of}, {case['name']}" if of else case["name"]
+                found.append(Found(name, chosen["catalogues"], given, held))
     return [row for one in found for row in _rows(one, allowed)], _draw(found, allowed["coverage"])
 
 
@@ -48,14 +50,14 @@ def _rows(one: Found, allowed: dict) -> list[Row]:
         Row(
             f"{one.name}: share of catalogues with an interval (error: short of {often:g})",
             1.0, one.given, max(0.0, often - one.given), 0.0,
-            "the others: no law, no completeness or too few days, in words",
+            "the others: no law, no completeness or no event, in words",
         ),
     ]  # fmt: skip
 
 
 def _draw(found: list[Found], least: float) -> Figure:
     """Coverage case by case, with two Monte Carlo standard errors."""
-    figure = style.new_figure(width=style.WIDTH, height=0.3 * len(found) + 1.2)
+    figure = style.new_figure(width=style.WIDTH, height=0.22 * len(found) + 1.2)
     axes = figure.subplots()
     error = [200 * (0.95 * 0.05 / max(one.given * one.drawn, 1)) ** 0.5 for one in found]
     place = range(len(found))

@@ -1,19 +1,25 @@
-"""Catalogues of known truth, and whether the intervals of the comparison hold it: (share given, share held)."""
+"""Catalogues of known truth, and whether the intervals of the comparison hold it.
+
+Each function returns, by what the interval is of ("" where there is one only), in what share of catalogues there is an
+interval, and in what share of these it holds the truth.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
 from catalogs import completeness
 from catalogs.blocks import cluster_labels
-from catalogs.exposure import total_interval
+from catalogs.exposure import DAY, Exposure
 from catalogs.locations import compare_locations
 from catalogs.mechanisms import AxesSample, compare_axes
 from catalogs.settings import ComparisonSettings
 from catalogs.size_measures import fit
+from catalogs.sum_measures import sum_measures
 from verification.statistics.samples import LN10, branching_events, burst_events, dated, simulated_sizes
 
 
@@ -32,22 +38,22 @@ def detected_sizes(generator: np.random.Generator, case: dict) -> NDArray:
     return np.round(found / width) * width if width else found
 
 
-def size_coverage(case: dict, chosen: dict, seed: list[int]) -> tuple[float, float]:
-    """Of b of the law that is quoted, above a cut chosen from the sizes."""
+def size_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[float, float]]:
+    """Of b of the law that is quoted, above a cut chosen from the sizes, or the case's own `cut`."""
     generator = np.random.default_rng(seed)
     given = held = 0
     for index in range(chosen["catalogues"]):
         x = detected_sizes(generator, case)
         width = completeness.rounding(x)
-        cut = completeness.completeness(x, width)
+        cut = case.get("cut", completeness.completeness(x, width))
         settings = ComparisonSettings(resamplings=chosen["resamplings"], seed=index)
-        b = fit(x, cut, width, True, settings).quoted if np.isfinite(cut) else None
+        b = fit(x, cut, width, "cut" not in case, settings).quoted if np.isfinite(cut) else None
         given += b is not None
         held += b is not None and b.lower <= case["b"] <= b.upper
-    return given / chosen["catalogues"], held / max(given, 1)
+    return {"": (given / chosen["catalogues"], held / max(given, 1))}
 
 
-def axes_coverage(case: dict, chosen: dict, seed: list[int]) -> tuple[float, float]:
+def axes_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[float, float]]:
     """Of the angle between the mean P axes, the record's turned by `turn` degrees; events of a day are alike."""
     generator = np.random.default_rng(seed)
     held = 0
@@ -56,7 +62,7 @@ def axes_coverage(case: dict, chosen: dict, seed: list[int]) -> tuple[float, flo
         record = _axes(generator, *case["record"], case["spread"], case["turn"])
         low, high = compare_axes(model, record, index, chosen["resamplings"])["mean_angle_interval"][0]
         held += low <= case["turn"] <= high
-    return 1.0, held / chosen["catalogues"]
+    return {"": (1.0, held / chosen["catalogues"])}
 
 
 def _axes(generator: np.random.Generator, days: int, each: int, spread: float, turn: float) -> AxesSample:
@@ -70,24 +76,59 @@ def _axes(generator: np.random.Generator, days: int, each: int, spread: float, t
     return AxesSample(axes, generator.normal(size=(len(blocks), 3)), blocks)
 
 
-def sum_coverage(case: dict, chosen: dict, seed: list[int]) -> tuple[float, float]:
-    """Of what is expected in `days`, potency or number of events: bursts on random days, sizes of a law cut off."""
+def sum_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[float, float]]:
+    """Of number and potency expected of the record, and of their ratios; all sizes are of one law.
+
+    The record: `events` expected in `days`, that trigger each other (`branching`; 0: independent) or come in `bursts`.
+    The model: `modelled` events expected, in `runs` that scatter by `scatter` of it more than independent events do.
+    Potency is that of events up to the largest recorded, as the interval says of itself; without an end all of it would
+    be infinite.
+    """
     generator = np.random.default_rng(seed)
-    rate = case["b"] * LN10
-    counted = case.get("counted", False)
-    top = np.exp(-rate * case["span"])
-    mean = 1.0 if counted else rate / (LN10 - rate) * (10 ** case["span"] * top - 1.0) / (1.0 - top)
-    truth = case["bursts"] * case["each"] * mean
-    given = held = 0
+    days, expected, ratio = chosen["days"], case["events"], case["modelled"] / case["events"]
+    start = dated(np.zeros(1))
+    exposure = Exposure(start, start + days * DAY)
+    runs, scatter = case.get("runs", 1), case.get("scatter", 0.0)
+    names = {"number": "event_rate", "potency": "potency_rate"}
+    names |= {"ratio of numbers": "event_ratio", "ratio of potencies": "potency_ratio"}
+    counts = {name: np.zeros(2) for name in names}
     for _ in range(chosen["catalogues"]):
-        sums = np.zeros(case["days"])
-        for day in generator.integers(case["days"], size=generator.poisson(case["bursts"])):
-            x = simulated_sizes(generator, case["each"], case["b"], case["span"])
-            sums[day] += len(x) if counted else np.sum(10.0**x)
-        low, high = total_interval(sums, chosen["resamplings"], generator)
-        given += bool(np.isfinite(low))
-        held += bool(low <= truth <= high)
-    return given / chosen["catalogues"], held / max(given, 1)
+        if "bursts" in case:
+            time, place, _ = burst_events(generator, days, case["bursts"], expected / case["bursts"])
+        else:
+            time, place, _ = branching_events(generator, days, expected, case.get("branching", 0.0))
+        clusters = cluster_labels(dated(time), place, np.zeros(len(time)))
+        rates = case["modelled"] * (generator.gamma(scatter**-2, scatter**2, runs) if scatter else np.ones(runs))
+        record = _events(generator, dated(time), case)
+        model, *members = (_events(generator, dated(np.zeros(generator.poisson(rate))), case) for rate in rates)
+        both = (model, record)
+        used = [np.ones(events.sizes["event"], bool) for events in both]
+        found = sum_measures(both, used, members, clusters, 0.0, exposure)[0]
+        largest = np.log10(record["potency"].values.max(initial=1.0))
+        truth = {
+            "number": expected / days,
+            "potency": expected * mean_potency(case["b"], case.get("span", np.inf), largest) / days,
+            "ratio of numbers": ratio,
+            "ratio of potencies": ratio,
+        }
+        for name, variable in names.items():
+            low, high = found[f"{variable}_interval"][1]
+            counts[name] += bool(low < high), bool(low <= truth[name] <= high)
+    return {name: (given / chosen["catalogues"], held / max(given, 1)) for name, (given, held) in counts.items()}
+
+
+def _events(generator: np.random.Generator, time: NDArray, case: dict) -> xr.Dataset:
+    """Events at these times (event,), sizes from 1 m3 on of the case's law."""
+    potency = 10.0 ** simulated_sizes(generator, len(time), case["b"], case.get("span", np.inf))
+    resolved = np.ones(len(time), np.int8)
+    return xr.Dataset({"time": ("event", time), "potency": ("event", potency), "resolved": ("event", resolved)})
+
+
+def mean_potency(b: float, span: float, largest: float) -> float:
+    """Mean over all events of what those up to log10 `largest` have, of sizes from 1 on with slope b that end at `span`
+    (b is not 1)."""
+    rate = b * LN10
+    return rate / (LN10 - rate) * np.expm1((LN10 - rate) * largest) / -np.expm1(-rate * span)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,137 @@
+"""Number and potency of both catalogues and their ratios as variables of comparison.nc, and their words.
+
+Layout: catalogs.comparison_layout; statistics: catalogs.exposure.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.stats import norm, t
+
+from catalogs.exposure import TAILS, Exposure, Total, total_interval, total_ratio
+from catalogs.sizes import log_potency
+
+LEAST_RUNS = 5  # of the model, for a variance between them: four degrees of freedom
+CARRIED = 4.0  # equal events: a sum that is worth fewer hangs on one or two of its events
+SMALLEST_SHARE = 1e-6  # of a total: the least scale, where all runs of the model agree
+
+
+def sum_measures(
+    both, used, members: Sequence[xr.Dataset], clusters: NDArray, cut: float, exposure: Exposure
+) -> tuple[dict, dict[str, str]]:
+    """Counts and summed potency, per day of exposure, their ratios with intervals and tests; and a sentence or two.
+
+    both: (catalogue, record), used: which events of each count (event,); members: the model's other runs, of which
+    events from `cut` (log10 m3) on count; clusters: of recorded events (event,), found by `catalogs.blocks`. With LEAST_RUNS runs or more the model is their mean, its chance what they
+    differ by; else its events are taken as independent. The record's events are as clustered as these clusters or their
+    times say, whichever is more.
+    """
+    potency = [events["potency"].values[kept] for events, kept in zip(both, used, strict=True)]
+    number = [float(len(values)) for values in potency]
+    summed = [float(values.sum()) for values in potency]
+    whole = [float(np.nansum(events["potency"].values)) for events in both]
+    clustering = max(exposure.clustering(both[1]["time"].values[used[1]]), cluster_size(clusters[used[1]]))
+    runs = [potency[0], *(_counted(member, cut, exposure) for member in members)]
+    runs = runs if len(runs) >= LEAST_RUNS else runs[:1]
+
+    ones = [np.ones_like(values) for values in potency]
+    counted = total_ratio(_model(runs, np.ones_like, 1.0), Total(number[1], clustering))
+    # of both catalogues: the few events of one say little of the scale of its sizes
+    square = sum(float(np.sum(values**2)) for values in potency)
+    scale = square / sum(summed) if sum(summed) else np.nan
+    own = max(scale, float(np.sum(potency[1] ** 2)) / summed[1]) if summed[1] else scale
+    by_clusters = potency_clustering(potency[1], clustering)
+    released = total_ratio(_model(runs, np.asarray, scale), Total(summed[1], own * by_clusters))
+    intervals = [total_interval(ones[1], clustering, 1.0), total_interval(potency[1], by_clusters)]
+    days = exposure.days
+    variables = {
+        "events_above_cut": ("catalogue", np.array(number, np.int64)),
+        "exposure": ((), days),
+        "event_rate": ("catalogue", np.array(number) / days),
+        "potency_rate": ("catalogue", np.array(summed) / days),
+        "event_rate_interval": ("interval", intervals[0] / days),
+        "potency_rate_interval": ("interval", intervals[1] / days),
+        "record_clustering": ((), clustering),
+        "model_runs": ((), np.int64(len(runs))),
+        "event_ratio": ((), counted.value),
+        "event_ratio_interval": ("interval", counted.interval),
+        "event_ratio_p_value": ((), counted.p_value),
+        "summed_potency": ("catalogue", summed),
+        "summed_potency_all": ("catalogue", whole),
+        "potency_ratio": ((), released.value),
+        "potency_ratio_all": ((), whole[0] / whole[1] if whole[1] > 0 else np.nan),
+        "potency_ratio_interval": ("interval", released.interval),
+        "potency_ratio_p_value": ((), released.p_value),
+    }
+    return variables, {"sums_text": _text(potency, runs, intervals[0], counted, clustering, days)}
+
+
+def cluster_size(clusters: NDArray) -> float:
+    """Variance over mean of the number of events in independent clusters (event,): sum of squares of their sizes over
+    the number of events; 1 without an event."""
+    sizes = np.unique(clusters, return_counts=True)[1].astype(float)
+    return float(np.sum(sizes**2) / sizes.sum()) if len(sizes) else 1.0
+
+
+def potency_clustering(potency: NDArray, clustering: float) -> float:
+    """By what clusters raise the variance of summed potency (event,), if sizes do not hang on the cluster."""
+    if not len(potency):
+        return 1.0
+    worth = potency.sum() ** 2 / np.sum(potency**2)
+    return 1.0 + (clustering - 1.0) * worth / len(potency)
+
+
+def _counted(member: xr.Dataset, cut: float, exposure: Exposure) -> NDArray:
+    """Potency (m3) of the member's resolved events from the cut on in the time compared."""
+    potency = member["potency"].values
+    kept = (member["resolved"].values == 1) & (exposure.step(member["time"].values) >= 0)
+    return potency[kept & (log_potency(potency) >= cut)]
+
+
+def _model(runs: list[NDArray], weight, scale: float) -> Total:
+    """Mean total of the runs, each weight(potency) summed, and its scale: from their variance, or, of one run, as of
+    independent events: `scale`, or that of its own events if it is larger."""
+    sums = np.array([float(weight(run).sum()) for run in runs])
+    mean = sums.mean()
+    if len(runs) == 1 or not mean:
+        own = float(np.sum(weight(runs[0]) ** 2)) / mean if mean else 0.0
+        return Total(mean, max(scale, own))
+    stretch = t.ppf(TAILS[1], len(runs) - 1) / norm.ppf(TAILS[1])
+    return Total(mean, max(stretch**2 * sums.var(ddof=1) / len(runs) / mean, SMALLEST_SHARE * mean))
+
+
+def _text(potency, runs, interval, counted, clustering: float, days: float) -> str:
+    """What is expected of the record, what the model makes, whether the two agree, and what the intervals contain."""
+    model, record = len(runs[0]), len(potency[1])
+    made = f"{model}" if len(runs) == 1 else f"{np.mean([len(run) for run in runs]):.1f} (mean of {len(runs)} runs)"
+    when = f" in {days:.3g} days" if np.isfinite(days) else ""
+    said = (
+        f"{record} recorded event{'s' * (record > 1)}{when}: {interval[0]:.3g} to {interval[1]:.3g} are expected (95 %)"
+    )
+    if not record:
+        said = f"no recorded event{when}: fewer than {interval[1]:.3g} are expected (95 %)"
+    if clustering > 1.0 and record:
+        said += f" (they come in clusters, which raises the variance of their number {clustering:.2g} times)"
+    said += f"; the model makes {made}"
+    if np.isfinite(counted.p_value):
+        said += f", p = {counted.p_value:.2g}" if counted.p_value >= 5e-4 else ", p < 0.001"
+        said += " if both expect as many"
+    said += ". "
+    if record:
+        largest = [float(np.log10(values.max())) for values in (potency[1], np.concatenate(potency))]
+        said += (
+            f"Intervals of potency hold for events up to the largest seen, log P = {largest[0]:.2f} in the record and "
+            f"{largest[1]:.2f} in both: a power law without an upper end has no mean where its b is below 1"
+        )
+        worth = potency[1].sum() ** 2 / np.sum(potency[1] ** 2)
+        said += f"; the record's potency is worth that of {worth:.1f} equal events" if worth < CARRIED else ""
+        said += ". "
+    chance = (
+        "The model's chance is taken as that of independent events, which is the least it can be; an ensemble of "
+        f"{LEAST_RUNS - 1} members or more would tell it"
+    )
+    if len(runs) > 1:
+        chance = f"The model's chance is what its {len(runs)} runs differ by"
+    return said + chance
