@@ -1,8 +1,7 @@
-"""Coverage of the 95 % intervals of the comparison: of b, of angles between mean axes, of potency and number of events
-and their ratios.
+"""Coverage of the 95 % intervals of the comparison: of b, of angles between mean axes, of places, of sums and ratios.
 
 Each case draws many catalogues of known truth; what is asked is the share whose interval holds it, and in how many an
-interval is given at all.
+interval is given at all. Of a record and a model of one process it is also asked how often they are told apart.
 """
 
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from verification.coverage.cases import axes_coverage, size_coverage, sum_coverage
+from verification.coverage.cases import axes_coverage, one_process, size_coverage, sum_coverage
 from verification.results import Results
 from verification.rows import Row
 
@@ -26,16 +25,37 @@ class Found:
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Two rows of each interval of a case, and a figure of all."""
+    """Two rows of each interval of a case, false alarms of those of one process, and a figure of all intervals."""
     settings, allowed = results.settings, results.allowed
-    found = []
+    found, alarms = [], []
     for group, (part, cover) in enumerate((("sizes", size_coverage), ("axes", axes_coverage), ("sums", sum_coverage))):
         chosen = settings[part]
         for number, case in enumerate(chosen["cases"]):
             for of, (given, held) in cover(case, chosen, [settings["seed"], group, number]).items():
                 name = f"{of}, {case['name']}" if of else case["name"]
                 found.append(Found(name, chosen["catalogues"], given, held))
-    return [row for one in found for row in _rows(one, allowed)], _draw(found, allowed["coverage"])
+    chosen = settings["one_process"]
+    for number, case in enumerate(chosen["cases"]):
+        pairs = one_process(case, chosen, [settings["seed"], 3, number])
+        found += [
+            Found(f"{case['name']}: {what}", chosen["catalogues"], pairs.given, share)
+            for what, share in pairs.held.items()
+        ]
+        alarms += [
+            _alarm_row(f"{case['name']}: {what}", chosen, share, allowed["alarms"])
+            for what, share in pairs.alarms.items()
+        ]
+    return [row for one in found for row in _rows(one, allowed)] + alarms, _draw(found, allowed["coverage"])
+
+
+def _alarm_row(name: str, chosen: dict, share: float, most: float) -> Row:
+    level = chosen["level"]
+    error = (level * (1.0 - level) / chosen["catalogues"]) ** 0.5
+    return Row(
+        f"{name} of one process said to differ (p <= {level:g}; error: above {most:g})",
+        level, share, max(0.0, share - most), 2.0 * error,
+        f"{chosen['catalogues']} pairs, Monte Carlo standard error {error:.4f}",
+    )  # fmt: skip
 
 
 def _rows(one: Found, allowed: dict) -> list[Row]:
