@@ -90,6 +90,11 @@ def _impossible(evidence: Evidence) -> list[str]:
     found = []
     if not np.isfinite(comparison["energy_distance"]):
         found.append(as_sentence(attributes["location_text"]))
+    elif not np.isfinite(comparison["energy_p_value"]):
+        found.append(
+            "Differences of places and axes have no interval and no p-value: fewer than three runs of the model do not "
+            "say how another would differ. Set ensemble: 8 for them."
+        )
     few = [f"{name} has {count}" for name, count in zip(names, counts, strict=True) if count < LEAST_EVENTS]
     if not np.isfinite(comparison["b_difference"]):
         laws = [f"those of {name} {_follow(attributes[f'law_{name.split()[1]}'])}" for name in names]
