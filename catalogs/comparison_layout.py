@@ -114,7 +114,7 @@ FIELDS = (
     _field("mean_plunge", "catalogue axis_name", DEGREE, "its plunge below the horizontal"),
     _field("mean_cone", "catalogue axis_name", DEGREE, "half angle of its 95 % cone; NaN of a model that ran once"),
     _field("axis_eigenvalue", "catalogue axis_name eigenvalue", "1", "of the orientation matrix, the largest first"),
-    _field("axis_k", "catalogue axis_name", "1", "Woodcock's K: above 1 a cluster about a mean axis, below 1 a girdle"),
+    _field("axis_k", "catalogue axis_name", "1", "Woodcock's K: above 1 more of a cluster, below 1 more of a girdle"),
     _field("axis_shape", "catalogue axis_name", "", "cluster, girdle or no preferred direction; empty: no axes", TEXT),
     _field("pole_trend", "catalogue axis_name", DEGREE, "trend of a girdle's pole, clockwise from north"),
     _field("pole_plunge", "catalogue axis_name", DEGREE, "plunge of a girdle's pole below the horizontal"),

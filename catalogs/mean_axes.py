@@ -2,7 +2,9 @@
 
 The orientation matrix is the mean of a a^T (Scheidegger 1965); its eigenvalues S1 >= S2 >= S3 add up to 1. Woodcock's
 (1977) K = ln(S1 / S2) / ln(S2 / S3) is above 1 for a cluster about the eigenvector of S1, below 1 for a girdle about
-that of S3, its pole. Uniform axes have S = 1/3 three times.
+that of S3, its pole. A tight cluster that is longer than wide has a K below 1, too, and a good mean all the same: a
+girdle is asked to have more of a girdle than of a point, 2 (S2 - S3) > S1 - S2 (Vollmer 1990). Uniform axes have
+S = 1/3 three times.
 """
 
 from dataclasses import dataclass
@@ -100,7 +102,8 @@ def describe_axes(axes: NDArray, labels: NDArray, blocks_known: bool) -> MeanAxi
     found = MeanAxis(absent, values, shape, absent, None)
     if shape == UNIFORM:
         return found
-    if not found.woodcock >= 1.0:
+    first, second, third = values
+    if found.woodcock < 1.0 and 2.0 * (second - third) > first - second:
         return MeanAxis(absent, values, GIRDLE, point_down(vectors[:, 0]), None)
     mean = point_down(vectors[:, 2])
     scatter = None

@@ -92,6 +92,16 @@ def test_uniform_axes_are_taken_for_a_pattern_in_5_of_100_cases():
     assert np.mean(np.array(pairs) != UNIFORM) <= 0.08
 
 
+def test_a_long_but_tight_cluster_has_a_mean():
+    """Eigenvalues of 0.70, 0.25 and 0.06: K is 0.73, and the mean is well known all the same."""
+    axes = np.random.default_rng(9).normal(size=(400, 3)) * np.sqrt([0.9, 0.15, 0.02])
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    found = common(axes)
+    assert found.woodcock < 1.0
+    assert found.shape == CLUSTER
+    assert m.angle_between_axes(found.mean, np.array([1.0, 0, 0])) < 5.0
+
+
 def test_a_girdle_has_a_pole_and_no_mean():
     """Axes all round a horizontal line to the north-east, 10 degrees off its plane: Woodcock's K below 1, the pole
     found, no mean axis, no angle, and on the net a great circle instead of a star."""
