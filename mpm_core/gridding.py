@@ -201,6 +201,7 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
             "excavation_names": json.dumps(names),
             "excavation_volume": json.dumps(volume),
             "excavation_volume_grid": json.dumps([float(value) for value in on_grid]),
+            "excavation_open_share": json.dumps([solid.open_share for solid in solids]),
             "excavation_whole_share": json.dumps([float(value) for value in share]),
             "rock_body_names": json.dumps([solid.name for solid in bodies]),
         }

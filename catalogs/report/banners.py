@@ -4,6 +4,7 @@ from catalogs.report.inputs import Evidence
 from catalogs.report.text import NAMED, number, percent, plural, typeset
 
 WHOLE_CELLS = 0.4  # share of an excavation's volume in wholly mined cells, below which there is a banner (propping.py)
+OPEN_SHARE = 0.05  # share of an excavation's volume that may hang on how its surface is closed without a banner
 OFF_VOLUME = 0.05  # share of an excavation's volume that the grid may miss without a banner
 
 
@@ -14,6 +15,8 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
         text = "A draft: cells of twice the size, looser tolerances and larger increments than section 13 says. "
         found.append(("draft", text + "Its numbers are a first look: those to use come without accuracy: draft."))
     if text := off_volume(evidence):
+        found.append(("volume", text))
+    if text := open_surfaces(evidence):
         found.append(("volume", text))
     if text := narrow(evidence):
         found.append(("truncated", text))
@@ -56,6 +59,20 @@ def off_volume(evidence: Evidence) -> str:
     return (
         f"The grid misses the volume of {plural(len(off), 'excavation')} by more than {percent(OFF_VOLUME)}: "
         f"{named}{more}. Refine the grid, or look whether these solids are whole (section 2)."
+    )
+
+
+def open_surfaces(evidence: Evidence) -> str:
+    """Which mined excavations have a surface whose holes leave their volume open; empty if none has."""
+    rows = [(row.open, row.name) for row in evidence.excavations if not row.planned and row.open > OPEN_SHARE]
+    rows.sort(reverse=True)
+    if not rows:
+        return ""
+    named = ", ".join(f"{name} {percent(share)}" for share, name in rows[:NAMED])
+    more = f" and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
+    return (
+        f"Large parts of the surface are missing or look the other way: {named}{more} of the volume hangs on how it is "
+        "closed. Export these solids again as closed surfaces."
     )
 
 

@@ -31,7 +31,7 @@ RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
 @dataclass(frozen=True)
 class Excavation:
     """One row of the config's excavations beside the grid's numbers, NaN where not known: volumes in m3; whole: share
-    of its volume in cells that are mined wholly."""
+    of its volume in cells that are mined wholly; open: share that hangs on how its surface is closed."""
 
     name: str
     step: str
@@ -42,6 +42,7 @@ class Excavation:
     planned: bool
     dated: bool
     whole: float = np.nan
+    open: float = np.nan
 
     @property
     def filled_at_once(self) -> bool:
@@ -111,15 +112,15 @@ class Evidence:
         run = {step["step"]: bool(int(step["dated"])) for step in self.steps}
         undated = [str(step["name"]) for step in self.config.get("steps") or [] if not step.get("start")]
         mined = run or dict.fromkeys(["history", *undated], False)
-        keys = ("excavation_volume", "excavation_volume_grid", "excavation_whole_share")
+        keys = ("excavation_volume", "excavation_volume_grid", "excavation_whole_share", "excavation_open_share")
         numbers = [_by_name(self.grid.attrs.get(key), names) for key in keys]
         rows = []
         for index, name in enumerate(names):
             row = wanted.get(name, Scheduled(name=name))
             planned, dated = name in wanted and row.step not in mined, run.get(row.step, False)
             when = (name, row.step, row.fill, row.filled or row.step)
-            solid, drawn, whole = (known[index] for known in numbers)
-            rows.append(Excavation(*when, solid, drawn, planned, dated, whole))
+            solid, drawn, *shares = (known[index] for known in numbers)
+            rows.append(Excavation(*when, solid, drawn, planned, dated, *shares))
         return rows
 
     @property

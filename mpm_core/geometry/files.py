@@ -13,12 +13,13 @@ import numpy as np
 from mpm_core.geometry.bodies import Mesh, choose, join
 from mpm_core.geometry.edges import unique_rows
 from mpm_core.geometry.meshes import read_obj, read_omf, read_ply, read_stl
-from mpm_core.geometry.orientation import agree, check_bounds_volume, without_partitions
+from mpm_core.geometry.orientation import REMEDY, agree, check_bounds_volume, without_partitions
 from mpm_core.geometry.outlines import Outline, check_simple, nest
 from mpm_core.geometry.solids import Solid
 from pipeline.errors import InputError
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": 0.3048, "us_ft": 1200 / 3937, "inch": 0.0254}
+NAMED_OPEN, MOST_OPEN = 0.05, 0.3  # share of the volume that hangs on how an open surface is closed: named, refused
 FARTHEST = 1e8  # m: no mine's coordinates are beyond, and float64 keeps 1e-8 m there
 
 
@@ -96,7 +97,17 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
         raise InputError(f"{path}: {name}: {error}") from error
     if turned:
         logging.warning("%s: %s: %d of %d triangles looked the other way; turned", path, name, turned, len(facets))
-    return Solid(name, vertices, facets)
+    solid = Solid(name, vertices, facets)
+    if solid.open_share > NAMED_OPEN:
+        least, _, most = solid.open_volumes
+        said = (
+            f"{path}: {name}: its surface has large holes, or triangles that look the other way: {least:.4g} to "
+            f"{most:.4g} m3 are within, {100 * solid.open_share:.0f} % apart, as one closes it"
+        )
+        if solid.open_share > MOST_OPEN:
+            raise InputError(f"{said}; more than {100 * MOST_OPEN:.0f} % is no volume: {REMEDY}")
+        logging.warning("%s; %.4g m3 are taken: %s", said, solid.volume, REMEDY)
+    return solid
 
 
 def read_outlines(path: str | Path, name: str, picked: Picked, height: float | None = None) -> list[Outline]:

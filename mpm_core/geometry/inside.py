@@ -73,7 +73,8 @@ def sample_mask(solid: Solid | Outside, origin: np.ndarray, cell_size: float, in
 
     One point in each of 4 x 4 x 4 sub-cells, bit i + 4 j + 16 k; in 2-D in each of 8 x 8, bit i + 8 j (i along the
     first axis). popcount(mask) / 64 is the share of the cell inside; `a & ~b` takes solid b out of solid a. A share is
-    good to 1 or 2 % of the cell where a smooth surface passes; a sheet thinner than a sub-cell may miss all points.
+    good to some 2 % of the cell where a smooth surface passes (sampling.py); a sheet thinner than a sub-cell may miss
+    all points.
     """
     if isinstance(solid, Outside):
         return ~sample_mask(solid.solid, origin, cell_size, index)

@@ -6,8 +6,6 @@ with itself is left as it is, inverted or not: an inverted shell inside another 
 inverted and reaches out of what it lies in cannot be one, and is turned. What cannot be told is refused.
 """
 
-import logging
-
 import igl
 import numpy as np
 
@@ -16,10 +14,8 @@ from mpm_core.geometry.winding import winding_number_of
 from pipeline.errors import InputError
 
 DOUBT = 0.4  # of a patch's area that looks the other way: which of the two is meant cannot be told
-GAP = 0.25  # of the sides of a surface that are neither in nor out, beyond which it bounds no volume
 AROUND = 0.01  # of the solid's size: how far around its bounding box nothing may be inside
 MOST_OUTSIDE = 0.02  # of the points there
-SAMPLES = 4096
 MOST_ASKED = 20_000  # triangles, when bodies are looked at for overlaps
 BESIDE = 1e-3  # of a triangle's size (root of its area): how far beside it a point is asked
 LEAST_BESIDE = 1e-5  # of the solid's size, ten times what libigl's tree resolves
@@ -125,26 +121,8 @@ def _turn_overlapping(vertices: np.ndarray, facets: np.ndarray, edges: Edges) ->
     return np.where(np.isin(body, wrong)[:, None], facets[:, ::-1], facets)
 
 
-def undecided_share(vertices: np.ndarray, facets: np.ndarray) -> float:
-    """Share of the surface's area whose two sides are not one in and one out: 0 if closed, at most 0.5.
-
-    Next to a triangle the winding number is 1 more behind it than before it, the mean of the two whole and a half where
-    the rest closes. It is less by about the share of what would close the surface that is missing, or looks the other
-    way.
-    """
-    corners = vertices[facets] - vertices.mean(axis=0)
-    area = _areas(corners)
-    along = (np.arange(SAMPLES) + 0.5) / SAMPLES * area.sum()
-    chosen = np.searchsorted(np.cumsum(area), along).clip(max=len(area) - 1)
-    u, v = (np.arange(1, SAMPLES + 1)[:, None] * [0.7548776662466927, 0.5698402909980532] % 1.0).T  # Roberts' R2
-    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
-    a, b, c = corners[chosen].transpose(1, 0, 2)
-    outward, inward = _both_sides(corners, a + u[:, None] * (b - a) + v[:, None] * (c - a), chosen)
-    return float(np.abs(np.mod((outward + inward) / 2, 1.0) - 0.5).mean())
-
-
 def check_bounds_volume(vertices: np.ndarray, facets: np.ndarray) -> None:
-    """Raise InputError for an open surface of which too little is there, or looks the same way, to bound a volume."""
+    """Raise InputError for a surface that is flat, or open with its inside around it."""
     size = np.ptp(vertices, axis=0).max()
     _, spread, _ = np.linalg.svd(vertices[np.unique(facets)] - vertices.mean(axis=0), full_matrices=False)
     if spread[-1] <= 1e-9 * spread[0] or size == 0:
@@ -157,14 +135,8 @@ def check_bounds_volume(vertices: np.ndarray, facets: np.ndarray) -> None:
     box = np.stack(np.meshgrid(ring, ring, ring, indexing="ij"), axis=-1).reshape(-1, 3)
     box = box[(np.abs(box) == 1.0).any(axis=1)] * (half + AROUND * size)
     outside = np.abs(winding_number_of((vertices - center)[facets])(box)) > 0.5
-    share = undecided_share(vertices, facets)
-    if share > GAP or outside.mean() > MOST_OUTSIDE:
-        raise InputError(
-            f"bounds no volume: about {share:.0%} of what would close it is missing or looks the other way: {REMEDY}"
-            if share > GAP
-            else f"bounds no volume: two sheets that look the same way have their inside around them: {REMEDY}"
-        )
-    logging.info("an open surface: about %.1f %% of what would close it is missing", 100 * share)
+    if outside.mean() > MOST_OUTSIDE:
+        raise InputError(f"bounds no volume: two sheets that look the same way have their inside around them: {REMEDY}")
 
 
 def _both_sides(corners: np.ndarray, points: np.ndarray, facet: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -48,7 +48,20 @@ def volume_within(corners: np.ndarray, is_closed: bool, lower: np.ndarray, upper
         w = np.rint(w)
         return (w != 0) - np.copysign(1.0, whole) * w
 
-    return abs(whole) + _sum_over_cells(corners, is_closed, lower, upper, winding_number, missing)
+    return float(abs(whole) + _sum_over_cells(corners, is_closed, lower, upper, winding_number, missing))
+
+
+def open_volumes(corners: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Volumes m3 (area m2 in 2-D) where the winding number of an open surface exceeds `sizes` (k,), near 1/2, in size.
+
+    corners as in volume_within.
+    """
+    places = corners.reshape(-1, corners.shape[2])
+    winding_number = winding_number_of(corners)
+    box = places.min(axis=0), places.max(axis=0)
+    return _sum_over_cells(
+        corners, False, *box, winding_number, lambda points: np.abs(winding_number(points))[:, None] > sizes
+    )
 
 
 def is_on_its_hull(corners: np.ndarray) -> bool:
@@ -66,8 +79,9 @@ def is_on_its_hull(corners: np.ndarray) -> bool:
     return bool(((height.max(axis=1) <= slack) | (height.min(axis=1) >= -slack)).all())
 
 
-def _sum_over_cells(corners, is_closed, lower, upper, winding_number, value) -> float:
-    """Integral over the box from lower to upper of `value`, which changes at the surface and where W is 1/2 alone."""
+def _sum_over_cells(corners, is_closed, lower, upper, winding_number, value):
+    """Integral over the box from lower to upper of `value` (point, ...), which changes at the surface and where W is
+    near 1/2 alone."""
     dimension = len(lower)
     cell = (upper - lower).max() / ROOT_CELLS
     counts = np.ceil((upper - lower) / cell).astype(int).clip(1)
@@ -81,7 +95,7 @@ def _sum_over_cells(corners, is_closed, lower, upper, winding_number, value) -> 
             free = np.flatnonzero(~crossed)
             crossed[free] = np.abs(np.abs(winding_number(middle[free])) - 0.5) < UNDECIDED
         shared = np.minimum((index[~crossed] + 1) * cell, upper - lower) - index[~crossed] * cell
-        total += (value(middle[~crossed]) * np.prod(shared.clip(0.0), axis=1)).sum()
+        total = total + np.prod(shared.clip(0.0), axis=1) @ value(middle[~crossed])
         index = index[crossed]
         if len(index) > enough or len(index) == 0 or halving == MOST_HALVINGS - 1:
             break
@@ -90,7 +104,7 @@ def _sum_over_cells(corners, is_closed, lower, upper, winding_number, value) -> 
         index = index[(index * cell < upper - lower).all(axis=1)]
     points = (lower + (index[:, None, :] + _points_of_a_cell(dimension)) * cell).reshape(-1, dimension)
     points = points[(points < upper).all(axis=1)]
-    return float(total + value(points).sum() * cell**dimension / 64)
+    return total + value(points).sum(axis=0) * cell**dimension / 64
 
 
 def _points_of_a_cell(dimension: int) -> np.ndarray:

@@ -220,6 +220,16 @@ def test_banner_names_excavations_too_narrow_for_the_cells(mine, tmp_path):
     assert "Narrow for" not in make_page(mine, tmp_path).sections["headline"]
 
 
+def test_banner_names_excavations_whose_surface_is_open(mine, tmp_path):
+    """The most open first; a planned one does not count yet, and 4 % is no matter."""
+    grid = read_dataset(mine.grid)
+    grid.attrs["excavation_open_share"] = json.dumps([0.04, 0.08, 0.22, 0.25])
+    write_dataset(grid, tmp_path / "grid.nc")
+    said = make_page(mine, tmp_path, grid=tmp_path / "grid.nc").sections["headline"]
+    assert "or look the other way: stope_2 22 %, stope_1 8.0 % of the volume hangs on how it is closed." in said
+    assert "hangs on how it is closed" not in make_page(mine, tmp_path).sections["headline"]
+
+
 def test_banner_says_where_failed_rock_has_reached_the_boundary(mine, tmp_path):
     """Of the step in which most of it lies there."""
     steps = []
