@@ -46,6 +46,28 @@ def test_brittle_tunnel_fails_alike_on_average(tmp_path):
     assert [panel.get_ylabel() for panel in axes] == list(LABELS.values())
 
 
+@pytest.mark.parametrize("levels", [4, 5])
+def test_in_a_mirror_the_very_same_rock_fails(tmp_path, levels):
+    """The tunnel's middle lies on a corner of four cells, or (4 levels) in the middle of one. Potency to the tolerance
+    of equilibrium, which is reached by other sums."""
+    names = ["brittle_tunnel_multigrid", "mirrored_tunnel"]
+    results = run_study("schemes", tmp_path, names, **{"grid.levels": levels})
+    here, mirrored = (results.variants[name].step("mining") for name in names)
+
+    def by_place(state, position):
+        order = np.lexsort(position.T)
+        return position[order], state.failed.values[order], state.volume.values[order]
+
+    place = by_place(here, here.position.values)
+    turned = by_place(mirrored, np.array([192.0, 0.0, 0.0]) + mirrored.position.values * [-1.0, 1.0, 1.0])
+    np.testing.assert_allclose(turned[0], place[0], atol=1e-9)
+    np.testing.assert_array_equal(turned[1], place[1])
+    np.testing.assert_array_equal(turned[2], place[2])
+    assert (place[1] >= 0).sum() > 10
+    potency = [np.abs(state.seismic_strain.values * state.volume.values[:, None]).sum() for state in (here, mirrored)]
+    assert potency[1] == pytest.approx(potency[0], rel=1e-3)
+
+
 def made_up(potency: float, sizes=(), failed=(True, False)) -> Run:
     return Run(potency, 2.0 * potency, np.array(failed), np.array(sizes, float), 1e-3, 7, 0)
 
