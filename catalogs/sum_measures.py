@@ -24,9 +24,9 @@ def sum_measures(
     """Counts and summed potency, per day of exposure, their ratios with intervals and tests; and a sentence or two.
 
     both: (catalogue, record), used: which events of each count (event,); members: the model's other runs, of which
-    events from `cut` (log10 m3) on count; clusters: of recorded events (event,), found by `catalogs.blocks`. With LEAST_RUNS runs or more the model is their mean, its chance what they
-    differ by; else its events are taken as independent. The record's events are as clustered as these clusters or their
-    times say, whichever is more.
+    events from `cut` (log10 m3) on count; clusters: of recorded events (event,), found by `catalogs.blocks`. With
+    LEAST_RUNS runs or more the model is their mean, its chance what they differ by; else its events are taken as
+    independent. The record's events are as clustered as these clusters or their times say, whichever is more.
     """
     potency = [events["potency"].values[kept] for events, kept in zip(both, used, strict=True)]
     number = [float(len(values)) for values in potency]
