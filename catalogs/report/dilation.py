@@ -10,20 +10,28 @@ NAMED = 4  # rocks in the sentence
 
 def iso_share(evidence: Evidence) -> str:
     """What the rocks' dilation angles make of the isotropic share, in sentences; empty where no rock has one."""
-    angles = {
-        name: parse_quantity(material["dilation_angle"]["residual"], "deg")  # of the drop, which is what is seismic
-        for name, material in evidence.config.get("materials", {}).items()
-        if "dilation_angle" in material
-    }
-    if not angles:
-        return ""
+    materials = evidence.config.get("materials", {})
     rocks = []
-    for name, angle in sorted(angles.items(), key=lambda item: item[0] != "host")[:NAMED]:
-        shares = dict.fromkeys(number(100.0 * share, 2) for share in shear_iso_share(angle))
-        rocks.append(f"{' to '.join(shares)} % in a cell of {name} ({number(angle, 2)}°)")
+    for name in sorted(materials, key=lambda name: name != "host"):
+        if "dilation_angle" in materials[name]:
+            angle = _of_the_drop(materials[name])
+            span = dict.fromkeys(number(100.0 * share, 2) for share in shear_iso_share(angle))
+            rocks.append(f"{' to '.join(span)} % in a cell of {name} ({angle:g}°)")
+        if materials[name].get("planes"):  # slip along a plane is flow on a face
+            angle = _of_the_drop(materials[name]["planes"])
+            share = number(100.0 * shear_iso_share(angle)[0], 2)
+            rocks.append(f"{share} % in slip on the planes of {name} ({angle:g}°)")
+    if not rocks:
+        return ""
+    shares = ", ".join(rocks[:NAMED])
     return (
-        f"The ISO share of rock that fails in shear follows from its dilation angle, an input: {', '.join(rocks)}. "
+        f"The ISO share of rock that fails in shear follows from its dilation angle, an input: {shares}. "
         "In an event of cells whose mechanisms differ it is somewhat larger, and where rock tears it is a third. "
         "An ISO share near the record's is no agreement of model and record: it says which angle was chosen. Openings "
         "that close in an event, the implosive part of many sources in mines (McGarr 1992), are not in the tensor."
     )
+
+
+def _of_the_drop(strength: dict) -> float:
+    """Dilation angle, degrees, with which rock or planes drop to their residual strength: that part is seismic."""
+    return parse_quantity(strength["dilation_angle"]["residual"], "deg")

@@ -186,6 +186,9 @@ def test_isotropic_share_is_said_to_be_an_input():
     materials = {"ore": rock | {"dilation_angle": {"intact": "10 deg", "residual": "0 deg"}}, "host": rock}
     said = iso_share(SimpleNamespace(config={"materials": materials | {"fill": {"model": "elastic"}}}))
     assert "an input: 9.9 to 11 % in a cell of host (10°), 0 % in a cell of ore (0°)." in said
+    planes = rock | {"planes": {"dilation_angle": {"intact": "9 deg", "residual": "5 deg"}}}
+    said_of_planes = iso_share(SimpleNamespace(config={"materials": {"host": planes}}))
+    assert "host (10°), 5.3 % in slip on the planes of host (5°)." in said_of_planes
     assert "is no agreement of model and record" in said
     assert "(McGarr 1992), are not in the tensor." in said
     assert iso_share(SimpleNamespace(config={"materials": {"fill": {"model": "elastic"}}})) == ""

@@ -22,6 +22,7 @@ from pipeline.source_tensors import (
     principal_axes,
     scalar_moment,
     scalar_potency,
+    shear_iso_share,
     source_shares,
 )
 from pipeline.voigt import tensor_from_voigt
@@ -273,3 +274,11 @@ def test_a_lot_of_tensors_have_the_axes_of_each():
     together = clear_axes(tensors)
     for one, tensor in zip(together, tensors, strict=True):
         assert_allclose(one, clear_axes(tensor))
+
+
+@pytest.mark.parametrize("dilation", [0.0, 5.0, 30.0])
+def test_slip_along_a_plane_that_opens_by_its_dilation_angle_has_the_share_of_flow_on_a_face(dilation):
+    """Slip by 1 along x, opening by tan psi along z."""
+    opening = np.tan(np.radians(dilation))
+    tensor = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.0], [0.5, 0.0, opening]])
+    assert_allclose(source_shares(tensor)[0], shear_iso_share(dilation)[0], rtol=1e-12, atol=1e-15)
