@@ -118,10 +118,6 @@ class ColumnSettings(Settings):
         parts = [part in named for part in DATE_PARTS]
         if "time" not in named and not any(parts):
             raise refusal("missing; name the column that holds the date and time", "time")
-        numeric = [(key, plain(getattr(self, key))) for key in sorted(named - set(TEXTS))]
-        for number, (key, name) in enumerate(numeric):
-            if same := next((other for other, theirs in numeric[:number] if theirs == name), None):
-                raise refusal(f"column {name!r} is named as {same}, too; each has a column of its own", key)
         if "time" in named and any(parts):
             raise refusal("the time stands in columns of its parts, or in one; leave either out", "time")
         if any(parts) and (not all(parts[:3]) or sorted(parts, reverse=True) != parts):
@@ -142,6 +138,10 @@ class ColumnSettings(Settings):
                 "convert it in record.conversions, untyped: {slope: ..., offset: ...}",
                 "mw",
             )
+        numeric = [(key, plain(getattr(self, key))) for key in sorted(named - set(TEXTS))]
+        for number, (key, name) in enumerate(numeric):
+            if same := next((other for other, theirs in numeric[:number] if theirs == name), None):
+                raise refusal(f"column {name!r} is named as {same}, too; each has a column of its own", key)
         return self
 
     def names(self) -> dict[str, str | list[str]]:

@@ -151,7 +151,7 @@ class Table:
             raise InputError(f"record.units: {given!r} is not a unit; expected one like {unit}")
         if not text and (in_name := UNIT_IN_NAME.fullmatch(name)):
             quantity = unit_quantity(in_name["unit"] or in_name["after"])
-        elif not text and (at_end := UNIT_AT_END.fullmatch(name)):
+        elif not text and not key.startswith("log_") and (at_end := UNIT_AT_END.fullmatch(name)):  # log P is no unit
             maybe = unit_quantity(at_end["unit"])
             if maybe is not None and maybe.check(unit) and maybe.to(unit).magnitude != 1.0:
                 raise InputError(
