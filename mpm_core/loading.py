@@ -20,8 +20,9 @@ def external_force(model: Model, step: int) -> np.ndarray:
     """Forces of all that was mined, filled and loaded up to `step`, relative to virgin: (node, d) N, on free nodes.
 
     Void: r lacks B^T sigma0 - N^T b over the mined volume (docs/method.md, 4), less the pressure on its walls
-    (wall_pressure.py). Fill weighs its own density; free faces lose their virgin traction, as do traction faces where
-    rock is mined; loads are shared by volume.
+    (wall_pressure.py). Fill weighs its own density; free faces lose their virgin traction, as do traction and roller
+    faces where rock is mined; loads are shared by volume. Nodes without rock or fill have none: what is integrated
+    there adds up to nothing, but for the quadrature of the virgin stress.
     Raises InputError for a load whose rock is mined, and where forces drive what nothing holds.
     """
     particles, scene = model.particles, model.scene
@@ -50,8 +51,7 @@ def external_force(model: Model, step: int) -> np.ndarray:
     _spread(model, acting, stress_volume, force[acting], nodal)
     _add_lost_traction(model, nodal, 1.0 - model.rock_share(step), cell_pressure)
     collect_to_parents(model.grid.node_parents, nodal)
-    if len(inside):
-        nodal[~_touched(model, volume)] = 0.0
+    nodal[~_touched(model, volume)] = 0.0
     nodal[model.held] = 0.0
     _require_balance(model, volume, nodal, step)
     return nodal
@@ -107,7 +107,7 @@ def _require_balance(model: Model, volume: np.ndarray, force: np.ndarray, step: 
 
 
 def _touched(model: Model, volume: np.ndarray) -> np.ndarray:
-    """Nodes (node,) bool of cells with rock or fill: where pressure ends in a void there is nothing to push."""
+    """Nodes (node,) bool of cells with rock or fill."""
     present = model.particles.cell[volume > 0.0]
     touched = np.zeros(len(model.grid.node_index), bool)
     touched[model.cell_nodes[present]] = True
@@ -117,8 +117,9 @@ def _touched(model: Model, volume: np.ndarray) -> np.ndarray:
 
 
 def _add_lost_traction(model: Model, nodal: np.ndarray, mined_share: np.ndarray, pressure: np.ndarray) -> None:
-    """Take the virgin traction off free faces of the domain, and off traction faces where rock is mined.
+    """Take the virgin traction off free faces of the domain, and off traction and roller faces where rock is mined.
 
+    A roller holds the normal component only: the virgin traction along it goes with the rock that is mined.
     pressure (cell,) Pa or (0,): mean over each cell. What it pushes outwards at such a face is no rock.
     """
     component = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
@@ -126,7 +127,7 @@ def _add_lost_traction(model: Model, nodal: np.ndarray, mined_share: np.ndarray,
     for axis in range(model.dimension):
         for side, name in enumerate(FACES[2 * scene.axes[axis] :][:2]):
             condition = scene.boundary.get(name)
-            if condition not in ("free", "traction"):
+            if condition not in ("free", "traction", "roller"):
                 continue
             edge = grid.cell_index[:, axis] + side * grid.cell_width
             cells = np.flatnonzero(edge == side * grid.shape[axis])

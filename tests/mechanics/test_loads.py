@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mechanics.scenes import (
     COULOMB,
@@ -96,6 +98,67 @@ def test_a_free_face_loses_its_virgin_traction():
     force = external_force(model, 0)
     np.testing.assert_allclose(force.sum(axis=0), [-1e6 * 24, 5e6 * 24], rtol=1e-12)
     assert (force[model.grid.node_position[:, 1] < 24.0] == 0.0).all()
+
+
+@pytest.mark.parametrize("treatment", ["fraction", "subdivide"])
+@pytest.mark.parametrize("per_edge", [1, 2])
+@pytest.mark.parametrize("condition", ["fixed", "roller", "traction"])
+@pytest.mark.parametrize(("plane", "dimension"), DIMENSIONS)
+def test_an_opening_at_a_face_loses_the_traction_of_its_own_part_of_it(
+    plane, dimension, condition, per_edge, treatment
+):  # fmt: skip
+    """A box of 12 m by 8 m by 8 m at the upper face of x, in uniform stress with shear. Its wall loses -s n, whose sum
+    is -s e_x times the area that it opens in the face; of that the face takes what it holds: all (fixed) or x alone
+    (roller). Virgin shear along a roller stayed where its rock was mined."""
+    stress = np.array([-20e6, -10e6, -15e6, 1e6, 2e6, 4e6])
+    shape = box([28.0, *[16.0] * (dimension - 1)], [41.0, *[24.0] * (dimension - 1)])
+    grid = grid_around([shape], [5] * dimension, 2, 8.0)
+    scene = make_scene(
+        plane, stress=uniform(*stress), boundary={"x_upper": condition}, excavations=[excavation()],
+        particles_per_cell=per_edge, cut_cells=treatment,
+    )  # fmt: skip
+    model = make_model(scene, grid, [shape])
+    force = external_force(model, 0)
+    expected = -stress[[0, 4] if plane else [0, 5, 4]] * 8.0 ** (dimension - 1)
+    first = {"traction": 0, "roller": 1, "fixed": dimension}[condition]
+    np.testing.assert_allclose(force.sum(axis=0)[first:], expected[first:], rtol=1e-9)
+    assert not force[model.held].any()
+    wall = force[np.abs(grid.node_position[:, 0] - 28.0) < 1e-9].sum(axis=0)  # its end, and halves of the cells beside
+    np.testing.assert_allclose(wall, expected, rtol=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    constant=st.lists(st.floats(-20e6, 20e6), min_size=6, max_size=6),
+    gradient=st.lists(st.floats(-3e4, 3e4), min_size=6, max_size=6),
+    conditions=st.lists(st.sampled_from(["fixed", "roller", "traction", "free"]), min_size=5, max_size=5),
+    treatment=st.sampled_from(["fraction", "subdivide", "whole"]),
+    per_edge=st.sampled_from([1, 2]),
+    fill=st.sampled_from([None, "fill"]),
+    pressure=st.sampled_from([0.0, 5e6]),
+    plane=st.sampled_from(["xz", None]),
+    center=st.lists(st.floats(0.0, 40.0), min_size=3, max_size=3),
+)
+def test_nodes_without_rock_or_fill_carry_no_force(
+    constant, gradient, conditions, treatment, per_edge, fill, pressure, plane, center
+):
+    """Whatever the stress, the faces that an opening cuts, its pressure and its fill."""
+    dimension = 2 if plane else 3
+    shape = ball(np.array(center[:dimension]), 9.0)
+    faces = ("x_lower", "x_upper", "y_lower", "y_upper", "z_upper")
+    scene = make_scene(
+        plane, stress={"constant": constant, "gradient": gradient}, particles_per_cell=per_edge, cut_cells=treatment,
+        boundary=dict(zip(faces, conditions, strict=True)),
+        excavations=[excavation(fill=fill) | {"pressure": [[0, pressure]] if pressure else []}],
+    )  # fmt: skip
+    grid = grid_around([shape], [5] * dimension, 2, 8.0)
+    model = make_model(scene, grid, [shape])
+    there = np.zeros(len(grid.node_index), bool)
+    there[model.cell_nodes[model.particles.cell[model.volumes(0) > 0.0]]] = True
+    for node in np.flatnonzero(there & grid.is_hanging):
+        parents = grid.node_parents[node]
+        there[parents[parents >= 0]] = True
+    assert not external_force(model, 0)[~there].any()
 
 
 def test_rollers_hold_the_normal_component_only():
