@@ -73,7 +73,7 @@ def carry_nodes(old: Model | Cells, values: np.ndarray, new: Model, origin: np.n
     return result
 
 
-def carry_forces(old: Model, forces: np.ndarray, new: Model) -> np.ndarray:
+def carry_forces(old: Model | Cells, forces: np.ndarray, new: Model) -> np.ndarray:
     """Nodal forces (node, d) N of the old grid, which stay at their nodes; new nodes have none."""
     origin = holding_cells(old.grid, new.grid.cell_index)
     place = new.grid.cell_index - old.grid.cell_index[origin]

@@ -106,7 +106,7 @@ class District:
         self.cells = StepCells(
             ground, make_scheme(own, at_start, volume), brittle_of(own, volume, whole.step),
             replace(ramp, start=ramp.start[places["node"]], target=ramp.target[places["node"]]), whole.step,
-            Cells.of(own), at_start.displacement.copy(), Refinement.of(own.grid),
+            Cells.of(own), at_start.displacement.copy(), whole.held_up[places["node"]], Refinement.of(own.grid),
             elsewhere=len(model.cell_nodes) - len(own.cell_nodes),
         )  # fmt: skip
         cubes = Cubes(own.grid)

@@ -61,7 +61,7 @@ FIELDS = _table(
     Field("convergence_increment", ("iteration",), np.int32, "1", "increment of the ramp, 1 first"),
     Field("convergence_generation", ("iteration",), np.int32, "1", "generation of failure within the increment"),
     Field("convergence_iteration", ("iteration",), np.int32, "1", "iteration of the stage at this check"),
-    Field("convergence_unbalanced_ratio", ("iteration",), np.float64, "1", "unbalanced over released force, 2-norms"),
+    Field("convergence_unbalanced_ratio", ("iteration",), np.float64, "1", "unbalanced force over load, 2-norms"),
     Field("convergence_max_ratio", ("iteration",), np.float64, "1", "largest unbalanced force over the same"),
     Field("convergence_cells", ("iteration",), np.int32, "1", "cells relaxed: all, or a part of the mine alone"),
     Field("convergence_new_failures", ("iteration",), np.int32, "1", "particles that failed after this check"),

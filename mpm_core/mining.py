@@ -49,6 +49,8 @@ class StepCells:
     """What a step has on its cells, replaced as a whole when they are split; it is what the cascade asks (Refining).
 
     start_cells, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
+    held_up (node, d) N, on start_cells: what the ramp starts with beyond the lasting forces of the step before, which
+    is what the mined rock held up;
     full: as many cells as there may be; elsewhere: cells of the mine beyond these, where they are a district's;
     places: what was split, (k, d) each, see `split`.
     """
@@ -60,6 +62,7 @@ class StepCells:
     step: int
     start_cells: Cells
     start_displacement: np.ndarray
+    held_up: np.ndarray
     refinement: Refinement
     full: bool = False
     elsewhere: int = 0
@@ -112,10 +115,11 @@ class StepCells:
         old, was = body.model, stored(body, counted)
         model = self.ground.on(grid, old)
         state = carry(old, body.state, model)
-        volume, ramp = model.volumes(self.step), self.ramp
-        lasting = external_force(model, max(self.step - 1, 0))
-        start = lasting + carry_forces(old, ramp.start - external_force(old, max(self.step - 1, 0)), model)
-        self.ramp = replace(ramp, start=start, target=external_force(model, self.step))
+        volume = model.volumes(self.step)
+        start = external_force(model, max(self.step - 1, 0)) + carry_forces(self.start_cells, self.held_up, model)
+        target = external_force(model, self.step)
+        reference = measured_by(model, start, target, self.ramp.strain, self.step)
+        self.ramp = replace(self.ramp, start=start, target=target, reference=reference)
         self.scheme.drop_work_arrays()
         self.scheme = make_scheme(model, state, volume)
         self.brittle = brittle_of(model, volume, self.step)
@@ -149,7 +153,8 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
     scene, before = ground.scene, max(step - 1, 0)
     scheme = start_of(ground, previous, before, history)
     model, state = scheme.body.model, scheme.body.state
-    start = external_force(model, before) + scheme.body.internal_force()
+    lasting = external_force(model, before)
+    start = lasting + scheme.body.internal_force()
     old_volume, mined_hourglass = scheme.body.volume, 0.0
     volume, target = model.volumes(step), external_force(model, step)
     if step > before:
@@ -158,15 +163,24 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
     balance = Balance.at_start(scheme.body, old_volume, mined_hourglass)
     # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
     start -= scheme.body.internal_force()
-    strain = boundary_strain(scene, step)
-    more_strain = strain - boundary_strain(scene, before)
-    change, whole = load_size(model, target - start, more_strain, step), load_size(model, target, strain, step)
-    ramp = Ramp(start, target, more_strain, reference=measure(change, whole, scene.solver.tolerance))
+    more_strain = boundary_strain(scene, step) - boundary_strain(scene, before)
+    ramp = Ramp(start, target, more_strain, measured_by(model, start, target, more_strain, step))
     cells = StepCells(
         ground, scheme, brittle_of(model, volume, step), ramp, step, Cells.of(model), state.displacement.copy(),
-        Refinement.of(model.grid),
+        start - lasting, Refinement.of(model.grid),
     )  # fmt: skip
     return cells, balance
+
+
+def measured_by(model: Model, start: np.ndarray, target: np.ndarray, more_strain: np.ndarray, step: int) -> float:
+    """What unbalanced forces of a step are measured by on the cells of a model, N, see loading.measure.
+
+    start, target (node, d) N: of its ramp; more_strain (d, d): of its boundary. On finer cells the same load is shared
+    by more nodes, and its 2-norm is smaller.
+    """
+    change = load_size(model, np.where(model.held, 0.0, target - start), more_strain, step)
+    whole = load_size(model, target, boundary_strain(model.scene, step), step)
+    return measure(change, whole, model.scene.solver.tolerance)
 
 
 def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History) -> Scheme:

@@ -16,7 +16,7 @@ from mpm_core.district import District, district_of
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import above_strength
 from mpm_core.equilibrium.cascade import run_cascade
-from mpm_core.equilibrium.convergence import History
+from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.energy import Balance, hourglass_energies, nodal_forces
 from mpm_core.equilibrium.increments import increment_error
 from mpm_core.equilibrium.scheme import Scheme
@@ -56,8 +56,9 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
             scheme.body.deform(strain)
         scheme.relax(force, scene.solver.tolerance, reference, history)
         # Where free faces unload rock, the forces that do so measure a stress that has gone: what stays measures again.
-        scheme.relax(force, scene.solver.tolerance, reference * share_that_stays(model, state, volume), history)
-    return finish(scheme, history, 0, balance, force, state.displacement, "elastic")
+        reference *= share_that_stays(model, state, volume)
+        scheme.relax(force, scene.solver.tolerance, reference, history)
+    return finish(scheme, history, 0, balance, force, state.displacement, reference, "elastic")
 
 
 def share_that_stays(model: Model, state: State, volume: np.ndarray) -> float:
@@ -114,7 +115,8 @@ def mining_step(
         scheme, collapsed = run(None)
         if checkpoint is not None:
             checkpoint.remove()
-    return finish(scheme, history, step, balance, cells.ramp.target, cells.moved(), "step", collapsed)
+    ramp = cells.ramp
+    return finish(scheme, history, step, balance, ramp.target, cells.moved(), ramp.reference, "step", collapsed)
 
 
 class following:
@@ -149,10 +151,15 @@ def finish(
     balance: Balance,
     target: np.ndarray,
     moved: np.ndarray,
+    reference: float,
     stage: str,
     collapsed: bool = False,
 ) -> tuple[xr.Dataset, dict]:
-    """Rate the state against strength and put it into its dataset; the second value is what the log reports."""
+    """Rate the state against strength and put it into its dataset; the second value is what the log reports.
+
+    target (node, d) N: forces that act for good; moved (node, d) m: motion of the stage; reference N: what unbalanced
+    forces were measured by in the end, 0 where nothing acts.
+    """
     body = scheme.body
     model, state, volume = body.model, body.state, body.volume
     body.settle()
@@ -169,6 +176,8 @@ def finish(
         "step_index": step,
         "iterations": history.iteration,
         "unbalanced_ratio": float(table["unbalanced_ratio"][-1]),
+        "unbalanced_force": norm(body.unbalanced) * scene.thickness,
+        "unbalanced_reference": (reference or 1.0) * scene.thickness,
         "failed_particles": int(here.sum()),
         "failed_volume": float(volume[here].sum() * scene.thickness),
         **energy,

@@ -228,7 +228,7 @@ def run_cascade(
     (NoRest), or (solver.collapse "keep") the last state of rest is the result, at cascade_tolerance, with rock above
     strength that would fail next.
     """
-    solver, reference, loose = scheme.body.model.scene.solver, ramp.reference, loose_tolerance(scheme.body.model)
+    solver, loose = scheme.body.model.scene.solver, loose_tolerance(scheme.body.model)
     share = np.sqrt(district.share) if district else 1.0  # of what may be unbalanced
     increments = Increments(scheme.body.model, step)
     under_way = history.increment > 0  # a saved history
@@ -241,7 +241,7 @@ def run_cascade(
             while True:
                 tolerance = share * max(loose / TIGHTER**history.tightened, solver.tolerance)
                 places = relax_and_fail(
-                    scheme, brittle, external, tolerance, reference, step, history, district, save, cells
+                    scheme, brittle, external, tolerance, ramp.reference, step, history, district, save, cells
                 )
                 if cells is not None and len(places):
                     finer = cells.split(places)
@@ -253,7 +253,7 @@ def run_cascade(
                         external = ramp.at(history.load)
                         if history.rest:  # what there is to go back to has these cells, too, if it finds no rest now
                             keep_rest(scheme, history)
-                        come_to_rest_on(scheme, external, tolerance, reference, history)
+                        come_to_rest_on(scheme, external, tolerance, ramp.reference, history)
                     continue
                 if not last or district or tolerance == solver.tolerance:
                     break
@@ -264,7 +264,7 @@ def run_cascade(
             scheme.go_back(history.rest)
             if history.generation == 0:  # nothing failed since the increment before
                 history.increment, external = history.increment - 1, ramp.at(history.load_before)
-            scheme.relax(external, loose, reference, history)  # is at rest: this notes it
+            scheme.relax(external, loose, ramp.reference, history)  # is at rest: this notes it
             return scheme, True
         scheme.body.settle()
         if district and district.waits:

@@ -1,0 +1,103 @@
+"""What a state leaves unbalanced, and over which load, found again from its file alone, corner by corner."""
+
+import numpy as np
+import pytest
+
+from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_dataset, make_scene, uniform
+from mpm_core.datasets import read_grid
+from mpm_core.ground import Ground
+from mpm_core.loading import external_force
+from mpm_core.occupancy import Loose
+from mpm_core.stages import elastic_stage, mining_step
+
+CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # VTK order
+ADAPTIVE = {"rings": 1, "max_cells": 10**6, "bodies": []}
+SOLVER = {"scheme": "multigrid", "tolerance": 1e-5, "cascade_tolerance": 1e-3, "increments": 2}
+HOLES = [ball([26.0, 40.0], 5.0), ball([74.0, 40.0], 5.0)]
+STRONG = COULOMB | {"cohesion": {"intact": 6e6, "residual": 5e6}}
+PRESS = {"shape": "sphere", "center": [26.0, 56.0], "radius": 5.0}
+
+
+def loads_on(state, scene, grid, step):
+    """External forces (node, 2) N on the cells that a state has, up to a step."""
+    model = Ground.of(scene, grid).model(*read_grid(state), Loose.none())
+    return external_force(model, step)
+
+
+def unbalanced_in(state, scene, external):
+    """Forces (node, 2) N at free nodes of a section xz that is held all round: loads less what stress and hourglass
+    forces of the file carry."""
+    particle_cell, size = state.cell.values, state.cell_size.values
+    center = state.cell_origin.values[:, [0, 2]] + 0.5 * size[:, None]
+    xi = (state.position.values[:, [0, 2]] - center[particle_cell]) / (0.5 * size[particle_cell])[:, None]
+    change = (state.stress.values - scene.insitu.at(state.position.values[:, 2])) * state.volume.values[:, None]
+    nodes, force = state.cell_nodes.values, np.zeros_like(external)
+    for corner, (x, z) in enumerate(CORNERS):
+        slope = np.stack([x * (1 + z * xi[:, 1]), z * (1 + x * xi[:, 0])], axis=1) / 2 / size[particle_cell][:, None]
+        own = np.stack(
+            [change[:, 0] * slope[:, 0] + change[:, 4] * slope[:, 1],
+             change[:, 4] * slope[:, 0] + change[:, 2] * slope[:, 1]], axis=1,
+        )  # fmt: skip
+        np.subtract.at(force, nodes[particle_cell, corner], own)
+        np.subtract.at(force, nodes[:, corner], x * z * state.hourglass_force.values[:, 0][:, [0, 2]] / 4)
+    for node, parents in enumerate(state.node_parents.values):
+        parents = parents[parents >= 0]
+        if len(parents):
+            force[parents] += force[node] / len(parents)
+            force[node] = 0.0
+    force += external
+    position = state.node_position.values[:, [0, 2]]
+    lower, upper = (state.attrs[f"domain_{side}"][[0, 2]] for side in ("lower", "upper"))
+    force[((position == lower) | (position == upper)).any(axis=1)] = 0.0
+    return force
+
+
+def held_up_by_mined_rock(before, scene, grid, step):
+    """Forces (node, 2) N that the rock mined in a step carried in the state before, on the cells of that state."""
+    model = Ground.of(scene, grid).model(*read_grid(before), Loose.none())
+    after = before.copy(deep=True)
+    after.volume[:] = model.volumes(step)
+    cells = len(before.cell_size)
+    old, kept = (np.bincount(before.cell, state.volume, minlength=cells) for state in (before, after))
+    after.hourglass_force[:] *= np.divide(kept, old, out=np.ones(cells), where=old > 0.0)[:, None, None]
+    nothing = np.zeros((len(before.node_position), 2))
+    return unbalanced_in(before, scene, nothing) - unbalanced_in(after, scene, nothing)
+
+
+@pytest.mark.parametrize("scheme", ["multigrid", "explicit"])
+def test_the_unbalanced_ratio_is_of_the_load_on_the_cells_of_the_state(scheme, tmp_path):
+    """Elastic history; then failure, and cells that are split under a load: the same force on more nodes has a smaller
+    2-norm, 1.1 times here; another hole a step later, less what its rock has been relieved of."""
+    press = {"name": "press", "since": 0, "shape": PRESS, "force": [0.0, 0.0, -2e8]}
+    options = {"host": STRONG, "stress": uniform(-22e6, -16e6, -18e6, 0.0, 2e6), "refinement": ADAPTIVE}
+    options |= {"solver": SOLVER | {"scheme": scheme}, "loads": [press]}
+    scenes = [
+        make_scene("xz", excavations=[excavation(0), excavation(later, name="next")], steps=steps, **options)
+        for steps, later in ((1, -1), (2, 1))
+    ]
+    grid = make_dataset(scenes[0], grid_around(HOLES, [12, 10], 4, 8.0, rings=0), HOLES)
+    elastic, at_first = elastic_stage(scenes[0], grid, tmp_path / "f.npz")
+    history, first = mining_step(scenes[0], grid, elastic, tmp_path / "f.npz")
+    after, second = mining_step(scenes[1], grid, history, tmp_path / "f.npz")
+    assert first["cell_splits"] > 0
+    assert second["cell_splits"] > 0
+    here = elastic.volume.values > 0.0
+    weight = elastic.volume.values[here, None]
+    virgin = scenes[0].insitu.at(elastic.position.values[here, 2])
+    stays = np.sqrt((elastic.stress.values[here] ** 2 * weight).sum() / (virgin**2 * weight).sum())
+    changes = loads_on(history, scenes[1], grid, 1) - loads_on(history, scenes[1], grid, 0)
+    changes -= held_up_by_mined_rock(history, scenes[1], grid, 1)
+    references = [
+        np.linalg.norm(loads_on(elastic, scenes[0], grid, 0)) * min(stays, 1.0),
+        np.linalg.norm(loads_on(history, scenes[0], grid, 0)),
+        np.linalg.norm(changes),
+    ]
+    assert at_first["unbalanced_reference"] > 1.1 * first["unbalanced_reference"]
+    for state, scene, step, reference, close in zip(
+        (elastic, history, after), scenes[:1] + scenes, (0, 0, 1), references, (1e-9, 1e-9, 1e-4), strict=True
+    ):  # the last one begins by coming to rest again on cells that are fine around what it mines
+        found = np.linalg.norm(unbalanced_in(state, scene, loads_on(state, scene, grid, step)))
+        assert state.attrs["unbalanced_force"] == pytest.approx(found, rel=1e-6)
+        assert state.attrs["unbalanced_reference"] == pytest.approx(reference, rel=close)
+        assert state.attrs["unbalanced_ratio"] == pytest.approx(found / reference, rel=1e-6 + close)
+        assert state.attrs["unbalanced_ratio"] <= 1e-5
