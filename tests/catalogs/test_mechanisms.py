@@ -198,3 +198,38 @@ def test_sources_without_clear_axes_change_nothing_for_the_others():
     for name in ("mean_axis", "axis_eigenvalue", "mean_angle", "kagan_median", "kagan_share"):
         np.testing.assert_allclose(beside[name][:2], alone[name][:2], atol=1e-12)
     assert mixed.clear_share(np.ones(40)).tolist() == [0.5] * 3
+
+
+@pytest.mark.parametrize(
+    ("p", "t", "planes"),
+    [
+        (
+            "north",
+            "east",
+            [(45, 90, 0), (315, 90, 180)],
+        ),  # strike-slip: left-lateral on north-east, right on north-west
+        ("down", "east", [(0, 45, -90), (180, 45, -90)]),  # normal
+        ("east", "down", [(0, 45, 90), (180, 45, 90)]),  # reverse
+    ],
+)
+def test_nodal_planes_of_textbook_faults(p, t, planes):
+    """Strike, dip and rake as textbooks draw them; a plane whose dip is 90 is also the one of the opposite strike."""
+    axis = {"north": [0.0, 1.0, 0.0], "east": [1.0, 0.0, 0.0], "down": [0.0, 0.0, -1.0]}
+    found = m.nodal_planes(axis[p], axis[t])
+    vertical = np.isclose(found[:, 1], 90.0)
+    strike = np.where(vertical, found[:, 0] % 180.0, found[:, 0])
+    wanted = np.array(planes, float)
+    wanted[vertical, 0] %= 180.0
+    order, expected = np.argsort(strike), np.argsort(wanted[:, 0])
+    np.testing.assert_allclose(strike[order], wanted[expected, 0], atol=1e-9)
+    np.testing.assert_allclose(found[order, 1], wanted[expected, 1], atol=1e-9)
+    np.testing.assert_allclose(np.cos(np.radians(found[order, 2] - wanted[expected, 2])), 1.0, atol=1e-12)
+
+
+def test_a_level_nodal_plane_strikes_north_by_convention():
+    """Slip to the east on a level plane, the other one upright: P and T dip by 45 degrees."""
+    found = m.nodal_planes(np.array([1.0, 0.0, -1.0]) / np.sqrt(2), np.array([-1.0, 0.0, -1.0]) / np.sqrt(2))
+    level = found[np.argmin(found[:, 1])]
+    np.testing.assert_allclose(level[:2] % 360.0, [0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(np.abs(level[2]), 90.0, atol=1e-9)
+    np.testing.assert_allclose(np.max(found[:, 1]), 90.0, atol=1e-9)

@@ -306,6 +306,18 @@ def foreign(catalog, path, change=lambda number, event: None):
     return SETTINGS | {"reader": "quakeml", "file": str(path)}
 
 
+def test_foreign_times_keep_both_sides_of_their_uncertainty(catalog, tmp_path):
+    """One number stands for both sides; of two, each for its own; none is not known."""
+
+    def state(number, event):
+        given = [{"uncertainty": 2.0}, {"lower_uncertainty": 3.0, "upper_uncertainty": 4.0}, {}]
+        event.origins[0].time_errors = QuantityError(**given[min(number, 2)])
+
+    record = read_record(foreign(catalog, tmp_path / "foreign.xml", state))
+    np.testing.assert_array_equal(record["time_lower_uncertainty"][:3], [2.0, 3.0, np.nan])
+    np.testing.assert_array_equal(record["time_upper_uncertainty"][:3], [2.0, 4.0, np.nan])
+
+
 def test_foreign_magnitudes_are_refused_by_name_or_converted_as_stated(catalog, tmp_path):
     """Half of the events have ML alone, one of them a second magnitude in Mw, which then counts."""
 
