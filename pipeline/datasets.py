@@ -147,6 +147,7 @@ def open_dataset(path: str | os.PathLike) -> Iterator[xr.Dataset]:
     with dataset:
         if not is_as_written(dataset):
             raise InputError(f"{path}: damaged: its content is not what was written; {RUN_AGAIN}")
+        dataset.attrs.pop(CHECKSUM, None)
         try:
             yield dataset
         except (OSError, RuntimeError) as error:  # "NetCDF: HDF error"; of this file, or of another in the same block

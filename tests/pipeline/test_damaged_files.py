@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
@@ -40,7 +41,8 @@ def test_what_is_written_is_what_is_read(tmp_path):
     written = scene()
     write_dataset(written, path)
     read = read_dataset(path)
-    assert read.attrs["checksum"] == checksum(written) == checksum(read)
+    with netCDF4.Dataset(path) as stored:
+        assert stored.checksum == checksum(written) == checksum(read)
     for name, variable in written.variables.items():
         np.testing.assert_array_equal(read[name], variable)
 
@@ -65,10 +67,9 @@ for place in places:
     copy.write_bytes(changed)
     try:
         read = read_dataset(copy)
-        kind = "harmless" if read.drop_attrs().identical(good.drop_attrs()) and {
-            key: np.ravel(value).tolist() for key, value in read.attrs.items()
-        } | {"checksum": 0} == {key: np.ravel(value).tolist() for key, value in good.attrs.items()} | {"checksum": 0} \
-            else "silent"
+        plain = [{key: np.ravel(value).tolist() for key, value in one.attrs.items()} for one in (read, good)]
+        same = read.drop_attrs().identical(good.drop_attrs()) and plain[0] == plain[1]
+        kind = "harmless" if same else "silent"
     except InputError as error:
         assert str(error).startswith(str(copy)) and "run the same command again" in str(error), error
         kind = "told"
