@@ -56,13 +56,14 @@ def size_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[
 def axes_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[float, float]]:
     """Of the angle between the mean P axes, the record's turned by `turn` degrees; events of a day are alike."""
     generator = np.random.default_rng(seed)
-    held = 0
+    given = held = 0
     for index in range(chosen["catalogues"]):
         model = _axes(generator, case["model"], 1, case["spread"], 0.0)
         record = _axes(generator, *case["record"], case["spread"], case["turn"])
         low, high = compare_axes(model, record, index, chosen["resamplings"])["mean_angle_interval"][0]
-        held += low <= case["turn"] <= high
-    return {"": (1.0, held / chosen["catalogues"])}
+        given += bool(np.isfinite(low))
+        held += bool(low <= case["turn"] <= high)
+    return {"": (given / chosen["catalogues"], held / max(given, 1))}
 
 
 def _axes(generator: np.random.Generator, days: int, each: int, spread: float, turn: float) -> AxesSample:
