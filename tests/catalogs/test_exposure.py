@@ -170,7 +170,8 @@ def test_the_interval_of_an_angle_reaches_0_if_the_axes_may_be_one(turn):
     matrix = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
     record["potency_tensor"][:] = matrix @ record["potency_tensor"].values @ matrix.T
     record.attrs |= {"kind": "recorded"}
-    result = compare(catalog, record, {"resamplings": 199}).sel(axis_name="P")
+    members = [made_up_catalog(150, seed=seed) for seed in (4, 5)]
+    result = compare(catalog, record, {"resamplings": 199, "members": 2}, members).sel(axis_name="P")
     low, high = result["mean_angle_interval"].values
     assert low <= turn <= high
     assert (low == 0.0) == (turn == 0.0)
