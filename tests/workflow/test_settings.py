@@ -49,7 +49,7 @@ SCENES = scenes()
 
 def refuses(config: dict) -> tuple[bool, bool]:
     """Whether the models and the JSON schema made from them refuse a configuration."""
-    config = with_yaml_habits(config)
+    config = with_yaml_habits(config, {})
     by_schema = not SCHEMA.is_valid(config)
     try:
         MineSettings.read(config)
