@@ -56,7 +56,8 @@ class Boundary(Settings):
 
 class DomainSettings(Settings):
     """The box that is modelled. Without corners it follows from grid.finest_cell and all excavations and loads, planned
-    ones too: large enough that its boundary moves no wall stress by more than 0.5 %."""
+    ones too: large enough that its boundary moves no wall stress by more than 0.5 %, but not into virgin rock that
+    stands above its strength."""
 
     lower: Point = None
     """its lower corner; two coordinates in plane strain"""

@@ -228,17 +228,22 @@ def test_a_stage_says_one_line_and_logs_the_rest(tmp_path, body, status, line):
 
 
 @pytest.mark.parametrize("body", ["raise InputError('no particle')", "raise MemoryError", "[][1]"])
-def test_a_companion_that_fails_says_what_it_is_and_how_to_go_without(tmp_path, body):
+@pytest.mark.parametrize(
+    ("folder", "note"),
+    [
+        ("tiny/coarse", " (the mine on cells of twice the size; grid_convergence: false leaves it out): "),
+        ("tiny/ensemble/2", " (a perturbed member; ensemble: 0 leaves all of them out): "),
+        ("coarse", ": "),
+        ("verification/disc/coarse", ": "),
+    ],
+)
+def test_a_run_beside_the_mines_own_that_fails_says_what_it_is_and_how_to_go_without(tmp_path, body, folder, note):
     """The mine's own run may be fine. A mine of that name and a variant of a study are no companions."""
-    text = STAGE.format(body=body).replace("elastic tiny", "elastic results/tiny/coarse/elastic.nc")
+    name = f"elastic results/{folder}/elastic.nc"
+    text = STAGE.format(body=body).replace("elastic tiny", name)
     line = [sys.executable, "-c", text, str(tmp_path / "elastic.log")]
     run = subprocess.run(line, cwd=ROOT, capture_output=True, text=True)
-    start = (
-        "elastic results/tiny/coarse/elastic.nc (the mine on cells of twice the size; grid_convergence: false leaves"
-    )
-    assert run.stderr.startswith(start)
-    for folder in ("coarse", "verification/disc/coarse"):
-        assert not stage.COMPANION.search(f"elastic results/{folder}/elastic.nc")
+    assert run.stderr.startswith(name + note)
 
 
 def test_a_warning_is_told_on_the_terminal_and_in_the_log(tmp_path):
