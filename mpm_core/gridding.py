@@ -15,7 +15,7 @@ from mpm_core.grid.octree import all_cells, children, morton_codes
 from mpm_core.memory import require, stage_bytes
 from mpm_core.occupancy import FULL, SAMPLES, SLIVER, Places
 from mpm_core.propping import LEAST, NEARLY_NONE, whole_shares
-from mpm_core.settings import GridSlice
+from mpm_core.settings import GridCells, GridSlice
 from mpm_core.solids import bodies_at, read_solids
 from pipeline.errors import InputError
 
@@ -34,13 +34,12 @@ def cut_pieces(
     domain: Domain,
     solids: list[Solid | Outside],
     chosen: np.ndarray,
-    whole: bool,
-    allowed: float,
+    cells: GridCells,
 ) -> Places:
     """Parts of finest cells inside chosen excavations (k,), numbers of solids, by excavation and cell.
 
-    index (n, d): lower corners of the finest cells that may be, fine units, in Morton order. `whole`: in or out by the
-    half; allowed: grid.volume_error. Raises InputError for an excavation that no cell has a part of.
+    index (n, d): lower corners of the finest cells that may be, fine units, in Morton order. With `cut_cells: whole`
+    cells are in or out by the half. Raises InputError for an excavation that no cell has a part of.
     """
     fine = domain.cell(domain.levels - 1)
     # Cells of one base cell stand together (Morton order): a solid looks at few base cells, not at all finest cells.
@@ -61,27 +60,26 @@ def cut_pieces(
         samples = np.where(kind == INSIDE, FULL, np.uint64(0))
         crossed = (kind != INSIDE) & (kind != OUTSIDE)
         samples[crossed] = sample_mask(solid, domain.lower, fine, index[near][crossed])
-        if whole:
+        if cells.cut_cells == "whole":
             samples = np.where(np.bitwise_count(samples) >= SAMPLES // 2, FULL, np.uint64(0))
         keep = np.bitwise_count(samples) >= SLIVER
         if not keep.any():
-            miss(solid, domain, allowed)
+            miss(solid, cells)
         parts.append(Places(index[near][keep], np.full(keep.sum(), number, np.int16), samples[keep]))
     return Places.all_of(parts, len(domain.lower))
 
 
-def miss(solid: Solid | Outside, domain: Domain, allowed: float) -> None:
-    """Raise InputError for an excavation that no cell has a part of; where all of it may be missed (allowed: grid's
-    volume_error) only warn. A surface that stands twice, once turned inward, encloses nothing."""
-    fine = domain.cell(domain.levels - 1)
+def miss(solid: Solid | Outside, cells: GridCells) -> None:
+    """Raise InputError for an excavation that no cell has a part of; where all of it may be missed (volume_error) only
+    warn. A surface that stands twice, once turned inward, encloses nothing."""
     where = f"excavations.{solid.name}: adds no volume"
     if solid.volume <= NOTHING * np.prod(np.ptp(solid.bounds, axis=0)):
         raise InputError(
             f"{where}: its surface encloses nothing; where it stands twice, once turned inward, the two cancel: delete "
             "one of them, or leave it out"
         )
-    thin = f"{where}: it is thinner than a fraction of the finest cell, {fine:g} m"
-    if allowed < 1.0:
+    thin = f"{where}: it is thinner than a fraction of the finest cell, {cells.told()}"
+    if cells.volume_error < 1.0:
         raise InputError(f"{thin}; take smaller cells (grid.finest_cell, or more grid.levels), or leave it out")
     logging.warning("%s, and left out", thin)
 
@@ -97,44 +95,42 @@ def touched_cells(classify, domain: Domain) -> np.ndarray:
     return index[np.argsort(code, kind="stable")]
 
 
-def compare_volumes(name: str, solid: float, gridded: float, allowed: float, cell: float) -> None:
-    """Log an excavation's volumes, m3; raise InputError if they differ by more than a share `allowed` of the solid's.
-
-    cell: edge of the finest cells, m.
-    """
+def compare_volumes(name: str, solid: float, gridded: float, cells: GridCells) -> None:
+    """Log an excavation's volumes, m3; raise InputError if they differ by more than volume_error of the solid's."""
     error = gridded / solid - 1.0 if solid > 0 else np.inf
     logging.info("%s: %.1f m3, on the grid %.1f m3 (%+.2f %%)", name, solid, gridded, 100 * error)
-    if abs(error) > allowed:
+    if abs(error) > cells.volume_error:
         raise InputError(
             f"excavations.{name}: {solid:.4g} m3 in the domain as a solid but {gridded:.4g} m3 on the grid "
-            f"({100 * error:+.0f} %): too thin for cells of {cell:g} m; take smaller ones "
+            f"({100 * error:+.0f} %): too thin for cells of {cells.told()}; take smaller ones "
             "(grid.finest_cell, or more grid.levels), mend the solid, or allow "
-            f"more by grid.volume_error (now {allowed:g})"
+            f"more by grid.volume_error (now {cells.volume_error:g})"
         )
 
 
-def refuse_propped(names: list[str], share: np.ndarray, size: np.ndarray, allowed: float, cell: float) -> None:
+def refuse_propped(names: list[str], share: np.ndarray, size: np.ndarray, cells: GridCells) -> None:
     """Name excavations that the rock of their cut cells props; raise InputError if hardly any cell is mined wholly.
 
-    share (k,): of each one's volume in wholly mined cells, size (k,) m3; allowed: grid.volume_error, from 1 on anything
-    goes; cell: edge of the finest cells, m.
+    share (k,): of each one's volume in wholly mined cells, size (k,) m3. From a volume_error of 1 on anything goes.
     """
     for name, whole, volume in zip(names, share, size, strict=True):
         if whole < LEAST and volume > 0.0:
-            logging.warning("%s: narrow for cells of %g m: %.0f %% of it fills whole ones", name, cell, 100 * whole)
-    if size.sum() > 0.0 and share @ size < NEARLY_NONE * size.sum() and allowed < 1.0:
+            logging.warning(
+                "%s: narrow for cells of %s: %.0f %% of it fills whole ones", name, cells.told(), 100 * whole
+            )
+    if size.sum() > 0.0 and share @ size < NEARLY_NONE * size.sum() and cells.volume_error < 1.0:
         raise InputError(
-            f"excavations: too narrow for cells of {cell:g} m: {100 * (share @ size) / size.sum():.0f} % of their "
+            f"excavations: too narrow for cells of {cells.told()}: {100 * (share @ size) / size.sum():.0f} % of their "
             "volume fills whole ones, and the rock in the others would prop them; take cells of half their width or "
             "less, or grid.cut_cells: whole"
         )
 
 
-def require_memory(count: GridCount, dimension: int) -> None:
+def require_memory(count: GridCount, dimension: int, cells: GridCells) -> None:
     """Raise InputError if the stages that follow, one particle to a cell, would not fit into the free memory."""
     require(
         stage_bytes("multigrid", dimension, count.cells, count.cells),
-        f"grid: {count.cells:,} cells, {count.nodes:,} nodes, in the stages that follow",
+        f"grid: {count.cells:,} cells, the finest of {cells.told()}, {count.nodes:,} nodes, in the stages that follow",
         "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.buffer_cells or a smaller domain",
     )
 
@@ -173,22 +169,21 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
         domain.levels,
         classify,
         values.grid.buffer_cells,
-        before_allocation=lambda count: require_memory(count, dimension),
+        before_allocation=lambda count: require_memory(count, dimension, values.grid),
     )
-    whole, allowed = values.grid.cut_cells == "whole", values.grid.volume_error
     finest = grid.cell_index[grid.cell_level == grid.levels - 1]
-    pieces = cut_pieces(finest, domain, solids, np.flatnonzero(~later), whole, allowed)
+    pieces = cut_pieces(finest, domain, solids, np.flatnonzero(~later), values.grid)
     if later.any():
         touched = touched_cells(lambda level, index: marks(later, level, index), domain)
-        pieces = pieces.and_then(cut_pieces(touched, domain, solids, np.flatnonzero(later), whole, allowed))
+        pieces = pieces.and_then(cut_pieces(touched, domain, solids, np.flatnonzero(later), values.grid))
     thickness = values.thickness if dimension == 2 else 1.0
     on_grid = np.bincount(pieces.excavation, np.bitwise_count(pieces.samples) / 64, minlength=len(solids))
     on_grid = on_grid * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
     volume = [solid.volume_within(domain.lower, domain.upper) * thickness for solid in solids]
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
-        compare_volumes(solid.name, true, float(gridded), allowed, grid.fine_cell)
+        compare_volumes(solid.name, true, float(gridded), values.grid)
     share, names = whole_shares(pieces, grid.shape, later), [solid.name for solid in solids]
-    refuse_propped(names, share, on_grid, allowed, grid.fine_cell)
+    refuse_propped(names, share, on_grid, values.grid)
     return grid_dataset(
         grid,
         bodies_at(bodies, grid.cell_center),

@@ -265,11 +265,25 @@ class GridDomain(Settings):
     upper: Point
 
 
+RESIZED = {
+    "draft": "accuracy: draft doubles those of the file; leave it out to have them",
+    "fine": "accuracy: fine halves those of the file; leave it out to have them",
+    "grid_convergence": "the companion run of grid_convergence doubles those of the mine",
+}
+
+
 class GridCells(GridSettings):
     """Cells as the grid's slice has them: sizes are known."""
 
     coarse_cell: Size = 10.0
     levels: whole_number(ge=1, le=12) = 4
+    resized_by: Literal["draft", "fine", "grid_convergence"] | None = None
+    """what has made the finest cells larger or smaller than the mine's file says"""
+
+    def told(self) -> str:
+        """Size of the finest cells, and what made it so."""
+        size = f"{self.coarse_cell / 2 ** (self.levels - 1):g} m"
+        return size + (f" ({RESIZED[self.resized_by]})" if self.resized_by else "")
 
 
 class GridFarField(Settings):

@@ -51,7 +51,7 @@ def apply_accuracy(mine: Plan) -> None:
             f"accuracy: {name}: halves the finest cells, but there are {MOST_LEVELS} sizes of cell, the most that "
             f"there can be; leave accuracy out, or take {fewer}"
         )
-    grid["levels"] = levels
+    grid |= {"levels": levels, "resized_by": name}
     for key, loosest in LOOSEST.items():
         solver[key] = max(solver[key], min(solver[key] * preset.tolerances, loosest))
     solver["increment_error"] = min(max(solver["increment_error"] * preset.overshoot, 0.001), 1.0)

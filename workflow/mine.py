@@ -11,7 +11,7 @@ from pipeline.voigt import NAMES
 from workflow.plan import Plan
 
 NOT_SHAPE = ("name", "step", "fill", "filled", "pressure", "material", "refine", "outside", "force", "toward")
-GRID_KEYS = ("coarse_cell", "levels", "buffer_cells", "cut_cells", "volume_error")
+GRID_KEYS = ("coarse_cell", "levels", "buffer_cells", "cut_cells", "volume_error", "resized_by")
 
 
 class Mine(Plan):
@@ -20,7 +20,7 @@ class Mine(Plan):
     def grid_slice(self) -> dict:
         """What grid.nc depends on: shapes, cells, the domain; no material, and of steps what the first one mines."""
         values = self.values
-        grid = {key: values["grid"][key] for key in GRID_KEYS}
+        grid = {key: values["grid"][key] for key in GRID_KEYS if key in values["grid"]}
         later = [number for number, entry in enumerate(self.excavations) if self.step_index(entry["step"]) != 0]
         return {
             "name": self.name,

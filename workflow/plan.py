@@ -150,5 +150,6 @@ class Plan:
         """
         companion = copy.copy(self)
         grid = self.values["grid"]
-        companion.values = self.values | {"grid": grid | {"levels": grid["levels"] - 1, "volume_error": 1e9}}
+        coarse = {"levels": grid["levels"] - 1, "volume_error": 1e9, "resized_by": "grid_convergence"}
+        companion.values = self.values | {"grid": grid | coarse}
         return companion

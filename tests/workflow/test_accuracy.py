@@ -1,7 +1,11 @@
 """`accuracy`: what a preset changes of a mine, and what it leaves."""
 
 import pytest
-from tiny_mines import TINY
+from tiny_mines import TINY, box
+
+from mpm_core.gridding import compare_volumes, make_grid
+from mpm_core.settings import GridSlice
+from pipeline.errors import InputError
 
 
 def test_what_a_file_says_is_standard(accept):
@@ -54,3 +58,29 @@ def test_a_finest_cell_is_that_of_standard(accept):
     )
     assert standard.convergence_slice()["cells"][0] == 5.0
     assert draft.convergence_slice()["cells"][0] == 10.0
+
+
+DRAFT = r"10 m \(accuracy: draft doubles those of the file; leave it out to have them\)"
+
+
+@pytest.mark.parametrize(
+    ("side", "said"),
+    [
+        (5.0, rf"excavations: too narrow for cells of {DRAFT}: 0 % of their volume"),
+        (0.4, rf"excavations.drive: adds no volume: it is thinner than a fraction of the finest cell, {DRAFT}; refine"),
+    ],
+)
+def test_what_refuses_cells_says_that_a_preset_has_resized_them(accept, side, said):
+    """A drive that the file's own cells have was refused by a draft without a word of its larger cells."""
+    mine = {key: value for key, value in TINY.items() if key != "record"}
+    mine |= {"excavations": [box("drive", "history", [20, 30, 40], [60, 30 + side, 40 + side])], "steps": []}
+    with pytest.raises(InputError, match=said):
+        make_grid(accept(mine, accuracy="draft").grid_slice(), {})
+    if side == 5.0:
+        make_grid(accept(mine).grid_slice(), {})
+    else:
+        with pytest.raises(InputError, match=r"than a fraction of the finest cell, 5 m; refine"):
+            make_grid(accept(mine).grid_slice(), {})
+    fine = GridSlice.of(accept(TINY, accuracy="fine").grid_slice()).grid
+    with pytest.raises(InputError, match=r"of 2\.5 m \(accuracy: fine halves those of the file; leave it out"):
+        compare_volumes("drive", 100.0, 10.0, fine)
