@@ -246,7 +246,8 @@ def test_the_answer_draws_what_there_is(hardly_softer, tmp_path, coarse_variant)
 def test_a_crack_splits_the_disc_if_the_weakest_fail_first(tmp_path, coarse_variant):
     """2 mm cells: all rows keep the bounds of the study, the crack runs from arc to arc along the loaded diameter.
 
-    Failing all at once, what stands above strength is a crushed zone instead: wider, and not through.
+    Failing all at once, what stands above strength is a crushed zone instead: wider, with much of its potency away from
+    the diameter.
     """
     together = coarse_variant | {"solver": {"weakest_first": 0}}
     results = run_study("brazilian_disc", tmp_path, {"plane_strain": coarse_variant, "together": together})
@@ -257,5 +258,5 @@ def test_a_crack_splits_the_disc_if_the_weakest_fail_first(tmp_path, coarse_vari
     through = split.run_through(0.9)
     assert split.near_share(5e-3, through) > 0.99
     assert np.abs(split.place[split.rank <= through.generation, 0]).max() < 2 * split.disc.cell_size
-    assert crushed.run_through(0.9) is None
+    assert crushed.near_share(5e-3, crushed.moments[-1]) < 0.6
     assert np.abs(crushed.place[:, 0]).max() > 3 * crushed.disc.cell_size
