@@ -13,7 +13,7 @@ from mpm_core.equilibrium.body import Body, hourglass_modulus
 from mpm_core.equilibrium.brittle import Brittle, find_brittle
 from mpm_core.equilibrium.cascade import Ramp
 from mpm_core.equilibrium.convergence import History
-from mpm_core.equilibrium.energy import Balance, elastic_energy, hourglass_energies
+from mpm_core.equilibrium.energy import Balance, elastic_energy, hourglass_energies, virgin_work
 from mpm_core.equilibrium.explicit import ExplicitScheme
 from mpm_core.equilibrium.moving import MovingScheme
 from mpm_core.equilibrium.multigrid import MultigridScheme
@@ -113,6 +113,7 @@ class StepCells:
         body.settle()
         require_cells(self.ground.scene, grid)
         old, was = body.model, stored(body, counted)
+        virgin_was = virgin_work(body, self.moved())
         model = self.ground.on(grid, old)
         state = carry(old, body.state, model)
         volume = model.volumes(self.step)
@@ -125,6 +126,7 @@ class StepCells:
         self.brittle = brittle_of(model, volume, self.step)
         self.refinement = Refinement.of(grid)
         state.energy[REFINED] += stored(self.scheme.body, counted) - was
+        state.energy[REFINED] -= virgin_work(self.scheme.body, self.moved()) - virgin_was
 
     def resume(self, grid: MultiLevelGrid, places: np.ndarray, full: bool) -> None:
         """Go over to the cells of a checkpoint; places (k, d): what was split until then, full: no more may be."""

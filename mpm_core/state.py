@@ -16,7 +16,7 @@ from pipeline.fields import Field
 
 PARTICLES = ("particle",)
 TENSORS = ("particle", "voigt")
-FORCES, BOUNDARY, SEISMIC, OVERSHOOT, FLOW, GAINED, HOURGLASS, MOTION, REFINED = range(9)
+FORCES, BOUNDARY, SEISMIC, OVERSHOOT, FLOW, GAINED, HOURGLASS, MOTION, UNBALANCED, REFINED = range(10)
 """entries of State.energy, J (per m in 2-D): see equilibrium.energy"""
 
 
@@ -61,7 +61,7 @@ class State:
 
     stress (particle, 6) Pa: change since virgin (rock) or full stress (fill), the full stress of both in files;
     plastic_strain (particle, 6) up to the stage before, with this stage in files; displacement, velocity (node, d);
-    hourglass_force (cell, 2^d - 1 - d, d) by mode; energy (9,), per m in 2-D, of this stage: see FORCES.
+    hourglass_force (cell, 2^d - 1 - d, d) by mode; energy (10,), per m in 2-D, of this stage: see FORCES.
     Where particles move: position (particle, d), cell (particle,), and how often they changed it in this stage.
     """
 

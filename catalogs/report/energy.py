@@ -5,18 +5,20 @@ import numpy as np
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import number, percent
 
-COLUMNS = {  # of a step's row: its heading, and the attributes that are summed
-    "work done on the rock": ("energy_work",),
-    "stored more in it": ("energy_stored",),
-    "taken up while mined": ("energy_support",),
-    "seismic drop": ("energy_seismic",),
-    "overshoot": ("energy_overshoot",),
-    "later flow": ("energy_flow",),
-    "hourglass": ("energy_hourglass", "energy_hourglass_released"),
-    "motion": ("energy_motion",),
+COLUMNS = {  # of a step's row: its heading, and the energies that are summed
+    "work done on the rock": ("work",),
+    "stored more in it": ("stored",),
+    "taken up while mined": ("support",),
+    "seismic drop": ("seismic",),
+    "overshoot": ("overshoot",),
+    "later flow": ("flow",),
+    "hourglass": ("hourglass", "hourglass_released"),
+    "motion": ("motion",),
+    "unbalanced": ("unbalanced",),
 }
 GAINED, SPLIT = "gained", "cells split"
 SMALLEST = 1e-6  # of what is dissipated: gains below this are round-off
+NOTHING = "nothing happened"
 
 
 def section(evidence: Evidence) -> dict | None:
@@ -24,19 +26,29 @@ def section(evidence: Evidence) -> dict | None:
     steps = evidence.steps
     if not steps:
         return None
-    gains = any(step["energy_gained"] > SMALLEST * abs(step["energy_dissipated"]) for step in steps)
-    splits = any(float(step["energy_refined"]) for step in steps)
-    columns = COLUMNS | ({SPLIT: ("energy_refined",)} if splits else {})
-    columns |= {GAINED: ("energy_gained",)} if gains else {}
-    rows = [
-        {
-            "name": step["step"],
-            "values": [number(sum(float(step[name]) for name in names) / 1e6) for names in columns.values()],
-            "left": percent(step["energy_left_share"]),
-        }
-        for step in steps
-    ]
+    gains = any(energy(step, "gained") > SMALLEST * abs(energy(step, "dissipated")) for step in steps)
+    splits = any(energy(step, "refined") for step in steps)
+    columns = COLUMNS | ({SPLIT: ("refined",)} if splits else {})
+    columns |= {GAINED: ("gained",)} if gains else {}
+    rows = [_row(step, columns) for step in steps]
     return {"columns": list(columns), "rows": rows, "gains": gains, "splits": splits, "unknown": _unknown(steps)}
+
+
+def totals(evidence: Evidence) -> list[dict]:
+    """The steps with what each released and dissipated, MJ."""
+    return [step | {name: energy(step, name) / 1e6 for name in ("released", "dissipated")} for step in evidence.steps]
+
+
+def energy(step: dict, *names: str) -> float:
+    """Sum of a step's energies of these names, J; 0 where it is round-off of the energy that its rock holds."""
+    value = sum(float(step[f"energy_{name}"]) for name in names)
+    return 0.0 if abs(value) <= float(step["energy_round_off"]) else value
+
+
+def _row(step: dict, columns: dict[str, tuple[str, ...]]) -> dict:
+    values = [energy(step, *names) for names in columns.values()]
+    left = percent(step["energy_left_share"]) if any(values) else NOTHING
+    return {"name": step["step"], "values": [number(value / 1e6) for value in values], "left": left}
 
 
 def _unknown(steps: list[dict]) -> bool:

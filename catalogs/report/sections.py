@@ -98,7 +98,7 @@ def _rock(evidence: Evidence, gallery: Gallery) -> dict | None:
         return None
     grid, state, cuts, planned = evidence.grid, evidence.state, _cuts(evidence), evidence.planned
     sections = [view for view in cuts if view.vertical == views.UP] or cuts
-    shown = {"failed": None, "table": evidence.steps, "energy": energy.section(evidence)}
+    shown = {"failed": None, "table": energy.totals(evidence), "energy": energy.section(evidence)}
     if (state["failed"].values >= 0).any():
         last = max(int(step["step_index"]) for step in evidence.steps)
         names, dated = ["" for _ in range(last + 1)], [False] * (last + 1)

@@ -27,7 +27,7 @@ from mpm_core.equilibrium.part import Part
 from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
 from mpm_core.model import Model
 from mpm_core.settings import SolverSettings
-from mpm_core.state import MOTION, REFINED, State, keep
+from mpm_core.state import MOTION, REFINED, UNBALANCED, State, keep
 
 TIGHTER = 4.0  # between two tolerances of the last increment
 PLASTIC_LOOSER, PLASTIC_TOLERANCE = 50.0, 0.05  # times the given one, to so much: where no rock loses strength
@@ -167,11 +167,12 @@ def relax_and_fail(
 def come_to_rest_on(scheme: Scheme, external: np.ndarray, tolerance, reference: float, history: History) -> None:
     """Bring cells that have just been split to rest: what they set in motion is theirs, not the rock's."""
     energy = scheme.body.state.energy
-    before = energy[MOTION]
+    own = [MOTION, UNBALANCED]
+    before = energy[own]
     scheme.relax(external, tolerance, reference, history)
     scheme.body.settle()
-    energy[REFINED] -= energy[MOTION] - before
-    energy[MOTION] = before
+    energy[REFINED] -= float(np.sum(energy[own] - before))
+    energy[own] = before
 
 
 def loose_tolerance(model: Model) -> float:

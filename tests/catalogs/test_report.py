@@ -129,14 +129,21 @@ def test_the_page_says_where_the_energy_of_each_step_went(page, mine):
     assert dict(zip(table["columns"], table["rows"][0]["values"], strict=True)) == {
         "work done on the rock": "2.00", "stored more in it": "−33.0", "taken up while mined": "6.00",
         "seismic drop": "1.00", "overshoot": "2.00", "later flow": "8.00", "hourglass": "1.00", "motion": "16.9",
+        "unbalanced": "0.100",
     }  # fmt: skip
-    assert table["rows"][0]["left"] == "0.30 %"
+    assert table["rows"][0]["left"] == "6.0·10⁻¹⁰ %"
     assert not table["gains"]
-    for text in ("where the energy went", "later flow", "16.9", "0.30 %", "closure depend on the size of cells"):
+    for text in ("where the energy went", "later flow", "16.9", "6.0·10⁻¹⁰ %", "closure depend on the size of cells"):
         assert text in page.sections["rock"]
     gains = report_energy.section(SimpleNamespace(steps=[attributes | {"energy_gained": 1e6}]))
     assert gains["gains"]
     assert gains["rows"][0]["values"][-1] == "1.00"
+    round_off = {key: 1e-4 for key in attributes if key.startswith("energy_")} | {"energy_round_off": 1e-3}
+    nothing = report_energy.section(SimpleNamespace(steps=[attributes | round_off]))
+    assert set(nothing["rows"][0]["values"]) == {"0"}
+    assert nothing["rows"][0]["left"] == "nothing happened"
+    assert not nothing["gains"]
+    assert not nothing["splits"]
     moving = report_energy.section(SimpleNamespace(steps=[attributes | {"energy_left_share": np.nan}]))
     assert moving["unknown"]
     assert moving["rows"][0]["left"] == "–"

@@ -81,7 +81,7 @@ def test_rock_fails_as_in_the_whole_mine(refinement, close, tmp_path, small, mon
     assert failed_potency(state) == pytest.approx(failed_potency(whole), rel=close)
     assert facts["failed_volume"] == pytest.approx(expected["failed_volume"], rel=close)
     assert facts["unbalanced_ratio"] <= 1e-5
-    assert facts["energy_left_share"] < 0.01
+    assert facts["energy_left_share"] < 1e-9
     assert facts["energy_released"] == pytest.approx(expected["energy_released"], rel=0.01)
     assert facts["increments"] == expected["increments"]
     assert facts["truncated"] == expected["truncated"]
@@ -146,7 +146,7 @@ def test_a_district_has_what_the_whole_mine_has(case, tmp_path, small, monkeypat
     )
     assert flow == pytest.approx(of_whole, rel=0.02)
     assert facts["energy_released"] == pytest.approx(expected["energy_released"], rel=0.02)
-    assert facts["energy_left_share"] < 0.01
+    assert facts["energy_left_share"] < 1e-9
     for name in ("mass", "energy_mined", "loose_volume", "loose_pieces"):
         assert facts[name] == pytest.approx(expected[name], rel=1e-9), name
 

@@ -1,49 +1,54 @@
 """The energy balance of a step: closed forms of elastic rock, what closes in rock that fails, what is not negative."""
 
+import re
+
 import numpy as np
 import pytest
 
-from mechanics.scenes import COULOMB, HOST, ball, excavation, grid_around, make_dataset, make_scene, uniform
+from mechanics.balances import NOTHING, PLANES, PLASTIC, PRESSURE, WEAK, A, mined
+from mechanics.scenes import COULOMB, HOST, grid_around, make_dataset, make_scene, uniform
 from mpm_core.equilibrium import explicit
 from mpm_core.stages import elastic_stage, mining_step
 
-A, PRESSURE = 6.0, 30e6
 SHEAR = HOST["youngs_modulus"] / (2 * (1 + HOST["poisson_ratio"]))
 BULK = HOST["youngs_modulus"] / (3 * (1 - 2 * HOST["poisson_ratio"]))
-SYMMETRY = {"x_lower": "roller", "y_lower": "roller", "z_lower": "roller"}
-WEAK = COULOMB | {"cohesion": {"intact": 2e6, "residual": 0.0}}
 SCHEMES = pytest.mark.parametrize("scheme", ["multigrid", "explicit"])
+CLOSED = 1e-9  # share of the largest term: round-off
+ROCK = {"plane": "xy", "pressure": 15e6, "tolerance": 1e-5, "scheme": "multigrid"}
+SCENES = {
+    "brittle": {},
+    "without residual cohesion": {"host": WEAK},
+    "plastic": {"host": PLASTIC},
+    "weak planes": {"host": PLANES, "scheme": "explicit"},
+    "filled": {"fills": ("fill", None)},
+    "pressed": {"inside": 1e6, "fills": (None, None)},
+    "strained": {"strain": [-6e-4, -1e-4, 0.0, 0.0, 0.0, 0.0]},
+    "chosen increments": {"increments": 0},
+    "member": {"increments": 0, "changes": {"perturbation": 3}},
+    "four particles": {"changes": {"particles_per_cell": 2}},
+    "subdivided cells": {"changes": {"cut_cells": "subdivide"}},
+    "time steps": {"scheme": "explicit"},
+    "plastic, time steps": {"host": PLASTIC, "scheme": "explicit"},
+}
 
 
-def mined(tmp_path, *, plane=None, fills=(None,), base=6, host=HOST, pressure=PRESSURE, strain=None, **solver):
+def facts_of(tmp_path, **options):
     """Facts of the step that mines a sphere (tunnel in 2-D), or of each step that mines and fills larger ones."""
-    d = 2 if plane else 3
-    shapes = [ball([0.0] * d, A + 2.0 * number) for number in range(len(fills))]
-    options = {
-        "stress": uniform(*[-pressure] * 3),
-        "boundary": SYMMETRY,
-        "host": host,
-        "strains": [{"name": "press", "since": 1, "strain": strain}] if strain else [],
-        "solver": {"tolerance": 1e-6} | solver,
-    }
-    entries = [excavation(step, fill, step, name=f"e{step}") for step, fill in enumerate(fills, 1)]
-    grid, state, facts = None, None, []
-    for steps in range(1, len(fills) + 2):
-        later = [excavation(-1, None, name=f"e{step}") for step in range(steps, len(fills) + 1)]
-        scene = make_scene(plane, excavations=entries[: steps - 1] + later, steps=steps, **options)
-        if grid is None:
-            grid = make_dataset(scene, grid_around(shapes, [base] * d, 3, 4.0), shapes)
-            state, _ = elastic_stage(scene, grid, tmp_path / "f.npz")
-        state, fact = mining_step(scene, grid, state, tmp_path / "f.npz")
-        facts.append(fact)
-    return facts[1:] if len(fills) > 1 else facts[1]
+    facts = [facts for _, facts in mined(tmp_path, **{"host": HOST} | options)]
+    return facts if len(facts) > 1 else facts[0]
+
+
+def share(facts, name):
+    """One term over the largest of the balance."""
+    terms = re.findall(r"energy_\w+", facts["energy_balance"].split(";")[0])
+    return facts[f"energy_{name}"] / max(abs(facts[term]) for term in terms)
 
 
 def test_a_sphere_in_one_and_in_four_increments_releases_what_salamon_says(tmp_path):
     """An eighth of a void of a = 6 m in p = 30 MPa: its rock takes 4/3 pi a^3 p^2 / 2 K with it, and mined at once sets
     half of the support's work in motion, pi a^3 p^2 / 2 G (the wall moves by p a / 4 G); in n increments 1 / n of that,
     while the support takes the rest. 5 %: cut cells and a boundary at 4 a; between increments 1e-4."""
-    once, four = (mined(tmp_path, scheme="multigrid", increments=n) for n in (1, 4))
+    once, four = (facts_of(tmp_path, scheme="multigrid", increments=n) for n in (1, 4))
     exact = np.pi * A**3 * PRESSURE**2 / (16 * SHEAR)
     stored = np.pi / 6 * A**3 * PRESSURE**2 / (2 * BULK)
     assert once["energy_motion"] == pytest.approx(exact, rel=0.05)
@@ -52,7 +57,7 @@ def test_a_sphere_in_one_and_in_four_increments_releases_what_salamon_says(tmp_p
     assert four["energy_motion"] == pytest.approx(once["energy_motion"] / 4, rel=1e-4)
     assert four["energy_support"] == pytest.approx(0.75 * once["energy_motion"], rel=1e-4)
     for facts in (once, four):
-        assert facts["energy_left_share"] < 1e-6
+        assert facts["energy_left_share"] < CLOSED
         assert facts["energy_dissipated"] == 0.0
 
 
@@ -62,45 +67,88 @@ def test_a_sphere_in_one_and_in_four_increments_releases_what_salamon_says(tmp_p
 )
 def test_the_balance_closes_where_rock_fails_and_flows(scheme, host, strain, tmp_path):
     """A tunnel mined in four increments, in rock with and without residual cohesion, in a boundary at rest or strained;
-    rock at rest to 3e-3 between generations. 1 % of the largest term; no term of failure is negative. What is
-    dissipated is not what is left over: all else together is as large."""
-    facts = mined(tmp_path, plane="xy", host=host, pressure=15e6, strain=strain, scheme=scheme, tolerance=1e-5)
+    rock at rest to 3e-3 between generations. No term of failure is negative. What is dissipated is not what is
+    unbalanced: all else together is as large."""
+    facts = facts_of(tmp_path, plane="xy", host=host, pressure=15e6, strain=strain, scheme=scheme, tolerance=1e-5)
     assert facts["failed_particles"] > 30
-    assert facts["energy_left_share"] < 0.01
+    assert facts["energy_left_share"] < CLOSED
+    assert abs(share(facts, "unbalanced")) < 0.01
     for name in ("seismic", "overshoot", "flow", "motion", "hourglass_released", "mined", "support"):
         assert facts[f"energy_{name}"] > 0.0, name
     assert facts["energy_gained"] <= 1e-9 * facts["energy_dissipated"]
     total = facts["energy_dissipated"] + facts["energy_motion"]
     assert total > 0.02 * max(abs(facts["energy_stored"]), abs(facts["energy_work"]))
-    released = facts["energy_mined"] + total + facts["energy_hourglass_released"]
+    released = facts["energy_mined"] + total + facts["energy_hourglass_released"] + facts["energy_unbalanced"]
     assert facts["energy_released"] == pytest.approx(released)
 
 
-def test_what_is_left_is_what_rock_at_rest_lacks_of_balance(tmp_path):
-    """Its share of the largest term is at most the tolerance, loose or tight: nothing else is missing."""
-    options = {"plane": "xy", "host": COULOMB, "pressure": 15e6, "scheme": "multigrid"}
+@pytest.mark.parametrize("name", SCENES)
+def test_nothing_is_left_over_however_loosely_rock_rests_between_generations(name, tmp_path):
+    """Every kind of rock, wall, load and cell: only round-off at 1e-2 and 1e-4. What was left over of the loose one, up
+    to 1.5 % here, is the work of the forces still unbalanced there: it has its term, and goes with the tolerance."""
+    loose, tight = (facts_of(tmp_path, **ROCK | {"host": COULOMB} | SCENES[name], cascade_tolerance=tolerance)
+                    for tolerance in (1e-2, 1e-4))  # fmt: skip
+    for facts in [*loose, *tight] if isinstance(loose, list) else [loose, tight]:
+        assert facts["failed_particles"] > 0
+        assert facts["energy_left_share"] < CLOSED
+        lost = facts["energy_mined"] + facts["energy_work"] - facts["energy_support"] - facts["energy_stored"]
+        lost -= facts["energy_hourglass"] + facts["energy_refined"]
+        assert facts["energy_released"] == pytest.approx(lost, rel=1e-9)
+    first, last = (facts[0] if isinstance(facts, list) else facts for facts in (loose, tight))
+    assert 0.0 < abs(share(last, "unbalanced")) < 2e-3
+    assert abs(share(last, "unbalanced")) < 0.5 * abs(share(first, "unbalanced"))
+
+
+def test_what_forces_do_unbalanced_is_less_than_the_tolerance_of_the_largest_term(tmp_path):
+    """Loose or tight."""
     for tolerance in (1e-3, 1e-5):
-        facts = mined(tmp_path, **options, tolerance=tolerance, cascade_tolerance=tolerance)
-        assert 0.0 < facts["energy_left_share"] < tolerance
+        facts = facts_of(tmp_path, **ROCK | {"host": COULOMB, "tolerance": tolerance, "cascade_tolerance": tolerance})
+        assert 0.0 < abs(share(facts, "unbalanced")) < tolerance
+
+
+@pytest.mark.parametrize("host", [HOST, COULOMB])
+def test_where_nothing_happens_round_off_is_no_share(host, tmp_path):
+    """A step that mines nothing, after one in which rock has failed or has not: energies are below the round-off of
+    what rock holds, and none is left over. (Of its own size it was 100 %.)"""
+    _, idle = mined(tmp_path, **ROCK, host=host, fills=(None, NOTHING))
+    _, facts = idle
+    terms = re.findall(r"energy_\w+", facts["energy_balance"].split(";")[0])
+    assert facts["energy_round_off"] == pytest.approx(1e-12 * facts["energy_elastic"])
+    assert max(abs(facts[term]) for term in terms) <= facts["energy_round_off"]
+    assert facts["energy_left_share"] == 0.0
+
+
+@pytest.mark.parametrize("plane", ["xy", None])
+def test_the_elastic_energy_is_that_of_the_stored_stress(plane, tmp_path):
+    """Sum of volume, stress and C^-1 stress over the particles of the file; hourglass energy beside it."""
+    state, facts = mined(tmp_path, plane=plane, pressure=15e6, scheme="multigrid")[0]
+    stress, volume = state.stress.values, state.volume.values
+    mean = stress[:, :3].mean(axis=1)
+    shear = (stress**2 * [1, 1, 1, 2, 2, 2]).sum(axis=1) - 3 * mean**2
+    expected = np.sum(volume * (mean**2 / (2 * BULK) + shear / (4 * SHEAR)))
+    assert facts["energy_elastic"] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("strain", [None, [-6e-4, -1e-4, 0.0, 0.0, 0.0, 0.0]])
 def test_a_relaxation_that_is_settled_on_its_way_counts_what_its_forces_do(strain, tmp_path, monkeypatch):
     """Long relaxations by time steps count flow anew before they are at rest. What is unbalanced there does work, too:
     without it 2 to 20 % of the balance were open."""
-    options = {"plane": "xy", "pressure": 15e6, "scheme": "explicit", "tolerance": 1e-5, "strain": strain}
+    options = ROCK | {"scheme": "explicit", "strain": strain}
     monkeypatch.setattr(explicit, "FLOW_FROM", 40)
-    facts = mined(tmp_path, **options)
+    facts = facts_of(tmp_path, **options)
     assert facts["iterations"] > 10 * 40
-    assert facts["energy_left_share"] < 2e-4  # what is unbalanced at rest
-    assert mined(tmp_path, **options, host=COULOMB)["energy_left_share"] < 0.01
+    assert facts["energy_left_share"] < CLOSED
+    assert abs(share(facts, "unbalanced")) < 2e-4
+    facts = facts_of(tmp_path, **options, host=COULOMB)
+    assert facts["energy_left_share"] < CLOSED
+    assert abs(share(facts, "unbalanced")) < 0.01
 
 
 @pytest.mark.parametrize("plane", ["xy", None])
 def test_the_balance_closes_when_fill_is_mined(plane, tmp_path):
-    """Elastic rock; a ball is mined and filled in one step, a larger one, fill and all, is mined by the next. 1e-4."""
-    for facts in mined(tmp_path, plane=plane, base=5, fills=("fill", None), scheme="multigrid"):
-        assert facts["energy_left_share"] < 1e-4
+    """Elastic rock; a ball is mined and filled in one step, a larger one, fill and all, is mined by the next."""
+    for facts in facts_of(tmp_path, plane=plane, base=5, fills=("fill", None), scheme="multigrid"):
+        assert facts["energy_left_share"] < CLOSED
         assert facts["energy_motion"] > 0.0
 
 
@@ -129,4 +177,4 @@ def test_rock_without_residual_strength_makes_no_energy_when_it_opens(tmp_path):
     assert opened["energy_dissipated"] >= 0.0
     assert opened["energy_stored"] == pytest.approx(-pressed["energy_stored"], rel=1e-6)
     assert opened["energy_work"] == pytest.approx(-pressed["energy_stored"], rel=0.01)
-    assert opened["energy_left_share"] < 1e-6
+    assert opened["energy_left_share"] < CLOSED

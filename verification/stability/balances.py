@@ -12,10 +12,12 @@ from verification.stability.judges import number
 
 MASS = 1e-9  # share; sums of volumes in another order
 MOMENTUM = 1e-9  # share: sums of forces that cells put on nodes add up to nothing, but for round-off
-ENERGY, PLASTIC_ENERGY = 0.01, 0.05  # share of the largest term that rock at rest may lack of balance: rock is at rest
-# to 1e-3 between generations, to 5e-2 where no rock loses strength (solver.cascade_tolerance)
+ENERGY = 1e-6  # share of the largest term that the balance may leave over: round-off
 ROUND_OFF = 1e-9  # of the largest term
-SPLIT = "energy_refined"  # counted, no part of the balance's size
+NO_TERMS = {
+    *("energy_balance", "energy_left", "energy_left_share", "energy_elastic", "energy_round_off"),
+    "energy_refined",  # counted, no part of the balance's size
+}
 
 
 def broken(values: dict, outcome: Outcome) -> list[str]:
@@ -29,20 +31,21 @@ def broken(values: dict, outcome: Outcome) -> list[str]:
     return found
 
 
-def lacking(values: dict, outcome: Outcome) -> tuple[float, str]:
+def lacking(outcome: Outcome) -> tuple[float, str]:
     """The largest share of its terms that an energy balance lacks, and, where that is too much, a line about it.
 
-    Terms are counted one by one; what they lack is the work of the forces that a state at rest leaves unbalanced.
+    Terms are counted one by one, the work of the forces that a state at rest leaves unbalanced among them.
     """
     worst, line, largest = 0.0, "", 0.0
     for name, state in outcome.stored.items():
         if name == "grid":
             continue
         largest = max(largest, *_sizes(state))
-        share = abs(float(state.attrs["energy_left"])) / largest if largest > 0.0 else 0.0
+        happened = largest > float(state.attrs["energy_round_off"])
+        share = abs(float(state.attrs["energy_left"])) / largest if happened else 0.0
         if share > worst:  # NaN where particles move
             worst = share
-            if share > (PLASTIC_ENERGY if _is_plastic(values) else ENERGY):
+            if share > ENERGY:
                 line = f"{name}: the energy balance lacks {share:.2g} of its largest term"
     return worst, line
 
@@ -94,7 +97,7 @@ def _sizes(state: xr.Dataset) -> list[float]:
 
 
 def _is_term(key: str) -> bool:
-    return key.startswith("energy_") and key not in ("energy_balance", "energy_left", "energy_left_share", SPLIT)
+    return key.startswith("energy_") and key not in NO_TERMS
 
 
 def _gained(values: dict, state: xr.Dataset, largest: float):
@@ -106,14 +109,3 @@ def _gained(values: dict, state: xr.Dataset, largest: float):
         yield f"{gained:.3g} J gained"
     if dissipated < -ROUND_OFF * largest:
         yield f"{dissipated:.3g} J dissipated"
-
-
-def _is_plastic(values: dict) -> bool:
-    """Whether rock fails and none loses strength."""
-    rocks = [rock for rock in values["materials"].values() if rock["model"] != "elastic"]
-    return bool(rocks) and not any(_is_brittle(rock) for rock in rocks)
-
-
-def _is_brittle(rock: dict) -> bool:
-    pairs = [value for value in rock.values() if isinstance(value, dict)]
-    return any(number(pair["intact"]) != number(pair["residual"]) for pair in pairs)

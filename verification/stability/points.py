@@ -101,7 +101,7 @@ def _judged(case: Case, run: Runner) -> tuple[str, float, str, dict]:
     faults = broken(merge(DEFAULT, case.values), outcome)
     if faults:
         return FAULT, math.nan, faults[0], facts
-    lacks, line = lacking(merge(DEFAULT, case.values), outcome)
+    lacks, line = lacking(outcome)
     facts["energy_left_share"] = lacks
     if case.judge is None:
         return (WRONG, lacks, line, facts) if line else (SOUND, math.nan, "", facts)
