@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 
+from catalogs.blocks import LEAST_BLOCKS
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import number, percent, plural, typeset, whole
 from catalogs.size_law import NONE, POWER, TRUNCATED
@@ -92,8 +93,8 @@ def _impossible(evidence: Evidence) -> list[str]:
         found.append(as_sentence(attributes["location_text"]))
     elif not np.isfinite(comparison["energy_p_value"]):
         found.append(
-            "Differences of places and axes have no interval and no p-value: fewer than three runs of the model do not "
-            "say how another would differ. Set ensemble: 8 for them."
+            f"Differences of places and axes have no interval and no p-value: fewer than {LEAST_BLOCKS} runs of the "
+            "model do not say how another would differ. Set ensemble: 8 for them."
         )
     few = [f"{name} has {count}" for name, count in zip(names, counts, strict=True) if count < LEAST_EVENTS]
     if not np.isfinite(comparison["b_difference"]):

@@ -58,6 +58,18 @@ def test_a_catalogue_beside_itself_differs_in_nothing():
     assert result.attrs["axes_present"] == 1
 
 
+def test_axes_of_a_record_of_two_events_are_not_compared():
+    """However alike they are: two blocks do not say how far their mean may be off."""
+    catalog = made_up_catalog(300)
+    record = as_record(catalog.isel(event=[0, 1]))
+    result = compare(catalog, record, QUICK)
+    assert result["events_with_axes"].values.tolist()[1] == 2
+    assert result.attrs["axes_present"] == 0
+    assert result["mean_angle"].isnull().all()
+    assert result["mean_cone"].isnull().all()
+    assert "3 are needed to tell how far their mean may be off" in result.attrs["axes_text"]
+
+
 PLACES_AND_AXES = ("energy_p_value", "mean_angle_p_value", "energy_distance_interval", "centroid_offset_interval",
                    "centroid_distance_interval", "nearest_distance_interval", "cross_ratio_interval",
                    "mean_angle_interval")  # fmt: skip
