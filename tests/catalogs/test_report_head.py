@@ -215,7 +215,7 @@ def test_panels_of_sizes_hold_the_counts_of_both():
     generator, catalogs = np.random.default_rng(0), []
     for count in (40, 4000):
         size = generator.exponential(0.5, count)
-        catalogs.append(sizes.Sizes("", "k", size, 0.9, 0.1, np.log10(count), 0.0, np.zeros((3, 0))))
+        catalogs.append(sizes.Sizes("", "k", size, 0.9, (0.8, 1.0), np.log10(count), 0.0, np.zeros((3, 0))))
     with style.applied():
         figure = sizes.potency_frequency(catalogs)
     for axes, count in zip(figure.axes, (40, 4000), strict=True):
