@@ -58,7 +58,7 @@ def test_cells_tell_their_material_and_what_share_of_them_it_takes(stage, tmp_pa
     cells = {name: values[0] for name, values in meshio.read(tmp_path / "materials.vtu").cell_data.items()}
     shares = np.stack([cells[f"fraction_of_{name}"] for name in ("host", "fill", "solid")])
     np.testing.assert_allclose(shares.sum(axis=0), cells["solid_fraction"], atol=1e-6)
-    full = grid.cell_size**grid.dimension * 5.0
+    full = grid.cell_size**grid.dimension * state.attrs["thickness"]
     for index in range(3):
         own = (state.material.values == index) & (state.volume.values > 0)
         expected = np.zeros(len(full))

@@ -189,10 +189,10 @@ def test_command_lines_end_to_end(planes, make_scattered_step, make_settings, tm
     assert (done.returncode, len(told(done))) == (0, 1), done.stderr
 
     events, _ = extract_events(step, make_settings())
-    made = provenance(make_settings(), "seismic events")
+    made = provenance(make_settings(), "seismic events", [tmp_path / "step.nc"])
     write_events(events.assign_attrs(made), tmp_path / "here_events.nc")
     catalog = merge([read_events(tmp_path / "here_events.nc")])
-    made = provenance(make_settings(), "seismic catalog")
+    made = provenance(make_settings(), "seismic catalog", [tmp_path / "here_events.nc"])
     write_events(catalog.assign_attrs(made), tmp_path / "here_catalog.nc")
     write_csv(catalog, tmp_path / "here_catalog.csv")
     table = pd.read_csv(tmp_path / "catalog.csv")

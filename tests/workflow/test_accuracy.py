@@ -67,7 +67,7 @@ DRAFT = r"10 m \(accuracy: draft doubles those of the file; leave it out to have
     ("side", "said"),
     [
         (5.0, rf"excavations: too narrow for cells of {DRAFT}: 0 % of their volume"),
-        (0.4, rf"excavations.drive: adds no volume: it is thinner than a fraction of the finest cell, {DRAFT}; refine"),
+        (0.4, rf"excavations.drive: adds no volume: .* than a fraction of the finest cell, {DRAFT}; take smaller"),
     ],
 )
 def test_what_refuses_cells_says_that_a_preset_has_resized_them(accept, side, said):
@@ -79,7 +79,7 @@ def test_what_refuses_cells_says_that_a_preset_has_resized_them(accept, side, sa
     if side == 5.0:
         make_grid(accept(mine).grid_slice(), {})
     else:
-        with pytest.raises(InputError, match=r"than a fraction of the finest cell, 5 m; refine"):
+        with pytest.raises(InputError, match=r"than a fraction of the finest cell, 5 m; take smaller"):
             make_grid(accept(mine).grid_slice(), {})
     fine = GridSlice.of(accept(TINY, accuracy="fine").grid_slice()).grid
     with pytest.raises(InputError, match=r"of 2\.5 m \(accuracy: fine halves those of the file; leave it out"):

@@ -100,7 +100,9 @@ def test_unreadable_dataset_is_named(tmp_path, content):
     path = tmp_path / "elastic.nc"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(InputError, match=r"elastic\.nc: not a readable dataset .* delete it and run again"):
+    with pytest.raises(
+        InputError, match=r"elastic\.nc: not a readable dataset .* delete it and run the same command again"
+    ):
         read_dataset(path)
 
 

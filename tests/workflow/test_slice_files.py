@@ -57,7 +57,7 @@ def test_an_unreadable_slice_is_one_line(tmp_path, content):
     path = tmp_path / "grid.json"
     if content is not None:
         path.write_text(content)
-    with pytest.raises(InputError, match=r"grid\.json: not .* again"):
+    with pytest.raises(InputError, match=r"grid\.json: not .*; slices stand in results"):
         read_slice(path)
 
 
@@ -75,7 +75,7 @@ def test_a_changed_value_replaces_the_slices_of_its_stages_alone(spoiled, base):
     before = {path.relative_to(folder).as_posix() for path in folder.rglob("*.json")}
     assert {name.split(".")[0] for name in before} == {
         *("grid", "elastic", "steps/history", "steps/2019-08", "events/history", "events/2019-08"),
-        *("catalog", "record", "comparison", "report"),
+        *("catalog", "closeness", "record", "comparison", "report"),
     }
     with edited(base / "files" / "tiny.yaml", changed(TINY, **{"record.filter.minimum_potency": "1e-4 m^3"})) as file:
         status, text = snakemake(file, spoiled)

@@ -21,15 +21,33 @@ BY_NAME = {  # modules that import others by a name made at run time, and who se
     "verification/__main__.py",  # an answer: its rule names the module beside the stage
     "workflow/plan.py",  # excavations_from: what it makes is part of the slices of settings
 }
-# In place of the interpreter that runs a stage: one leaves empty results, one runs it and notes what files it has used.
-LEAVE_EMPTY = """#!/bin/sh
-while [ $# -gt 0 ]; do
-  case "$1" in
-    --figures) mkdir -p "$2" ;;
-    --output | --csv) mkdir -p "$(dirname "$2")" && : > "$2" ;;
-  esac
-  shift
-done
+# In place of the interpreter that runs a stage: one leaves results that hold nothing but what they were made from, one
+# runs it and notes what files it has used.
+LEAVE_EMPTY = """#!{python}
+import os, sys
+from pathlib import Path
+import netCDF4
+sys.path.insert(0, os.environ["PYTHONPATH"])
+from pipeline.provenance import MADE_FROM, comment, made_from
+from pipeline.slices import read_slice
+module, stage, *words = sys.argv[2:]
+given, option = {{}}, ""
+for word in words:
+    option = word if word.startswith("--") else option
+    given.setdefault(option, []).extend([] if word == option else [word])
+output = Path(given.pop("--output")[0])
+values = [read_slice(given[option][0]) for option in ("--scene", "--settings") if option in given]
+inputs = [path for paths in given.values() for path in paths if path.endswith(".nc")]
+identity = made_from(*(values or [{{}}]), f"{{module}} {{stage}}", inputs)
+for folder in (output.parent, *map(Path, given.get("--figures", []))):
+    folder.mkdir(parents=True, exist_ok=True)
+for path in given.get("--csv", []):
+    Path(path).touch()
+if output.suffix == ".nc":
+    with netCDF4.Dataset(output, "w") as dataset:
+        dataset.setncattr(MADE_FROM, identity)
+else:
+    output.write_text(comment(identity))
 """
 NOTE = """#!{python}
 import atexit, json, os, runpy, sys
@@ -164,7 +182,7 @@ def standing(tmp_path_factory):
 
     def run(*options: str) -> dict[str, int]:
         line = command(mine, base / "run", *options, checkout=checkout)[3:]
-        done = run_with(LEAVE_EMPTY, base / "leave_empty", *line)
+        done = run_with(LEAVE_EMPTY.format(python=sys.executable), base / "leave_empty", *line)
         assert done.returncode == 0, done.stderr
         return {rule: count for rule, count in jobs(done.stdout + done.stderr).items() if rule != "all"}
 

@@ -75,8 +75,6 @@ def run(values: dict, folder: Path, seconds: int = SECONDS) -> Outcome:
         kind, message = (WRONG, wrong[0]) if wrong else (RESTS, "")
     except InputError as error:
         kind, message = ENDED if "elastic" in stored else REFUSED, str(error)
-        if "\n" in message:
-            kind = WRONG
     except TimeoutError:
         kind, message = HANGS, f"not done after {seconds} s: {', '.join(stored) or 'nothing'} stored"
     except Exception:  # what a user would see as a traceback is the finding here

@@ -196,7 +196,7 @@ def slice_file(folder, stage):
 
 
 def inputs_of(command, stage, result="", **files):
-    """Input files of the rule whose stage makes results/{mine}/<result>, or <stage>.nc: names, or functions of wildcards.
+    """Inputs of the stage that makes results/{mine}/<result>, or <stage>.nc; files: names, or functions of wildcards.
 
     Where that result stands, but says that it was made from another configuration, other sources or other inputs than
     these, it is made again (pipeline.provenance). Snakemake compares times and its own notes: it drops the notes of a
