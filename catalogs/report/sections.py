@@ -158,7 +158,7 @@ def _events(evidence: Evidence, gallery: Gallery) -> dict | None:
         "near": _with_most_potency(rows),
         "nearness": gallery.add("nearness", events.nearness(evidence.comparison)) if located else None,
         "rows": match.location_rows(evidence) if located else [],
-        "text": text.typeset(evidence.comparison.attrs.get("location_text", "")) if compared else "",
+        "text": as_sentence(evidence.comparison.attrs.get("location_text", "")) if compared else "",
         "crowd": any(events.is_crowd(catalog) for catalog in shown.values()),
         "beside": len(shown) > 1,
         "in_time": _in_time(evidence, gallery),
@@ -251,7 +251,7 @@ def _axes(evidence: Evidence, gallery: Gallery) -> dict | None:
         "selection": _selection(chosen),
         "kagan": gallery.add("kagan_angles", stereonets.kagan_angles(evidence.comparison)) if compared else None,
         "rows": match.axis_rows(evidence) if compared else [],
-        "text": "" if evidence.comparison is None else evidence.comparison.attrs.get("axes_text", ""),
+        "text": "" if evidence.comparison is None else as_sentence(evidence.comparison.attrs.get("axes_text", "")),
     }
 
 
