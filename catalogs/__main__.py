@@ -33,9 +33,9 @@ def record(chosen: argparse.Namespace) -> None:
     from catalogs.records import read_record
 
     settings = read_slice(chosen.settings)
-    events = read_record(settings)
+    made_of = provenance(settings, "catalogs record")  # before the record is read: it may be written to meanwhile
     frame = {"frame": json.dumps(settings["frame"])} if settings.get("frame") else {}
-    write_events(events.assign_attrs(frame | provenance(settings, "catalogs record")), chosen.output)
+    write_events(read_record(settings).assign_attrs(frame | made_of), chosen.output)
 
 
 def quakeml(chosen: argparse.Namespace) -> None:

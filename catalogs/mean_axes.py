@@ -18,6 +18,7 @@ from pipeline.source_tensors import point_down
 
 CLUSTER, GIRDLE, UNIFORM = "cluster", "girdle", "no preferred direction"
 UNIFORM_CHANCE = 0.05  # of a pattern as strong if axes are uniform, above which they are taken as such
+ROUND_OFF = 1e-12  # variance of the orientation matrix of parallel axes, whose unit vectors are rounded
 WIDEST_CONE = 45.0  # degrees: a wider 95 % cone says that there is no mean
 
 
@@ -94,7 +95,7 @@ def describe_axes(axes: NDArray, labels: NDArray, blocks_known: bool) -> MeanAxi
         without = (matrix.sum(axis=0) - sums) / (len(axes) - counts)[:, None, None]
         variance = np.sum((without - matrix.mean(axis=0)) ** 2)
         alone = (1.0 - np.sum(values**2)) / len(axes)
-        worth = len(axes) * min(alone / variance, 1.0) if variance > 0 else float(len(axes))
+        worth = len(axes) * min(alone / variance, 1.0) if variance > ROUND_OFF else float(len(axes))
     else:
         worth = 1.0
     strength = 7.5 * worth * np.sum((values - 1.0 / 3.0) ** 2)

@@ -42,6 +42,7 @@ from obspy.core.event import (
 from obspy.io.quakeml.core import _validate
 
 from catalogs.frame import MineFrame
+from catalogs.location_uncertainty import ONE_SIGMA, sigmas
 from catalogs.mechanisms import nodal_planes, trend_plunge
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
@@ -131,7 +132,11 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
 
 
 def _origin(name: str, catalog: xr.Dataset, index: int, globe: np.ndarray) -> Origin:
-    """Where and when an event was; globe: latitude and longitude (degrees), depth (m)."""
+    """Where and when an event was; globe: latitude and longitude (degrees), depth (m).
+
+    location_error is the root mean square distance in 3-D: depth gets its share as a standard error, the horizontal the
+    radius of a circle of the same confidence.
+    """
     origin = Origin(
         resource_id=ResourceIdentifier(name),
         time=UTCDateTime(ns=int(catalog["time"].values[index].astype("datetime64[ns]").astype(np.int64))),
@@ -145,9 +150,11 @@ def _origin(name: str, catalog: xr.Dataset, index: int, globe: np.ndarray) -> Or
         origin.time_errors = QuantityError(lower_uncertainty=lower, upper_uncertainty=upper)
     location_error = float(catalog.attrs.get("location_error", np.nan))
     if np.isfinite(location_error):
-        origin.depth_errors = QuantityError(uncertainty=location_error)
+        origin.depth_errors = QuantityError(uncertainty=location_error / np.sqrt(3))
         origin.origin_uncertainty = OriginUncertainty(
-            horizontal_uncertainty=location_error, preferred_description="horizontal uncertainty"
+            horizontal_uncertainty=location_error / np.sqrt(3) * sigmas(ONE_SIGMA, 2),
+            confidence_level=ONE_SIGMA,
+            preferred_description="horizontal uncertainty",
         )
     return origin
 

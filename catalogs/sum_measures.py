@@ -38,9 +38,9 @@ def sum_measures(
 
     ones = [np.ones_like(values) for values in potency]
     counted = total_ratio(_model(runs, np.ones_like, 1.0), Total(number[1], clustering))
-    # of both catalogues: the few events of one say little of the scale of its sizes
-    square = sum(float(np.sum(values**2)) for values in potency)
-    scale = square / sum(summed) if sum(summed) else np.nan
+    # of all runs and the record: the few events of one say little of the scale of its sizes
+    every = np.concatenate([*runs, potency[1]])
+    scale = float(np.sum(every**2) / every.sum()) if every.size else np.nan
     own = max(scale, float(np.sum(potency[1] ** 2)) / summed[1]) if summed[1] else scale
     by_clusters = potency_clustering(potency[1], clustering)
     released = total_ratio(_model(runs, np.asarray, scale), Total(summed[1], own * by_clusters))

@@ -68,7 +68,9 @@ def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:
     encoding = {}
     # text as text: an empty column of Python objects would be stored as numbers
     text = {name: variable.astype(str) for name, variable in dataset.variables.items() if variable.dtype == object}
-    dataset = dataset.assign(text)
+    times = {name: one for name, one in dataset.variables.items() if one.dtype.kind == "M"}
+    times = {name: one.astype("datetime64[ns]") for name, one in times.items()}  # as they are read again
+    dataset = dataset.assign(text | times)
     dataset = dataset.assign_attrs({CHECKSUM: checksum(dataset)})
     for name, variable in dataset.variables.items():
         for inherited in ("chunksizes", "contiguous", "original_shape", "source"):  # of a file it was read from
@@ -121,16 +123,15 @@ def checksum(dataset: xr.Dataset) -> str:
         if not has_fletcher32(variable):
             is_text = variable.dtype.kind in "OU"
             values = variable.values
-            digest.update(json.dumps(values.tolist()).encode() if is_text else np.ascontiguousarray(values).tobytes())
+            native = values.astype(values.dtype.newbyteorder("="), copy=False)
+            digest.update(json.dumps(values.tolist()).encode() if is_text else np.ascontiguousarray(native).tobytes())
     return digest.hexdigest()[:32]
 
 
-def plain(attributes: dict) -> dict[str, str | list]:
+def plain(attributes: dict) -> dict[str, str | float | list]:
     """Attributes as they are read again: netCDF has no single-element lists, and knows numpy's types only."""
-    return {
-        name: value if isinstance(value, str) else np.ravel(np.asarray(value)).tolist()
-        for name, value in attributes.items()
-    }
+    found = {name: np.ravel(np.asarray(value)).tolist() for name, value in attributes.items()}
+    return {name: values[0] if len(values) == 1 else values for name, values in found.items()}
 
 
 @contextmanager

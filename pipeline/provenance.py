@@ -25,6 +25,7 @@ PACKAGES = ("numpy", "numba", "scipy", "scikit-learn", "xarray", "netCDF4", "obs
 KERNEL_PACKAGES = ("mpm_core", "seismic")
 CACHES_KEPT = 3
 MADE_FROM = "made_from"
+AS_WRITTEN = {"config", "default"}  # keys of the report's slice
 TAIL = 200  # bytes at the end of a page in which its comment is looked for
 
 
@@ -55,18 +56,26 @@ def provenance(slice_: dict, command: str, inputs: Iterable[str | os.PathLike] =
 
 def made_from(slice_: dict, command: str, inputs: Iterable[str | os.PathLike] = ()) -> str:
     """Digest of all that a result depends on; arguments as in provenance. Missing inputs count as such."""
-    digest = hashlib.sha256(f"{config_hash(slice_)} {source_hash(command)}".encode())
-    for path in files_of(slice_):
+    return identity(config_hash(slice_), files_of(slice_), command, inputs)
+
+
+def identity(config: str, files: Iterable[Path], command: str, inputs: Iterable[str | os.PathLike]) -> str:
+    """The same from a slice's config_hash and the files that it names."""
+    digest = hashlib.sha256(f"{config} {source_hash(command)}".encode())
+    for path in files:
         digest.update(content_of(path).encode())
-    for identity in sorted(read_made_from(path) or "" for path in inputs):
-        digest.update(f" {identity}".encode())
+    for made in sorted(read_made_from(path) or "" for path in inputs):
+        digest.update(f" {made}".encode())
     return digest.hexdigest()[:16]
 
 
 def files_of(slice_) -> Iterator[Path]:
-    """Files and folders that a slice names by the key `file`, in the order of the slice's keys."""
+    """Files and folders that a slice names by the key `file`, in the order of the slice's keys.
+
+    Not those of a configuration as it was written (AS_WRITTEN): the report quotes it, and opens none of its files.
+    """
     if isinstance(slice_, dict):
-        for key in sorted(slice_):
+        for key in sorted(slice_.keys() - AS_WRITTEN):
             if key == "file" and isinstance(slice_[key], str):
                 yield Path(slice_[key])
             else:
@@ -78,15 +87,16 @@ def files_of(slice_) -> Iterator[Path]:
 
 @functools.cache
 def content_of(path: Path) -> str:
-    """Digest of a file's bytes, of a folder's names and bytes (hidden ones left out); empty if it is not there."""
-    if path.is_dir():
-        inside = sorted(entry for entry in path.iterdir() if not entry.name.startswith("."))
-        text = "".join(f"{entry.name}\0{content_of(entry)}\0" for entry in inside)
-        return hashlib.sha256(text.encode()).hexdigest()
-    if not path.is_file():
+    """Digest of a file's bytes, of a folder's names and bytes (hidden ones left out); empty if it cannot be read."""
+    try:
+        if path.is_dir():
+            inside = sorted(entry for entry in path.iterdir() if not entry.name.startswith("."))
+            text = "".join(f"{entry.name}\0{content_of(entry)}\0" for entry in inside)
+            return hashlib.sha256(text.encode()).hexdigest()
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:  # the stage that reads it says why
         return ""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_made_from(path: str | os.PathLike) -> str | None:

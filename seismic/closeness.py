@@ -17,13 +17,15 @@ def sizes_by_closeness(steps: Iterable[xr.Dataset], settings: EventSettings) -> 
 
     steps: datasets of mining steps, one after the other; settings: EventSettings, or their values. Gives potency
     (event,) m3 and, beside it, choice (event,): the index of the choice with which the event was extracted; closeness
-    and reach (choice,): the cosine, and over what regions are linked (seismic.regions; families have no such links);
+    and reach (choice,): the cosine, and over what regions are linked (seismic.regions), 0 for families, which have no
+    such links;
     attribute own: the index of the catalogue's own choice.
     """
     chosen = EventSettings.of(settings, "seismic")
-    choices = [(value, CORNERS) for value in sorted({*CLOSENESS, chosen.closeness})]
-    own = choices.index((chosen.closeness, CORNERS))
-    if chosen.method == "simultaneous":
+    has_links = chosen.method == "simultaneous"
+    choices = [(value, CORNERS if has_links else 0) for value in sorted({*CLOSENESS, chosen.closeness})]
+    own = [value for value, _ in choices].index(chosen.closeness)
+    if has_links:
         choices += [(chosen.closeness, reach) for reach in (EDGES, FACES)]
     potency: list[list] = [[np.empty(0)] for _ in choices]
     for step in steps:

@@ -79,7 +79,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
             _check_codes(key, values[missing], factor, settings)
         values = np.where(missing, np.nan, values)
         if key in LINEAR:
-            _check_logarithm(key, name, values, settings)
+            _check_logarithm(key, name, values * factor, settings)
         numbers[key] = values + np.log10(factor) if key.startswith("log_") else values * factor
     time, local = _times(table, columns, numbers, settings, codes)
     place = _locations(table, columns, numbers, settings)
@@ -157,7 +157,7 @@ def _check_codes(key: str, codes: np.ndarray, factor: float, settings: RecordSli
 def _check_logarithm(key: str, name: str, values: np.ndarray, settings: RecordSlice) -> None:
     """Raise InputError where numbers can only be logarithms of sizes: asked for, unless record.units has their unit.
 
-    values (event,): as they stand in the file. A record whose moments all stay below LARGEST_LOG is
+    values (event,): in SI units, if the file states a unit. A record whose moments all stay below LARGEST_LOG is
     one of Mw -5.1 and less, of grains. The chance that n sizes lie within a factor r is (1 - 1 / r)^n where as many as
     1 / size are larger, a steeper law than that of most records; below CHANCE they are no sizes.
     """

@@ -8,12 +8,12 @@ import xarray as xr
 from obspy.core.event import Catalog, Event, Magnitude, Origin
 
 from catalogs.frame import MineFrame
+from catalogs.location_uncertainty import location_uncertainty
 from catalogs.quakeml import moment_tensor, own_catalog, parse_quakeml, quakeml_bytes
 from catalogs.record_settings import EVENT_TYPE, FIRST_YEAR, LAST_YEAR, MODE, STATUS, RecordSlice
 from catalogs.records.build import build_record, check_sizes
 from catalogs.records.event_kinds import kept_words
 from catalogs.records.filters import filter_events
-from catalogs.records.location_uncertainty import location_uncertainty
 from catalogs.records.magnitudes import is_convertible, is_moment_type, moment_magnitudes, sizes_text
 from catalogs.records.quakeml_forms import Words, plain_quakeml
 from catalogs.units import unit_quantity
@@ -34,7 +34,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
     conversion is stated; of several the preferred one, else the first. Events that are no seismicity
     (catalogs.records.event_kinds) and those without a time, a place or a size are left out and counted, and so is
     one whose publicID is there before. Depth is in m, unless settings.units says otherwise. Location errors that
-    origins state are kept (catalogs.records.location_uncertainty). A file written by catalogs.quakeml keeps its x, y,
+    origins state are kept (catalogs.location_uncertainty). A file written by catalogs.quakeml keeps its x, y,
     z and tensors bit for bit. Raises InputError, naming file and event, for degrees off the globe, magnitudes of
     other types, sizes that no event has, and what is no QuakeML.
     """
@@ -102,8 +102,8 @@ def _foreign(events: Catalog, origins: list[Origin | None], settings: RecordSlic
     lower, upper = np.array([_time_uncertainties(origin) for origin in origins], float).reshape(-1, 2).T
     globe = np.array([[getattr(origin, name, None) for name in GLOBE] for origin in origins], float)
     globe = globe.reshape(-1, len(GLOBE))  # of no event, too
-    if settings.units:
-        globe[:, list(GLOBE).index("depth")] *= unit_quantity(settings.units["depth"]).to("m").magnitude
+    depth_unit = unit_quantity(settings.units["depth"]).to("m").magnitude if settings.units else 1.0
+    globe[:, list(GLOBE).index("depth")] *= depth_unit
     for column, (name, most) in enumerate(GLOBE.items()):
         off = np.abs(globe[:, column]) > most
         if off.any():
@@ -134,7 +134,7 @@ def _foreign(events: Catalog, origins: list[Origin | None], settings: RecordSlic
     record = build_record(settings, time, location, {"mw": mw}, tensor, str(path), **uncertainties)
     text = sizes_text(used, conversions)
     record.attrs |= {"sizes_text": text} if text else {}
-    errors = np.array([location_uncertainty(origin) for origin in origins], float)
+    errors = np.array([location_uncertainty(origin, depth_unit) for origin in origins], float)
     if np.isfinite(errors).any():
         record[LOCATION_UNCERTAINTY.name] = (LOCATION_UNCERTAINTY.dims, errors, LOCATION_UNCERTAINTY.attributes)
     return record

@@ -7,7 +7,7 @@ from catalogs.report.text import fixed, percent, whole, with_unit
 from catalogs.size_law import NONE
 from catalogs.sizes import estimate_b, log_potency
 
-OVER = {1: "faces", 2: "faces, edges", 3: "faces, edges, corners"}  # by reach, of seismic.regions
+OVER = {0: "", 1: "faces", 2: "faces, edges", 3: "faces, edges, corners"}  # by reach, of seismic.regions
 
 
 def closeness_rows(evidence: Evidence, cut: float) -> list[dict]:

@@ -57,9 +57,10 @@ def _ratio(comparison: xr.Dataset, name: str, both: str) -> tuple[str, str, str]
     """Name of a ratio's row, its value and its interval. both: what both expect as much of if the ratio is 1."""
     runs, p_value = int(comparison["model_runs"]), float(comparison[f"{name}_p_value"])
     mean = f"mean of {runs} runs over recorded" if runs > 1 else "modelled over recorded"
-    chance = f"p = {number(p_value, 2)}" if p_value >= LEAST_P else f"p < {LEAST_P:g}"
+    chance = f"p < {LEAST_P:g}" if p_value < LEAST_P else f"p = {number(p_value, 2)}"
+    tested = f" ({chance} if both expect as {both})" if np.isfinite(p_value) else ""
     value, interval = float(comparison[name]), comparison[f"{name}_interval"].values
-    return f"{mean} ({chance} if both expect as {both})", number(value), between(interval)
+    return f"{mean}{tested}", number(value), between(interval)
 
 
 def size_rows(evidence: Evidence) -> list[dict]:

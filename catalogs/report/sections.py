@@ -226,12 +226,12 @@ def _size_fit(evidence: Evidence, label: str, catalog) -> sizes.Sizes:
     known = values[np.isfinite(values)]
     cut = np.log10(floor) if floor > 0 else known.min(initial=np.inf)
     one = fit(known, float(cut), 0.0, False, ComparisonSettings())
-    value = one.quoted or one.plain
-    interval = value.lower, value.upper
+    value = one.quoted
+    b, a, interval = (np.nan,) * 2 + ((np.nan, np.nan),)
+    if value is not None:  # its line goes through the number of events at the cut
+        b, a, interval = value.b, one.plain.a + (value.b - one.plain.b) * float(cut), (value.lower, value.upper)
     table = [(each.cut, each.b, each.error) for each in b_by_cut(known, cut_grid(known))]
-    return sizes.Sizes(
-        label, colour, values, value.b, interval, value.a, float(cut), np.array(table, float).reshape(-1, 3).T
-    )
+    return sizes.Sizes(label, colour, values, b, interval, a, float(cut), np.array(table, float).reshape(-1, 3).T)
 
 
 def _axes(evidence: Evidence, gallery: Gallery) -> dict | None:

@@ -26,8 +26,18 @@ class Outline:
 
 def check_simple(line: np.ndarray) -> None:
     """Raise InputError for a closed line (point, 2) m that crosses itself. One that touches itself is no matter."""
+    if is_convex(line):
+        return
     middle, along = _pieces([line])
     _refuse_crossing(line, _probes(middle, along))
+
+
+def is_convex(line: np.ndarray) -> bool:
+    """Whether a closed line (point, 2) m turns one way all along, and once around: as nearly all that are drawn."""
+    edge = np.roll(line, -1, axis=0) - line
+    after = np.roll(edge, -1, axis=0)
+    turn = np.arctan2(edge[:, 0] * after[:, 1] - edge[:, 1] * after[:, 0], np.sum(edge * after, axis=1))
+    return bool((np.sign(turn) == np.sign(turn[0])).all() and turn[0] != 0.0 and abs(turn.sum()) < 3.0 * np.pi)
 
 
 def nest(lines: list[np.ndarray], height: float | None = None) -> list[Outline]:
@@ -35,7 +45,8 @@ def nest(lines: list[np.ndarray], height: float | None = None) -> list[Outline]:
     outline again. The same line drawn twice counts once. height, m: of the prisms that stand on the lines; those that
     stand wholly above one another have nothing to do with each other. Without it all are seen in plan.
 
-    Raises InputError for a line that crosses itself, and for two that overlap without one lying within the other.
+    Raises InputError for a line that crosses itself, for two that overlap without one lying within the other, and for
+    one within several of which only some stand above one another.
     """
     plan = [line[:, :2] for line in lines]
     places = _probes(*_pieces(plan))
@@ -65,9 +76,18 @@ def nest(lines: list[np.ndarray], height: float | None = None) -> list[Outline]:
     inside = inside[np.ix_(kept, kept)]
     depth = inside.sum(axis=1)
     outlines = {place: Outline(lines[kept[place]]) for place in np.flatnonzero(depth % 2 == 0)}
-    for hole in np.flatnonzero(depth % 2 == 1):
-        around = next(place for place in np.flatnonzero(inside[hole]) if depth[place] == depth[hole] - 1)
-        outlines[around].holes.append(lines[kept[hole]])
+    for one in range(len(kept)):
+        others = np.flatnonzero(inside[one])
+        around = [place for place in others if depth[place] == depth[one] - 1]
+        apart = not (inside | inside.T | np.eye(len(kept), dtype=bool))[np.ix_(others, others)].all()
+        if apart or len(around) != min(depth[one], 1):  # by their levels: a is within b, b within c, and a above c
+            x, y = lines[kept[one]][0, :2]
+            raise InputError(
+                f"the closed polyline at {x:.2f}, {y:.2f} m lies within others that stand above one another: draw "
+                "those of each level on a layer of their own"
+            )
+        if depth[one] % 2 == 1:
+            outlines[around[0]].holes.append(lines[kept[one]])
     return list(outlines.values())
 
 

@@ -277,6 +277,17 @@ def test_members_are_the_models_chance():
     assert "what its 5 runs differ by" in other.attrs["sums_text"]
 
 
+def test_a_quiet_record_has_a_ratio_of_potency_if_other_runs_have_events():
+    """The mine's own run has none above the cut, its members have some: what they are worth is known from them."""
+    catalog = made_up_catalog(60)
+    own = catalog.copy(deep=True)
+    own["potency"][:] = 1e-9
+    members = [catalog.isel(event=slice(number, number + 5)) for number in range(8)]
+    result = compare(own, as_record(catalog.isel(event=[])), QUICK | {"members": 8}, members)
+    assert result["events_above_cut"].values.tolist()[1] == 0
+    assert np.isfinite(result["potency_ratio_p_value"])
+
+
 def test_faults_are_named():
     catalog = made_up_catalog(50)
     with pytest.raises(InputError, match=r"comparison\.block_size: unknown key"):

@@ -233,3 +233,18 @@ def test_a_level_nodal_plane_strikes_north_by_convention():
     np.testing.assert_allclose(level[:2] % 360.0, [0.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(np.abs(level[2]), 90.0, atol=1e-9)
     np.testing.assert_allclose(np.max(found[:, 1]), 90.0, atol=1e-9)
+
+
+def test_parallel_axes_have_a_mean_however_they_are_rounded():
+    """As the B axes of a plane-strain scene: they were taken for axes without a direction."""
+    generator = np.random.default_rng(4)
+    angle = generator.uniform(0.0, np.pi, 200)
+    p_axis = np.stack([np.cos(angle), np.zeros(200), np.sin(angle)], axis=1)
+    t_axis = np.stack([-np.sin(angle), np.zeros(200), np.cos(angle)], axis=1)
+    tensor = t_axis[:, :, None] * t_axis[:, None, :] - p_axis[:, :, None] * p_axis[:, None, :]
+    for turn in (0.0, 30.0):
+        turned = Rotation.from_euler("z", turn, degrees=True).as_matrix()
+        b_axis = clear_axes(turned @ tensor @ turned.T)[:, 1]
+        found = describe_axes(b_axis, np.arange(200), True)
+        assert found.shape == CLUSTER
+        assert abs(found.mean @ turned[:, 1]) == pytest.approx(1.0)

@@ -15,6 +15,7 @@ from scipy.stats import chi2, norm
 
 from catalogs.frame import MineFrame
 from catalogs.location_errors import location_errors
+from catalogs.location_uncertainty import location_uncertainty
 from catalogs.mechanisms import axis_from_trend_plunge
 from catalogs.quakeml import read_catalog, write_quakeml
 from catalogs.records import read_record
@@ -277,6 +278,15 @@ OWN_FAULTS = {  # what stands in the file, what is put there, what the line says
     "absurd": (r"<mine:mw>[^<]*", "<mine:mw>400.0", "event 1: Mw 400 is no event's size"),
     "cut off": (r"<mine:location>(.|\n)*", "<mine:loc", "not QuakeML 1.2"),
 }
+
+
+def test_the_location_error_of_our_own_file_is_what_another_reads(catalog, tmp_path):
+    """Depth and horizontal shares of one root mean square distance; a depth in km has its uncertainty in km, too."""
+    write_quakeml(catalog.assign_attrs(location_error=30.0), tmp_path / "own.xml")
+    origin = read_events(tmp_path / "own.xml")[0].origins[0]
+    assert location_uncertainty(origin) == pytest.approx(30.0, rel=1e-4)
+    origin.depth_errors.uncertainty /= 1000.0
+    assert location_uncertainty(origin, 1000.0) == pytest.approx(30.0, rel=1e-4)
 
 
 @pytest.mark.parametrize("fault", OWN_FAULTS)

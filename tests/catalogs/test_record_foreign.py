@@ -197,6 +197,12 @@ def test_sizes_that_can_only_be_logarithms_are_asked_for(tmp_path, kind):
     assert f"record.columns.{kind}: column 'log10 size' is by its name a logarithm" in named
 
 
+def test_a_unit_in_the_header_makes_small_numbers_moments(tmp_path):
+    """0.5 to 20 GN m are moments of small events."""
+    record = read(tmp_path, sized([0.5, 3.0, 20.0], "Moment [GN m]"), SIZED | {"moment": "Moment [GN m]"})
+    np.testing.assert_allclose(record["moment"], [5e8, 3e9, 2e10])
+
+
 def test_a_single_moment_of_9_5_is_asked_for(tmp_path):
     assert "record.columns.log_moment" in refused(tmp_path, sized([9.5]), SIZED | {"moment": "size"})
 

@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 
 from catalogs.figures import convergence
+from catalogs.report import match, sections
 from catalogs.report import record as report_record
-from catalogs.report import sections
 from catalogs.report.dilation import iso_share
 from catalogs.report.inputs import Excavation, read_resources
 from catalogs.report.scene import above_cap, by_step, far_field
@@ -193,3 +193,18 @@ def test_isotropic_share_is_said_to_be_an_input():
     assert "(McGarr 1992), are not in the tensor." in said
     assert iso_share(SimpleNamespace(config={"materials": {"fill": {"model": "elastic"}}})) == ""
     assert iso_share(SimpleNamespace(config={})) == ""
+
+
+@pytest.mark.parametrize(("p_value", "told"), [(0.25, " (p = 0.25 if"), (1e-5, " (p < 0.001 if"), (np.nan, "")])
+def test_a_ratio_without_a_test_has_no_p_value(p_value, told):
+    """No event on either side: "p < 0.001" stood there."""
+    comparison = xr.Dataset(
+        {
+            "model_runs": ((), 1),
+            "event_ratio": ((), np.nan),
+            "event_ratio_p_value": ((), p_value),
+            "event_ratio_interval": ("interval", [np.nan, np.nan]),
+        }
+    )
+    name, _, _ = match._ratio(comparison, "event_ratio", "many")
+    assert name == "modelled over recorded" + (f"{told} both expect as many)" if told else "")

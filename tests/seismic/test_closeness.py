@@ -40,7 +40,9 @@ def test_each_choice_has_the_events_that_an_extraction_with_it_has(make_scattere
 def test_families_have_no_links_to_shorten(make_scattered_step, make_settings):
     found = sizes_by_closeness([make_scattered_step(0)], make_settings())
     assert_array_equal(found.closeness, CLOSENESS)
-    assert_array_equal(found.reach, CORNERS)
+    assert_array_equal(found.reach, 0)
+    rows = closeness_rows(SimpleNamespace(closeness=found), -10.0)
+    assert {row["over"] for row in rows} == {""}
 
 
 def test_rows_and_sentence_say_what_the_sizes_are(make_scattered_step, make_settings):

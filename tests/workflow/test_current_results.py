@@ -209,6 +209,12 @@ def test_a_folder_counts_with_all_in_it(tmp_path):
     assert content_of(tmp_path / "missing") == ""
 
 
+def test_a_reports_quoted_configuration_names_no_files():
+    """Its paths are relative to the mine's file; what they hold comes in by the results that are made of them."""
+    slice_ = {"config": {"record": {"file": "../record.csv"}}, "default": {}, "excavations": [{"file": "a.stl"}]}
+    assert list(files_of(slice_)) == [Path("a.stl")]
+
+
 def test_what_cannot_be_read_says_nothing(tmp_path):
     """A missing, empty or broken result is made again."""
     for name, content in (("a.nc", b"no netCDF"), ("b.nc", b""), ("c.html", b"<html></html>")):

@@ -8,7 +8,7 @@ import functools
 import json
 import shlex
 
-from pipeline.provenance import made_from, read_made_from
+from pipeline.provenance import config_hash, files_of, identity, read_made_from
 from pipeline.sources import source_hash
 from pipeline.stage import name_parent_of_stages
 from verification.studies import load_study
@@ -18,6 +18,7 @@ from workflow.slices import SliceFiles
 RESULTS = "results/{mine}"
 NAME = "[A-Za-z0-9][A-Za-z0-9_-]*"
 ENSEMBLE = "ensemble"  # folder of its perturbed members, by number
+CATALOGUES = ("catalog.nc", "catalog.csv", "catalog.xml", "closeness.nc")
 COARSE = "coarse"  # folder of its companion on cells of twice the size
 MINES = f"{re.escape(MINE.name)}|verification/{NAME}/{NAME}"  # with results of their own: this run's mine, variants
 STUDY = "results/verification/{study}"
@@ -43,7 +44,8 @@ wildcard_constraints:
 def kept(path):
     """A result whose earlier version outlives a stage that fails: stages write whole files or none.
 
-    Only for what says what it was made from (inputs_of): Snakemake would take an earlier version as current.
+    Only for what says what it was made from (inputs_of), or stands beside a file of the same stage that does: Snakemake
+    would take an earlier version as current.
     """
     return update(path)
 
@@ -153,10 +155,11 @@ def all_results():
 def planned_results():
     """All results that the mine's plan may leave: those of all_results, of the companion, and what is made on request."""
     files = [*all_results(), result("twin.csv")]
+    places = [f"{MINE.name}/{ENSEMBLE}/{number}" for number in range(1, MINE.members + 1)]
     if HAS_COARSE:
-        place = f"{MINE.name}/{COARSE}"
-        files += stage_results(place, MINE.coarser()) + [f"results/{place}/catalog.{kind}" for kind in ("nc", "csv")]
-    return files
+        places.append(f"{MINE.name}/{COARSE}")
+        files += stage_results(places[-1], MINE.coarser())
+    return files + [f"results/{place}/{file}" for place in places for file in CATALOGUES]
 
 
 def grid_of(wildcards):
@@ -182,17 +185,20 @@ def bodies(wildcards):
 
 
 @functools.cache
-def slice_values(folder, stage):
-    """The slice that a stage of results/<folder> depends on; the stage by its result's name without ending."""
-    return mine_at(folder).slice_of(stage)
+def sliced(folder, stage):
+    """Of the slice that a stage of results/<folder> depends on: its file, its hash and the files that it names.
 
-
-@functools.cache
-def slice_file(folder, stage):
-    """File of the same."""
+    stage: by its result's name without ending.
+    """
     if workflow.execution_settings and workflow.execution_settings.no_hooks and not workflow.dryrun:
         SLICES.begin()
-    return SLICES.name(folder, stage, slice_values(folder, stage))
+    values = mine_at(folder).slice_of(stage)
+    return SLICES.name(folder, stage, values), config_hash(values), tuple(files_of(values))
+
+
+def slice_file(folder, stage):
+    """The file of a stage's slice."""
+    return sliced(folder, stage)[0]
 
 
 def inputs_of(command, stage, result="", **files):
@@ -210,7 +216,7 @@ def inputs_of(command, stage, result="", **files):
         paths = [path for one in found.values() for path in ([one] if isinstance(one, str) else one)]
         if all(map(os.path.exists, [output, *paths])):
             results = [path for path in paths if path.endswith(".nc")]
-            if read_made_from(output) != made_from(slice_values(wildcards.mine, made), command, results):
+            if read_made_from(output) != identity(*sliced(wildcards.mine, made)[1:], command, results):
                 workflow.dag.forcefiles.add(output)
         return found
 
