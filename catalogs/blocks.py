@@ -5,8 +5,9 @@ event may follow from an earlier one that is close to it in time and place. How 
 chance: C clusters that begin at any time of a span T put C t / T starts before an event within a time t, and of these
 the share u that lies within the distance. The product k = C t u / T (the nearest-neighbour distance of Zaliapin and
 Ben-Zion 2013, with shares in place of a fractal dimension) is below k by chance for 1 - exp(-k (1 + ln(C / k))) of the
-events: the number of points of a Poisson process under a hyperbola. An event is linked to the earlier one of least k
-if that chance is below a level.
+events: the number of points of a Poisson process under a hyperbola. An event is linked to the earlier one of least k,
+of equal k to the closest, if that chance is below a level. Rounded times leave t open by what they are rounded to, and
+it is the longest time that they allow: else events of one hour, or of one day, would seem simultaneous.
 
 A low level splits clusters, whose late events come among the others; a high one joins what is apart. Blocks that are
 split hide variance, blocks that are joined only make it less well known. So the level is that at which the mean
@@ -26,6 +27,9 @@ CHANCE_ERRORS = 2.0  # standard errors of the number of links that chance makes
 MOST_EARLIER = 1000  # events that an event is compared with: the latest
 MOST_AMONG = 1000  # events that a share of places is counted among
 LEAST_BLOCKS = 3  # that an interval is taken from
+ROUNDED_TO = (86400.0, 3600.0, 600.0, 60.0, 1.0)  # s, that times may be rounded to
+SHARED = 0.2  # of the other times, that agree with a time but for whole units if it is rounded to the unit
+ONE_TIME = 1e-3  # s, that other times are known to
 ONE_PLACE = 1e-3  # m: distances below are one, or two events of one place would be nearer than chance allows
 
 
@@ -33,24 +37,47 @@ def cluster_labels(time: NDArray, location: NDArray, step: NDArray, error: float
     """Cluster (event,) of each event, numbered 0, 1, ...; see the head of this module.
 
     time (event,) datetime64; location (event, 3) m; step (event,) numbers: the mean is taken within each. error: root
-    mean square location error, m, within which distances tell nothing. Events without a time are one cluster.
+    mean square location error, m, within which distances tell nothing. Events without a time are one cluster. Which
+    events are of one cluster does not depend on their order.
     """
     time, location = np.asarray(time, "datetime64[ns]"), np.asarray(location, float)
     labels = np.zeros(len(time), np.int64)
     dated = np.flatnonzero(~np.isnat(time))
-    dated = dated[np.argsort(time[dated], kind="stable")]
+    dated = dated[np.lexsort((*location[dated].T, time[dated]))]  # by time, of one time by place
     if len(dated) > 1:
         days = (time[dated] - time[dated[0]]) / np.timedelta64(86400, "s")
-        labels[dated] = 1 + _widest(days, location[dated], np.asarray(step)[dated], max(error, ONE_PLACE))
+        error = max(error, ONE_PLACE)
+        labels[dated] = 1 + _widest(days, rounded_to(time[dated]), location[dated], np.asarray(step)[dated], error)
     return np.unique(labels, return_inverse=True)[1].reshape(-1)
 
 
-def _widest(days: NDArray, location: NDArray, step: NDArray, error: float) -> NDArray:
+def rounded_to(time: NDArray) -> NDArray:
+    """What each time (event,) datetime64 is rounded to, days: the largest of ROUNDED_TO within which it falls on the
+    same instant (of the day, of the hour, ...) as SHARED of the other times; else ONE_TIME.
+
+    Any instant counts, not only the whole unit: a local midnight is none in UTC, and two with daylight saving.
+    """
+    time = np.asarray(time, "datetime64[ns]").astype(np.int64)
+    same = _repeats(time)  # events of one time are no sign that times are rounded
+    found = np.full(len(time), ONE_TIME)
+    for unit in reversed(ROUNDED_TO):
+        agreeing = _repeats(time % int(unit * 1e9)) - same
+        found[(agreeing > 0) & (agreeing >= SHARED * (len(time) - same))] = unit
+    return found / 86400.0
+
+
+def _repeats(values: NDArray) -> NDArray:
+    """How often each value (event,) occurs."""
+    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
+    return counts[inverse.reshape(-1)]
+
+
+def _widest(days: NDArray, open_by: NDArray, location: NDArray, step: NDArray, error: float) -> NDArray:
     """Labels of the level at which the mean location is least well known, of those that leave enough blocks."""
     labels, chosen, largest = np.arange(len(days)), np.arange(len(days)), -1.0
     for level in LEVELS:
         for _ in range(PASSES):
-            labels = _linked(days, location, labels, level, error)
+            labels = _linked(days, open_by, location, labels, level, error)
         links, count = len(days) - len(np.unique(labels)), len(days)
         if level == LEVELS[0] and links <= level * count + CHANCE_ERRORS * np.sqrt(level * (1 - level) * count):
             break
@@ -62,10 +89,10 @@ def _widest(days: NDArray, location: NDArray, step: NDArray, error: float) -> ND
     return chosen
 
 
-def _linked(days: NDArray, location: NDArray, labels: NDArray, level: float, error: float) -> NDArray:
+def _linked(days: NDArray, open_by: NDArray, location: NDArray, labels: NDArray, level: float, error: float) -> NDArray:
     """New labels (event,) from links at a level; `labels` says how many clusters there are, and where.
 
-    days (event,) ascending; location (event, 3) m.
+    days (event,) ascending; open_by (event,) days that they are rounded to; location (event, 3) m.
     """
     count = len(days)
     weight = 1.0 / np.bincount(labels)[labels]  # a cluster counts once
@@ -75,14 +102,16 @@ def _linked(days: NDArray, location: NDArray, labels: NDArray, level: float, err
     root = np.arange(count)
     for event in range(1, count):
         first = max(0, event - MOST_EARLIER)
-        reach = np.maximum(cdist(location[event : event + 1], location[first:event])[0], error)
+        distance = cdist(location[event : event + 1], location[first:event])[0]
+        reach = np.maximum(distance, error)
         others = np.maximum(cdist(location[event : event + 1], location[among])[0], error)
         order = np.argsort(others, kind="stable")
         within = np.cumsum(weight[among][order])[np.searchsorted(others[order], reach, side="right") - 1]
-        product = clusters * (days[event] - days[first:event]) / span * (within / total)
-        nearest = int(np.argmin(product))
+        apart = days[event] - days[first:event] + np.maximum(open_by[event], open_by[first:event])
+        product = clusters * apart / span * (within / total)
+        nearest = int(np.lexsort((distance, product))[0])
         least = product[nearest]
-        chance = 1.0 - np.exp(-least * (1.0 + max(np.log(clusters / least), 0.0))) if least > 0 else 0.0
+        chance = 1.0 - np.exp(-least * (1.0 + max(np.log(clusters / least), 0.0)))
         if chance < level:
             root[event] = root[first + nearest]
     return np.unique(root, return_inverse=True)[1].reshape(-1)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from catalogs.blocks import cluster_labels
+from catalogs.blocks import cluster_labels, rounded_to
+from catalogs.exposure import Exposure
 from catalogs.jackknife import effective_blocks
 from verification.statistics.samples import branching_events, dated
 
@@ -63,3 +64,66 @@ def test_events_without_a_time_are_one_cluster_and_few_events_are_no_error():
     assert labels[0] not in labels[3:]
     for count in range(4):
         assert len(cluster_labels(time[:count], location[:count], np.zeros(count, int))) == count
+
+
+UNITS = {"exact": 0, "minutes": 60, "ten minutes": 600, "hours": 3600, "days": 86400}
+
+
+def rounded(days, unit):
+    """Times in days, rounded down to whole units, s."""
+    return np.floor(days * 86400 / unit) * unit / 86400 if unit else days
+
+
+@pytest.mark.parametrize("unit", UNITS.values(), ids=UNITS)
+def test_independent_events_stay_apart_however_their_times_are_rounded(unit):
+    """Events of one hour, or of one day, seemed simultaneous, and were linked at any distance."""
+    generator = np.random.default_rng(5)
+    days = rounded(np.sort(generator.uniform(0, 30, 1000)), unit)
+    labels = clusters_of((days, 100 * generator.normal(size=(1000, 3)), None))
+    assert len(np.unique(labels)) > 950
+    start = np.array(["2019-12-25"], "datetime64[ns]")
+    exposure = Exposure(start, start + np.timedelta64(60, "D"))
+    assert exposure.clustering(dated(generator.integers(-7, 53, 1000))) == 1.0
+
+
+def test_some_dates_without_a_time_among_exact_times_and_local_midnights_are_no_clusters():
+    """A third of the events have only a date, of a place with daylight saving from the middle on."""
+    generator = np.random.default_rng(6)
+    days = np.sort(generator.uniform(0, 30, 1000))
+    dates = generator.random(1000) < 1 / 3
+    days[dates] = np.floor(days[dates]) + np.where(days[dates] < 15, 16, 15) / 24
+    labels = clusters_of((np.sort(days), 100 * generator.normal(size=(1000, 3)), None))
+    assert len(np.unique(labels)) > 950
+
+
+@pytest.mark.parametrize("unit", [0, 60], ids=["exact", "minutes"])
+def test_clusters_are_found_in_times_rounded_to_minutes(unit):
+    """Effective blocks are fewer than one and a half times those of the true clusters, as with exact times."""
+    generator = np.random.default_rng(7)
+    worth = []
+    for _ in range(8):
+        days, location, truth = branching_events(generator, 90.0, 150, 0.6)
+        found = clusters_of((rounded(days, unit), location, None))
+        sizes = [effective_blocks(np.unique(one, return_counts=True)[1]) for one in (found, truth)]
+        worth.append(sizes[0] / sizes[1])
+    assert np.median(worth) < 1.5
+
+
+def test_what_times_are_rounded_to_is_told_from_the_times():
+    generator = np.random.default_rng(8)
+    days = np.sort(generator.uniform(0, 30, 500))
+    for unit in (60, 600, 3600, 86400):
+        assert np.median(rounded_to(dated(rounded(days, unit)))) * 86400 == pytest.approx(unit)
+    assert np.median(rounded_to(dated(days))) * 86400 < 1
+    assert (rounded_to(dated(np.full(5, 3.2))) * 86400 < 1).all()
+
+
+@pytest.mark.parametrize("unit", UNITS.values(), ids=UNITS)
+def test_clusters_do_not_depend_on_the_order_of_the_rows(unit):
+    generator = np.random.default_rng(9)
+    days, location, _ = branching_events(generator, 30.0, 200, 0.6)
+    time, step = dated(rounded(days, unit)), np.zeros(len(days), int)
+    labels = cluster_labels(time, location, step, 1.0)
+    order = generator.permutation(len(days))
+    moved = cluster_labels(time[order], location[order], step, 1.0)
+    np.testing.assert_array_equal(moved, labels[order])
