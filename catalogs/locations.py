@@ -121,8 +121,14 @@ def compare_locations(
     with threadpool_limits(1, user_api="blas"):
         energy = matched.energy([np.ones((1, count)) for count in matched.blocks])[0]
         counts = [side.counts for side in sides]
-        closer = _pairs_closer(sides, distances)
-        shares = np.array([[share[0] for share in pair_means(counted, counts, once)] for counted in closer]).T
+        shares, resampled = [], []
+        for distance in distances:  # one after the other: the pairs of all at once would take many times the memory
+            closer = _pairs_closer(sides, distance)
+            shares.append([share[0] for share in pair_means(closer, counts, once)])
+            if tested:
+                resampled.append(pair_means(closer, counts, weights))
+        del closer
+        shares = np.array(shares).T
         model_centre, record_centre = matched.centroids([np.ones((1, count)) for count in matched.blocks])
         centroids = np.concatenate([side.centroids(one) for side, one in zip(sides, once, strict=True)])
         nearest, nearest_interval = _nearest(sides, weights)
@@ -147,7 +153,7 @@ def compare_locations(
         energies = matched.energy([weight[:, own] for weight, own in zip(weights, matched.own, strict=True)])
         null = matched.wild_bootstrap(1.0, signs)[1]
         statistic, chance = matched.wild_bootstrap(TEST_EXPONENT, signs)
-        resampled = np.array([pair_means(counted, counts, weights) for counted in closer]).transpose(1, 0, 2)
+        resampled = np.array(resampled).transpose(1, 0, 2)
         scatter = matched.offset_scatter()
     # How far the offset may be off is at least by how much its length is.
     reach = float(np.quantile(scatter.lengths(max(resamplings, LENGTHS), generator), 0.95))
@@ -170,13 +176,12 @@ def default_distances(points: NDArray, count: int = 12) -> NDArray:
     return np.geomspace(diagonal / 50, diagonal / 2, count)
 
 
-def _pairs_closer(sides: tuple[Side, Side], distances: NDArray) -> NDArray:
-    """How many pairs of two blocks (distance, block, block) are closer than each of `distances`."""
+def _pairs_closer(sides: tuple[Side, Side], distance: float) -> NDArray:
+    """How many pairs of two blocks (block, block) are closer than `distance`."""
     starts = block_starts(sides)
-    closer = np.zeros((len(distances), len(starts), len(starts)))
+    closer = np.zeros((len(starts), len(starts)))
     for block, pairs in pairs_by_block(sides):
-        for index, distance in enumerate(distances):
-            closer[index, block] += np.add.reduceat(np.count_nonzero(pairs < distance, axis=0), starts)
+        closer[block] += np.add.reduceat(np.count_nonzero(pairs < distance, axis=0), starts)
     return closer
 
 

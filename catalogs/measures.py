@@ -32,9 +32,7 @@ from pipeline.source_tensors import APART, clear_axes, principal_axes, scalar_po
 
 CATALOGUES = ("model", "record")
 TAILS = (0.025, 0.975)  # of errors that a sentence gives
-MOST_EVENTS = (
-    3000  # of each catalogue whose places are compared, else drawn at random: memory, 1.1 GB, grows as its square
-)
+MOST_EVENTS = 3000  # of each catalogue whose places are compared, else drawn at random: memory grows as its square
 MOST_DRAWS = 4  # smeared copies of a modelled event
 DISTANCES = 12
 LEAST_AXES = 2

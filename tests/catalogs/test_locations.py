@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
@@ -141,6 +143,21 @@ def test_a_model_of_fewer_than_three_runs_has_no_interval_and_no_p_value(blocks)
     assert found.blocks == (0, 10)
     again = compare_locations(x, x, np.arange(10) % 3, np.arange(10), **QUICK)
     assert np.isfinite([again.energy_p_value, *again.offset_distance_interval]).all()
+
+
+@pytest.mark.parametrize("runs", [None, 3])
+def test_memory_is_that_of_a_few_matrices_of_blocks_however_many_distances(runs):
+    """Twelve distances, each recorded event a block of its own. Their matrices all at once are twelve of them."""
+    count = 800
+    x, y = np.random.default_rng(8).normal(size=(2, count, 3))
+    model_blocks = None if runs is None else np.arange(count) % runs
+    blocks = count + (count if runs is None else runs)
+    matrix = 8 * blocks**2
+    tracemalloc.start()
+    compare_locations(x, y, model_blocks, np.arange(count), resamplings=9)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 8 * matrix
 
 
 def test_smeared_locations_lie_the_location_error_away():
