@@ -75,16 +75,17 @@ def compare(
     result |= sized
     # Places and axes are those of all runs of the model: what runs differ by is its chance.
     model, run = all_runs(catalog, members)
+    runs = 1 + len(members)
     model_steps = exposure.step(model["time"].values)
     model_used = (model["resolved"].values == 1) & (model_steps >= 0)
     model_used &= sizes.log_potency(model["potency"].values) >= cut
     every, counted, blocks = (model, record), (model_used, used[1]), (run, clusters)
-    located, location_attributes = location_measures(every, counted, blocks, (model_steps, steps[1]), settings)
+    located, location_attributes = location_measures(every, counted, blocks, runs, (model_steps, steps[1]), settings)
     result |= located
-    oriented, axes_attributes = axes_measures(every, counted, blocks, settings)
+    oriented, axes_attributes = axes_measures(every, counted, blocks, runs, settings)
     oriented["model_axes_used"] = ("event_model", oriented["model_axes_used"][1][: catalog.sizes["event"]])
     result |= oriented
-    result["blocks"] = ("catalogue", np.array([1 + len(members), len(np.unique(clusters[used[1]]))], np.int64))
+    result["blocks"] = ("catalogue", np.array([runs, len(np.unique(clusters[used[1]]))], np.int64))
     coordinates = {
         "catalogue": list(CATALOGUES),
         "interval": ["lower", "upper"],

@@ -46,7 +46,7 @@ def smear(
 class LocationComparison:
     """The numbers of `compare_locations`; an interval is (lower, upper) of 95 %, last dimension where an array.
 
-    blocks: of the model (0 where it ran too seldom for intervals, which are NaN then), of the record.
+    blocks: of the model (0 where it ran once), of the record; intervals are NaN unless the model's are LEAST_BLOCKS.
     """
 
     centroids: NDArray
@@ -145,7 +145,7 @@ def compare_locations(
             record_k=shares[2] * volume,
             cross_ratio=_ratio(*shares),
             nearest=nearest,
-            blocks=(matched.units[0] if tested else 0, matched.units[1]),
+            blocks=(0 if model_blocks is None else matched.units[0], matched.units[1]),
             steps=matched.steps,
         )
         if not tested:

@@ -2,10 +2,12 @@
 
 `both` is (model, record) in the form of pipeline.event_table, the model with the events of all its runs, `used` which
 of their events count, `blocks` (run of each modelled event, None of a model that ran once; cluster of each recorded
-one). Every function returns the variables, and the sentences that go with them.
+one), `runs` how many the model has, those without an event included. Every function returns the variables, and the
+sentences that go with them.
 """
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -40,7 +42,7 @@ LEAST_LEFT_OUT = 5e-4  # share without a clear axis that is worth a sentence
 AXES_RESAMPLINGS = 499
 
 
-def location_measures(both, used, blocks, steps, settings: ComparisonSettings) -> tuple[dict, dict]:
+def location_measures(both, used, blocks, runs: int, steps, settings: ComparisonSettings) -> tuple[dict, dict]:
     """Centroids, energy distance, nearest distances and cross-K, the model smeared by the record's location errors."""
     generator = np.random.default_rng([settings.seed, 1])
     errors = location_errors(both[1])[used[1]]
@@ -86,27 +88,29 @@ def location_measures(both, used, blocks, steps, settings: ComparisonSettings) -
     }
     if found is None:
         count = [int(np.sum(used[0])), len(np.unique(blocks[1][used[1]]))]
+        of_runs = " of two runs" if runs > 1 else ""
         text = (
-            f"locations cannot be compared: that takes two modelled events above the cut and two clusters of recorded "
-            f"ones in one step, and {LEAST_BLOCKS} clusters in all; the model has {plural(count[0], 'event')}, the "
-            f"record {plural(count[1], 'cluster')}"
+            f"locations cannot be compared: that takes two modelled events{of_runs} above the cut and two clusters of "
+            f"recorded ones in one step, and {LEAST_BLOCKS} clusters in all; the model has "
+            f"{plural(count[0], 'event')}, the record {plural(count[1], 'cluster')}"
         )
     else:
-        text = _location_text(found, blocks[0], errors)
+        text = _location_text(found, runs, errors)
     return variables, {"location_error": float(np.median(errors)) if len(errors) else np.nan, "location_text": text}
 
 
-def _location_text(found: LocationComparison, runs: NDArray | None, errors: NDArray) -> str:
+def _location_text(found: LocationComparison, runs: int, errors: NDArray) -> str:
     """The numbers in a sentence, what they rest on, and what they lack."""
     smeared = f"model smeared by {np.median(errors):g} m"
     if np.ptp(errors) > 0:
         low, high = np.quantile(errors, TAILS)
         smeared = f"model smeared by the errors of the recorded events ({low:.3g} to {high:.3g} m)"
     steps = f"within {plural(found.steps, 'step')}"
-    if not found.blocks[0]:
+    if found.blocks[0] < LEAST_BLOCKS:
+        untested = _untested(runs, found.blocks[0], "places", "events above the cut in a step shared with the record")
         return (
             f"energy distance {found.energy_distance:.1f} m; centroids {found.offset_distance:.0f} m apart; {smeared}; "
-            f"{steps}; {_untested(runs, 'places')}"
+            f"{steps}; {untested}"
         )
     (low, high), (near, far) = found.energy_interval, found.offset_distance_interval
     return (
@@ -121,13 +125,21 @@ def plural(count: int, name: str) -> str:
     return f"{count} {name}{'s' * (count != 1)}"
 
 
-def _untested(runs: NDArray | None, what: str) -> str:
-    """Why there is no interval and no p-value of a model, and what would give one."""
-    ran = "ran once" if runs is None else f"ran {len(np.unique(runs))} times"
-    return (
-        f"no interval and no p-value of {what}: the model {ran}, so that chance cannot be told from a difference; "
-        f"set ensemble to {LEAST_BLOCKS - 1} or more, better to 8"
-    )
+def _untested(runs: int, counting: int, what: str, lacking: str) -> str:
+    """Why there is no interval and no p-value: the model has too few runs, or too few of them (`counting`) have events
+    that count."""
+    if runs < LEAST_BLOCKS:
+        why = (
+            f"the model ran {'once' if runs == 1 else f'{runs} times'}, so that chance cannot be told from a "
+            f"difference; set ensemble to {LEAST_BLOCKS - 1} or more, better to 8"
+        )
+    else:
+        have = {0: "none has", 1: "only 1 has"}.get(counting, f"only {counting} have")
+        why = (
+            f"of the model's {runs} runs {have} {lacking}, and {LEAST_BLOCKS} are needed to tell chance from a "
+            "difference"
+        )
+    return f"no interval and no p-value of {what}: {why}"
 
 
 def _thin(index: NDArray, most: int, generator: np.random.Generator) -> NDArray:
@@ -135,12 +147,11 @@ def _thin(index: NDArray, most: int, generator: np.random.Generator) -> NDArray:
     return index if len(index) <= most else np.sort(generator.choice(index, most, replace=False))
 
 
-def axes_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dict, dict]:
+def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -> tuple[dict, dict]:
     """Mean axes, summed tensors, Kagan angles and source shares; NaN where the record has no tensors."""
     model, record = both
     tensors = [events["potency_tensor"].values for events in both]
     known = [kept & np.isfinite(tensor).all(axis=(1, 2)) for kept, tensor in zip(used, tensors, strict=True)]
-    runs = None if blocks[0] is None else np.unique(blocks[0])
     apart = "orientation_tensor" in record
     weight, text = "potency", "potency tensors of the events compared"
     record_tensors = tensors[1][known[1]]
@@ -160,8 +171,11 @@ def axes_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dic
         )
     else:
         samples = [_sample(record, tensors[1], known[1], blocks[1])]
-    tested = runs is not None and len(runs) >= LEAST_BLOCKS
-    samples.insert(0, _sample(model, tensors[0], known[0], blocks[0] if tested else None))
+    samples.insert(0, _sample(model, tensors[0], known[0], blocks[0]))
+    counting = _clear_blocks(samples[0])
+    tested = counting >= LEAST_BLOCKS
+    if not tested:
+        samples[0] = replace(samples[0], blocks=None)
     count = [len(sample.axes) for sample in samples]
     clusters = len(np.unique(samples[1].blocks))
     present = min(count) >= LEAST_AXES and clusters >= LEAST_BLOCKS
@@ -179,7 +193,7 @@ def axes_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dic
     if present:
         dims = {name: value[0] for name, value in variables.items()}
         found = compare_axes(*samples, seed=settings.seed, resamplings=min(settings.resamplings, AXES_RESAMPLINGS))
-        found |= _summed(tensors[0][known[0]], record_tensors, weight, 1 if runs is None else len(runs))
+        found |= _summed(tensors[0][known[0]], record_tensors, weight, runs)
         variables |= {name: (dims[name], value) for name, value in found.items()}
         size = [
             scalar_potency(tensors[0][known[0]]),
@@ -188,8 +202,8 @@ def axes_measures(both, used, blocks, settings: ComparisonSettings) -> tuple[dic
         clear = np.array([one.clear_share(weight) for one, weight in zip(samples, size, strict=True)])
         variables["axis_clear_share"] = (dims["axis_clear_share"], clear)
         text += _left_out(clear, "events" if apart else "potency") + _shapes_text(found)
-        text += f"; resampled: {len(runs)} runs of the model, {clusters} clusters of recorded events" if tested else ""
-        text += "" if tested else f"; {_untested(runs, 'axes')}"
+        text += f"; resampled: {counting} runs of the model, {clusters} clusters of recorded events" if tested else ""
+        text += "" if tested else f"; {_untested(runs, counting, 'axes', 'events with clear axes')}"
     variables |= {
         "events_with_axes": ("catalogue", np.array(count, np.int64)),
         "model_axes_used": ("event_model", known[0].astype(np.int8)),
@@ -229,6 +243,14 @@ def _shapes_text(found: dict[str, NDArray]) -> str:
 def _sample(events: xr.Dataset, tensor: NDArray, kept: NDArray, blocks: NDArray | None) -> AxesSample:
     own = None if blocks is None else blocks[kept]
     return AxesSample(clear_axes(tensor[kept]), events["location"].values[kept], own)
+
+
+def _clear_blocks(sample: AxesSample) -> int:
+    """How many blocks have clear axes: the least of the numbers of P, B and T axes that are not 0; 0 without blocks."""
+    if sample.blocks is None:
+        return 0
+    counts = [len(np.unique(sample.blocks[clear])) for clear in np.isfinite(sample.axes).all(axis=-1).T]
+    return min((count for count in counts if count), default=0)
 
 
 def _during(time: NDArray, window: str | None) -> NDArray:

@@ -92,9 +92,13 @@ def _impossible(evidence: Evidence) -> list[str]:
     if not np.isfinite(comparison["energy_distance"]):
         found.append(as_sentence(attributes["location_text"]))
     elif not np.isfinite(comparison["energy_p_value"]):
+        runs = int(comparison["blocks"][0])
         found.append(
             f"Differences of places and axes have no interval and no p-value: fewer than {LEAST_BLOCKS} runs of the "
             "model do not say how another would differ. Set ensemble: 8 for them."
+            if runs < LEAST_BLOCKS
+            else f"Differences of places have no interval and no p-value: fewer than {LEAST_BLOCKS} of the model's "
+            f"{runs} runs have events of such a size in a step that the record shares."
         )
     few = [f"{name} has {count}" for name, count in zip(names, counts, strict=True) if count < LEAST_EVENTS]
     if not np.isfinite(comparison["b_difference"]):

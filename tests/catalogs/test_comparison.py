@@ -92,6 +92,44 @@ def test_a_model_that_ran_fewer_than_three_times_has_no_interval_of_places_and_a
         assert asked == (members < 2), result.attrs[name]
 
 
+@pytest.mark.parametrize(("others", "have"), [(0, "only 1 has"), (1, "only 2 have"), (2, None)])
+def test_an_ensemble_whose_runs_have_no_events_is_not_said_to_have_run_once(others, have):
+    """Of nine runs one, two or three have events above the cut, the others small ones or none: the text asked for an
+    ensemble of 8. All nine count in the mean tensor."""
+    catalog, record = made_up_catalog(300), as_record(made_up_catalog(300, seed=3))
+    small = made_up_catalog(50, seed=30)
+    small["potency"] = small["potency"] * 1e-4
+    members = [made_up_catalog(300, seed=20 + k) for k in range(others)]
+    members += [small] * 4 + [small.isel(event=slice(0))] * (4 - others)
+    result = compare(catalog, record, QUICK | {"members": 8}, members)
+    runs = [run for run in (catalog, *members) if run.sizes["event"]]
+    tensors = [run["potency_tensor"].values[run["potency"].values >= 10 ** float(result["cut"])] for run in runs]
+    np.testing.assert_allclose(result["summed_tensor"][0], np.concatenate(tensors).sum(axis=0) / 9)
+    assert np.isfinite(result["mean_angle_p_value"]).all() == (have is None)
+    for name in ("location_text", "axes_text"):
+        said = result.attrs[name]
+        assert "set ensemble" not in said
+        if have is None:
+            assert "resampled: 3 runs" in said
+        elif "cannot be compared" in said:
+            assert have == "only 1 has"
+            assert "two modelled events of two runs" in said
+        else:
+            assert f"of the model's 9 runs {have} events" in said
+
+
+def test_runs_without_clear_axes_do_not_count_for_the_mean_axes():
+    """Four runs, of which two have sources of one principal value only: no axis is clear."""
+    catalog = made_up_catalog(300)
+    members = [made_up_catalog(300, seed=20 + k) for k in range(3)]
+    for member in members[1:]:
+        member["potency_tensor"][:] = member["potency"].values[:, None, None] * np.eye(3)
+    result = compare(catalog, as_record(made_up_catalog(300, seed=3)), QUICK | {"members": 3}, members)
+    assert result["mean_angle_p_value"].isnull().all()
+    assert "of the model's 4 runs only 2 have events with clear axes" in result.attrs["axes_text"]
+    assert np.isfinite(result["energy_p_value"])
+
+
 def test_a_shifted_turned_steeper_copy_is_found_out():
     """Record moved 40 m east of the model, another 0.4 in b: each shows, with its sign, and the interval holds it."""
     catalog = made_up_catalog(400, seed=1, b=0.6)

@@ -433,7 +433,7 @@ def test_result_counts_the_record_inside_and_outside_the_domain(mine, tmp_path):
         (slice(0, 7), True, "b is not compared: 10 events are needed in each, the record has "),
         (slice(0, 1), True, "Locations cannot be compared: that takes two modelled events"),
         (slice(0, 40), False, "The record has no tensors: axes cannot be compared."),
-        (slice(0, 40), True, "Differences of places and axes have no interval and no p-value: fewer than three runs"),
+        (slice(0, 40), True, "Differences of places and axes have no interval and no p-value: fewer than 3 runs"),
     ],
 )
 def test_a_comparison_that_is_impossible_is_said_in_the_result(mine, tmp_path, keep, tensors, says):
@@ -441,6 +441,16 @@ def test_a_comparison_that_is_impossible_is_said_in_the_result(mine, tmp_path, k
     content = recorded(mine, tmp_path, keep=keep, tensors=tensors)
     assert says in content.sections["headline"]
     assert not [name for name, section in content.sections.items() if re.search(r"\bnan\b", section)]
+
+
+def test_an_ensemble_with_too_few_events_is_not_told_to_run_one(mine, tmp_path):
+    """Nine runs, two of which have events: the report asked for an ensemble of 8."""
+    catalog, record = read_dataset(mine.catalog), read_dataset(mine.record)
+    members = [catalog] + [catalog.isel(event=slice(0))] * 7
+    write_dataset(compare(catalog, record, {"resamplings": 99, "members": 8}, members), tmp_path / "comparison.nc")
+    said = make_page(mine, tmp_path, comparison=tmp_path / "comparison.nc", steps=[]).sections["headline"]
+    assert "fewer than 3 of the model's 9 runs have events of such a size in a step that the record shares" in said
+    assert "Set ensemble: 8" not in said
 
 
 def test_a_record_beside_a_mine_without_dates_is_not_denied(mine, tmp_path):
