@@ -75,9 +75,11 @@ def _repeats(values: NDArray) -> NDArray:
 def _widest(days: NDArray, open_by: NDArray, location: NDArray, step: NDArray, error: float) -> NDArray:
     """Labels of the level at which the mean location is least well known, of those that leave enough blocks."""
     labels, chosen, largest = np.arange(len(days)), np.arange(len(days)), -1.0
+    among = np.linspace(0, len(days) - 1, min(len(days), MOST_AMONG)).astype(int)
+    around = [_around(location, event, among, error) for event in range(1, len(days))]
     for level in LEVELS:
         for _ in range(PASSES):
-            labels = _linked(days, open_by, location, labels, level, error)
+            labels = _linked(days, open_by, around, among, labels, level)
         links, count = len(days) - len(np.unique(labels)), len(days)
         if level == LEVELS[0] and links <= level * count + CHANCE_ERRORS * np.sqrt(level * (1 - level) * count):
             break
@@ -89,31 +91,42 @@ def _widest(days: NDArray, open_by: NDArray, location: NDArray, step: NDArray, e
     return chosen
 
 
-def _linked(days: NDArray, open_by: NDArray, location: NDArray, labels: NDArray, level: float, error: float) -> NDArray:
+def _around(location: NDArray, event: int, among: NDArray, error: float) -> tuple[NDArray, NDArray, NDArray]:
+    """Earlier events by distance from this one; the events `among` by distance, as indices of it; and the last of these
+    that lies within the distance of each earlier one. Numbers are short: they are kept for all events at once."""
+    first = max(0, event - MOST_EARLIER)
+    distance = cdist(location[event : event + 1], location[first:event])[0]
+    nearby = np.argsort(distance, kind="stable")
+    others = np.maximum(cdist(location[event : event + 1], location[among])[0], error)
+    order = np.argsort(others, kind="stable")
+    last = np.searchsorted(others[order], np.maximum(distance[nearby], error), side="right") - 1
+    return tuple(numbers.astype(np.int16) for numbers in (nearby, order, last))
+
+
+def _linked(
+    days: NDArray, open_by: NDArray, around: list[tuple], among: NDArray, labels: NDArray, level: float
+) -> NDArray:
     """New labels (event,) from links at a level; `labels` says how many clusters there are, and where.
 
-    days (event,) ascending; open_by (event,) days that they are rounded to; location (event, 3) m.
+    days (event,) ascending; open_by (event,) days that they are rounded to; around, among: as in `_around`, of all
+    events but the first.
     """
     count = len(days)
     weight = 1.0 / np.bincount(labels)[labels]  # a cluster counts once
     clusters, span = weight.sum(), max(days[-1], 1e-9)
-    among = np.linspace(0, count - 1, min(count, MOST_AMONG)).astype(int)
-    total = weight[among].sum()
+    weight = weight[among]
+    total = weight.sum()
     root = np.arange(count)
-    for event in range(1, count):
-        first = max(0, event - MOST_EARLIER)
-        distance = cdist(location[event : event + 1], location[first:event])[0]
-        reach = np.maximum(distance, error)
-        others = np.maximum(cdist(location[event : event + 1], location[among])[0], error)
-        order = np.argsort(others, kind="stable")
-        within = np.cumsum(weight[among][order])[np.searchsorted(others[order], reach, side="right") - 1]
-        apart = days[event] - days[first:event] + np.maximum(open_by[event], open_by[first:event])
+    for event, (nearby, order, last) in enumerate(around, 1):
+        earlier = max(0, event - MOST_EARLIER) + nearby.astype(np.int64)
+        within = np.cumsum(weight[order])[last]
+        apart = days[event] - days[earlier] + np.maximum(open_by[event], open_by[earlier])
         product = clusters * apart / span * (within / total)
-        nearest = int(np.lexsort((distance, product))[0])
+        nearest = int(np.argmin(product))  # of the same product the closest
         least = product[nearest]
         chance = 1.0 - np.exp(-least * (1.0 + max(np.log(clusters / least), 0.0)))
         if chance < level:
-            root[event] = root[first + nearest]
+            root[event] = root[earlier[nearest]]
     return np.unique(root, return_inverse=True)[1].reshape(-1)
 
 
