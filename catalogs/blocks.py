@@ -93,14 +93,15 @@ def _widest(days: NDArray, open_by: NDArray, location: NDArray, step: NDArray, e
 
 def _around(location: NDArray, event: int, among: NDArray, error: float) -> tuple[NDArray, NDArray, NDArray]:
     """Earlier events by distance from this one; the events `among` by distance, as indices of it; and the last of these
-    that lies within the distance of each earlier one. Numbers are short: they are kept for all events at once."""
+    that lies within the distance of each earlier one, at least the first. Numbers are short: they are kept for all
+    events at once."""
     first = max(0, event - MOST_EARLIER)
     distance = cdist(location[event : event + 1], location[first:event])[0]
     nearby = np.argsort(distance, kind="stable")
     others = np.maximum(cdist(location[event : event + 1], location[among])[0], error)
     order = np.argsort(others, kind="stable")
     last = np.searchsorted(others[order], np.maximum(distance[nearby], error), side="right") - 1
-    return tuple(numbers.astype(np.int16) for numbers in (nearby, order, last))
+    return tuple(numbers.astype(np.int16) for numbers in (nearby, order, np.maximum(last, 0)))
 
 
 def _linked(

@@ -127,3 +127,17 @@ def test_clusters_do_not_depend_on_the_order_of_the_rows(unit):
     order = generator.permutation(len(days))
     moved = cluster_labels(time[order], location[order], step, 1.0)
     np.testing.assert_array_equal(moved, labels[order])
+
+
+def test_pairs_closer_than_any_event_of_the_sample_of_places_are_linked():
+    """Of more than a thousand events places are counted among a sample. A pair that is closer than all of it took the
+    share of all places, as if it were as far apart as can be."""
+    generator = np.random.default_rng(10)
+    start, place = generator.uniform(0, 90, 2000), 1000 * generator.normal(size=(2000, 3))
+    days = np.concatenate([start, start + 0.02])
+    order = np.argsort(days)
+    location = np.concatenate([place, place + generator.normal(size=(2000, 3))])
+    pair = np.tile(np.arange(2000), 2)[order]
+    labels = clusters_of((days[order], location[order], None))
+    together = labels[np.argsort(pair, kind="stable")].reshape(2000, 2)
+    assert np.mean(together[:, 0] == together[:, 1]) > 0.95
