@@ -26,6 +26,7 @@ WORTH_IT = 0.7  # compressed over plain size of a sample; stresses and forces sh
 SAMPLE = 1 << 16  # values of a sample, in runs of RUN all over the array
 RUN = 1 << 10
 MAX_CHUNK_ROWS = 1 << 16  # whole rows: reading is a third faster than in the library's chunks of one component each
+NANOSECONDS = np.dtype("datetime64[ns]")
 CHECKSUM = "checksum"  # attribute of a file: digest of what fletcher32 does not cover
 RUN_AGAIN = "delete it and run the same command again"
 
@@ -68,8 +69,10 @@ def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:
     encoding = {}
     # text as text: an empty column of Python objects would be stored as numbers
     text = {name: variable.astype(str) for name, variable in dataset.variables.items() if variable.dtype == object}
-    times = {name: one for name, one in dataset.variables.items() if one.dtype.kind == "M"}
-    times = {name: one.astype("datetime64[ns]") for name, one in times.items()}  # as they are read again
+    coarse = {
+        name: one for name, one in dataset.variables.items() if one.dtype.kind == "M" and one.dtype != NANOSECONDS
+    }
+    times = {name: one.astype(NANOSECONDS) for name, one in coarse.items()}  # as they are read again
     dataset = dataset.assign(text | times)
     dataset = dataset.assign_attrs({CHECKSUM: checksum(dataset)})
     for name, variable in dataset.variables.items():

@@ -188,12 +188,13 @@ def bodies(wildcards):
 def sliced(folder, stage):
     """Of the slice that a stage of results/<folder> depends on: its file, its hash and the files that it names.
 
-    stage: by its result's name without ending.
+    stage: by its result's name without ending. A stage without settings has no file.
     """
     if workflow.execution_settings and workflow.execution_settings.no_hooks and not workflow.dryrun:
         SLICES.begin()
     values = mine_at(folder).slice_of(stage)
-    return SLICES.name(folder, stage, values), config_hash(values), tuple(files_of(values))
+    file = SLICES.name(folder, stage, values) if values else ""
+    return file, config_hash(values), tuple(files_of(values))
 
 
 def slice_file(folder, stage):
