@@ -196,13 +196,12 @@ def elastic_stress(model: Model, displacement: np.ndarray, particles: np.ndarray
     """Stress (k, 6) Pa of intact particles (k,) whose nodes have moved by displacement (node, d) since virgin."""
     cells, place = np.unique(model.particles.cell[particles], return_inverse=True)
     sums = _modal_sums(model, displacement, cells)[place]
-    xi = model.particles.xi[particles]
+    modes = model.mode_values[model.particles.row[particles]]
     gradient = np.zeros((len(particles), model.dimension, model.dimension))
     for axis in range(model.dimension):
         for mode in range(1 << model.dimension):
             if mode >> axis & 1:
-                others = [k for k in range(model.dimension) if k != axis and mode >> k & 1]
-                gradient[:, :, axis] += sums[:, mode] * np.prod(xi[:, others], axis=1)[:, None]
+                gradient[:, :, axis] += sums[:, mode] * modes[:, mode ^ 1 << axis, None]
     size = model.grid.cell_size[model.particles.cell[particles]]
     gradient *= (2.0 / size / (1 << model.dimension))[:, None, None]
     lame, shear = model.elastic_constants[model.particles.material[particles]].T

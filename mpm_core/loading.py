@@ -7,6 +7,7 @@ from mpm_core.geometry.inside import contains
 from mpm_core.geometry.shapes import build_shape
 from mpm_core.kernels.nodes import collect_to_parents, particle_loads
 from mpm_core.model import Model
+from mpm_core.particles import centroids, mean_modes
 from mpm_core.scene import FACES, Load, Scene
 from mpm_core.virgin import virgin_body_force, virgin_stress
 from mpm_core.wall_pressure import wall_pressure
@@ -25,9 +26,10 @@ def external_force(model: Model, step: int) -> np.ndarray:
     there adds up to nothing, but for the quadrature of the virgin stress.
     Raises InputError for a load whose rock is mined, and where forces drive what nothing holds.
     """
+    model = model.at(step)
     particles, scene = model.particles, model.scene
     axes = list(scene.axes)
-    volume = model.volumes(step)
+    volume = model.material_volumes(step)
     rock = particles.is_rock
     missing = np.where(rock, particles.full_volume - volume, 0.0)
     body_force = virgin_body_force(scene)
@@ -37,18 +39,22 @@ def external_force(model: Model, step: int) -> np.ndarray:
     density = np.array([material.density for material in scene.materials.values()])
     weight = np.where(rock, 0.0, density[particles.material] * volume)
     force = np.zeros((particles.count, model.dimension))
-    acting = np.flatnonzero((missing != 0.0) | (weight != 0.0))  # a small part of the mine
-    force[acting] = weight[acting, None] * gravity - missing[acting, None] * body_force
+    acting = np.flatnonzero(weight != 0.0)
+    force[acting] = weight[acting, None] * gravity
     for load in scene.loads:
         if load.since <= step:
             force += load_force(model, load, np.where(rock, volume, 0.0))
-            acting = np.flatnonzero((missing != 0.0) | force.any(axis=1))
+            acting = np.flatnonzero(force.any(axis=1))
     nodal = np.zeros((len(model.grid.node_index), model.dimension))
-    stress_volume = model.insitu[acting] * missing[acting, None]
-    inside, cell_pressure = wall_pressure(model, step, acting)
+    modes = particles.modes[particles.row[acting]]
+    _spread(model, particles.cell[acting], modes, np.zeros((len(acting), 6)), force[acting], nodal)
+    mined = np.flatnonzero(missing)  # a small part of the mine
+    modes, virgin = _of_missing_rock(model, mined, step)
+    stress_volume = virgin * missing[mined, None]
+    inside, cell_pressure = wall_pressure(model, step, mined)
     if len(inside):
-        stress_volume[:, :3] += (inside * missing[acting])[:, None]
-    _spread(model, acting, stress_volume, force[acting], nodal)
+        stress_volume[:, :3] += (inside * missing[mined])[:, None]
+    _spread(model, particles.cell[mined], modes, stress_volume, -missing[mined, None] * body_force, nodal)
     _add_lost_traction(model, nodal, 1.0 - model.rock_share(step), cell_pressure)
     collect_to_parents(model.grid.node_parents, nodal)
     nodal[~_touched(model, volume)] = 0.0
@@ -83,10 +89,27 @@ def load_force(model: Model, load: Load, rock_volume: np.ndarray) -> np.ndarray:
     return (share * load.force / np.where(distance > 0.0, distance, 1.0))[:, None] * way
 
 
-def _spread(model: Model, chosen, stress_volume: np.ndarray, force: np.ndarray, nodal: np.ndarray) -> None:
-    """Add B^T (sigma V) + N^T f of chosen particles (k,) to nodal (node, d) N: sigma V (k, 6) N m, f (k, d) N."""
-    cell, xi = model.particles.cell[chosen], model.particles.xi[chosen]
-    particle_loads(model.cell_nodes, model.grid.cell_size, cell, xi, stress_volume, force, nodal)
+def _of_missing_rock(model: Model, chosen: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
+    """Modes (k, 2^d) and virgin stress (k, 6) Pa of what is mined of chosen rock particles (k,) after a step.
+
+    They are those of the particle itself, but for one that stands for some of its cell's samples: the others are
+    mined.
+    """
+    particles, grid = model.particles, model.grid
+    row = particles.row[chosen]
+    modes, virgin = particles.modes[row], model.insitu[chosen]
+    own = np.flatnonzero(row >= particles.shared_rows)
+    if len(own):
+        cell = particles.cell[chosen[own]]
+        modes[own] = mean_modes(~model.changes.rock_samples(len(model.cell_nodes), step)[cell], model.dimension)
+        place = grid.cell_center[cell] + 0.5 * grid.cell_size[cell][:, None] * centroids(modes[own])
+        virgin[own] = virgin_stress(model.scene, place)
+    return modes, virgin
+
+
+def _spread(model: Model, cell, modes, stress_volume: np.ndarray, force: np.ndarray, nodal: np.ndarray) -> None:
+    """Add B^T (sigma V) + N^T f to nodal (node, d) N: cell (k,), modes (k, 2^d), sigma V (k, 6) N m, f (k, d) N."""
+    particle_loads(model.cell_nodes, model.grid.cell_size, cell, modes, stress_volume, force, nodal)
 
 
 def _require_balance(model: Model, volume: np.ndarray, force: np.ndarray, step: int) -> None:
@@ -163,9 +186,9 @@ def strain_reaction(model: Model, strain: np.ndarray, step: int) -> np.ndarray:
         lame, shear = model.elastic_constants[model.particles.material].T
         stress = 2.0 * shear[:, None] * voigt_from_tensor(tensor)
         stress[:, :3] += (lame * np.trace(tensor))[:, None]
-        volume = model.volumes(step)
-        every = np.arange(len(volume))
-        _spread(model, every, stress * volume[:, None], np.zeros((len(volume), model.dimension)), nodal)
+        volume, particles = model.volumes(step), model.particles
+        none = np.zeros((particles.count, model.dimension))
+        _spread(model, particles.cell, particles.modes[particles.row], stress * volume[:, None], none, nodal)
         collect_to_parents(model.grid.node_parents, nodal)
         nodal[~model.held] = 0.0
     return nodal

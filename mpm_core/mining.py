@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import xarray as xr
 
-from mpm_core.carrying import Cells, carry, carry_forces, carry_nodes
+from mpm_core.carrying import Cells, carry, carry_forces, carry_nodes, elastic_stress
 from mpm_core.datasets import read_grid, read_loose, read_state
 from mpm_core.equilibrium.body import Body, hourglass_modulus
 from mpm_core.equilibrium.brittle import Brittle, find_brittle
@@ -157,12 +157,18 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
     model, state = scheme.body.model, scheme.body.state
     lasting = external_force(model, before)
     start = lasting + scheme.body.internal_force()
-    old_volume, mined_hourglass = scheme.body.volume, 0.0
-    volume, target = model.volumes(step), external_force(model, step)
+    stood, mined_hourglass = elastic_energy(model, state, scheme.body.volume), 0.0
+    mined = model.at(step)
+    volume, target = mined.volumes(step), external_force(mined, step)
     if step > before:
         mined_hourglass = release_mined_hourglass(scheme.body, volume)
-        scheme.set_volume(volume)
-    balance = Balance.at_start(scheme.body, old_volume, mined_hourglass)
+        if mined is model:
+            scheme.set_volume(volume)
+        else:
+            scheme.drop_work_arrays()
+            follow_walls(model, mined, state)
+            model, scheme = mined, make_scheme(mined, state, volume)
+    balance = Balance.at_start(scheme.body, stood, mined_hourglass)
     # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
     start -= scheme.body.internal_force()
     more_strain = boundary_strain(scene, step) - boundary_strain(scene, before)
@@ -194,11 +200,11 @@ def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History
     require_cells(scene, grid)
     loose = read_loose(previous)
     if grid is was:
-        model = ground.model(was, body, loose)
+        model = ground.model(was, body, loose).at(before)
         state = read_state(previous, model)
         return make_scheme(model, state, model.volumes(before))
-    old = ground.model(was, body, loose, all_fallen=True)
-    model = ground.on(grid, old, all_fallen=False)
+    old = ground.model(was, body, loose, all_fallen=True).at(before)
+    model = ground.on(grid, old, all_fallen=False).at(before)
     state = carry(old, read_state(previous, old), model)
     scheme = make_scheme(model, state, model.volumes(before))
     force, strain = external_force(model, before), boundary_strain(scene, before)
@@ -206,6 +212,18 @@ def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History
     scheme.body.settle()
     state.energy[:] = 0.0  # of cells that are other ones now: no part of what the step does
     return scheme
+
+
+def follow_walls(old: Model, new: Model, state: State) -> None:
+    """Stress of particles that stand for other samples of their cells in a new model than in the old one.
+
+    Intact rock has that of elastic rock which has moved so since virgin; all else keeps its full stress.
+    """
+    rows = old.particles.row, new.particles.row
+    moved = np.flatnonzero((old.mode_values[rows[0]] != new.mode_values[rows[1]]).any(axis=1))
+    state.stress[moved] += old.insitu[moved] - new.insitu[moved]
+    intact = moved[(state.failed[moved] < 0) & new.particles.is_rock[moved]]
+    state.stress[intact] = elastic_stress(new, state.displacement, intact)
 
 
 def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:

@@ -1,6 +1,6 @@
 """A scene on its grid: everything that stays the same while equilibrium is sought; state.py has what does not."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import ModuleType
 
 import numpy as np
@@ -10,8 +10,8 @@ from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.kernels.blocks import Scatter, build_scatter
 from mpm_core.kernels.nodes import mark_nodes
 from mpm_core.loose import find_loose
-from mpm_core.occupancy import SAMPLES, Changes, Loose, Pieces, changes_of
-from mpm_core.particles import Particles, seed, volumes
+from mpm_core.occupancy import FULL, NOTHING, SAMPLES, Changes, Loose, Pieces, changes_of
+from mpm_core.particles import Particles, at_step, seed, volumes
 from mpm_core.rigid import RigidMotions, free_motions
 from mpm_core.scene import FACES, Scene
 from mpm_core.state import State
@@ -33,8 +33,6 @@ class Model:
     scatter: Scatter
     cell_nodes: np.ndarray
     """(cell, 2^d) int32, corners in bit order"""
-    mode_values: np.ndarray
-    """(point row, 2^d) value of each mode at each point of the particles' tables"""
     insitu: np.ndarray
     """(particle, 6) Pa, virgin stress; zero for fill, which starts without stress"""
     elastic_constants: np.ndarray
@@ -48,6 +46,13 @@ class Model:
     """(node, d) bool: fixed or on a roller"""
     loose: Loose
     """what has fallen so far"""
+    step: int
+    """once it is mined the particles are where they are; -1 virgin rock"""
+
+    @property
+    def mode_values(self) -> np.ndarray:
+        """(point row, 2^d) value of each mode at each point of the particles' tables, or its mean over samples."""
+        return self.particles.modes
 
     @property
     def dimension(self) -> int:
@@ -59,9 +64,41 @@ class Model:
         """Nodes with parents."""
         return np.flatnonzero(self.grid.is_hanging).astype(np.int32)
 
-    def volumes(self, step: int) -> np.ndarray:
-        """Volume of each particle once `step` is mined and filled, (particle,)."""
+    def at(self, step: int) -> "Model":
+        """The same with particles where their material is once `step` is mined; itself unless `cut_cells` is mean."""
+        if self.scene.cut_cells != "mean" or step == self.step:
+            return self
+        particles = at_step(self.particles, self.changes, step, self.grid)
+        moved = np.flatnonzero((particles.position != self.particles.position).any(axis=1) & particles.is_rock)
+        insitu = self.insitu.copy()
+        insitu[moved] = virgin_stress(self.scene, particles.position[moved])
+        return replace(self, particles=particles, insitu=insitu, step=step)
+
+    def material_volumes(self, step: int) -> np.ndarray:
+        """Volume of each particle's own material once `step` is mined and filled, (particle,)."""
         return volumes(self.particles, self.changes, step)
+
+    def volumes(self, step: int) -> np.ndarray:
+        """Volume in which each particle bears stress once `step` is mined and filled, (particle,).
+
+        It is that of its material, but for `cut_cells: mean`: fill that shares a cell with rock would share its strain,
+        and hold failed rock, which dilates, like a jacket. It weighs, but bears nothing where a cell beside it is
+        filled wholly. In an opening so narrow that none is, it bears its share.
+        """
+        volume = self.material_volumes(step)
+        if self.scene.cut_cells == "mean" and not self.particles.is_rock.all():
+            volume[self._jackets(step)[self.particles.cell] & ~self.particles.is_rock] = 0.0
+        return volume
+
+    def _jackets(self, step: int) -> np.ndarray:
+        """Cells (cell,) bool with rock and fill that share a node with a cell that is filled wholly."""
+        cells = len(self.cell_nodes)
+        rock, solid = self.changes.rock_samples(cells, step), self.changes.solid_samples(cells, step)
+        filled = np.zeros(len(self.grid.node_index), bool)
+        filled[self.cell_nodes[(rock == NOTHING) & (solid == FULL)]] = True
+        found = (rock != NOTHING) & (solid != rock)
+        found[found] = filled[self.cell_nodes[found]].any(axis=1)
+        return found
 
     def rock_share(self, step: int) -> np.ndarray:
         """Share of each cell that is rock once `step` is mined, (cell,)."""
@@ -133,12 +170,9 @@ def build_model(
         if len(fallen.cell):
             changes = changes_of(pieces, scene.excavations, loose)
     particles = seed(grid, body, changes, scene, pieces)
+    if scene.cut_cells == "mean":
+        particles = at_step(particles, changes, step, grid)
     cell_nodes = np.ascontiguousarray(grid.vtk_nodes[:, BIT_ORDER[grid.dimension]])
-    modes = range(1 << grid.dimension)
-    mode_values = np.stack(
-        [np.prod([particles.points[:, k] ** ((m >> k) & 1) for k in range(grid.dimension)], axis=0) for m in modes],
-        axis=1,
-    )
     insitu = virgin_stress(scene, particles.position)
     insitu[~particles.is_rock] = 0.0
     materials = scene.materials.values()
@@ -153,7 +187,6 @@ def build_model(
         particles=particles,
         scatter=build_scatter(cell_nodes, grid.node_parents),
         cell_nodes=cell_nodes,
-        mode_values=np.ascontiguousarray(mode_values),
         insitu=insitu,
         elastic_constants=np.array([(material.lame_lambda, material.shear_modulus) for material in materials]),
         law=law,
@@ -161,4 +194,5 @@ def build_model(
         residual_rows=residual_rows,
         held=_held(grid, scene),
         loose=loose,
+        step=step,
     )

@@ -2,14 +2,18 @@
 
 Every cell has one group of rock particles, and one more for each excavation that is filled there. Fill groups come
 after all rock groups, in the order of filling, so the particles of one mining step are a prefix of those of the next.
+
+With `cut_cells: mean` a lone particle of a cut cell stands for the samples that its material holds. Shape functions and
+their gradients are means over these samples, and its place is their centroid. Otherwise it acts at the cell's centre,
+which lies up to half a cell too far into the opening: rock then carries too little.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mpm_core.grid.mesh import MultiLevelGrid
-from mpm_core.occupancy import FULL, ROCK, SAMPLES, Changes, Pieces
+from mpm_core.occupancy import FULL, NOTHING, ROCK, SAMPLES, Changes, Pieces
 from mpm_core.scene import Scene
 
 
@@ -21,8 +25,10 @@ class Particles:
     (particle, d), spacing (particle,) m;
     full_volume (particle,) m3 (m2 in 2-D) if the whole place belonged to the particle; sample (particle,) bit of the
     cell's samples that the particle stands for, -1 for a share of all;
-    group_start (group + 1,) first particle of each group, group_table (group,) first row of its points in `points`;
-    cell_groups_start (cell + 1,), cell_groups: groups of each cell; points (row, d) the point tables.
+    group_start (group + 1,) first particle of each group, group_table (group,) first row of its points in `modes`;
+    cell_groups_start (cell + 1,), cell_groups: groups of each cell; modes (row, 2^d): value of each mode
+    (kernels/modes.py) at a point, or its mean over samples; the first shared_rows of them are points of many groups,
+    each of the others is one group's own.
     """
 
     cell: np.ndarray
@@ -37,7 +43,8 @@ class Particles:
     group_table: np.ndarray
     cell_groups_start: np.ndarray
     cell_groups: np.ndarray
-    points: np.ndarray
+    modes: np.ndarray
+    shared_rows: int
 
     @property
     def count(self) -> int:
@@ -49,6 +56,12 @@ class Particles:
         """(particle,) bool."""
         return self.excavation < 0
 
+    @property
+    def row(self) -> np.ndarray:
+        """Row of `modes` that each particle has, (particle,) int64."""
+        first = np.repeat(self.group_table - self.group_start[:-1], np.diff(self.group_start))
+        return first + np.arange(self.count)
+
 
 def point_table(per_edge: int, dimension: int) -> np.ndarray:
     """Centres of `per_edge`^d equal sub-cells, (point, d) in -1..1, first axis fastest (the samples' bit order)."""
@@ -57,8 +70,41 @@ def point_table(per_edge: int, dimension: int) -> np.ndarray:
     return np.stack([axis.ravel(order="F") for axis in mesh], axis=1)
 
 
+def mode_table(points: np.ndarray) -> np.ndarray:
+    """Value (point, 2^d) of each mode at points (point, d) in -1..1: the product of the coordinates whose bit is set."""
+    dimension = points.shape[1]
+    modes = [np.prod(points[:, [k for k in range(dimension) if m >> k & 1]], axis=1) for m in range(1 << dimension)]
+    return np.stack(modes, axis=1)
+
+
+def mean_modes(samples: np.ndarray, dimension: int) -> np.ndarray:
+    """Mean (k, 2^d) of each mode over sets of samples (k,) uint64, none of them empty."""
+    table = mode_table(point_table(round(SAMPLES ** (1 / dimension)), dimension))
+    held = (samples[:, None] >> np.arange(SAMPLES, dtype=np.uint64)) & np.uint64(1)
+    return held.astype(float) @ table / np.bitwise_count(samples)[:, None]
+
+
+def centroids(modes: np.ndarray) -> np.ndarray:
+    """Place (k, d) in the cell, -1 to 1, of points or means with these modes (k, 2^d)."""
+    return modes[:, [1 << k for k in range(modes.shape[1].bit_length() - 1)]]
+
+
+def shapes_of(modes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shape functions (k, 2^d) and their derivatives (k, 2^d, d) along local coordinates, of modes (k, 2^d)."""
+    corners = modes.shape[1]
+    bits = np.arange(corners)
+    sign = (-1.0) ** np.bitwise_count(bits & ~bits[:, None])  # (corner, mode)
+    derivatives = []
+    for k in range(corners.bit_length() - 1):
+        along = np.where(bits >> k & 1, modes[:, bits ^ 1 << k], 0.0)
+        derivatives.append(along @ sign.T / corners)
+    return modes @ sign.T / corners, np.stack(derivatives, axis=2)
+
+
 def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene, ever: Pieces) -> Particles:
-    """Particles of all rock, and of all fill placed up to this stage. `body` (cell,): index of the rock body, -1 host.
+    """Particles of all rock, and of all fill placed up to this stage; before any of it is mined, see `at_step`.
+
+    body (cell,): index of the rock body, -1 host.
 
     With cut_cells "subdivide" a cut cell has one particle per sample; a cell counts as cut if any excavation of the
     grid cuts it (`ever`), so that no later step changes its particles.
@@ -108,12 +154,13 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene,
         group_table=table,
         cell_groups_start=np.searchsorted(group_cell[cell_groups], np.arange(cells + 1)).astype(np.int64),
         cell_groups=cell_groups,
-        points=points,
+        modes=mode_table(points),
+        shared_rows=len(points),
     )
 
 
-def volumes(particles: Particles, changes: Changes, step: int) -> np.ndarray:
-    """Volume of each particle's own material once `step` is mined and filled: (particle,) m3, 0 where there is none."""
+def owned_samples(particles: Particles, changes: Changes, step: int) -> np.ndarray:
+    """Samples that each group's own material holds once `step` is mined and filled: (group,) uint64."""
     cells = len(particles.cell_groups_start) - 1
     owned = np.zeros(len(particles.group_start) - 1, np.uint64)
     owned[:cells] = changes.rock_samples(cells, step)
@@ -123,7 +170,29 @@ def volumes(particles: Particles, changes: Changes, step: int) -> np.ndarray:
     now = changes.until(step, owned_by_rock=False)
     place = np.searchsorted(key[order], changes.owner[now].astype(np.int64) * cells + changes.cell[now])
     np.bitwise_xor.at(owned, cells + order[place], changes.samples[now])
+    return owned
 
+
+def at_step(particles: Particles, changes: Changes, step: int, grid: MultiLevelGrid) -> Particles:
+    """These particles with those that are alone in their group at what their material holds once `step` is mined."""
+    owned = owned_samples(particles, changes, step)
+    own = np.flatnonzero((np.diff(particles.group_start) == 1) & (owned != NOTHING) & (owned != FULL))
+    table, first = particles.group_table.copy(), particles.shared_rows
+    moved = np.union1d(np.flatnonzero(table >= first), own)
+    table[moved] = 0
+    table[own] = first + np.arange(len(own), dtype=np.int32)
+    modes = np.concatenate([particles.modes[:first], mean_modes(owned[own], grid.dimension)])
+    particle = particles.group_start[moved]
+    cell = particles.cell[particle]
+    xi, position = particles.xi.copy(), particles.position.copy()
+    xi[particle] = centroids(modes[table[moved]])
+    position[particle] = grid.cell_center[cell] + 0.5 * grid.cell_size[cell][:, None] * xi[particle]
+    return replace(particles, xi=xi, position=position, group_table=table, modes=modes)
+
+
+def volumes(particles: Particles, changes: Changes, step: int) -> np.ndarray:
+    """Volume of each particle's own material once `step` is mined and filled: (particle,) m3, 0 where there is none."""
+    owned = owned_samples(particles, changes, step)
     group = np.repeat(np.arange(len(owned)), np.diff(particles.group_start))
     owned = owned[group]
     share = np.bitwise_count(owned) / SAMPLES

@@ -17,7 +17,7 @@ from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import above_strength
 from mpm_core.equilibrium.cascade import run_cascade
 from mpm_core.equilibrium.convergence import History, norm
-from mpm_core.equilibrium.energy import Balance, hourglass_energies, nodal_forces
+from mpm_core.equilibrium.energy import Balance, elastic_energy, hourglass_energies, nodal_forces
 from mpm_core.equilibrium.increments import increment_error
 from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.grid.splitting import with_leaves
@@ -47,7 +47,8 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
     state = model.virgin_state()
     volume = model.volumes(0)
     scheme = make_scheme(model, state, volume)
-    balance = Balance.at_start(scheme.body, model.particles.full_volume * model.particles.is_rock, 0.0)
+    virgin = elastic_energy(model.at(-1), state, model.particles.full_volume * model.particles.is_rock)
+    balance = Balance.at_start(scheme.body, virgin, 0.0)
     force, strain = external_force(model, 0), boundary_strain(scene, 0)
     reference = load_size(model, force, strain, 0)
     with following(scene, "elastic", failed_state, lambda: state) as history:
@@ -194,7 +195,7 @@ def finish(
         **failed_at_boundary(model, state, volume),
         **describe_loose(model.grid, model.loose, step, scene.thickness, scene.axes),
     }
-    return state_dataset(model, state, volume, rating, table, facts), facts
+    return state_dataset(model, state, model.material_volumes(step), rating, table, facts), facts
 
 
 def hourglass_energy(body: Body) -> dict[str, float]:
@@ -214,10 +215,11 @@ def mass_and_momentum(body: Body) -> dict[str, float]:
     ones too, over the sum of their sizes: 0 but for round-off (NaN where particles move, whose cells keep none)."""
     model, thickness = body.model, body.model.scene.thickness
     density = np.array([material.density for material in model.scene.materials.values()])
+    there = np.maximum(body.volume, model.material_volumes(model.step))
     forces = nodal_forces(body)
     size, net = float(np.abs(forces).sum()), float(np.abs(forces.sum(axis=0)).sum())
     return {
-        "mass": float(np.sum(density[model.particles.material] * body.volume) * thickness),
+        "mass": float(np.sum(density[model.particles.material] * there) * thickness),
         "net_force": float(np.linalg.norm(body.unbalanced.sum(axis=0)) * thickness),
         "momentum_error": np.nan if model.scene.solver.move else net / size if size > 0.0 else 0.0,
     }

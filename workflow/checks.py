@@ -289,6 +289,12 @@ def _check_solver(mine: Mine, mistakes: Mistakes) -> None:
                     f"materials.{name}.poisson_ratio: {ratio:g} locks cells of {count} particles, which then hardly "
                     f"deform; take at most {MOST_POISSON:g}, or grid.particles_per_cell: 1"
                 )
+    with mistakes.gather():
+        if mine.values["grid"]["cut_cells"] == "mean" and count != 1:
+            raise InputError(
+                "grid.cut_cells: mean places the one particle of a cell where its rock is; set "
+                "grid.particles_per_cell: 1"
+            )
     if solver["move"] and count == 1:
         raise InputError(
             "solver.move: a lone particle must rest at its cell's centre; take more grid.particles_per_cell"

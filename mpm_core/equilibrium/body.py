@@ -7,7 +7,8 @@ The time step. For a cell of edge h the largest frequency is that of its dilatio
 mass at a corner is 4 (d lambda + 2 mu) / (rho h^2), in d dimensions. No frequency of the assembly exceeds the largest
 of its parts (Irons and Treharne 1971), and lumping the mass of hanging nodes onto their parents only lowers it, so
 dt = 2 / omega = h sqrt(rho / (d lambda + 2 mu)) is stable without damping. A lone sample of a cut cell ("subdivide") is
-off its centre, where a corner takes little of its mass: there 1 - xi^2 of the squared limit is left. Local damping c
+off its centre, where a corner takes little of its mass: there 1 - xi^2 of the squared limit is left; a particle that
+stands for some of a cell's samples ("mean") has a limit of its own (`own_stiffening`). Local damping c
 adds up to c |f| to a restoring force: a mode at the limit then grows unless dt <= 2 / (omega sqrt(1 + c)). With density
 scaling rho is chosen so that the limit is the same everywhere: all cells then reach rest in about the same number of
 steps. Weights are not touched by it.
@@ -33,6 +34,7 @@ from mpm_core.kernels.nodes import (
 )
 from mpm_core.kernels.resting import make_update
 from mpm_core.model import Model
+from mpm_core.particles import shapes_of
 from mpm_core.state import State, put_back
 
 TIME_STEP_SHARE = 0.98  # of the damped limit, 1 / sqrt(1 + c) of the undamped one
@@ -243,6 +245,8 @@ def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, flo
     stiffness = model.dimension * lame + 2.0 * shear
     lone = particles.sample >= 0
     stiffness[lone] /= 1.0 - np.abs(particles.xi[lone]).max(axis=1, initial=0.0) ** 2
+    own = np.flatnonzero(particles.group_table >= particles.shared_rows)
+    stiffness[particles.group_start[own]] *= own_stiffening(particles.modes[particles.group_table[own]])
     size = model.grid.cell_size[particles.cell]
     if model.scene.solver.density_scaling:
         return stiffness / size**2, 1.0  # the limit is 1 s everywhere
@@ -251,9 +255,23 @@ def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, flo
     return density, float((size * np.sqrt(density / stiffness))[present].min()) if present.any() else 1.0
 
 
+def own_stiffening(modes: np.ndarray) -> np.ndarray:
+    """By what the square of a lone particle's largest frequency exceeds that of one at its cell's centre, (k,).
+
+    The particle's shape functions N and gradients g are means over samples, of modes (k, 2^d): no frequency exceeds
+    that of the largest eigenvalue of sum g g^T / N over the corners, which is 4 / h^2 at the centre.
+    """
+    shape, slope = shapes_of(modes)
+    sums = np.einsum("kci,kcj,kc->kij", slope, slope, 1.0 / shape)
+    return np.maximum(np.linalg.eigvalsh(sums)[:, -1], 1.0) if len(modes) else np.empty(0)
+
+
 def nodal_mass(model: Model, mass: np.ndarray) -> np.ndarray:
     """Masses of particles (particle,) kg at the nodes by the shape functions; hanging nodes hand theirs on (Eq. 1)."""
     nodal = np.zeros((len(model.grid.node_index), 1))
-    particle_masses(model.cell_nodes, model.particles.cell, model.particles.xi, mass, nodal[:, 0])
+    particles = model.particles
+    particle_masses(
+        model.cell_nodes, particles.cell, particles.row, particles.modes, model.dimension, mass, nodal[:, 0]
+    )
     collect_to_parents(model.grid.node_parents, nodal)
     return nodal[:, 0]

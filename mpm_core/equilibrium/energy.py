@@ -83,8 +83,9 @@ def virgin_work(body: Counted, moved: np.ndarray) -> float:
     """Work of the virgin stress of a body's rock on a nodal motion (node, d) m, J: G . du of the balance."""
     model, particles = body.model, body.model.particles
     return work_of_stress(
-        model.cell_nodes, model.grid.cell_size, particles.cell, particles.xi, body.volume, model.insitu, moved
-    )
+        model.cell_nodes, model.grid.cell_size, particles.cell, particles.row, particles.modes, body.volume,
+        model.insitu, moved,
+    )  # fmt: skip
 
 
 class Way:
@@ -181,10 +182,10 @@ class Balance:
     mined: float
 
     @classmethod
-    def at_start(cls, body: Counted, old_volume: np.ndarray, mined_hourglass: float) -> "Balance":
-        """body: with the volumes that stay; old_volume (particle,): before; mined_hourglass J: gone with the rest."""
+    def at_start(cls, body: Counted, before: float, mined_hourglass: float) -> "Balance":
+        """body: with the volumes that stay; before J: elastic energy of what stood until now; mined_hourglass J: gone
+        with what is mined."""
         stored = elastic_energy(body.model, body.state, body.volume)
-        before = elastic_energy(body.model, body.state, old_volume)
         hourglass = float(hourglass_energies(body.state.hourglass_force, body.hourglass).sum())
         return cls(stored, hourglass, before - stored + mined_hourglass)
 

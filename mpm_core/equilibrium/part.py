@@ -141,7 +141,8 @@ def _crop_particles(particles: Particles, chosen: np.ndarray, number: np.ndarray
         group_table=particles.group_table[groups],
         cell_groups_start=np.append(0, np.cumsum(counts)),
         cell_groups=np.argsort(group_cell, kind="stable").astype(np.int32),
-        points=particles.points,
+        modes=particles.modes,
+        shared_rows=particles.shared_rows,
     ), indices
 
 

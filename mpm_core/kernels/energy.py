@@ -8,6 +8,7 @@ from numba import njit, prange
 from mpm_core.constitutive.elastic import contraction, energy_density, strain_from_stress, stress_increment
 from mpm_core.constitutive.general import strength_of
 from mpm_core.constitutive.regions import ELASTIC
+from mpm_core.kernels.modes import to_modes
 
 CHUNK = 8192  # entries summed one after the other; the sums of chunks are then added in order
 PARTS = 8  # of a way with flow: 4, 8, 16, 64 of them dissipate 186, 193, 196, 198 kJ around a tunnel without residual
@@ -54,36 +55,39 @@ def stored_energy(stress, insitu, volume, material, elastic_constants) -> float:
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def _work_of_stress(cell_nodes, cell_size, cell, xi, volume, stress, motion, sums):
-    dimension = xi.shape[1]
+def _work_of_stress(cell_nodes, cell_size, cell, row, modes, volume, stress, motion, sums):
+    corners, dimension = cell_nodes.shape[1], motion.shape[1]
     component = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
     for chunk in prange(len(sums)):
         total = 0.0
+        moved = np.empty((dimension, corners))
         for p in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(volume))):
             if volume[p] == 0.0:
                 continue
             c = cell[p]
             work = 0.0
-            for corner in range(1 << dimension):
-                node = cell_nodes[c, corner]
+            for j in range(dimension):
+                for corner in range(corners):
+                    moved[j, corner] = motion[cell_nodes[c, corner], j]
+                to_modes(moved, j, dimension)
                 for k in range(dimension):
-                    slope = 1.0
-                    for axis in range(dimension):
-                        side = 1.0 if (corner >> axis) & 1 else -1.0
-                        slope *= side if axis == k else 0.5 * (1.0 + side * xi[p, axis])
-                    for j in range(dimension):
-                        work += stress[p, component[j, k]] * slope * motion[node, j]
-            total += work * volume[p] / cell_size[c]
+                    slope = 0.0
+                    for mode in range(corners):
+                        if (mode >> k) & 1:
+                            slope += moved[j, mode] * modes[row[p], mode ^ (1 << k)]
+                    work += stress[p, component[j, k]] * slope
+            total += work * volume[p] * 2.0 / corners / cell_size[c]
         sums[chunk] = total
 
 
-def work_of_stress(cell_nodes, cell_size, cell, xi, volume, stress, motion) -> float:
+def work_of_stress(cell_nodes, cell_size, cell, row, modes, volume, stress, motion) -> float:
     """Work of stresses (particle, 6) Pa on the strain of a nodal motion (node, d) m, J: the sum of V stress : B motion.
 
-    cell_nodes (cell, 2^d) in bit order; cell, volume (particle,); xi (particle, d). Hanging nodes have their motion.
+    cell_nodes (cell, 2^d) in bit order; cell, volume (particle,); row (particle,): of modes (row, 2^d). Hanging nodes
+    have their motion.
     """
     sums = np.empty(_chunks(volume))
-    _work_of_stress(cell_nodes, cell_size, cell, xi, volume, stress, motion, sums)
+    _work_of_stress(cell_nodes, cell_size, cell, row, modes, volume, stress, motion, sums)
     return float(sums.sum())
 
 

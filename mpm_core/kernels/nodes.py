@@ -3,6 +3,8 @@
 import numpy as np
 from numba import njit, prange
 
+from mpm_core.kernels.modes import to_corners
+
 
 @njit(parallel=True, error_model="numpy", cache=True)
 def advance_nodes(
@@ -134,61 +136,63 @@ def spread_to_hanging(hanging, node_parents, values):
 
 
 @njit(error_model="numpy", cache=True)
-def particle_loads(cell_nodes, cell_size, cell, xi, stress_volume, force, load):
+def particle_loads(cell_nodes, cell_size, cell, modes, stress_volume, force, load):
     """Add B^T (sigma V) + N^T f of every particle to load (node, d); hanging nodes keep their own part.
 
-    cell_nodes (cell, 2^d) in bit order; cell (particle,); xi (particle, d) in -1..1; stress_volume (particle, 6) N m,
-    components in the computation's axes; force (particle, d) N.
+    cell_nodes (cell, 2^d) in bit order; cell (particle,); modes (particle, 2^d) at its place; stress_volume
+    (particle, 6) N m, components in the computation's axes; force (particle, d) N.
     """
-    dimension = xi.shape[1]
-    corners = 1 << dimension
+    corners, dimension = cell_nodes.shape[1], force.shape[1]
     component = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-    gradient = np.empty(dimension)
+    work = np.empty((dimension, corners))
     for particle in range(len(cell)):
         c = cell[particle]
-        for corner in range(corners):
-            shape = 1.0
-            for k in range(dimension):
-                side = 1.0 if (corner >> k) & 1 else -1.0
-                shape *= 0.5 * (1.0 + side * xi[particle, k])
-            for k in range(dimension):
-                gradient[k] = 1.0 / cell_size[c]
-                for axis in range(dimension):
-                    side = 1.0 if (corner >> axis) & 1 else -1.0
-                    gradient[k] *= side if axis == k else 0.5 * (1.0 + side * xi[particle, axis])
-            node = cell_nodes[c, corner]
-            for j in range(dimension):
-                total = shape * force[particle, j]
+        slope = 2.0 / cell_size[c]
+        for j in range(dimension):
+            for mode in range(corners):
+                total = modes[particle, mode] * force[particle, j]
                 for k in range(dimension):
-                    total += stress_volume[particle, component[j, k]] * gradient[k]
-                load[node, j] += total
+                    if (mode >> k) & 1:
+                        share = modes[particle, mode ^ (1 << k)] * slope
+                        total += stress_volume[particle, component[j, k]] * share
+                work[j, mode] = total
+            to_corners(work, j, dimension)
+            for corner in range(corners):
+                load[cell_nodes[c, corner], j] += work[j, corner] / corners
 
 
 @njit(error_model="numpy", cache=True)
-def particle_masses(cell_nodes, cell, xi, mass, nodal):
-    """Add N^T m of every particle to nodal (node,); hanging nodes keep their own part. mass (particle,) kg."""
+def particle_masses(cell_nodes, cell, row, modes, dimension, mass, nodal):
+    """Add N^T m of every particle to nodal (node,); hanging nodes keep their own part.
+
+    row (particle,): of modes (row, 2^d); mass (particle,) kg.
+    """
+    corners = cell_nodes.shape[1]
+    work = np.empty((1, corners))
     for particle in range(len(cell)):
         if mass[particle] == 0.0:
             continue
-        for corner in range(cell_nodes.shape[1]):
-            shape = 1.0
-            for k in range(xi.shape[1]):
-                side = 1.0 if (corner >> k) & 1 else -1.0
-                shape *= 0.5 * (1.0 + side * xi[particle, k])
-            nodal[cell_nodes[cell[particle], corner]] += shape * mass[particle]
+        for mode in range(corners):
+            work[0, mode] = modes[row[particle], mode]
+        to_corners(work, 0, dimension)
+        for corner in range(corners):
+            nodal[cell_nodes[cell[particle], corner]] += work[0, corner] / corners * mass[particle]
 
 
 @njit(error_model="numpy", cache=True)
-def interpolate(cell_nodes, cell, xi, nodal, result):
-    """Nodal values at particles by the trilinear shape functions (paper Eq. 5): result (particle, d), in place."""
-    dimension = xi.shape[1]
+def interpolate(cell_nodes, cell, row, modes, nodal, result):
+    """Nodal values at particles by the trilinear shape functions (paper Eq. 5): result (particle, d), in place.
+
+    row (particle,): of modes (row, 2^d).
+    """
+    corners, dimension = cell_nodes.shape[1], nodal.shape[1]
+    work = np.empty((1, corners))
     for particle in range(len(cell)):
-        for j in range(nodal.shape[1]):
+        for mode in range(corners):
+            work[0, mode] = modes[row[particle], mode]
+        to_corners(work, 0, dimension)
+        for j in range(dimension):
             total = 0.0
-            for corner in range(1 << dimension):
-                shape = 1.0
-                for k in range(dimension):
-                    side = 1.0 if (corner >> k) & 1 else -1.0
-                    shape *= 0.5 * (1.0 + side * xi[particle, k])
-                total += shape * nodal[cell_nodes[cell[particle], corner], j]
+            for corner in range(corners):
+                total += work[0, corner] / corners * nodal[cell_nodes[cell[particle], corner], j]
             result[particle, j] = total

@@ -3,41 +3,43 @@
 import numpy as np
 from numba import njit, prange
 
+from mpm_core.kernels.modes import to_corners
+
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def sum_cell_stiffness(particle_start, particles, cell_size, xi, lame_volume, shear_volume, stiffness):
+def sum_cell_stiffness(particle_start, particles, cell_size, row, modes, lame_volume, shear_volume, stiffness):
     """Stiffness sum B^T C B V over the particles of each cell: stiffness (cell, 2^d d, 2^d d), written.
 
-    particle_start (cell + 1,), particles: indices; cell_size (cell,) m; xi (particle, d) in -1..1; lame_volume,
-    shear_volume (particle,) lambda V and mu V. Row and column: corner * d + component, corners in bit order.
+    particle_start (cell + 1,), particles: indices; cell_size (cell,) m; row (particle,): of modes (row, 2^d);
+    lame_volume, shear_volume (particle,) lambda V and mu V. Row and column: corner * d + component, corners in bit
+    order.
     """
-    dimension = xi.shape[1]
-    corners = 1 << dimension
+    corners = modes.shape[1]
+    dimension = stiffness.shape[1] // corners
     for cell in prange(len(cell_size)):
-        gradient = np.empty((corners, dimension))
+        gradient = np.empty((dimension, corners))
         stiffness[cell] = 0.0
         for q in range(particle_start[cell], particle_start[cell + 1]):
             p = particles[q]
             lame, shear = lame_volume[p], shear_volume[p]
             if shear == 0.0:
                 continue
-            for corner in range(corners):
-                for k in range(dimension):
-                    value = 1.0 / cell_size[cell]
-                    for axis in range(dimension):
-                        side = 1.0 if (corner >> axis) & 1 else -1.0
-                        value *= side if axis == k else 0.5 * (1.0 + side * xi[p, axis])
-                    gradient[corner, k] = value
+            for k in range(dimension):
+                for mode in range(corners):
+                    there = (mode >> k) & 1
+                    slope = 2.0 / cell_size[cell] / corners
+                    gradient[k, mode] = slope * modes[row[p], mode ^ (1 << k)] if there else 0.0
+                to_corners(gradient, k, dimension)
             for a in range(corners):
                 for b in range(corners):
                     both = 0.0
                     for k in range(dimension):
-                        both += gradient[a, k] * gradient[b, k]
+                        both += gradient[k, a] * gradient[k, b]
                     for i in range(dimension):
                         stiffness[cell, a * dimension + i, b * dimension + i] += shear * both
                         for j in range(dimension):
                             stiffness[cell, a * dimension + i, b * dimension + j] += (
-                                lame * gradient[a, i] * gradient[b, j] + shear * gradient[a, j] * gradient[b, i]
+                                lame * gradient[i, a] * gradient[j, b] + shear * gradient[j, a] * gradient[i, b]
                             )
 
 

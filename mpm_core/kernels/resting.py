@@ -131,7 +131,7 @@ def make_update(law, dimension: int):
                         for j in range(dimension):
                             for k in range(dimension):
                                 gradient[j, k] = 0.0
-                        if points == 1:
+                        if points == 1 and row == 0:
                             for k in range(dimension):
                                 for j in range(dimension):
                                     gradient[j, k] = amplitude[1 << k, j]
@@ -178,7 +178,7 @@ def make_update(law, dimension: int):
                         s4 = stress[particle, 4] * weight
                         s5 = stress[particle, 5] * weight
                         for m in range(1, modes):
-                            if points == 1 and (m & (m - 1)) != 0:
+                            if points == 1 and row == 0 and (m & (m - 1)) != 0:
                                 continue  # at the centre only the linear modes have a gradient
                             for k in range(dimension):
                                 if (m >> k) & 1:

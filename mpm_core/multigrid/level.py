@@ -104,7 +104,8 @@ class Operator:
         self.set_constants(cells.constants)
         place = siblings.cell_place[cells.irregular]
         slot = place // LANES
-        self.constants[slot, :, place % LANES] = 0.0
+        for entry in (0, 1, 3):  # l, m and s; what stands against hourglass patterns stays
+            self.constants[slot, entry, place % LANES] = 0.0
         order = np.argsort(slot, kind="stable")
         self.cell_rows = siblings.corner_rows(cells.irregular[order])
         self.block_cells = np.searchsorted(slot[order] // corners, siblings.batch_start)

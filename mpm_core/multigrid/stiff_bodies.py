@@ -19,6 +19,7 @@ from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.dissection import dissect
 from mpm_core.multigrid.level import Level
 from mpm_core.multigrid.stiffness import ElasticCells
+from mpm_core.particles import mode_table
 
 STIFF = 8.0  # times the host's stiffness; at 10 the V-cycle alone takes 6 to 10 iterations for 5 to 9, at 100 up to 68
 MOST_ENTRIES = 4_000_000  # of the factor: a second to make, a hundredth of that for each solution
@@ -51,24 +52,20 @@ def cell_matrices(cells: ElasticCells, chosen: np.ndarray, dimension: int) -> np
     xi = np.sqrt(spread) * (2.0 * (np.arange(corners)[:, None] >> np.arange(dimension) & 1) - 1.0)
     ones = np.full(corners, 1.0 / corners)
     both, shear = np.empty((2, 1, edge, edge))
+    bits = np.arange(corners)
     for lame, matrix in ((ones, both), (0.0 * ones, shear)):
         sum_cell_stiffness(
-            np.array([0, corners]), np.arange(corners), np.array([2.0 / corners]), xi, lame, ones, matrix
+            np.array([0, corners]), bits, np.array([2.0 / corners]), bits, mode_table(xi), lame, ones, matrix
         )
-    bits = np.arange(corners)
     sign = (-1.0) ** np.bitwise_count(bits[:, None] & ~bits)  # (mode, corner)
     higher = sign[np.bitwise_count(bits) > 1]
     constants = cells.constants[chosen]
-    matrices = (
-        constants[:, 0, None, None] * (both - shear)
-        + constants[:, 1, None, None] * shear
-        + constants[:, 2, None, None] * np.kron(higher.T @ higher, np.eye(dimension))
-    )
+    matrices = constants[:, 0, None, None] * (both - shear) + constants[:, 1, None, None] * shear
     place = np.searchsorted(cells.irregular, chosen)
     own = np.flatnonzero(place < len(cells.irregular))
     own = own[cells.irregular[place[own]] == chosen[own]]
     matrices[own] = cells.stiffness[place[own]]
-    return matrices
+    return matrices + constants[:, 2, None, None] * np.kron(higher.T @ higher, np.eye(dimension))
 
 
 def rigid_motions(nodes: np.ndarray, block: np.ndarray, place: np.ndarray, weight: np.ndarray, count: int):

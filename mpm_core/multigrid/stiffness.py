@@ -13,7 +13,8 @@ class ElasticCells:
     """Elastic stiffness of a model's cells.
 
     constants (cell, 4): l, m, g (N/m) and s of kernels.operator_3; 0 where nothing is left. irregular (k,) cells whose
-    particles are single samples: stiffness (k, 2^d d, 2^d d) N/m instead, their constants hold l and m all the same.
+    particles are single samples or means over some: stiffness (k, 2^d d, 2^d d) N/m stands for that of l and m, which
+    their constants hold all the same; g counts besides.
     """
 
     constants: np.ndarray
@@ -41,11 +42,14 @@ def elastic_cells(model: Model, volume: np.ndarray, hourglass: np.ndarray) -> El
     constants[:, 2] = hourglass / corners**2
     constants[:, 3] = (1.0 - 1.0 / model.scene.particles_per_cell**2) / 3.0
 
-    single = np.flatnonzero((particles.sample >= 0) & (volume > 0.0))
+    row, present = particles.row, volume > 0.0
+    cut = np.zeros(cells, bool)
+    cut[particles.cell[present & ((particles.sample >= 0) | (row >= particles.shared_rows))]] = True
+    single = np.flatnonzero(cut[particles.cell] & present)
     single = single[np.argsort(particles.cell[single], kind="stable")]
     irregular, start = np.unique(particles.cell[single], return_index=True)
     stiffness = np.empty((len(irregular), corners * dimension, corners * dimension))
     sum_cell_stiffness(
-        np.append(start, len(single)), single, grid.cell_size[irregular], particles.xi, lame, shear, stiffness
+        np.append(start, len(single)), single, grid.cell_size[irregular], row, particles.modes, lame, shear, stiffness
     )
     return ElasticCells(constants, irregular, stiffness)

@@ -27,6 +27,7 @@ SCENES = {
     "member": {"increments": 0, "changes": {"perturbation": 3}},
     "four particles": {"changes": {"particles_per_cell": 2}},
     "subdivided cells": {"changes": {"cut_cells": "subdivide"}},
+    "mean over samples": {"changes": {"cut_cells": "mean"}},
     "time steps": {"scheme": "explicit"},
     "plastic, time steps": {"host": PLASTIC, "scheme": "explicit"},
 }

@@ -96,7 +96,7 @@ def test_a_part_at_rest_is_at_rest_in_the_mine_but_for_its_border(dimension, poi
     assert norm(scheme.body.unbalanced) > 1e-8 * norm(force)
 
 
-@pytest.mark.parametrize(("dimension", "cut_cells"), [(3, "fraction"), (2, "subdivide")])
+@pytest.mark.parametrize(("dimension", "cut_cells"), [(3, "fraction"), (3, "mean"), (2, "subdivide")])
 def test_tables_of_a_part_are_those_of_the_mine(dimension, cut_cells):
     """Each cell has the same place, corners, particles, neighbours in the part, and rock that may fail."""
     scheme, brittle, fresh, _ = with_failure(dimension, cut_cells=cut_cells)

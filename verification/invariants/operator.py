@@ -149,7 +149,8 @@ def solve_smooth(variant: Variant, smooth: dict, particles_per_edge: int) -> Sol
     force = np.zeros((len(grid.node_index), d))
     body = field.body_force(particles.position, rock) * volume[:, None]
     none = np.zeros((particles.count, 6))
-    particle_loads(model.cell_nodes, grid.cell_size, particles.cell, particles.xi, none, body, force)
+    modes = particles.modes[particles.row]
+    particle_loads(model.cell_nodes, grid.cell_size, particles.cell, modes, none, body, force)
     collect_to_parents(grid.node_parents, force)
     force[model.held] = 0.0
     scheme = scheme_of(model)
@@ -157,7 +158,7 @@ def solve_smooth(variant: Variant, smooth: dict, particles_per_edge: int) -> Sol
     body.displace(field.displacement(grid.node_position))
     scheme.relax(force, tolerance, norm(force), History(tolerance))
     found = np.zeros((particles.count, d))
-    interpolate(model.cell_nodes, particles.cell, particles.xi, body.state.displacement, found)
+    interpolate(model.cell_nodes, particles.cell, particles.row, particles.modes, body.state.displacement, found)
     exact = field.displacement(particles.position)
     tensor = rock.stress(field.gradient(particles.position))
     stress = np.stack([tensor[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))], axis=1)
