@@ -152,9 +152,7 @@ def state_dataset(
     if scene.solver.move:
         displacement = state.position - particles.position
     else:
-        interpolate(
-            model.cell_nodes, particles.cell, particles.row, particles.modes, state.displacement, displacement
-        )
+        interpolate(model.cell_nodes, particles.cell, particles.row, particles.modes, state.displacement, displacement)
     step_strain = state.seismic_strain + state.overshoot_strain + state.later_strain
     present = (volume > 0.0)[:, None]
     values = {array.field.name: getattr(state, name) for name, array in ARRAYS.items() if array.stored} | {

@@ -71,7 +71,7 @@ def point_table(per_edge: int, dimension: int) -> np.ndarray:
 
 
 def mode_table(points: np.ndarray) -> np.ndarray:
-    """Value (point, 2^d) of each mode at points (point, d) in -1..1: the product of the coordinates whose bit is set."""
+    """Value (point, 2^d) of each mode at points (point, d) in -1..1: product of the coordinates whose bit is set."""
     dimension = points.shape[1]
     modes = [np.prod(points[:, [k for k in range(dimension) if m >> k & 1]], axis=1) for m in range(1 << dimension)]
     return np.stack(modes, axis=1)

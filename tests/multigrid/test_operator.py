@@ -55,7 +55,9 @@ def operator_force(solver, motion):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize(("points", "cut_cells"), [(1, "fraction"), (2, "fraction"), (3, "whole"), (1, "mean"), (1, "subdivide")])
+@pytest.mark.parametrize(
+    ("points", "cut_cells"), [(1, "fraction"), (2, "fraction"), (3, "whole"), (1, "mean"), (1, "subdivide")]
+)
 def test_forces_are_those_of_the_explicit_scheme(dimension, points, cut_cells):
     """Random motion of the free nodes: same forces to round-off, with hourglass stiffness, fill, void, cut cells."""
     model, volume = scene_with_everything(dimension, points, cut_cells)

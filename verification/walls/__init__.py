@@ -1,0 +1,1 @@
+"""Does what breaks depend on where walls lie in their cells?"""
