@@ -215,10 +215,11 @@ def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History
 
 
 def follow_walls(old: Model, new: Model, state: State) -> None:
-    """Stress of particles that stand for other samples of their cells in a new model than in the old one.
+    """Place and stress of particles that stand for other samples of their cells in a new model than in the old one.
 
     Intact rock has that of elastic rock which has moved so since virgin; all else keeps its full stress.
     """
+    state.position = new.particles.position
     rows = old.particles.row, new.particles.row
     moved = np.flatnonzero((old.mode_values[rows[0]] != new.mode_values[rows[1]]).any(axis=1))
     state.stress[moved] += old.insitu[moved] - new.insitu[moved]
