@@ -87,18 +87,28 @@ class Model:
         """
         volume = self.material_volumes(step)
         if self.scene.cut_cells == "mean" and not self.particles.is_rock.all():
-            volume[self._jackets(step)[self.particles.cell] & ~self.particles.is_rock] = 0.0
+            volume[self._is_jacket(step)] = 0.0
         return volume
 
-    def _jackets(self, step: int) -> np.ndarray:
-        """Cells (cell,) bool with rock and fill that share a node with a cell that is filled wholly."""
+    def _is_jacket(self, step: int) -> np.ndarray:
+        """Fill (particle,) bool that shares its cell with rock, where a cell filled wholly was beside it when it was
+        placed: fill that is placed or mined later takes no load off it."""
+        particles, cells = self.particles, len(self.cell_nodes)
+        rock = self.changes.rock_samples(cells, step)
+        found = ~particles.is_rock & (rock != NOTHING)[particles.cell]
+        placed = np.array([excavation.filled for excavation in self.scene.excavations])[particles.excavation]
+        for first in np.unique(placed[found]):
+            chosen = np.flatnonzero(found & (placed == first))
+            found[chosen] = self._beside_filled(first)[particles.cell[chosen]]
+        return found
+
+    def _beside_filled(self, step: int) -> np.ndarray:
+        """Cells (cell,) bool that share a node with one that is filled wholly once `step` is mined and filled."""
         cells = len(self.cell_nodes)
         rock, solid = self.changes.rock_samples(cells, step), self.changes.solid_samples(cells, step)
         filled = np.zeros(len(self.grid.node_index), bool)
         filled[self.cell_nodes[(rock == NOTHING) & (solid == FULL)]] = True
-        found = (rock != NOTHING) & (solid != rock)
-        found[found] = filled[self.cell_nodes[found]].any(axis=1)
-        return found
+        return filled[self.cell_nodes].any(axis=1)
 
     def rock_share(self, step: int) -> np.ndarray:
         """Share of each cell that is rock once `step` is mined, (cell,)."""

@@ -246,7 +246,9 @@ def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, flo
     lone = particles.sample >= 0
     stiffness[lone] /= 1.0 - np.abs(particles.xi[lone]).max(axis=1, initial=0.0) ** 2
     own = np.flatnonzero(particles.group_table >= particles.shared_rows)
-    stiffness[particles.group_start[own]] *= own_stiffening(particles.modes[particles.group_table[own]])
+    first = particles.group_start[own]
+    hourglass = model.scene.solver.hourglass * hourglass_modulus(lame[first], shear[first]) / stiffness[first]
+    stiffness[first] *= own_stiffening(particles.modes[particles.group_table[own]], hourglass)
     size = model.grid.cell_size[particles.cell]
     if model.scene.solver.density_scaling:
         return stiffness / size**2, 1.0  # the limit is 1 s everywhere
@@ -255,15 +257,23 @@ def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, flo
     return density, float((size * np.sqrt(density / stiffness))[present].min()) if present.any() else 1.0
 
 
-def own_stiffening(modes: np.ndarray) -> np.ndarray:
-    """By what the square of a lone particle's largest frequency exceeds that of one at its cell's centre, (k,).
+def own_stiffening(modes: np.ndarray, hourglass: np.ndarray) -> np.ndarray:
+    """By what the square of a lone particle's largest frequency may exceed that of one at its cell's centre, (k,).
 
-    The particle's shape functions N and gradients g are means over samples, of modes (k, 2^d): no frequency exceeds
-    that of the largest eigenvalue of sum g g^T / N over the corners, which is 4 / h^2 at the centre.
+    The particle's shape functions N and gradients g are means over samples, of modes (k, 2^d). Its strain adds at most
+    the largest eigenvalue of sum g g^T / N over the corners, which is 4 / h^2 at the centre. Its hourglass stiffness
+    acts on all corners alike, and adds the share `hourglass` (k,) of that times the largest eigenvalue of
+    sum s s^T / N, with the signs s of the hourglass modes, over its value at the centre: off the centre the patterns
+    of both overlap.
     """
     shape, slope = shapes_of(modes)
-    sums = np.einsum("kci,kcj,kc->kij", slope, slope, 1.0 / shape)
-    return np.maximum(np.linalg.eigvalsh(sums)[:, -1], 1.0) if len(modes) else np.empty(0)
+    bits = np.arange(modes.shape[1])
+    signs = (-1.0) ** np.bitwise_count(~bits[:, None] & bits[np.bitwise_count(bits) > 1])  # (corner, mode)
+    strain = np.einsum("kci,kcj,kc->kij", slope, slope, 1.0 / shape)
+    patterns = np.einsum("ci,cj,kc->kij", signs, signs, 1.0 / shape) / len(bits) ** 2
+    if not len(modes):
+        return np.empty(0)
+    return np.linalg.eigvalsh(strain)[:, -1] + hourglass * np.linalg.eigvalsh(patterns)[:, -1]
 
 
 def nodal_mass(model: Model, mass: np.ndarray) -> np.ndarray:

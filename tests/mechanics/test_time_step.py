@@ -62,6 +62,7 @@ def largest_eigenvalue(body):
         (2, {"cut_cells": "mean"}),
         (3, {"cut_cells": "mean"}),
         (2, {"solver": {"hourglass": 1.0}}),
+        (3, {"solver": {"hourglass": 1.0}, "cut_cells": "mean"}),
         (2, {"solver": {"density_scaling": False}}),
         (2, {"boundary": "traction"}),
         (2, {"fill": None}),
