@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
+from pipeline.errors import InputError
 from verification.brazilian_disc.answer import event_rows
 from verification.brazilian_disc.closed_form import Disc, PeakStrength, first_failure
 from verification.brazilian_disc.crack import Crack, Moment, read_crack
@@ -47,7 +48,12 @@ class PlatenDisc:
         self.before = self.strain.pop(variant.mine.steps[0]["name"])
 
     def closing(self, step: str, share: float) -> float:
-        """How far the platens have approached each other, m, once this share of a step's strain is applied."""
+        """How far the platens have approached each other, m, once this share of a step's strain is applied.
+
+        Raises InputError for the first step, in which no rock may fail.
+        """
+        if step not in self.strain:
+            raise InputError(f"variants.{self.name}: rock fails in step {step} already; strain it less there")
         return (self.before + self.strain[step] * share) * self.height
 
     def text_of(self, step: str, share: float) -> str:
