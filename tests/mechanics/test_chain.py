@@ -109,12 +109,13 @@ def test_fill_that_is_mined_again_leaves_no_trace(stress, cut_cells, per_edge, t
     )
 
 
-def test_a_drive_through_fill_moves_what_the_fill_held_and_is_filled_again(tmp_path):
+@pytest.mark.parametrize("cut_cells", ["fraction", "mean"])
+def test_a_drive_through_fill_moves_what_the_fill_held_and_is_filled_again(cut_cells, tmp_path):
     """A drive through loaded fill: its part of the fill goes, the rest closes in on it, the rock around it moves too;
     fill in the drive starts without stress, and carries once the rock beside is mined."""
     shapes = [*SHAPES, box([16.0, 18.0], [20.0, 22.0]), ball([18.0, 28.0], 3.0)]
     plan = [(0, "fill", 1), (2, None, 2), (3, "fill", 4), (5, None, 5)]
-    *_, loaded, dug, again, last = chain(tmp_path, plan, 6, shapes=shapes, solver=TIGHT)
+    *_, loaded, dug, again, last = chain(tmp_path, plan, 6, shapes=shapes, solver=TIGHT, cut_cells=cut_cells)
 
     def volume(state, excavation):
         return state.volume.values[state.excavation.values == excavation].sum()
