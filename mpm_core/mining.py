@@ -21,7 +21,7 @@ from mpm_core.equilibrium.refinement import PATIENCE, RINGS, Refinement
 from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.mesh import MultiLevelGrid
-from mpm_core.grid.splitting import split
+from mpm_core.grid.splitting import split, with_leaves
 from mpm_core.ground import Ground
 from mpm_core.loading import boundary_strain, external_force, load_size, measure
 from mpm_core.memory import require_cells
@@ -128,11 +128,12 @@ class StepCells:
         state.energy[REFINED] += stored(self.scheme.body, counted) - was
         state.energy[REFINED] -= virgin_work(self.scheme.body, self.moved()) - virgin_was
 
-    def resume(self, grid: MultiLevelGrid, places: np.ndarray, full: bool) -> None:
-        """Go over to the cells of a checkpoint; places (k, d): what was split until then, full: no more may be."""
-        self.onto(grid)
-        self.full = full
-        self.places = [places] if len(places) else []
+    def resume(self, saved: dict[str, np.ndarray]) -> None:
+        """Go over to the cells of a checkpoint, see Checkpoint.save."""
+        if len(saved["cells_index"]) > len(self.model.cell_nodes):  # else none was split: the load is that of now, to
+            self.onto(with_leaves(self.model.grid, saved["cells_index"], saved["cells_level"]))  # the last bit
+        self.full = bool(saved["full"])
+        self.places = [saved["places"]] if len(saved["places"]) else []
 
     def renew(self) -> None:
         """A scheme anew, for a state that was changed from outside."""

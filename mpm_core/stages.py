@@ -20,7 +20,6 @@ from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.energy import Balance, elastic_energy, hourglass_energies, nodal_forces
 from mpm_core.equilibrium.increments import increment_error
 from mpm_core.equilibrium.scheme import Scheme
-from mpm_core.grid.splitting import with_leaves
 from mpm_core.ground import Ground
 from mpm_core.kernels.failure import make_rate_strength
 from mpm_core.loading import boundary_strain, external_force, load_size
@@ -95,8 +94,7 @@ def mining_step(
         if district is not None:
             at_work = district.cells
         if saved:
-            leaves = with_leaves(at_work.model.grid, saved["cells_index"], saved["cells_level"])
-            at_work.resume(leaves, saved["places"], bool(saved["full"]))
+            at_work.resume(saved)
             checkpoint.restore(saved, at_work.scheme.body.state, history)
             at_work.renew()
 

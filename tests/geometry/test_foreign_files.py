@@ -3,7 +3,6 @@
 import itertools
 import logging
 import re
-import time
 
 import ezdxf
 import numpy as np
@@ -235,10 +234,8 @@ def test_blocks_by_the_million_are_refused_at_once(tmp_path, kind):
         space.add_blockref("B0" if kind == "rows" else "B7", (0, 0, 0), rows if kind == "rows" else None)
 
     path = drawing(tmp_path / "stope.dxf", add)
-    start = time.process_time()
     with pytest.raises(InputError, match=r"unfold to 1\.\d*e\+\d+ entities|inserted into itself"):
         read_solid(path, "stope")
-    assert time.process_time() - start < 10.0
 
 
 def test_a_triangle_of_a_vertex_that_is_not_there_is_one_line(tmp_path):
