@@ -3,9 +3,9 @@
 Every cell has one group of rock particles, and one more for each excavation that is filled there. Fill groups come
 after all rock groups, in the order of filling, so the particles of one mining step are a prefix of those of the next.
 
-With `cut_cells: mean` a lone particle of a cut cell stands for the samples that its material holds. Shape functions and
-their gradients are means over these samples, and its place is their centroid. Otherwise it acts at the cell's centre,
-which lies up to half a cell too far into the opening: rock then carries too little.
+With `cut_cells: mean` each material of a cut cell has one particle, which stands for the samples that it holds. Shape
+functions and their gradients are means over these samples, and its place is their centroid: at the cell's centre it
+would act up to half a cell too far into the opening, and rock would carry too little.
 """
 
 from dataclasses import dataclass, replace
@@ -106,14 +106,15 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene,
 
     body (cell,): index of the rock body, -1 host.
 
-    With cut_cells "subdivide" a cut cell has one particle per sample; a cell counts as cut if any excavation of the
-    grid cuts it (`ever`), so that no later step changes its particles.
+    With cut_cells "mean" each group of a cut cell has one particle, at the cell's centre, and with "subdivide" one per
+    sample. A cell counts as cut if any excavation of the grid cuts it (`ever`), so that no later step changes how many.
     """
     dimension, cells = grid.dimension, len(grid.cell_level)
     names = list(scene.materials)
-    regular = point_table(scene.particles_per_cell, dimension)
-    fine = point_table(round(SAMPLES ** (1 / dimension)), dimension)
-    points = np.concatenate([regular, fine])
+    whole = scene.particles_per_cell
+    of_cut = {"mean": 1, "subdivide": round(SAMPLES ** (1 / dimension))}.get(scene.cut_cells, whole)
+    edges = np.unique([1, whole, of_cut])
+    points = np.concatenate([point_table(edge, dimension) for edge in edges])  # the centre first
 
     fills = np.flatnonzero(changes.owner != ROCK)
     _, first = np.unique(changes.owner[fills].astype(np.int64) * cells + changes.cell[fills], return_index=True)
@@ -128,18 +129,17 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene,
     group_material = np.where(group_excavation < 0, body_material[body[group_cell]], fill_material[group_excavation])
 
     cut = np.zeros(cells, bool)
-    if scene.cut_cells == "subdivide":
-        cut[ever.cell[ever.samples != FULL]] = True
-    group_cut = cut[group_cell]
-    size = np.where(group_cut, len(fine), len(regular))
+    cut[ever.cell[ever.samples != FULL]] = True
+    per_edge = np.where(cut, of_cut, whole)[group_cell]
+    size = per_edge**dimension
     start = np.append(0, np.cumsum(size)).astype(np.int64)
-    table = np.where(group_cut, len(regular), 0).astype(np.int32)
+    table = np.cumsum([0, *edges**dimension])[np.searchsorted(edges, per_edge)].astype(np.int32)
+    is_sample = cut[group_cell] & (scene.cut_cells == "subdivide")
 
     group = np.repeat(np.arange(len(group_cell)), size)
     place = np.arange(start[-1]) - start[group]
     cell_groups = np.argsort(group_cell, kind="stable").astype(np.int32)
     cell_size = grid.cell_size[group_cell]
-    per_edge = np.where(group_cut, round(SAMPLES ** (1 / dimension)), scene.particles_per_cell)
     xi = points[table[group] + place]
     return Particles(
         cell=group_cell[group],
@@ -149,7 +149,7 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene,
         position=grid.cell_center[group_cell[group]] + 0.5 * cell_size[group][:, None] * xi,
         spacing=(cell_size / per_edge)[group],
         full_volume=(cell_size**dimension / size)[group],
-        sample=np.where(group_cut[group], place, -1).astype(np.int8),
+        sample=np.where(is_sample[group], place, -1).astype(np.int8),
         group_start=start,
         group_table=table,
         cell_groups_start=np.searchsorted(group_cell[cell_groups], np.arange(cells + 1)).astype(np.int64),

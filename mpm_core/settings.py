@@ -90,9 +90,9 @@ class GridSettings(Settings):
     max_cells: Many = 20_000_000
     """of an adaptive grid: where it would have more, rock stays in coarse cells, and the step is labelled truncated;
     cells of openings are made all the same"""
-    cut_cells: Literal["fraction", "mean", "whole", "subdivide"] = "fraction"
-    """cells crossed by a surface: fraction (rock by volume, at the cell's centre) | mean (rock where it is in the cell;
-    needs one particle per cell) | whole (in or out) | subdivide (64 points)"""
+    cut_cells: Literal["mean", "whole", "subdivide"] = "mean"
+    """cells crossed by a surface: mean (each material has its share of the cell and acts where it is) | whole (in or
+    out) | subdivide (64 points)"""
     volume_error: real_number(ge=0) = 0.2
     """share of its volume by which the grid may miss an excavation; more is an error, 0.05 a banner. From 1 on openings
     of which almost nothing fills a whole cell are let through, too: the rock in their cells props them; and those too

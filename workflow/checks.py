@@ -274,13 +274,16 @@ def _check_domain(mine: Mine, mistakes: Mistakes) -> None:
 
 
 def _check_solver(mine: Mine, mistakes: Mistakes) -> None:
-    solver, count = mine.values["solver"], mine.values["grid"]["particles_per_cell"]
+    solver, grid = mine.values["solver"], mine.values["grid"]
+    count, is_mean = grid["particles_per_cell"], grid["cut_cells"] == "mean"
+    fewest = 1 if is_mean else count
+    others = ", or more grid.particles_per_cell" + (" and grid.cut_cells: whole or subdivide" if is_mean else "")
     stiff = {name: rock["poisson_ratio"] for name, rock in mine.values["materials"].items()}
     with mistakes.gather():
-        if solver["hourglass"] < LEAST_HOURGLASS and count == 1:
+        if solver["hourglass"] < LEAST_HOURGLASS and fewest == 1:
             raise InputError(
                 f"solver.hourglass: {solver['hourglass']:g} leaves cells of one particle without stiffness against "
-                f"hourglass patterns; take {LEAST_HOURGLASS:g} to 1, or more grid.particles_per_cell"
+                f"hourglass patterns; take {LEAST_HOURGLASS:g} to 1{others}"
             )
     for name, ratio in stiff.items():
         with mistakes.gather():
@@ -289,16 +292,8 @@ def _check_solver(mine: Mine, mistakes: Mistakes) -> None:
                     f"materials.{name}.poisson_ratio: {ratio:g} locks cells of {count} particles, which then hardly "
                     f"deform; take at most {MOST_POISSON:g}, or grid.particles_per_cell: 1"
                 )
-    with mistakes.gather():
-        if mine.values["grid"]["cut_cells"] == "mean" and count != 1:
-            raise InputError(
-                "grid.cut_cells: mean places the one particle of a cell where its rock is; set "
-                "grid.particles_per_cell: 1"
-            )
-    if solver["move"] and count == 1:
-        raise InputError(
-            "solver.move: a lone particle must rest at its cell's centre; take more grid.particles_per_cell"
-        )
+    if solver["move"] and fewest == 1:
+        raise InputError("solver.move: a lone particle must rest where it is" + others.replace(", or", "; take"))
     if solver["move"] and solver["scheme"] != "explicit":
         raise InputError("solver.move: particles move with scheme explicit only; set solver.scheme: explicit")
 

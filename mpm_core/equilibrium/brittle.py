@@ -39,7 +39,7 @@ def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, ne
     may_fail = rock & small
     half = (model.rock_share(step)[particles.cell] >= 0.5) | (particles.sample >= 0)
     sound, sliver = np.flatnonzero(may_fail & half), np.flatnonzero(may_fail & ~half)
-    borne = borne_overstress(particles, model.scene) if model.scene.perturbation else None
+    borne = borne_overstress(model) if model.scene.perturbation else None
     return Brittle(volume > 0.0, sound, sliver, np.flatnonzero(rock & ~small), neighbor_start, neighbors, borne)
 
 

@@ -93,8 +93,7 @@ class MultigridScheme:
         if self.softened is None:  # new volumes
             # The V-cycle has the hourglass stiffness of intact rock: a killed stage that goes on finds the same one.
             cells = elastic_cells(self.model, self.body.volume, self.body.intact_hourglass)
-            single = self.model.scene.particles_per_cell == 1
-            kappa = self.model.scene.solver.hourglass if single else np.inf
+            kappa = self.model.scene.solver.hourglass if self.body.particle_hourglass.any() else np.inf
             self.solver.set_stiffness(cells, kappa, self.body.free)
             self.softened = np.zeros(len(self.body.hourglass), bool)
         failed = np.zeros(len(self.softened), bool)

@@ -10,26 +10,31 @@ How many parts there are (solver.increments) moves all members alike, and is not
 import numpy as np
 
 from mpm_core.constitutive.laws import can_fail, law_of
-from mpm_core.particles import Particles
+from mpm_core.model import Model
 from mpm_core.scene import Scene
 
 LARGEST_OVERSTRESS = 0.01  # of cohesion, as the law of the rock has it: far less than is known of any rock's strength
 LARGEST_DELAY = 0.5  # of an increment: their order stays
 
 
-def borne_overstress(particles: Particles, scene: Scene) -> np.ndarray:
+def borne_overstress(model: Model) -> np.ndarray:
     """Overstress that each particle bears in this member before it fails, beside the margin: (particle,) Pa; else 0.
 
     Uniform between 0 and 1 % of intact cohesion: never less than in the mine's own run, so virgin rock stands. The
-    number is a hash of member and place: the same on whatever grid the particle is found.
+    number is a hash of member and place: the same on whatever grid the particle is found. The place of rock that is
+    alone in its cell is the cell's centre, which no later wall moves.
     """
+    scene, particles = model.scene, model.particles
     result = np.zeros(particles.count)
     if scene.perturbation:
         cohesion = np.array(
             [law_of(rock).cohesion(rock) if can_fail(rock) else 0.0 for rock in scene.materials.values()]
         )
         rock = np.flatnonzero(particles.is_rock)
-        share = LARGEST_OVERSTRESS * uniform_at(particles.position[rock], scene.perturbation)
+        size = np.diff(particles.group_start)
+        alone = np.repeat(size == 1, size)[rock, None]
+        places = np.where(alone, model.grid.cell_center[particles.cell[rock]], particles.position[rock])
+        share = LARGEST_OVERSTRESS * uniform_at(places, scene.perturbation)
         result[rock] = share * cohesion[particles.material[rock]]
     return result
 

@@ -40,7 +40,8 @@ def elastic_cells(model: Model, volume: np.ndarray, hourglass: np.ndarray) -> El
     constants[:, 0] = np.bincount(particles.cell, lame, minlength=cells) * slope**2
     constants[:, 1] = np.bincount(particles.cell, shear, minlength=cells) * slope**2
     constants[:, 2] = hourglass / corners**2
-    constants[:, 3] = (1.0 - 1.0 / model.scene.particles_per_cell**2) / 3.0
+    per_edge = np.diff(particles.group_start)[:cells] ** (1.0 / dimension)
+    constants[:, 3] = (1.0 - 1.0 / per_edge**2) / 3.0
 
     row, present = particles.row, volume > 0.0
     cut = np.zeros(cells, bool)

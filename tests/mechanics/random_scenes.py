@@ -74,7 +74,7 @@ def make(seed: int) -> RandomScene:
         "excavations": entries,
         "boundary": conditions,
         "particles_per_cell": int(random.choice([1, 1, 2])),
-        "cut_cells": str(random.choice(["fraction", "mean", "subdivide"])),
+        "cut_cells": str(random.choice(["mean", "whole", "subdivide"])),
         "solver": {
             "scheme": str(random.choice(["multigrid", "multigrid", "explicit"])),
             "increments": int(random.integers(0, 4)),

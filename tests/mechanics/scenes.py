@@ -79,7 +79,7 @@ def make_scene(
         "plane": plane,
         "thickness": 1.0,
         "particles_per_cell": 1,
-        "cut_cells": "fraction",
+        "cut_cells": "mean",
         "boundary": dict.fromkeys(FACES, "fixed") | boundary,
         "surface": 1000.0,
         "insitu_stress": stress or uniform(),

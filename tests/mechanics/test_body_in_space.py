@@ -35,7 +35,7 @@ def run(plane, tmp_path, *, boundary="free", host=HOST, force=1e6, steps=0, side
             "plane": plane,
             "thickness": 1.0,
             "domain": {"lower": [0.0] * dimension, "upper": [24.0] * dimension},
-            "grid": {"coarse_cell": 4.0, "levels": 2, "buffer_cells": 1, "cut_cells": "fraction", "volume_error": 0.2},
+            "grid": {"coarse_cell": 4.0, "levels": 2, "buffer_cells": 1, "cut_cells": "mean", "volume_error": 0.2},
             "excavations": [shape],
             "rock_bodies": [],
         },

@@ -19,7 +19,7 @@ from mpm_core.stages import elastic_stage
 from pipeline.errors import InputError
 
 
-def grid_slice(*excavations, plane=None, bodies=(), cut_cells="fraction", thickness=1.0, **grid):
+def grid_slice(*excavations, plane=None, bodies=(), cut_cells="mean", thickness=1.0, **grid):
     """A grid slice: 24 m block (or section), cells of 8 and 4 m."""
     dimension = 2 if plane else 3
     return {

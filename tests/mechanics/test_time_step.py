@@ -10,7 +10,7 @@ from mpm_core.kernels.nodes import spread_to_hanging
 PLANES = {2: "xz", 3: None}
 
 
-def make_body(dimension, *, nu=0.25, per_edge=1, cut_cells="fraction", solver=None, boundary="fixed", fill="fill"):
+def make_body(dimension, *, nu=0.25, per_edge=1, cut_cells="mean", solver=None, boundary="fixed", fill="fill"):
     """A void and a soft fill (57:1) in cut cells beside it, two levels."""
     shapes = [ball([12.3] * dimension, 5.3), ball([17.0] * dimension, 3.0)]
     scene = make_scene(
@@ -59,10 +59,8 @@ def largest_eigenvalue(body):
         (2, {"nu": 0.0}),
         (2, {"per_edge": 2}),
         (2, {"cut_cells": "subdivide"}),
-        (2, {"cut_cells": "mean"}),
-        (3, {"cut_cells": "mean"}),
         (2, {"solver": {"hourglass": 1.0}}),
-        (3, {"solver": {"hourglass": 1.0}, "cut_cells": "mean"}),
+        (3, {"solver": {"hourglass": 1.0}}),
         (2, {"solver": {"density_scaling": False}}),
         (2, {"boundary": "traction"}),
         (2, {"fill": None}),
@@ -74,13 +72,13 @@ def largest_eigenvalue(body):
 )
 def test_no_frequency_exceeds_the_limit_that_the_step_is_made_from(dimension, options):
     """Largest eigenvalue of M^-1 K <= 4 / limit^2, exact bound by parts; K symmetric; and at least a quarter of it, so
-    that no more than half of the step is given away."""
+    that no more than half of the step is given away; two thirds where a crumb in a cut cell sets that of all rock."""
     body = make_body(dimension, **options)
     limit = body.time_step / body.time_step_share
     ratio = largest_eigenvalue(body) * limit**2 / 4.0
     print(f"\n{dimension}-D {options}: {ratio:.3f} of the bound")
     assert ratio <= 1.0 + 1e-9
-    assert ratio > 0.25
+    assert ratio > (0.25 if body.model.scene.solver.density_scaling else 0.11)
 
 
 def test_a_lone_sample_in_a_corner_sets_no_frequency_above_the_limit():
@@ -128,7 +126,6 @@ def test_a_mode_at_the_limit_decays_under_local_damping(damping):
         (2, {}),
         (2, {"per_edge": 2}),
         (2, {"cut_cells": "subdivide"}),
-        (2, {"cut_cells": "mean"}),
         (3, {"nu": 0.0}),
     ],
 )

@@ -24,20 +24,25 @@ def loads_on(state, scene, grid, step):
     return external_force(model, step)
 
 
+def slopes(state):
+    """Gradient (2, particle) 1/m of each corner's shape function at the particles."""
+    cell, size = state.cell.values, state.cell_size.values
+    center = state.cell_origin.values[:, [0, 2]] + 0.5 * size[:, None]
+    xi = ((state.position.values[:, [0, 2]] - center[cell]) / (0.5 * size[cell])[:, None]).T
+    for x, z in CORNERS:
+        yield np.stack([x * (1 + z * xi[1]), z * (1 + x * xi[0])]) / 2 / size[cell]
+
+
 def unbalanced_in(state, scene, external):
     """Forces (node, 2) N at free nodes of a section xz that is held all round: loads less what stress and hourglass
     forces of the file carry."""
-    particle_cell, size = state.cell.values, state.cell_size.values
-    center = state.cell_origin.values[:, [0, 2]] + 0.5 * size[:, None]
-    xi = (state.position.values[:, [0, 2]] - center[particle_cell]) / (0.5 * size[particle_cell])[:, None]
+    particle_cell = state.cell.values
     change = (state.stress.values - scene.insitu.at(state.position.values[:, 2])) * state.volume.values[:, None]
     nodes, force = state.cell_nodes.values, np.zeros_like(external)
-    for corner, (x, z) in enumerate(CORNERS):
-        slope = np.stack([x * (1 + z * xi[:, 1]), z * (1 + x * xi[:, 0])], axis=1) / 2 / size[particle_cell][:, None]
+    for corner, ((x, z), (slope_x, slope_z)) in enumerate(zip(CORNERS, slopes(state), strict=True)):
         own = np.stack(
-            [change[:, 0] * slope[:, 0] + change[:, 4] * slope[:, 1],
-             change[:, 4] * slope[:, 0] + change[:, 2] * slope[:, 1]], axis=1,
-        )  # fmt: skip
+            [change[:, 0] * slope_x + change[:, 4] * slope_z, change[:, 4] * slope_x + change[:, 2] * slope_z], axis=1
+        )
         np.subtract.at(force, nodes[particle_cell, corner], own)
         np.subtract.at(force, nodes[:, corner], x * z * state.hourglass_force.values[:, 0][:, [0, 2]] / 4)
     for node, parents in enumerate(state.node_parents.values):
@@ -52,11 +57,34 @@ def unbalanced_in(state, scene, external):
     return force
 
 
+def elastic_stress_of(state):
+    """Stress (particle, 6) Pa that the displacement of a section xz causes in elastic rock."""
+    strain = np.zeros((len(state.cell), 6))
+    for (slope_x, slope_z), nodes in zip(slopes(state), state.cell_nodes.values[state.cell.values].T, strict=True):
+        moved = state.node_displacement.values[nodes]
+        strain[:, 0] += slope_x * moved[:, 0]
+        strain[:, 2] += slope_z * moved[:, 2]
+        strain[:, 4] += slope_z * moved[:, 0] + slope_x * moved[:, 2]
+    shear = STRONG["youngs_modulus"] / 2 / (1 + STRONG["poisson_ratio"])
+    lame = 2 * shear * STRONG["poisson_ratio"] / (1 - 2 * STRONG["poisson_ratio"])
+    stress = shear * strain * [2, 2, 2, 1, 1, 1]
+    stress[:, :3] += lame * strain[:, :3].sum(axis=1, keepdims=True)
+    return stress
+
+
 def held_up_by_mined_rock(before, scene, grid, step):
-    """Forces (node, 2) N that the rock mined in a step carried in the state before, on the cells of that state."""
+    """Forces (node, 2) N that the rock mined in a step carried in the state before, on the cells of that state.
+
+    What stays of a cell is intact and acts in the middle of its own part: with the virgin stress, which is the same
+    everywhere, and that of its displacement there.
+    """
     model = Ground.of(scene, grid).model(*read_grid(before), Loose.none())
     after = before.copy(deep=True)
     after.volume[:] = model.volumes(step)
+    moved = np.flatnonzero((model.particles.position != before.position.values[:, [0, 2]]).any(axis=1))
+    assert (before.failed.values[moved] < 0).all()
+    after.position.values[moved[:, None], [0, 2]] = model.particles.position[moved]
+    after.stress.values[moved] = scene.insitu.at(0.0) + elastic_stress_of(after)[moved]
     cells = len(before.cell_size)
     old, kept = (np.bincount(before.cell, state.volume, minlength=cells) for state in (before, after))
     after.hourglass_force[:] *= np.divide(kept, old, out=np.ones(cells), where=old > 0.0)[:, None, None]

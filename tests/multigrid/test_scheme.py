@@ -35,7 +35,7 @@ def difference(one, other, volume) -> float:
 
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("boundary", ["fixed", "roller", "traction"])
-@pytest.mark.parametrize(("points", "cut_cells"), [(1, "fraction"), (2, "fraction"), (1, "mean"), (1, "subdivide")])
+@pytest.mark.parametrize(("points", "cut_cells"), [(1, "mean"), (2, "mean"), (2, "whole"), (1, "subdivide")])
 def test_elastic_equilibrium_is_that_of_the_explicit_scheme(dimension, boundary, points, cut_cells):
     """Filled and empty excavation, also where nothing holds the body; both to 1e-9 of the excavation forces."""
     model, volume = scene_with_everything(dimension, points, cut_cells, boundary)

@@ -157,7 +157,7 @@ PRESSED = COARSE["biaxial"] | {
          "fill": "none", "pressure": "20 MPa"}
     ]
 }  # fmt: skip
-SERIES = ["fraction_200cm", "fraction_100cm", "subdivide_200cm", "subdivide_100cm"]
+SERIES = ["mean_200cm", "mean_100cm", "subdivide_200cm", "subdivide_100cm"]
 
 
 @pytest.fixture(scope="module")
@@ -249,7 +249,7 @@ def test_reduced_study(coarse):
     for name in ("multilevel", "biaxial"):
         rock = Rock(coarse[name])
         assert rock.stress_error(*ring(rock)).max() < 0.008
-    for method in ("fraction", "subdivide"):
+    for method in ("mean", "subdivide"):
         points = [measure(Rock(coarse[f"{method}_{cell}"]), 1.2) for cell in ("200cm", "100cm")]
         assert order(points, "closure") > 1.0
         assert order(points, "stress") > 1.0

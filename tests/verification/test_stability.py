@@ -45,7 +45,7 @@ CHOSEN = {  # knob: series and values of it that run in the tests; the quick one
     "levels": [("tunnel, 3 rings", 1), ("tunnel, 3 rings", 9)],
     "length": [("column of 2 cells", 512)],
     "tolerance": [("tunnel, multigrid", 1e-15)],
-    "walls": [("box moved along x, fraction", 0.5)],
+    "walls": [("box moved along x, mean", 0.5)],
     "time_step": [("tunnel", 0.75), ("tunnel", 1.5)],
     "damping": [("tunnel", 0.0), ("tunnel", 1.0)],
     "float32": [("tunnel, multigrid", 1e-3), ("tunnel, multigrid", 1e-10)],

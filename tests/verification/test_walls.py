@@ -28,7 +28,7 @@ def test_limit_spread_and_extrapolation_are_those_of_the_potencies(monkeypatch):
     assert found["filled: limit of the potency of ever smaller cells, m3"].obtained == pytest.approx(2.0)
     assert found["filled, 8 cells across, mean, half: potency, m3"].error == pytest.approx(0.0125)
     assert found["filled, 8 cells across, mean, quarter: potency, m3"].passed is False
-    assert found["filled, 8 cells across, fraction, half: potency, m3"].passed is None
+    assert found["filled, 8 cells across, whole, half: potency, m3"].passed is None
     assert found["filled, 4 cells across, mean: spread of potency over placements"].error == pytest.approx(0.1 / 0.98)
     assert found["filled, half, mean: potency extrapolated, m3"].obtained == pytest.approx(1.8)
     assert len(figure.axes) == 3

@@ -52,7 +52,7 @@ def random_mine(seed: int) -> dict:
             "levels": int(random.integers(1, 4 if dimension == 2 else 3)),
             "buffer_cells": int(random.integers(1, 3)),
             "particles_per_cell": int(random.choice([1, 2**dimension], p=[0.8, 0.2])),
-            "cut_cells": str(random.choice(["fraction", "whole", "subdivide"], p=[0.7, 0.15, 0.15])),
+            "cut_cells": str(random.choice(["mean", "whole", "subdivide"], p=[0.7, 0.15, 0.15])),
             "volume_error": 1.0 if seed % 2 else 0.2,  # every other one with openings thinner than its cells
         },
         "insitu_stress": _stress(random, size, height, weight),

@@ -11,7 +11,7 @@ from verification.kirsch.fields import Rock
 from verification.kirsch.series import Point, extrapolated, order
 
 MPA = 1e-6
-TREATMENT_COLOURS = {"whole": "#cc79a7", "fraction": style.MODELLED, "subdivide": style.BOTH}
+TREATMENT_COLOURS = {"whole": "#cc79a7", "mean": style.MODELLED, "subdivide": style.BOTH}
 GRID_COLOURS = {"regular": style.BEFORE_RECORD, "multilevel": style.MODELLED}
 HOOP, RADIAL, SHEAR = style.RECORDED, style.MODELLED, style.BOTH
 REACH = 2.5  # radii that maps show on either side

@@ -98,7 +98,7 @@ def walls() -> Iterator[Case]:
     whole = section([(-6, 10, 2, 16)])
     for share in WALLS:
         judge = same_fact(MOTION, lambda values: whole)
-        for cut in ("fraction", "whole", "subdivide"):
+        for cut in ("mean", "whole", "subdivide"):
             scene = section([(-6 + share, 10, 2 + share, 16)], grid={"cut_cells": cut})
             known = HALF_WAY if (cut, share) == ("whole", 0.5) else None
             yield Case(f"box moved along x, {cut}", share, scene, judge, FINER, known)

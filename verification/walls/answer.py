@@ -10,7 +10,7 @@ from verification.rows import Row
 
 STEP = "mined"
 FACES = "faces"
-MARKS = {"fraction": "s", "mean": "o"}
+MARKS = {"whole": "s", "mean": "o"}
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
