@@ -1,8 +1,8 @@
 """Openings that the rock of their own cut cells props.
 
-A cell that a wall crosses holds rock in proportion: rock and opening side by side, each strained as the cell is. Rock
-that in truth lines one wall of a narrow opening then spans it, like a pillar. What tells is how much of an opening's
-volume stands in cells that are mined wholly; docs/method.md, 2, has what that share costs.
+The nodes of a cell that a wall crosses are those of rock and opening alike. In an opening as narrow as its cells the
+rock that lines one wall is tied through them to that of the other, and spans the opening like a pillar. What tells is
+how much of an opening's volume stands in cells that are mined wholly; docs/method.md, 2, has what that share costs.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from mpm_core.grid.splitting import code_of
 from mpm_core.occupancy import FULL, Places
 
-LEAST = 0.4  # of an opening's volume in whole cells: below it releases 10 % too little, and up to half
+LEAST = 0.2  # of an opening's volume in whole cells: below it an opening releases too little energy, see the table
 NEARLY_NONE = 0.05  # of all openings: where rock would break is then decided by props that are not there
 
 
