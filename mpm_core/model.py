@@ -81,9 +81,9 @@ class Model:
     def volumes(self, step: int) -> np.ndarray:
         """Volume in which each particle bears stress once `step` is mined and filled, (particle,).
 
-        It is that of its material, but for `cut_cells: mean`: fill that shares a cell with rock would share its strain,
-        and hold failed rock, which dilates, like a jacket. It weighs, but bears nothing where a cell beside it is
-        filled wholly. In an opening so narrow that none is, it bears its share.
+        It is that of its material, but for `cut_cells: mean`: fill that shares a cell with stiffer rock would share its
+        strain, and hold failed rock, which dilates, like a jacket. It weighs, but bears nothing where a cell beside it
+        is filled wholly. In an opening so narrow that none is, it bears its share.
         """
         volume = self.material_volumes(step)
         if self.scene.cut_cells == "mean" and not self.particles.is_rock.all():
@@ -91,11 +91,13 @@ class Model:
         return volume
 
     def _is_jacket(self, step: int) -> np.ndarray:
-        """Fill (particle,) bool that shares its cell with rock, where a cell filled wholly was beside it when it was
-        placed: fill that is placed or mined later takes no load off it."""
+        """Fill (particle,) bool that shares its cell with stiffer rock, where a cell filled wholly was beside it when
+        it was placed: fill that is placed or mined later takes no load off it."""
         particles, cells = self.particles, len(self.cell_nodes)
         rock = self.changes.rock_samples(cells, step)
-        found = ~particles.is_rock & (rock != NOTHING)[particles.cell]
+        shear = self.elastic_constants[particles.material, 1]
+        of_rock = shear[particles.group_start[:cells]]  # the first groups are those of rock, one for each cell
+        found = ~particles.is_rock & (rock != NOTHING)[particles.cell] & (shear < of_rock[particles.cell])
         placed = np.array([excavation.filled for excavation in self.scene.excavations])[particles.excavation]
         for first in np.unique(placed[found]):
             chosen = np.flatnonzero(found & (placed == first))

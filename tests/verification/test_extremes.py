@@ -32,15 +32,21 @@ def test_scenes_that_are_alike_answer_alike(relation, tmp_path):
 
 
 def test_a_rest_from_which_the_other_scheme_runs_away_holds_at_a_tenth_of_the_tolerance(tmp_path):
-    values = random_mine(285)
+    """That it runs away is made up."""
+    values = random_mine(1)
     first = run(values, tmp_path)
     asked = []
-    assert not compare("other scheme", values, first, lambda scene: asked.append(scene) or run(scene, tmp_path))
+
+    def other(scene):
+        asked.append(scene)
+        return Outcome(ENDED, "rock runs away") if len(asked) == 1 else run(scene, tmp_path)
+
+    assert not compare("other scheme", values, first, other)
     assert [scene["solver"]["tolerance"] for scene in asked] == [1e-4, pytest.approx(1e-5)]
 
 
 def test_a_rest_that_a_tighter_tolerance_undoes_is_none(tmp_path):
-    values = random_mine(285)
+    values = random_mine(1)
     first = run(values, tmp_path)
     assert not is_rest(values, first, lambda scene: Outcome(ENDED, "rock runs away"))
     for state in first.stored.values():

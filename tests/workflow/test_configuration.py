@@ -210,7 +210,8 @@ def test_a_strain_out_of_the_plane_is_refused(refuse, accept):
 
 def test_a_strain_with_particles_that_move_is_refused(refuse):
     """Or one that moves no face that is held."""
-    moving = {"solver.move": True, "grid.particles_per_cell": 8, "solver.scheme": "explicit"}
+    moving = {"solver.move": True, "solver.scheme": "explicit"}
+    moving |= {"grid.particles_per_cell": 8, "grid.cut_cells": "subdivide"}
     assert refuse(TINY, strains=[STRAIN], **moving).startswith("strains.press: the boundary cannot be strained")
     held = {"domain.boundary": {"x": "roller", "others": "free", "z_lower": "fixed"}}
     line = refuse(TINY, strains=[STRAIN], **held)
@@ -227,9 +228,11 @@ def test_filled_rock_is_mined_again_and_rock_that_is_gone_is_not(refuse, accept)
     assert refuse(TINY, **dated, **late).startswith("excavations.stope_1_again: the same solid")
 
 
-def test_no_stiffness_against_hourglass_patterns_is_needed_with_more_particles(accept):
-    """Eight of them hold their cell by themselves."""
-    assert accept(TINY, **{"solver.hourglass": 0, "grid.particles_per_cell": 8}).values["solver"]["hourglass"] == 0
+def test_no_stiffness_against_hourglass_patterns_is_needed_with_more_particles(accept, refuse):
+    """Eight of them hold their cell by themselves; of a cut cell, too, if it is not left with one."""
+    eight = {"solver.hourglass": 0, "grid.particles_per_cell": 8}
+    assert accept(TINY, **eight, **{"grid.cut_cells": "subdivide"}).values["solver"]["hourglass"] == 0
+    assert refuse(TINY, **eight).endswith("more grid.particles_per_cell and grid.cut_cells: whole or subdivide")
 
 
 def test_short_names_and_whole_numbers_as_decimals_are_good(accept):
@@ -249,6 +252,8 @@ def test_tension_at_the_surface_alone_is_accepted(accept, refuse):
 def test_particles_that_move_need_explicit_steps(refuse):
     """The other scheme solves for particles that rest."""
     moving = {"solver.move": True, "grid.particles_per_cell": 8, "solver.scheme": "multigrid"}
+    assert refuse(TINY, **moving).startswith("solver.move: a lone particle must rest where it is; take more")
+    moving["grid.cut_cells"] = "subdivide"
     assert refuse(TINY, **moving).startswith("solver.move: particles move with scheme explicit only")
 
 
