@@ -67,24 +67,16 @@ def apply_cells(block_cells, cell_rows, stiffness, width, values, forces):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def add_row_sums(block_cells, cell_rows, stiffness, sums):
-    """Add to each corner the largest sum of sizes along its rows of K: sums (row * 4,), in place.
+def add_row_sums(block_cells, cell_rows, row_sums, sums):
+    """Add to each corner the largest sum of sizes along its rows of K, row_sums (cell, 2^d): sums (row * 4,), in place.
 
     That much on the diagonal outweighs the cell (Gershgorin). Into places 0 and 1, its square into 2: see
     multigrid.level.
     """
-    corners = cell_rows.shape[1]
-    dimension = stiffness.shape[1] // corners
     for block in prange(len(block_cells) - 1):
         for cell in range(block_cells[block], block_cells[block + 1]):
-            for a in range(corners):
-                largest = 0.0
-                for i in range(dimension):
-                    total = 0.0
-                    for column in range(stiffness.shape[2]):
-                        total += abs(stiffness[cell, a * dimension + i, column])
-                    largest = max(largest, total)
-                element = 4 * cell_rows[cell, a]
-                sums[element] += largest
-                sums[element + 1] += largest
-                sums[element + 2] += largest * largest
+            for corner in range(cell_rows.shape[1]):
+                element = 4 * cell_rows[cell, corner]
+                sums[element] += row_sums[cell, corner]
+                sums[element + 1] += row_sums[cell, corner]
+                sums[element + 2] += row_sums[cell, corner] ** 2

@@ -10,7 +10,7 @@ from mpm_core.kernels.operator_rows import COLLECT, SPREAD
 from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.siblings import Siblings, build_siblings
 from mpm_core.multigrid.stiffness import ElasticCells
-from mpm_core.multigrid.tangent_entries import Tangents
+from mpm_core.multigrid.tangent_entries import Tangents, pack
 from mpm_core.multigrid.transfer import Transfer
 from mpm_core.simd.lanes import LANES, POINT_WIDTH
 
@@ -91,7 +91,9 @@ class Operator:
         self.constants = np.zeros((len(siblings.places) << dimension, 4, LANES), precision)
         self.block_cells = np.zeros(len(siblings.row_start), np.int64)
         self.cell_rows = np.empty((0, 1 << dimension), np.int32)
+        self.row_sums = np.empty((0, 1 << dimension))  # of irregular cells, see add_row_sums
         self.stiffness = np.empty((0, dimension << dimension, dimension << dimension), precision)
+        self.averaged: Tangents | None = None  # irregular cells in place of stiffness, with the sign of what is lacking
         self.tangents: Tangents | None = None  # of rock that flows: the operator is then that of flow
 
     def set_constants(self, constants: np.ndarray) -> None:
@@ -109,7 +111,13 @@ class Operator:
         order = np.argsort(slot, kind="stable")
         self.cell_rows = siblings.corner_rows(cells.irregular[order])
         self.block_cells = np.searchsorted(slot[order] // corners, siblings.batch_start)
-        self.stiffness = cells.stiffness[order].astype(self.precision)
+        sizes = np.abs(cells.stiffness[order]).sum(axis=2)
+        self.row_sums = sizes.reshape(-1, corners, self.dimension).max(axis=2)
+        if cells.averaged is None:
+            self.stiffness = cells.stiffness[order].astype(self.precision)
+        else:
+            cell, modes, matrices = cells.averaged
+            self.averaged = pack(siblings, cell, modes, -matrices, self.precision)
 
     def set_hourglass(self, cells: np.ndarray, constants: np.ndarray) -> None:
         """Take over g (k,) of some cells (k,), regular ones."""
@@ -121,7 +129,8 @@ class Operator:
         other = Operator(self.siblings, self.dimension, np.float64)
         other.constants[:] = self.constants
         other.block_cells, other.cell_rows = self.block_cells, self.cell_rows
-        other.stiffness = self.stiffness.astype(np.float64)
+        other.row_sums, other.stiffness = self.row_sums, self.stiffness.astype(np.float64)
+        other.averaged = self.averaged and self.averaged.in_double_precision()
         other.tangents = self.tangents and self.tangents.in_double_precision()
         return other
 
@@ -146,15 +155,16 @@ class Operator:
         APPLY[self.dimension](f.batch_start, f.row_start, self.places, self.constants.reshape(-1), values, forces)
         if len(self.stiffness):
             apply_cells(self.block_cells, self.cell_rows, self.stiffness, self.width, values, forces)
-        if self.tangents is not None:
-            self.tangents.take_off(values, forces)
+        for entries in (self.averaged, self.tangents):
+            if entries is not None:
+                entries.take_off(values, forces)
         self.collect(forces)
 
     def sum_stiffness(self, sums: np.ndarray) -> None:
         """Sums over the cells at each node that `_invert` needs: sums (row * 4,) float32, written."""
         f = self.siblings
         _sum_at_corners(f.batch_start, f.row_start, f.places, self.constants, sums)
-        add_row_sums(self.block_cells, self.cell_rows, self.stiffness, sums)
+        add_row_sums(self.block_cells, self.cell_rows, self.row_sums, sums)
         COLLECT[3](f.targets, f.target_start, f.sources, f.source_weights, sums)  # rows of four, as in 3-D
 
 

@@ -14,12 +14,14 @@ class ElasticCells:
 
     constants (cell, 4): l, m, g (N/m) and s of kernels.operator_3; 0 where nothing is left. irregular (k,) cells whose
     particles are single samples or means over some: stiffness (k, 2^d d, 2^d d) N/m stands for that of l and m, which
-    their constants hold all the same; g counts besides.
+    their constants hold all the same; g counts besides. averaged: the same stiffness particle by particle where each
+    stands for a mean over samples: cells (n,), modes (n, 2^d), matrices (n, 36) as in kernels.tangent_rows.
     """
 
     constants: np.ndarray
     irregular: np.ndarray
     stiffness: np.ndarray
+    averaged: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
     @property
     def wave_over_shear(self) -> float:
@@ -53,4 +55,18 @@ def elastic_cells(model: Model, volume: np.ndarray, hourglass: np.ndarray) -> El
     sum_cell_stiffness(
         np.append(start, len(single)), single, grid.cell_size[irregular], row, particles.modes, lame, shear, stiffness
     )
-    return ElasticCells(constants, irregular, stiffness)
+    averaged = None
+    if not (particles.sample[single] >= 0).any():
+        cell = particles.cell[single]
+        matrices = _matrices(lame[single] * slope[cell] ** 2, shear[single] * slope[cell] ** 2)
+        averaged = cell, particles.modes[row[single]], matrices
+    return ElasticCells(constants, irregular, stiffness, averaged)
+
+
+def _matrices(lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
+    """Matrices (k, 36) that take engineering strain to stress, of lambda and mu (k,)."""
+    matrices = np.zeros((len(lame), 6, 6))
+    matrices[:, :3, :3] = lame[:, None, None]
+    matrices[:, range(3), range(3)] += 2.0 * shear[:, None]
+    matrices[:, range(3, 6), range(3, 6)] = shear[:, None]
+    return matrices.reshape(-1, 36)
