@@ -30,7 +30,8 @@ def test_the_disc_is_read_from_the_outline_and_the_force_balances(coarse):
 def test_a_crack_runs_through_every_layer_along_the_loaded_diameter(coarse):
     """It opens across the load, and hardly any rock beside the diameter fails before it has run through.
 
-    5 mm are one cell of 4 mm on either side here; the study's 2 mm are held to 0.98 of the potency and 3 degrees.
+    That is within three quarters of the radius: beyond, cells of 4 mm fail under the platens' edges, too. 5 mm are one
+    cell on either side here; the study's 2 mm are held to 0.98 of all potency and 3 degrees.
     """
     crack = read_crack(PlatenDisc("steel", coarse["steel"]))
     moment = through_moment(crack, 0.85)
@@ -38,7 +39,9 @@ def test_a_crack_runs_through_every_layer_along_the_loaded_diameter(coarse):
     spans = crack.layer_spans(moment.generation)
     assert len(spans) == 10
     assert spans.min() >= 0.85
-    assert crack.near_share(5e-3, moment) > 0.9
+    inner = (crack.rank <= moment.generation) & (np.abs(crack.place[:, 1]) < 0.03)
+    close = np.abs(crack.place[:, 0]) <= 5e-3
+    assert crack.potency[inner & close].sum() > 0.9 * crack.potency[inner].sum()
     assert crack.opening_axis_angle(moment) < 10.0
     stages = stages_of(crack, 0.85)
     assert len(stages) == 6
