@@ -18,8 +18,8 @@ class Brittle:
 
     present (particle,) bool: not mined; sound, sliver: particle indices; coarse: of those that could in finest cells;
     borne (particle,) Pa: overstress without failure, in a member of an ensemble (perturbation.borne_overstress). A cut
-    cell that is less than half rock reads a stress that is 30 to 50 % wrong (measured on Kirsch's hole), so it fails
-    only beside failed rock; kept elastic it would line the wall with steel for ever.
+    cell that is less than half rock fails only beside failed rock: the smaller its share, the more wrong is its stress
+    (beside Kirsch's hole from a quarter down). Kept elastic it would line the wall with steel for ever.
     """
 
     present: np.ndarray
