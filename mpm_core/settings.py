@@ -83,7 +83,7 @@ class GridSettings(Settings):
     buffer_cells: whole_number(ge=0, le=100) = 3
     """rings of cells, on each level, that are refined around an excavation"""
     particles_per_cell: Annotated[Literal[1, 4, 8, 9, 16, 25, 27, 64], BeforeValidator(whole)] = 1
-    """1, 8, 27 (in 2-D 1, 4, 9): points per cell that carry stress"""
+    """1, 8, 27 (in 2-D 1, 4, 9): points per cell that carry stress; a cut cell has what cut_cells says"""
     refinement: Literal["adaptive", "static"] = "adaptive"
     """adaptive (cells are split to the finest where rock is mined and where it comes near its strength) | static (fine
     around all excavations from the start, and nowhere else; also where particles move)"""
@@ -194,9 +194,9 @@ class SolverSettings(Settings):
     density_scaling: bool = True
     """densities such that all cells share one time step; weights stay real"""
     hourglass: real_number(ge=0, le=1) = 0.05
-    """Flanagan-Belytschko stiffness, share kappa, 0.001 to 1; only at one particle per cell"""
+    """Flanagan-Belytschko stiffness, share kappa, 0.001 to 1; of cells with one particle per material"""
     move: bool = False
-    """particles move through the grid (needs scheme explicit and more than one per cell)"""
+    """particles move through the grid (needs scheme explicit, several per cell, and cut_cells: whole or subdivide)"""
 
 
 class ShapeSettings(Settings):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.event_table import ON_PLANES, event_dataset
+from pipeline.places import part_centers
 from pipeline.source_tensors import (
     clear_axes,
     moment_from_potency,
@@ -78,7 +79,7 @@ def extract_events(step: xr.Dataset, settings: EventSettings, reach: int = CORNE
     spacing = np.asarray(step["spacing"].values, dtype=np.float64)[source]
 
     order = step["failure_order"].values[source]
-    label, resolved = find_events(position, spacing, potency, order, chosen, reach)
+    label, resolved = find_events(part_centers(step)[source], spacing, potency, order, chosen, reach)
     rank = _rank_events(order, label, len(resolved))
     event, resolved = rank[label], resolved[np.argsort(rank)]
 

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from catalogs.figures import panels, style, views
+from pipeline.places import part_centers
 
 MOST_STRENGTH_FACTOR = 3.0  # shown range: above it nobody looks
 FAILED, TOO_COARSE = "#b2182b", "#f4a582"
@@ -102,7 +103,7 @@ def displacement(grid: xr.Dataset, state: xr.Dataset, cut_views: list[views.View
 def _squares(state: xr.Dataset, view: views.View, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lower corners (n, 2) and edges (n,) of the chosen particles' squares in a view, m."""
     size = state["spacing"].values[chosen]
-    return state["position"].values[chosen][:, view.axes] - size[:, None] / 2, size
+    return part_centers(state)[chosen][:, view.axes] - size[:, None] / 2, size
 
 
 def _sections(grid: xr.Dataset, cut_views: list[views.View]):

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 
 from catalogs.figures import style
+from pipeline.places import part_centers
 
 EAST, NORTH, UP = 0, 1, 2
 AXIS_LABELS = ("east x (m)", "north y (m)", "elevation z (m)")
@@ -140,7 +141,7 @@ def cut_particles(state: xr.Dataset, view: View) -> np.ndarray:
     np.maximum.at(full, group, volume)
     cut = np.where(rock, volume > (1.0 - INSIDE) * full[group], volume > 0)  # rock and outlines meet, neither overlaps
     if view.at is not None:
-        start = state["position"].values[:, view.normal] - state["spacing"].values / 2
+        start = part_centers(state)[:, view.normal] - state["spacing"].values / 2
         cut &= (start <= view.at) & (view.at < start + state["spacing"].values)
     chosen = np.flatnonzero(cut)
     return chosen[np.argsort(rock[chosen], kind="stable")]

@@ -86,7 +86,7 @@ def narrow(evidence: Evidence) -> str:
     return (
         f"Narrow for cells of {number(float(evidence.grid.attrs['fine_cell']))} m: {named}{more} of the volume fills "
         "whole cells. In the others the rock of one wall is tied to that of the other, and props it: walls then close, "
-        "and release energy, 15 to 60 % too little, and those of a slot without a whole cell hardly at all. Use "
+        "and release energy, 10 to 60 % too little, and those of a slot without a whole cell hardly at all. Use "
         "smaller cells there."
     )
 

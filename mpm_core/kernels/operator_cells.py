@@ -67,8 +67,20 @@ def apply_cells(block_cells, cell_rows, stiffness, width, values, forces):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
+def largest_row_sums(stiffness, corners):
+    """The largest sum of sizes along the rows of each corner, (cell, corners); stiffness (cell, 2^d d, 2^d d)."""
+    largest = np.zeros((len(stiffness), corners))
+    dimension = stiffness.shape[1] // corners
+    for cell in prange(len(stiffness)):
+        for row in range(stiffness.shape[1]):
+            total = np.abs(stiffness[cell, row]).sum()
+            largest[cell, row // dimension] = max(largest[cell, row // dimension], total)
+    return largest
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
 def add_row_sums(block_cells, cell_rows, row_sums, sums):
-    """Add to each corner the largest sum of sizes along its rows of K, row_sums (cell, 2^d): sums (row * 4,), in place.
+    """Add to each corner what `largest_row_sums` has of it, row_sums (cell, 2^d): sums (row * 4,), in place.
 
     That much on the diagonal outweighs the cell (Gershgorin). Into places 0 and 1, its square into 2: see
     multigrid.level.

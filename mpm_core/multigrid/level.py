@@ -5,7 +5,7 @@ from numba import njit, prange
 
 from mpm_core.kernels.operator_2 import apply_siblings_2
 from mpm_core.kernels.operator_3 import apply_siblings_3
-from mpm_core.kernels.operator_cells import add_row_sums, apply_cells
+from mpm_core.kernels.operator_cells import add_row_sums, apply_cells, largest_row_sums
 from mpm_core.kernels.operator_rows import COLLECT, SPREAD
 from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.siblings import Siblings, build_siblings
@@ -111,8 +111,7 @@ class Operator:
         order = np.argsort(slot, kind="stable")
         self.cell_rows = siblings.corner_rows(cells.irregular[order])
         self.block_cells = np.searchsorted(slot[order] // corners, siblings.batch_start)
-        sizes = np.abs(cells.stiffness[order]).sum(axis=2)
-        self.row_sums = sizes.reshape(-1, corners, self.dimension).max(axis=2)
+        self.row_sums = largest_row_sums(cells.stiffness, corners)[order]
         if cells.averaged is None:
             self.stiffness = cells.stiffness[order].astype(self.precision)
         else:

@@ -47,25 +47,34 @@ def host_shear(grid: LevelGrid, shear: np.ndarray) -> float:
 def cell_matrices(cells: ElasticCells, chosen: np.ndarray, dimension: int) -> np.ndarray:
     """Stiffness matrices (k, 2^d d, 2^d d) of chosen cells (k,), N/m; see kernels.operator_3."""
     corners = 1 << dimension
-    edge = corners * dimension
-    spread = float(cells.constants[:, 3].max(initial=0.0))
-    xi = np.sqrt(spread) * (2.0 * (np.arange(corners)[:, None] >> np.arange(dimension) & 1) - 1.0)
-    ones = np.full(corners, 1.0 / corners)
-    both, shear = np.empty((2, 1, edge, edge))
     bits = np.arange(corners)
-    for lame, matrix in ((ones, both), (0.0 * ones, shear)):
-        sum_cell_stiffness(
-            np.array([0, corners]), bits, np.array([2.0 / corners]), bits, mode_table(xi), lame, ones, matrix
-        )
+    constants = cells.constants[chosen]
+    matrices = np.empty((len(chosen), corners * dimension, corners * dimension))
+    for spread in np.unique(constants[:, 3]):
+        alike = np.flatnonzero(constants[:, 3] == spread)
+        both, shear = _unit_matrices(spread, dimension)
+        matrices[alike] = constants[alike, 0, None, None] * (both - shear) + constants[alike, 1, None, None] * shear
     sign = (-1.0) ** np.bitwise_count(bits[:, None] & ~bits)  # (mode, corner)
     higher = sign[np.bitwise_count(bits) > 1]
-    constants = cells.constants[chosen]
-    matrices = constants[:, 0, None, None] * (both - shear) + constants[:, 1, None, None] * shear
     place = np.searchsorted(cells.irregular, chosen)
     own = np.flatnonzero(place < len(cells.irregular))
     own = own[cells.irregular[place[own]] == chosen[own]]
     matrices[own] = cells.stiffness[place[own]]
     return matrices + constants[:, 2, None, None] * np.kron(higher.T @ higher, np.eye(dimension))
+
+
+def _unit_matrices(spread: float, dimension: int) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness (2^d d, 2^d d) of a cell whose particles have this mean square place: of l = m = 1, and of m = 1."""
+    corners = 1 << dimension
+    bits = np.arange(corners)
+    xi = np.sqrt(spread) * (2.0 * (bits[:, None] >> np.arange(dimension) & 1) - 1.0)
+    ones = np.full(corners, 1.0 / corners)
+    both, shear = np.empty((2, 1, corners * dimension, corners * dimension))
+    for lame, matrix in ((ones, both), (0.0 * ones, shear)):
+        sum_cell_stiffness(
+            np.array([0, corners]), bits, np.array([2.0 / corners]), bits, mode_table(xi), lame, ones, matrix
+        )
+    return both[0], shear[0]
 
 
 def rigid_motions(nodes: np.ndarray, block: np.ndarray, place: np.ndarray, weight: np.ndarray, count: int):

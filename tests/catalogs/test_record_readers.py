@@ -297,6 +297,6 @@ def test_command_line_writes_the_record_or_one_line(tmp_path):
     slice_.write_text(json.dumps(settings | {"filter": {"start": "2030"}}))
     failed = subprocess.run(line, capture_output=True, text=True)
     assert failed.returncode != 0
-    assert failed.stderr.count("\n") == 1
-    assert "record.filter.start" in failed.stderr
+    (said,) = [row for row in failed.stderr.splitlines() if "; log: " not in row]  # which a slow stage says, too
+    assert "record.filter.start" in said
     assert (tmp_path / "record.nc").read_bytes() == before

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mechanics.scenes import box, excavation, grid_around, make_dataset, make_model, make_scene, uniform
+from mechanics.scenes import FILL, HOST, box, excavation, grid_around, make_dataset, make_model, make_scene, uniform
 from mpm_core.equilibrium.body import Body, own_stiffening
 from mpm_core.loading import external_force
 from mpm_core.occupancy import FULL, SAMPLES
@@ -93,12 +93,20 @@ def test_an_opening_releases_the_same_energy_wherever_its_walls_lie(share, tmp_p
     assert closure_energy(8.0 * share, tmp_path) == pytest.approx(closure_energy(0.0, tmp_path), rel=0.11)
 
 
-def filled(width: float):
-    """A model of a filled opening so many m wide, 20 m high, moved by a part of a cell, and where it is."""
+def filled(width: float, **fill):
+    """A model of a filled opening so many m wide, 20 m high, moved by a part of a cell; fill: other values of it."""
     shape = box([13.0, 10.9], [13.0 + width, 30.9])
     weight = {"constant": [0.0] * 6, "gradient": [-0.0149e6, -0.0149e6, -0.0278e6, 0.0, 0.0, 0.0]}
-    scene = make_scene("xz", stress=weight, excavations=[excavation(fill="fill")])
+    materials = {"host": HOST, "fill": FILL | fill}
+    scene = make_scene("xz", stress=weight, materials=materials, excavations=[excavation(fill="fill")])
     return make_model(scene, grid_around([shape], [5, 5], 2, 8.0), [shape])
+
+
+@pytest.mark.parametrize("stiffness", [HOST["youngs_modulus"], 1e3 * HOST["youngs_modulus"]])
+def test_fill_as_stiff_as_the_rock_beside_it_bears(stiffness):
+    """A ring of cells without it would let the rock close around it."""
+    model = filled(14.0, youngs_modulus=stiffness)
+    np.testing.assert_array_equal(model.volumes(0), model.material_volumes(0))
 
 
 def test_fill_beside_whole_cells_of_it_weighs_and_bears_nothing():

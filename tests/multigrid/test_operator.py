@@ -38,7 +38,7 @@ def explicit_force(model, volume, motion):
 
 def solver_of(model, volume, scheme) -> ElasticSolver:
     solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
-    hourglass = model.scene.solver.hourglass if model.scene.particles_per_cell == 1 else np.inf
+    hourglass = model.scene.solver.hourglass if scheme.body.particle_hourglass.any() else np.inf
     solver.set_stiffness(elastic_cells(model, volume, scheme.body.hourglass), hourglass, model.free_motions(volume))
     return solver
 

@@ -76,6 +76,27 @@ def test_events_tell_how_much_of_them_is_slip_on_weak_planes(make_step, make_set
     assert_allclose(share(bedded=[0.6, 0.8, 0.0]), [0.0])  # some of it deforms these planes
 
 
+@pytest.mark.parametrize("plane", ["none", "xz"])
+@pytest.mark.parametrize("method", ["simultaneous", "families"])
+def test_rock_of_cells_that_a_wall_cuts_hangs_together_by_its_cells(method, plane, make_step, make_settings):
+    """Rock that lies anywhere in its cells is linked as rock in their middles is, and located where it is."""
+    random, count, size = np.random.default_rng(2), 12, 1.25
+    middle = line([100.0, 200.0 * (plane == "none"), -30.0], count, size)
+    axes = [0, 1, 2] if plane == "none" else [0, 2]
+    origin, position = np.zeros((count, 3)), middle.copy()
+    origin[:, axes] = middle[:, axes] - 0.5 * size
+    position[:, axes] += random.uniform(-0.45, 0.45, (count, len(axes))) * size
+    step = make_step(position, np.tile([0.0, 0.0, 0.0, 0.0, 1e-3, 0.0], (count, 1)))
+    step = step.assign_attrs(plane=plane).assign(
+        cell=("particle", np.arange(count)),
+        cell_origin=(("cell", "xyz"), origin),
+        cell_size=("cell", np.full(count, size)),
+    )
+    events, _ = extract_events(step, make_settings(method=method, least_particles=3))
+    assert events.particles.values.tolist() == [count]
+    np.testing.assert_allclose(events.location.values[0][axes], position.mean(axis=0)[axes], atol=1e-9)
+
+
 def test_two_mechanisms_at_one_place_are_two_events(make_step, make_settings):
     position = np.repeat(line([0, 0, 0], 5), 2, axis=0)
     strain = np.tile([SHEAR, 0.5 * OPENING], (5, 1))

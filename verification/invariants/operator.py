@@ -100,7 +100,7 @@ def fly(variant: Variant, random: np.random.Generator, steps: int, reach: float)
     It flies along the diagonal, by `reach` of a finest cell in a step and axis, each particle up to a third faster or
     slower. Momentum as share of the sum of sizes.
     """
-    model = model_of(variant, particles_per_cell=2, move=True, damping=0.0)
+    model = model_of(variant, particles_per_cell=2, cut_cells="whole", move=True, damping=0.0)
     grid, position = model.grid, model.particles.position
     upper = grid.origin + grid.shape * grid.fine_cell
     inside = ((position > grid.origin + MARGIN) & (position < upper - MARGIN)).all(axis=1)

@@ -1,11 +1,7 @@
 """What halving the cells does to Kirsch's hole: closure, stress at a distance, and stress at the wall itself.
 
-Stress at the wall does not converge where cells are cut and have one particle. What a cut wall does to the cells beside
-it is the same pattern whatever their size: hoop stress is off by 7.7 to 9.1 % (r.m.s.) in the first cell off the wall
-and by 2.0 to 2.7, 0.8 to 0.9, 0.3 to 0.4 % in the next three, from cells of a / 20 to a / 160. A quadratic through
-fifteen cells from one cell off has three times the error of the nearest of them at the wall: 3.7 % at a / 20, where its
-curvature is still seen, 8.8 % at a / 160, where it runs along the grid for long. A plane from two cells off has 8.8,
-2.5, 1.1, 0.9 %. With four particles 1.8 %, with `subdivide` 0.7 % at a / 40: there cells beside the wall are right.
+What a cut wall does to the cells beside it is the same pattern whatever their size, so stress at the wall itself
+converges slowly; the rows say how.
 """
 
 from dataclasses import dataclass

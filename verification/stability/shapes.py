@@ -112,7 +112,7 @@ def time_step() -> Iterator[Case]:
         under = partial(courant, factor, 0.7)
         yield Case("tunnel", factor, hole(solver=limit), closure_error, CLOSURE, under=under)
         yield Case("plastic tunnel", factor, failing(coulomb(), solver=limit), front_error, FRONT, under=under)
-        moving = {"solver": limit | {"move": True}, "grid": {"particles_per_cell": 4}}
+        moving = {"solver": limit | {"move": True}, "grid": {"particles_per_cell": 4, "cut_cells": "whole"}}
         yield Case("tunnel, particles move", factor, hole(**moving), closure_error, CLOSURE, under=under)
 
 
