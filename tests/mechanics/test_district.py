@@ -71,9 +71,9 @@ def failed_potency(state):
 @pytest.mark.parametrize("refinement", [ADAPTIVE, None])
 @pytest.mark.parametrize("offset", [0.0, 1.3])
 def test_rock_fails_as_in_the_whole_mine(offset, refinement, tmp_path, small, monkeypatch, caplog):
-    """At rest to the whole's tolerance. Which brittle rock fails hangs on the order in which it does, and where cells are
-    split by it on round-off: other sums alone moved the whole's potency by 9 %. Perfectly plastic rock does not scatter:
-    the next test holds the district to it."""
+    """At rest to the whole's tolerance. Which brittle rock fails hangs on the order in which it does, and where cells
+    are split by it on round-off: other sums alone moved the whole's potency by 9 %. Perfectly plastic rock does not
+    scatter: the next test holds the district to it."""
     caplog.set_level("INFO")
     holes = [ball(np.array(place) + offset, 4.0) for place in CENTERS]
     state, facts = month(tmp_path, holes=holes, refinement=refinement)
