@@ -3,7 +3,7 @@
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import NAMED, number, percent, plural, typeset
 
-WHOLE_CELLS = 0.2  # share of an excavation's volume in wholly mined cells, below which there is a banner (propping.py)
+WHOLE_CELLS = 0.3  # share of an excavation's volume in wholly mined cells, below which there is a banner (propping.py)
 OPEN_SHARE = 0.05  # share of an excavation's volume that may hang on how its surface is closed without a banner
 OFF_VOLUME = 0.05  # share of an excavation's volume that the grid may miss without a banner
 
@@ -85,9 +85,8 @@ def narrow(evidence: Evidence) -> str:
     more = f" and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
     return (
         f"Narrow for cells of {number(float(evidence.grid.attrs['fine_cell']))} m: {named}{more} of the volume fills "
-        "whole cells. In the others the rock of one wall is tied to that of the other, and props it: walls then close, "
-        "and release energy, 10 to 60 % too little, and those of a slot without a whole cell hardly at all. Use "
-        "smaller cells there."
+        "whole cells. In the others the rock of one wall is tied to that of the other, and props it: walls then close "
+        "too little, and far too little rock fails. Use smaller cells there."
     )
 
 

@@ -220,10 +220,10 @@ def test_banner_names_excavations_whose_volume_the_grid_misses(mine, tmp_path):
 def test_banner_names_excavations_too_narrow_for_the_cells(mine, tmp_path):
     """The narrowest first; a planned one does not count yet."""
     grid = read_dataset(mine.grid)
-    grid.attrs["excavation_whole_share"] = json.dumps([0.21, 0.19, 0.0, 0.0])
+    grid.attrs["excavation_whole_share"] = json.dumps([0.31, 0.29, 0.0, 0.0])
     write_dataset(grid, tmp_path / "grid.nc")
     said = make_page(mine, tmp_path, grid=tmp_path / "grid.nc").sections["headline"]
-    assert "Narrow for cells of 4.00 m: stope_2 0 %, stope_1 19 % of the volume fills whole cells." in said
+    assert "Narrow for cells of 4.00 m: stope_2 0 %, stope_1 29 % of the volume fills whole cells." in said
     assert "Narrow for" not in make_page(mine, tmp_path).sections["headline"]
 
 

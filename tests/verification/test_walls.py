@@ -24,11 +24,14 @@ def test_limit_spread_and_extrapolation_are_those_of_the_potencies(monkeypatch):
     names = yaml.safe_load((STUDIES / "walls.yaml").read_text())["variants"]
     rows, figure = walls.answer(Results(study, {name: name for name in names}))
     found = {row.quantity: row for row in rows}
-    assert len(found) == len(rows) == 2 + 3 + 6 * 6 + 3
+    assert len(found) == len(rows) == 2 + 3 + 6 * 7 + 3
     assert found["filled: limit of the potency of ever smaller cells, m3"].obtained == pytest.approx(2.0)
     assert found["filled, 8 cells across, mean, half: potency, m3"].error == pytest.approx(0.0125)
     assert found["filled, 8 cells across, mean, quarter: potency, m3"].passed is False
     assert found["filled, 8 cells across, whole, half: potency, m3"].passed is None
-    assert found["filled, 4 cells across, mean: spread of potency over placements"].error == pytest.approx(0.1 / 0.98)
+    assert found["filled, 4 cells across, mean, unturned: spread of potency over placements"].error == pytest.approx(
+        0.1 / 0.975
+    )
+    assert found["filled, 4 cells across, mean, turned: spread of potency over placements"].error == 0.0
     assert found["filled, half, mean: potency extrapolated, m3"].obtained == pytest.approx(1.8)
     assert len(figure.axes) == 3

@@ -38,10 +38,10 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
             rows.append(Row.relative(f"{name}, {place}: potency, m3", limits[fill], value, bound))
         for place, value in zip(settings["turned"], turned, strict=True):
             rows.append(Row(f"{name}, {place}: potency, m3", np.nan, value, np.nan))
-        every = np.array(unturned + turned)
-        spread = float(np.ptp(every) / every.mean())
         bound = allowed[f"spread_{cells}"] if judged else None
-        rows.append(Row(f"{name}: spread of potency over placements", 0.0, spread, spread, bound))
+        for scene, every in (("unturned", [found[f"{fill}_{FACES}_{cells}"], *unturned]), ("turned", turned)):
+            spread = float(np.ptp(every) / np.mean(every))
+            rows.append(Row(f"{name}, {scene}: spread of potency over placements", 0.0, spread, spread, bound))
     for fill, cells in settings["cells"].items():
         for place in settings["unturned"] if len(cells) == 2 else ():
             coarse, fine = (found[f"{fill}_{place}_{number}_{settings['judged']}"] for number in cells)

@@ -1,0 +1,67 @@
+"""The study of openings of any shape: its rows and figure, from numbers that are made up."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import xarray as xr
+from running import DEFAULT, STUDIES
+
+from verification.openings import answer as openings
+from verification.results import Results
+from verification.studies import load_study
+
+CELL = {"draft": 2.0, "standard": 1.0, "fine": 0.5, "finest": 0.25}
+ENERGY = {"two": 0.9, "one": 0.5, "finest": 1.0}
+
+
+def test_errors_bounds_and_extrapolations_are_those_of_the_numbers(monkeypatch):
+    """Potency 1 - h / 10 (first order), volume of the pillar off by a fifth with standard, energy exact."""
+    study = load_study(Path(STUDIES / "openings.yaml"), DEFAULT)
+
+    def measure(name):
+        scene, _, size = name.rpartition("_")
+        volume = 0.8 if (scene, size) == ("pillar", "standard") else 1.0
+        return openings.Found(1.0, 1.0 - CELL[size] / 10.0, volume, 0.5, 1.0)
+
+    def variant(name):
+        grid = xr.Dataset(attrs={"excavation_whole_share": "[0.4]" if name.endswith("two") else "[0.0]"})
+        elastic = xr.Dataset(attrs={"energy_motion": ENERGY.get(name.rpartition("_")[2], 1.0)})
+        return SimpleNamespace(grid=grid, elastic=elastic) if name.startswith("slot") else name
+
+    monkeypatch.setattr(openings, "measure", measure)
+    monkeypatch.setattr(openings, "energy_of_sphere", lambda name: 1.0)
+    rows, figure = openings.answer(Results(study, {name: variant(name) for name in study.mines}))
+    found = {row.quantity: row for row in rows}
+    assert len(found) == len(rows) == 8 * 3 * 3 + 3 * 3 + 4 + 2 * 2 * 2 + 6
+    assert found["sphere, standard: potency, m3"].error == pytest.approx(1 - 0.9 / 0.975)
+    assert found["sphere, standard: potency, m3"].passed
+    assert found["sphere, draft: potency, m3"].passed is None
+    assert found["pillar, standard: volume, m3"].passed is False
+    assert found["standard beside draft: volume, share of scenes within the report's bounds"].obtained == 1.0
+    assert found["fine beside standard: potency extrapolated, r.m.s. error over the scenes"].obtained == pytest.approx(
+        1.0 / 0.975 - 1
+    )
+    assert found["slot, dip 45, two cells across: energy, J"].passed is False
+    assert found["slot, dip 45, one cells across: energy, J"].passed is None
+    assert len(figure.axes) == 3
+
+
+def test_bounds_that_miss_the_finest_run_are_counted():
+    """Of two scenes one changed by 10 % and is still 30 % too low."""
+    rows = openings.doubled("x", *(openings.np.array(values) for values in ([0.9, 0.9], [1.0, 1.0], [1.05, 1.3])), 0.9)
+    assert rows[0].obtained == 0.5
+    assert rows[0].passed is False
+
+
+def test_energy_of_the_sphere_is_that_of_lame_in_even_stress():
+    """p^2 V 3 / (8 G) for a cavity in all-round stress p (u = p a / 4 G)."""
+    study = load_study(Path(STUDIES / "openings.yaml"), DEFAULT)
+    values = dict(study.mines["sphere_finest"].values)
+    p, radius = 20e6, 5.0
+    insitu = SimpleNamespace(at=lambda elevation: openings.np.array([[-p, -p, -p, 0.0, 0.0, 0.0]]))
+    variant = SimpleNamespace(values=values, scene=lambda: SimpleNamespace(insitu=insitu))
+    modulus = 57e9 / 2.5
+    assert openings.energy_of_sphere(variant) == pytest.approx(
+        p**2 * 3 / (8 * modulus) * 4 / 3 * openings.np.pi * radius**3
+    )
