@@ -84,6 +84,31 @@ def carry_forces(old: Model | Cells, forces: np.ndarray, new: Model) -> np.ndarr
     return result
 
 
+def part_nodes(old: Model, state: State, new: Model) -> None:
+    """Nodal arrays of a state of a model as those of another on the same cells, whose nodes are those or parts of them
+    (phantom nodes)."""
+    if new.grid is old.grid:
+        return
+    for name, array in ARRAYS.items():
+        if array.dims[0] == "node":
+            values = getattr(state, name)
+            parted = np.empty((len(new.grid.node_index), values.shape[1]))
+            parted[new.cell_nodes] = values[old.cell_nodes]
+            setattr(state, name, parted)
+
+
+def part_forces(old: Model, forces: np.ndarray, new: Model) -> np.ndarray:
+    """Nodal forces (node, d) N of a model at the nodes of another on the same cells: of nodes that stand where one was,
+    the first has its force."""
+    if new.grid is old.grid:
+        return forces
+    first = np.full(len(forces), len(new.grid.node_index))
+    np.minimum.at(first, old.cell_nodes, new.cell_nodes)
+    result = np.zeros((len(new.grid.node_index), forces.shape[1]))
+    result[first] = forces
+    return result
+
+
 def carry_loose(old: Model, new_index: np.ndarray) -> Loose:
     """What has come loose, in cells with these lower corners (cell, d), fine units, in Morton order."""
     loose = old.loose

@@ -66,6 +66,7 @@ def _of_domain(grid: MultiLevelGrid, axes: tuple[int, ...]) -> dict:
         "coarse_cell": grid.fine_cell * 2 ** (grid.levels - 1),
         "fine_cell": grid.fine_cell,
         "levels": grid.levels,
+        "phantom_nodes": grid.phantoms,
     }
 
 
@@ -112,6 +113,7 @@ def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray]:
         vtk_nodes=dataset.cell_nodes.values,
         node_index=_index(dataset, "node_position"),
         node_parents=dataset.node_parents.values,
+        phantoms=int(attributes["phantom_nodes"]),
     )
     return grid, dataset.cell_body.values
 

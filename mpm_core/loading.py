@@ -55,6 +55,7 @@ def external_force(model: Model, step: int) -> np.ndarray:
     if len(inside):
         stress_volume[:, :3] += (inside * missing[mined])[:, None]
     _spread(model, particles.cell[mined], modes, stress_volume, -missing[mined, None] * body_force, nodal)
+    _add_severed(model, nodal, body_force)
     _add_lost_traction(model, nodal, 1.0 - model.rock_share(step), cell_pressure)
     collect_to_parents(model.grid.node_parents, nodal)
     nodal[~_touched(model, volume)] = 0.0
@@ -105,6 +106,20 @@ def _of_missing_rock(model: Model, chosen: np.ndarray, step: int) -> tuple[np.nd
         place = grid.cell_center[cell] + 0.5 * grid.cell_size[cell][:, None] * centroids(modes[own])
         virgin[own] = virgin_stress(model.scene, place)
     return modes, virgin
+
+
+def _add_severed(model: Model, nodal: np.ndarray, body_force: np.ndarray) -> None:
+    """Take the virgin forces of whole cells off nodes (node, d) that are severed from them: to these all of the cell is
+    gone, mined or not. body_force (d,) N/m3."""
+    node, cell, corner = model.severed.T
+    if not len(node):
+        return
+    grid, dimension = model.grid, model.dimension
+    tensor = tensor_from_voigt(virgin_stress(model.scene, grid.cell_center[cell]))[:, :dimension, :dimension]
+    side = 2.0 * (corner[:, None] >> np.arange(dimension) & 1) - 1.0
+    size = grid.cell_size[cell][:, None]
+    force = np.einsum("kj,kji->ki", side, tensor) * size ** (dimension - 1) / 2.0 ** (dimension - 1)
+    np.add.at(nodal, node, force - body_force * size**dimension / 2.0**dimension)
 
 
 def _spread(model: Model, cell, modes, stress_volume: np.ndarray, force: np.ndarray, nodal: np.ndarray) -> None:

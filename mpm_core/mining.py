@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import xarray as xr
 
-from mpm_core.carrying import Cells, carry, carry_forces, carry_nodes, elastic_stress
+from mpm_core.carrying import Cells, carry, carry_forces, carry_nodes, elastic_stress, part_forces, part_nodes
 from mpm_core.datasets import read_grid, read_loose, read_state
 from mpm_core.equilibrium.body import Body, hourglass_modulus
 from mpm_core.equilibrium.brittle import Brittle, find_brittle
@@ -117,7 +117,9 @@ class StepCells:
         model = self.ground.on(grid, old)
         state = carry(old, body.state, model)
         volume = model.volumes(self.step)
-        start = external_force(model, max(self.step - 1, 0)) + carry_forces(self.start_cells, self.held_up, model)
+        before = model.at(max(self.step - 1, 0))
+        lasting = part_forces(before, external_force(before, before.step), model)
+        start = lasting + carry_forces(self.start_cells, self.held_up, model)
         target = external_force(model, self.step)
         reference = measured_by(model, start, target, self.ramp.strain, self.step)
         self.ramp = replace(self.ramp, start=start, target=target, reference=reference)
@@ -167,6 +169,7 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
             scheme.set_volume(volume)
         else:
             scheme.drop_work_arrays()
+            start, lasting = part_forces(model, start, mined), part_forces(model, lasting, mined)
             follow_walls(model, mined, state)
             model, scheme = mined, make_scheme(mined, state, volume)
     balance = Balance.at_start(scheme.body, stood, mined_hourglass)
@@ -218,8 +221,10 @@ def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History
 def follow_walls(old: Model, new: Model, state: State) -> None:
     """Place and stress of particles that stand for other samples of their cells in a new model than in the old one.
 
-    Intact rock has that of elastic rock which has moved so since virgin; all else keeps its full stress.
+    Intact rock has that of elastic rock which has moved so since virgin; all else keeps its full stress. Nodes of
+    their own that walls get are where the one was that they shared.
     """
+    part_nodes(old, state, new)
     state.position = new.particles.position
     rows = old.particles.row, new.particles.row
     moved = np.flatnonzero((old.mode_values[rows[0]] != new.mode_values[rows[1]]).any(axis=1))

@@ -12,6 +12,7 @@ from mpm_core.kernels.nodes import mark_nodes
 from mpm_core.loose import find_loose
 from mpm_core.occupancy import FULL, NOTHING, SAMPLES, Changes, Loose, Pieces, changes_of
 from mpm_core.particles import Particles, at_step, seed, volumes
+from mpm_core.phantom_nodes import with_phantoms, without_phantoms
 from mpm_core.rigid import RigidMotions, free_motions
 from mpm_core.scene import FACES, Scene
 from mpm_core.state import State
@@ -48,6 +49,8 @@ class Model:
     """what has fallen so far"""
     step: int
     """once it is mined the particles are where they are; -1 virgin rock"""
+    severed: np.ndarray
+    """(pair, 3) node, cell that it is no corner of although it stands at its corner, that corner: phantom_nodes.py"""
 
     @property
     def mode_values(self) -> np.ndarray:
@@ -65,14 +68,19 @@ class Model:
         return np.flatnonzero(self.grid.is_hanging).astype(np.int32)
 
     def at(self, step: int) -> "Model":
-        """The same with particles where their material is once `step` is mined; itself unless `cut_cells` is mean."""
+        """The same with particles where their material is once `step` is mined, and nodes of their own for walls that
+        it has parted; itself unless `cut_cells` is mean."""
         if self.scene.cut_cells != "mean" or step == self.step:
             return self
         particles = at_step(self.particles, self.changes, step, self.grid)
         moved = np.flatnonzero((particles.position != self.particles.position).any(axis=1) & particles.is_rock)
         insitu = self.insitu.copy()
         insitu[moved] = virgin_stress(self.scene, particles.position[moved])
-        return replace(self, particles=particles, insitu=insitu, step=step)
+        changed = replace(self, particles=particles, insitu=insitu, step=step)
+        grid, severed = _parted(without_phantoms(self.grid), self.scene, self.changes, self.pieces, step)
+        if not (grid.phantoms or self.grid.phantoms):
+            return changed
+        return replace(changed, severed=severed, **_on_nodes(grid, self.scene))
 
     def material_volumes(self, step: int) -> np.ndarray:
         """Volume of each particle's own material once `step` is mined and filled, (particle,)."""
@@ -160,6 +168,25 @@ def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
     return held
 
 
+def _parted(
+    grid: MultiLevelGrid, scene: Scene, changes: Changes, pieces: Pieces, step: int
+) -> tuple[MultiLevelGrid, np.ndarray]:
+    """The grid with phantom nodes, and what they are severed from; walls under pressure keep the nodes they share."""
+    pressed = np.array([bool(excavation.pressure) for excavation in scene.excavations] or [False])
+    return with_phantoms(grid, changes, step, pieces.cell[pressed[pieces.excavation]])
+
+
+def _on_nodes(grid: MultiLevelGrid, scene: Scene) -> dict:
+    """What a model knows of the nodes of a grid, by name."""
+    cell_nodes = np.ascontiguousarray(grid.vtk_nodes[:, BIT_ORDER[grid.dimension]])
+    return {
+        "grid": grid,
+        "cell_nodes": cell_nodes,
+        "scatter": build_scatter(cell_nodes, grid.node_parents),
+        "held": _held(grid, scene),
+    }
+
+
 def build_model(
     scene: Scene,
     grid: MultiLevelGrid,
@@ -182,9 +209,10 @@ def build_model(
         if len(fallen.cell):
             changes = changes_of(pieces, scene.excavations, loose)
     particles = seed(grid, body, changes, scene, pieces)
+    grid, severed = without_phantoms(grid), np.empty((0, 3), np.int64)
     if scene.cut_cells == "mean":
         particles = at_step(particles, changes, step, grid)
-    cell_nodes = np.ascontiguousarray(grid.vtk_nodes[:, BIT_ORDER[grid.dimension]])
+        grid, severed = _parted(grid, scene, changes, pieces, step)
     insitu = virgin_stress(scene, particles.position)
     insitu[~particles.is_rock] = 0.0
     materials = scene.materials.values()
@@ -192,19 +220,17 @@ def build_model(
     intact_rows, residual_rows = rows_of_all(law, materials, scene.frame_axes)
     return Model(
         scene=scene,
-        grid=grid,
         body=body,
         pieces=pieces,
         changes=changes,
         particles=particles,
-        scatter=build_scatter(cell_nodes, grid.node_parents),
-        cell_nodes=cell_nodes,
         insitu=insitu,
         elastic_constants=np.array([(material.lame_lambda, material.shear_modulus) for material in materials]),
         law=law,
         intact_rows=intact_rows,
         residual_rows=residual_rows,
-        held=_held(grid, scene),
         loose=loose,
         step=step,
+        severed=severed,
+        **_on_nodes(grid, scene),
     )

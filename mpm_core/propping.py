@@ -1,8 +1,8 @@
-"""Openings that the rock of their own cut cells props.
+"""Openings that are narrow for their cells: their walls close too little, as if something propped them.
 
-The nodes of a cell that a wall crosses are those of rock and opening alike. In an opening as narrow as its cells the
-rock that lines one wall is tied through them to that of the other, and spans the opening like a pillar. What tells is
-how much of an opening's volume stands in cells that are mined wholly; docs/method.md, 2, has what that share costs.
+Walls in different cells have nodes of their own (phantom_nodes.py). But rock on both sides of an opening within one
+cell is tied together, and edges within cells are rounded off. What tells is how much of an opening's volume stands in
+cells that are mined wholly; docs/method.md, 2, has what that share costs.
 """
 
 import numpy as np

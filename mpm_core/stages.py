@@ -41,7 +41,7 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
     """Elastic equilibrium of the history: everything mined, loaded and strained in step 0, nothing fails."""
     cells, body = read_grid(grid)
     require_cells(scene, cells, elastic=True)
-    model = Ground.of(scene, grid).model(cells, body, Loose.none())
+    model = Ground.of(scene, grid).model(cells, body, Loose.none()).at(0)
     refuse_overstressed_virgin(model)
     state = model.virgin_state()
     volume = model.volumes(0)

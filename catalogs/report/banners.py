@@ -77,7 +77,7 @@ def open_surfaces(evidence: Evidence) -> str:
 
 
 def narrow(evidence: Evidence) -> str:
-    """Which mined excavations are so narrow for the cells that rock in cut cells props them; empty if none is."""
+    """Which mined excavations are so narrow for the cells that their walls close too little; empty if none is."""
     rows = sorted((row.whole, row.name) for row in evidence.excavations if not row.planned and row.whole < WHOLE_CELLS)
     if not rows:
         return ""
@@ -85,7 +85,7 @@ def narrow(evidence: Evidence) -> str:
     more = f" and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
     return (
         f"Narrow for cells of {number(float(evidence.grid.attrs['fine_cell']))} m: {named}{more} of the volume fills "
-        "whole cells. In the others the rock of one wall is tied to that of the other, and props it: walls then close "
+        "whole cells. Cells so large round off its edges and tie rock on both sides of it together: walls then close "
         "too little, and far too little rock fails. Use smaller cells there."
     )
 

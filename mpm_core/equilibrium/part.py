@@ -73,6 +73,7 @@ def cut_out(
         body=model.body[cells],
         insitu=model.insitu[indices],
         held=held,
+        severed=model.severed[:0],
     )
     own = part.virgin_state()
     take(state, own, {"particle": indices, "node": nodes, "cell": cells})

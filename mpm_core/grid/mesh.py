@@ -75,6 +75,8 @@ class MultiLevelGrid:
     node_parents: np.ndarray
     """(node, 2^(d-1)) int32, -1 padded: a hanging node moves with the mean of its parents, 2 (middle of a coarser
     cell's edge, weight 1/2) or 4 (middle of its face, weight 1/4); parents never hang"""
+    phantoms: int = 0
+    """how many of the last nodes stand where another does, see phantom_nodes.py"""
 
     @property
     def dimension(self) -> int:

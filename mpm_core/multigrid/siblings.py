@@ -66,9 +66,29 @@ class Siblings:
 
 
 @njit(cache=True)
-def _gather_groups(cell_index, cell_width):
-    """(groups, group of each cell, place of each cell in it). Cells in Morton order; siblings meet in one group."""
+def _fits(nodes, cell_nodes, place):
+    """Whether a group has no other node at the corners of a cell at a place in it; then it has these: nodes (3^d,),
+    -1 where none is known, written."""
+    dimension = 2 if len(cell_nodes) == 4 else 3
+    for writes in range(2):
+        for corner in range(len(cell_nodes)):
+            position, step = 0, 1
+            for axis in range(dimension):
+                position += step * ((place >> axis & 1) + (corner >> axis & 1))
+                step *= 3
+            if writes:
+                nodes[position] = cell_nodes[corner]
+            elif nodes[position] >= 0 and nodes[position] != cell_nodes[corner]:
+                return False
+    return True
+
+
+@njit(cache=True)
+def _gather_groups(cell_index, cell_width, cell_nodes):
+    """(groups, group of each cell, place of each cell in it). Cells in Morton order; siblings meet in one group, but
+    those that have other nodes at the same place (phantom nodes)."""
     cells, dimension = cell_index.shape
+    nodes = np.empty((32, 3**dimension), np.int32)  # of the latest group by level
     group = np.empty(cells, np.int32)
     place = np.empty(cells, np.int8)
     parent = np.full((32, dimension), -1, np.int64)  # the latest by level: Morton order visits a parent's cells at once
@@ -85,6 +105,12 @@ def _gather_groups(cell_index, cell_width):
             same &= parent[level, axis] == home
             parent[level, axis] = home
             child |= ((cell_index[cell, axis] >> level) & 1) << axis
+        if not same:
+            nodes[level] = -1
+        if not _fits(nodes[level], cell_nodes[cell], child):
+            nodes[level] = -1
+            _fits(nodes[level], cell_nodes[cell], child)
+            same = False
         if not same:
             latest[level] = count
             count += 1
@@ -226,7 +252,7 @@ def build_siblings(cell_index, cell_width, cell_nodes, node_parents) -> Siblings
     cell_index (cell, d) lower corners and cell_width (cell,) powers of two, in any common unit that divides both;
     cell_nodes (cell, 2^d) in bit order; node_parents (node, 2^(d-1)) with -1 padding.
     """
-    groups, group, place = _gather_groups(cell_index, cell_width)
+    groups, group, place = _gather_groups(cell_index, cell_width, cell_nodes)
     fewest, most = GROUPS_PER_BLOCK
     per_block = min(max(-(-groups // BLOCKS), fewest), most)
     per_block = -(-per_block // LANES) * LANES

@@ -222,7 +222,7 @@ def test_a_perfectly_plastic_tunnel_closes_alike_in_two_parts_and_in_many(tmp_pa
         for scene_of_step in (before, scene):
             state, facts = mining_step(scene_of_step, grid, state, tmp_path / "failed.npz")
         assert facts["failed_particles"] > 100
-        out = grid.node_position.values - np.array([24.0, 0.0, 24.0])
+        out = state.node_position.values - np.array([24.0, 0.0, 24.0])
         distance = np.linalg.norm(out, axis=1)
         wall = (distance > 5.0) & (distance < 6.0)
         closures.append(-np.sum(state.node_displacement.values * out, axis=1)[wall] @ (1.0 / distance[wall]))

@@ -111,6 +111,17 @@ def ring(center, radius, core):
     return lambda x: disc(x) & ~inner(x)
 
 
+def slot(center, length, width):
+    """Points of a slot that dips by 35 degrees; its walls have nodes of their own where they are a cell apart."""
+    way = np.array([np.cos(np.radians(35.0)), np.sin(np.radians(35.0))])
+
+    def inside(x):
+        along, across = (x - np.array(center)) @ way, (x - np.array(center)) @ np.array([-way[1], way[0]])
+        return (np.abs(along) < length / 2) & (np.abs(across) < width / 2)
+
+    return inside
+
+
 def seams():
     """Softer, stronger rock through the third hole, and what the grid and the state know of it."""
     low, high = [474.3, 470.0], [486.2, 502.0]
@@ -129,6 +140,8 @@ CASES = {
     "pressure on its wall": {"entries": {3: {"pressure": [[1, 2e6]]}}},
     "pressure elsewhere, too, which falls": {"entries": {0: {"pressure": [[0, 4e6], [1, 0.0]]}}},
     "fill beside it": {"entries": {2: {"fill": "fill", "filled": 1}}},
+    "a slot": {"holes": [*HOLES[:3], slot([478.0, 492.0], 16.0, 1.3)]},
+    "a slot that leaves it": {"holes": [*HOLES[:2], slot([470.0, 480.0], 200.0, 1.3), HOLES[3]]},
     "fill mined through": {
         "holes": [*HOLES[:3], ball([474.0, 484.0], 4.0)], "entries": {2: {"fill": "fill", "filled": 0}}
     },
@@ -147,6 +160,8 @@ def test_a_district_has_what_the_whole_mine_has(case, tmp_path, small, monkeypat
     monkeypatch.setattr(district, "MOST", 0.0)
     whole, expected = month(tmp_path, **changes)
     assert facts["failed_particles"] > 10
+    if "slot" in case:
+        assert state.attrs["phantom_nodes"] > 20
     flow, of_whole = (
         float((np.abs(one.later_strain.values) * one.volume.values[:, None]).sum()) for one in (state, whole)
     )
@@ -159,27 +174,31 @@ def test_a_district_has_what_the_whole_mine_has(case, tmp_path, small, monkeypat
 
 @pytest.mark.parametrize("refinement", [ADAPTIVE, None])
 @pytest.mark.parametrize("generations", [1, 40])
-def test_a_step_killed_in_its_district_or_after_it_ends_in_the_same_bytes(generations, refinement, tmp_path, small):
-    whole, _ = month(tmp_path, refinement=refinement)
+@pytest.mark.parametrize("holes", [HOLES, [*HOLES[:3], slot([478.0, 492.0], 16.0, 1.3)]], ids=["holes", "a slot"])
+def test_a_step_killed_in_its_district_or_after_it_ends_in_the_same_bytes(
+    generations, refinement, holes, tmp_path, small
+):
+    whole, _ = month(tmp_path, holes=holes, refinement=refinement)
     path = tmp_path / "step.checkpoint.npz"
     dying = KilledAfter(path, "inputs", pause=0.0)
     dying.left = generations
     try:
-        month(tmp_path, dying, refinement=refinement)
+        month(tmp_path, dying, holes, refinement=refinement)
         assert generations == 40
     except Killed:
         pass
-    resumed, _ = month(tmp_path, Checkpoint(path, "inputs"), refinement=refinement)
+    resumed, _ = month(tmp_path, Checkpoint(path, "inputs"), holes, refinement=refinement)
     for dataset, name in ((whole, "a.nc"), (resumed, "b.nc")):
         write_dataset(dataset, tmp_path / name)
     assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
 
 
-def test_any_number_of_threads_gives_the_same_bits(tmp_path, small):
+@pytest.mark.parametrize("holes", [HOLES, [*HOLES[:3], slot([478.0, 492.0], 16.0, 1.3)]], ids=["holes", "a slot"])
+def test_any_number_of_threads_gives_the_same_bits(holes, tmp_path, small):
     results = []
     for threads in (1, 2):
         numba.set_num_threads(threads)
-        results.append(month(tmp_path)[0])
+        results.append(month(tmp_path, holes=holes)[0])
     assert results[0].identical(results[1])
 
 

@@ -20,9 +20,9 @@ def test_nodes_have_the_mass_of_the_particles_and_its_centre(dimension):
     mass[::3] = 0.0
     nodal = nodal_mass(model, mass)
     assert nodal.sum() == pytest.approx(mass.sum())
-    np.testing.assert_allclose(nodal @ grid.node_position, mass @ model.particles.position)
+    np.testing.assert_allclose(nodal @ model.grid.node_position, mass @ model.particles.position)
     assert grid.is_hanging.any()
-    assert (nodal[grid.is_hanging] == 0.0).all()
+    assert (nodal[model.grid.is_hanging] == 0.0).all()
 
 
 @pytest.mark.parametrize("count", [1, 63, 1000])

@@ -31,12 +31,12 @@ from pipeline.datasets import write_dataset
 
 ADAPTIVE = {"rings": 1, "max_cells": 10**6, "bodies": []}
 STRESS = uniform(-30e6, -20e6, -18e6, 0.0, 3e6)
-HOLES = [ball([26.0, 40.0], 5.0), ball([55.0, 40.0], 5.0)]
+HOLES = [ball([26.0, 40.0], 4.9), ball([55.0, 40.0], 4.9)]
 BRITTLE = {"scheme": "multigrid", "tolerance": 1e-5, "cascade_tolerance": 1e-3, "increments": 2}
 
 
 def adaptive_scene(mined=(0,), steps=1, **changes):
-    """Holes of 5 m in brittle rock, in plane strain; cells of 1 to 8 m that follow the rock."""
+    """Holes of radius 4.9 m in brittle rock, in plane strain; cells of 1 to 8 m that follow the rock."""
     entries = [excavation(step, name=f"hole_{number}") for number, step in enumerate(mined)]
     options = {"host": COULOMB, "stress": STRESS, "solver": BRITTLE, "refinement": ADAPTIVE} | changes
     return make_scene("xz", excavations=entries, steps=steps, **options)

@@ -13,7 +13,7 @@ from mpm_core.stages import elastic_stage, mining_step
 CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # VTK order
 ADAPTIVE = {"rings": 1, "max_cells": 10**6, "bodies": []}
 SOLVER = {"scheme": "multigrid", "tolerance": 1e-5, "cascade_tolerance": 1e-3, "increments": 2}
-HOLES = [ball([26.0, 40.0], 5.0), ball([74.0, 40.0], 5.0)]
+HOLES = [ball([26.0, 40.0], 4.9), ball([74.0, 40.0], 4.9)]
 STRONG = COULOMB | {"cohesion": {"intact": 6e6, "residual": 5e6}}
 PRESS = {"shape": "sphere", "center": [26.0, 56.0], "radius": 5.0}
 

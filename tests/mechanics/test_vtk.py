@@ -36,7 +36,7 @@ def test_a_state_is_a_vtk_file_that_others_read(stage):
     dataset, state, mesh = stage
     grid, pieces = read_grid(dataset)[0], read_pieces(dataset)
     assert sum(len(block.data) for block in mesh.cells) == len(grid.cell_level)
-    np.testing.assert_allclose(mesh.points, dataset.node_position.values)
+    np.testing.assert_allclose(mesh.points, state.node_position.values)
     np.testing.assert_array_equal(mesh.point_data["displacement_m"], state.node_displacement.values)
     share = np.ones(len(grid.cell_level))
     share[holding_cells(grid, pieces.place)] -= np.bitwise_count(pieces.samples) / 64
