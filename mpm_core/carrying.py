@@ -85,27 +85,32 @@ def carry_forces(old: Model | Cells, forces: np.ndarray, new: Model) -> np.ndarr
 
 
 def part_nodes(old: Model, state: State, new: Model) -> None:
-    """Nodal arrays of a state of a model as those of another on the same cells, whose nodes are those or parts of them
-    (phantom nodes)."""
+    """Nodal arrays of a state of a model as those of another on the same cells, whose phantom nodes are others.
+
+    A node moves as that of its rock did, where it has rock: fill and void have none of their own.
+    """
     if new.grid is old.grid:
         return
+    cells = len(new.cell_nodes)
+    rock, solid = (samples(cells, new.step) != 0 for samples in (new.changes.rock_samples, new.changes.solid_samples))
     for name, array in ARRAYS.items():
         if array.dims[0] == "node":
             values = getattr(state, name)
             parted = np.empty((len(new.grid.node_index), values.shape[1]))
-            parted[new.cell_nodes] = values[old.cell_nodes]
+            for chosen in (~solid, solid & ~rock, rock):
+                parted[new.cell_nodes[chosen]] = values[old.cell_nodes[chosen]]
             setattr(state, name, parted)
 
 
 def part_forces(old: Model, forces: np.ndarray, new: Model) -> np.ndarray:
-    """Nodal forces (node, d) N of a model at the nodes of another on the same cells: of nodes that stand where one was,
+    """Nodal forces (node, d) N of a model at the nodes of another on the same cells: of those that stand where one was,
     the first has its force."""
     if new.grid is old.grid:
         return forces
     first = np.full(len(forces), len(new.grid.node_index))
     np.minimum.at(first, old.cell_nodes, new.cell_nodes)
     result = np.zeros((len(new.grid.node_index), forces.shape[1]))
-    result[first] = forces
+    np.add.at(result, first, forces)
     return result
 
 

@@ -113,7 +113,7 @@ def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray]:
         vtk_nodes=dataset.cell_nodes.values,
         node_index=_index(dataset, "node_position"),
         node_parents=dataset.node_parents.values,
-        phantoms=int(attributes["phantom_nodes"]),
+        phantoms=int(attributes.get("phantom_nodes", 0)),
     )
     return grid, dataset.cell_body.values
 

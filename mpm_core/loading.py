@@ -55,7 +55,7 @@ def external_force(model: Model, step: int) -> np.ndarray:
     if len(inside):
         stress_volume[:, :3] += (inside * missing[mined])[:, None]
     _spread(model, particles.cell[mined], modes, stress_volume, -missing[mined, None] * body_force, nodal)
-    _add_severed(model, nodal, body_force)
+    _add_severed(model, nodal, body_force, cell_pressure, 1.0 - model.rock_share(step))
     _add_lost_traction(model, nodal, 1.0 - model.rock_share(step), cell_pressure)
     collect_to_parents(model.grid.node_parents, nodal)
     nodal[~_touched(model, volume)] = 0.0
@@ -108,14 +108,27 @@ def _of_missing_rock(model: Model, chosen: np.ndarray, step: int) -> tuple[np.nd
     return modes, virgin
 
 
-def _add_severed(model: Model, nodal: np.ndarray, body_force: np.ndarray) -> None:
+def _add_severed(
+    model: Model, nodal: np.ndarray, body_force: np.ndarray, pressure: np.ndarray, mined_share: np.ndarray
+) -> None:
     """Take the virgin forces of whole cells off nodes (node, d) that are severed from them: to these all of the cell is
-    gone, mined or not. body_force (d,) N/m3."""
+    gone, mined or not, and full of what presses on their own walls.
+
+    body_force (d,) N/m3; pressure (cell,) Pa or (0,): mean over each cell, of which mined_share (cell,) is mined.
+    """
     node, cell, corner = model.severed.T
     if not len(node):
         return
     grid, dimension = model.grid, model.dimension
     tensor = tensor_from_voigt(virgin_stress(model.scene, grid.cell_center[cell]))[:, :dimension, :dimension]
+    if len(pressure):
+        there = np.flatnonzero(pressure)
+        inside, highest = pressure[there] / mined_share[there], np.zeros(len(nodal))
+        of_cell = np.zeros(len(pressure))
+        of_cell[there] = inside
+        np.maximum.at(highest, model.cell_nodes[there], inside[:, None])
+        np.maximum.at(highest, node, of_cell[cell])
+        tensor = tensor + highest[node][:, None, None] * np.eye(dimension)
     side = 2.0 * (corner[:, None] >> np.arange(dimension) & 1) - 1.0
     size = grid.cell_size[cell][:, None]
     force = np.einsum("kj,kji->ki", side, tensor) * size ** (dimension - 1) / 2.0 ** (dimension - 1)

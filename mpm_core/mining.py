@@ -117,9 +117,7 @@ class StepCells:
         model = self.ground.on(grid, old)
         state = carry(old, body.state, model)
         volume = model.volumes(self.step)
-        before = model.at(max(self.step - 1, 0))
-        lasting = part_forces(before, external_force(before, before.step), model)
-        start = lasting + carry_forces(self.start_cells, self.held_up, model)
+        start = lasting_force(model, max(self.step - 1, 0)) + carry_forces(self.start_cells, self.held_up, model)
         target = external_force(model, self.step)
         reference = measured_by(model, start, target, self.ramp.strain, self.step)
         self.ramp = replace(self.ramp, start=start, target=target, reference=reference)
@@ -171,6 +169,12 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
             scheme.drop_work_arrays()
             start, lasting = part_forces(model, start, mined), part_forces(model, lasting, mined)
             follow_walls(model, mined, state)
+            if mined.unheld > model.unheld:
+                logging.warning(
+                    "fill lies between walls a cell or two apart that were open before, at %d nodes: it does not hold "
+                    "them; take smaller cells, or fill in the step that mines",
+                    mined.unheld,
+                )
             model, scheme = mined, make_scheme(mined, state, volume)
     balance = Balance.at_start(scheme.body, stood, mined_hourglass)
     # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
@@ -182,6 +186,12 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
         start - lasting, Refinement.of(model.grid),
     )  # fmt: skip
     return cells, balance
+
+
+def lasting_force(model: Model, before: int) -> np.ndarray:
+    """Forces (node, d) N of all up to a step before that of the model, at the model's nodes."""
+    earlier = model.at(before)
+    return part_forces(earlier, external_force(earlier, before), model)
 
 
 def measured_by(model: Model, start: np.ndarray, target: np.ndarray, more_strain: np.ndarray, step: int) -> float:

@@ -7,12 +7,13 @@ import numpy as np
 
 from mpm_core.constitutive.laws import can_fail, law_of_all, rows_of_all
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
+from mpm_core.grid.splitting import with_leaves
 from mpm_core.kernels.blocks import Scatter, build_scatter
 from mpm_core.kernels.nodes import mark_nodes
 from mpm_core.loose import find_loose
 from mpm_core.occupancy import FULL, NOTHING, SAMPLES, Changes, Loose, Pieces, changes_of
 from mpm_core.particles import Particles, at_step, seed, volumes
-from mpm_core.phantom_nodes import with_phantoms, without_phantoms
+from mpm_core.phantom_nodes import Parting, part
 from mpm_core.rigid import RigidMotions, free_motions
 from mpm_core.scene import FACES, Scene
 from mpm_core.state import State
@@ -49,8 +50,11 @@ class Model:
     """what has fallen so far"""
     step: int
     """once it is mined the particles are where they are; -1 virgin rock"""
+    plain: MultiLevelGrid
+    """the grid with one node at each place; the same one if there are no phantom nodes"""
     severed: np.ndarray
-    """(pair, 3) node, cell that it is no corner of although it stands at its corner, that corner: phantom_nodes.py"""
+    unheld: int
+    """see phantom_nodes.Parting"""
 
     @property
     def mode_values(self) -> np.ndarray:
@@ -77,10 +81,10 @@ class Model:
         insitu = self.insitu.copy()
         insitu[moved] = virgin_stress(self.scene, particles.position[moved])
         changed = replace(self, particles=particles, insitu=insitu, step=step)
-        grid, severed = _parted(without_phantoms(self.grid), self.scene, self.changes, self.pieces, step)
-        if not (grid.phantoms or self.grid.phantoms):
+        parting = part(self.plain, self.changes, step)
+        if not (parting.grid.phantoms or self.grid.phantoms):
             return changed
-        return replace(changed, severed=severed, **_on_nodes(grid, self.scene))
+        return replace(changed, **parting._asdict(), **_on_nodes(parting.grid, self.scene))
 
     def material_volumes(self, step: int) -> np.ndarray:
         """Volume of each particle's own material once `step` is mined and filled, (particle,)."""
@@ -116,9 +120,9 @@ class Model:
         """Cells (cell,) bool that share a node with one that is filled wholly once `step` is mined and filled."""
         cells = len(self.cell_nodes)
         rock, solid = self.changes.rock_samples(cells, step), self.changes.solid_samples(cells, step)
-        filled = np.zeros(len(self.grid.node_index), bool)
-        filled[self.cell_nodes[(rock == NOTHING) & (solid == FULL)]] = True
-        return filled[self.cell_nodes].any(axis=1)
+        filled = np.zeros(len(self.plain.node_index), bool)
+        filled[self.plain.vtk_nodes[(rock == NOTHING) & (solid == FULL)]] = True
+        return filled[self.plain.vtk_nodes].any(axis=1)
 
     def rock_share(self, step: int) -> np.ndarray:
         """Share of each cell that is rock once `step` is mined, (cell,)."""
@@ -168,19 +172,10 @@ def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
     return held
 
 
-def _parted(
-    grid: MultiLevelGrid, scene: Scene, changes: Changes, pieces: Pieces, step: int
-) -> tuple[MultiLevelGrid, np.ndarray]:
-    """The grid with phantom nodes, and what they are severed from; walls under pressure keep the nodes they share."""
-    pressed = np.array([bool(excavation.pressure) for excavation in scene.excavations] or [False])
-    return with_phantoms(grid, changes, step, pieces.cell[pressed[pieces.excavation]])
-
-
 def _on_nodes(grid: MultiLevelGrid, scene: Scene) -> dict:
     """What a model knows of the nodes of a grid, by name."""
     cell_nodes = np.ascontiguousarray(grid.vtk_nodes[:, BIT_ORDER[grid.dimension]])
     return {
-        "grid": grid,
         "cell_nodes": cell_nodes,
         "scatter": build_scatter(cell_nodes, grid.node_parents),
         "held": _held(grid, scene),
@@ -209,10 +204,12 @@ def build_model(
         if len(fallen.cell):
             changes = changes_of(pieces, scene.excavations, loose)
     particles = seed(grid, body, changes, scene, pieces)
-    grid, severed = without_phantoms(grid), np.empty((0, 3), np.int64)
+    if grid.phantoms:  # of the step before
+        grid = with_leaves(grid, grid.cell_index, grid.cell_level)
+    parting = Parting(grid, np.empty((0, 3), np.int64), 0)
     if scene.cut_cells == "mean":
         particles = at_step(particles, changes, step, grid)
-        grid, severed = _parted(grid, scene, changes, pieces, step)
+        parting = part(grid, changes, step)
     insitu = virgin_stress(scene, particles.position)
     insitu[~particles.is_rock] = 0.0
     materials = scene.materials.values()
@@ -231,6 +228,7 @@ def build_model(
         residual_rows=residual_rows,
         loose=loose,
         step=step,
-        severed=severed,
-        **_on_nodes(grid, scene),
+        plain=grid,
+        **parting._asdict(),
+        **_on_nodes(parting.grid, scene),
     )

@@ -9,60 +9,65 @@ Belytschko 2006, Int. J. Numer. Methods Eng. 67, 868). Kernels see a cell with o
 Parts hang together if solid samples face each other across a face that their cells share. Slivers of one curved wall
 may not: more nodes than need be do no harm, and as the rule asks for the cells around the node alone, a part of the
 mine has the nodes that the mine has. What was apart once stays apart, since its nodes may have moved apart: fill that
-is placed later is tied to one wall there. A cell has one set of nodes, so rock on both sides of an opening within one
-cell stays tied.
+is placed between such walls later moves with either of them, and does not hold them. A cell has one set of nodes, so
+rock on both sides of an opening within one cell stays tied.
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
-from mpm_core.grid.splitting import with_leaves
 from mpm_core.occupancy import SAMPLES, Changes
 
 NO_CELL = -1
 
 
-def without_phantoms(grid: MultiLevelGrid) -> MultiLevelGrid:
-    """The same cells with one node at each corner."""
-    return with_leaves(grid, grid.cell_index, grid.cell_level) if grid.phantoms else grid
+class Parting(NamedTuple):
+    """A grid with phantom nodes, and what they are nodes of."""
+
+    grid: MultiLevelGrid
+    severed: np.ndarray
+    """(pair, 3) int64: a node, a cell that stands at its place and has another node there, that corner of the cell (bit
+    order)"""
+    unheld: int
+    """places where fill lies between walls that were apart before it was placed: it does not hold them"""
 
 
-def with_phantoms(
-    grid: MultiLevelGrid, changes: Changes, step: int, barred: np.ndarray
-) -> tuple[MultiLevelGrid, np.ndarray]:
-    """A grid without phantom nodes as it is once `step` is mined, and what its nodes were severed from.
+def part(grid: MultiLevelGrid, changes: Changes, step: int) -> Parting:
+    """A grid without phantom nodes as it is once `step` is mined and filled.
 
-    barred (k,) indices of cells whose nodes stay one. Nodes stay one, too, at the border, where cells are not of the
-    finest size and where a node hangs. Severed (pair, 3): a node, a cell at its place that it is no corner of, and the
-    corner of the cell there, in bit order.
+    Nodes stay one at the border, where cells are not of the finest size and where a node hangs.
     """
-    octants = _octants(grid, changes.cell[changes.step <= step], barred)
-    nothing = np.empty((0, 3), np.int64)
+    whole = Parting(grid, np.empty((0, 3), np.int64), 0)
+    done = changes.step <= step
+    octants = _octants(grid, changes.cell[done])
     if not len(octants):
-        return grid, nothing
+        return whole
     cells, dimension, last = len(grid.cell_level), grid.dimension, octants.shape[1] - 1
-    apart = now = np.zeros(octants.shape, np.int8)
-    for when in np.unique(changes.step[changes.step <= step]):
-        now = _groups(changes.solid_samples(cells, when)[octants])
-        apart = _both(apart, now)
+    apart, now = np.zeros((2, *octants.shape), np.int8)
+    for when in np.unique(changes.step[done]):
+        changed = np.zeros(cells, bool)
+        changed[changes.cell[changes.step == when]] = True
+        rows = np.flatnonzero(changed[octants].any(axis=1))
+        now[rows] = _groups(changes.solid_samples(cells, when)[octants[rows]])
+        apart[rows] = _both(apart[rows], now[rows])
     rock = changes.rock_samples(cells, step)[octants] != 0
     number = _numbers(apart, now, rock)
     split = np.flatnonzero(number.max(axis=1) > 0)
     if not len(split):
-        return grid, nothing
-    octants, number = octants[split], number[split]
+        return whole
+    octants, number, now = octants[split], number[split], now[split]
     corner = last - np.arange(last + 1)  # of each octant's cell, at the node
     cell_nodes = grid.vtk_nodes[:, BIT_ORDER[dimension]]
     own = cell_nodes[octants[:, 0], corner[0]]
     more = number.max(axis=1).astype(np.int64)
     first = len(grid.node_index) + np.cumsum(more) - more
-    nodes = np.where(number > 0, first[:, None] + number - 1, own[:, None])
-    cell_nodes[octants, corner] = nodes
+    cell_nodes[octants, corner] = np.where(number > 0, first[:, None] + number - 1, own[:, None])
     at = np.repeat(own, more)
-    split_grid = replace(
+    parted = replace(
         grid,
         vtk_nodes=np.ascontiguousarray(cell_nodes[:, BIT_ORDER[dimension]]),
         node_index=np.concatenate([grid.node_index, grid.node_index[at]]),
@@ -74,28 +79,37 @@ def with_phantoms(
         row, octant = np.nonzero((number != group) & (more >= group)[:, None])
         node = own[row] if group == 0 else first[row] + group - 1
         pairs.append(np.stack([node, octants[row, octant], corner[octant]], axis=1))
-    return split_grid, np.concatenate(pairs)
+    return Parting(parted, np.concatenate(pairs), _unheld(number, now))
 
 
-def _octants(grid: MultiLevelGrid, mined: np.ndarray, barred: np.ndarray) -> np.ndarray:
+def _octants(grid: MultiLevelGrid, mined: np.ndarray) -> np.ndarray:
     """The cells (node, 2^d) around each node of mined cells that may be split: bit k of a place says on which side of
     axis k; mined (k,) indices."""
-    corners = 1 << grid.dimension
-    cell_nodes = grid.vtk_nodes[:, BIT_ORDER[grid.dimension]]
+    corners, order = 1 << grid.dimension, BIT_ORDER[grid.dimension]
     chosen = np.zeros(len(grid.node_index), bool)
-    chosen[cell_nodes[np.unique(mined)]] = True
-    chosen[cell_nodes[barred]] = False
+    chosen[grid.vtk_nodes[np.unique(mined)]] = True
     chosen[grid.is_hanging] = False
     chosen[grid.node_parents[grid.node_parents >= 0]] = False
-    around = np.flatnonzero(chosen[cell_nodes].any(axis=1) & (grid.cell_level == grid.levels - 1))
+    finest = np.flatnonzero(grid.cell_level == grid.levels - 1)
+    around = finest[chosen[grid.vtk_nodes[finest]].any(axis=1)]
     nodes = np.flatnonzero(chosen)
     row = np.full(len(chosen), -1, np.int64)
     row[nodes] = np.arange(len(nodes))
     octants = np.full((len(nodes), corners), NO_CELL, np.int64)
     for corner in range(corners):
-        at = row[cell_nodes[around, corner]]
+        at = row[grid.vtk_nodes[around, order[corner]]]
         octants[at[at >= 0], corners - 1 - corner] = around[at >= 0]
     return octants[(octants != NO_CELL).all(axis=1)]
+
+
+def _unheld(number: np.ndarray, now: np.ndarray) -> int:
+    """Places at which what hangs together now has several nodes; number, now (node, 2^d)."""
+    several = np.zeros(len(number), bool)
+    for group in range(number.shape[1]):
+        among = now == group
+        least = np.where(among, number, number.shape[1]).min(axis=1)
+        several |= np.where(among, number, -1).max(axis=1) > least
+    return int(np.count_nonzero(several))
 
 
 @njit(cache=True)

@@ -73,6 +73,7 @@ def cut_out(
         body=model.body[cells],
         insitu=model.insitu[indices],
         held=held,
+        plain=grid,
         severed=model.severed[:0],
     )
     own = part.virgin_state()
@@ -122,6 +123,7 @@ def _crop_grid(model: Model, chosen: np.ndarray, cells: np.ndarray):
         vtk_nodes=number[grid.vtk_nodes[cells]],
         node_index=grid.node_index[nodes],
         node_parents=own,
+        phantoms=0,  # none that could be taken off again
     )
     return part, nodes, number[model.cell_nodes[cells]], model.held[nodes] | shared[nodes, None]
 

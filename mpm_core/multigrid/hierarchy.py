@@ -52,7 +52,8 @@ def held_nodes(grid: LevelGrid, faces: np.ndarray, complete: np.ndarray | None) 
         held[place >= grid.extent[axis]] |= faces[axis, 1]
     if complete is None:
         return held
-    corners = np.bincount(grid.cell_nodes[complete].ravel(), minlength=len(held))
+    place = np.unique(grid.node_index, axis=0, return_inverse=True)[1].reshape(-1)  # phantom nodes share theirs
+    corners = np.bincount(place[grid.cell_nodes[complete].ravel()], minlength=len(held))[place]
     outside = (grid.node_index <= 0) | (grid.node_index >= grid.extent)
     held[corners < 2.0 ** (grid.dimension - outside.sum(axis=1))] = True
     return held

@@ -1,5 +1,7 @@
 """Walls so near each other that their cells share nodes: each has its own, and what must hold then."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -21,6 +23,7 @@ from mpm_core.datasets import read_grid
 from mpm_core.equilibrium.body import Body
 from mpm_core.loading import external_force
 from mpm_core.occupancy import FULL, SAMPLES
+from mpm_core.phantom_nodes import Parting
 from mpm_core.stages import elastic_stage, mining_step
 
 STRESS = uniform(-20e6, -15e6, -30e6, 2e6, -1e6, 3e6)
@@ -152,7 +155,7 @@ def energy(shape, scene, tmp_path, levels=3) -> float:
 def test_a_narrow_slot_releases_what_fine_cells_do(tmp_path, monkeypatch):
     """Within 8 %; with shared nodes it is 40 % too little at least."""
     fine, own = (energy(SLOT, scene_of(), tmp_path, levels) for levels in (6, 3))
-    monkeypatch.setattr("mpm_core.model.with_phantoms", lambda grid, *rest: (grid, np.empty((0, 3), np.int64)))
+    monkeypatch.setattr("mpm_core.model.part", lambda grid, *rest: Parting(grid, np.empty((0, 3), np.int64), 0))
     shared = energy(SLOT, scene_of(), tmp_path)
     assert own == pytest.approx(fine, rel=0.08)
     assert shared < 0.6 * fine
@@ -168,38 +171,91 @@ def test_a_mirrored_slot_releases_the_same_energy(tmp_path):
     assert upside_down == pytest.approx(energy(SLOT, scene, tmp_path), rel=1e-7)
 
 
-@pytest.mark.parametrize("plane", ["xy", None])
-def test_elastic_rock_does_not_depend_on_the_number_of_steps(plane, tmp_path):
-    """A slot mined at once and in two steps, of which the second parts walls of cells that the first has cut."""
+def below(x):
+    """How far points lie below the middle of SLOT, in its own direction, m."""
+    s, c = np.sin(np.radians(35.0)), np.cos(np.radians(35.0))
+    return (x[..., 0] - 36.3) * s - (x[..., 1] - 35.2) * c
+
+
+CUTS = {  # two solids, the second of which may be mined a step later
+    "the slot goes on": [lambda x: SLOT(x) & (x[..., 0] < 35.1), lambda x: SLOT(x) & (x[..., 0] >= 35.1)],
+    "one wall goes": [SLOT, lambda x: (np.abs(x[..., 0] - 36.3) < 5.1) & (below(x) > -1.7) & (below(x) < 6.2)],
+    "the other wall goes": [SLOT, lambda x: (np.abs(x[..., 0] - 36.3) < 5.1) & (below(x) < 1.7) & (below(x) > -6.2)],
+    "a slot beside it": [SLOT, lambda x: (np.abs(x[..., 0] - 36.3) < 8.0) & (np.abs(below(x) - 3.4) < 0.9)],
+}
+
+
+def mirrored(shape, axes):
+    """A shape turned round along some of the first two axes, about the middle of the domain."""
+    return lambda x: shape(np.where(np.isin(np.arange(x.shape[-1]), axes), 72.0 - x, x))
+
+
+@pytest.mark.parametrize(
+    ("plane", "case", "axes"),
+    [(None, "one wall goes", [])] + [("xy", case, axes) for case in CUTS for axes in ([], [0], [1], [0, 1])],
+)
+def test_elastic_rock_does_not_depend_on_the_number_of_steps(plane, case, axes, tmp_path):
+    """Both solids mined at once, and the second a step later, whichever wall keeps the node that was there."""
     dimension = 3 if plane is None else 2
-    halves = [
-        lambda x: SLOT(x) & (x[..., 0] < 35.1),
-        lambda x: SLOT(x) & (x[..., 0] >= 35.1),
-    ]
-    grid = grid_around([SLOT], [7] * dimension, 3, 8.0, origin=[8.0] * dimension, rings=1)
+    shapes = [mirrored(shape, axes) for shape in CUTS[case]]
+    grid = grid_around(shapes, [7] * dimension, 3, 8.0, origin=[8.0] * dimension, rings=1)
     states = []
     for mined in ((0, 0), (0, 1)):
         state = None
         for step in range(mined[1] + 1):
             now = scene_of(plane, step + 1, mined)
-            dataset = make_dataset(now, grid, halves)
+            dataset = make_dataset(now, grid, shapes)
             if state is None:
                 state = elastic_stage(now, dataset, tmp_path / "failed.npz")[0]
             state, facts = mining_step(now, dataset, state, tmp_path / "failed.npz")
             assert facts["energy_left_share"] < 1e-9
-            assert facts["failed_particles"] == 0
         states.append(state)
     one, two = states
-    assert read_grid(one)[0].phantoms > 5
-    scale = np.abs(one.node_displacement.values).max()
-    np.testing.assert_array_equal(one.cell_nodes.values, two.cell_nodes.values)
-    np.testing.assert_allclose(two.node_displacement.values, one.node_displacement.values, atol=1e-5 * scale)
+    assert read_grid(two)[0].phantoms > 5
+    moved, motion = np.zeros((2, *one.stress.shape[:1], 3))
+    for state, values in ((one, moved), (two, motion)):
+        here = state.volume.values > 0.0
+        nodes = state.cell_nodes.values[state.cell.values[here]]
+        values[here] = state.node_displacement.values[nodes].mean(axis=1)
+    np.testing.assert_allclose(motion, moved, atol=1e-5 * np.abs(moved).max())
     np.testing.assert_allclose(two.stress.values, one.stress.values, atol=1e-5 * np.abs(one.stress.values).max())
 
 
-def test_walls_that_were_parted_stay_parted_when_fill_comes(tmp_path):
+@pytest.mark.parametrize("since", [0, 1])
+def test_pressure_in_a_slot_is_that_of_the_stress_that_is_gone(since, tmp_path):
+    """With 20 MPa inside, rock under 20 MPa all round is as it was; from a step later on, as if from the start."""
+    states = []
+    for begins in (0, since):
+        state = None
+        for step in range(since + 1):
+            pressed = excavation() | {"pressure": [[begins, 20e6]]} if begins <= step else excavation()
+            stress = uniform(-20e6, -20e6, -20e6)
+            now = make_scene("xy", stress=stress, steps=step + 1, solver=MULTIGRID, excavations=[pressed])
+            dataset = make_dataset(now, grid_of([SLOT]), [SLOT])
+            if state is None:
+                state = elastic_stage(now, dataset, tmp_path / "failed.npz")[0]
+            state, _ = mining_step(now, dataset, state, tmp_path / "failed.npz")
+        states.append(state)
+    assert read_grid(states[0])[0].phantoms > 5
+    for state in states:
+        here = state.volume.values > 0.0
+        assert np.abs(state.stress.values[here, :3] + 20e6).max() < 20.0
+
+
+def test_fill_beside_parted_walls_bears_as_beside_any():
+    """Whether fill shares a place with a cell of it is asked of places: no more of it bears than with shared nodes."""
+    wide = dipping([36.3, 35.2], [24.0, 4.4], 35.0)
+    scene = make_scene("xy", stress=STRESS, excavations=[excavation(fill="fill")])
+    model = make_model(scene, grid_of([wide]), [wide])
+    np.testing.assert_array_equal(model.volumes(0), replace(model, cell_nodes=model.plain.vtk_nodes).volumes(0))
+    jacket = (model.volumes(0) == 0.0) & (model.material_volumes(0) > 0.0)
+    assert jacket.any()
+
+
+def test_walls_that_were_parted_stay_parted_when_fill_comes(tmp_path, caplog):
     """Open for a step, filled in the next: nothing moves but by the fill's weight, and the walls keep their nodes."""
     state = None
+    caplog.set_level("WARNING")
     for step in range(2):
         now = make_scene(
             "xy", stress=STRESS, steps=step + 1, solver=MULTIGRID,
@@ -213,3 +269,4 @@ def test_walls_that_were_parted_stay_parted_when_fill_comes(tmp_path):
     assert read_grid(state)[0].phantoms == read_grid(before)[0].phantoms > 5
     scale = np.abs(before.node_displacement.values).max()
     np.testing.assert_allclose(state.node_displacement.values, before.node_displacement.values, atol=1e-6 * scale)
+    assert "fill lies between walls" in caplog.text

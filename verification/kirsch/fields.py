@@ -65,6 +65,7 @@ class Rock:
         self.place = state.position.values[present, :2] @ np.array([1.0, 1.0j]) - self.hole.center
         self.stress = state.stress.values[present][:, [0, 1, 5]]
         self.moved = state.displacement.values[present, :2] @ np.array([1.0, 1.0j])
+        self.cell_nodes = state.cell_nodes.values  # with the nodes that walls have for themselves
         self.node_moved = state.node_displacement.values[:, :2] @ np.array([1.0, 1.0j])
         size = self.grid.cell_size.values[self.cell] ** 2 * self.grid.attrs["thickness"]
         self.whole = np.bincount(self.cell, self.volume)[self.cell] > UNCUT * size
@@ -108,7 +109,7 @@ class Rock:
         found = cKDTree(corner + 0.5 * self.hole.cell).query(at, p=np.inf)[1]
         x, y = ((at - corner[found]) / self.hole.cell).T
         shape = np.stack([(1 - x) * (1 - y), x * (1 - y), x * y, (1 - x) * y], axis=1)
-        return np.sum(shape * self.node_moved[self.grid.cell_nodes.values[cells[found]]], axis=1)
+        return np.sum(shape * self.node_moved[self.cell_nodes[cells[found]]], axis=1)
 
     def fitted_stress(self, points: np.ndarray, degree: int, cells: int, clear: float = 0.0) -> np.ndarray:
         """Polar stress (3, point), Pa, at points (complex, from the centre) from the particles around each.

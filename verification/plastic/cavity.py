@@ -98,8 +98,8 @@ class Cavity:
         at = (points + self.center)[:, :d]
         found = cKDTree(corner + 0.5 * self.cell).query(at, p=np.inf)[1]
         local = (at - corner[found]) / self.cell
-        nodes = grid.cell_nodes.values[cells[found]]
-        side = grid.node_position.values[nodes][..., :d] > (corner[found] + 0.5 * self.cell)[:, None, :]
+        nodes = self.state.cell_nodes.values[cells[found]]
+        side = self.state.node_position.values[nodes][..., :d] > (corner[found] + 0.5 * self.cell)[:, None, :]
         shape = np.where(side, local[:, None, :], 1 - local[:, None, :]).prod(axis=2)
         return np.einsum("pc,pci->pi", shape, self.state.node_displacement.values[nodes])
 
