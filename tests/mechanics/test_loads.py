@@ -153,6 +153,7 @@ def test_nodes_without_rock_or_fill_carry_no_force(
     )  # fmt: skip
     grid = grid_around([shape], [5] * dimension, 2, 8.0)
     model = make_model(scene, grid, [shape])
+    grid = model.grid
     there = np.zeros(len(grid.node_index), bool)
     there[model.cell_nodes[model.particles.cell[model.volumes(0) > 0.0]]] = True
     for node in np.flatnonzero(there & grid.is_hanging):

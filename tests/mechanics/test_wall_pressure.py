@@ -91,7 +91,7 @@ def test_pressure_adds_up_with_virgin_stress(stress, pressure, treatment, plane,
             cut_cells=treatment, excavations=[entry],
         )  # fmt: skip
         model = make_model(scene, grid, [shape])
-        solid = np.zeros(len(grid.node_index), bool)  # what lies in the void alone is no matter
+        solid = np.zeros(len(model.grid.node_index), bool)  # what lies in the void alone is no matter
         solid[model.cell_nodes[model.particles.cell[model.volumes(0) > 0.0]]] = True
         return external_force(model, 0)[solid]
 
