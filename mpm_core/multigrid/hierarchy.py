@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.splitting import code_of
 from mpm_core.multigrid.coarsening import LevelGrid, coarsen, finest_grid
 from mpm_core.multigrid.cycle import MOST_UNKNOWNS, Cycle, stiffness_ratio
 from mpm_core.multigrid.level import Level
@@ -52,7 +53,8 @@ def held_nodes(grid: LevelGrid, faces: np.ndarray, complete: np.ndarray | None) 
         held[place >= grid.extent[axis]] |= faces[axis, 1]
     if complete is None:
         return held
-    place = np.unique(grid.node_index, axis=0, return_inverse=True)[1].reshape(-1)  # phantom nodes share theirs
+    code = code_of(grid.node_index, grid.node_index.max(axis=0) + 1)
+    place = np.unique(code, return_inverse=True)[1]  # phantom nodes share theirs
     corners = np.bincount(place[grid.cell_nodes[complete].ravel()], minlength=len(held))[place]
     outside = (grid.node_index <= 0) | (grid.node_index >= grid.extent)
     held[corners < 2.0 ** (grid.dimension - outside.sum(axis=1))] = True
