@@ -145,5 +145,5 @@ def draw(settings: dict, errors: dict[tuple[str, str, str], float]) -> Figure:
     first = figure.axes[0]
     first.set_yticks(range(len(scenes)), [scene.replace("_", " ") for scene in scenes])
     first.invert_yaxis()
-    first.legend()
+    figure.legend(*first.get_legend_handles_labels(), loc="outside lower center", ncols=len(MARKS))
     return figure
