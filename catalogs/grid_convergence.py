@@ -1,9 +1,9 @@
 """How far cells decide a mine's numbers: its run beside the same on cells of twice the size.
 
 What a number still changes by is told from what it changed by when cells were halved, as if it fell by half each time
-(first order). That is cautious where it falls faster, and no promise: one stope of 10 x 15 x 20 m has 1.37, 2.50, 2.36,
-2.36 and 2.26 m3 of potency in cells of 5 to 0.31 m (docs/method.md). Two runs may agree by chance; FLOOR is what they
-may both be off by then, since other rock fails first in each, and walls lie in the cells now this way, now that.
+(first order), and by SAFETY times that. It is no promise: study openings has how often it reaches to the numbers of
+finer cells. Two runs may agree by chance; FLOOR is what they may both be off by then, since other rock fails first in
+each, and walls lie in the cells now this way, now that.
 
 Layout of grid_convergence.nc
 -----------------------------
@@ -15,7 +15,7 @@ Dimensions: cell (edge of the finest cells, m: the mine's, twice it), period (th
   largest (cell, period)               log10 of the largest potency (m3), NaN without events
   potency_error, failed_volume_error (period)   share that these may be off by, NaN where nothing failed
 Attributes: mine, floor (log10 P in m3), left_out (excavations that cells of twice the size have no part of, JSON),
-config_hash, source_hash, versions.
+narrow (others that are narrow for these cells, JSON), config_hash, source_hash, versions.
 """
 
 import json
@@ -29,8 +29,11 @@ from catalogs.sizes import log_potency
 from pipeline.errors import InputError
 
 ALL = "all"
-FLOOR = 0.10  # share: the stope above has 2.18, 2.07 and 1.98 m3 where its walls lie between cells of 2.5 to 0.62 m, by
-# chosen increments, and 1.20, 1.57 and 1.73 where they cut them: 1.9 in the limit of both
+SAFETY = 1.25
+"""times the change from doubled cells: the factor of Roache's grid convergence index where the order is known (Roache
+1998, Verification and validation in computational science and engineering); here first order is taken"""
+FLOOR = 0.10
+"""share that a number may be off by, however little it changed"""
 
 
 def compare(
@@ -62,12 +65,14 @@ def compare(
     data = {name: (("cell", "period"), values, {"units": units[name]}) for name, values in table.items()}
     for name in ("potency", "failed_volume"):
         data[f"{name}_error"] = ("period", share_off(*table[name]), {"units": "1"})
-    names, volumes = (json.loads(coarse_grid[name]) for name in ("excavation_names", "excavation_volume_grid"))
-    left_out = [name for name, volume in zip(names, volumes, strict=True) if not volume > 0.0]
+    columns = (json.loads(coarse_grid[f"excavation_{key}"]) for key in ("names", "volume_grid", "whole_share"))
+    excavations, least = list(zip(*columns, strict=True)), coarse_grid["narrow_whole_share"]
+    left_out = [name for name, volume, _ in excavations if not volume > 0.0]
+    narrow = [name for name, volume, share in excavations if volume > 0.0 and share < least]
     return xr.Dataset(
         data,
         coords={"cell": ("cell", list(settings.cells), {"units": "m"}), "period": [*settings.steps, ALL]},
-        attrs={"mine": settings.mine, "floor": floor, "left_out": json.dumps(left_out)},
+        attrs={"mine": settings.mine, "floor": floor, "left_out": json.dumps(left_out), "narrow": json.dumps(narrow)},
     )
 
 
@@ -75,7 +80,7 @@ def share_off(own: NDArray, coarse: NDArray) -> NDArray:
     """Share that numbers (n,) may be off by, from those on cells of twice the size; NaN where both are zero."""
     own, coarse = np.asarray(own, float), np.asarray(coarse, float)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.maximum(np.abs(own - coarse) / own, FLOOR)
+        return np.maximum(SAFETY * np.abs(own - coarse) / own, FLOOR)
 
 
 def _by_period(catalog: xr.Dataset, states: list[dict], steps: tuple[str, ...], floor: float) -> dict[str, list[float]]:

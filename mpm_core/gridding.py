@@ -14,12 +14,13 @@ from mpm_core.grid.building import GridCount, build_grid
 from mpm_core.grid.octree import all_cells, children, morton_codes
 from mpm_core.memory import require, stage_bytes
 from mpm_core.occupancy import FULL, SAMPLES, SLIVER, Places
-from mpm_core.propping import LEAST, NEARLY_NONE, whole_shares
+from mpm_core.propping import NARROW, NEARLY_NONE, whole_shares
 from mpm_core.settings import GridCells, GridSlice
 from mpm_core.solids import bodies_at, read_solids
 from pipeline.errors import InputError
 
 NOTHING = 1e-9  # of a solid's box: round-off
+NAMED = 5  # excavations in one message
 
 
 def domain_of(values: GridSlice) -> Domain:
@@ -39,7 +40,7 @@ def cut_pieces(
     """Parts of finest cells inside chosen excavations (k,), numbers of solids, by excavation and cell.
 
     index (n, d): lower corners of the finest cells that may be, fine units, in Morton order. With `cut_cells: whole`
-    cells are in or out by the half. Raises InputError for an excavation that no cell has a part of.
+    cells are in or out by the half.
     """
     fine = domain.cell(domain.levels - 1)
     # Cells of one base cell stand together (Morton order): a solid looks at few base cells, not at all finest cells.
@@ -63,8 +64,6 @@ def cut_pieces(
         if cells.cut_cells == "whole":
             samples = np.where(np.bitwise_count(samples) >= SAMPLES // 2, FULL, np.uint64(0))
         keep = np.bitwise_count(samples) >= SLIVER
-        if not keep.any():
-            miss(solid, cells)
         parts.append(Places(index[near][keep], np.full(keep.sum(), number, np.int16), samples[keep]))
     return Places.all_of(parts, len(domain.lower))
 
@@ -84,12 +83,20 @@ def miss(solid: Solid | Outside, cells: GridCells) -> None:
     logging.warning("%s, and left out", thin)
 
 
-def touched_cells(classify, domain: Domain) -> np.ndarray:
-    """Lower corners (n, d) int32, fine units, of the finest cells of which `classify` (see octree) marks the parents,
-    in Morton order."""
+def touches(solids: list[Solid | Outside], domain: Domain, level: int, index: np.ndarray) -> np.ndarray:
+    """Which cells (n, d) of a level are not wholly outside these solids: (n,) bool."""
+    touched = np.zeros(len(index), bool)
+    for solid in solids:
+        rest = np.flatnonzero(~touched)
+        touched[rest] = classify_cells(solid, domain.lower, domain.cell(level), index[rest]) != OUTSIDE
+    return touched
+
+
+def touched_cells(solids: list[Solid | Outside], domain: Domain) -> np.ndarray:
+    """Lower corners (n, d) int32, fine units, of the finest cells whose parents these solids touch, in Morton order."""
     index = all_cells(domain.base_shape)
     for level in range(domain.levels - 1):
-        index = children(index[classify(level, index)])
+        index = children(index[touches(solids, domain, level, index)])
     code = np.empty(len(index), np.int64)
     morton_codes(index, code)
     return index[np.argsort(code, kind="stable")]
@@ -114,7 +121,7 @@ def refuse_propped(names: list[str], share: np.ndarray, size: np.ndarray, cells:
     share (k,): of each one's volume in wholly mined cells, size (k,) m3. From a volume_error of 1 on anything goes.
     """
     for name, whole, volume in zip(names, share, size, strict=True):
-        if whole < LEAST and volume > 0.0:
+        if whole < NARROW and volume > 0.0:
             logging.warning(
                 "%s: narrow for cells of %s: %.0f %% of it fills whole ones", name, cells.told(), 100 * whole
             )
@@ -124,6 +131,32 @@ def refuse_propped(names: list[str], share: np.ndarray, size: np.ndarray, cells:
             "volume fills whole ones, and the rock in the others would prop them; take cells of half their width or "
             "less, or grid.cut_cells: whole"
         )
+
+
+def cells_of_draft(values: GridSlice, solids: list[Solid | Outside], later: np.ndarray) -> tuple[GridSlice, np.ndarray]:
+    """The cells of a draft, and the numbers of the excavations for which it keeps those of the mine's file.
+
+    later (k,) bool: mined after the first step. A draft doubles the cells of the file. Around an opening of which
+    hardly any fills whole cells no rock fails (study openings), so a draft that makes one so does not double them.
+    """
+    if values.grid.resized_by != "draft" or values.grid.volume_error >= 1.0:
+        return values, np.empty(0, int)
+    kept = values.grid.model_copy(update={"levels": values.grid.levels + 1, "resized_by": None})
+    kept = values.model_copy(update={"grid": kept})
+    shares = []
+    for choice in (values, kept):
+        domain = domain_of(choice)
+        pieces = cut_pieces(touched_cells(solids, domain), domain, solids, np.arange(len(solids)), choice.grid)
+        shares.append(whole_shares(pieces, domain.base_shape << domain.levels - 1, later))
+    lost = np.flatnonzero((shares[0] < NEARLY_NONE) & (shares[1] >= NEARLY_NONE))
+    if not len(lost):
+        return values, lost
+    names, more = ", ".join(solids[number].name for number in lost[:NAMED]), len(lost) - NAMED
+    logging.warning(
+        "accuracy: draft keeps cells of %s: hardly any cell of twice that size would lie wholly in %s%s",
+        kept.grid.told(), names, f" and {more} more" if more > 0 else "",
+    )  # fmt: skip
+    return kept, lost
 
 
 def require_memory(count: GridCount, dimension: int, cells: GridCells) -> None:
@@ -143,19 +176,15 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
     values = GridSlice.of(values)
     dimension, domain = values.dimension, domain_of(values)
     solids = read_solids(values.excavations, "excavations", domain)
+    later = np.isin(np.arange(len(solids)), values.later)
+    values, lost = cells_of_draft(values, solids, later)
+    domain = domain_of(values)
     bodies = read_solids(values.rock_bodies, "rock_bodies", domain, values.far_field is not None)
     features = [solid for solid, entry in zip(bodies, values.rock_bodies, strict=True) if entry.refine]
-    later = np.isin(np.arange(len(solids)), values.later)
-
-    def marks(chosen: np.ndarray, level: int, index: np.ndarray) -> np.ndarray:
-        marked = np.zeros(len(index), bool)
-        for number in np.flatnonzero(chosen):
-            rest = np.flatnonzero(~marked)
-            marked[rest] = classify_cells(solids[number], domain.lower, domain.cell(level), index[rest]) != OUTSIDE
-        return marked
+    first, after = ([solids[number] for number in np.flatnonzero(chosen)] for chosen in (~later, later))
 
     def classify(level: int, index: np.ndarray) -> np.ndarray:
-        marked = marks(~later, level, index)
+        marked = touches(first, domain, level, index)
         for solid in features:
             rest = np.flatnonzero(~marked)
             kind = classify_cells(solid, domain.lower, domain.cell(level), index[rest])
@@ -174,8 +203,10 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
     finest = grid.cell_index[grid.cell_level == grid.levels - 1]
     pieces = cut_pieces(finest, domain, solids, np.flatnonzero(~later), values.grid)
     if later.any():
-        touched = touched_cells(lambda level, index: marks(later, level, index), domain)
+        touched = touched_cells(after, domain)
         pieces = pieces.and_then(cut_pieces(touched, domain, solids, np.flatnonzero(later), values.grid))
+    for number in np.setdiff1d(np.arange(len(solids)), pieces.excavation):
+        miss(solids[number], values.grid)
     thickness = values.thickness if dimension == 2 else 1.0
     on_grid = np.bincount(pieces.excavation, np.bitwise_count(pieces.samples) / 64, minlength=len(solids))
     on_grid = on_grid * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
@@ -198,6 +229,8 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
             "excavation_volume_grid": json.dumps([float(value) for value in on_grid]),
             "excavation_open_share": json.dumps([solid.open_share for solid in solids]),
             "excavation_whole_share": json.dumps([float(value) for value in share]),
+            "narrow_whole_share": NARROW,
+            "draft_would_lose": json.dumps([names[number] for number in lost]),
             "rock_body_names": json.dumps([solid.name for solid in bodies]),
         }
         | far_field_attributes(values),

@@ -10,7 +10,7 @@ import numpy as np
 from mpm_core.grid.splitting import code_of
 from mpm_core.occupancy import FULL, Places
 
-LEAST = 0.3  # of an opening's volume in whole cells: below it far too little rock fails around it (study openings)
+NARROW = 0.3  # of an opening's volume in whole cells: below it far too little rock fails around it (study openings)
 NEARLY_NONE = 0.05  # of all openings: where rock would break is then decided by props that are not there
 
 

@@ -138,8 +138,10 @@ class Plan:
 
     @property
     def has_companion(self) -> bool:
-        """Whether it is run on cells of twice the size, too: as configured, else in 3-D with dated steps and levels."""
+        """Whether it is run on cells of twice the size, too: as configured, else in 3-D with dated steps and levels.
+        A draft is not."""
         possible = bool(self.dated_steps) and self.values["grid"]["levels"] > 1 and not self.perturbation
+        possible = possible and self.values["accuracy"] != "draft"
         return possible and self.values.get("grid_convergence", self.dimension == 3)
 
     def coarser(self) -> Self:

@@ -137,13 +137,14 @@ class MineSettings(Settings):
     thickness: Size = 1.0
     """of a plane strain scene, for volumes and potency"""
     accuracy: Literal["draft", "standard", "fine"] = "standard"
-    """standard: as the mine file says; draft: cells of twice the size, tolerances three times as loose, overshoot of
-    increments doubled; fine: cells of half the size, overshoot halved"""
+    """standard: as the mine file says; draft: cells of twice the size, unless hardly any of them would lie in some
+    excavation, tolerances three times as loose, overshoot of increments doubled; fine: cells of half the size,
+    overshoot halved"""
     ensemble: whole_number(ge=0, le=1000) = 0
     """perturbed runs beside the mine's own, each as long: how far brittle failure spreads by itself"""
     grid_convergence: bool = None
     """the same run on cells of twice the size beside the mine's own: the report says from both what cells leave
-    uncertain; unless given, in 3-D where steps have dates"""
+    uncertain; unless given, in 3-D where steps have dates; a draft has none"""
     frame: Frame
     domain: DomainSettings = None
     grid: GridSettings = GridSettings()

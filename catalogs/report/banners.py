@@ -1,9 +1,10 @@
 """What the reader must know before anything else."""
 
+import json
+
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import NAMED, number, percent, plural, typeset
 
-WHOLE_CELLS = 0.3  # share of an excavation's volume in wholly mined cells, below which there is a banner (propping.py)
 OPEN_SHARE = 0.05  # share of an excavation's volume that may hang on how its surface is closed without a banner
 OFF_VOLUME = 0.05  # share of an excavation's volume that the grid may miss without a banner
 
@@ -12,8 +13,7 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
     """What the reader must know before anything else: (kind, text)."""
     found = []
     if evidence.config.get("accuracy") == "draft":
-        text = "A draft: cells of twice the size, looser tolerances and larger increments than section 13 says. "
-        found.append(("draft", text + "Its numbers are a first look: those to use come without accuracy: draft."))
+        found.append(("draft", draft(evidence)))
     if text := off_volume(evidence):
         found.append(("volume", text))
     if text := open_surfaces(evidence):
@@ -47,6 +47,17 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
     return found
 
 
+def draft(evidence: Evidence) -> str:
+    """What a draft changes of what the mine's file says."""
+    lost = json.loads(evidence.grid.attrs.get("draft_would_lose", "[]"))
+    cells = "" if lost else "cells of twice the size, "
+    text = f"A draft: {cells}looser tolerances and larger increments than section 13 says. "
+    if lost:
+        text += f"Its cells are those of the mine's file, since hardly any of twice the size would lie in {lost[0]}"
+        text += f" and {plural(len(lost) - 1, 'other excavation')}. " if len(lost) > 1 else ". "
+    return text + "Its numbers are a first look: those to use come without accuracy: draft."
+
+
 def off_volume(evidence: Evidence) -> str:
     """Which mined excavations have another volume on the grid than as solids; empty if none has."""
     rows = [row for row in evidence.excavations if not row.planned and row.solid > 0]
@@ -78,7 +89,8 @@ def open_surfaces(evidence: Evidence) -> str:
 
 def narrow(evidence: Evidence) -> str:
     """Which mined excavations are so narrow for the cells that their walls close too little; empty if none is."""
-    rows = sorted((row.whole, row.name) for row in evidence.excavations if not row.planned and row.whole < WHOLE_CELLS)
+    least = evidence.grid.attrs["narrow_whole_share"]
+    rows = sorted((row.whole, row.name) for row in evidence.excavations if not row.planned and row.whole < least)
     if not rows:
         return ""
     named = ", ".join(f"{name} {percent(whole)}" for whole, name in rows[:NAMED])

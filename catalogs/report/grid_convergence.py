@@ -26,10 +26,8 @@ def discretisation(evidence: Evidence) -> list[str]:
     every = table.sel(period=ALL)
     own, coarse = (f"{cell:g}" for cell in table["cell"].values)
     potency, volume = (every[name].values for name in ("potency", "failed_volume"))
-    names = json.loads(table.attrs["left_out"])
-    missed = [row.name for row in evidence.excavations if row.name in names and not row.planned]
-    more = f" and {len(missed) - NAMED} more" if len(missed) > NAMED else ""
-    without = f", which leave out {', '.join(missed[:NAMED])}{more}," if missed else ""
+    missed, narrow = (_named(evidence, json.loads(table.attrs[key])) for key in ("left_out", "narrow"))
+    without = f", which leave out {missed}," if missed else ""
     text = (
         f"On cells of {coarse} m instead of {own} m{without} the same steps release {number(potency[1])} m³ of potency "
         f"(here {number(potency[0])}) and {number(volume[1])} m³ of rock fail (here {number(volume[0])})"
@@ -45,7 +43,16 @@ def discretisation(evidence: Evidence) -> list[str]:
     else:
         text += f". So cells of {own} m leave potency uncertain by some {percent(errors[0])} and failed rock by some "
         text += percent(errors[1])
+        if narrow:
+            text += f", or less: around what is narrow for cells of {coarse} m ({narrow}) too little rock fails on them"
     return [f"{text}; {parts}." if parts else f"{text}.", *_at_once(evidence)]
+
+
+def _named(evidence: Evidence, names: list[str]) -> str:
+    """Those of these excavations that are mined by now, in a list for a sentence; empty if none is."""
+    mined = [row.name for row in evidence.excavations if row.name in names and not row.planned]
+    more = f" and {len(mined) - NAMED} more" if len(mined) > NAMED else ""
+    return ", ".join(mined[:NAMED]) + more
 
 
 def _at_once(evidence: Evidence) -> list[str]:

@@ -277,6 +277,12 @@ def test_a_draft_says_so_first(tmp_path, mine):
     assert draft < page.read_text().index('<p class="lead">')
     write_report(**mine.arguments(config=fixtures.CONFIG | {"accuracy": "standard"}, **where))
     assert "A draft:" not in page.read_text()
+    grid = read_dataset(mine.grid).assign_attrs(draft_would_lose='["stope_a", "drive"]')
+    write_dataset(grid, tmp_path / "kept.nc")
+    changed = {"config": fixtures.CONFIG | {"accuracy": "draft"}, "grid": tmp_path / "kept.nc"}
+    write_report(**mine.arguments(**changed, **where))
+    assert "A draft: looser tolerances" in page.read_text()
+    assert "hardly any of twice the size would lie in stope_a and 1 other excavation" in page.read_text()
 
 
 def test_marked_lines_are_those_that_differ_from_the_default(page, mine):

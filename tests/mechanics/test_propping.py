@@ -77,3 +77,25 @@ def test_a_narrow_opening_beside_a_wide_one_is_named_not_refused(caplog):
     assert [record.message for record in caplog.records if "narrow" in record.message] == [
         "drive: narrow for cells of 4 m: 0 % of it fills whole ones"
     ]
+
+
+@pytest.mark.parametrize("later", [[], [1]])
+def test_a_draft_keeps_the_cells_that_an_opening_needs(caplog, later):
+    """Of cells of 8 m none lies in a drive of 4 x 4 m, of cells of 4 m all of them do; the stope fits both."""
+    stope, drive = block([8.0] * 3, [16.0, 24.0, 24.0], "stope"), block([4.0] * 3, [8.0, 20.0, 8.0], "drive")
+
+    def draft(*excavations, **more):
+        return make_grid(
+            grid_slice(*excavations, levels=1, resized_by="draft", **more) | {"later": later[: len(excavations) - 1]},
+            {},
+        )
+
+    with caplog.at_level(logging.WARNING):
+        kept = draft(stope, drive)
+    assert caplog.messages == [
+        "accuracy: draft keeps cells of 4 m: hardly any cell of twice that size would lie wholly in drive"
+    ]
+    assert json.loads(kept.attrs["draft_would_lose"]) == ["drive"]
+    standard = make_grid(grid_slice(stope, drive) | {"later": later}, {})
+    assert kept.identical(standard.assign_attrs(draft_would_lose='["drive"]'))
+    assert draft(stope).attrs["fine_cell"] == draft(stope, drive, volume_error=1.0).attrs["fine_cell"] == 8.0

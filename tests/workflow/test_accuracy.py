@@ -63,24 +63,30 @@ def test_a_finest_cell_is_that_of_standard(accept):
 DRAFT = r"10 m \(accuracy: draft doubles those of the file; leave it out to have them\)"
 
 
+def drive(side: float) -> dict:
+    """The tiny mine with nothing but a drive of this width and height."""
+    mine = {key: value for key, value in TINY.items() if key != "record"}
+    return mine | {"excavations": [box("drive", "history", [20, 30, 40], [60, 30 + side, 40 + side])], "steps": []}
+
+
+def test_a_draft_keeps_the_file_s_cells_where_a_drive_needs_them(accept):
+    """A drive of 5 m fills cells of 5 m, and none of 10 m."""
+    kept = make_grid(accept(drive(5.0), accuracy="draft").grid_slice(), {})
+    assert (kept.attrs["fine_cell"], kept.attrs["draft_would_lose"]) == (5.0, '["drive"]')
+
+
 @pytest.mark.parametrize(
     ("side", "said"),
     [
-        (5.0, rf"excavations: too narrow for cells of {DRAFT}: 0 % of their volume"),
-        (0.4, rf"excavations.drive: adds no volume: .* than a fraction of the finest cell, {DRAFT}; take smaller"),
+        (4.0, "excavations: too narrow for cells of {}: 0 % of their volume"),
+        (0.4, "excavations.drive: adds no volume: .* than a fraction of the finest cell, {}; take smaller"),
     ],
 )
 def test_what_refuses_cells_says_that_a_preset_has_resized_them(accept, side, said):
-    """A drive that the file's own cells have was refused by a draft without a word of its larger cells."""
-    mine = {key: value for key, value in TINY.items() if key != "record"}
-    mine |= {"excavations": [box("drive", "history", [20, 30, 40], [60, 30 + side, 40 + side])], "steps": []}
-    with pytest.raises(InputError, match=said):
-        make_grid(accept(mine, accuracy="draft").grid_slice(), {})
-    if side == 5.0:
-        make_grid(accept(mine).grid_slice(), {})
-    else:
-        with pytest.raises(InputError, match=r"than a fraction of the finest cell, 5 m; take smaller"):
-            make_grid(accept(mine).grid_slice(), {})
+    with pytest.raises(InputError, match=said.format(DRAFT)):
+        make_grid(accept(drive(side), accuracy="draft").grid_slice(), {})
+    with pytest.raises(InputError, match=said.format("5 m")):
+        make_grid(accept(drive(side)).grid_slice(), {})
     fine = GridSlice.of(accept(TINY, accuracy="fine").grid_slice()).grid
     with pytest.raises(InputError, match=r"of 2\.5 m \(accuracy: fine halves those of the file; leave it out"):
         compare_volumes("drive", 100.0, 10.0, fine)
