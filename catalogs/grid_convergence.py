@@ -30,8 +30,7 @@ from pipeline.errors import InputError
 
 ALL = "all"
 SAFETY = 1.25
-"""times the change from doubled cells: the factor of Roache's grid convergence index where the order is known (Roache
-1998, Verification and validation in computational science and engineering); here first order is taken"""
+"""times the change from doubled cells, by which a number of first order still changes; study openings tests it"""
 FLOOR = 0.10
 """share that a number may be off by, however little it changed"""
 

@@ -136,19 +136,22 @@ def refuse_propped(names: list[str], share: np.ndarray, size: np.ndarray, cells:
 def cells_of_draft(values: GridSlice, solids: list[Solid | Outside], later: np.ndarray) -> tuple[GridSlice, np.ndarray]:
     """The cells of a draft, and the numbers of the excavations for which it keeps those of the mine's file.
 
-    later (k,) bool: mined after the first step. A draft doubles the cells of the file. Around an opening of which
-    hardly any fills whole cells no rock fails (study openings), so a draft that makes one so does not double them.
+    later (k,) bool: mined after the first step. A draft doubles the cells of the file. No rock fails around an opening
+    of which hardly any fills whole cells (study openings), so a draft keeps the cells of the file where doubled ones
+    would make an opening such.
     """
     if values.grid.resized_by != "draft" or values.grid.volume_error >= 1.0:
         return values, np.empty(0, int)
     kept = values.grid.model_copy(update={"levels": values.grid.levels + 1, "resized_by": None})
     kept = values.model_copy(update={"grid": kept})
-    shares = []
-    for choice in (values, kept):
+
+    def shares(choice: GridSlice) -> np.ndarray:
         domain = domain_of(choice)
         pieces = cut_pieces(touched_cells(solids, domain), domain, solids, np.arange(len(solids)), choice.grid)
-        shares.append(whole_shares(pieces, domain.base_shape << domain.levels - 1, later))
-    lost = np.flatnonzero((shares[0] < NEARLY_NONE) & (shares[1] >= NEARLY_NONE))
+        return whole_shares(pieces, domain.base_shape << domain.levels - 1, later)
+
+    lost = np.flatnonzero(shares(values) < NEARLY_NONE)
+    lost = lost[shares(kept)[lost] >= NEARLY_NONE] if len(lost) else lost
     if not len(lost):
         return values, lost
     names, more = ", ".join(solids[number].name for number in lost[:NAMED]), len(lost) - NAMED

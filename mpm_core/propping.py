@@ -11,7 +11,7 @@ from mpm_core.grid.splitting import code_of
 from mpm_core.occupancy import FULL, Places
 
 NARROW = 0.3  # of an opening's volume in whole cells: below it far too little rock fails around it (study openings)
-NEARLY_NONE = 0.05  # of all openings: where rock would break is then decided by props that are not there
+NEARLY_NONE = 0.05  # of all openings, or of one: where rock would break is then decided by props that are not there
 
 
 def whole_shares(parts: Places, shape: np.ndarray, later: np.ndarray) -> np.ndarray:

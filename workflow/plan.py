@@ -79,9 +79,11 @@ class Plan:
 
     @property
     def is_adaptive(self) -> bool:
-        """Whether cells follow the rock: where there are levels of them, and particles stay in their cells."""
+        """Whether cells follow the rock: where there are levels of them, and particles stay in their cells.
+        A draft has a level more where it keeps the cells of the mine's file."""
         grid = self.values["grid"]
-        return grid["refinement"] == "adaptive" and grid["levels"] > 1 and not self.values["solver"]["move"]
+        levels = grid["levels"] + (grid.get("resized_by") == "draft")
+        return grid["refinement"] == "adaptive" and levels > 1 and not self.values["solver"]["move"]
 
     def solids(self) -> list[str]:
         """Files that the grid is built from."""

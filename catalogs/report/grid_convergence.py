@@ -21,12 +21,17 @@ def discretisation(evidence: Evidence) -> list[str]:
     table = evidence.grid_convergence
     if table is None:
         cell = f"{float(evidence.grid.attrs['fine_cell']):g}"
-        text = f"What cells of {cell} m do to these numbers was not measured (grid_convergence)"
+        draft = evidence.config.get("accuracy") == "draft"
+        reason = "a draft has no second run" if draft else "grid_convergence"
+        text = f"What cells of {cell} m do to these numbers was not measured ({reason})"
         return [f"{text}; {parts}." if parts else f"{text}.", *_at_once(evidence)]
     every = table.sel(period=ALL)
     own, coarse = (f"{cell:g}" for cell in table["cell"].values)
     potency, volume = (every[name].values for name in ("potency", "failed_volume"))
-    missed, narrow = (_named(evidence, json.loads(table.attrs[key])) for key in ("left_out", "narrow"))
+    missed = _named(evidence, json.loads(table.attrs["left_out"]))
+    least = evidence.grid.attrs["narrow_whole_share"]
+    wide = {row.name for row in evidence.excavations if row.whole >= least}
+    narrow = _named(evidence, [name for name in json.loads(table.attrs["narrow"]) if name in wide])
     without = f", which leave out {missed}," if missed else ""
     text = (
         f"On cells of {coarse} m instead of {own} m{without} the same steps release {number(potency[1])} m³ of potency "
@@ -40,6 +45,8 @@ def discretisation(evidence: Evidence) -> list[str]:
     if not max(errors) <= TOO_COARSE:
         text += f". Cells of {own} m are too large to say how far these numbers would still change: halve "
         text += "grid.finest_cell before using them"
+        if narrow:
+            text += f" (around what is narrow for cells of {coarse} m, {narrow}, too little rock fails on these)"
     else:
         text += f". So cells of {own} m leave potency uncertain by some {percent(errors[0])} and failed rock by some "
         text += percent(errors[1])

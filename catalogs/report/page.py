@@ -11,7 +11,7 @@ import numpy as np
 from catalogs.figures import style
 from catalogs.figures.record import WINDOW
 from catalogs.figures.views import INSIDE
-from catalogs.grid_convergence import FLOOR
+from catalogs.grid_convergence import FLOOR, SAFETY
 from catalogs.mean_axes import WIDEST_CONE
 from catalogs.report import match, sections, text
 from catalogs.report.banners import banners
@@ -31,6 +31,7 @@ from pipeline.provenance import comment
 TEMPLATES = Path(__file__).parent / "templates"
 LIMITS = {  # of the code, that the page's own sentences name
     "least_error": FLOOR,
+    "safety": SAFETY,
     "too_coarse": TOO_COARSE,
     "shown_excavated": INSIDE,
     "window": WINDOW,

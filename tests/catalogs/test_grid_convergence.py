@@ -90,6 +90,8 @@ def written(mine: fixtures.Mine, **attributes) -> dict:
 def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, found):
     mine = fixtures.make_mine(tmp_path)
     arguments = written(mine, increment_error=0.15)
+    grid = read_dataset(mine.grid)
+    write_dataset(grid.assign_attrs(excavation_whole_share="[0.5, 0.5, 0.5, 0.5]"), mine.grid)
     write_report(**arguments)
     page = mine.arguments()["output"].read_text()
     assert "to these numbers was not measured (grid_convergence); their load, put on in parts" in page
@@ -106,6 +108,10 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
     page = mine.arguments()["output"].read_text()
     assert "failed rock by some 17 %; their load" in page
+    write_dataset(found, tmp_path / "grid_convergence.nc")
+    write_dataset(grid.assign_attrs(excavation_whole_share="[0.1, 0.1, 0.1, 0.1]"), tmp_path / "narrow.nc")
+    write_report(**arguments | {"grid": tmp_path / "narrow.nc"}, grid_convergence=tmp_path / "grid_convergence.nc")
+    assert "failed rock by some 17 %; their load" in mine.arguments()["output"].read_text()  # narrow for its own cells
     assert "took above its strength at once" not in page
     catalog = read_dataset(arguments["catalog"]).assign_attrs(at_once_share=0.24)
     write_dataset(catalog, tmp_path / "at_once.nc")
@@ -118,4 +124,6 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     worse = found.assign(potency_error=found["potency_error"] * 10)
     write_dataset(worse, tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
-    assert "too large to say how far these numbers would still change" in mine.arguments()["output"].read_text()
+    page = mine.arguments()["output"].read_text()
+    assert "too large to say how far these numbers would still change" in page
+    assert "(around what is narrow for cells of 4 m, drive, too little rock fails on these)" in page

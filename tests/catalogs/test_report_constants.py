@@ -7,7 +7,7 @@ import pytest
 
 from catalogs.figures.record import WINDOW
 from catalogs.figures.views import INSIDE
-from catalogs.grid_convergence import FLOOR
+from catalogs.grid_convergence import FLOOR, SAFETY
 from catalogs.mean_axes import WIDEST_CONE
 from catalogs.report import page
 from catalogs.report.grid_convergence import TOO_COARSE
@@ -15,6 +15,7 @@ from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY
 
 LIMITS = {
     "least_error": FLOOR,
+    "safety": SAFETY,
     "too_coarse": TOO_COARSE,
     "shown_excavated": INSIDE,
     "window": WINDOW,
@@ -44,7 +45,8 @@ def test_the_template_has_no_number_of_its_own_in_its_sentences():
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "said"), [("least_error", 0.2, "by 20 % at least"), ("too_coarse", 0.3, "30 %")]
+    ("name", "value", "said"),
+    [("least_error", 0.2, "by 20 % at least"), ("safety", 1.5, "by 1.5 times"), ("too_coarse", 0.3, "30 %")],
 )
 def test_another_limit_is_another_sentence(name, value, said):
     template = (page.TEMPLATES / "report.html.j2").read_text()

@@ -70,8 +70,10 @@ def drive(side: float) -> dict:
 
 
 def test_a_draft_keeps_the_file_s_cells_where_a_drive_needs_them(accept):
-    """A drive of 5 m fills cells of 5 m, and none of 10 m."""
-    kept = make_grid(accept(drive(5.0), accuracy="draft").grid_slice(), {})
+    """A drive of 5 m fills cells of 5 m, and none of 10 m. The steps follow the rock as those of the file do."""
+    mine = accept(drive(5.0), accuracy="draft")
+    assert mine.is_adaptive
+    kept = make_grid(mine.grid_slice(), {})
     assert (kept.attrs["fine_cell"], kept.attrs["draft_would_lose"]) == (5.0, '["drive"]')
 
 

@@ -19,7 +19,9 @@ def test_a_companion_is_run_in_space_where_steps_have_dates_and_a_level_can_go(a
     wanted = {"grid_convergence": True}
     bare = {key: value for key, value in TINY.items() if key != "grid_convergence"}
     assert accept(bare).has_companion
-    assert not accept(bare, accuracy="draft").has_companion
+    deep = changed(bare, **{"grid.levels": 3, "grid.coarse_cell": "20 m"})
+    assert accept(deep).has_companion
+    assert not accept(deep, accuracy="draft").has_companion
     assert not accept(TINY).has_companion
     assert not accept(changed(bare, **{"grid.levels": 1})).has_companion
     assert not accept({key: value for key, value in FLAT.items() if key != "grid_convergence"}).has_companion

@@ -73,7 +73,7 @@ def _point(name: str, variant: Variant, measures: dict[str, float], with_events:
     return Point(
         variant=name,
         accuracy=variant.values["accuracy"],
-        settings=settings_of(variant.values),
+        settings=settings_of(variant.values) | {"cell": float(variant.grid.attrs["fine_cell"])},  # drafts may keep it
         measures=measures,
         seconds=float(running.sum()),
         stages=len(stages),
