@@ -65,9 +65,11 @@ class ColumnSettings(Settings):
     """What the columns of a CSV file hold: kind of column, its name in the file."""
 
     time: choose(is_list, Annotated[tuple[str, ...], Field(min_length=1, max_length=3), AsTuple], str) = None
-    """one, or a list of up to three: date, time of day, offset; record.time_format, if it holds numbers"""
+    """Column of the time, or a list of up to three: date, time of day, offset. record.time_format, if it holds
+    numbers."""
     year: str = None
-    """instead of time: year, month, day, and hour, minute, second, as far as there are columns of them"""
+    """Instead of time: columns of year, month, day, and of hour, minute and second, as far as there are such
+    columns."""
     month: str = None
     day: str = None
     hour: str = None
@@ -79,20 +81,20 @@ class ColumnSettings(Settings):
     latitude: str = None
     longitude: str = None
     depth: str = None
-    """m below sea level"""
+    """Depth in m below sea level."""
     potency: str = None
     log_potency: str = None
     moment: str = None
     log_moment: str = None
-    """log_*: the logarithm to base 10"""
+    """log_*: logarithm to base 10."""
     mw: str = None
     energy: str = None
-    """radiated energy; record.energy_conversion says which moment it means"""
+    """Radiated energy. record.energy_conversion converts it."""
     log_energy: str = None
     magnitude: str = None
     magnitude_type: str = None
     potency_xx: str = None
-    """potency_* and moment_*: six components of a tensor"""
+    """potency_*, moment_*: six components of a tensor."""
     potency_yy: str = None
     potency_zz: str = None
     potency_yz: str = None
@@ -107,9 +109,10 @@ class ColumnSettings(Settings):
     time_uncertainty: str = None
     step: str = None
     event_type: str = None
-    """what is no seismicity (quarry blast, explosion, noise, not existing) is left out; record.filter.keep"""
+    """Events that are not seismic (quarry blast, explosion, noise, not existing) are left out; see
+    record.filter.keep."""
     evaluation_status: str = None
-    """what is rejected or deleted is left out"""
+    """Rejected and deleted events are left out."""
 
     @model_validator(mode="after")
     def _enough(self) -> Self:
@@ -173,32 +176,33 @@ class FilterSettings(Settings):
     """What part of a record is compared."""
 
     lower: Box = None
-    """corner of a box; three coordinates"""
+    """Corner of a box, with three coordinates."""
     upper: Box = None
-    """its other corner"""
+    """The opposite corner of the box."""
     start: str = None
-    """date from which; else that of the first dated step"""
+    """First date that is compared. Default: the start of the first dated step."""
     end: str = None
-    """date up to which; else that of the last dated step"""
+    """Last date that is compared. Default: the end of the last dated step."""
     minimum_potency: Annotated[float, Unit("m^3", ge=0, le=1e20)] = None
     maximum: Numbers = None
-    """the most that a column of the file may hold, by its name"""
+    """Largest value of a column of the file, by the name of the column."""
     minimum: Numbers = None
-    """the least"""
+    """Smallest value of a column of the file, by the name of the column."""
     only: Words = None
-    """text, or a list of texts, of which one stands in a column of the file: {status: [manual, reviewed]}"""
+    """Events are kept whose text in a column of the file is this text, or one of a list of texts: {status: [manual,
+    reviewed]}."""
     without: Words = None
-    """text, or a list of texts, of which none does: {status: automatic}. QuakeML: event_type, evaluation_status and
-    evaluation_mode (manual, automatic)"""
+    """Events are left out whose text in a column of the file is this text, or one of a list of texts: {status:
+    automatic}. QuakeML: event_type, evaluation_status and evaluation_mode (manual, automatic)."""
     keep: Text = None
-    """event types and evaluation statuses that count, although they are no seismicity: [quarry blast, rejected]"""
+    """Event types and evaluation statuses that count although they are not seismic: [quarry blast, rejected]."""
 
 
 class OrientationSettings(Settings):
     """Which reprocessed events of the Elk Creek data give orientations; limits that are absent are the record's."""
 
     location_error: Size
-    """less than which theirs is"""
+    """Largest location error of an event whose orientation is used."""
     lower: Box = None
     upper: Box = None
     start: str = None
@@ -210,39 +214,45 @@ class RecordSettings(Settings):
 
     reader: Literal["quakeml", "csv", "elk_creek"]
     file: str
-    """relative to the mine file; of elk_creek the data folder"""
+    """File of the record, relative to the mine file. elk_creek: the folder of the data."""
     twin: bool = False
-    """the record is a model's own"""
+    """Whether the record was computed by a model."""
     location_error: Annotated[float, Unit("m", ge=0, le=1e8)] = None
-    """r.m.s. error in 3-D of events that state none (QuakeML); required, but by elk_creek with orientations"""
+    """R.m.s. error of the recorded locations in 3-D. QuakeML: of events that state none. Required, except for elk_creek
+    with orientations."""
     columns: ColumnSettings = None
-    """of a CSV file"""
+    """Columns of a CSV file."""
     tensor_frame: Literal["ENU", "NED", "USE"] = None
-    """what x, y and z of the tensor columns mean: east north up, north east down, or up south east; else ENU"""
+    """Meaning of x, y and z of the tensor columns: east north up, north east down, or up south east. Default: ENU."""
     units: dict[str, str] = None
-    """kind of column: its unit, if not m, m^3, N m, J or s and not in the file; QuakeML: {depth: km}"""
+    """Unit of a kind of column, where it is not m, m^3, N m, J or s and the file does not state it. QuakeML: {depth:
+    km}."""
     missing: Annotated[tuple[real_number(), ...], AsTuple] = None
-    """numbers that stand for a missing value; else -99, -999, -9999"""
+    """Numbers that stand for a missing value. Default: -99, -999, -9999."""
     decimal: Literal["point", "comma"] = None
     date_order: Literal["day", "month"] = None
-    """what 01/02/2019 begins with"""
+    """What comes first in 01/02/2019."""
     time_zone: str = None
-    """of times without an offset: Australia/Hobart, +10:00; else UTC. An hour that a clock shows twice is the later"""
+    """Time zone of times without an offset: Australia/Hobart, +10:00. Default: UTC. An hour that a clock shows twice is
+    the later one."""
     conversions: dict[str, choose(is_section, Conversion, Literal["none"])] = None
-    """what magnitudes of other types than Mw mean: {ML: {slope: 0.9, offset: 0.2}}, or none: left out"""
+    """Conversion of magnitudes of other types to Mw: {ML: {slope: 0.9, offset: 0.2}}. `none`: events of that type are
+    left out."""
     energy_conversion: EnergyConversion = None
-    """what a radiated energy means: log10 moment (N m) = slope log10 energy (J) + offset; nothing is assumed"""
+    """Conversion of radiated energy: log10 moment (N m) = slope log10 energy (J) + offset. Nothing is assumed."""
     encoding: str = None
-    """of a CSV file that is not in UTF-8 or UTF-16, where its names or texts count: gbk, shift_jis, cp1252"""
+    """Encoding of a CSV file that is not in UTF-8 or UTF-16, where its names or texts matter: gbk, shift_jis,
+    cp1252."""
     time_format: Literal["excel", "excel_1904", "unix", "unix_ms"] = None
-    """of a time that is a number: days of a worksheet (of 1900, of 1904), seconds or milliseconds since 1970 in UTC"""
+    """Format of a time that is a number: days of a worksheet (since 1900, since 1904), seconds or milliseconds since
+    1970 in UTC."""
     rigidity: Annotated[float, Unit("Pa", gt=0, le=1e20)] = None
-    """elk_creek: potency = moment / rigidity; else 33 GPa"""
+    """elk_creek: shear modulus in potency = moment / rigidity. Default: 33 GPa."""
     match_within: Annotated[float, Unit("s", gt=0, le=1e9)] = None
-    """elk_creek: apart at most are events that are the same in both catalogues; else 1 s"""
+    """elk_creek: largest time difference at which two catalogue entries count as the same event. Default: 1 s."""
     filter: FilterSettings = None
     orientations: OrientationSettings = None
-    """elk_creek"""
+    """elk_creek: which reprocessed events give orientations."""
 
     @model_validator(mode="before")
     @classmethod

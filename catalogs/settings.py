@@ -11,9 +11,9 @@ class ComparisonSettings(Settings):
     """How a modelled catalogue is compared with a recorded one."""
 
     resamplings: whole_number(ge=99, le=100_000) = 999
-    """of clusters of recorded events and of the model's runs, for each interval and p-value"""
+    """Number of resamplings of clusters of recorded events, and of the model's runs, for each interval and p-value."""
     seed: whole_number(ge=0, le=2**32 - 1) = 1
-    """of all that is drawn"""
+    """Seed of the random generator."""
 
 
 class DatedStep(Settings):

@@ -60,43 +60,43 @@ class DomainSettings(Settings):
     stands above its strength."""
 
     lower: Point = None
-    """its lower corner; two coordinates in plane strain"""
+    """Lower corner of the domain. Two coordinates in plane strain."""
     upper: Point = None
-    """its upper corner; the sides are whole multiples of grid.coarse_cell, or of grid.finest_cell"""
+    """Upper corner of the domain. Its sides are whole multiples of grid.coarse_cell, or of grid.finest_cell."""
     boundary: choose(is_section, Boundary, Condition) = None
-    """fixed | roller | traction (keeps in-situ stress) | free; or by face: {x: roller, z_upper: free, others: fixed}.
-    fixed unless given; a domain that is derived and reaches frame.surface ends there, with its top free (say so, or
-    leave boundary out)"""
+    """Condition of all faces: `fixed`, `roller`, `traction` (the face keeps its in-situ stress) or `free`; or by face:
+    {x: roller, z_upper: free, others: fixed}. Default: `fixed`. A derived domain that reaches frame.surface ends there,
+    with its top free (say so, or leave boundary out)."""
 
 
 class GridSettings(Settings):
     """Cells: how large, and where they are small."""
 
     finest_cell: Size = None
-    """edge of the smallest cells; coarse_cell and levels follow: from a domain with corners the largest cells, each
-    twice the one before, that divide its sides, else at least four along its shortest side"""
+    """Edge of the smallest cells. coarse_cell and levels follow from it. The largest cells divide the sides of a domain
+    with corners; else there are at least four along its shortest side. Each size is twice the one before."""
     coarse_cell: Size = None
-    """edge of the largest cells; the sides of the domain are whole multiples of it; 10 m where finest_cell does not say
-    it, and 5, 2.5 or 1.25 m with fewer levels where that divides the domain and 10 m does not"""
+    """Edge of the largest cells. The sides of the domain are whole multiples of it. Default without finest_cell: 10 m,
+    or 5, 2.5 or 1.25 m with fewer levels where that divides the domain and 10 m does not."""
     levels: whole_number(ge=1, le=12) = None
-    """sizes of cell, each half the one before: 10, 5, 2.5, 1.25 m; 4 where finest_cell does not say it"""
+    """Number of cell sizes, each half the one before: 10, 5, 2.5, 1.25 m. Default without finest_cell: 4."""
     buffer_cells: whole_number(ge=0, le=100) = 3
-    """rings of cells, on each level, that are refined around an excavation"""
+    """Number of rings of cells, on each level, that are refined around an excavation."""
     particles_per_cell: Annotated[Literal[1, 4, 8, 9, 16, 25, 27, 64], BeforeValidator(whole)] = 1
-    """1, 8, 27 (in 2-D 1, 4, 9): points per cell that carry stress; a cut cell has what cut_cells says"""
+    """Number of points per cell that carry stress: 1, 8 or 27 (in 2-D 1, 4 or 9). cut_cells decides for cut cells."""
     refinement: Literal["adaptive", "static"] = "adaptive"
-    """adaptive (cells are split to the finest where rock is mined and where it comes near its strength) | static (fine
-    around all excavations from the start, and nowhere else; also where particles move)"""
+    """`adaptive`: cells are split to the finest size where rock is mined and where stress comes near its strength.
+    `static`: cells are fine around all excavations from the start, and nowhere else; also where particles move."""
     max_cells: Many = 20_000_000
-    """of an adaptive grid: where it would have more, rock stays in coarse cells, and the step is labelled truncated;
-    cells of openings are made all the same"""
+    """Largest number of cells of an adaptive grid. Where more would be needed, rock stays in coarse cells and the step
+    is labelled truncated. Cells of openings are made in any case."""
     cut_cells: Literal["mean", "whole", "subdivide"] = "mean"
-    """cells crossed by a surface: mean (each material has its share of the cell and acts where it is) | whole (in or
-    out) | subdivide (64 points)"""
+    """Treatment of cells that a surface cuts. `mean`: each material has its share of the cell and acts at its true
+    position. `whole`: a cell is inside or outside. `subdivide`: 64 points."""
     volume_error: real_number(ge=0) = 0.2
-    """share of its volume by which the grid may miss an excavation; more is an error, 0.05 a banner. From 1 on openings
-    of which almost nothing fills a whole cell are let through, too: the rock in their cells props them; and those too
-    thin for any part of a cell are left out"""
+    """Largest share of its volume by which the grid may miss an excavation; more is an error, and 0.05 is a warning in
+    the report. From 1 on, openings with almost no whole cell are accepted, too, although the rock in their cut cells
+    supports them; those too thin for any part of a cell are left out."""
 
 
 class StressComponents(Settings):
@@ -171,32 +171,37 @@ class SolverSettings(Settings):
     """How equilibrium is sought."""
 
     scheme: Literal["multigrid", "explicit"] = "multigrid"
-    """multigrid (solves for equilibrium) | explicit (damped explicit stepping)"""
+    """`multigrid`: equilibrium is solved for. `explicit`: damped explicit time steps."""
     tolerance: Tolerance = 1e-3
-    """unbalanced force at rest over the force that the step releases, 2-norms"""
+    """Unbalanced force at equilibrium, relative to the force that the step releases (2-norms)."""
     cascade_tolerance: Tolerance = 3e-3
-    """the same between two generations of failure; where no rock loses strength 50 times as much, up to 0.05"""
+    """The same between two generations of failure. Where no rock loses strength it is 50 times as large, at most
+    0.05."""
     increments: whole_number(ge=0, le=1000) = 0
-    """parts in which the rock of one step is taken out; 0: as many as increment_error asks for"""
+    """Number of equal increments in which a step is unloaded. 0: as many as increment_error asks for."""
     increment_error: real_number(ge=0.001, le=1) = 0.2
-    """where increments is 0: overshoot of the rock that fails first in each, over its drop: at most about the share by
-    which a step's potency is too large"""
+    """Where increments is 0: largest overshoot of the rock that fails first in an increment, relative to its drop of
+    strength. A step's potency is too large by about this share at most."""
     max_iterations: Many = 40000
-    """of one relaxation; more is an error"""
+    """Largest number of iterations to one equilibrium; more is an error."""
     max_generations: Many = 2000
-    """of brittle failure in one increment; more is a collapse"""
+    """Largest number of generations of brittle failure in one increment; more is a collapse."""
     weakest_first: real_number(ge=0, le=1) = 0.0
-    """0: all rock above strength fails at once; 0.9: only what has 0.9 of the overstress nearby"""
+    """0: all rock above its strength fails at once. 0.9: only rock with at least 0.9 of the largest overstress nearby
+    fails."""
     collapse: Literal["error", "keep"] = "error"
-    """rock that finds no rest after a failure, or fails on: error | keep (the last state of rest, the last step)"""
+    """What is done where rock finds no equilibrium after a failure, or never stops failing. `error`: the run stops.
+    `keep`: the last equilibrium stays, and the step is the last one."""
     damping: real_number(ge=0, lt=1) = 0.7
-    """local damping (Cundall), 0.7 to 0.85"""
+    """Coefficient of local damping (Cundall), 0.7 to 0.85."""
     density_scaling: bool = True
-    """densities such that all cells share one time step; weights stay real"""
+    """Whether densities are scaled so that all cells share one time step. Weights stay true."""
     hourglass: real_number(ge=0, le=1) = 0.05
-    """Flanagan-Belytschko stiffness, share kappa, 0.001 to 1; of cells with one particle per material"""
+    """Share kappa of the Flanagan-Belytschko hourglass stiffness, 0.001 to 1, in cells with one particle per
+    material."""
     move: bool = False
-    """particles move through the grid (needs scheme explicit, several per cell, and cut_cells: whole or subdivide)"""
+    """Whether particles move through the grid. This needs scheme `explicit`, several particles per cell, and cut_cells
+    `whole` or `subdivide`."""
 
 
 class ShapeSettings(Settings):
@@ -204,44 +209,45 @@ class ShapeSettings(Settings):
 
     shape: Literal["box", "tunnel", "cylinder", "sphere", "prism", "circle", "polygon"] = None
     file: str = None
-    """STL, OBJ, PLY, DXF or OMF, relative to the mine file; with shape prism the outline of a DXF layer"""
+    """File of the solid: STL, OBJ, PLY, DXF or OMF, relative to the mine file. With shape `prism`: a DXF layer with
+    outlines."""
     layer: str = None
-    """of a DXF drawing, "*" all"""
+    """Layer of a DXF drawing; "*" for all."""
     element: str = None
-    """OMF surface, OBJ object or group, solid of a text STL; "*" all"""
+    """OMF surface, OBJ object or group, or solid of a text STL; "*" for all."""
     units: Literal["m", "cm", "mm", "km", "ft", "us_ft", "inch"] = None
-    """of the file's coordinates, where it does not say them itself"""
+    """Unit of the file's coordinates, where the file does not state it."""
     scale: real_number(ge=1e-6, le=1e6) = None
-    """metres = coordinate x units x scale + offset"""
+    """Factor in: metres = coordinate x units x scale + offset."""
     offset: Annotated[tuple[Length, ...], Field(min_length=3, max_length=3), AsTuple] = None
     lower: choose(is_list, Point, Length) = None
-    """box: corner; prism: elevation"""
+    """Box: its lower corner. Prism: its lower elevation."""
     upper: choose(is_list, Point, Length) = None
-    """box: corner; prism: elevation"""
+    """Box: its upper corner. Prism: its upper elevation."""
     path: Annotated[tuple[Point, ...], Field(min_length=2), AsTuple] = None
-    """tunnel: points along the middle of its floor"""
+    """Tunnel: points along the middle of its floor."""
     width: Size = None
-    """tunnel"""
+    """Tunnel: its width."""
     height: Size = None
-    """tunnel; prism from a file: above each of its polylines"""
+    """Tunnel: its height. Prism from a file: its height above each of its polylines."""
     profile: Literal["rectangular", "arched"] = None
-    """tunnel"""
+    """Tunnel: its cross-section."""
     start: Point = None
-    """cylinder: middle of an end"""
+    """Cylinder: the centre of one end."""
     end: Point = None
-    """cylinder: middle of the other end"""
+    """Cylinder: the centre of the other end."""
     center: Point = None
-    """sphere, circle"""
+    """Sphere, circle: the centre."""
     radius: Size = None
-    """cylinder, sphere, circle"""
+    """Cylinder, sphere, circle: the radius."""
     polygon: Annotated[tuple[Corner, ...], Field(min_length=3), AsTuple] = None
-    """prism: its outline in plan"""
+    """Prism: its outline in plan."""
     points: Annotated[tuple[Point, ...], Field(min_length=3), AsTuple] = None
-    """polygon"""
+    """Polygon: its corners."""
     base: Annotated[tuple[Length, ...], AsTuple] = None
-    """prism: an elevation for each point of its polygon"""
+    """Prism: a lower elevation for each point of its polygon."""
     top: Annotated[tuple[Length, ...], AsTuple] = None
-    """prism: an elevation for each point of its polygon"""
+    """Prism: an upper elevation for each point of its polygon."""
 
 
 class SolidSettings(ShapeSettings):
@@ -249,14 +255,14 @@ class SolidSettings(ShapeSettings):
 
     name: Name
     outside: bool = False
-    """what the shape or file leaves of the domain, not what it holds"""
+    """Whether the solid is what the shape or file leaves of the domain."""
 
 
 class BodySettings(SolidSettings):
     """A volume of other rock."""
 
     refine: bool = False
-    """whether cells are small along its surface"""
+    """Whether cells are small along the surface of the body."""
 
 
 class GridDomain(Settings):

@@ -14,14 +14,14 @@ class ClusterSettings(Settings):
     """How a family is separated into events (seismic.clusters); of method families alone."""
 
     method: Literal["dbscan", "single_linkage", "kmeans"] = "dbscan"
-    """dbscan: dense places (single linkage, at its default of 3 samples); single_linkage: all that a chain of steps
-    within the radius joins; kmeans: compact ones"""
+    """`dbscan`: dense places (single linkage with its default of 3 samples). `single_linkage`: all that a chain of
+    steps within the radius joins. `kmeans`: compact clusters."""
     radius_cells: real_number(gt=0, le=1000) = 1.8
-    """neighbours are within so many particle spacings"""
+    """Largest distance of neighbours, in particle spacings."""
     min_samples: Positive = 3
-    """particles that make a dense place (dbscan); smaller events are not resolved"""
+    """Number of particles that make a dense place (dbscan). Smaller events are not resolved."""
     clusters: Positive = None
-    """of each family, kmeans alone; without it as many as dbscan finds"""
+    """Number of clusters of each family, with kmeans only. Default: as many as dbscan finds."""
 
     @model_validator(mode="after")
     def _counted(self) -> Self:
@@ -34,16 +34,16 @@ class SeismicSettings(Settings):
     """How plastic strain becomes events."""
 
     method: Literal["simultaneous", "families"] = "simultaneous"
-    """simultaneous: rock that fails together, touches and is alike; families: the paper's, alike anywhere in the mine,
-    then clusters"""
+    """How failed rock is grouped into events. `simultaneous`: rock that fails together, touches, and has similar
+    mechanisms. `families` (the paper's): rock of similar mechanisms anywhere in the mine, then clusters in space."""
     closeness: real_number(gt=0, lt=1) = 0.8
-    """cosine of potency tensors above which mechanisms are alike"""
+    """Cosine between potency tensors above which mechanisms count as similar."""
     least_particles: Positive = 3
-    """smaller events are not resolved (families: cluster.min_samples)"""
+    """Smallest number of particles of a resolved event (families: cluster.min_samples)."""
     seismic_fraction: real_number(gt=0, le=1) = 1.0
-    """share alpha of the brittle drop that is seismic"""
+    """Share alpha of the brittle drop that is seismic."""
     cluster: ClusterSettings = None
-    """how a family is separated into events; families alone"""
+    """How a family is separated into events, with method `families` only."""
 
     @model_validator(mode="after")
     def _separated(self) -> Self:

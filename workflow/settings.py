@@ -43,24 +43,24 @@ class RockBody(BodySettings):
     """A volume of other rock (an intrusion, a seam); of overlapping ones the later counts."""
 
     material: str
-    """one of materials"""
+    """Name of one of the materials."""
 
 
 class Excavation(SolidSettings):
     """A solid that is mined; where they overlap the earliest step mines."""
 
     step: str
-    """that mines it, or planned: it shapes the grid now and is mined when it gets a step"""
+    """Step in which the excavation is mined. `planned`: it is part of the grid, but is not mined."""
     fill: str = None
-    """one of materials, or none: it stays a void"""
+    """Name of one of the materials. `none`: the excavation stays open."""
     filled: str = None
-    """step at whose end the fill is placed, in all that then stands open within the solid; without it the fill stands
-    in the opening while the same step unloads the rock: walls lean on it from the start, and fewer events come of it"""
+    """Step at whose end the fill is placed, in every open part of the solid. Without it the fill is in place while the
+    excavation's own step unloads the rock: it supports the walls from the start, and fewer events result."""
     pressure: choose(
         lambda value: not is_section(value), Pressure, Annotated[dict[str, Pressure], Field(min_length=1)]
     ) = None
-    """on its walls, from inside: from the step that mines it until it is filled; or from each of several steps on,
-    until the next of them: {history: 5 MPa, "2019-08": 0 MPa}"""
+    """Pressure on the walls from inside. It starts with the step that mines the excavation and ends when it is filled.
+    Pressures by step, each until the next: {history: 5 MPa, "2019-08": 0 MPa}."""
 
 
 class ExcavationsFrom(Settings):
@@ -68,11 +68,11 @@ class ExcavationsFrom(Settings):
 
     source: Literal["elk_creek"]
     folder: str
-    """with the data, relative to the mine file"""
+    """Folder with the data, relative to the mine file."""
     gob_height: Size = None
-    """of caved ground, 18 m unless given"""
+    """Height of the caved ground. Default: 18 m."""
     fill: str = None
-    """one of materials; gob unless given"""
+    """Name of one of the materials. Default: `gob`."""
 
 
 class Load(ShapeSettings):
@@ -85,13 +85,13 @@ class Load(ShapeSettings):
         Annotated[tuple[ForcePart, ...], Field(min_length=3, max_length=3), AsTuple],
         Annotated[float, Unit("N", gt=0, le=1e20)],
     )
-    """in all: its components, or with toward the sum of its parts' sizes"""
+    """Total force: its components, or with `toward` the sum of the magnitudes of its parts."""
     toward: choose(
         lambda value: is_list(value) and len(value) > 0 and is_list(value[0]),
         Annotated[tuple[Point, ...], Field(min_length=2, max_length=2), AsTuple],
         Point,
     ) = None
-    """a point that each part of the force points to, or two points: to their line"""
+    """A point to which each part of the force points. Two points: each part points to the line through them."""
 
 
 class StrainComponents(Settings):
@@ -131,26 +131,28 @@ class MineSettings(Settings):
     """All of a mine's configuration."""
 
     name: Name
-    """results go to the folder of this name in `results`"""
+    """Name of the mine. Results go to the folder of this name in `results`."""
     plane: Literal["none", "xz", "xy"] = "none"
-    """none: 3-D. Plane strain: xz (a section, depth along z) or xy (a plan, weightless)"""
+    """`none`: the scene is three-dimensional. `xz`, `xy`: plane strain, in a vertical section with depth along z, or in
+    plan without weight."""
     thickness: Size = 1.0
-    """of a plane strain scene, for volumes and potency"""
+    """Thickness of a plane-strain scene, for volumes and potency."""
     accuracy: Literal["draft", "standard", "fine"] = "standard"
-    """standard: as the mine file says; draft: cells of twice the size, unless hardly any of them would lie in some
-    excavation, tolerances three times as loose, overshoot of increments doubled; fine: cells of half the size,
-    overshoot halved"""
+    """`standard`: the mine file is taken as it is. `draft`: cells of twice the size, unless an excavation would have
+    almost no whole cells then; tolerances three times as large; an allowed overshoot twice as large. `fine`: cells of
+    half the size, an allowed overshoot half as large."""
     ensemble: whole_number(ge=0, le=1000) = 0
-    """perturbed runs beside the mine's own, each as long: how far brittle failure spreads by itself"""
+    """Number of perturbed runs beside the mine's own run; each takes as long. They show how much chance changes the
+    catalogue."""
     grid_convergence: bool = None
-    """the same run on cells of twice the size beside the mine's own: the report says from both what cells leave
-    uncertain; unless given, in 3-D where steps have dates; a draft has none"""
+    """Whether the mine is also run on cells of twice the size, so that the report can state what the cells leave
+    uncertain. Default: in 3-D where steps have dates. A draft has no such run."""
     frame: Frame
     domain: DomainSettings = None
     grid: GridSettings = GridSettings()
     insitu_stress: InsituSettings
     materials: dict[Name, AnyMaterial]
-    """rocks and fills; host is all rock that is in no body"""
+    """Rocks and fills by name. `host` is all rock that is in no body."""
     rock_bodies: Annotated[tuple[RockBody, ...], AsTuple] = ()
     excavations: Annotated[tuple[Excavation, ...], AsTuple] = ()
     excavations_from: ExcavationsFrom = None

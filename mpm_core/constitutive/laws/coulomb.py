@@ -44,9 +44,9 @@ class Material(MaterialSettings):
     dilation_angle: AnglePair
     cohesion: StrengthPair
     tension_cutoff: choose(is_section, StrengthPair, Literal["none"])
-    """intact and residual, or none"""
+    """Tensile strength of intact and of failed rock, or `none`."""
     allow_psi_above_phi: bool = False
-    """accept a dilation angle above the friction angle, which creates energy"""
+    """Whether the dilation angle may exceed the friction angle. Such rock creates energy."""
 
     @model_validator(mode="after")
     def _gains_nothing_by_failing(self) -> Self:

@@ -89,19 +89,19 @@ class Material(MaterialSettings):
 
     model: Literal["hoek_brown"]
     sigma_ci: StressPair
-    """uniaxial compressive strength of an intact piece"""
+    """Uniaxial compressive strength of an intact piece."""
     mb: SlopePair = None
     s: SharePair = None
     a: ExponentPair = None
     gsi: IndexPair = None
-    """geological strength index: gives mb, s and a (Hoek, Carranza-Torres and Corkum 2002)"""
+    """Geological strength index. It gives mb, s and a (Hoek, Carranza-Torres and Corkum 2002)."""
     mi: SlopePair = None
-    """of an intact piece, with gsi"""
+    """Constant mi of an intact piece, with gsi."""
     disturbance: SharePair = None
-    """D, with gsi; 0 unless given"""
+    """Disturbance factor D, with gsi. Default: 0."""
     dilation_angle: AnglePair
     tension_cutoff: choose(is_section, StrengthPair, Literal["none"])
-    """intact and residual, or none: the apex s sigma_ci / mb"""
+    """Tensile strength of intact and of failed rock. `none`: the apex s sigma_ci / mb."""
 
     @model_validator(mode="after")
     def _one_description(self) -> Self:

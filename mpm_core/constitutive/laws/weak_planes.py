@@ -53,14 +53,14 @@ class Planes(Settings):
     """Planes of weakness of one orientation, with a strength of their own."""
 
     dip: Annotated[float, Unit("deg", ge=0, le=90)]
-    """from horizontal"""
+    """Dip from horizontal."""
     dip_direction: Annotated[float, Unit("deg", ge=0, le=360)]
-    """of the steepest way down, clockwise from north (y)"""
+    """Direction of the steepest way down, clockwise from north (y)."""
     friction_angle: AnglePair
     dilation_angle: AnglePair
     cohesion: StrengthPair
     tension_cutoff: choose(is_section, StrengthPair, Literal["none"])
-    """intact and residual, or none"""
+    """Tensile strength of intact and of failed planes, or `none`."""
 
     @property
     def normal(self) -> np.ndarray:
