@@ -10,7 +10,7 @@ from scipy import ndimage
 from pipeline.source_tensors import principal_axes, scalar_potency
 from pipeline.voigt import tensor_from_voigt
 from seismic.events import extract_events, particle_potency
-from verification.brazilian_disc.rock import PressedDisc
+from verification.brazilian_disc.rock import SOUND, PressedDisc
 
 STRAINS = ("seismic_strain", "overshoot_strain", "later_strain", "plastic_strain_step")
 STAGES = 6  # as in the paper's Fig. 16
@@ -43,7 +43,9 @@ class Crack:
         instant = order[:, 0] * (order[:, 1].max() + 1) + order[:, 1]
         _, first, self.rank = np.unique(instant, return_index=True, return_inverse=True)  # from the first failure
         self.part_of = order[first, 0]
-        self.first_part = int(order[:, 0].min())
+        rock = np.bincount(state.cell.values, state.volume.values)  # m3 of each cell; all are of one size
+        sound = rock[state.cell.values[self.failed]] >= SOUND * rock.max()  # crumbs at the ends of the arcs fail before
+        self.first_part = int(order[sound if sound.any() else slice(None), 0].min())
         self.last_part = int(order[:, 0].max())
         self.place = state.position.values[self.failed, :2] - disc.center
         fraction = disc.variant.values["seismic"]["seismic_fraction"]
@@ -135,8 +137,8 @@ class Crack:
 
 
 def read_crack(disc: PressedDisc) -> Crack | None:
-    """The crack of a variant: of the first step in which rock fails, None if none does."""
-    for step in disc.variant.step_names:
-        if disc.variant.step(step).attrs["failed_particles"]:
-            return Crack(disc, step)
-    return None
+    """The crack of a variant: of the step in which most rock fails, None if none does. Crumbs of rim cells at the ends
+    of the loaded arcs may fail before."""
+    failed = {step: disc.variant.step(step).attrs["failed_volume"] for step in disc.variant.step_names}
+    most = max(failed, key=failed.get, default=None)
+    return Crack(disc, most) if most and failed[most] > 0.0 else None
