@@ -51,6 +51,8 @@ class Refinement:
         patience: finest cells of rock that may wait without a split. Rock at the edge of the fine cells waits for a
         split, and all rock where that is worth it now.
         """
+        if model.grid.levels == 1:  # a draft of two sizes of cell: all cells are finest, and no split ends the asking
+            return np.empty((0, model.dimension), np.int64), fresh
         near = brittle.coarse[near_strength(model, state, brittle.coarse)]
         places = families(model.grid, model.particles.cell[fresh])
         exposed = self._exposed(places) if len(fresh) else np.zeros(0, bool)

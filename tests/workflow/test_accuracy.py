@@ -4,7 +4,9 @@ import pytest
 from tiny_mines import TINY, box
 
 from mpm_core.gridding import compare_volumes, make_grid
+from mpm_core.scene import parse_scene
 from mpm_core.settings import GridSlice
+from mpm_core.stages import elastic_stage, mining_step
 from pipeline.errors import InputError
 
 
@@ -75,6 +77,18 @@ def test_a_draft_keeps_the_file_s_cells_where_a_drive_needs_them(accept):
     assert mine.is_adaptive
     kept = make_grid(mine.grid_slice(), {})
     assert (kept.attrs["fine_cell"], kept.attrs["draft_would_lose"]) == (5.0, '["drive"]')
+
+
+def test_a_draft_of_two_sizes_of_cell_ends(accept, tmp_path):
+    """It has one size left, whose cells nothing can split, and rock that fails."""
+    mine = accept({key: value for key, value in TINY.items() if key != "record"}, accuracy="draft")
+    grid = make_grid(mine.grid_slice(), {})
+    state, _ = elastic_stage(parse_scene(mine.scene_slice(0)), grid, tmp_path / "failed.npz")
+    for step in mine.mined_steps:
+        state, facts = mining_step(parse_scene(mine.step_slice(step)), grid, state, tmp_path / "failed.npz")
+    assert grid.attrs["levels"] == 1
+    assert facts["failed_volume"] > 0.0
+    assert facts["truncated_share"] == 0.0
 
 
 @pytest.mark.parametrize(
