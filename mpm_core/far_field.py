@@ -6,7 +6,7 @@ far stress (d = 2 in plane strain, 3 in space), and every stress of its wall, wh
 share k (a / R)^d of the largest. k comes from the opening and the boundary as concentric circles or spheres, once for
 an all-round far stress and once for a deviator (:func:`coefficients`); a square or cubic boundary is further away
 everywhere but in six points. Openings other than that have the radius a of the round one that disturbs as much or more
-(:func:`effective_volume`). docs/method.md, section 2, derives all of it.
+(:func:`effective_volume`). docs/explanation/distance-of-the-boundary.md derives all of it.
 """
 
 import math

@@ -20,7 +20,7 @@ ROUND_OFF = 1e-12  # of all forces since virgin rock: unbalanced force that is n
 def external_force(model: Model, step: int) -> np.ndarray:
     """Forces of all that was mined, filled and loaded up to `step`, relative to virgin: (node, d) N, on free nodes.
 
-    Void: r lacks B^T sigma0 - N^T b over the mined volume (docs/method.md, 4), less the pressure on its walls
+    Void: r lacks B^T sigma0 - N^T b over the mined volume (equilibrium.md), less the pressure on its walls
     (wall_pressure.py). Fill weighs its own density; free faces lose their virgin traction, as do traction and roller
     faces where rock is mined; loads are shared by volume. Nodes without rock or fill have none: what is integrated
     there adds up to nothing, but for the quadrature of the virgin stress.

@@ -2,7 +2,7 @@
 
 Walls in different cells have nodes of their own (phantom_nodes.py). But rock on both sides of an opening within one
 cell is tied together, and edges within cells are rounded off. What tells is how much of an opening's volume stands in
-cells that are mined wholly; docs/method.md, 2, has what that share costs.
+cells that are mined wholly; study openings has what that share costs.
 """
 
 import numpy as np

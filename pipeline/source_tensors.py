@@ -1,7 +1,7 @@
 """Potency and moment tensors of seismic sources: size, magnitude, principal axes and source shares, defined once.
 
 x east, y north, z up. Opening is positive: the P axis, the most compressive one, belongs to the smallest principal
-value (docs/method.md, correction 5), T to the largest, B to the one between.
+value (departures.md, correction 5), T to the largest, B to the one between.
 """
 
 import numpy as np
@@ -29,7 +29,7 @@ def potency_from_moment(moment: NDArray, lame_lambda: float, shear_modulus: floa
 
 
 def scalar_potency(tensor: NDArray) -> NDArray:
-    """Scalar potency sqrt(2 P_ij P_ij), m3, of tensors (..., 3, 3): slip times area for shear (docs/method.md, 8)."""
+    """Scalar potency sqrt(2 P_ij P_ij), m3, of tensors (..., 3, 3): slip times area for shear."""
     return np.sqrt(2.0 * np.sum(np.square(tensor), axis=(-2, -1)))
 
 

@@ -18,7 +18,7 @@ BLOCK = 8192  # particles between two rounds of comparison with all leaders know
 
 
 def closeness(first: NDArray, second: NDArray) -> NDArray:
-    """Cosine between tensors (..., 3, 3): 1 parallel, -1 opposite (paper Eq. 13, docs/method.md, correction 3)."""
+    """Cosine between tensors (..., 3, 3): 1 parallel, -1 opposite (paper Eq. 13, departures.md, correction 3)."""
     product = np.sum(first * second, axis=(-2, -1))
     squares = np.sum(np.square(first), axis=(-2, -1)), np.sum(np.square(second), axis=(-2, -1))
     return product / (np.sqrt(squares[0]) * np.sqrt(squares[1]))

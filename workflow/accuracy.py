@@ -1,7 +1,7 @@
 """`accuracy`: a mine as its file says it, in a hurry, or with patience.
 
 What a file says is `standard`. The other two change its cells, tolerances and increments in proportion, so that what
-they cost and err by is told once (docs/method.md, 2). `snakemake tradeoff` measures each of them alone.
+they cost and err by is told once (study openings). `snakemake tradeoff` measures each of them alone.
 """
 
 import math

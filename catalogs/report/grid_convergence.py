@@ -9,7 +9,7 @@ from catalogs.grid_convergence import ALL
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import MISSING, NAMED, fixed, number, percent, whole
 
-AT_ONCE = 0.05  # share of the potency from which on the loading makes the events (docs/method.md, 8)
+AT_ONCE = 0.05  # share of the potency from which on the loading makes the events (docs/explanation/uncertainty.md)
 TOO_COARSE = 0.5  # share: more than first-order convergence can be read from
 
 
@@ -76,7 +76,7 @@ def _at_once(evidence: Evidence) -> list[str]:
 
 def _increments(evidence: Evidence) -> str:
     """What loading in increments adds to the potency of the dated steps, as far as their overshoot tells
-    (docs/method.md, 6: no bound in theory); empty where it is not known."""
+    (docs/explanation/uncertainty.md: no bound in theory); empty where it is not known."""
     steps, catalog = evidence.dated, evidence.catalog
     step, potency = catalog["step"].values, catalog["potency"].values
     shares = np.array([float(one.get("increment_error", np.nan)) for one in steps])

@@ -4,7 +4,7 @@ Rock that breaks within an increment is let fail at its end, above its strength,
 put on in smaller increments some of it would have been relieved in time. So too much fails, in proportion to the size
 of the increments. What tells how much is the overshoot of the rock that fails first in each increment, before any other
 has failed: what strain it takes from the stress that it is found at to its strength. As a potency, over the seismic
-potency of the same rock, it is at most about the share by which the step's potency is too large (docs/method.md, 6:
+potency of the same rock, it is at most about the share by which the step's potency is too large (study refinement:
 what was found is between none and 1.3 times as much). A particle's overshoot counts with at most its seismic potency:
 more it does not add if it should not have failed at all.
 

@@ -1,6 +1,6 @@
 """Scheme `explicit` with `solver.move`: particles carry the motion and travel through the grid (paper section 2.2).
 
-Every step is the full cycle of Eqs (1) to (6), corrected (docs/method.md, 1): nothing is kept at the nodes. That is
+Every step is the full cycle of Eqs (1) to (6), corrected (departures.md): nothing is kept at the nodes. That is
 pure FLIP (Eq. 5): particle velocities that the nodes do not see are neither damped nor do they move or strain
 anything. They are no part of the datasets: every stage starts with particles at rest.
 

@@ -32,7 +32,7 @@ WEIGHT = {"constant": [0.0] * 6, "gradient": [-0.0249e6, -0.0363e6, -0.0278e6, 0
 @pytest.mark.parametrize(("plane", "dimension"), DIMENSIONS)
 @pytest.mark.parametrize("per_edge", [1, 2])
 def test_a_virgin_model_rests(plane, dimension, per_edge, tmp_path):
-    """Table 2 is not in equilibrium with gravity (docs/method.md, 1); as the reference state it must all the same
+    """Table 2 is not in equilibrium with gravity (departures.md); as the reference state it must all the same
     move nothing and fail nothing: displacements are exactly zero, no iteration is made."""
     scene = make_scene(plane, host=COULOMB, stress=TABLE_2, particles_per_cell=per_edge)
     grid = make_dataset(scene, grid_around([ball([20.0] * dimension, 3.0)], [5] * dimension, 2, 8.0))

@@ -1,4 +1,4 @@
-"""Eqs (1) to (6), corrected (docs/method.md, 1), as slow loops over particles and corners in world coordinates."""
+"""Eqs (1) to (6), corrected (departures.md), as slow loops over particles and corners in world coordinates."""
 
 from dataclasses import dataclass
 

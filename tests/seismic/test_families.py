@@ -48,7 +48,7 @@ def same_partition(first, second):
 
 
 def test_closeness_is_the_cosine_of_tensors():
-    """Eq. 13 as printed fails the first line (docs/method.md, 1). Shear and stretch of one plane are orthogonal."""
+    """Eq. 13 as printed fails the first line (departures.md). Shear and stretch of one plane are orthogonal."""
     shear, stretch = tensor_from_voigt([0, 0, 0, 0, 0, 3.0]), np.diag([1.0, -1, 0])
     assert closeness(shear, 7 * shear) == pytest.approx(1.0, rel=1e-15)
     assert closeness(shear, -shear) == pytest.approx(-1.0, rel=1e-15)
