@@ -1,0 +1,50 @@
+"""The documentation's site: it builds without a warning, its links lead somewhere, and it needs no network."""
+
+import re
+from pathlib import Path
+
+import pytest
+from sphinx.cmd.build import build_main
+
+ROOT = Path(__file__).resolve().parents[2]
+FROM_ELSEWHERE = re.compile(r"""<(?:script|img|iframe)[^>]*\ssrc="(?:https?:)?//|<link[^>]*\shref="(?:https?:)?//""")
+LINK = re.compile(r"\]\(([^)#]+)[^)]*\)")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory) -> dict[str, str]:
+    """The pages of the site, by their path."""
+    folder = tmp_path_factory.mktemp("site")
+    assert build_main(["-n", "-W", "--keep-going", "-q", "-c", str(ROOT / "docs"), str(ROOT), str(folder)]) == 0
+    return {str(page.relative_to(folder)): page.read_text(encoding="utf-8") for page in folder.rglob("*.html")}
+
+
+def test_every_page_is_part_of_the_site(site):
+    pages = {str(page.relative_to(ROOT).with_suffix(".html")) for page in (ROOT / "docs").rglob("*.md")}
+    assert pages | {"CONTRIBUTING.html", "CHANGELOG.html", "config/README.html"} <= set(site)
+
+
+def test_no_page_loads_anything_from_elsewhere(site):
+    assert {page for page, text in site.items() if FROM_ELSEWHERE.search(text)} == set()
+
+
+def test_formulas_are_drawn_by_the_browser(site):
+    text = site["docs/explanation/failure-and-increments.html"]
+    assert '<math xmlns="http://www.w3.org/1998/Math/MathML"' in text
+    assert "\\frac" not in text
+
+
+def test_the_readme_links_to_files_that_exist():
+    links = [link for link in LINK.findall((ROOT / "README.md").read_text(encoding="utf-8")) if "://" not in link]
+    assert links
+    assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+def test_the_page_on_the_report_quotes_warnings_that_the_report_gives():
+    sources = [*(ROOT / "catalogs/report").glob("*.py"), *(ROOT / "catalogs/report/templates").iterdir()]
+    report = "\n".join(source.read_text(encoding="utf-8") for source in sources)
+    report = re.sub(r'"\s*\n\s*(?:text \+= |found\.append\(|)f?"', "", report)  # a text that goes on in the next line
+    page = (ROOT / "docs/how-to/reading-the-report.md").read_text(encoding="utf-8")
+    quoted = re.findall(r'^\| "([^"]+)" \|', page, flags=re.MULTILINE)
+    assert quoted
+    assert [text for text in quoted if text not in report] == []
