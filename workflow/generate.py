@@ -3,7 +3,10 @@
 python -m workflow.generate     writes config/default.yaml, config/README.md and workflow/schemas/config.schema.yaml
 """
 
+import re
+import textwrap
 from collections.abc import Iterator
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, get_args
 
@@ -37,20 +40,46 @@ Generated from the models of the settings: `python -m workflow.generate`. A full
 (`57 GPa`, `1.25 m`, `30 deg`), in any unit of its kind; the table gives the unit that bounds are in. A key without a
 default and not *needed* may be left out.
 
-Of files, and of what laboratory specimens need:
+The first table has all keys of the file's first level. The parts after it are ordered by task; each begins with
+examples.
 
-```yaml
-excavations:
-  - {file: stopes.dxf, layer: S1, units: ft, scale: 1, offset: [x, y, z]}   # element: a body of OMF, OBJ or text STL
-  - {shape: prism, file: outline.dxf, layer: S1, height: 20 m}              # or lower and upper
-  - {shape: cylinder, outside: true}             # what the shape or file leaves of the domain: a disc is a box less it
-loads:
-  - {force: [x, y, z]}                           # in all, shared by volume among the rock in the shape
-  - {force: 1 kN, toward: [x, y, z]}             # sizes add up to it; each part points there (two points: to a line)
-strains:
-  - {strain: {zz: -1.0e-4}}                      # held faces move by strain . (x - domain.lower); tensor shear
-```
 """
+FROM_FILES = """\
+excavations:
+  - {name: stope, step: history, file: stopes.dxf, layer: S1, units: ft, scale: 1, offset: [0 m, 0 m, 0 m]}
+  - {name: other, step: history, file: model.omf, element: stope_2}           # or a body of an OBJ or text STL file
+  - {name: third, step: history, shape: prism, file: outline.dxf, layer: S1, height: 20 m}   # or lower and upper
+"""
+SPECIMENS = """\
+excavations:
+  - {name: space, step: history, shape: cylinder, start: [0 m, 0 m, 0 m], end: [0 m, 0 m, 2 m], radius: 1 m,
+     outside: true}                                # all of the domain that the cylinder leaves: it is a disc
+loads:
+  - {name: all_of_it, step: test, force: [0 N, 0 N, -1 kN], shape: box, lower: [0 m, 0 m, 2 m], upper: [1 m, 1 m, 3 m]}
+  - {name: to_a_point, step: test, force: 1 kN, toward: [0 m, 0 m, 1 m], shape: sphere, center: [0 m, 0 m, 3 m],
+     radius: 1 m}
+strains:
+  - {name: squeezed, step: test, strain: {zz: -1.0e-4}}
+"""
+DEMO, ELK_CREEK, RENISON = (f"config/mines/{name}.yaml" for name in ("demo", "elk_creek", "renison_scale"))
+TASKS = {  # heading: keys of the first level and sections that it has; its examples: a text, or a file and a key in it
+    "Place, domain and cells": (
+        ("frame", "domain", "grid"),
+        ((DEMO, "frame"), (DEMO, "grid"), (ELK_CREEK, "domain")),
+    ),
+    "Stress and rock": (
+        ("insitu_stress", "materials", "rock_bodies"),
+        ((DEMO, "insitu_stress"), (DEMO, "materials"), ("config/verification/fault.yaml", "rock_bodies")),
+    ),
+    "Solids and mining": (
+        ("excavations", SHAPE, "steps", "excavations_from"),
+        ((DEMO, "excavations"), (DEMO, "steps"), FROM_FILES),
+    ),
+    "Equilibrium and failure": (("solver",), ((RENISON, "solver"),)),
+    "Events": (("seismic",), ((ELK_CREEK, "seismic"),)),
+    "The recorded catalogue": (("record", "comparison"), ((DEMO, "record"),)),
+    "Specimens of a laboratory": (("loads", "strains"), (SPECIMENS,)),
+}
 
 
 def generated() -> dict[Path, str]:
@@ -131,7 +160,29 @@ def _tidy(part: Any) -> Any:
 
 def readme_text() -> str:
     """config/README.md."""
-    parts, told = [README_HEAD], set()
+    sections = list(_sections())
+    parts = [README_HEAD, *(table for path, table in sections if not path)]
+    for heading, (keys, examples) in TASKS.items():
+        parts += [f"## {heading}\n", *(f"```yaml\n{_example(example)}```\n" for example in examples)]
+        parts += [table for key in keys for path, table in sections if path.split(".")[0] == key]
+    return re.sub("\n{3,}", "\n\n", "\n".join(parts))
+
+
+def _example(example: str | tuple[str, str]) -> str:
+    """An example's text: it, or the lines of a key in a file, without what is indented with it."""
+    if isinstance(example, str):
+        return example
+    path, key = example
+    lines = (BASE / path).read_text(encoding="utf-8").splitlines()
+    first = next(number for number, line in enumerate(lines) if line.lstrip().startswith(f"{key}:"))
+    indent = len(lines[first]) - len(lines[first].lstrip())
+    inner = takewhile(lambda line: line.startswith(" " * (indent + 1)), lines[first + 1 :])
+    return textwrap.dedent("\n".join([lines[first], *inner])) + "\n"
+
+
+def _sections() -> Iterator[tuple[str, str]]:
+    """Path and table of each section, those within it after it."""
+    told: set[type[Settings]] = set()
     queue = [("", "", MineSettings)]
     while queue:
         path, choice, model = queue.pop(0)
@@ -155,9 +206,8 @@ def readme_text() -> str:
             told.add(ShapeSettings)
             queue.append((SHAPE, "", ShapeSettings))
         about += f" Beside these the keys of a [{SHAPE}](#{SHAPE.replace(' ', '-')})." if shared else ""
-        head = f"## {path}{choice}\n\n{about}\n" if path else ""
-        parts.append("\n".join([head, "| key | value | default | meaning |", "|---|---|---|---|", *rows, ""]))
-    return "\n".join(parts).replace("\n\n\n", "\n\n")
+        head = f"### {path}{choice}\n\n{about}\n" if path else ""
+        yield path, "\n".join([head, "| key | value | default | meaning |", "|---|---|---|---|", *rows, ""])
 
 
 def _choice(section: type[Settings]) -> str:

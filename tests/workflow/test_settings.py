@@ -10,7 +10,7 @@ from tiny_mines import FLAT, ROOT, STILL, TINY, merged
 
 from pipeline.errors import InputError
 from verification.studies import merge
-from workflow.generate import generated, schema
+from workflow.generate import FROM_FILES, SPECIMENS, TASKS, generated, schema, sections_of
 from workflow.settings import MineSettings
 from workflow.yaml_habits import with_yaml_habits
 
@@ -30,6 +30,17 @@ SCHEMA = jsonschema.Draft202012Validator(schema())
 def test_generated_files_are_up_to_date(path):
     """After a change of a model: python -m workflow.generate."""
     assert path.read_text(encoding="utf-8") == GENERATED[path], "stale: run python -m workflow.generate"
+
+
+def test_the_table_of_keys_has_every_section_once_by_task():
+    keys = [key for keys, _ in TASKS.values() for key in keys]
+    sections = {name for name, field in MineSettings.model_fields.items() if sections_of(field.annotation)}
+    assert sorted(keys) == sorted(sections | {"shape or file"})
+
+
+@pytest.mark.parametrize("example", [FROM_FILES, SPECIMENS], ids=["files", "specimens"])
+def test_examples_of_the_table_of_keys_are_valid(example):
+    MineSettings.read(merge(TINY, yaml.safe_load(example)))
 
 
 def scenes() -> dict[str, dict]:
