@@ -38,15 +38,22 @@ def report(arguments: argparse.Namespace) -> None:
 
 
 def verdict(arguments: argparse.Namespace) -> None:
-    """Nothing but an error if a row fails."""
+    """Nothing but an error if a row fails that is no known miss."""
+    from verification.known_misses import KNOWN_MISS, PASSES_NOW
     from verification.rows import VERDICTS, read_rows
 
     rows = read_rows(arguments.summary)
+    for row in rows:
+        if row["passed"] == PASSES_NOW:
+            file = f"config/verification/{row['scene']}.yaml"
+            logging.warning("%s: '%s' passes now; take it off known_misses", file, row["quantity"])
     failing = [f"{row['scene']}: {row['quantity']}" for row in rows if row["passed"] == VERDICTS[False]]
+    known = sum(row["passed"] == KNOWN_MISS for row in rows)
+    beside = f", beside {known} known miss{'es' if known > 1 else ''}" if known else ""
     if failing:
         first = "; ".join(failing[:3]) + ("; ..." if len(failing) > 3 else "")
-        raise InputError(f"{len(failing)} of {len(rows)} rows fail ({first}); see {arguments.page}")
-    logging.info("all of %d rows pass or are reported only", len(rows))
+        raise InputError(f"{len(failing)} of {len(rows)} rows fail{beside} ({first}); see {arguments.page}")
+    logging.info("no row of %d fails%s", len(rows), beside)
 
 
 def main() -> None:

@@ -9,18 +9,26 @@ from pathlib import Path
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
 from pipeline.pages import page_templates
+from verification.known_misses import KNOWN_MISS, PASSES_NOW, judge
 from verification.results import Variant, read_results
 from verification.rows import COLUMNS, VERDICTS, read_rows
 from verification.studies import Study
 
 TEMPLATES = Path(__file__).parent / "templates"
 POINTS_TO_PIXELS = 96 / 72
-MARKS = {VERDICTS[True]: "passed", VERDICTS[False]: "failed", VERDICTS[None]: "reported"}
+MARKS = {
+    VERDICTS[True]: "passed",
+    PASSES_NOW: "passed",
+    VERDICTS[False]: "failed",
+    KNOWN_MISS: "known miss",
+    VERDICTS[None]: "reported",
+}
+STYLES = {"passed": "passed", "failed": "failed", "known miss": "known", "reported": "reported"}  # of the page
 
 
 @dataclass(frozen=True)
 class Section:
-    """One study on the page. rows: as written in its table; costs: one line per variant."""
+    """One study on the page. rows: of its table, known misses marked; costs: one line per variant."""
 
     study: Study
     rows: list[dict[str, str]]
@@ -29,7 +37,7 @@ class Section:
     width: int
 
     def count(self, verdict: str) -> int:
-        """Number of rows that passed, failed or are reported only."""
+        """Number of rows that passed, failed, are a known miss or are reported only."""
         return sum(MARKS[row["passed"]] == verdict for row in self.rows)
 
 
@@ -41,7 +49,9 @@ def write_report(studies: list[Study], results: Path, logs: Path, page: Path, su
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
         writer.writerows(row for section in sections for row in section.rows)
-    text = environment.get_template("report.html.j2").render(sections=sections, marks=MARKS)
+    text = environment.get_template("report.html.j2").render(
+        sections=sections, marks=MARKS, styles=STYLES, known_miss=KNOWN_MISS, passes_now=PASSES_NOW
+    )
     with atomic_path(page) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
@@ -50,8 +60,11 @@ def _section(study: Study, folder: Path, logs: Path) -> Section:
     try:
         figure = (folder / "figure.svg").read_bytes()
         rows = read_rows(folder / "rows.csv")
+        rows = judge(rows, study.known_misses)
     except OSError as error:
         raise InputError(f"{error.filename}: {error.strerror}; run the study again") from error
+    except InputError as error:
+        raise InputError(f"config/verification/{study.name}.yaml: {error}") from error
     width = re.search(rb'<svg[^>]* width="([0-9.]+)pt"', figure)
     return Section(
         study=study,

@@ -12,6 +12,7 @@ from pathlib import Path
 import yaml
 
 from pipeline.errors import InputError, InputErrors
+from verification.known_misses import KnownMiss, parse_known_misses
 from workflow.checks import PLANNED
 from workflow.configuration import load
 from workflow.mine import Mine
@@ -25,6 +26,7 @@ KEYS = (
     "events",
     "allowed",
     "settings",
+    "known_misses",
     "scene_from",
     "scene",
     "variants",
@@ -37,7 +39,8 @@ class Study:
     """What a study file says; `mines` holds the checked configuration of every variant, by its name.
 
     on_request: too long for the target `verification`, run by its own name. threads: of each stage, 64 for all there
-    are; with 1, small scenes run side by side. events: whether its steps' events are extracted too.
+    are; with 1, small scenes run side by side. events: whether its steps' events are extracted too. known_misses: rows
+    that are known to miss their bound, by quantity.
     """
 
     name: str
@@ -49,6 +52,7 @@ class Study:
     events: bool
     allowed: dict[str, float]
     settings: dict
+    known_misses: dict[str, KnownMiss]
     mines: dict[str, Mine]
 
 
@@ -73,6 +77,10 @@ def load_study(path: str | os.PathLike, default: dict) -> Study:
     variants = text.get("variants") or {}
     if bool(variants) != ("scene" in text or "scene_from" in text):
         raise InputError(f"{path}: a scene needs variants (at least one, which may change nothing), and they a scene")
+    try:
+        known_misses = parse_known_misses(text.get("known_misses"))
+    except InputError as error:
+        raise InputError(f"{path}: known_misses: {error}") from error
     source, mine = path, {}
     if "scene_from" in text:  # paths in it resolve from its own folder, and mistakes are told under its own name
         source = Path(os.path.normpath(path.parent / text["scene_from"]))
@@ -102,6 +110,7 @@ def load_study(path: str | os.PathLike, default: dict) -> Study:
         events=bool(text.get("events", False)),
         allowed=text.get("allowed", {}),
         settings=text.get("settings", {}),
+        known_misses=known_misses,
         mines=mines,
     )
 

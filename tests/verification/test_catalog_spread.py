@@ -97,7 +97,9 @@ def test_page_says_what_an_ensemble_costs_and_buys(tmp_path):
         members=[-1.0, 0.0, 1.0], loading=[0.0, 0.0, 3.0], cells=[-0.5, 0.0, 0.5], closeness=[-2.0, 0.0, 2.0]
     )
     scene = Scene(
-        Study("made_up", "spread", "Made up", "Nothing.", True, 1, True, {}, {}, {}), made_up(1.0, 1, POWER, 8.0), runs
+        Study("made_up", "spread", "Made up", "Nothing.", True, 1, True, {}, {}, {}, {}),
+        made_up(1.0, 1, POWER, 8.0),
+        runs,
     )
     write_report([scene], tmp_path / "table.csv", tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()

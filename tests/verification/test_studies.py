@@ -8,6 +8,7 @@ from running import DEFAULT, STUDIES
 
 from pipeline.costs import Costs
 from pipeline.errors import InputError
+from verification.known_misses import KnownMiss
 from verification.results import read_results
 from verification.studies import load_study, merge
 
@@ -49,6 +50,15 @@ def test_a_variant_changes_the_scene_and_nothing_else(tmp_path):
     assert (study.about, study.threads, study.on_request, study.events) == ("One line.", 64, False, False)
 
 
+def test_known_misses_are_listed_by_row_with_their_cause(tmp_path):
+    entry = {"cause": "The hole\n is square.", "rows": {"closure, m": 0.2, "stress, Pa": 3}}
+    study = load_study(write(tmp_path, HOLE | {"known_misses": [entry]}), DEFAULT)
+    assert study.known_misses == {
+        "closure, m": KnownMiss("The hole is square.", 0.2),
+        "stress, Pa": KnownMiss("The hole is square.", 3.0),
+    }
+
+
 def test_merging_replaces_lists_and_leaves_both_sides_alone():
     base, change = {"a": {"b": [1, 2], "c": 3}}, {"a": {"b": [4]}}
     before = copy.deepcopy((base, change))
@@ -60,6 +70,12 @@ def test_merging_replaces_lists_and_leaves_both_sides_alone():
     ("change", "message"),
     [
         ({"answr": "kirsch"}, "answr: unknown key"),
+        ({"known_misses": [{"rows": {"closure, m": 0.2}}]}, "known_misses: entry 1: takes a cause and rows"),
+        (
+            {"known_misses": [{"cause": "x", "rows": {"closure, m": "much"}}]},
+            "known_misses: 'closure, m' takes a number",
+        ),
+        ({"known_misses": [{"cause": "x", "rows": {"a": 1}}, {"cause": "y", "rows": {"a": 2}}]}, "'a' is listed twice"),
         ({"variants": {}}, "a scene needs variants"),
         ({"variants": {"x y": None}}, "variants.x y: use letters, digits"),
         ({"variants": {"bad": {"grid": {"level": 2}}}}, "variants.bad: grid.level: unknown key"),
