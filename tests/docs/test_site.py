@@ -48,3 +48,12 @@ def test_the_page_on_the_report_quotes_warnings_that_the_report_gives():
     quoted = re.findall(r'^\| "([^"]+)" \|', page, flags=re.MULTILINE)
     assert quoted
     assert [text for text in quoted if text not in report] == []
+
+
+def test_files_that_pages_name_exist():
+    packages = "|".join(folder.name for folder in ROOT.iterdir() if (folder / "__init__.py").is_file())
+    named = re.compile(rf"`((?:{packages}|config|tests|workflow|profiles)/[\w./-]+)`")
+    pages = [*(ROOT / "docs").rglob("*.md"), ROOT / "CONTRIBUTING.md", ROOT / "README.md"]
+    found = {(page.name, path) for page in pages for path in named.findall(page.read_text(encoding="utf-8"))}
+    assert found
+    assert {(page, path) for page, path in found if not (ROOT / path).exists()} == set()

@@ -2,6 +2,7 @@
 
 import ast
 import copy
+import re
 
 import jsonschema
 import pytest
@@ -10,7 +11,7 @@ from tiny_mines import FLAT, ROOT, STILL, TINY, merged
 
 from pipeline.errors import InputError
 from verification.studies import merge
-from workflow.generate import FROM_FILES, SPECIMENS, TASKS, generated, schema, sections_of
+from workflow.generate import TASKS, generated, schema, sections_of
 from workflow.settings import MineSettings
 from workflow.yaml_habits import with_yaml_habits
 
@@ -38,9 +39,21 @@ def test_the_table_of_keys_has_every_section_once_by_task():
     assert sorted(keys) == sorted(sections | {"shape or file"})
 
 
-@pytest.mark.parametrize("example", [FROM_FILES, SPECIMENS], ids=["files", "specimens"])
-def test_examples_of_the_table_of_keys_are_valid(example):
-    MineSettings.read(merge(TINY, yaml.safe_load(example)))
+def examples() -> dict[str, str]:
+    """Parts of mine files that the documentation shows, by page and place."""
+    pages = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "config/README.md"]
+    block = re.compile(r"^```yaml\n(.*?)^```", re.DOTALL | re.MULTILINE)
+    found = {page.name: block.findall(page.read_text(encoding="utf-8")) for page in pages}
+    return {f"{name}-{place}": text for name, texts in found.items() for place, text in enumerate(texts)}
+
+
+EXAMPLES = examples()
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples_of_the_documentation_are_valid(name):
+    example = yaml.safe_load(EXAMPLES[name])
+    MineSettings.read(TINY | example | {"materials": TINY["materials"] | example.get("materials", {})})
 
 
 def scenes() -> dict[str, dict]:
