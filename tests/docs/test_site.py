@@ -40,14 +40,18 @@ def test_the_readme_links_to_files_that_exist():
     assert [link for link in links if not (ROOT / link).exists()] == []
 
 
-def test_the_page_on_the_report_quotes_warnings_that_the_report_gives():
-    sources = [*(ROOT / "catalogs/report").glob("*.py"), *(ROOT / "catalogs/report/templates").iterdir()]
-    report = "\n".join(source.read_text(encoding="utf-8") for source in sources)
-    report = re.sub(r'"\s*\n\s*(?:text \+= |found\.append\(|)f?"', "", report)  # a text that goes on in the next line
-    page = (ROOT / "docs/how-to/reading-the-report.md").read_text(encoding="utf-8")
-    quoted = re.findall(r'^\| "([^"]+)" \|', page, flags=re.MULTILINE)
+@pytest.mark.parametrize(
+    ("page", "folders"),
+    [("reading-the-report.md", ("catalogs/report",)), ("running.md", ("mpm_core", "catalogs"))],
+)
+def test_pages_quote_warnings_that_are_given(page, folders):
+    files = [path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".j2")]
+    given = "\n".join(path.read_text(encoding="utf-8") for path in files)
+    given = re.sub(r'"\s*\n\s*(?:text \+= |found\.append\(|)f?"', "", given)  # a text that goes on in the next line
+    text = (ROOT / "docs/how-to" / page).read_text(encoding="utf-8")
+    quoted = re.findall(r'^\| "([^"]+)" \|', text, flags=re.MULTILINE)
     assert quoted
-    assert [text for text in quoted if text not in report] == []
+    assert [warning for warning in quoted if warning not in given] == []
 
 
 def test_files_that_pages_name_exist():
