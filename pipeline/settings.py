@@ -9,7 +9,7 @@ import difflib
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self, Union
 
 from pydantic import (
     BaseModel,
@@ -48,6 +48,9 @@ class Settings(BaseModel):
     A key that may be left out and has no default is None then; nobody may write so.
     """
 
+    renamed_keys: ClassVar[Mapping[str, str]] = {}
+    """Keys of earlier versions, which are refused, and what they are called now."""
+
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True
     )
@@ -84,10 +87,12 @@ class Settings(BaseModel):
         if not foreign:
             return handler(values)
         near = {key: difflib.get_close_matches(key, known, n=1) for key in foreign}
+        near |= {key: [cls.renamed_keys[key]] for key in foreign if key in cls.renamed_keys}
         found = []
         for key, meant in near.items():
             hint = f"did you mean {meant[0]}?" if meant else f"known here: {', '.join(known)}"
-            found.append(InitErrorDetails(type=refusal(f"unknown key; {hint}", key), input=None))
+            reason = f"is called {meant[0]} now; rename it" if key in cls.renamed_keys else f"unknown key; {hint}"
+            found.append(InitErrorDetails(type=refusal(reason, key), input=None))
         try:
             handler({key: value for key, value in values.items() if key in known})
         except ValidationError as error:
@@ -190,6 +195,29 @@ def choose(test: Callable[[Any], bool], first: Any, other: Any) -> Any:
         Annotated[first, Tag(f"{TAG}first")] | Annotated[other, Tag(f"{TAG}other")],
         Discriminator(lambda value: f"{TAG}{'first' if test(value) else 'other'}"),
     ]
+
+
+def one_of(key: str, models: Mapping[str, type[Settings]]) -> Any:
+    """The type of a section whose `key` names the model that it is of; a key of other models is refused as such."""
+
+    def of_a_model(values: Any) -> Any:
+        if isinstance(values, Mapping):
+            if key not in values:
+                raise refusal("missing key", key)
+            name = values[key]
+            if name not in list(models):
+                raise refusal(f"{short(name)} is not one of {', '.join(models)}", key)
+            for other in values.keys() - models[name].model_fields.keys():
+                users = [model for model, settings in models.items() if other in settings.model_fields]
+                if users:
+                    raise refusal(f"not used by {key} {name}, by {' and '.join(users)} only; leave it out", other)
+        return values
+
+    def tag(values: Any) -> str:
+        return f"{TAG}{values.get(key) if isinstance(values, Mapping) else getattr(values, key, next(iter(models)))}"
+
+    choices = tuple(Annotated[model, Tag(f"{TAG}{name}")] for name, model in models.items())
+    return Annotated[Union[choices], Discriminator(tag), BeforeValidator(of_a_model)]  # noqa: UP007
 
 
 def is_list(value: Any) -> bool:

@@ -1,4 +1,4 @@
-"""The settings of event extraction: those of a mine's configuration, and what the event stage is given beside them."""
+"""Settings of event extraction: the section `seismic` of a mine file, and the slice of the stages that use it."""
 
 from typing import Literal, Self
 
@@ -63,21 +63,18 @@ class SeismicSettings(Settings):
 
 
 class EventSettings(SeismicSettings):
-    """The slice of the event and catalogue stages: all of `seismic`, and whose events, where and when."""
+    """The slice of the event and catalogue stages: the section `seismic`, mine, frame and dates of a step."""
 
-    method: Literal["simultaneous", "families"]
-    closeness: real_number(gt=0, lt=1)
-    least_particles: Positive
-    seismic_fraction: real_number(gt=0, le=1)
     mine: str
-    """its name"""
+    """Name of the mine."""
     frame: Frame
     thickness: Size = None
-    """m, of a two-dimensional scene"""
+    """Thickness of a two-dimensional scene, m; absent in three dimensions."""
     start: str = None
-    """ISO date from which the step is mined; empty for one before the record begins, absent for a whole catalogue"""
+    """ISO date from which the step is mined. It is empty for a step before the record begins, and absent for a whole
+    catalogue."""
     end: str = None
-    """ISO date up to which"""
+    """ISO date up to which the step is mined; as `start`."""
 
     @property
     def dimension(self) -> int:

@@ -2,7 +2,7 @@
 
 import datetime
 
-from catalogs.record_settings import FIRST_YEAR, LAST_YEAR
+from catalogs.records.times import FIRST_YEAR, LAST_YEAR
 from pipeline.errors import InputError
 
 

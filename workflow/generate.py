@@ -212,7 +212,9 @@ def _sections() -> Iterator[tuple[str, str]]:
 
 def _choice(section: type[Settings]) -> str:
     """What of a heading says which of several models a section is of."""
-    return f", model {get_args(section.model_fields['model'].annotation)[0]}"
+    single = {name: get_args(field.annotation) for name, field in section.model_fields.items() if field.is_required()}
+    key, values = next((name, values) for name, values in single.items() if len(values) == 1)
+    return f", {key} {values[0]}"
 
 
 def _kind(model: type[Settings], name: str, section: type[Settings] | None) -> str:

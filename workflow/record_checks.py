@@ -2,6 +2,7 @@
 
 import math
 
+from catalogs.records import READERS
 from pipeline.errors import InputError, Mistakes
 from workflow.dates import read_date
 from workflow.mine import Mine
@@ -16,7 +17,7 @@ def check_record(mine: Mine, mistakes: Mistakes) -> None:
     record = mine.values.get("record")
     if not record:
         return
-    if record["reader"] != "elk_creek" and not is_file(mine.path(record["file"])):
+    if not READERS[record["reader"]].READS_FOLDER and not is_file(mine.path(record["file"])):
         mistakes.add(f"record.file: {mine.path(record['file'])} is missing; paths resolve from {mine.folder}")
     if "latitude" in record.get("columns", {}) and "x" not in record["columns"] and not mine.has_place:
         mistakes.add(

@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from catalogs.record_settings import RecordSettings
+from catalogs.records import AnyRecord
 from catalogs.settings import ComparisonSettings
 from mpm_core.constitutive.laws import AnyMaterial
 from mpm_core.settings import (
@@ -162,7 +162,8 @@ class MineSettings(Settings):
     solver: SolverSettings = SolverSettings()
     seismic: SeismicSettings = SeismicSettings()
     comparison: ComparisonSettings = ComparisonSettings()
-    record: RecordSettings = None
+    record: AnyRecord = None
+    """The recorded catalogue: where it is, and what it means."""
 
     @model_validator(mode="after")
     def _host(self) -> Self:

@@ -1,38 +1,46 @@
-"""Recorded catalogues: a reader per format, filters shared by all, one form out (pipeline.event_table).
+"""Readers of recorded catalogues. Each is one module here and one entry of READERS; all other code asks the reader.
 
-A reader imports its module when it is asked for: one mine's format costs another nothing.
+What a reader's module offers:
+
+| name | what |
+|---|---|
+| NAME | value of `reader` in a mine file |
+| READS_FOLDER | whether `file` is a folder, whose files the reader looks after itself |
+| Record | settings of a record with this reader: its keys, their units and bounds; validators refuse what cannot be |
+| RecordSlice | the same keys in the slice of the record's stage |
+| read(settings) | RecordSlice -> the events in the form of pipeline.event_table, filtered (filters.filter_events) |
+
+A module here is imported whenever a mine file is checked: it imports slow libraries where it uses them.
 """
+
+from collections.abc import Mapping
+from types import ModuleType
 
 import xarray as xr
 
-from catalogs.record_settings import RecordSlice
+from catalogs import record_settings
+from catalogs.records import csv_reader, elk_creek_reader, quakeml_reader
+from pipeline.settings import Settings, one_of
+
+READERS: dict[str, ModuleType] = {reader.NAME: reader for reader in (quakeml_reader, csv_reader, elk_creek_reader)}
+AnyRecord = one_of("reader", {name: reader.Record for name, reader in READERS.items()})
 
 
-def _quakeml(settings: dict) -> xr.Dataset:
-    from catalogs.records.quakeml_reader import read
+class _Stage(Settings):
+    """The slice of the record's stage under the section's name, which messages give."""
 
-    return read(settings)
-
-
-def _csv(settings: dict) -> xr.Dataset:
-    from catalogs.records.csv_reader import read
-
-    return read(settings)
+    record: one_of("reader", {name: reader.RecordSlice for name, reader in READERS.items()})
 
 
-def _elk_creek(settings: dict) -> xr.Dataset:
-    from catalogs.records.elk_creek import read
-
-    return read(settings)
-
-
-READERS = {"quakeml": _quakeml, "csv": _csv, "elk_creek": _elk_creek}
+def record_slice(values: Mapping) -> record_settings.RecordSlice:
+    """The settings of the record's stage from the values of its slice, in SI. Raises InputErrors."""
+    return _Stage.of({"record": values}).record
 
 
-def read_record(settings: RecordSlice) -> xr.Dataset:
-    """The recorded catalogue that the settings (or their values, in SI) describe, in the form of pipeline.event_table.
+def read_record(values: Mapping) -> xr.Dataset:
+    """The recorded catalogue that a slice (or its settings) describes, in the form of pipeline.event_table.
 
     Raises InputError.
     """
-    settings = RecordSlice.of(settings, "record")
-    return READERS[settings.reader](settings)
+    settings = values if isinstance(values, record_settings.RecordSlice) else record_slice(values)
+    return READERS[settings.reader].read(settings)

@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.record_settings import SIZE_NAMES, RecordSlice
+from catalogs.record_settings import EventFileSlice
 from pipeline.errors import InputError
 from pipeline.event_table import new_catalog
 from pipeline.source_tensors import (
@@ -17,11 +17,12 @@ from pipeline.source_tensors import (
     source_shares,
 )
 
-SMALLEST, LARGEST = -12.0, 10.0  # Mw: below grains that break in a laboratory, above any earthquake
+SIZE_NAMES = ("potency", "log_potency", "moment", "mw")
+MIN_MW, MAX_MW = -12.0, 10.0  # below grains that break in a laboratory, above any earthquake
 
 
 def build_record(
-    settings: RecordSlice,
+    settings: EventFileSlice,
     time: NDArray,
     location: NDArray,
     sizes: dict[str, NDArray],
@@ -86,12 +87,12 @@ def build_record(
 
 def check_sizes(mw: NDArray, source: str) -> None:
     """Raise InputError for a moment magnitude (event,) that no event has: a number of another column or unit."""
-    absurd = (mw < SMALLEST) | (mw > LARGEST)  # NaN is neither
+    absurd = (mw < MIN_MW) | (mw > MAX_MW)  # NaN is neither
     if absurd.any():
         event = int(np.flatnonzero(absurd)[0])
         raise InputError(
             f"{source}: event {event + 1}: Mw {mw[event]:.4g} is no event's size ({int(absurd.sum())} such): Mw runs "
-            f"from {SMALLEST:g} to {LARGEST:g}; check the column, its unit, and record.missing"
+            f"from {MIN_MW:g} to {MAX_MW:g}; check the column, its unit, and record.missing"
         )
 
 

@@ -1,47 +1,159 @@
 """Records in CSV: the configuration says which column is what."""
 
+import codecs
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Annotated, Literal, Self
 
 import numpy as np
 import xarray as xr
+from pydantic import model_validator
 
-from catalogs.frame import MineFrame
-from catalogs.record_settings import (
-    DATE_PARTS,
-    EVENT_TYPE,
+from catalogs.record_settings import EventFileSettings, EventFileSlice
+from catalogs.records.build import SIZE_NAMES, build_record
+from catalogs.records.csv_columns import (
     GLOBE_COORDINATES,
-    LINEAR,
+    LINEAR_SIZES,
+    LOGARITHM_NAME,
     MAGNITUDE,
     MAGNITUDE_TYPE,
     MINE_COORDINATES,
-    SIZE_NAMES,
-    STATUS,
     TENSOR_KINDS,
-    TEXTS,
-    TIME_FORMATS,
+    TEXT_COLUMNS,
     UNITS,
-    RecordSlice,
+    ColumnSettings,
 )
-from catalogs.records.build import build_record
 from catalogs.records.csv_table import Table, read_table
-from catalogs.records.event_kinds import is_left_out, kept_words, plain_word
+from catalogs.records.event_kinds import EVENT_TYPE, STATUS, is_left_out, kept_words, plain_word
 from catalogs.records.filters import filter_events
 from catalogs.records.magnitudes import moment_magnitudes, sizes_text
-from catalogs.records.times import parse_times, shown_twice, times_of_numbers, times_of_parts
+from catalogs.records.times import (
+    DATE_PARTS,
+    EPOCHS,
+    check_zone,
+    parse_times,
+    shown_twice,
+    times_of_numbers,
+    times_of_parts,
+)
+from catalogs.units import unit_quantity
 from pipeline.errors import InputError
+from pipeline.settings import AsTuple, Settings, real_number, refusal, short
 from pipeline.source_tensors import potency_from_moment
 from pipeline.voigt import COMPONENTS
 
-FRAMES = {  # axes of a tensor's frame (row) in east, north, up; up south east is that of moment tensor catalogues
+NAME = "csv"
+READS_FOLDER = False
+TENSOR_FRAMES = {  # axes (row) in east, north, up; up south east is the frame of moment tensor catalogues
     "ENU": np.eye(3),
     "NED": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
     "USE": np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]),
 }
-LARGEST_LOG = 25.0  # log10 of the moment (N m) of an earthquake larger than any
-FEWEST_SIZES, CHANCE = 10, 0.01  # so many sizes as alike as by this chance are none
-CODES = (-99.0, -999.0, -9999.0)  # written for a missing value, unless record.missing names others
+MAX_LOG_MOMENT = 25.0  # log10 of the moment (N m) of an earthquake larger than any
+MIN_SIZES_TO_JUDGE = 10  # fewer sizes may be alike by chance
+MAX_CHANCE_OF_LIKENESS = 0.01  # numbers as alike as by a smaller chance are no sizes
+MISSING_VALUE_CODES = (-99.0, -999.0, -9999.0)  # unless record.missing names others
+
+
+class EnergyConversion(Settings):
+    """log10 moment (N m) = slope log10 energy (J) + offset."""
+
+    slope: real_number(gt=0, le=10)
+    offset: real_number(ge=-30, le=30)
+
+
+class Record(EventFileSettings):
+    """A record in a CSV file."""
+
+    reader: Literal["csv"]
+    """Format of the record."""
+    columns: ColumnSettings
+    """Columns of the file."""
+    tensor_frame: Literal["ENU", "NED", "USE"] = None
+    """Meaning of x, y and z of the tensor columns: east north up, north east down, or up south east. Default: ENU."""
+    units: dict[str, str] = None
+    """Unit of a kind of column, where it is not m, m^3, N m, J or s and the file does not state it."""
+    missing: Annotated[tuple[real_number(), ...], AsTuple] = None
+    """Numbers that stand for a missing value. Default: -99, -999, -9999."""
+    decimal: Literal["point", "comma"] = None
+    """Decimal mark. Default: found from the file."""
+    date_order: Literal["day", "month"] = None
+    """What comes first in 01/02/2019. Default: found from the file."""
+    time_zone: str = None
+    """Time zone of times without an offset: Australia/Hobart, +10:00. Default: UTC. An hour that a clock shows twice is
+    the later one."""
+    energy_conversion: EnergyConversion = None
+    """Conversion of radiated energy: log10 moment (N m) = slope log10 energy (J) + offset. Nothing is assumed."""
+    encoding: str = None
+    """Encoding of a file that is not in UTF-8 or UTF-16, where its names or texts matter: gbk, shift_jis, cp1252."""
+    time_format: Literal["excel", "excel_1904", "unix", "unix_ms"] = None
+    """Format of a time that is a number: days of a worksheet (since 1900, since 1904), seconds or milliseconds since
+    1970 in UTC."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        self._check_columns()
+        for kind, unit in (self.units or {}).items():
+            if kind not in UNITS or kind not in self.columns.model_fields_set:
+                raise refusal(f"not a named column with a unit; such are {', '.join(UNITS)}", "units", kind)
+            quantity = unit_quantity(unit)
+            if quantity is None:
+                raise refusal(f"{short(unit)} is not a unit; expected one like {UNITS[kind]}", "units", kind)
+            if not quantity.check(UNITS[kind]):
+                raise refusal(f"{short(unit)} is not convertible to {UNITS[kind]}", "units", kind)
+        if self.tensor_frame and not {f"{kind}_xx" for kind in TENSOR_KINDS} & self.columns.model_fields_set:
+            raise refusal("of which tensor? name its six columns, or leave it out", "tensor_frame")
+        if self.time_zone:
+            try:
+                check_zone(self.time_zone)
+            except InputError as error:
+                raise refusal(str(error).partition(": ")[2], "time_zone") from error
+        return self
+
+    def _check_columns(self) -> None:
+        """What the columns of a CSV file ask of other keys."""
+        named = self.columns.model_fields_set
+        for kind in LINEAR_SIZES:
+            name = getattr(self.columns, kind) or ""
+            if LOGARITHM_NAME.match(name.strip()) and kind not in (self.units or {}):
+                raise refusal(
+                    f"column {name!r} is by its name a logarithm; name it in record.columns.log_{kind}, or give its "
+                    f"unit in record.units.{kind} if it is none",
+                    "columns",
+                    kind,
+                )
+        if named & {"energy", "log_energy"} and not self.energy_conversion:
+            raise refusal(
+                "missing; an energy is no moment: say {slope: ..., offset: ...} for log10 moment (N m) = slope log10 "
+                "energy (J) + offset",
+                "energy_conversion",
+            )
+        if self.energy_conversion and not named & {"energy", "log_energy"}:
+            raise refusal("of which energy? name its column in record.columns.energy", "energy_conversion")
+        if self.time_format and "time" not in named:
+            raise refusal("of which number? name its column in record.columns.time", "time_format")
+        if self.time_format and self.date_order:
+            raise refusal("a time that is a number has no order of day and month; leave it out", "date_order")
+        if (self.time_format or "").startswith("unix") and self.time_zone:
+            raise refusal("Unix time is UTC everywhere; leave it out", "time_zone")
+        if self.encoding:
+            try:
+                known = codecs.lookup(self.encoding)._is_text_encoding
+            except (LookupError, ValueError):
+                known = False
+            if not known:
+                raise refusal(
+                    f"{short(self.encoding)} is no encoding; such are utf-8, cp1252, gbk, shift_jis", "encoding"
+                )
+
+
+class RecordSlice(Record, EventFileSlice):
+    """The slice of a record in a CSV file."""
+
+    def names_of_text(self, kind: str) -> set[str]:
+        """The kind itself, and its column in the file."""
+        return {kind, getattr(self.columns, kind)}
 
 
 def read(settings: RecordSlice) -> xr.Dataset:
@@ -54,21 +166,21 @@ def read(settings: RecordSlice) -> xr.Dataset:
     time_uncertainty (s), step, event_type and evaluation_status (catalogs.records.event_kinds). units: {kind of
     column: unit}, where it is not the one above and not in the file; decimal, date_order, time_zone: what cannot be
     found from the file; conversions: catalogs.records.magnitudes; missing: numbers that stand for a missing value,
-    else CODES. How the table is read: catalogs.records.csv_table.
+    else MISSING_VALUE_CODES. How the table is read: catalogs.records.csv_table.
 
     Events that are no seismicity or have no time, place or size are left out, and rows that are there twice. Raises
     InputError, naming file, column and event, for what is missing, not a number, or not a date.
     """
     path = Path(settings.file)
     columns = settings.columns.names()
-    names = {key: name for key, name in columns.items() if key not in TEXTS}
+    names = {key: name for key, name in columns.items() if key not in TEXT_COLUMNS}
     times = _listed(columns["time"]) if settings.time_format else []  # numbers, too
     named = {name: f"record.columns.{key}" for key, value in columns.items() for name in _listed(value)}
     numeric = [*names.values(), *times]
     table = read_table(path, named, numeric, settings.decimal, settings.encoding)
     _check_untold_kinds(table, set(named), settings)
     table.decide_decimals(numeric)
-    codes = CODES if settings.missing is None else settings.missing
+    codes = MISSING_VALUE_CODES if settings.missing is None else settings.missing
     units = settings.units or {}
     numbers = {}
     for key, name in names.items():
@@ -78,7 +190,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
         if settings.missing is None:
             _check_codes(key, values[missing], factor, settings)
         values = np.where(missing, np.nan, values)
-        if key in LINEAR:
+        if key in LINEAR_SIZES:
             _check_logarithm(key, name, values * factor, settings)
         numbers[key] = values + np.log10(factor) if key.startswith("log_") else values * factor
     time, local = _times(table, columns, numbers, settings, codes)
@@ -157,16 +269,16 @@ def _check_codes(key: str, codes: np.ndarray, factor: float, settings: RecordSli
 def _check_logarithm(key: str, name: str, values: np.ndarray, settings: RecordSlice) -> None:
     """Raise InputError where numbers can only be logarithms of sizes: asked for, unless record.units has their unit.
 
-    values (event,): in SI units, if the file states a unit. A record whose moments all stay below LARGEST_LOG is
+    values (event,): in SI units, if the file states a unit. A record whose moments all stay below MAX_LOG_MOMENT is
     one of Mw -5.1 and less, of grains. The chance that n sizes lie within a factor r is (1 - 1 / r)^n where as many as
-    1 / size are larger, a steeper law than that of most records; below CHANCE they are no sizes.
+    1 / size are larger, a steeper law than that of most records; below MAX_CHANCE_OF_LIKENESS they are no sizes.
     """
     if key in (settings.units or {}):
         return
     sizes = values[np.isfinite(values) & (values != 0)]
-    if not sizes.size or sizes.min() < 0 or sizes.max() > LARGEST_LOG:
+    if not sizes.size or sizes.min() < 0 or sizes.max() > MAX_LOG_MOMENT:
         return  # what is negative is refused by its event
-    alike = sizes.size >= FEWEST_SIZES and (1 - sizes.min() / sizes.max()) ** sizes.size < CHANCE
+    alike = sizes.size >= MIN_SIZES_TO_JUDGE and (1 - sizes.min() / sizes.max()) ** sizes.size < MAX_CHANCE_OF_LIKENESS
     if key == "moment" or alike:
         raise InputError(
             f"{settings.file}: column {name!r}: {sizes.min():g} to {sizes.max():g} {UNITS[key]} can hardly be all of a "
@@ -202,7 +314,7 @@ def _times(
     wrong = np.isnat(time) & there.to_numpy()
     if wrong.any():
         is_number = re.fullmatch(r"[-+]?\d+[.,]?\d*", text[wrong].iloc[0])
-        remedy = f"say record.time_format: {', '.join(TIME_FORMATS)}" if is_number else "write 2019-08-01T12:00:00"
+        remedy = f"say record.time_format: {', '.join(EPOCHS)}" if is_number else "write 2019-08-01T12:00:00"
         table.refuse(wrong, names[0], f"({text[wrong].iloc[0]}) is not a date and time", remedy)
     return time, local
 
@@ -216,6 +328,8 @@ def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: Recor
             np.abs(numbers[key]) > most, columns[key], f"is no {key}, which ends at {most:g} degrees", "correct it"
         )
     globe = np.column_stack([numbers[key] for key in GLOBE_COORDINATES])
+    from catalogs.frame import MineFrame  # here: to check a mine file must not wait for PROJ
+
     location = np.full(globe.shape, np.nan)
     known = np.isfinite(globe).all(axis=1)
     location[known] = MineFrame(settings.frame).to_mine(*globe[known].T)
@@ -227,7 +341,7 @@ def _sizes(
 ) -> tuple[dict[str, np.ndarray], str]:
     """Sizes of every kind (event,), NaN where unknown, and in words which magnitudes and energies were converted."""
     sizes = {key: numbers[key] for key in SIZE_NAMES if key in columns}
-    for key in LINEAR:
+    for key in LINEAR_SIZES:
         if key in columns:
             numbers[key] = np.where(numbers[key] == 0, np.nan, numbers[key])  # what was never computed
             table.refuse(
@@ -275,7 +389,7 @@ def _first(values: np.ndarray | None, other: np.ndarray | None) -> np.ndarray:
 
 def _tensor(numbers: Mapping, settings: RecordSlice) -> np.ndarray | None:
     """Potency tensors (event, 3, 3) m3, east north up, NaN where a component is empty; None without columns."""
-    axes = FRAMES[settings.tensor_frame or "ENU"]
+    axes = TENSOR_FRAMES[settings.tensor_frame or "ENU"]
     for kind in TENSOR_KINDS:
         if f"{kind}_xx" not in numbers:
             continue

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from catalogs.record_settings import plain
+from catalogs.record_settings import normalized
 from catalogs.units import unit_quantity
 from pipeline.errors import InputError
 
@@ -256,7 +256,7 @@ def _header(lines: list[str], named: set[str]) -> tuple[int, str, list[str]]:
     for place, line in sorted(head, key=lambda one: one[1].startswith("#")):  # comments last
         line = line.lstrip("# ")
         for separator in SEPARATORS:
-            header = [plain(name) for name in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+            header = [normalized(name) for name in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
             count = len(named & set(header))
             # without any of them, the first line, separated by what parts it most
             score = (len(header) - 1) / len(line) if not count and place == first else count

@@ -13,9 +13,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.record_settings import EVENT_TYPE, STATUS, RecordSlice
+from catalogs.record_settings import RecordSlice
 from pipeline.errors import InputError
 
+EVENT_TYPE, STATUS, MODE = "event_type", "evaluation_status", "evaluation_mode"  # kinds of text
 COUNTED = {
     EVENT_TYPE: {
         "", "null", "not reported", "earthquake", "induced or triggered event", "rock burst", "reservoir loading",
@@ -64,7 +65,7 @@ def no_seismicity(kinds: Mapping[str, NDArray], settings: RecordSlice, source: s
     limits, kept = settings.filter, kept_words(settings)
     found = {}
     for kind, texts in kinds.items():
-        names = {kind, getattr(settings.columns, kind, None)}
+        names = settings.names_of_text(kind)
         only, without = (
             [plain_word(text) for name, listed in (getattr(limits, key, None) or {}).items() if name in names
              for text in _listed(listed)]

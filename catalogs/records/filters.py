@@ -11,8 +11,8 @@ import numpy as np
 import xarray as xr
 
 from catalogs.periods import recorded_period
-from catalogs.record_settings import EVENT_TYPE, DomainBox, RecordSlice
-from catalogs.records.event_kinds import no_seismicity, plain_word, types_text
+from catalogs.record_settings import DomainBox, RecordSlice
+from catalogs.records.event_kinds import EVENT_TYPE, no_seismicity, plain_word, types_text
 from catalogs.records.times import parse_time
 from pipeline.errors import InputError
 

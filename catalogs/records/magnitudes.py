@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.record_settings import Conversion, plain
+from catalogs.record_settings import Conversion, normalized
 from pipeline.errors import InputError
 
 UNTYPED = "untyped"
@@ -84,7 +84,7 @@ def _conversion(kind: str, conversions: Mapping) -> Conversion | str | None:
     Raises InputError where two such names state different things.
     """
     wanted = kind.strip() or UNTYPED
-    stated = {plain(name): value for name, value in conversions.items()}
+    stated = {normalized(name): value for name, value in conversions.items()}
     if wanted in stated:
         return stated[wanted]
     alike = {name: value for name, value in stated.items() if _folded(name) == _folded(wanted)}

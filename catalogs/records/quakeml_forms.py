@@ -10,9 +10,8 @@ from pathlib import Path
 from lxml import etree
 from obspy.core.event.header import EventType
 
-from catalogs.record_settings import MODE, STATUS
 from catalogs.records.csv_table import check_container
-from catalogs.records.event_kinds import plain_word
+from catalogs.records.event_kinds import MODE, STATUS, plain_word
 from pipeline.errors import InputError
 
 FAMILY = "http://quakeml.org/xmlns/"  # with which namespaces of all versions of QuakeML begin

@@ -1,28 +1,72 @@
-"""Records in QuakeML: our own, read back as they were written, or any other, through latitude, longitude and depth."""
+"""Records in QuakeML: our own, read back as they were written, or any other, through latitude, longitude and depth.
+
+What needs ObsPy or PROJ is imported where it is used: to check a mine file must not wait for them.
+"""
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from obspy.core.event import Catalog, Event, Magnitude, Origin
+from pydantic import model_validator
 
-from catalogs.frame import MineFrame
-from catalogs.location_uncertainty import location_uncertainty
-from catalogs.quakeml import moment_tensor, own_catalog, parse_quakeml, quakeml_bytes
-from catalogs.record_settings import EVENT_TYPE, FIRST_YEAR, LAST_YEAR, MODE, STATUS, RecordSlice
+from catalogs.record_settings import EventFileSettings, EventFileSlice, LocationError
 from catalogs.records.build import build_record, check_sizes
-from catalogs.records.event_kinds import kept_words
+from catalogs.records.event_kinds import EVENT_TYPE, MODE, STATUS, kept_words
 from catalogs.records.filters import filter_events
 from catalogs.records.magnitudes import is_convertible, is_moment_type, moment_magnitudes, sizes_text
-from catalogs.records.quakeml_forms import Words, plain_quakeml
+from catalogs.records.times import FIRST_YEAR, LAST_YEAR
 from catalogs.units import unit_quantity
 from pipeline.errors import InputError
 from pipeline.event_table import LOCATION_UNCERTAINTY
+from pipeline.settings import refusal, short
 from pipeline.source_tensors import potency_from_moment
 
+if TYPE_CHECKING:
+    from obspy.core.event import Catalog, Event, Magnitude, Origin
+
+    from catalogs.records.quakeml_forms import Words
+
+NAME = "quakeml"
+READS_FOLDER = False
+TEXTS = (EVENT_TYPE, STATUS, MODE)  # which filters may ask for
 REJECTED = "rejected"
-GLOBE = {"latitude": 90.0, "longitude": 180.0, "depth": np.inf}  # of an origin, and the most that it may be
+MAX_COORDINATE = {"latitude": 90.0, "longitude": 180.0, "depth": np.inf}  # of an origin
+
+
+class Record(EventFileSettings):
+    """A record in a QuakeML file."""
+
+    reader: Literal["quakeml"]
+    """Format of the record."""
+    location_error: LocationError
+    """R.m.s. error in 3-D of the locations of events that state none."""
+    units: dict[str, str] = None
+    """Unit of the depths, where it is not m: {depth: km}."""
+
+    @model_validator(mode="after")
+    def _readable(self) -> Self:
+        for kind, unit in (self.units or {}).items():
+            if kind != "depth":
+                raise refusal("QuakeML has its own unit here; depth alone may be in another one", "units", kind)
+            quantity = unit_quantity(unit)
+            if quantity is None:
+                raise refusal(f"{short(unit)} is not a unit; expected one like m", "units", kind)
+            if not quantity.check("m"):
+                raise refusal(f"{short(unit)} is not convertible to m", "units", kind)
+        if self.filter:
+            for key in self.filter.model_fields_set & {"maximum", "minimum"}:
+                raise refusal("a QuakeML file has no columns; leave it out", "filter", key)
+            for key in self.filter.model_fields_set & {"only", "without"}:
+                for name in getattr(self.filter, key):
+                    if name not in TEXTS:
+                        raise refusal(f"no text of a QuakeML file; such are {', '.join(TEXTS)}", "filter", key, name)
+        return self
+
+
+class RecordSlice(Record, EventFileSlice):
+    """The slice of a record in a QuakeML file."""
 
 
 def read(settings: RecordSlice) -> xr.Dataset:
@@ -38,6 +82,9 @@ def read(settings: RecordSlice) -> xr.Dataset:
     z and tensors bit for bit. Raises InputError, naming file and event, for degrees off the globe, magnitudes of
     other types, sizes that no event has, and what is no QuakeML.
     """
+    from catalogs.quakeml import own_catalog, parse_quakeml, quakeml_bytes
+    from catalogs.records.quakeml_forms import plain_quakeml
+
     path = Path(settings.file)
     content, words = plain_quakeml(quakeml_bytes(path), path)
     events = parse_quakeml(content, path)
@@ -66,7 +113,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
     return filter_events(record, settings, source=str(path), repeated=repeated, words=mode, kinds=kinds)
 
 
-def _origin(event: Event, words: Words) -> int | None:
+def _origin(event: "Event", words: "Words") -> int | None:
     """Place of the origin that counts among an event's: the preferred one, else the first that is not rejected."""
     preferred = event.preferred_origin()
     if preferred is not None and preferred in event.origins:
@@ -75,7 +122,7 @@ def _origin(event: Event, words: Words) -> int | None:
     return next(iter(sound or range(len(event.origins))), None)
 
 
-def _leave_out_rejected(event: Event) -> None:
+def _leave_out_rejected(event: "Event") -> None:
     """Take rejected magnitudes and mechanisms out of an event."""
     event.magnitudes = [one for one in event.magnitudes if one.evaluation_status != REJECTED]
     event.focal_mechanisms = [one for one in event.focal_mechanisms if one.evaluation_status != REJECTED]
@@ -96,15 +143,19 @@ def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dat
     return record
 
 
-def _foreign(events: Catalog, origins: list[Origin | None], settings: RecordSlice, path: Path) -> xr.Dataset:
+def _foreign(events: "Catalog", origins: "list[Origin | None]", settings: RecordSlice, path: Path) -> xr.Dataset:
     """A catalogue from what every QuakeML file holds, and from the origin of each event that counts."""
+    from catalogs.frame import MineFrame
+    from catalogs.location_uncertainty import location_uncertainty
+    from catalogs.quakeml import moment_tensor
+
     time = np.array([_time(origin, number, path) for number, origin in enumerate(origins, 1)], "datetime64[ns]")
     lower, upper = np.array([_time_uncertainties(origin) for origin in origins], float).reshape(-1, 2).T
-    globe = np.array([[getattr(origin, name, None) for name in GLOBE] for origin in origins], float)
-    globe = globe.reshape(-1, len(GLOBE))  # of no event, too
+    globe = np.array([[getattr(origin, name, None) for name in MAX_COORDINATE] for origin in origins], float)
+    globe = globe.reshape(-1, len(MAX_COORDINATE))  # of no event, too
     depth_unit = unit_quantity(settings.units["depth"]).to("m").magnitude if settings.units else 1.0
-    globe[:, list(GLOBE).index("depth")] *= depth_unit
-    for column, (name, most) in enumerate(GLOBE.items()):
+    globe[:, list(MAX_COORDINATE).index("depth")] *= depth_unit
+    for column, (name, most) in enumerate(MAX_COORDINATE.items()):
         off = np.abs(globe[:, column]) > most
         if off.any():
             event = int(np.flatnonzero(off)[0])
@@ -160,7 +211,7 @@ def _time_uncertainties(origin) -> tuple[float | None, float | None]:
     return tuple(both if one is None else one for one in (errors.lower_uncertainty, errors.upper_uncertainty))
 
 
-def _magnitude(event: Event, conversions: dict) -> Magnitude | None:
+def _magnitude(event: "Event", conversions: dict) -> "Magnitude | None":
     """The magnitude that counts: a moment magnitude, else a convertible one, else any; the preferred one first."""
     preferred = event.preferred_magnitude()
     listed = ([preferred] if preferred else []) + list(event.magnitudes)

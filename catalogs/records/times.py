@@ -1,14 +1,17 @@
 """Dates and times as mines export them: ISO 8601, day or month first, months by name, local time, UTC offsets."""
 
+import datetime
 import re
 from collections.abc import Mapping
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pandas as pd
 
-from catalogs.record_settings import DATE_PARTS, FIRST_YEAR, LAST_YEAR, check_zone
 from pipeline.errors import InputError
 
+FIRST_YEAR, LAST_YEAR = 1678, 2261  # whole years that nanoseconds since 1970 reach
+DATE_PARTS = ("year", "month", "day", "hour", "minute", "second")
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 ORDERS = ("day", "month")  # which comes first in 01/02/2019
 CENTURY = 69  # two figures of a year from here on are of 1900, as in POSIX
@@ -35,6 +38,21 @@ CLOCK_PARTS = {
     "second": (ONE_SECOND, 61),
 }  # unit, below
 NANOSECONDS = {"hour": 3_600_000_000_000, "minute": 60_000_000_000, "whole": 1_000_000_000}
+
+
+def check_zone(zone: str) -> datetime.tzinfo:
+    """The time zone of an IANA name ("Australia/Hobart") or an offset ("+10:00"). Raises InputError."""
+    fixed = re.fullmatch(r"(?:UTC|GMT)?([-+])(\d{1,2}):?(\d{2})?", zone)
+    if fixed:
+        ahead = datetime.timedelta(hours=int(fixed[2]), minutes=int(fixed[3] or 0))
+        if ahead < datetime.timedelta(hours=24):
+            return datetime.timezone(ahead if fixed[1] == "+" else -ahead)
+    try:
+        return ZoneInfo(zone)
+    except (ValueError, OSError, LookupError) as error:
+        raise InputError(
+            f"record.time_zone: {zone!r} is no zone; give a name such as Australia/Hobart, or +10:00"
+        ) from error
 
 
 def parse_time(text: str, where: str) -> np.datetime64:

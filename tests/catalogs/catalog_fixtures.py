@@ -5,8 +5,8 @@ import json
 import numpy as np
 import xarray as xr
 
-from catalogs.record_settings import RecordSlice
 from catalogs.records.build import build_record
+from catalogs.records.quakeml_reader import RecordSlice
 
 LAME, SHEAR = 22.8e9, 22.8e9
 FRAME = {"latitude": -41.8, "longitude": 145.4, "surface": 2000.0}

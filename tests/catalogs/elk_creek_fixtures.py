@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from catalogs.records import elk_creek as record
+from catalogs.records import elk_creek_reader as record
 
 ROOT = Path(__file__).resolve().parents[2]
 LEVEL, EAST, NORTH = 1800.0, -0.01, -0.05  # the synthetic seam: elevation at (10000, 5000), slopes

@@ -14,15 +14,14 @@ from elk_creek_fixtures import recorded_data, write_tiny_mine
 from hypothesis import given
 from hypothesis import strategies as st
 
-from catalogs.record_settings import RecordSlice
-from catalogs.records import elk_creek as record
+from catalogs.records import elk_creek_reader as record
 from catalogs.records import read_record
 from pipeline.errors import InputError
 from pipeline.event_table import read_events, write_events
 
 BOX = {"lower": [9800.0, 4200.0, 1400.0], "upper": [12800.0, 6500.0, 2100.0]}
 MONTHS = {"start": "2010-09-01", "end": "2011-01-01"}
-SEPTEMBER = {"location_error": 80.0, "start": "2010-09-01", "end": "2010-10-01"}
+SEPTEMBER = {"max_location_error": 80.0, "start": "2010-09-01", "end": "2010-10-01"}
 NEAR_PANEL_2 = {"lower": [9790.0, 4840.0, 1400.0], "upper": [10710.0, 5670.0, 2100.0]}
 
 
@@ -36,7 +35,7 @@ def folder(tmp_path, monkeypatch):
 def settings(folder, **changes):
     common = {"mine": "elk_creek", "reader": "elk_creek", "file": str(folder), "filter": BOX | MONTHS}
     chosen = common | {"orientations": SEPTEMBER} | changes
-    return RecordSlice.of({key: value for key, value in chosen.items() if value is not None}, "record")
+    return record.RecordSlice.of({key: value for key, value in chosen.items() if value is not None}, "record")
 
 
 def replace_column(folder, name, value, catalogue="ims_events", month="2010-09_ims"):
@@ -151,7 +150,7 @@ def test_faults_are_told_in_one_line(folder):
     with pytest.raises(InputError, match="no event left"):
         read_record(settings(folder, filter=BOX | {"start": "2012-01-01"}))
     with pytest.raises(InputError, match=r"record\.orientations: none of 40 left"):
-        read_record(settings(folder, orientations=SEPTEMBER | {"location_error": 1.0}))
+        read_record(settings(folder, orientations=SEPTEMBER | {"max_location_error": 1.0}))
     replace_column(folder, "Moment Total", 0.0)
     with pytest.raises(InputError, match="40 events without a positive Moment Total"):
         read_record(settings(folder))
@@ -209,7 +208,7 @@ def test_recorded_location_error_is_of_the_order_of_100_m(data, recorded):
     near = read_record(settings(data, orientations=SEPTEMBER | NEAR_PANEL_2))
     assert near.attrs["location_error_pairs"] == 47
     assert near.attrs["location_error"] == pytest.approx(105, abs=1)
-    widest = {"filter": {"maximum": {"Location Residual": 30.0}}, "orientations": {"location_error": 80.0}}
+    widest = {"filter": {"maximum": {"Location Residual": 30.0}}, "orientations": {"max_location_error": 80.0}}
     source = read_record(settings(data, **widest))
     assert source.attrs["location_error_pairs"] == 315
     assert source.attrs["location_error"] == pytest.approx(123, abs=1)

@@ -12,7 +12,7 @@ import yaml
 from elk_creek_fixtures import ROOT, recorded_data, seam, write_tiny_mine
 from matplotlib.path import Path as Outline
 
-from catalogs.records import elk_creek as record
+from catalogs.records import elk_creek_reader as record
 from mpm_core.geometry.shapes import build_shape
 from pipeline.errors import InputError
 from workflow.mines import elk_creek as mine

@@ -11,9 +11,8 @@ from elk_creek_fixtures import write_tiny_mine
 from obspy.core.event.header import EventType
 
 from catalogs.quakeml import write_quakeml
-from catalogs.record_settings import EVENT_TYPE
 from catalogs.records import read_record
-from catalogs.records.event_kinds import COUNTED, LEFT_OUT, is_left_out
+from catalogs.records.event_kinds import COUNTED, EVENT_TYPE, LEFT_OUT, is_left_out
 from pipeline.errors import InputError
 
 QUAKEML = """<?xml version="1.0" encoding="utf-8"?>

@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -274,9 +275,20 @@ def test_missing_files_are_named(tmp_path):
         read_record(SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "not.xml")})
 
 
-def test_readers_are_imported_when_asked_for():
-    assert list(READERS) == ["quakeml", "csv", "elk_creek"]
-    assert callable(READERS["csv"])
+def test_slow_libraries_are_imported_only_when_a_record_is_read():
+    """A mine file is checked before each run, whichever readers there are."""
+    slow = "import sys, workflow.configuration; assert not {'obspy', 'pyproj', 'matplotlib'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", slow], check=True, timeout=300)
+
+
+@pytest.mark.parametrize("reader", READERS.values(), ids=list(READERS))
+def test_each_reader_offers_what_the_others_do(reader):
+    """Its settings name it, and its slice has their keys, with what the model adds."""
+    assert get_args(reader.Record.model_fields["reader"].annotation) == (reader.NAME,)
+    assert issubclass(reader.RecordSlice, reader.Record)
+    assert {"mine", "frame", "period", "domain"} <= reader.RecordSlice.model_fields.keys()
+    assert isinstance(reader.READS_FOLDER, bool)
+    assert callable(reader.read)
 
 
 def test_time_of_another_zone_is_utc():

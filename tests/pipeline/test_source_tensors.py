@@ -10,8 +10,8 @@ from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from catalogs.record_settings import RecordSlice
 from catalogs.records.build import build_record
+from catalogs.records.quakeml_reader import RecordSlice
 from pipeline.source_tensors import (
     clear_axes,
     moment_from_potency,

@@ -13,8 +13,10 @@ from pydantic import BeforeValidator
 from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, ROOT, STRAIN, TINY, changed, merged, slices
 
 from catalogs import grid_convergence, spread
-from catalogs.record_settings import COLUMN_KEYS, DATE_PARTS, RecordSlice
+from catalogs.records import record_slice
+from catalogs.records.csv_columns import ColumnSettings
 from catalogs.records.filters import limits_of
+from catalogs.records.times import DATE_PARTS
 from pipeline.errors import InputError
 from pipeline.settings import NAME_PATTERN, Unit
 from verification.benchmarks.targets import RESULTS
@@ -288,15 +290,15 @@ def test_a_record_without_a_location_error_is_refused(refuse):
 
 def test_a_record_is_read_for_the_modelled_months_unless_told_otherwise(accept):
     """A record of years beside a model of one month would make every ratio of them wrong."""
-    assert limits_of(RecordSlice.of(accept(TINY).record_slice())) == {"start": "2019-08-01", "end": "2019-09-01"}
-    chosen = limits_of(RecordSlice.of(accept(TINY, **{"record.filter": {"start": "2019-08-10"}}).record_slice()))
+    assert limits_of(record_slice(accept(TINY).record_slice())) == {"start": "2019-08-01", "end": "2019-09-01"}
+    chosen = limits_of(record_slice(accept(TINY, **{"record.filter": {"start": "2019-08-10"}}).record_slice()))
     assert chosen == {"start": "2019-08-10", "end": "2019-09-01"}
 
 
 def test_the_schema_knows_the_columns_that_the_reader_reads(accept):
     """Each as a text, and no other."""
     for other in (("time",), DATE_PARTS):  # a time stands in one column, or in those of its parts
-        columns = {key: f"column of {key}" for key in COLUMN_KEYS if key not in other}
+        columns = {key: f"column of {key}" for key in ColumnSettings.model_fields if key not in other}
         record = {"record.columns": columns, "record.energy_conversion": {"slope": 1, "offset": 4}}
         assert accept(TINY, **record).values["record"]["columns"] == columns
 

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from seismic.settings import ClusterSettings
+
 CHOSEN = "by their error"  # value of the knob increments where the configuration leaves their number open
 
 Value = float | str
@@ -31,7 +33,7 @@ def _width(values: dict) -> float:
 
 
 def _radius(values: dict) -> float:
-    return (values["seismic"].get("cluster") or {}).get("radius_cells", 1.8)  # its default (seismic.settings)
+    return (values["seismic"].get("cluster") or {}).get("radius_cells", ClusterSettings().radius_cells)
 
 
 KNOBS = (

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from catalogs.records.elk_creek import data_folder, data_path
+from catalogs.records.elk_creek_reader import data_folder, data_path
 from pipeline.command_line import CommandLine
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError

@@ -8,6 +8,7 @@ import functools
 import json
 import shlex
 
+from catalogs.records import READERS
 from pipeline.provenance import config_hash, files_of, identity, read_made_from
 from pipeline.sources import source_hash
 from pipeline.stage import name_parent_of_stages
@@ -310,7 +311,7 @@ def reading_memory(stage):
 
 def record_files():
     """Recorded data that the record is read from; a folder's reader looks after its own files."""
-    if not HAS_RECORD or MINE.values["record"]["reader"] == "elk_creek":
+    if not HAS_RECORD or READERS[MINE.values["record"]["reader"]].READS_FOLDER:
         return []
     return MINE.record_slice()["file"]
 

@@ -13,23 +13,29 @@ import logging
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 import pandas as pd
 import xarray as xr
+from pydantic import model_validator
 
-from catalogs.record_settings import DomainBox, OrientationSettings, RecordSlice
+from catalogs import record_settings
+from catalogs.record_settings import Box, DomainBox, LocationError
 from catalogs.records.filters import distance_beyond, domain_box, filter_events, limits_of
 from catalogs.records.times import parse_time
 from pipeline.errors import InputError
 from pipeline.event_table import new_catalog
+from pipeline.settings import Settings, Size, Unit, refusal
 from pipeline.source_tensors import moment_magnitude
 
+NAME = "elk_creek"
+READS_FOLDER = True
 ENVIRONMENT_VARIABLE = "ELK_CREEK_DATA"
 REPOSITORY = "GitHub repository niosh-mining/elkcreek"
-RIGIDITY = 33e9  # Pa, what the IMS catalogue's own moments and potencies imply
-MATCH_WITHIN = 1.0  # s; the clocks of the two catalogues differ by 0.3 s in the median
-LEAST_PAIRS = 20  # fewer matched pairs give no usable median
+DEFAULT_RIGIDITY = 33e9  # Pa, which the IMS catalogue's own moments and potencies imply
+DEFAULT_MATCH_WITHIN = 1.0  # s, more than the clocks of the two catalogues differ by
+MIN_MATCHED_PAIRS = 20  # fewer give no usable median
 
 CAVEATS = (
     "Elevations: a fifth of the events of September to December 2010 lie within 2 m of one plane some 26 m above the "
@@ -48,6 +54,47 @@ TENSOR_COLUMNS = {
     (2, 2): "Moment Tensor YyYzZz Z",
 }
 ROCKSIGMA_COLUMNS = ["Date", *COORDINATES, "Location Error", *TENSOR_COLUMNS.values()]
+
+
+class OrientationSettings(Settings):
+    """Which reprocessed events give orientations; limits that are absent are the record's."""
+
+    renamed_keys: ClassVar = {"location_error": "max_location_error"}
+
+    max_location_error: Size
+    """Largest location error of an event whose orientation is used."""
+    lower: Box = None
+    upper: Box = None
+    start: str = None
+    end: str = None
+
+
+class Record(record_settings.RecordSettings):
+    """The record of the Elk Creek mine."""
+
+    reader: Literal["elk_creek"]
+    """Format of the record."""
+    file: str
+    """Folder of the data, relative to the mine file."""
+    location_error: LocationError = None
+    """R.m.s. error of the recorded locations in 3-D. Default: derived from the events of `orientations`, which is
+    required then."""
+    rigidity: Annotated[float, Unit("Pa", gt=0, le=1e20)] = None
+    """Shear modulus in potency = moment / rigidity. Default: 33 GPa."""
+    match_within: Annotated[float, Unit("s", gt=0, le=1e9)] = None
+    """Largest time difference at which two catalogue entries count as the same event. Default: 1 s."""
+    orientations: OrientationSettings = None
+    """Which reprocessed events give orientations."""
+
+    @model_validator(mode="after")
+    def _has_location_error(self) -> Self:
+        if not self.model_fields_set & {"location_error", "orientations"}:
+            raise refusal("missing; give it, or name record.orientations to derive it from", "location_error")
+        return self
+
+
+class RecordSlice(Record, record_settings.RecordSlice):
+    """The slice of the record of the Elk Creek mine."""
 
 
 def data_folder(named: str | os.PathLike, key: str = "record.file") -> Path:
@@ -92,7 +139,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
     if not (moment > 0).all():
         bad = int((~(moment > 0)).sum())
         raise InputError(f"{folder}: ims_events: {bad} events without a positive Moment Total; remove them")
-    rigidity = settings.rigidity or RIGIDITY
+    rigidity = settings.rigidity or DEFAULT_RIGIDITY
     attributes = {
         "mine": settings.mine or "elk_creek",
         "kind": "recorded",
@@ -129,17 +176,17 @@ def read(settings: RecordSlice) -> xr.Dataset:
 def read_orientations(
     folder: Path, chosen: OrientationSettings, limits: Mapping, domain: DomainBox | None = None
 ) -> xr.Dataset:
-    """Orientations (dim orientation) of reprocessed events with `Location Error` below chosen.location_error (m).
+    """Orientations (dim orientation) of reprocessed events with `Location Error` below chosen.max_location_error (m).
 
-    chosen: location_error, and lower, upper (corners of a box, m), start, end (ISO, UTC), each the record's own limit
-    where absent; domain: as in catalogs.records.filters, none but its events count. A small location error alone
-    selects ground near a sensor: most such events are in the mains, 700 m from the face, so name the box that is to be
-    compared. Raises InputError when none is left.
+    chosen: max_location_error; lower and upper (corners of a box, m), start and end (ISO, UTC), each the record's own
+    limit where absent. domain: as in catalogs.records.filters; only events within it count. A small location error
+    alone selects ground near a sensor: most such events are in the mains, 700 m from the face, so name the box that is
+    to be compared. Raises InputError when no event is left.
     """
     frame = _read_parquet(data_path(folder, "rocksigma_events"), ROCKSIGMA_COLUMNS)
     location = frame[COORDINATES].to_numpy(float)
     time = frame["time"].to_numpy("datetime64[ns]")
-    kept = frame["Location Error"].to_numpy(float) < chosen.location_error
+    kept = frame["Location Error"].to_numpy(float) < chosen.max_location_error
     given = chosen.given()
     limit = {key: given.get(key, limits.get(key)) for key in ("lower", "upper", "start", "end")}
     for key, inside in (("lower", np.greater_equal), ("upper", np.less_equal)):
@@ -152,7 +199,7 @@ def read_orientations(
         kept &= distance_beyond(location, *domain_box(domain)) == 0
     if not kept.any():
         raise InputError(
-            f"{folder}: record.orientations: none of {len(frame)} left; widen location_error, box or dates"
+            f"{folder}: record.orientations: none of {len(frame)} left; widen max_location_error, box or dates"
         )
 
     tensor = np.empty((kept.sum(), 3, 3))
@@ -161,7 +208,7 @@ def read_orientations(
     norm = np.sqrt((tensor**2).sum(axis=(1, 2)))
     if not (np.isfinite(norm) & (norm > 0)).all():
         raise InputError(f"{folder}: rocksigma_events: a moment tensor is zero or not a number; remove that event")
-    account = {"location_error": chosen.location_error, **limit}
+    account = {"max_location_error": chosen.max_location_error, **limit}
     account |= {"before": len(frame), "after": int(kept.sum())}
     return xr.Dataset(
         {
@@ -208,9 +255,9 @@ def _location_error(events: xr.Dataset, settings: RecordSlice) -> dict:
     """
     if settings.location_error is not None:
         return {"location_error": settings.location_error, "location_error_from": "configuration"}
-    within = settings.match_within or MATCH_WITHIN
+    within = settings.match_within or DEFAULT_MATCH_WITHIN
     ours, theirs = matched_pairs(events["time"].values, events["orientation_time"].values, within)
-    if ours.size < LEAST_PAIRS:
+    if ours.size < MIN_MATCHED_PAIRS:
         raise InputError(
             f"record: only {ours.size} events of the two catalogues match within {within:g} s, too few for a location "
             f"error; give record.location_error"

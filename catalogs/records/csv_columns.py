@@ -1,0 +1,121 @@
+"""What the columns of a CSV record may hold: the kinds of column, their units, and which of them a record needs."""
+
+import re
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from catalogs.record_settings import normalized
+from catalogs.records.build import SIZE_NAMES
+from catalogs.records.event_kinds import EVENT_TYPE, STATUS
+from catalogs.records.times import DATE_PARTS
+from pipeline.settings import AsTuple, Settings, choose, is_list, refusal
+from pipeline.voigt import COMPONENTS
+
+SIZE_COLUMNS = (*SIZE_NAMES, "log_moment", "energy", "log_energy")
+NOT_MOMENT_MAGNITUDES = ("ml", "mlv", "mb", "mb_lg", "mblg", "md", "mc", "ms", "mn", "mr")
+MINE_COORDINATES = ("x", "y", "z")
+GLOBE_COORDINATES = ("latitude", "longitude", "depth")
+TENSOR_KINDS = ("potency", "moment")
+MAGNITUDE, MAGNITUDE_TYPE = "magnitude", "magnitude_type"
+LINEAR_SIZES = ("potency", "moment", "energy")  # a column may also hold their logarithm: log_potency ...
+UNITS = {**dict.fromkeys((*MINE_COORDINATES, "depth"), "m"), "potency": "m^3", "moment": "N m", "energy": "J"}
+UNITS["time_uncertainty"] = "s"
+UNITS |= {f"{kind}_{name}": UNITS[kind] for kind in TENSOR_KINDS for name in COMPONENTS}
+UNITS |= {f"log_{kind}": UNITS[kind] for kind in LINEAR_SIZES}
+LOGARITHM_NAME = re.compile(r"(log|lg|ln)(_?10)?([\W_]|[MPE]0?\b|10\b)", re.IGNORECASE)  # start of a column's name
+TEXT_COLUMNS = ("time", MAGNITUDE_TYPE, "step", EVENT_TYPE, STATUS)
+
+
+class ColumnSettings(Settings):
+    """What the columns of a CSV file hold: kind of column, its name in the file."""
+
+    time: choose(is_list, Annotated[tuple[str, ...], Field(min_length=1, max_length=3), AsTuple], str) = None
+    """Column of the time, or a list of up to three: date, time of day, offset. record.time_format, if it holds
+    numbers."""
+    year: str = None
+    """Instead of time: columns of year, month, day, and of hour, minute and second, as far as there are such
+    columns."""
+    month: str = None
+    day: str = None
+    hour: str = None
+    minute: str = None
+    second: str = None
+    x: str = None
+    y: str = None
+    z: str = None
+    latitude: str = None
+    longitude: str = None
+    depth: str = None
+    """Depth in m below sea level."""
+    potency: str = None
+    log_potency: str = None
+    moment: str = None
+    log_moment: str = None
+    """log_*: logarithm to base 10."""
+    mw: str = None
+    energy: str = None
+    """Radiated energy. record.energy_conversion converts it."""
+    log_energy: str = None
+    magnitude: str = None
+    magnitude_type: str = None
+    potency_xx: str = None
+    """potency_*, moment_*: six components of a tensor."""
+    potency_yy: str = None
+    potency_zz: str = None
+    potency_yz: str = None
+    potency_xz: str = None
+    potency_xy: str = None
+    moment_xx: str = None
+    moment_yy: str = None
+    moment_zz: str = None
+    moment_yz: str = None
+    moment_xz: str = None
+    moment_xy: str = None
+    time_uncertainty: str = None
+    step: str = None
+    event_type: str = None
+    """Events that are not seismic (quarry blast, explosion, noise, not existing) are left out; see
+    record.filter.keep."""
+    evaluation_status: str = None
+    """Rejected and deleted events are left out."""
+
+    @model_validator(mode="after")
+    def _enough(self) -> Self:
+        """A time, a location and a size among them, and a tensor whole."""
+        named = self.model_fields_set
+        parts = [part in named for part in DATE_PARTS]
+        if "time" not in named and not any(parts):
+            raise refusal("missing; name the column that holds the date and time", "time")
+        if "time" in named and any(parts):
+            raise refusal("the time stands in columns of its parts, or in one; leave either out", "time")
+        if any(parts) and (not all(parts[:3]) or sorted(parts, reverse=True) != parts):
+            raise refusal(f"name the columns of all parts of the time down to the last: {', '.join(DATE_PARTS)}")
+        if not any(set(names) <= named for names in (MINE_COORDINATES, GLOBE_COORDINATES)):
+            raise refusal("name the columns x, y and z, or latitude, longitude and depth")
+        kinds = [kind for kind in TENSOR_KINDS if all(f"{kind}_{name}" in named for name in COMPONENTS)]
+        if not kinds and not named & {*SIZE_COLUMNS, MAGNITUDE}:
+            raise refusal(f"name a column of sizes: {', '.join((*SIZE_COLUMNS, MAGNITUDE))}, or six of a tensor")
+        for kind in TENSOR_KINDS:
+            if 0 < sum(f"{kind}_{name}" in named for name in COMPONENTS) < len(COMPONENTS):
+                raise refusal(f"a tensor needs all six of {kind}_xx ... {kind}_xy")
+        if MAGNITUDE_TYPE in named and not {MAGNITUDE, "mw"} & named:
+            raise refusal("of which magnitude? name its column in record.columns.magnitude", MAGNITUDE_TYPE)
+        if (self.mw or "").strip().lower() in NOT_MOMENT_MAGNITUDES:
+            raise refusal(
+                f"column {self.mw!r} is by its name no Mw; name it in record.columns.{MAGNITUDE}, and say how to "
+                "convert it in record.conversions, untyped: {slope: ..., offset: ...}",
+                "mw",
+            )
+        numeric = [(key, normalized(getattr(self, key))) for key in sorted(named - set(TEXT_COLUMNS))]
+        for number, (key, name) in enumerate(numeric):
+            if same := next((other for other, theirs in numeric[:number] if theirs == name), None):
+                raise refusal(f"column {name!r} is named as {same}, too; each has a column of its own", key)
+        return self
+
+    def names(self) -> dict[str, str | list[str]]:
+        """The columns' names by kind, as they are compared."""
+        return {
+            key: normalized(name) if isinstance(name, str) else [normalized(part) for part in name]
+            for key, name in self.given().items()
+        }
