@@ -21,16 +21,17 @@ from scipy.spatial.distance import cdist
 
 from catalogs.jackknife import effective_blocks
 
-LEVELS = (0.1, 0.2, 0.3, 0.4)  # chances of a link between events that have nothing to do with each other
-PASSES = 2  # at each level: what is one cluster decides how many there are, and so what is chance
-CHANCE_ERRORS = 2.0  # standard errors of the number of links that chance makes
-MOST_EARLIER = 1000  # events that an event is compared with: the latest
-MOST_AMONG = 1000  # events that a share of places is counted among
-LEAST_BLOCKS = 3  # that an interval is taken from
-ROUNDED_TO = (86400.0, 3600.0, 600.0, 60.0, 1.0)  # s, that times may be rounded to
-SHARED = 0.2  # of the other times, that agree with a time but for whole units if it is rounded to the unit
-ONE_TIME = 1e-3  # s, that other times are known to
-ONE_PLACE = 1e-3  # m: distances below are one, or two events of one place would be nearer than chance allows
+LINK_CHANCES = (0.1, 0.2, 0.3, 0.4)  # Chances of a link between events that are independent.
+PASSES_PER_LEVEL = 2  # Passes at each chance: clusters decide how many there are, and so what chance makes.
+MIN_EXCESS_ERRORS = 2.0  # Standard errors by which links must exceed those that chance makes.
+MAX_EARLIER_EVENTS = 1000  # Earlier events that an event is compared with: the latest.
+MAX_REFERENCE_EVENTS = 1000  # Events that a share of places is counted among.
+MIN_BLOCKS = 3  # Blocks that an interval needs.
+ROUNDING_UNITS = (86400.0, 3600.0, 600.0, 60.0, 1.0)  # s, to which times may be rounded
+MIN_SHARE_ROUNDED = 0.2  # A time is rounded to a unit if this share of the others differs from it by whole units.
+MIN_TIME_APART = 1e-3  # s, to which other times are known
+# m; smaller distances count as this, or two events of one place would be nearer than chance allows
+MIN_DISTANCE_APART = 1e-3
 
 
 def cluster_labels(time: NDArray, location: NDArray, step: NDArray, error: float = 0.0) -> NDArray:
@@ -46,23 +47,25 @@ def cluster_labels(time: NDArray, location: NDArray, step: NDArray, error: float
     dated = dated[np.lexsort((*location[dated].T, time[dated]))]  # by time, of one time by place
     if len(dated) > 1:
         days = (time[dated] - time[dated[0]]) / np.timedelta64(86400, "s")
-        error = max(error, ONE_PLACE)
+        error = max(error, MIN_DISTANCE_APART)
         labels[dated] = 1 + _widest(days, rounded_to(time[dated]), location[dated], np.asarray(step)[dated], error)
     return np.unique(labels, return_inverse=True)[1].reshape(-1)
 
 
 def rounded_to(time: NDArray) -> NDArray:
-    """What each time (event,) datetime64 is rounded to, days: the largest of ROUNDED_TO within which it falls on the
-    same instant (of the day, of the hour, ...) as SHARED of the other times; else ONE_TIME.
+    """What each time (event,) datetime64 is rounded to, days.
+
+    That is the largest of ROUNDING_UNITS within which it falls on the same instant (of the day, of the hour, ...) as
+    MIN_SHARE_ROUNDED of the other times; else MIN_TIME_APART.
 
     Any instant counts, not only the whole unit: a local midnight is none in UTC, and two with daylight saving.
     """
     time = np.asarray(time, "datetime64[ns]").astype(np.int64)
     same = _repeats(time)  # events of one time are no sign that times are rounded
-    found = np.full(len(time), ONE_TIME)
-    for unit in reversed(ROUNDED_TO):
+    found = np.full(len(time), MIN_TIME_APART)
+    for unit in reversed(ROUNDING_UNITS):
         agreeing = _repeats(time % int(unit * 1e9)) - same
-        found[(agreeing > 0) & (agreeing >= SHARED * (len(time) - same))] = unit
+        found[(agreeing > 0) & (agreeing >= MIN_SHARE_ROUNDED * (len(time) - same))] = unit
     return found / 86400.0
 
 
@@ -75,15 +78,17 @@ def _repeats(values: NDArray) -> NDArray:
 def _widest(days: NDArray, open_by: NDArray, location: NDArray, step: NDArray, error: float) -> NDArray:
     """Labels of the level at which the mean location is least well known, of those that leave enough blocks."""
     labels, chosen, largest = np.arange(len(days)), np.arange(len(days)), -1.0
-    among = np.linspace(0, len(days) - 1, min(len(days), MOST_AMONG)).astype(int)
+    among = np.linspace(0, len(days) - 1, min(len(days), MAX_REFERENCE_EVENTS)).astype(int)
     around = [_around(location, event, among, error) for event in range(1, len(days))]
-    for level in LEVELS:
-        for _ in range(PASSES):
+    for level in LINK_CHANCES:
+        for _ in range(PASSES_PER_LEVEL):
             labels = _linked(days, open_by, around, among, labels, level)
         links, count = len(days) - len(np.unique(labels)), len(days)
-        if level == LEVELS[0] and links <= level * count + CHANCE_ERRORS * np.sqrt(level * (1 - level) * count):
+        if level == LINK_CHANCES[0] and links <= level * count + MIN_EXCESS_ERRORS * np.sqrt(
+            level * (1 - level) * count
+        ):
             break
-        if effective_blocks(np.bincount(labels)) < LEAST_BLOCKS:
+        if effective_blocks(np.bincount(labels)) < MIN_BLOCKS:
             break
         variance = _mean_variance(location, labels, step)
         if variance > largest:
@@ -95,7 +100,7 @@ def _around(location: NDArray, event: int, among: NDArray, error: float) -> tupl
     """Earlier events by distance from this one; the events `among` by distance, as indices of it; and the last of these
     that lies within the distance of each earlier one, at least the first. Numbers are short: they are kept for all
     events at once."""
-    first = max(0, event - MOST_EARLIER)
+    first = max(0, event - MAX_EARLIER_EVENTS)
     distance = cdist(location[event : event + 1], location[first:event])[0]
     nearby = np.argsort(distance, kind="stable")
     others = np.maximum(cdist(location[event : event + 1], location[among])[0], error)
@@ -119,7 +124,7 @@ def _linked(
     total = weight.sum()
     root = np.arange(count)
     for event, (nearby, order, last) in enumerate(around, 1):
-        earlier = max(0, event - MOST_EARLIER) + nearby.astype(np.int64)
+        earlier = max(0, event - MAX_EARLIER_EVENTS) + nearby.astype(np.int64)
         within = np.cumsum(weight[order])[last]
         apart = days[event] - days[earlier] + np.maximum(open_by[event], open_by[earlier])
         product = clusters * apart / span * (within / total)

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from catalogs import sizes
 from catalogs.blocks import cluster_labels
-from catalogs.comparison_layout import described
-from catalogs.completeness import LEAST_ABOVE, completeness, fullest_bin, next_edge, rounding
+from catalogs.comparison_layout import CATALOGUES, described
+from catalogs.completeness import MIN_EVENTS_ABOVE_CUT, completeness, fullest_bin, next_edge, rounding
 from catalogs.exposure import Exposure
 from catalogs.location_errors import location_errors
 from catalogs.measures import axes_measures, location_measures
 from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
 from catalogs.members import all_runs
 from catalogs.settings import ComparisonSlice
-from catalogs.size_measures import CATALOGUES, SIZE_BIN, size_measures
+from catalogs.size_measures import SIZE_BIN_WIDTH, size_measures
 from catalogs.sum_measures import sum_measures
 from pipeline.errors import InputError
 from pipeline.event_table import check_events
@@ -102,7 +102,7 @@ def compare(
         "period_record": _period(record),
         "period_text": _period_text(record, exposure),
         "settings": json.dumps(settings.model_dump(mode="json"), sort_keys=True),
-        "size_bin_width": SIZE_BIN,
+        "size_bin_width": SIZE_BIN_WIDTH,
         "kagan_bin_width": KAGAN_BIN,
         **attributes,
         **sums_text,
@@ -160,7 +160,7 @@ def _cut(catalog: xr.Dataset, recorded: NDArray, rounded: float) -> tuple[dict, 
         called, record = f"the record's completeness ({how})", f"the record is complete from {complete:.2f}: {how}"
     elif recorded.size:
         other, which = float(recorded.min()) - 0.5 * rounded, "smallest recorded"
-        few = f"{recorded.size} event{'s' * (recorded.size > 1)} of {LEAST_ABOVE} needed"
+        few = f"{recorded.size} event{'s' * (recorded.size > 1)} of {MIN_EVENTS_ABOVE_CUT} needed"
         record = f"the record has {few} to tell from which size on it is complete"
         called = f"the smallest recorded event ({record})"
     else:

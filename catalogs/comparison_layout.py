@@ -25,7 +25,8 @@ import xarray as xr
 from pipeline.fields import TEXT, Field
 
 DEGREE = "degree"
-LOG = "log10(m3)"  # logarithms of potency in m3
+CATALOGUES = ("model", "record")  # coordinate `catalogue`
+LOG_M3 = "log10(m3)"  # logarithms of potency in m3
 
 
 def _field(name: str, dims: str, unit: str, meaning: str, dtype: npt.DTypeLike = np.float64) -> Field:
@@ -43,9 +44,10 @@ FIELDS = (
     _field("events_above_cut", "catalogue", "1", "of these at or above the cut: the events compared", np.int64),
     _field("events_with_axes", "catalogue", "1", "events whose axes are compared", np.int64),
     _field("blocks", "catalogue", "1", "what is resampled: runs of the model, clusters of recorded events", np.int64),
-    _field("cut", "", LOG, "smallest size that counts in both catalogues: the larger of the next two"),
-    _field("model_floor", "", LOG, "smallest size that the model's cells resolve"),
-    _field("record_completeness", "", LOG, "size from which the record is complete (stable b, else the fullest bin)"),
+    _field("cut", "", LOG_M3, "smallest size that counts in both catalogues: the larger of the next two"),
+    _field("model_floor", "", LOG_M3, "smallest size that the model's cells resolve"),
+    _field("record_completeness", "", LOG_M3,
+           "size from which the record is complete (stable b, else the fullest bin)"),
     # sums of potency
     _field("exposure", "", "d", "time compared: of the dated steps, what both catalogues are known for"),
     _field("event_rate", "catalogue", "1/d", "events compared per day of exposure"),
@@ -91,21 +93,21 @@ FIELDS = (
     _field("b_truncated", "catalogue", "1", "b if no event may be larger than the largest"),
     _field("b_truncated_error", "catalogue", "1", "its standard error"),
     _field("b_truncated_interval", "catalogue interval", "1", "its 95 % interval"),
-    _field("largest_log_potency", "catalogue", LOG, "largest event"),
+    _field("largest_log_potency", "catalogue", LOG_M3, "largest event"),
     _field("b_difference", "", "1", "b of the model minus that of the record, both truncated if either law is"),
     _field("b_difference_error", "", "1", "its standard error"),
     _field("b_difference_interval", "interval", "1", "its 95 % interval"),
     _field("b_difference_p_value", "", "1", "chance of as large a difference if both follow one law"),
-    _field("completeness_curvature", "catalogue", LOG, "lower edge of the fullest bin"),
+    _field("completeness_curvature", "catalogue", LOG_M3, "lower edge of the fullest bin"),
     _field("power_law_p_value", "catalogue", "1", "chance of so bad a fit if sizes follow a power law (bootstrap)"),
     _field("truncated_law_p_value", "catalogue", "1", "the same of a power law that ends at the largest event"),
-    _field("size_rounding", "catalogue", LOG, "width of the bins that sizes are rounded to; 0: they are not"),
-    _field("completeness_stability", "catalogue", LOG, "size from which b is stable, and a margin; NaN: none"),
-    _field("cut_log_potency", "trial_cut", LOG, "cuts of the next three"),
+    _field("size_rounding", "catalogue", LOG_M3, "width of the bins that sizes are rounded to; 0: they are not"),
+    _field("completeness_stability", "catalogue", LOG_M3, "size from which b is stable, and a margin; NaN: none"),
+    _field("cut_log_potency", "trial_cut", LOG_M3, "cuts of the next three"),
     _field("b_by_cut", "catalogue trial_cut", "1", "b of potency of the events at or above each cut"),
     _field("b_by_cut_error", "catalogue trial_cut", "1", "its standard error"),
     _field("events_by_cut", "catalogue trial_cut", "1", "events at or above each cut", np.int64),
-    _field("size_bin_lower", "size_bin", LOG, "lower edges of the bins of the next two"),
+    _field("size_bin_lower", "size_bin", LOG_M3, "lower edges of the bins of the next two"),
     _field("incremental", "catalogue size_bin", "1", "resolved events per bin, those below the cut too", np.int64),
     _field("cumulative", "catalogue size_bin", "1", "resolved events at or above the bin's lower edge", np.int64),
     # axes

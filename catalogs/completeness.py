@@ -10,15 +10,19 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.sizes import LEAST_EVENTS, LN10
+from catalogs.jackknife import INTERVAL_95
+from catalogs.sizes import LN10, MIN_EVENTS_FOR_B
 
-CUT_STEP = 0.1  # of log P, bins of the search where sizes are not rounded: 0.07 of Mw, finer than the usual 0.1
-LAG = 0.3  # of log P: b at a cut is compared with b at one so much higher
-MARGIN = 0.4  # of log P, some 0.3 of Mw, between where b stops climbing and the cut: detection still nears 1 there
-LEAST_ABOVE = 30  # events at the higher of the two cuts: two thirds of 150 events may be left out
-CLIMB = 1.0  # standard errors that b may climb over LAG
-NARROWEST, WIDEST = 0.02, 1.0  # bins of log P that are taken for rounding; finer ones make no difference to b
-TAILS = (0.025, 0.975)
+# Bins of log10 potency for the search where sizes are not rounded. It is 0.07 of Mw; 0.1 is usual.
+SEARCH_BIN_WIDTH = 0.1
+B_STABILITY_LAG = 0.3  # b at a cut is compared with b at a cut that is larger by this much of log10 potency.
+# Distance of log10 potency from where b stops climbing to the cut, since detection is incomplete there. It is 0.3 of
+# Mw.
+MARGIN_ABOVE_STABLE_B = 0.4
+MIN_EVENTS_ABOVE_CUT = 30  # Events at the larger of the two cuts. Of 150 events two thirds may be left out.
+MAX_B_CLIMB = 1.0  # Standard errors by which b may climb over B_STABILITY_LAG.
+# Bins of log10 potency that are taken for rounding. Finer ones make no difference to b.
+MIN_ROUNDING_WIDTH, MAX_ROUNDING_WIDTH = 0.02, 1.0
 
 
 def rounding(x: NDArray) -> float:
@@ -33,7 +37,7 @@ def rounding(x: NDArray) -> float:
         return 0.0
     gaps = np.diff(values)
     gaps = gaps[gaps > 1e-4]  # what arithmetic makes of one number
-    if not gaps.size or not NARROWEST <= gaps.min() <= WIDEST:
+    if not gaps.size or not MIN_ROUNDING_WIDTH <= gaps.min() <= MAX_ROUNDING_WIDTH:
         return 0.0
     count = np.round((values - values[0]) / gaps.min())
     width = (values[-1] - values[0]) / count[-1]
@@ -44,10 +48,11 @@ def rounding(x: NDArray) -> float:
 def completeness(x: NDArray, bin_width: float = 0.0) -> float:
     """Size from which the catalogue is complete; NaN if there is none. Of rounded sizes a bin's lower edge.
 
-    The lowest cut at which b does not climb by more than CLIMB standard errors over the next LAG (b stability: Cao and
-    Gao 2002; the error is that of nested samples, whose variances subtract), LEAST_ABOVE events left; and MARGIN more,
-    as detection that fades leaves a deficit too small for any test (Woessner and Wiemer 2005 add 0.2 of Mw). b is that
-    of a law which may end at the largest event: an upper end makes the other climb, too.
+    The lowest cut at which b does not climb by more than MAX_B_CLIMB standard errors over the next B_STABILITY_LAG (b
+    stability: Cao and Gao 2002; the error is that of nested samples, whose variances subtract), MIN_EVENTS_ABOVE_CUT
+    events left; and MARGIN_ABOVE_STABLE_B more, as detection that fades leaves a deficit too small for any test
+    (Woessner and Wiemer 2005 add 0.2 of Mw). b is that of a law which may end at the largest event: an upper end makes
+    the other climb, too.
     """
     x = np.asarray(x, float)
     x = x[np.isfinite(x)]
@@ -61,11 +66,11 @@ def completeness(x: NDArray, bin_width: float = 0.0) -> float:
 def fullest_bin(x: NDArray, bin_width: float = 0.0) -> float:
     """Lower edge of the fullest bin (maximum curvature, Wiemer and Wyss 2000): where counting surely fails below.
 
-    NaN of fewer than LEAST_ABOVE events: the fullest of bins that hold two or three is fullest by chance.
+    NaN of fewer than MIN_EVENTS_ABOVE_CUT events: the fullest of bins that hold two or three is fullest by chance.
     """
     x = np.asarray(x, float)
     x = x[np.isfinite(x)]
-    if x.size < LEAST_ABOVE:
+    if x.size < MIN_EVENTS_ABOVE_CUT:
         return np.nan
     counts, edge, width = _counted(x, bin_width)
     return float(edge + np.argmax(counts) * width)
@@ -97,7 +102,7 @@ def interval(x: NDArray, bin_width: float, bounded: bool, resamplings: int, gene
     chosen = np.arange(len(cuts)), cuts
     with np.errstate(divide="ignore", invalid="ignore"):
         beta = _bounded(drawn, width)[1][chosen] if bounded else np.log1p(1 / _excess(drawn)[1][chosen]) / width
-    return np.quantile(beta[np.isfinite(beta)] / LN10, TAILS)
+    return np.quantile(beta[np.isfinite(beta)] / LN10, INTERVAL_95)
 
 
 @lru_cache(maxsize=512)
@@ -128,7 +133,7 @@ def truncated_beta(excess: NDArray, bins: NDArray, width: float) -> tuple[NDArra
 
 def _counted(x: NDArray, bin_width: float) -> tuple[NDArray, float, float]:
     """Events per bin, the lower edge of the first bin, and the width of bins."""
-    width = bin_width or CUT_STEP
+    width = bin_width or SEARCH_BIN_WIDTH
     edge = x.min() - 0.5 * width if bin_width else np.floor(x.min() / width + 1e-9) * width
     return np.bincount(np.floor((x - edge) / width + 1e-9).astype(int)), float(edge), width
 
@@ -157,13 +162,13 @@ def _bounded(counts: NDArray, width: float) -> tuple[NDArray, NDArray, NDArray]:
 
 def _chosen(counts: NDArray, width: float) -> NDArray:
     """Number of the bin that is the cut (catalogue,); -1 without one."""
-    lag, margin = max(1, round(LAG / width)), max(1, round(MARGIN / width))
+    lag, margin = max(1, round(B_STABILITY_LAG / width)), max(1, round(MARGIN_ABOVE_STABLE_B / width))
     if counts.shape[1] <= lag:
         return np.full(len(counts), -1)
     count, beta, variance = _bounded(counts, width)
     with np.errstate(invalid="ignore"):
         drift = np.sqrt(np.maximum(variance[:, lag:] - variance[:, :-lag], 0.0))
-        level = (beta[:, lag:] - beta[:, :-lag] <= CLIMB * drift) & (count[:, lag:] >= LEAST_ABOVE)
+        level = (beta[:, lag:] - beta[:, :-lag] <= MAX_B_CLIMB * drift) & (count[:, lag:] >= MIN_EVENTS_ABOVE_CUT)
     cut = np.minimum(np.argmax(level, axis=1) + margin, counts.shape[1] - 1)
-    enough = np.take_along_axis(count, cut[:, None], axis=1)[:, 0] >= LEAST_EVENTS
+    enough = np.take_along_axis(count, cut[:, None], axis=1)[:, 0] >= MIN_EVENTS_FOR_B
     return np.where(level.any(axis=1) & enough, cut, -1)

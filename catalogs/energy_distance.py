@@ -16,7 +16,7 @@ from scipy.spatial.distance import cdist
 
 from catalogs.jackknife import Scatter
 
-CHUNK = 1 << 22  # pairs held at once
+MAX_PAIRS_HELD = 1 << 22  # Pairs of events held in memory at once.
 
 
 @dataclass
@@ -60,7 +60,7 @@ def block_starts(sides: tuple[Side, Side]) -> NDArray:
 def pairs_by_block(sides: tuple[Side, Side]) -> Iterator[tuple[int, NDArray]]:
     """Number of each block and the distances (some of its points, all points) m, a bounded number of pairs at once."""
     points, starts = np.concatenate([side.points for side in sides]), block_starts(sides)
-    rows = max(1, CHUNK // len(points))
+    rows = max(1, MAX_PAIRS_HELD // len(points))
     for block, (first, last) in enumerate(zip(starts, np.append(starts[1:], len(points)), strict=True)):
         for begin in range(first, last, rows):
             yield block, cdist(points[begin : min(begin + rows, last)], points)

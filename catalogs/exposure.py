@@ -14,15 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, f
 
+from catalogs.jackknife import INTERVAL_95
 from catalogs.records.times import parse_time
 from catalogs.settings import DatedStep
 
 DAY = np.timedelta64(86400 * 10**9, "ns")
-WINDOWS = (1, 2, 4, 8)  # days, in which events are counted for their clustering: an aftershock may come a week later
-LEAST_WINDOWS = 10  # of one length, for a variance
-LEVEL = 0.05  # chance of clustering found among independent events, whose limits are exact without
-TAILS = (0.025, 0.975)
-MOST_WORTH = 1e7  # equal events: more of them make an interval no narrower that matters
+# Lengths of the windows in which events are counted for their clustering, days. An aftershock may come a week later.
+WINDOW_DAYS = (1, 2, 4, 8)
+MIN_WINDOWS = 10  # Windows of one length that a variance needs.
+# Chance of finding clustering among independent events, whose limits are exact without it.
+CLUSTERING_SIGNIFICANCE = 0.05
+MAX_EQUAL_EVENTS = 1e7  # More equal events make an interval no narrower that matters.
 
 
 @dataclass(frozen=True)
@@ -72,12 +74,12 @@ class Exposure:
     def clustering(self, time: NDArray) -> float:
         """How often the variance of the number of events is its mean: 1 if they are independent, never less.
 
-        The largest value over windows of WINDOWS days, their numbers about the mean of their own step: what a step
+        The largest value over windows of WINDOW_DAYS days, their numbers about the mean of their own step: what a step
         mines sets its rate, and that is no chance. 1 where no length has a variance that independent events hardly have
-        (LEVEL, all lengths together), or LEAST_WINDOWS of them.
+        (CLUSTERING_SIGNIFICANCE, all lengths together), or MIN_WINDOWS of them.
         """
         found = [1.0]
-        for length in WINDOWS:
+        for length in WINDOW_DAYS:
             variance, events, windows, freedom = 0.0, 0, 0, 0
             for days in self.counts(time):
                 count = len(days) // length
@@ -86,9 +88,9 @@ class Exposure:
                 numbers = days[: count * length].reshape(count, length).sum(axis=1)
                 variance += count * numbers.var(ddof=1)
                 events, windows, freedom = events + numbers.sum(), windows + count, freedom + count - 1
-            if windows >= LEAST_WINDOWS and events:
+            if windows >= MIN_WINDOWS and events:
                 ratio = float(variance / events)
-                if chi2.sf(ratio * freedom, freedom) < LEVEL / len(WINDOWS):
+                if chi2.sf(ratio * freedom, freedom) < CLUSTERING_SIGNIFICANCE / len(WINDOW_DAYS):
                     found.append(ratio)
         return max(found)
 
@@ -112,9 +114,9 @@ def total_interval(sizes: NDArray, clustering: float = 1.0, largest: float | Non
     one = clustering * (sizes.max(initial=0.0) if largest is None else largest)
     if not total + one > 0:
         return np.full(2, np.nan)
-    lower = variance / (2 * total) * chi2.ppf(TAILS[0], 2 * total**2 / variance) if total else 0.0
+    lower = variance / (2 * total) * chi2.ppf(INTERVAL_95[0], 2 * total**2 / variance) if total else 0.0
     total, variance = total + one, variance + one**2
-    return np.array([lower, variance / (2 * total) * chi2.ppf(TAILS[1], 2 * total**2 / variance)])
+    return np.array([lower, variance / (2 * total) * chi2.ppf(INTERVAL_95[1], 2 * total**2 / variance)])
 
 
 @dataclass(frozen=True)
@@ -146,10 +148,10 @@ def total_ratio(first: Total, second: Total) -> Ratio:
     """
     if not first.value + second.value > 0:
         return Ratio(np.nan, np.full(2, np.nan), np.nan)
-    worth = [min(one.value / one.scale, MOST_WORTH) + 0.5 for one in (first, second)]
+    worth = [min(one.value / one.scale, MAX_EQUAL_EVENTS) + 0.5 for one in (first, second)]
     middle = first.scale * worth[0] / (second.scale * worth[1])
     law = f(2 * worth[0], 2 * worth[1])
-    lower, upper = middle * law.ppf(TAILS)
+    lower, upper = middle * law.ppf(INTERVAL_95)
     lower, upper = lower if first.value else 0.0, upper if second.value else np.inf
     p_value = 2 * min(law.cdf(1 / middle), law.sf(1 / middle))
     return Ratio(first.value / second.value if second.value else np.nan, np.array([lower, upper]), float(p_value))

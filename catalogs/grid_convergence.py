@@ -1,9 +1,9 @@
 """How far cells decide a mine's numbers: its run beside the same on cells of twice the size.
 
 What a number still changes by is told from what it changed by when cells were halved, as if it fell by half each time
-(first order), and by SAFETY times that. It is no promise: study openings has how often it reaches to the numbers of
-finer cells. Two runs may agree by chance; FLOOR is what they may both be off by then, since other rock fails first in
-each, and walls lie in the cells now this way, now that.
+(first order), and by SAFETY_FACTOR times that. It is no promise: study openings has how often it reaches to the numbers
+of finer cells. Two runs may agree by chance; MIN_ERROR_SHARE is what they may both be off by then, since other rock
+fails first in each, and walls lie in the cells now this way, now that.
 
 Layout of grid_convergence.nc
 -----------------------------
@@ -24,14 +24,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from catalogs.periods import ALL_STEPS
 from catalogs.settings import GridConvergenceSettings
 from catalogs.sizes import log_potency
 from pipeline.errors import InputError
 
-ALL = "all"
-SAFETY = 1.25
+SAFETY_FACTOR = 1.25  # Factor on the change between two cell sizes.
 """times the change from doubled cells, by which a number of first order still changes; study openings tests it"""
-FLOOR = 0.10
+MIN_ERROR_SHARE = 0.10
 """share that a number may be off by, however little it changed"""
 
 
@@ -70,7 +70,7 @@ def compare(
     narrow = [name for name, volume, share in excavations if volume > 0.0 and share < least]
     return xr.Dataset(
         data,
-        coords={"cell": ("cell", list(settings.cells), {"units": "m"}), "period": [*settings.steps, ALL]},
+        coords={"cell": ("cell", list(settings.cells), {"units": "m"}), "period": [*settings.steps, ALL_STEPS]},
         attrs={"mine": settings.mine, "floor": floor, "left_out": json.dumps(left_out), "narrow": json.dumps(narrow)},
     )
 
@@ -79,7 +79,7 @@ def share_off(own: NDArray, coarse: NDArray) -> NDArray:
     """Share that numbers (n,) may be off by, from those on cells of twice the size; NaN where both are zero."""
     own, coarse = np.asarray(own, float), np.asarray(coarse, float)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.maximum(SAFETY * np.abs(own - coarse) / own, FLOOR)
+        return np.maximum(SAFETY_FACTOR * np.abs(own - coarse) / own, MIN_ERROR_SHARE)
 
 
 def _by_period(catalog: xr.Dataset, states: list[dict], steps: tuple[str, ...], floor: float) -> dict[str, list[float]]:

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t
 
+INTERVAL_95 = (0.025, 0.975)  # quantiles of a 95 % interval
+
 
 @dataclass(frozen=True)
 class Scatter:

@@ -4,8 +4,8 @@ import numpy as np
 from obspy.core.event import Origin
 from scipy.stats import chi2
 
-DEGREE = 111_195.0  # m of latitude: 6,371 km times pi / 180
-ONE_SIGMA = 68.27  # %: the level of an uncertainty that states none, so that it is a standard error
+METRES_PER_DEGREE = 111_195.0  # Length of a degree of latitude: 6,371 km times pi / 180.
+ONE_SIGMA_PERCENT = 68.27  # Confidence level of an uncertainty that states none: it is a standard error.
 
 
 def location_uncertainty(origin: Origin | None, depth_unit: float = 1.0) -> float:
@@ -26,7 +26,7 @@ def location_uncertainty(origin: Origin | None, depth_unit: float = 1.0) -> floa
         if all(axis is not None for axis in axes):
             return float(np.sqrt(np.sum(np.square(axes, dtype=float)))) / sigmas(region.confidence_level, 3)
     north, east = _standard_error(origin.latitude_errors), _standard_error(origin.longitude_errors)
-    across = DEGREE * np.hypot(north, east * np.cos(np.radians(origin.latitude or 0.0)))
+    across = METRES_PER_DEGREE * np.hypot(north, east * np.cos(np.radians(origin.latitude or 0.0)))
     if not np.isfinite(across) and region is not None:
         both = (region.max_horizontal_uncertainty, region.min_horizontal_uncertainty)
         if None in both:
@@ -45,5 +45,5 @@ def _standard_error(errors) -> float:
 
 def sigmas(level: float | None, dimensions: int) -> float:
     """How many standard errors of one coordinate the edge of a confidence region is away."""
-    share = (ONE_SIGMA if level is None or not 0 < level < 100 else level) / 100
+    share = (ONE_SIGMA_PERCENT if level is None or not 0 < level < 100 else level) / 100
     return float(np.sqrt(chi2.ppf(share, dimensions)))

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
-from catalogs.blocks import LEAST_BLOCKS
+from catalogs.blocks import MIN_BLOCKS
 from catalogs.energy_distance import Side, block_starts, match_steps, pair_means, pairs_by_block
+from catalogs.jackknife import INTERVAL_95
 
-TAILS = (0.025, 0.975)
-LENGTHS = 9999  # draws for the quantile of a length: no data in them, so they cost nothing
-TEST_EXPONENT = 1.5  # of distance in the p-value's statistic: as good as the mean for a shift, and sees shapes too
+LENGTH_DRAWS = 9999  # Draws for the quantile of a length.
+# Exponent of distance in the statistic of the p-value. It finds shifts as well as the mean does, and other shapes, too.
+TEST_EXPONENT = 1.5
 
 
 def smear(
@@ -46,7 +47,7 @@ def smear(
 class LocationComparison:
     """The numbers of `compare_locations`; an interval is (lower, upper) of 95 %, last dimension where an array.
 
-    blocks: of the model (0 where it ran once), of the record; intervals are NaN unless the model's are LEAST_BLOCKS.
+    blocks: of the model (0 where it ran once), of the record; intervals are NaN unless the model's are MIN_BLOCKS.
     """
 
     centroids: NDArray
@@ -88,7 +89,7 @@ def compare_locations(
 
     model_blocks: None for a model that ran once: its events count as independent where pairs of one block are left out,
     and intervals and p-value are NaN. location_error: as `smear` takes it. None if no step has two blocks in each
-    catalogue, or the record fewer than LEAST_BLOCKS in all; with as few blocks of the model intervals are NaN, too.
+    catalogue, or the record fewer than MIN_BLOCKS in all; with as few blocks of the model intervals are NaN, too.
     Offset, energy distance and p-value: of such steps, moved onto each other (`energy_distance.Matched`). The others:
     of all events, where they lie. Intervals of the offset: jackknife over blocks (`catalogs.jackknife`); the others
     weigh blocks at random (Bayesian bootstrap, Rubin 1981), with one weight in all steps.
@@ -106,9 +107,9 @@ def compare_locations(
         Side(record, record_blocks, steps[1]),
     )
     matched = match_steps(sides)
-    if matched is None or matched.units[1] < LEAST_BLOCKS:
+    if matched is None or matched.units[1] < MIN_BLOCKS:
         return None
-    tested = model_blocks is not None and matched.units[0] >= LEAST_BLOCKS
+    tested = model_blocks is not None and matched.units[0] >= MIN_BLOCKS
     points = np.concatenate([side.points for side in sides])
     distances = default_distances(points) if distances is None else np.asarray(distances, float)
     weights = [
@@ -156,7 +157,7 @@ def compare_locations(
         resampled = np.array(resampled).transpose(1, 0, 2)
         scatter = matched.offset_scatter()
     # How far the offset may be off is at least by how much its length is.
-    reach = float(np.quantile(scatter.lengths(max(resamplings, LENGTHS), generator), 0.95))
+    reach = float(np.quantile(scatter.lengths(max(resamplings, LENGTH_DRAWS), generator), 0.95))
     return replace(
         found,
         offset_interval=scatter.interval(offset),
@@ -207,7 +208,7 @@ def _nearest(sides: tuple[Side, Side], weights: list[NDArray]) -> tuple[NDArray,
         medians.append(float(np.median(reach)))
         below = np.cumsum(weights[origin][:, labels], axis=1)
         middle = np.argmax(below >= below[:, -1:] / 2, axis=1)
-        intervals.append(np.quantile(reach[order][middle], TAILS))
+        intervals.append(np.quantile(reach[order][middle], INTERVAL_95))
     return np.array(medians), np.array(intervals)
 
 
@@ -216,4 +217,4 @@ def _interval(resampled: NDArray) -> NDArray:
     with np.errstate(invalid="ignore"):
         finite = np.isfinite(resampled).any(axis=-1, keepdims=True)
         safe = np.where(finite, resampled, 0.0)
-        return np.where(finite, np.moveaxis(np.nanquantile(safe, TAILS, axis=-1), 0, -1), np.nan)
+        return np.where(finite, np.moveaxis(np.nanquantile(safe, INTERVAL_95, axis=-1), 0, -1), np.nan)

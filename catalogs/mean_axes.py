@@ -17,9 +17,9 @@ from catalogs.jackknife import Scatter, effective_blocks
 from pipeline.source_tensors import point_down
 
 CLUSTER, GIRDLE, UNIFORM = "cluster", "girdle", "no preferred direction"
-UNIFORM_CHANCE = 0.05  # of a pattern as strong if axes are uniform, above which they are taken as such
-ROUND_OFF = 1e-12  # variance of the orientation matrix of parallel axes, whose unit vectors are rounded
-WIDEST_CONE = 45.0  # degrees: a wider 95 % cone says that there is no mean
+MAX_CHANCE_OF_PATTERN = 0.05  # Axes with a pattern that is more likely by chance are taken as uniform.
+MAX_PARALLEL_VARIANCE = 1e-12  # Variance of the orientation matrix of parallel axes, whose unit vectors are rounded.
+MAX_CONE = 45.0  # degrees; a wider 95 % cone shows that there is no mean
 
 
 @dataclass(frozen=True)
@@ -95,11 +95,11 @@ def describe_axes(axes: NDArray, labels: NDArray, blocks_known: bool) -> MeanAxi
         without = (matrix.sum(axis=0) - sums) / (len(axes) - counts)[:, None, None]
         variance = np.sum((without - matrix.mean(axis=0)) ** 2)
         alone = (1.0 - np.sum(values**2)) / len(axes)
-        worth = len(axes) * min(alone / variance, 1.0) if variance > ROUND_OFF else float(len(axes))
+        worth = len(axes) * min(alone / variance, 1.0) if variance > MAX_PARALLEL_VARIANCE else float(len(axes))
     else:
         worth = 1.0
     strength = 7.5 * worth * np.sum((values - 1.0 / 3.0) ** 2)
-    shape = UNIFORM if chi2.sf(strength, 5) > UNIFORM_CHANCE else CLUSTER
+    shape = UNIFORM if chi2.sf(strength, 5) > MAX_CHANCE_OF_PATTERN else CLUSTER
     found = MeanAxis(absent, values, shape, absent, None)
     if shape == UNIFORM:
         return found

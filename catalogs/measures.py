@@ -13,7 +13,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.blocks import LEAST_BLOCKS, cluster_labels
+from catalogs.blocks import MIN_BLOCKS, cluster_labels
+from catalogs.jackknife import INTERVAL_95
 from catalogs.location_errors import location_errors
 from catalogs.locations import LocationComparison, compare_locations
 from catalogs.mean_axes import GIRDLE, UNIFORM, AxesSample
@@ -32,23 +33,23 @@ from catalogs.settings import ComparisonSettings
 from pipeline.fields import TEXT
 from pipeline.source_tensors import APART, clear_axes, principal_axes, scalar_potency, source_shares
 
-CATALOGUES = ("model", "record")
-TAILS = (0.025, 0.975)  # of errors that a sentence gives
-MOST_EVENTS = 3000  # of each catalogue whose places are compared, else drawn at random: memory grows as its square
-MOST_DRAWS = 4  # smeared copies of a modelled event
-DISTANCES = 12
-LEAST_AXES = 2
-LEAST_LEFT_OUT = 5e-4  # share without a clear axis that is worth a sentence
-AXES_RESAMPLINGS = 499
+# Events of each catalogue whose places are compared. Of more events so many are drawn, since memory grows as the
+# square.
+MAX_EVENTS_COMPARED = 3000
+MAX_DRAWS_PER_EVENT = 4  # Largest number of smeared copies of a modelled event.
+DISTANCE_COUNT = 12  # Number of distances at which the catalogues are compared.
+MIN_EVENTS_WITH_AXES = 2  # Events with axes that each catalogue needs.
+MIN_SHARE_LEFT_OUT_TOLD = 5e-4  # A smaller share of events without a clear axis is not mentioned.
+MAX_AXES_RESAMPLINGS = 499
 
 
 def location_measures(both, used, blocks, runs: int, steps, settings: ComparisonSettings) -> tuple[dict, dict]:
     """Centroids, energy distance, nearest distances and cross-K, the model smeared by the record's location errors."""
     generator = np.random.default_rng([settings.seed, 1])
     errors = location_errors(both[1])[used[1]]
-    chosen = [_thin(np.flatnonzero(kept), MOST_EVENTS, generator) for kept in used]
+    chosen = [_thin(np.flatnonzero(kept), MAX_EVENTS_COMPARED, generator) for kept in used]
     points = [events["location"].values[index] for events, index in zip(both, chosen, strict=True)]
-    draws = int(np.clip(MOST_EVENTS // max(len(points[0]), 1), 1, MOST_DRAWS))
+    draws = int(np.clip(MAX_EVENTS_COMPARED // max(len(points[0]), 1), 1, MAX_DRAWS_PER_EVENT))
     found = None
     if min(map(len, points)):
         found = compare_locations(
@@ -74,13 +75,13 @@ def location_measures(both, used, blocks, runs: int, steps, settings: Comparison
         "energy_p_value": ("energy_p_value", (), ()),
         "nearest_distance": ("nearest", ("pair",), (3,)),
         "nearest_distance_interval": ("nearest_interval", ("pair", "interval"), (3, 2)),
-        "distance": ("distance", ("distance",), (DISTANCES,)),
-        "cross_k": ("cross_k", ("distance",), (DISTANCES,)),
-        "cross_k_interval": ("cross_k_interval", ("distance", "interval"), (DISTANCES, 2)),
-        "model_k": ("model_k", ("distance",), (DISTANCES,)),
-        "record_k": ("record_k", ("distance",), (DISTANCES,)),
-        "cross_ratio": ("cross_ratio", ("distance",), (DISTANCES,)),
-        "cross_ratio_interval": ("cross_ratio_interval", ("distance", "interval"), (DISTANCES, 2)),
+        "distance": ("distance", ("distance",), (DISTANCE_COUNT,)),
+        "cross_k": ("cross_k", ("distance",), (DISTANCE_COUNT,)),
+        "cross_k_interval": ("cross_k_interval", ("distance", "interval"), (DISTANCE_COUNT, 2)),
+        "model_k": ("model_k", ("distance",), (DISTANCE_COUNT,)),
+        "record_k": ("record_k", ("distance",), (DISTANCE_COUNT,)),
+        "cross_ratio": ("cross_ratio", ("distance",), (DISTANCE_COUNT,)),
+        "cross_ratio_interval": ("cross_ratio_interval", ("distance", "interval"), (DISTANCE_COUNT, 2)),
     }
     variables = {
         name: (dims, np.full(shape, np.nan) if found is None else np.broadcast_to(getattr(found, key), shape).copy())
@@ -91,7 +92,7 @@ def location_measures(both, used, blocks, runs: int, steps, settings: Comparison
         of_runs = " of two runs" if runs > 1 else ""
         text = (
             f"locations cannot be compared: that takes two modelled events{of_runs} above the cut and two clusters of "
-            f"recorded ones in one step, and {LEAST_BLOCKS} clusters in all; the model has "
+            f"recorded ones in one step, and {MIN_BLOCKS} clusters in all; the model has "
             f"{plural(count[0], 'event')}, the record {plural(count[1], 'cluster')}"
         )
     else:
@@ -103,10 +104,10 @@ def _location_text(found: LocationComparison, runs: int, errors: NDArray) -> str
     """The numbers in a sentence, what they rest on, and what they lack."""
     smeared = f"model smeared by {np.median(errors):g} m"
     if np.ptp(errors) > 0:
-        low, high = np.quantile(errors, TAILS)
+        low, high = np.quantile(errors, INTERVAL_95)
         smeared = f"model smeared by the errors of the recorded events ({low:.3g} to {high:.3g} m)"
     steps = f"within {plural(found.steps, 'step')}"
-    if found.blocks[0] < LEAST_BLOCKS:
+    if found.blocks[0] < MIN_BLOCKS:
         untested = _untested(runs, found.blocks[0], "places", "events above the cut in a step shared with the record")
         return (
             f"energy distance {found.energy_distance:.1f} m; centroids {found.offset_distance:.0f} m apart; {smeared}; "
@@ -128,16 +129,15 @@ def plural(count: int, name: str) -> str:
 def _untested(runs: int, counting: int, what: str, lacking: str) -> str:
     """Why there is no interval and no p-value: the model has too few runs, or too few of them (`counting`) have events
     that count."""
-    if runs < LEAST_BLOCKS:
+    if runs < MIN_BLOCKS:
         why = (
             f"the model ran {'once' if runs == 1 else f'{runs} times'}, so that chance cannot be told from a "
-            f"difference; set ensemble to {LEAST_BLOCKS - 1} or more, better to 8"
+            f"difference; set ensemble to {MIN_BLOCKS - 1} or more, better to 8"
         )
     else:
         have = {0: "none has", 1: "only 1 has"}.get(counting, f"only {counting} have")
         why = (
-            f"of the model's {runs} runs {have} {lacking}, and {LEAST_BLOCKS} are needed to tell chance from a "
-            "difference"
+            f"of the model's {runs} runs {have} {lacking}, and {MIN_BLOCKS} are needed to tell chance from a difference"
         )
     return f"no interval and no p-value of {what}: {why}"
 
@@ -173,26 +173,26 @@ def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -
         samples = [_sample(record, tensors[1], known[1], blocks[1])]
     samples.insert(0, _sample(model, tensors[0], known[0], blocks[0]))
     counting = _clear_blocks(samples[0])
-    tested = counting >= LEAST_BLOCKS
+    tested = counting >= MIN_BLOCKS
     if not tested:
         samples[0] = replace(samples[0], blocks=None)
     count = [len(sample.axes) for sample in samples]
     clusters = len(np.unique(samples[1].blocks))
-    present = min(count) >= LEAST_AXES and clusters >= LEAST_BLOCKS
+    present = min(count) >= MIN_EVENTS_WITH_AXES and clusters >= MIN_BLOCKS
     if not np.isfinite(record_tensors).any():
         text = "the record has no tensors: axes cannot be compared"
-    elif min(count) < LEAST_AXES:
+    elif min(count) < MIN_EVENTS_WITH_AXES:
         text = f"too few events with tensors: {count[0]} modelled, {count[1]} recorded; axes not compared"
     elif not present:
         text = (
             f"axes are not compared: the {count[1]} recorded events with tensors are of {plural(clusters, 'cluster')}, "
-            f"and {LEAST_BLOCKS} are needed to tell how far their mean may be off"
+            f"and {MIN_BLOCKS} are needed to tell how far their mean may be off"
         )
 
     variables = _absent_axes()
     if present:
         dims = {name: value[0] for name, value in variables.items()}
-        found = compare_axes(*samples, seed=settings.seed, resamplings=min(settings.resamplings, AXES_RESAMPLINGS))
+        found = compare_axes(*samples, seed=settings.seed, resamplings=min(settings.resamplings, MAX_AXES_RESAMPLINGS))
         found |= _summed(tensors[0][known[0]], record_tensors, weight, runs)
         variables |= {name: (dims[name], value) for name, value in found.items()}
         size = [
@@ -214,7 +214,7 @@ def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -
 
 def _left_out(clear: NDArray, of: str) -> str:
     """What of the catalogues has no clear axes, in words; empty where all have."""
-    if (clear > 1.0 - LEAST_LEFT_OUT).all():
+    if (clear > 1.0 - MIN_SHARE_LEFT_OUT_TOLD).all():
         return ""
     shares = [
         ", ".join(f"{name} {100 * max(1 - share, 0):.1f} %" for name, share in zip(AXIS_NAMES, row, strict=True))

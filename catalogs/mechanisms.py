@@ -8,18 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from catalogs.jackknife import Scatter
+from catalogs.jackknife import INTERVAL_95, Scatter
 from catalogs.mean_axes import AxesSample, describe_axes
 from pipeline.fields import TEXT
 from pipeline.source_tensors import HORIZONTAL, point_down
 
 AXIS_NAMES = ("P", "B", "T")
 KAGAN_PAIRS = ("model_record", "nearest", "record_record", "uniform")
-MOST_PAIRS = 20000  # sampled of all pairs of two catalogues
-KAGAN_LIMIT = 120.0
+MAX_KAGAN_PAIRS = 20000  # Pairs that are sampled of all pairs of two catalogues.
+KAGAN_LIMIT = 120.0  # degrees, the largest Kagan angle
 KAGAN_BIN = 10.0  # degrees
-ANGLES = 9999  # draws for the quantile of an angle: no data in them, so they cost nothing
-TAILS = (0.025, 0.975)
+ANGLE_DRAWS = 9999  # Draws for the quantile of an angle.
 
 
 def trend_plunge(axes: NDArray) -> tuple[NDArray, NDArray]:
@@ -120,14 +119,15 @@ def compare_axes(model: AxesSample, record: AxesSample, seed: int = 0, resamplin
     Cones, intervals of the angle between mean axes and its p-value: the jackknife over blocks (`catalogs.jackknife`).
     The angle cannot be off by more than the difference of the mean axes is. Intervals of Kagan angles weigh blocks at
     random. NaN where they need blocks that a model which ran once has not, or a mean that a girdle has not. Of all
-    pairs of events at most MOST_PAIRS are drawn for the Kagan angles; record_record leaves out an event with itself.
+    pairs of events at most MAX_KAGAN_PAIRS are drawn for the Kagan angles; record_record leaves out an event with
+    itself.
     """
     generator = np.random.default_rng(seed)
     sides = (model, record)
     described = [
         [describe_axes(side.axes[:, row], side.labels, side.blocks is not None) for row in range(3)] for side in sides
     ]
-    draws = max(resamplings, ANGLES)
+    draws = max(resamplings, ANGLE_DRAWS)
     means = np.array([[one.mean for one in side] for side in described])
     cones = [[_quantile(_off(one.scatter, draws, generator)) for one in side] for side in described]
     angle = angle_between_axes(means[0], means[1])
@@ -191,7 +191,7 @@ def _kagan_distributions(
         ),
         (kagan_angle(model.axes[beside], record.axes[nearest]), None if once else lambda m, r: m[beside]),
         (kagan_angle(record.axes[one], record.axes[other]), lambda m, r: r[one] * r[other]),
-        (kagan_angle(random_frames(MOST_PAIRS, generator), np.eye(3)), None),
+        (kagan_angle(random_frames(MAX_KAGAN_PAIRS, generator), np.eye(3)), None),
     ]
     lower = np.arange(0.0, KAGAN_LIMIT, KAGAN_BIN)
     shares, medians, intervals = [], [], []
@@ -210,10 +210,10 @@ def _kagan_distributions(
 
 
 def _pairs(first: int, second: int, generator: np.random.Generator) -> tuple[NDArray, NDArray]:
-    """Indices of all pairs, or of MOST_PAIRS of them."""
-    if first * second <= MOST_PAIRS:
+    """Indices of all pairs, or of MAX_KAGAN_PAIRS of them."""
+    if first * second <= MAX_KAGAN_PAIRS:
         return tuple(index.ravel() for index in np.indices((first, second)))
-    return generator.integers(first, size=MOST_PAIRS), generator.integers(second, size=MOST_PAIRS)
+    return generator.integers(first, size=MAX_KAGAN_PAIRS), generator.integers(second, size=MAX_KAGAN_PAIRS)
 
 
 def _median_interval(angle: NDArray, weigh, weights: list[NDArray]) -> NDArray:
@@ -226,4 +226,4 @@ def _median_interval(angle: NDArray, weigh, weights: list[NDArray]) -> NDArray:
         below = np.cumsum(weigh(*drawn)[order])
         if below[-1] > 0:
             medians.append(angle[order[np.searchsorted(below, below[-1] / 2)]])
-    return np.quantile(medians, TAILS) if medians else np.full(2, np.nan)
+    return np.quantile(medians, INTERVAL_95) if medians else np.full(2, np.nan)

@@ -4,7 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 FIRST, LAST = np.datetime64("1678-01-01"), np.datetime64("2261-12-31")  # that nanoseconds can tell
-SILENCE = np.log(1000.0)  # mean waits: a longer silence has a chance of 0.1 % if days with events are random
+# A longer silence has a chance of 0.1 % if days with events are random.
+MAX_SILENCE_IN_MEAN_WAITS = np.log(1000.0)
+ALL_STEPS = "all"  # Name, beside those of the steps, of all dated steps together.
 
 
 def recorded_period(time: NDArray) -> tuple[np.datetime64, np.datetime64]:
@@ -18,6 +20,6 @@ def recorded_period(time: NDArray) -> tuple[np.datetime64, np.datetime64]:
     days = np.unique(time[~np.isnat(time)].astype("datetime64[D]"))
     if len(days) < 2:
         return FIRST.astype("datetime64[ns]"), LAST.astype("datetime64[ns]")
-    wait = int(np.ceil(SILENCE * (days[-1] - days[0]).astype(int) / (len(days) - 1)))
+    wait = int(np.ceil(MAX_SILENCE_IN_MEAN_WAITS * (days[-1] - days[0]).astype(int) / (len(days) - 1)))
     # in days, which reach further than nanoseconds do: decades of silence would come round at the other end
     return max(days[0] - wait, FIRST).astype("datetime64[ns]"), min(days[-1] + 1 + wait, LAST).astype("datetime64[ns]")

@@ -42,7 +42,7 @@ from obspy.core.event import (
 from obspy.io.quakeml.core import _validate
 
 from catalogs.frame import MineFrame
-from catalogs.location_uncertainty import ONE_SIGMA, sigmas
+from catalogs.location_uncertainty import ONE_SIGMA_PERCENT, sigmas
 from catalogs.mechanisms import nodal_planes, trend_plunge
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
@@ -152,8 +152,8 @@ def _origin(name: str, catalog: xr.Dataset, index: int, globe: np.ndarray) -> Or
     if np.isfinite(location_error):
         origin.depth_errors = QuantityError(uncertainty=location_error / np.sqrt(3))
         origin.origin_uncertainty = OriginUncertainty(
-            horizontal_uncertainty=location_error / np.sqrt(3) * sigmas(ONE_SIGMA, 2),
-            confidence_level=ONE_SIGMA,
+            horizontal_uncertainty=location_error / np.sqrt(3) * sigmas(ONE_SIGMA_PERCENT, 2),
+            confidence_level=ONE_SIGMA_PERCENT,
             preferred_description="horizontal uncertainty",
         )
     return origin

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.completeness import truncated_beta
-from catalogs.sizes import LEAST_EVENTS, above
+from catalogs.sizes import MIN_EVENTS_FOR_B, above
 
 POWER, TRUNCATED, NONE, FEW = "power law", "truncated power law", "no power law", "too few events"
-LEVEL = 0.05
-FINE = 0.02  # bins of log P in which sizes that are not rounded are compared
+SIGNIFICANCE_LEVEL = 0.05  # A law with a smaller p-value is rejected.
+UNROUNDED_BIN_WIDTH = 0.02  # Bins of log10 potency in which sizes that are not rounded are compared.
 
 
 @dataclass(frozen=True)
@@ -30,16 +30,16 @@ class Law:
 
 
 def find_law(x: NDArray, cut: float, bin_width: float, resamplings: int, generator: np.random.Generator) -> Law:
-    """The first of power law and truncated power law that the sizes at or above `cut` do not reject at LEVEL.
+    """The first of power law and truncated power law that sizes from `cut` on do not reject at SIGNIFICANCE_LEVEL.
 
     x: log10 P; cut: of rounded sizes (bin_width > 0) the lower edge of a bin. The p-value of the power law is twice the
     smaller (Bonferroni) of that of the distance and of the largest event; that of the truncated law, whose bound is
     the largest event, is of the distance of all other events.
     """
     x = above(x, cut)
-    width = bin_width or FINE
+    width = bin_width or UNROUNDED_BIN_WIDTH
     number = np.floor((x - cut) / width + 1e-9).astype(int)
-    if len(number) < LEAST_EVENTS or number.max() == 0:
+    if len(number) < MIN_EVENTS_FOR_B or number.max() == 0:
         return Law(FEW, np.nan, np.nan)
     count, excess = len(number), float(number.mean())
     beta = np.log1p(1 / excess) / width
@@ -62,7 +62,7 @@ def find_law(x: NDArray, cut: float, bin_width: float, resamplings: int, generat
     drawn = generator.multinomial(count - 1, weight / weight.sum(), size=resamplings)
     rate = truncated_beta(drawn @ np.arange(last + 1) / (count - 1), np.full(resamplings, last + 1), width)[0]
     truncated = _chance(_distance(others[None], bounded, width, last + 1), _distance(drawn, rate, width, last + 1))
-    name = POWER if power >= LEVEL else TRUNCATED if truncated >= LEVEL else NONE
+    name = POWER if power >= SIGNIFICANCE_LEVEL else TRUNCATED if truncated >= SIGNIFICANCE_LEVEL else NONE
     return Law(name, power, truncated)
 
 

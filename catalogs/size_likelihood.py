@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import chi2
 
-STEEPEST = 600.0  # largest |beta times range| searched: exp() stays finite
+MAX_EXPONENT = 600.0  # Largest |beta times range| that is searched, so that exp() stays finite.
 
 
 class Exponential:
@@ -37,7 +37,7 @@ class Exponential:
         """beta at which the mean excess is the observed one: the maximum of the likelihood."""
         if np.isinf(self.span):
             return 1 / excess if self.width == 0 else np.log1p(self.width / excess) / self.width
-        steepest = STEEPEST / self.span
+        steepest = MAX_EXPONENT / self.span
         return brentq(lambda beta: self.mean(beta) - excess, -steepest, steepest, xtol=1e-12 * steepest)
 
     def interval(self, beta: float, excess: float, count: int, confidence: float) -> tuple[float, float]:

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs import completeness, sizes
+from catalogs.comparison_layout import CATALOGUES
 from catalogs.settings import ComparisonSettings
 from catalogs.size_law import FEW, NONE, POWER, TRUNCATED, Law, find_law
 
-CATALOGUES = ("model", "record")
 LAW_RESAMPLINGS, LAW_SEED = 999, 1  # the verdict on the law hangs on the sizes alone, not on the comparison's seed
-SIZE_BIN = 0.2  # of log10 P, in plots: 0.13 of Mw, where 0.1 is usual
+SIZE_BIN_WIDTH = 0.2  # Bins of log10 potency in plots: 0.13 of Mw, where 0.1 is usual.
 
 
 @dataclass(frozen=True)
@@ -72,10 +72,10 @@ def size_measures(
     ]
     plain, bounded = [one.plain for one in fits], [one.bounded for one in fits]
     difference = _difference(fits)
-    grid = sizes.cut_grid(np.concatenate(x), completeness.CUT_STEP)
+    grid = sizes.cut_grid(np.concatenate(x), completeness.SEARCH_BIN_WIDTH)
     table = [_by_cut(values, grid, width) for values, width in zip(x, bins, strict=True)]
-    edges = sizes.cut_grid(np.concatenate(x), SIZE_BIN)
-    counted = [sizes.counts(values, edges, SIZE_BIN) for values in x]
+    edges = sizes.cut_grid(np.concatenate(x), SIZE_BIN_WIDTH)
+    counted = [sizes.counts(values, edges, SIZE_BIN_WIDTH) for values in x]
     stable = [completeness.completeness(values, width) for values, width in zip(x, bins, strict=True)]
 
     def column(values, name):
@@ -140,7 +140,7 @@ def _text(name: str, one: Fit, stable: float) -> str:
     """Law and b of one catalogue in words."""
     value, law = one.plain, one.law
     if not np.isfinite(value.b):
-        why = f"{sizes.LEAST_EVENTS} are needed" if value.events < sizes.LEAST_EVENTS else "all of one size"
+        why = f"{sizes.MIN_EVENTS_FOR_B} are needed" if value.events < sizes.MIN_EVENTS_FOR_B else "all of one size"
         return f"{name}: no b, n = {value.events} ({why})"
     complete = f"complete from log P = {stable:.1f}" if np.isfinite(stable) else "no stable completeness"
     power, bounded = _chance(law.power_p_value), _chance(law.truncated_p_value)

@@ -16,7 +16,7 @@ from catalogs.size_likelihood import Exponential, FilledLastBin
 B_MAGNITUDE_PER_B_POTENCY = 1.5
 LN10 = np.log(10.0)
 CONFIDENCE = 0.95
-LEAST_EVENTS = 10  # fewer give no b worth printing
+MIN_EVENTS_FOR_B = 10  # Events that an estimate of b needs.
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def estimate_b(
     bound: float | str | None = None,
     confidence: float = CONFIDENCE,
 ) -> BValue:
-    """b of the values x at or above `cut` by maximum likelihood; all NaN with fewer than LEAST_EVENTS.
+    """b of the values x at or above `cut` by maximum likelihood; all NaN with fewer than MIN_EVENTS_FOR_B.
 
     bin_width: 0 for continuous sizes (Aki 1965, times (n - 1) / n, which removes its bias: Ogata and Yamashina 1986);
     else x are bin centres and `cut` the lowest of them, and the estimate is that of the geometric distribution (Tinti
@@ -83,7 +83,7 @@ def estimate_b(
     count, limit = values.size, np.inf if bound is None else float(bound)
     excess = float(np.mean(values - cut)) if count else 0.0
     least = (limit - cut) / count if filled and count else 0.0  # all but the largest in the lowest bin
-    if count < LEAST_EVENTS or not least * (1 + 1e-9) < excess < limit - cut:
+    if count < MIN_EVENTS_FOR_B or not least * (1 + 1e-9) < excess < limit - cut:
         return BValue(np.nan, np.nan, np.nan, np.nan, count, cut, limit)
     likelihood = FilledLastBin(bin_width, limit - cut, count) if filled else Exponential(bin_width, limit - cut)
     beta = likelihood.solve(excess)

@@ -32,14 +32,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs import sizes
+from catalogs.periods import ALL_STEPS
 from catalogs.settings import SpreadSettings
 from pipeline.datasets import read_dataset
 from pipeline.errors import InputError
 from pipeline.event_table import read_events
 
-ALL = "all"
 STATISTICS = ("mean", "standard_deviation", "minimum", "maximum")
-UNITS = {
+QUANTITY_UNITS = {
     "potency": "m3",
     "particle_potency": "m3",
     "failed_volume": "m3",
@@ -48,7 +48,7 @@ UNITS = {
     "energy_released": "J",
     "energy_dissipated": "J",
 }
-SIZE_BIN = 0.1  # of log10 P, in plots
+SPREAD_BIN_WIDTH = 0.1  # Bins of log10 potency in plots.
 
 
 def gather(
@@ -74,18 +74,22 @@ def gather(
         key: np.array([[getattr(fit, name) for fit in row] for row in fits])
         for key, name in (("b", "b"), ("b_error", "error"), ("events_above_cut", "events"))
     }
-    edges = sizes.cut_grid(np.concatenate([group[-1] for group in groups]), SIZE_BIN)
+    edges = sizes.cut_grid(np.concatenate([group[-1] for group in groups]), SPREAD_BIN_WIDTH)
     result = {
-        name: (("run", "period"), values, {"units": UNITS.get(name, "1")}) for name, values in (table | fitted).items()
+        name: (("run", "period"), values, {"units": QUANTITY_UNITS.get(name, "1")})
+        for name, values in (table | fitted).items()
     }
-    for name, unit in UNITS.items():
+    for name, unit in QUANTITY_UNITS.items():
         values = statistics(np.asarray(result[name][1], float)[1:])
         result[f"{name}_statistics"] = (("period", "statistic"), values, {"units": unit})
     result |= {
         "size_bin_lower": ("size_bin", edges),
-        "cumulative": (("run", "size_bin"), np.array([sizes.counts(g[-1], edges, SIZE_BIN)[1] for g in groups])),
+        "cumulative": (
+            ("run", "size_bin"),
+            np.array([sizes.counts(g[-1], edges, SPREAD_BIN_WIDTH)[1] for g in groups]),
+        ),
     }
-    coordinates = {"run": np.arange(len(runs)), "period": [*steps, ALL], "statistic": list(STATISTICS)}
+    coordinates = {"run": np.arange(len(runs)), "period": [*steps, ALL_STEPS], "statistic": list(STATISTICS)}
     attributes = {"mine": settings.mine, "members": len(runs) - 1, "cut": cut, "cut_text": cut_text}
     attributes["largest_overstress"] = settings.largest_overstress
     return xr.Dataset(result, coords=coordinates, attrs=attributes)

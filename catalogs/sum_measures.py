@@ -10,12 +10,13 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from catalogs.exposure import TAILS, Exposure, Total, total_interval, total_ratio
+from catalogs.exposure import Exposure, Total, total_interval, total_ratio
+from catalogs.jackknife import INTERVAL_95
 from catalogs.sizes import log_potency
 
-LEAST_RUNS = 5  # of the model, for a variance between them: four degrees of freedom
-CARRIED = 4.0  # equal events: a sum that is worth fewer hangs on one or two of its events
-SMALLEST_SHARE = 1e-6  # of a total: the least scale, where all runs of the model agree
+MIN_RUNS_FOR_VARIANCE = 5  # Runs of the model that a variance between them needs: four degrees of freedom.
+MIN_EQUAL_EVENTS = 4.0  # A sum that is worth fewer equal events depends on one or two of its events.
+MIN_SCALE_SHARE = 1e-6  # Smallest scale, as a share of the total, where all runs of the model agree.
 
 
 def sum_measures(
@@ -25,8 +26,8 @@ def sum_measures(
 
     both: (catalogue, record), used: which events of each count (event,); members: the model's other runs, of which
     events from `cut` (log10 m3) on count; clusters: of recorded events (event,), found by `catalogs.blocks`. With
-    LEAST_RUNS runs or more the model is their mean, its chance what they differ by; else its events are taken as
-    independent. The record's events are as clustered as these clusters or their times say, whichever is more.
+    MIN_RUNS_FOR_VARIANCE runs or more the model is their mean, its chance what they differ by; else its events are
+    taken as independent. The record's events are as clustered as these clusters or their times say, whichever is more.
     """
     potency = [events["potency"].values[kept] for events, kept in zip(both, used, strict=True)]
     number = [float(len(values)) for values in potency]
@@ -34,7 +35,7 @@ def sum_measures(
     whole = [float(np.nansum(events["potency"].values)) for events in both]
     clustering = max(exposure.clustering(both[1]["time"].values[used[1]]), cluster_size(clusters[used[1]]))
     runs = [potency[0], *(_counted(member, cut, exposure) for member in members)]
-    runs = runs if len(runs) >= LEAST_RUNS else runs[:1]
+    runs = runs if len(runs) >= MIN_RUNS_FOR_VARIANCE else runs[:1]
 
     ones = [np.ones_like(values) for values in potency]
     counted = total_ratio(_model(runs, np.ones_like, 1.0), Total(number[1], clustering))
@@ -98,8 +99,8 @@ def _model(runs: list[NDArray], weight, scale: float) -> Total:
     if len(runs) == 1 or not mean:
         own = float(np.sum(weight(runs[0]) ** 2)) / mean if mean else 0.0
         return Total(mean, max(scale, own))
-    stretch = t.ppf(TAILS[1], len(runs) - 1) / norm.ppf(TAILS[1])
-    return Total(mean, max(stretch**2 * sums.var(ddof=1) / len(runs) / mean, SMALLEST_SHARE * mean))
+    stretch = t.ppf(INTERVAL_95[1], len(runs) - 1) / norm.ppf(INTERVAL_95[1])
+    return Total(mean, max(stretch**2 * sums.var(ddof=1) / len(runs) / mean, MIN_SCALE_SHARE * mean))
 
 
 def _text(potency, runs, interval, counted, clustering: float, days: float) -> str:
@@ -126,11 +127,11 @@ def _text(potency, runs, interval, counted, clustering: float, days: float) -> s
             f"{largest[1]:.2f} in both: a power law without an upper end has no mean where its b is below 1"
         )
         worth = potency[1].sum() ** 2 / np.sum(potency[1] ** 2)
-        said += f"; the record's potency is worth that of {worth:.1f} equal events" if worth < CARRIED else ""
+        said += f"; the record's potency is worth that of {worth:.1f} equal events" if worth < MIN_EQUAL_EVENTS else ""
         said += ". "
     chance = (
         "The model's chance is taken as that of independent events, which is the least it can be; an ensemble of "
-        f"{LEAST_RUNS - 1} members or more would tell it"
+        f"{MIN_RUNS_FOR_VARIANCE - 1} members or more would tell it"
     )
     if len(runs) > 1:
         chance = f"The model's chance is what its {len(runs)} runs differ by"

@@ -4,13 +4,13 @@ import re
 
 from pipeline.quantities import units
 
-UNIT = r"[^\W\d_]+(?:\^?-?\d)?(?:[ */.\u00b7]+[^\W\d_]+(?:\^?-?\d)?)*"  # m, m3, N m, dyn.cm
-LONGEST_UNIT = 30  # characters
+UNIT_PATTERN = r"[^\W\d_]+(?:\^?-?\d)?(?:[ */.\u00b7]+[^\W\d_]+(?:\^?-?\d)?)*"  # m, m3, N m, dyn.cm
+MAX_UNIT_LENGTH = 30  # characters
 
 
 def unit_quantity(text: str):
     """One of the unit that a text names, as pint has it; None if it names none. Arithmetic (9**9**9) is no unit."""
-    if len(text) > LONGEST_UNIT or not re.fullmatch(UNIT, text):
+    if len(text) > MAX_UNIT_LENGTH or not re.fullmatch(UNIT_PATTERN, text):
         return None
     plain = re.sub(r"(?<=[^\W\d_])\^?(-?\d)", r"**\1", re.sub(r"[.\u00b7]", "*", text))
     try:

@@ -9,7 +9,7 @@ from catalogs.sizes import log_potency
 from pipeline.voigt import voigt_from_tensor
 from pipeline.vtk import TENSOR_ORDER, write_mesh
 
-FIELDS = {  # variable of the catalogue: its array, with its unit
+EVENT_ARRAYS = {  # variable of the catalogue: its array, with its unit
     "potency": "potency_m3",
     "moment": "moment_N_m",
     "mw": "mw",
@@ -33,7 +33,7 @@ def write_points(catalog: xr.Dataset, path: str | os.PathLike) -> None:
     step: number of the event's mining step in the order of the events, -1 in a record.
     """
     location = catalog["location"].values
-    data = {name: catalog[field].values for field, name in FIELDS.items()}
+    data = {name: catalog[field].values for field, name in EVENT_ARRAYS.items()}
     data["log10_potency"] = log_potency(catalog["potency"].values)
     data["potency_tensor_m3"] = voigt_from_tensor(catalog["potency_tensor"].values)[:, TENSOR_ORDER]
     time = catalog["time"].values.astype("datetime64[ns]")

@@ -46,10 +46,10 @@ def events(chosen: argparse.Namespace) -> None:
     """Events of one mining step."""
     # here: the catalogue need not wait for numba and scikit-learn, nor be made again when they are used otherwise
     from pipeline.places import PLACES
-    from seismic.events import VARIABLES, extract_events
+    from seismic.events import STEP_VARIABLES, extract_events
 
     settings = read_slice(chosen.settings)
-    step = read_dataset(chosen.step, {*VARIABLES, *PLACES})
+    step = read_dataset(chosen.step, {*STEP_VARIABLES, *PLACES})
     try:
         dataset, _ = extract_events(step, settings)
     except InputError as error:
@@ -61,10 +61,10 @@ def closeness(chosen: argparse.Namespace) -> None:
     """Sizes of events at several values of closeness, and with shorter links."""
     from pipeline.places import PLACES
     from seismic.closeness import sizes_by_closeness
-    from seismic.events import VARIABLES
+    from seismic.events import STEP_VARIABLES
 
     settings = read_slice(chosen.settings)
-    steps = (read_dataset(path, {*VARIABLES, *PLACES}) for path in chosen.steps)
+    steps = (read_dataset(path, {*STEP_VARIABLES, *PLACES}) for path in chosen.steps)
     sizes = sizes_by_closeness(steps, settings)
     write_dataset(sizes.assign_attrs(provenance(settings, "seismic closeness", chosen.steps)), chosen.output)
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.voigt import NAMES
 
-CLOSURE = 1e-12  # of the sum of magnitudes: round-off of sums over 10^7 particles stays below
-PARTS = ("events", "aseismic_share", "overshoot", "later")
+MAX_CLOSURE_ERROR = 1e-12  # Relative to the sum of magnitudes; round-off of sums over 10^7 particles stays below.
+BUDGET_PARTS = ("events", "aseismic_share", "overshoot", "later")
 
 
 def potency_budget(
@@ -37,7 +37,7 @@ def potency_budget(
     }
     error = sum(parts.values()) - total["plastic"]
     closure = np.divide(np.abs(error), magnitude, out=np.zeros(6), where=magnitude > 0.0)
-    if not np.all(closure <= CLOSURE):
+    if not np.all(closure <= MAX_CLOSURE_ERROR):
         worst = int(np.argmax(np.where(np.isnan(closure), np.inf, closure)))
         raise InputError(
             f"{where}: potency budget of component {NAMES[worst]} misses the plastic strain by {closure[worst]:.1e} "
@@ -57,7 +57,7 @@ def scalar_ratio(scalars: dict[str, float]) -> float | None:
 def add_budgets(budgets: list[dict]) -> dict:
     """The budget of several steps together; closure is the worst of them."""
     total = {"components": list(NAMES), "unit": "m3"}
-    for name in (*PARTS, "plastic"):
+    for name in (*BUDGET_PARTS, "plastic"):
         total[name] = np.sum([budget[name] for budget in budgets] or [np.zeros(6)], axis=0).tolist()
     total["closure"] = np.max([budget["closure"] for budget in budgets] or [np.zeros(6)], axis=0).tolist()
     for name in ("particle_scalars", "event_scalars", "resolved_scalars"):
@@ -68,7 +68,7 @@ def add_budgets(budgets: list[dict]) -> dict:
 def log_budget(budget: dict) -> None:
     """Write the budget to the log as a table."""
     logging.info("potency budget, m3     %s", "".join(f"{name:>12}" for name in budget["components"]))
-    for name in (*PARTS, "plastic", "closure"):
+    for name in (*BUDGET_PARTS, "plastic", "closure"):
         logging.info("  %-20s %s", name, "".join(f"{value:12.3e}" for value in budget[name]))
     ratio = "none" if budget["scalar_ratio"] is None else f"{budget['scalar_ratio']:.3f}"
     logging.info(

@@ -14,7 +14,7 @@ from pipeline.voigt import COMPONENTS, voigt_from_tensor
 from seismic.budget import add_budgets
 
 # What the steps of one catalogue must share, with a plain name for the user.
-SHARED = (
+SHARED_ATTRIBUTES = (
     *("mine", "kind", "lame_lambda", "shear_modulus", "frame"),
     *("seismic_fraction", "method", "closeness", "least_particles", "cluster"),
 )
@@ -32,7 +32,7 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
         raise InputError("catalog: no event datasets: give the events of at least one step")
     first = steps[0].attrs
     for step in steps:
-        for name in SHARED:
+        for name in SHARED_ATTRIBUTES:
             if step.attrs.get(name) != first.get(name) or name not in first:
                 raise InputError(
                     f"catalog: steps {first.get('step')} and {step.attrs.get('step')} differ in {name}: "
@@ -53,7 +53,7 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
     truncated = [step for step in dated if step.attrs["truncated"]]
     budgets = [json.loads(step.attrs["budget"]) for step in dated]
     budget = add_budgets(budgets)
-    attributes = {name: first[name] for name in SHARED} | {
+    attributes = {name: first[name] for name in SHARED_ATTRIBUTES} | {
         "steps": json.dumps(names),
         "potency_floor": _largest(dated, "potency_floor"),
         "location_error": _largest(dated, "location_error"),

@@ -9,11 +9,11 @@ from seismic.events import extract_events
 from seismic.regions import CORNERS, EDGES, FACES
 from seismic.settings import EventSettings
 
-CLOSENESS = (0.6, 0.7, 0.8, 0.9, 0.95)
+CLOSENESS_TRIED = (0.6, 0.7, 0.8, 0.9, 0.95)
 
 
 def sizes_by_closeness(steps: Iterable[xr.Dataset], settings: EventSettings) -> xr.Dataset:
-    """Resolved events of all steps, extracted at each CLOSENESS and at the mine's own, and there with shorter links.
+    """Resolved events of all steps at the mine's closeness, at each of CLOSENESS_TRIED, and with fewer links.
 
     steps: datasets of mining steps, one after the other; settings: EventSettings, or their values. Gives potency
     (event,) m3 and, beside it, choice (event,): the index of the choice with which the event was extracted; closeness
@@ -23,7 +23,7 @@ def sizes_by_closeness(steps: Iterable[xr.Dataset], settings: EventSettings) -> 
     """
     chosen = EventSettings.of(settings, "seismic")
     has_links = chosen.method == "simultaneous"
-    choices = [(value, CORNERS if has_links else 0) for value in sorted({*CLOSENESS, chosen.closeness})]
+    choices = [(value, CORNERS if has_links else 0) for value in sorted({*CLOSENESS_TRIED, chosen.closeness})]
     own = [value for value, _ in choices].index(chosen.closeness)
     if has_links:
         choices += [(chosen.closeness, reach) for reach in (EDGES, FACES)]

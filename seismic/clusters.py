@@ -16,8 +16,9 @@ from threadpoolctl import threadpool_limits
 
 from seismic.settings import ClusterSettings
 
-ROUND_OFF = 1e-9  # on the radius: lattice neighbours exactly at it count, whatever the origin of the coordinates
-STARTS = 4  # k-means runs from this many seedings and keeps the tightest
+# Relative tolerance of the radius: lattice neighbours at the radius count, whatever the origin of the coordinates.
+RADIUS_ROUND_OFF = 1e-9
+KMEANS_STARTS = 4  # Seedings of k-means, of which the tightest result counts.
 
 
 def find_clusters(
@@ -84,13 +85,13 @@ def neighbour_pairs(
     """
     position = np.asarray(position, dtype=np.float64)
     sizes, size = np.unique(np.asarray(spacing, dtype=np.float64), return_inverse=True)
-    reach = radius_cells * (1.0 + ROUND_OFF)
+    reach = radius_cells * (1.0 + RADIUS_ROUND_OFF)
     apart = 2.0 * reach * sizes[-1]
     point = np.column_stack([position - position.mean(axis=0), family * apart])
     pairs = [np.empty((0, 2), np.intp)]
     for rank, largest in enumerate(sizes):
-        # twice ROUND_OFF: the tree only proposes, the distances below decide
-        radius = radius_cells * (1.0 + 2.0 * ROUND_OFF) * largest
+        # twice RADIUS_ROUND_OFF: the tree only proposes, the distances below decide
+        radius = radius_cells * (1.0 + 2.0 * RADIUS_ROUND_OFF) * largest
         own = np.flatnonzero(size == rank)
         tree = cKDTree(point[own])
         pairs.append(own[tree.query_pairs(radius, output_type="ndarray")])
@@ -117,7 +118,7 @@ def _dbscan(graph: csr_matrix, cluster: ClusterSettings) -> NDArray:
     """DBSCAN label of each particle on the graph of all families, -1 for noise."""
     from sklearn.cluster import DBSCAN  # here: regions, the default, would wait two seconds for what they do not use
 
-    reach = cluster.radius_cells * (1.0 + ROUND_OFF)
+    reach = cluster.radius_cells * (1.0 + RADIUS_ROUND_OFF)
     return DBSCAN(eps=reach, min_samples=cluster.min_samples, metric="precomputed").fit(graph).labels_
 
 
@@ -139,7 +140,7 @@ def _kmeans(position: NDArray, spacing: NDArray, family: NDArray, cluster: Clust
             count = min(max(int(count), 1), len(np.unique(position[member], axis=0)))
             label[member] = used
             if count > 1:
-                kmeans = KMeans(count, n_init=STARTS, random_state=0)
+                kmeans = KMeans(count, n_init=KMEANS_STARTS, random_state=0)
                 label[member] += kmeans.fit_predict(position[member] - position[member].mean(axis=0))
             used += count
     return label

@@ -27,17 +27,18 @@ from seismic.regions import CORNERS, find_regions
 from seismic.settings import EventSettings
 from seismic.shares import at_once_share, unlike_share
 
-STRAINS = {
+STRAIN_VARIABLES = {
     "seismic": "seismic_strain",
     "overshoot": "overshoot_strain",
     "later": "later_strain",
     "plastic": "plastic_strain_step",
 }
-VARIABLES = (*STRAINS.values(), "position", "spacing", "volume", "material", "failed", "failure_order")
+STEP_VARIABLES = (*STRAIN_VARIABLES.values(), "position", "spacing", "volume", "material", "failed", "failure_order")
 STEP_ATTRIBUTES = ("mine", "step", "step_index", "lame_lambda", "shear_modulus")
 MATERIAL_ATTRIBUTES = ("material_names", "elastic_moduli")
 UNDATED = {"start": "", "end": "", "dated": 0}
-ALONG_PLANES = 1e-6  # share of a strain that may deform planes within themselves, and it is still slip along them
+# Share of a strain that may deform planes within themselves while it counts as slip along them.
+MAX_IN_PLANE_SHARE = 1e-6
 LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")
 
 
@@ -57,7 +58,7 @@ def extract_events(step: xr.Dataset, settings: EventSettings, reach: int = CORNE
     chosen = EventSettings.of(settings, "seismic")
     where = _check_step(step, chosen)
     step = step.assign_attrs(UNDATED | step.attrs) if chosen.start is None else dated(step, chosen.start, chosen.end)
-    strain = {name: np.asarray(step[variable].values, dtype=np.float64) for name, variable in STRAINS.items()}
+    strain = {name: np.asarray(step[variable].values, dtype=np.float64) for name, variable in STRAIN_VARIABLES.items()}
     strained = np.flatnonzero(np.any([np.any(values != 0.0, axis=1) for values in strain.values()], axis=0))
     strain = {name: values[strained] for name, values in strain.items()}  # most rock has none
     volume = np.asarray(step["volume"].values, dtype=np.float64)
@@ -151,7 +152,7 @@ def slips_on_planes(step: xr.Dataset, source: NDArray) -> NDArray:
             own = np.flatnonzero(material == index)
             along = np.eye(3) - np.outer(normals[name], normals[name])
             within = np.linalg.norm(along @ strain[own] @ along, axis=(1, 2))
-            found[own] = within <= ALONG_PLANES * np.linalg.norm(strain[own], axis=(1, 2))
+            found[own] = within <= MAX_IN_PLANE_SHARE * np.linalg.norm(strain[own], axis=(1, 2))
     return found
 
 
@@ -162,7 +163,7 @@ def dated(step: xr.Dataset, start: str, end: str) -> xr.Dataset:
 
 def _check_step(step: xr.Dataset, settings: EventSettings) -> str:
     """Name of the step for messages. Raises InputError if the dataset is not a step of this mine."""
-    missing = [name for name in VARIABLES if name not in step.variables]
+    missing = [name for name in STEP_VARIABLES if name not in step.variables]
     needed = (*STEP_ATTRIBUTES, *MATERIAL_ATTRIBUTES, *LABEL_ATTRIBUTES)
     missing += [name for name in needed if name not in step.attrs]
     where = f"step {step.attrs.get('step', '?')}"

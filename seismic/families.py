@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 
 # The nine-component norm of a symmetric tensor is the ordinary norm of six components with shear times sqrt(2).
-NINE_NORM = np.array([1.0, 1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0), np.sqrt(2.0)])
-CHUNK = 512  # particles that a thread compares at a time: their eight arrays stay in the first-level cache
-BLOCK = 8192  # particles between two rounds of comparison with all leaders known so far
+NINE_COMPONENT_WEIGHTS = np.array([1.0, 1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0), np.sqrt(2.0)])
+# Particles that a thread compares at a time: their eight arrays fit in the first-level cache.
+PARTICLES_PER_CHUNK = 512
+PARTICLES_PER_BLOCK = 8192  # Particles between two rounds of comparison with all leaders known so far.
 
 
 def closeness(first: NDArray, second: NDArray) -> NDArray:
@@ -40,7 +41,9 @@ def find_families(potency: NDArray, threshold: float) -> tuple[NDArray, NDArray]
     size = np.max(np.abs(potency), axis=1)
     if not np.all((size > 0.0) & np.isfinite(size)):
         raise InputError("seismic_strain: a failed particle's potency is zero or not finite: leave such particles out")
-    direction = potency / size[:, None] * NINE_NORM  # scaled by the largest component: no underflow when squared
+    direction = (
+        potency / size[:, None] * NINE_COMPONENT_WEIGHTS
+    )  # scaled by the largest component: no underflow when squared
     norm = np.sqrt(np.sum(np.square(direction), axis=1))
     order = np.argsort(-(size * norm), kind="stable")
     unit = np.ascontiguousarray((direction / norm[:, None])[order].T)
@@ -63,7 +66,7 @@ def _greedy_leaders(unit: NDArray, threshold: float) -> tuple[NDArray, NDArray]:
     leader = np.empty(particles, np.int64)
     leader_unit = np.empty((1024, 6))
     blocks = []
-    found, start, length = 0, 0, CHUNK
+    found, start, length = 0, 0, PARTICLES_PER_CHUNK
     while start < particles:
         stop = min(start + length, particles)
         _compare_with_leaders(unit, start, stop, leader_unit[:found], 0, best, family)
@@ -71,7 +74,7 @@ def _greedy_leaders(unit: NDArray, threshold: float) -> tuple[NDArray, NDArray]:
         if found + stop - start > len(leader_unit):
             leader_unit = np.concatenate([leader_unit, np.empty((len(leader_unit) + stop - start, 6))])
         found = _visit(unit, start, stop, threshold, best, leader_unit, leader, found)
-        start, length = stop, min(2 * length, BLOCK)
+        start, length = stop, min(2 * length, PARTICLES_PER_BLOCK)
     for start, stop, known in blocks:
         _compare_with_leaders(unit, start, stop, leader_unit[known:found], known, best, family)
     family[leader[:found]] = np.arange(found)  # a leader is its own, even if round-off brings another as close
@@ -86,9 +89,9 @@ def _compare_with_leaders(unit, start, stop, leader_unit, first, best, family):
     (particle,) closeness so far; family (particle,) int64. A later leader must be strictly closer. Each particle is
     written by one thread only: the result does not depend on the thread count.
     """
-    for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
-        low = start + chunk * CHUNK
-        high = min(low + CHUNK, stop)
+    for chunk in prange((stop - start + PARTICLES_PER_CHUNK - 1) // PARTICLES_PER_CHUNK):
+        low = start + chunk * PARTICLES_PER_CHUNK
+        high = min(low + PARTICLES_PER_CHUNK, stop)
         xx, yy, zz = unit[0, low:high], unit[1, low:high], unit[2, low:high]
         yz, xz, xy = unit[3, low:high], unit[4, low:high], unit[5, low:high]
         chunk_best, chunk_family = best[low:high], family[low:high]

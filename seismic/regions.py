@@ -18,11 +18,11 @@ if
     |sum P| >= threshold * sum |P|    over the particles of both,
 
 where the left side over the right one is the mean cosine between a particle and its event's tensor, weighted by
-potency; and if no particle is opposed to that tensor, so no chain of links turns a mechanism round. What then chooses
-a region that has just grown, and is far smaller (SMALL), joins it in the same round, the best first, if it still may:
-else a large region would take one neighbour a round. It ends when none may join. Which regions join depends on what is
-around them, not on the rest of the mine, and not on the order of the particles: sums are taken in the order of their
-places, and equal choices are settled by a lot drawn from these.
+potency; and if no particle is opposed to that tensor, so no chain of links turns a mechanism round. What then chooses a
+region that has just grown, and is far smaller (MAX_JOINING_SHARE), joins it in the same round, the best first, if it
+still may: else a large region would take one neighbour a round. It ends when none may join. Which regions join depends
+on what is around them, not on the rest of the mine, and not on the order of the particles: sums are taken in the order
+of their places, and equal choices are settled by a lot drawn from these.
 """
 
 import numpy as np
@@ -30,12 +30,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from seismic.clusters import neighbour_pairs, number_by_first
-from seismic.families import NINE_NORM
+from seismic.families import NINE_COMPONENT_WEIGHTS
 
-TOUCHING = 1.05  # along each axis, centres of cells that touch are apart by at most so many times half of both sizes
+# Cells touch if their centres are apart, along each axis, by at most this factor times half the sum of their sizes.
+TOUCHING_TOLERANCE = 1.05
 FACES, EDGES, CORNERS = 1, 2, 3  # reach of links: axes along which cells that touch lie side by side, at most
-GENERATIONS_APART = 1
-SMALL = 0.003  # of a region's particles: such a one need not wait until the region chooses it
+MAX_GENERATIONS_APART = 1  # Generations of failure by which linked particles may differ.
+# A region with at most this share of another's particles need not wait until that one chooses it.
+MAX_JOINING_SHARE = 0.003
 
 
 def find_regions(
@@ -59,7 +61,7 @@ def find_regions(
     order = np.lexsort(position.T)
     if not np.diff(position[order], axis=0).any(axis=1).all():  # particles may lie at one place
         order = np.lexsort((*failure_order.T[::-1], *potency.T, *position.T))
-    tensor = potency[order] * NINE_NORM
+    tensor = potency[order] * NINE_COMPONENT_WEIGHTS
     tensor /= np.abs(tensor).max()  # no underflow when squared
     spacing = np.asarray(spacing, np.float64)[order]
     first, second = links(position[order], spacing, tensor, failure_order[order], threshold, reach)
@@ -77,8 +79,11 @@ def links(
     threshold: float,
     reach: int = CORNERS,
 ) -> tuple[NDArray, NDArray]:
-    """Linked particles, first < second, (link,) int64 each. Arguments as find_regions, tensors in NINE_NORM."""
-    first, second, _ = neighbour_pairs(position, spacing, failure_order[:, 0], np.sqrt(3.0) * TOUCHING)
+    """Linked particles, first < second, (link,) int64 each.
+
+    Arguments are those of find_regions; tensor components are multiplied by NINE_COMPONENT_WEIGHTS.
+    """
+    first, second, _ = neighbour_pairs(position, spacing, failure_order[:, 0], np.sqrt(3.0) * TOUCHING_TOLERANCE)
     first, second = np.minimum(first, second), np.maximum(first, second)
     unit = tensor / np.linalg.norm(tensor, axis=1)[:, None]
     generation = failure_order[:, 1].astype(np.int64)
@@ -97,11 +102,11 @@ def _are_linked(first, second, position, spacing, unit, generation, threshold, r
         for axis in range(3):
             apart = abs(position[a, axis] - position[b, axis])
             farthest = max(farthest, apart)
-            beside += apart * TOUCHING > half
+            beside += apart * TOUCHING_TOLERANCE > half
         for k in range(6):
             cosine += unit[a, k] * unit[b, k]
-        touch = farthest <= TOUCHING * half and beside <= reach
-        linked[pair] = touch and abs(generation[a] - generation[b]) <= GENERATIONS_APART and cosine > threshold
+        touch = farthest <= TOUCHING_TOLERANCE * half and beside <= reach
+        linked[pair] = touch and abs(generation[a] - generation[b]) <= MAX_GENERATIONS_APART and cosine > threshold
     return linked
 
 
@@ -122,11 +127,11 @@ def _mix(value: NDArray) -> NDArray:
 
 
 def grow(
-    tensor: NDArray, lot: NDArray, first: NDArray, second: NDArray, threshold: float, small: float = SMALL
+    tensor: NDArray, lot: NDArray, first: NDArray, second: NDArray, threshold: float, small: float = MAX_JOINING_SHARE
 ) -> NDArray:
     """Region of every particle, (particle,) int64: the number of one of its particles. Mutual best joining, see above.
 
-    tensor (particle, 6) in NINE_NORM; lot (particle,); first, second (link,): pairs of particles.
+    tensor (particle, 6) times NINE_COMPONENT_WEIGHTS; lot (particle,); first, second (link,): pairs of particles.
     """
     count = len(tensor)
     total, scalar, size = tensor.copy(), np.linalg.norm(tensor, axis=1), np.ones(count)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 
+from catalogs.periods import ALL_STEPS
 from mpm_core.constitutive.laws import can_fail
 from mpm_core.domain import base_cells
 from mpm_core.scene import check_virgin_stress, parse_scene
@@ -18,7 +19,6 @@ from workflow.shapes import check_form, check_place, check_repeated, extent
 
 PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
 IN_PLANE = {"xz": ("xx", "zz", "xz"), "xy": ("xx", "yy", "xy"), None: ("xx", "yy", "zz", "yz", "xz", "xy")}
-ALL = "all"  # beside the steps in grid_convergence.nc and spread.nc: all of them together
 RESERVED = ("verification", "benchmarks", "extremes", "tradeoff", "stability", "catalog_spread")  # folders of results
 LEAST_HOURGLASS = 0.001  # a thousandth of it makes a stage twenty times as long, zero has no answer
 MOST_POISSON = 0.49  # where particles share a cell: a hole then closes 4 % too little, at 0.499 26 %, at 0.4999 73 %
@@ -103,8 +103,8 @@ def _check_step(mine: Mine, index: int) -> None:
         )
     if step["name"] == PLANNED:
         raise InputError(f"{where}: '{PLANNED}' means not yet scheduled; give the step another name")
-    if step["name"] == ALL:
-        raise InputError(f"{where}: '{ALL}' means all dated steps in results; give the step another name")
+    if step["name"] == ALL_STEPS:
+        raise InputError(f"{where}: '{ALL_STEPS}' means all dated steps in results; give the step another name")
     if ("start" in step) != ("end" in step):
         raise InputError(f"{where}: a dated step needs both start and end")
     if "start" not in step and any("start" in earlier for earlier in mine.steps[:index]):

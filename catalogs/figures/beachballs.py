@@ -11,8 +11,8 @@ from matplotlib.patches import Circle
 
 from catalogs.figures import style
 
-COLUMNS = 5
-SAMPLES = 201  # across the square around the projection
+BALLS_PER_ROW = 5
+PIXELS_ACROSS = 201  # Pixels across the square around the projection.
 
 
 def lower_hemisphere(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -25,7 +25,7 @@ def lower_hemisphere(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.stack([x * along, y * along, square - 1.0], axis=-1)
 
 
-def first_motion(tensor: np.ndarray, samples: int = SAMPLES) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def first_motion(tensor: np.ndarray, samples: int = PIXELS_ACROSS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Outward first motion r.M.r on a square around the projection: x (samples,), y (samples,), motion (y, x).
 
     tensor: (3, 3) moment tensor, any unit, axes east, north, up, outward motion positive; scaled to unit norm.
@@ -36,7 +36,7 @@ def first_motion(tensor: np.ndarray, samples: int = SAMPLES) -> tuple[np.ndarray
     return line, line, np.einsum("...i,ij,...j->...", ray, tensor / scale if scale > 0 else tensor, ray)
 
 
-def shaded_share(tensor: np.ndarray, samples: int = SAMPLES) -> float:
+def shaded_share(tensor: np.ndarray, samples: int = PIXELS_ACROSS) -> float:
     """Share of the lower hemisphere with outward first motion: 0.5 for a double couple, 1 for an explosion."""
     x, y, motion = first_motion(tensor, samples)
     inside = x[None, :] ** 2 + y[:, None] ** 2 <= 1.0
@@ -59,9 +59,9 @@ def beach_balls(moment_tensors: np.ndarray, titles: list[str], axes_of: np.ndarr
 
     moment_tensors: (event, 3, 3); titles: one per event; axes_of: (event, 2, xyz) unit vectors of P and T.
     """
-    rows = -(-len(titles) // COLUMNS)
+    rows = -(-len(titles) // BALLS_PER_ROW)
     figure = style.new_figure(height=2.45 * rows)
-    array = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+    array = figure.subplots(rows, BALLS_PER_ROW, squeeze=False).ravel()
     for axes in array:
         axes.set_axis_off()
     for axes, tensor, title, pair in zip(array, moment_tensors, titles, axes_of, strict=False):

@@ -7,8 +7,8 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from catalogs.figures import style
 
-COLUMNS = 3
-MOST_POINTS = 4000  # of one curve: more cannot be told apart in a panel
+PANELS_PER_ROW = 3
+MAX_POINTS_PER_CURVE = 4000  # More points of one curve cannot be told apart in a panel.
 
 
 def running_iteration(iteration: np.ndarray) -> np.ndarray:
@@ -22,7 +22,7 @@ def running_iteration(iteration: np.ndarray) -> np.ndarray:
 
 def convergence(stages: list[xr.Dataset]) -> Figure:
     """One panel per stage: unbalanced ratio of the whole mine (line), tolerance (dashed), new failures (bars)."""
-    columns = min(COLUMNS, len(stages))
+    columns = min(PANELS_PER_ROW, len(stages))
     rows = -(-len(stages) // columns)
     figure = style.new_figure(height=2.6 * rows + 0.4)
     array = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
@@ -49,7 +49,7 @@ def _panel(axes, stage: xr.Dataset, first: bool) -> None:
     cells = stage["convergence_cells"].values
     # A part of the mine at rest says nothing of the mine, which has the more cells the more are split.
     whole = np.flatnonzero(cells == np.maximum.accumulate(cells))
-    whole = whole[:: -(-len(whole) // MOST_POINTS)]
+    whole = whole[:: -(-len(whole) // MAX_POINTS_PER_CURVE)]
     shown = np.where(ratio > 0, ratio, np.nan)[whole]
     increment = stage["convergence_increment"].values
     for index in np.flatnonzero(np.diff(increment)) + 1:

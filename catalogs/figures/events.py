@@ -16,10 +16,10 @@ from catalogs.figures import panels, style, views
 from catalogs.sizes import log_potency
 
 SMALLEST, LARGEST = 2.0, 15.0  # points: diameters of the smallest and largest event shown
-UNDATED = "#9a9a9a"
-LEFT_OUT = "#8c8c8c"  # the rim of an event that is not compared
-CROWD = 2000  # events: more of them hide the workings, and each other; they are counted
-BINS = 60  # along the longer side of a view
+UNDATED_COLOUR = "#9a9a9a"
+NOT_COMPARED_COLOUR = "#8c8c8c"  # Rim of an event that is not compared.
+MAX_EVENTS_DRAWN_SINGLY = 2000  # More events would hide the workings and each other: their number per square is drawn.
+BINS_ALONG_VIEW = 60  # Squares along the longer side of a view.
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,8 @@ def locations(
     """Plans and sections, one column per catalogue (keys: labels), same limits; size by log P, colour by time.
 
     compared: of each catalogue, which events (event,) bool its numbers are of; the others are hollow. Excavations lie
-    underneath as silhouettes. One catalogue alone fills the width with its views. Of a catalogue of more than CROWD
-    events the number of compared ones per square is shown instead.
+    underneath as silhouettes. One catalogue alone fills the width with its views. Of a catalogue of more than
+    MAX_EVENTS_DRAWN_SINGLY events the number of compared ones per square is shown instead.
     """
     lower, upper = event_limits(grid, list(catalogs.values()))
     scale = common_scale(list(catalogs.values()))
@@ -91,14 +91,14 @@ def locations(
 
 def is_crowd(catalog: xr.Dataset) -> bool:
     """Whether its events are shown as a density."""
-    return catalog.sizes["event"] > CROWD
+    return catalog.sizes["event"] > MAX_EVENTS_DRAWN_SINGLY
 
 
 def draw_density(figure: Figure, axes: Axes, catalog: xr.Dataset, view: views.View, lower, upper) -> None:
     """Events per square of a projection, on a logarithmic scale, with a colour bar inside the panel."""
     place = catalog["location"].values[:, view.axes]
     low, extent = lower[view.axes], (upper - lower)[view.axes]
-    side = extent.max() / BINS
+    side = extent.max() / BINS_ALONG_VIEW
     edges = [low[axis] + side * np.arange(np.ceil(extent[axis] / side) + 1) for axis in (0, 1)]
     count = np.histogram2d(*place.T, bins=edges)[0].T
     drawn = axes.pcolormesh(
@@ -124,12 +124,12 @@ def draw_events(axes: Axes, catalog: xr.Dataset, compared: np.ndarray, view: vie
     place = catalog["location"].values[:, view.axes]
     rasterized = len(place) > 300
     axes.scatter(
-        *place[~compared].T, s=diameter[~compared] ** 2, c="none", edgecolors=LEFT_OUT, linewidths=0.4, zorder=2,
-        rasterized=rasterized,
+        *place[~compared].T, s=diameter[~compared] ** 2, c="none", edgecolors=NOT_COMPARED_COLOUR, linewidths=0.4,
+        zorder=2, rasterized=rasterized,
     )  # fmt: skip
     order = np.flatnonzero(compared)[np.argsort(-diameter[compared], kind="stable")]
     colour = colormaps["viridis"](Normalize(*scale.days)(days[order]))
-    colour[np.isnan(days[order])] = (*[int(UNDATED[at : at + 2], 16) / 255 for at in (1, 3, 5)], 1.0)
+    colour[np.isnan(days[order])] = (*[int(UNDATED_COLOUR[at : at + 2], 16) / 255 for at in (1, 3, 5)], 1.0)
     axes.scatter(
         *place[order].T, s=diameter[order] ** 2, c=colour, alpha=0.8, edgecolors="black", linewidths=0.25, zorder=3,
         rasterized=rasterized,
@@ -162,13 +162,13 @@ def _keys(figure: Figure, bar: Axes, scale: Scale, hollow: bool) -> None:
         for value in values
     ]  # fmt: skip
     if hollow:
-        handles.append(circle(4.0, "not compared", markerfacecolor="none", markeredgecolor=LEFT_OUT))
+        handles.append(circle(4.0, "not compared", markerfacecolor="none", markeredgecolor=NOT_COMPARED_COLOUR))
     panels.key(figure, handles)
 
 
 def nearness(comparison: xr.Dataset) -> Figure:
     """How near modelled and recorded events lie, against distance: Ripley's cross-K over the K within each."""
-    figure = style.new_figure(width=0.6 * style.WIDTH, height=3.2)
+    figure = style.new_figure(width=0.6 * style.PAGE_WIDTH, height=3.2)
     axes = figure.subplots()
     distance, ratio = comparison["distance"].values, comparison["cross_ratio"].values
     low, high = comparison["cross_ratio_interval"].values.T

@@ -19,11 +19,11 @@ from catalogs.figures import panels, style, views
 from catalogs.settings import MinedStep
 from pipeline.datasets import atomic_path
 
-MARGIN = 0.02  # of the domain's longest side, around it
-BODY = "#b5651d"
-HISTORY = to_rgb(style.OUTLINE)  # the grey of the report's figures is a cell's here
-SHEER = 0.55  # opacity: solids lie behind each other
-DOTS_PER_INCH = 200
+MARGIN_SHARE = 0.02  # Margin around the domain, as a share of its longest side.
+BODY_COLOUR = "#b5651d"
+HISTORY_COLOUR = to_rgb(style.OUTLINE)  # The grey of the report's figures is the colour of a cell here.
+SOLID_OPACITY = 0.55  # Solids lie behind each other.
+PICTURE_DOTS_PER_INCH = 200
 
 
 def write_overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | None, path: Path) -> None:
@@ -31,7 +31,7 @@ def write_overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Data
     with style.applied():
         figure = overview(grid, steps, record)
         with atomic_path(path) as temporary:
-            figure.savefig(temporary, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+            figure.savefig(temporary, format="png", dpi=PICTURE_DOTS_PER_INCH, metadata={"Software": None})
 
 
 def overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | None) -> Figure:
@@ -44,14 +44,16 @@ def overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | 
     place = np.empty((0, 3)) if record is None else record["location"].values
     cuts, side = _cuts(grid), (upper - lower).max() * (upper > lower)
     figure, array, _ = panels.panels(
-        cuts, lower - MARGIN * side, upper + MARGIN * side, columns=min(len(cuts), 2), tallest=13.0
+        cuts, lower - MARGIN_SHARE * side, upper + MARGIN_SHARE * side, columns=min(len(cuts), 2), tallest=13.0
     )
     names = json.loads(grid.attrs["excavation_names"])
     number = {name: index for index, name in enumerate(names)}
     mined = [[number[name] for name in step.excavations] for step in steps]
     planned = sorted(set(range(len(names))) - {number for numbers in mined for number in numbers})
     dated = [step.dated for step in steps]
-    colours = [colour if flag else HISTORY for colour, flag in zip(style.step_colours(dated), dated, strict=True)]
+    colours = [
+        colour if flag else HISTORY_COLOUR for colour, flag in zip(style.step_colours(dated), dated, strict=True)
+    ]
     level = ListedColormap(colormaps["Greys"](np.linspace(0.03, 0.4, int(grid.attrs["levels"]))))  # steps are coloured
     for axes, view in zip(array, cuts, strict=True):
         _draw_cells(axes, grid, view, level)
@@ -62,7 +64,7 @@ def overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | 
             _draw_solids(axes, grid, along, numbers, colour)
         _draw_solids(axes, grid, along, planned, None)
         axes.plot(*place[:, view.axes].T, ".", color=style.RECORDED, markersize=2.5, zorder=5, rasterized=True)
-        cut = "" if view.at is None else f"\ncells at {views.AXIS_NAMES[view.normal]} = {view.at:.10g} m"
+        cut = "" if view.at is None else f"\ncells at {views.COORDINATE_NAMES[view.normal]} = {view.at:.10g} m"
         axes.set_title(view.name + cut)
     edge = float(grid.attrs["coarse_cell"])
     handles = [
@@ -70,9 +72,9 @@ def overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | 
             Patch(facecolor=level(index), edgecolor="#cccccc", label=f"cells of {edge / 2**index:g} m")
             for index in range(int(grid.attrs["levels"]))
         ),
-        *([Patch(color=BODY, alpha=0.35, label="rock bodies")] if (grid["cell_body"].values >= 0).any() else []),
+        *([Patch(color=BODY_COLOUR, alpha=0.35, label="rock bodies")] if (grid["cell_body"].values >= 0).any() else []),
         *(
-            Patch(facecolor=(*colour, SHEER), edgecolor=colour, label=step.name)
+            Patch(facecolor=(*colour, SOLID_OPACITY), edgecolor=colour, label=step.name)
             for step, colour in style.thinned(
                 [pair for pair in zip(steps, colours, strict=True) if pair[0].excavations]
             )
@@ -102,17 +104,17 @@ def _draw_cells(axes: Axes, grid: xr.Dataset, view: views.View, level) -> None:
     edges = {"edgecolors": "white", "linewidths": 0.3} if views.edges_help(axes, float(size.min())) else {}
     views.draw_squares(axes, corner, size, facecolors=level(grid["cell_level"].values[cells]), zorder=0.1, **edges)
     body = grid["cell_body"].values[cells] >= 0
-    views.draw_squares(axes, corner[body], size[body], facecolors=BODY, alpha=0.35, zorder=0.2)
+    views.draw_squares(axes, corner[body], size[body], facecolors=BODY_COLOUR, alpha=0.35, zorder=0.2)
 
 
 def _draw_solids(axes: Axes, grid: xr.Dataset, along: views.View, numbers: list[int], colour) -> None:
     """Silhouettes of the excavations of one step; without a colour, of planned ones, as outlines."""
     lower, size, share = views.silhouette(grid, along, numbers)
-    lower, size = lower[share >= views.INSIDE], size[share >= views.INSIDE]
+    lower, size = lower[share >= views.MIN_EXCAVATED_SHARE_DRAWN], size[share >= views.MIN_EXCAVATED_SHARE_DRAWN]
     if not len(size):
         return
     if colour is not None:
-        views.draw_squares(axes, lower, size, facecolors=colour, alpha=SHEER, zorder=3)
+        views.draw_squares(axes, lower, size, facecolors=colour, alpha=SOLID_OPACITY, zorder=3)
     axes.add_collection(
         LineCollection(
             views.outline_segments(lower, size),

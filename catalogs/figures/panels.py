@@ -5,14 +5,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from catalogs.figures.views import AXIS_LABELS, AXIS_NAMES, WHOLE_FROM, View
+from catalogs.figures.views import AXIS_LABELS, COORDINATE_NAMES, MIN_COORDINATE_IN_WHOLE_METRES, View
 
 LEFT, RIGHT, TOP, BOTTOM, KEY, BAR = 0.85, 0.15, 0.5, 0.55, 0.35, 0.95  # inches: labels of a panel, key, colour bar
-DIGIT = 0.075  # inches
-KEY_ENTRY = 1.2  # inches of a key's entry
-NARROWEST = 1.65  # inches: a column's title fits
-SHORT = 1.2  # inches: no room for a long axis label
-NEARLY = 0.75  # of the largest scale
+DIGIT_WIDTH = 0.075  # inches
+KEY_ENTRY_WIDTH = 1.2  # inches
+MIN_TITLED_WIDTH = 1.65  # inches, into which a column's title fits
+MAX_SHORT_HEIGHT = 1.2  # inches; a lower panel has no room for a long axis label
+# Arrangements of panels are considered whose scale is at least this share of the largest.
+MIN_COMMON_SCALE_SHARE = 0.75
 
 
 def panels(
@@ -32,7 +33,7 @@ def panels(
     places = _places(views, lower, upper, columns, bar, tallest)
     scale = _scale(views, lower, upper, places, bar, tallest)
     widths, heights = _extents(views, lower, upper, places)
-    widths, heights = [max(scale * width, NARROWEST) for width in widths], [scale * height for height in heights]
+    widths, heights = [max(scale * width, MIN_TITLED_WIDTH) for width in widths], [scale * height for height in heights]
     columns = len(widths)
     width = sum(widths) + (LEFT + RIGHT) * columns + BAR * bar
     height = sum(heights) + (TOP + BOTTOM) * len(heights) + KEY
@@ -45,10 +46,12 @@ def panels(
         size = scale * (upper - lower)[view.axes]
         axes = figure.add_axes([left / width, bottom / height, size[0] / width, size[1] / height])
         dress(axes, view, lower, upper)
-        if size[1] < SHORT:
-            axes.set_ylabel(f"{AXIS_NAMES[view.vertical]} (m)")
-        wide = max(0.65, DIGIT * (1 + max(len(f"{edge[view.horizontal]:.0f}") for edge in (lower, upper))))
-        prune = "both" if np.abs([lower, upper]).max() >= WHOLE_FROM else None  # long numbers reach beyond the panel
+        if size[1] < MAX_SHORT_HEIGHT:
+            axes.set_ylabel(f"{COORDINATE_NAMES[view.vertical]} (m)")
+        wide = max(0.65, DIGIT_WIDTH * (1 + max(len(f"{edge[view.horizontal]:.0f}") for edge in (lower, upper))))
+        prune = (
+            "both" if np.abs([lower, upper]).max() >= MIN_COORDINATE_IN_WHOLE_METRES else None
+        )  # long numbers reach beyond the panel
         axes.locator_params(axis="x", nbins=int(np.clip(size[0] / wide, 1, 7)), prune=prune)
         axes.locator_params(axis="y", nbins=int(np.clip(size[1] / 0.4, 1, 7)))
         array.append(axes)
@@ -64,14 +67,16 @@ def _places(views: list[View], lower, upper, columns: int | None, bar: bool, tal
     counts = range(1, len(views) + 1) if columns is None else [columns]
     found = [[divmod(number, count) for number in range(len(views))] for count in counts]
     scales = [_scale(views, lower, upper, places, bar, tallest) for places in found]
-    large = [places for places, scale in zip(found, scales, strict=True) if scale >= NEARLY * max(scales)]
+    large = [
+        places for places, scale in zip(found, scales, strict=True) if scale >= MIN_COMMON_SCALE_SHARE * max(scales)
+    ]
     extent = np.maximum(upper - lower, 1e-3)
     filled = sum(float(np.prod(extent[view.axes])) for view in views)
 
     def covered(places) -> float:
         """Share of the paper's width and of the panels' heights that is filled."""
         widths, heights = _extents(views, lower, upper, places)
-        across = _scale(views, lower, upper, places, bar, tallest) * sum(widths) / style.WIDTH
+        across = _scale(views, lower, upper, places, bar, tallest) * sum(widths) / style.PAGE_WIDTH
         return filled / (sum(widths) * sum(heights)) * min(across, 1.0)
 
     return max(large, key=covered)
@@ -94,14 +99,14 @@ def _scale(views: list[View], lower, upper, places: list[tuple[int, int]], bar: 
     """Inches per metre at which panels so placed fit the paper."""
     widths, heights = _extents(views, lower, upper, places)
     columns = len(widths)
-    across = style.WIDTH - (LEFT + RIGHT) * columns - BAR * bar
+    across = style.PAGE_WIDTH - (LEFT + RIGHT) * columns - BAR * bar
     down = tallest - (TOP + BOTTOM) * len(heights) - KEY
     return min(across / sum(widths), down / sum(heights))
 
 
 def key(figure: Figure, handles: list, columns: int = 8) -> None:
     """A key in the paper left for it below the panels."""
-    fit = max(int(figure.get_figwidth() // KEY_ENTRY), 1)
+    fit = max(int(figure.get_figwidth() // KEY_ENTRY_WIDTH), 1)
     figure.legend(handles=handles, loc="lower center", ncols=min(len(handles), columns, fit), borderaxespad=0.3)
 
 

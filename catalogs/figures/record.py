@@ -11,8 +11,9 @@ from catalogs.figures import style
 from catalogs.figures.events import days_since_1970
 from catalogs.sizes import log_potency
 
-WINDOW, WINDOWS = 100, 30  # events from which the fullest bin is found, more where there would be so many windows
-LEAST = 40  # fewer events in all have no completeness in time
+EVENTS_PER_WINDOW = 100  # Events whose fullest bin is found; more where there would be over MAX_WINDOWS windows.
+MAX_WINDOWS = 30
+MIN_EVENTS_IN_TIME = 40  # Fewer events have no completeness in time.
 
 
 def in_time(record: xr.Dataset, model: xr.Dataset, steps: list[dict], label: str, cut: float) -> Figure | None:
@@ -33,7 +34,7 @@ def in_time(record: xr.Dataset, model: xr.Dataset, steps: list[dict], label: str
         days, size, ".", markersize=3.5 if len(days) < 2000 else 1.5, color=style.RECORDED, alpha=0.6, rasterized=True,
         label=label,
     )  # fmt: skip
-    if len(days) >= LEAST:
+    if len(days) >= MIN_EVENTS_IN_TIME:
         top.step(*completeness(days, size), where="mid", color="k", linewidth=1.4, label="complete from (fullest bin)")
     top.axhline(cut, color="k", linestyle="--", linewidth=0.8, label=f"cut {cut:.2f}".replace("-", "−"))
     top.set_ylabel("log P")
@@ -65,7 +66,7 @@ def in_time(record: xr.Dataset, model: xr.Dataset, steps: list[dict], label: str
 
 def completeness(days: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Middle day and fullest bin (log10 m3) of windows of events in a row, half overlapping; days ascending."""
-    width = min(max(WINDOW, len(days) // WINDOWS), len(days))
+    width = min(max(EVENTS_PER_WINDOW, len(days) // MAX_WINDOWS), len(days))
     starts = range(0, len(days) - width + 1, max(width // 2, 1))
     found = [fullest_bin(size[start : start + width]) for start in starts]
     return np.array([np.median(days[start : start + width]) for start in starts]), np.array(found)

@@ -9,10 +9,10 @@ from matplotlib.patches import Patch
 from catalogs.figures import panels, style, views
 from pipeline.places import part_centers
 
-MOST_STRENGTH_FACTOR = 3.0  # shown range: above it nobody looks
+MAX_STRENGTH_FACTOR_SHOWN = 3.0  # Upper end of the colour scale.
 FAILED, TOO_COARSE = "#b2182b", "#f4a582"
-ARROWS = 22  # displacement arrows along the longer side of a section
-SHORTEST = 0.2  # of the longest arrow: shorter ones are dots that say nothing
+ARROWS_ALONG_SECTION = 22  # Displacement arrows along the longer side of a section.
+MIN_ARROW_SHARE = 0.2  # Arrows shorter than this share of the longest are not drawn.
 
 
 def failed_rock(
@@ -52,9 +52,9 @@ def strength_factor(grid: xr.Dataset, state: xr.Dataset, cut_views: list[views.V
     figure, array, bar, *_ = _sections(grid, cut_views)
     for axes, view in zip(array, cut_views, strict=True):
         corner, size, chosen = _rock(axes, grid, state, view, planned)
-        value = np.clip(state["strength_factor"].values[chosen], 0, MOST_STRENGTH_FACTOR)
+        value = np.clip(state["strength_factor"].values[chosen], 0, MAX_STRENGTH_FACTOR_SHOWN)
         drawn = views.draw_squares(
-            axes, corner, size, array=value, cmap="cividis", clim=(1, MOST_STRENGTH_FACTOR), zorder=1
+            axes, corner, size, array=value, cmap="cividis", clim=(1, MAX_STRENGTH_FACTOR_SHOWN), zorder=1
         )
         failed = state["failed"].values[chosen] >= 0
         views.draw_squares(axes, corner[failed], size[failed], facecolors=FAILED, zorder=1.2)
@@ -85,12 +85,12 @@ def displacement(grid: xr.Dataset, state: xr.Dataset, cut_views: list[views.View
         )
         centre = corner + size[:, None] / 2
         framed = ((centre >= lower[view.axes]) & (centre <= upper[view.axes])).all(axis=1)
-        spacing = (upper - lower)[view.axes].max() / ARROWS
+        spacing = (upper - lower)[view.axes].max() / ARROWS_ALONG_SECTION
         box = np.floor((centre[framed] - lower[view.axes]) / spacing).astype(int)
         _, first = np.unique(box, axis=0, return_index=True)
         point = centre[framed][first]
         arrow = 1e3 * state["displacement"].values[chosen][framed][first][:, view.axes]
-        long = np.linalg.norm(arrow, axis=1) > SHORTEST * largest
+        long = np.linalg.norm(arrow, axis=1) > MIN_ARROW_SHARE * largest
         point, arrow = point[long], arrow[long]
         axes.quiver(
             *point.T, *arrow.T, color="white", angles="xy", scale_units="xy", scale=largest / (1.3 * spacing),

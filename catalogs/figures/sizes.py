@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from catalogs.size_measures import SIZE_BIN
+from catalogs.size_measures import SIZE_BIN_WIDTH
 from catalogs.sizes import counts, cut_grid
 
 
@@ -30,7 +30,7 @@ class Sizes:
 
 def potency_frequency(catalogs: list[Sizes]) -> Figure:
     """Per catalogue: events per bin (bars), those at least so large (circles), fitted line, cut (dashed)."""
-    figure = style.new_figure(width=style.WIDTH * (1 if len(catalogs) > 1 else 0.6), height=4.0)
+    figure = style.new_figure(width=style.PAGE_WIDTH * (1 if len(catalogs) > 1 else 0.6), height=4.0)
     array = figure.subplots(1, len(catalogs), squeeze=False, sharex=True, sharey=True).ravel()
     for axes, sizes in zip(array, catalogs, strict=True):
         _panel(axes, sizes)
@@ -47,10 +47,10 @@ def _panel(axes: Axes, sizes: Sizes) -> None:
     if not len(values):
         axes.text(0.5, 0.5, "no events", transform=axes.transAxes, ha="center", color=style.OUTLINE)
         return
-    edges = cut_grid(values, SIZE_BIN)
-    count, cumulative = counts(values, edges, SIZE_BIN)
+    edges = cut_grid(values, SIZE_BIN_WIDTH)
+    count, cumulative = counts(values, edges, SIZE_BIN_WIDTH)
     axes.bar(
-        edges, count, SIZE_BIN, align="edge", color=sizes.colour, alpha=0.35, edgecolor="white", linewidth=0.5,
+        edges, count, SIZE_BIN_WIDTH, align="edge", color=sizes.colour, alpha=0.35, edgecolor="white", linewidth=0.5,
         label="per bin",
     )  # fmt: skip
     axes.plot(
@@ -60,7 +60,7 @@ def _panel(axes: Axes, sizes: Sizes) -> None:
     if np.isfinite(sizes.cut):
         axes.axvline(sizes.cut, color="k", linewidth=0.9, linestyle="--", label=f"cut {_number(sizes.cut)}")
     if np.isfinite(sizes.b):
-        span = np.array([sizes.cut, max(values[-1], sizes.cut + SIZE_BIN)])
+        span = np.array([sizes.cut, max(values[-1], sizes.cut + SIZE_BIN_WIDTH)])
         low, high = sizes.b_interval
         text = f"b = {sizes.b:.2f} ({low:.2f} to {high:.2f})"
         axes.plot(span, 10 ** (sizes.a - sizes.b * span), color="k", linewidth=1.6, label=text)
@@ -69,7 +69,7 @@ def _panel(axes: Axes, sizes: Sizes) -> None:
 
 def b_against_cut(catalogs: list[Sizes]) -> Figure:
     """b with its error against the cut from which it is counted: a stable b shows as a level stretch."""
-    figure = style.new_figure(width=0.6 * style.WIDTH, height=3.2)
+    figure = style.new_figure(width=0.6 * style.PAGE_WIDTH, height=3.2)
     axes = figure.subplots()
     for sizes in catalogs:
         cut, b, error = sizes.by_cut

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from catalogs.figures import style
 
-MOST_POINTS = 2000  # of one catalogue
+MAX_EVENTS_DRAWN = 2000  # Events of one catalogue that are drawn.
 
 
 def source_types(catalogs: dict[str, xr.Dataset], colours: dict[str, str]) -> Figure:
@@ -21,7 +21,7 @@ def source_types(catalogs: dict[str, xr.Dataset], colours: dict[str, str]) -> Fi
     ):
         iso, dc, potency = (catalog[name].values for name in ("iso", "dc", "potency"))
         known = np.flatnonzero(np.isfinite(iso) & np.isfinite(dc) & (potency > 0))
-        order = known[np.argsort(-potency[known], kind="stable")][:MOST_POINTS]
+        order = known[np.argsort(-potency[known], kind="stable")][:MAX_EVENTS_DRAWN]
         scale = potency[order].max() if len(order) else 1.0
         axes.plot([-1, 0, 1, -1], [0, 1, 0, 0], color=style.OUTLINE, linewidth=0.8)
         axes.scatter(

@@ -6,16 +6,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
+from catalogs.periods import ALL_STEPS
 from catalogs.sizes import counts
-from catalogs.spread import ALL, SIZE_BIN
+from catalogs.spread import SPREAD_BIN_WIDTH
 
-MEMBER = "#8cb8d9"  # a light form of style.MODELLED
-ACROSS = 0.25  # of the distance between two steps: half the width over which the members' points lie side by side
+MEMBER_COLOUR = "#8cb8d9"  # A light form of style.MODELLED.
+# Half the width over which the members' points lie side by side, relative to the distance of two steps.
+MEMBERS_HALF_WIDTH = 0.25
 
 
 def spread(runs: xr.Dataset, record: tuple[str, np.ndarray] | None) -> Figure:
     """Events at least so large in each run, and potency per step. record: its label and log10 P (event,), or None."""
-    figure = style.new_figure(width=style.WIDTH, height=4.0)
+    figure = style.new_figure(width=style.PAGE_WIDTH, height=4.0)
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     _sizes(left, runs, record)
     _potency(right, runs)
@@ -35,12 +37,12 @@ def _sizes(axes: Axes, runs: xr.Dataset, record: tuple[str, np.ndarray] | None) 
         axes.plot(at, np.where(count > 0, count, np.nan), drawstyle="steps-pre", **look)
 
     for member, count in enumerate(cumulative[1:]):
-        line(edges, count, color=MEMBER, linewidth=0.8, label=None if member else "members")
+        line(edges, count, color=MEMBER_COLOUR, linewidth=0.8, label=None if member else "members")
     line(edges, cumulative[0], color=style.MODELLED, linewidth=2.0, label="this catalogue")
     if record is not None:
         label, values = record
         known = values[np.isfinite(values)]
-        line(edges, counts(known, edges, SIZE_BIN)[1], color=style.RECORDED, linewidth=1.4, label=label)
+        line(edges, counts(known, edges, SPREAD_BIN_WIDTH)[1], color=style.RECORDED, linewidth=1.4, label=label)
     if np.isfinite(cut := float(runs.attrs["cut"])):
         axes.axvline(cut, color="k", linewidth=0.9, linestyle="--", label=f"cut {cut:.2f}".replace("-", "−"))
     axes.set_yscale("log")
@@ -49,16 +51,23 @@ def _sizes(axes: Axes, runs: xr.Dataset, record: tuple[str, np.ndarray] | None) 
 
 
 def _potency(axes: Axes, runs: xr.Dataset) -> None:
-    steps = [str(name) for name in runs["period"].values if name != ALL]
+    steps = [str(name) for name in runs["period"].values if name != ALL_STEPS]
     potency = runs["potency"].sel(period=steps).values
     place = np.arange(len(steps))
-    aside = np.linspace(-ACROSS, ACROSS, len(potency) - 1) if len(potency) > 2 else np.zeros(1)
+    aside = np.linspace(-MEMBERS_HALF_WIDTH, MEMBERS_HALF_WIDTH, len(potency) - 1) if len(potency) > 2 else np.zeros(1)
     for member, values in enumerate(potency[1:]):
         axes.plot(
-            place + aside[member], values, "o", color=MEMBER, markersize=5.5, markeredgecolor="white",
+            place + aside[member], values, "o", color=MEMBER_COLOUR, markersize=5.5, markeredgecolor="white",
             markeredgewidth=0.5, label=None if member else "members",
         )  # fmt: skip
-    axes.hlines(potency[0], place - ACROSS, place + ACROSS, color=style.MODELLED, linewidth=2.0, label="this catalogue")
+    axes.hlines(
+        potency[0],
+        place - MEMBERS_HALF_WIDTH,
+        place + MEMBERS_HALF_WIDTH,
+        color=style.MODELLED,
+        linewidth=2.0,
+        label="this catalogue",
+    )
     axes.set_xticks(place, steps, rotation=0 if len(steps) < 5 else 60)
     axes.set_xlim(-0.6, len(steps) - 0.4)
     axes.set_ylim(0.0, 1.25 * max(potency.max(), 1e-30))

@@ -8,14 +8,14 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from catalogs.mean_axes import GIRDLE, UNIFORM, WIDEST_CONE
+from catalogs.mean_axes import GIRDLE, MAX_CONE, UNIFORM
 from catalogs.mechanisms import AXIS_NAMES, direction, trend_plunge
 
-DENSITIES = (2, 4, 6, 8, 12, 16, 24)  # multiples of a uniform distribution
-LEAST_CONTOURED = 8  # axes: a density of fewer is a picture of its own smoothing
+CONTOUR_LEVELS = (2, 4, 6, 8, 12, 16, 24)  # Multiples of a uniform density.
+MIN_AXES_CONTOURED = 8  # The density of fewer axes shows its own smoothing.
 CELL, NET, BAR = 3.3, 2.6, 1.0  # inches: a panel, the net in it, the colour bar
-MOST_POINTS = 600  # of one net: the contours tell the rest
-INSITU = {"P": "σ₁ in situ", "B": "σ₂ in situ", "T": "σ₃ in situ"}
+MAX_AXES_DRAWN = 600  # Axes drawn as dots in one net; contours show the density of all.
+INSITU_LABELS = {"P": "σ₁ in situ", "B": "σ₂ in situ", "T": "σ₃ in situ"}
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def stereonets(catalogs: list[Axes], insitu: np.ndarray | None = None) -> Figure
     """A row of three nets per catalogue: axes (dots), their density (contours), mean axis (star) and its 95 % cone.
 
     A net's title says how many axes it shows. Axes of a girdle have its great circle (dashed) instead of a star, axes
-    without a preferred direction, or with a cone that is wider than WIDEST_CONE, neither.
+    without a preferred direction, or with a cone that is wider than MAX_CONE, neither.
 
     insitu: (3, xyz), the most, middle and least compressive axis of the stress before mining, a cross on P, B and T.
     Placed by hand: the overlay on which mplstereonet draws azimuths is lost in matplotlib's layouts.
@@ -59,7 +59,7 @@ def stereonets(catalogs: list[Axes], insitu: np.ndarray | None = None) -> Figure
             axes.set_title(f"{axes_of.label}: {count:,} {name}".replace(",", "\u202f"), pad=16)
             drawn = _net(axes, axes_of, column) or drawn
             if insitu is not None:
-                _mark_insitu(axes, insitu[column], INSITU[name])
+                _mark_insitu(axes, insitu[column], INSITU_LABELS[name])
         if drawn is not None:
             place = [3 * CELL / width, (bottom + 0.2 * NET) / height, 0.15 / width, 0.6 * NET / height]
             figure.colorbar(drawn, cax=figure.add_axes(place), label="density\n(multiples of uniform)")
@@ -88,11 +88,11 @@ def _net(axes, axes_of: Axes, column: int):
         return None
     trend, plunge = trend_plunge(vectors)
     drawn = None
-    if len(vectors) >= LEAST_CONTOURED:
+    if len(vectors) >= MIN_AXES_CONTOURED:
         drawn = axes.density_contourf(
-            plunge, trend, measurement="lines", cmap=axes_of.density_map, levels=DENSITIES, extend="max", alpha=0.8
+            plunge, trend, measurement="lines", cmap=axes_of.density_map, levels=CONTOUR_LEVELS, extend="max", alpha=0.8
         )
-    every = -(-len(vectors) // MOST_POINTS)
+    every = -(-len(vectors) // MAX_AXES_DRAWN)
     axes.line(plunge[::every], trend[::every], ".", markersize=2.5, color="k", alpha=0.4, rasterized=True)
     _mark_mean(axes, axes_of, column)
     return drawn
@@ -105,7 +105,7 @@ def _mark_mean(axes, axes_of: Axes, column: int) -> None:
     if axes_of.shape[column] == GIRDLE:
         label = f"girdle, pole {direction(*pole)}"
         axes.plane(pole[0] + 90.0, 90.0 - pole[1], "--", color="k", linewidth=1.3, label=label)
-    elif axes_of.shape[column] == UNIFORM or cone > WIDEST_CONE:
+    elif axes_of.shape[column] == UNIFORM or cone > MAX_CONE:
         label = UNIFORM if axes_of.shape[column] == UNIFORM else f"no mean axis (± {cone:.0f}°)"
         axes.plot([], [], " ", label=label)
     elif np.isfinite([trend, plunge]).all():
@@ -123,7 +123,7 @@ def _mark_mean(axes, axes_of: Axes, column: int) -> None:
 
 def kagan_angles(comparison: xr.Dataset) -> Figure:
     """Shares of Kagan angles per bin: between the catalogues, within the record, and of random frames."""
-    figure = style.new_figure(width=0.9 * style.WIDTH, height=3.2)
+    figure = style.new_figure(width=0.9 * style.PAGE_WIDTH, height=3.2)
     axes = figure.subplots()
     lower, width = comparison["kagan_lower"].values, float(comparison.attrs["kagan_bin_width"])
     edges = np.append(lower, lower[-1] + width)

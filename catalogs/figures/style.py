@@ -20,9 +20,9 @@ EXCAVATION = "#d9d9d9"
 OUTLINE = "#4d4d4d"
 BEFORE_RECORD = "#a6a6a6"  # rock that failed in history, before the record begins
 FILL = "#efe6d0"
-WIDTH = 11.0  # inches: the report's text width at 96 dots per inch, as near as makes no difference
+PAGE_WIDTH = 11.0  # inches: about the width of the report's text at 96 dots per inch
 DOTS_PER_INCH = 120  # of the rasterised layers
-KEYS = 24  # steps that a key names
+MAX_STEPS_IN_KEY = 24  # steps that a key names
 
 SETTINGS = {
     "font.family": "DejaVu Sans",  # shipped with matplotlib: the same on every machine
@@ -56,7 +56,7 @@ def applied() -> Iterator[None]:
         yield
 
 
-def new_figure(width: float = WIDTH, height: float = 4.0, layout: str | None = "constrained") -> Figure:
+def new_figure(width: float = PAGE_WIDTH, height: float = 4.0, layout: str | None = "constrained") -> Figure:
     """A figure without pyplot's global state (inches); its layout keeps labels from being clipped."""
     figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
@@ -84,7 +84,7 @@ def save(figure: Figure, path: Path) -> str:
 
 
 def thinned(entries: list) -> list:
-    """At most KEYS of them, the first and the last among them, evenly in between: colours run through the steps."""
-    if len(entries) <= KEYS:
+    """At most MAX_STEPS_IN_KEY of the entries, evenly spaced, with the first and the last."""
+    if len(entries) <= MAX_STEPS_IN_KEY:
         return entries
-    return [entries[index] for index in np.linspace(0, len(entries) - 1, KEYS).round().astype(int)]
+    return [entries[index] for index in np.linspace(0, len(entries) - 1, MAX_STEPS_IN_KEY).round().astype(int)]

@@ -12,10 +12,10 @@ from pipeline.places import part_centers
 
 EAST, NORTH, UP = 0, 1, 2
 AXIS_LABELS = ("east x (m)", "north y (m)", "elevation z (m)")
-AXIS_NAMES = ("x", "y", "z")
-EDGES_ABOVE = 5.0  # points: smaller cells are drawn without edges, which would hide their colour
-WHOLE_FROM = 1e4  # m: grid coordinates; half a cell more or less does not help to find a place
-INSIDE = 0.5  # a cell belongs to an excavation's outline from this share
+COORDINATE_NAMES = ("x", "y", "z")
+MIN_CELL_WITH_EDGES = 5.0  # points; the edges of smaller cells would hide their colour
+MIN_COORDINATE_IN_WHOLE_METRES = 1e4  # Larger coordinates, m, are written in whole metres.
+MIN_EXCAVATED_SHARE_DRAWN = 0.5  # Cells with a larger excavated share are drawn as excavated.
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class View:
     def title(self) -> str:
         if self.at is None:
             return self.name
-        at = f"{self.at:.6g}" if abs(self.at) < WHOLE_FROM else f"{self.at:.0f}"
-        return f"{self.name}\n{AXIS_NAMES[self.normal]} = {at} m"
+        at = f"{self.at:.6g}" if abs(self.at) < MIN_COORDINATE_IN_WHOLE_METRES else f"{self.at:.0f}"
+        return f"{self.name}\n{COORDINATE_NAMES[self.normal]} = {at} m"
 
 
 PLAN = View("Plan", EAST, NORTH, UP)
@@ -139,7 +139,9 @@ def cut_particles(state: xr.Dataset, view: View) -> np.ndarray:
     _, group = np.unique(state["spacing"].values, return_inverse=True)
     full = np.zeros(int(group.max(initial=-1)) + 1)
     np.maximum.at(full, group, volume)
-    cut = np.where(rock, volume > (1.0 - INSIDE) * full[group], volume > 0)  # rock and outlines meet, neither overlaps
+    cut = np.where(
+        rock, volume > (1.0 - MIN_EXCAVATED_SHARE_DRAWN) * full[group], volume > 0
+    )  # rock and outlines meet, neither overlaps
     if view.at is not None:
         start = part_centers(state)[:, view.normal] - state["spacing"].values / 2
         cut &= (start <= view.at) & (view.at < start + state["spacing"].values)
@@ -208,7 +210,7 @@ def draw_excavations(
     mined = [index for index in range(count) if index not in planned]
     for group, dashed in ((mined, False), (list(planned), True)):
         lower, size, share = silhouette(grid, view, group)
-        lower, size = lower[share >= INSIDE], size[share >= INSIDE]
+        lower, size = lower[share >= MIN_EXCAVATED_SHARE_DRAWN], size[share >= MIN_EXCAVATED_SHARE_DRAWN]
         if not len(size):
             continue
         if fill and not dashed:
@@ -239,4 +241,4 @@ def edges_help(axes: Axes, cell: float) -> bool:
     """Whether cells of edge `cell` (m) are drawn wide enough for their edges to be told from their colour."""
     left, right = axes.get_xlim()
     inches = axes.get_position().width * axes.figure.get_figwidth()
-    return 72 * inches * cell / (right - left) > EDGES_ABOVE
+    return 72 * inches * cell / (right - left) > MIN_CELL_WITH_EDGES

@@ -22,14 +22,14 @@ from catalogs.units import unit_quantity
 from pipeline.errors import InputError
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar"}
-PREAMBLE = 100  # lines in which the header is looked for
-EMPTY = ("", "nan", "na", "n/a", "null", "none", "-", "--", "nat", "#n/a")
+MAX_PREAMBLE_LINES = 100  # Lines in which the header is looked for.
+EMPTY_WORDS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "nat", "#n/a")
 BETWEEN_THOUSANDS = r"(?<=\d)[ \u00a0\u202f'\u2019](?=\d{3}(?!\d))"
-NUMBER = {  # by decimal mark; the other one may stand between thousands
+NUMBER_PATTERNS = {  # by decimal mark; the other one may stand between thousands
     "point": r"[-+]?(?:(?:[1-9]\d{0,2}(?:,\d{3})+|\d+)\.?\d*|\.\d+)(?:[eE][-+]?\d+)?",
     "comma": r"[-+]?(?:(?:[1-9]\d{0,2}(?:\.\d{3})+|\d+),?\d*|,\d+)(?:[eE][-+]?\d+)?",
 }
-MARKED = {  # first bytes of texts that say their encoding; those of UTF-32 begin as those of UTF-16 do
+BYTE_ORDER_MARKS = {  # first bytes of texts that say their encoding; those of UTF-32 begin as those of UTF-16 do
     "utf-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE),
     "utf-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE),
 }
@@ -68,7 +68,7 @@ class Table:
     def text(self, name: str) -> pd.Series:
         """A column as text without surrounding blanks, empty where it holds nothing."""
         text = self.rows[name].fillna("").str.strip()
-        return text.where(~text.str.lower().isin(EMPTY), "")
+        return text.where(~text.str.lower().isin(EMPTY_WORDS), "")
 
     def words(self, name: str) -> pd.Series:
         """A column as text whose letters count. Raises InputError where they hang on an encoding that is not known."""
@@ -82,7 +82,7 @@ class Table:
         """A column as numbers (event,), NaN where empty. Raises InputError for what is none (NaN if not strict)."""
         text = self.text(name)
         bare = _bare(text)
-        known = bare.str.fullmatch(NUMBER[self.decimal or "point"])
+        known = bare.str.fullmatch(NUMBER_PATTERNS[self.decimal or "point"])
         if self.decimal == "comma":
             bare = bare.str.replace(".", "", regex=False).str.replace(",", ".", regex=False)
         values = pd.to_numeric(bare.str.replace(",", "", regex=False).where(known, None), errors="coerce")
@@ -107,7 +107,7 @@ class Table:
         if self.decimal is not None:
             return
         text = _bare(pd.concat([self.text(name) for name in names]))
-        fits = {kind: text.str.fullmatch(pattern) for kind, pattern in NUMBER.items()}
+        fits = {kind: text.str.fullmatch(pattern) for kind, pattern in NUMBER_PATTERNS.items()}
         comma = fits["comma"] & ~fits["point"]
         point = fits["point"] & ~fits["comma"]
         if comma.any() and point.any():
@@ -230,7 +230,7 @@ def _decoded(path: Path, encoding: str | None) -> tuple[str, bool]:
                 f"{path}: not in record.encoding: {encoding} ({error}); name the encoding it has"
             ) from error
         return text, True
-    marked = [name for name, marks in MARKED.items() if content.startswith(marks)][:1]
+    marked = [name for name, marks in BYTE_ORDER_MARKS.items() if content.startswith(marks)][:1]
     for encoding in marked or ["utf-8-sig", "cp1252", "latin-1"]:
         try:
             text = content.decode(encoding)
@@ -251,7 +251,7 @@ def _decoded(path: Path, encoding: str | None) -> tuple[str, bool]:
 def _header(lines: list[str], named: set[str]) -> tuple[int, str, list[str]]:
     """Place of the header, its separator and its names: where most of the named columns appear."""
     best, found = -1, (0, ",", [])
-    head = list(enumerate(lines[:PREAMBLE]))
+    head = list(enumerate(lines[:MAX_PREAMBLE_LINES]))
     first = next((place for place, line in head if not line.startswith("#")), 0)
     for place, line in sorted(head, key=lambda one: one[1].startswith("#")):  # comments last
         line = line.lstrip("# ")

@@ -17,7 +17,7 @@ from catalogs.record_settings import RecordSlice
 from pipeline.errors import InputError
 
 EVENT_TYPE, STATUS, MODE = "event_type", "evaluation_status", "evaluation_mode"  # kinds of text
-COUNTED = {
+SEISMIC_WORDS = {
     EVENT_TYPE: {
         "", "null", "not reported", "earthquake", "induced or triggered event", "rock burst", "reservoir loading",
         "fluid injection", "fluid extraction", "collapse", "cavity collapse", "mine collapse",
@@ -25,7 +25,7 @@ COUNTED = {
     },
     STATUS: {"", "preliminary", "confirmed", "reviewed", "final", "automatic", "manual"},
 }  # fmt: skip
-LEFT_OUT = {
+NOT_SEISMIC_WORDS = {
     EVENT_TYPE: {
         "not existing", "building collapse", "explosion", "accidental explosion", "chemical explosion",
         "controlled explosion", "experimental explosion", "industrial explosion", "mining explosion", "quarry blast",
@@ -36,8 +36,9 @@ LEFT_OUT = {
     },
     STATUS: {"rejected", "deleted"},
 }  # fmt: skip
-LEFT_OUT_ENDINGS = ("blast", "blasting", "explosion", "noise")  # production blast, electrical noise
-WHAT = {EVENT_TYPE: "of type ", STATUS: ""}
+# Last words of other types: production blast, electrical noise.
+NOT_SEISMIC_ENDINGS = ("blast", "blasting", "explosion", "noise")
+KIND_PREFIX = {EVENT_TYPE: "of type ", STATUS: ""}
 
 
 def plain_word(text: str) -> str:
@@ -47,8 +48,8 @@ def plain_word(text: str) -> str:
 
 def is_left_out(kind: str, word: str) -> bool:
     """Whether a plain word of this kind (EVENT_TYPE, STATUS) says that an event is no seismicity."""
-    ends = kind == EVENT_TYPE and word.split(" ")[-1] in LEFT_OUT_ENDINGS
-    return word in LEFT_OUT[kind] or ends
+    ends = kind == EVENT_TYPE and word.split(" ")[-1] in NOT_SEISMIC_ENDINGS
+    return word in NOT_SEISMIC_WORDS[kind] or ends
 
 
 def kept_words(settings: RecordSlice) -> set[str]:
@@ -77,11 +78,11 @@ def no_seismicity(kinds: Mapping[str, NDArray], settings: RecordSlice, source: s
             if word in kept or word in only:
                 continue
             if is_left_out(kind, word):
-                found[f"{WHAT[kind]}{word}"] = here
-            elif word not in COUNTED[kind] and word not in without and not only:
+                found[f"{KIND_PREFIX[kind]}{word}"] = here
+            elif word not in SEISMIC_WORDS[kind] and word not in without and not only:
                 raise InputError(
-                    f"{source}: {int(here.sum())} of {len(words)} events are {WHAT[kind]}{word!r}: is that rock that "
-                    f"broke? Name it in record.filter.keep if they count, in record.filter.without.{kind} if they "
+                    f"{source}: {int(here.sum())} of {len(words)} events are {KIND_PREFIX[kind]}{word!r}: is that rock "
+                    f"that broke? Name it in record.filter.keep if they count, in record.filter.without.{kind} if they "
                     "do not"
                 )
     if found:

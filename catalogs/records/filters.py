@@ -16,10 +16,10 @@ from catalogs.records.event_kinds import EVENT_TYPE, no_seismicity, plain_word, 
 from catalogs.records.times import parse_time
 from pipeline.errors import InputError
 
-DOMAIN = "domain"
-FAR = 10.0  # times as far from the domain as it is wide: the coordinates are not the mine's
-MUCH = 0.1  # of the events outside the domain: worth a line on the terminal
-FARTHEST = 1e8  # m; more than twice round the Earth, hence no coordinate
+DOMAIN_FILTER = "domain"
+MAX_WIDTHS_FROM_DOMAIN = 10.0  # Farther from the domain than so many of its widths, coordinates are not the mine's.
+MAX_SHARE_OUTSIDE_UNTOLD = 0.1  # A larger share of events outside the domain is a warning.
+MAX_COORDINATE = 1e8  # m, more than twice the circumference of the Earth.
 
 
 def limits_of(settings: RecordSlice) -> dict:
@@ -57,10 +57,10 @@ def filter_events(
     file; kinds: event types and evaluation statuses, which filters name so, too, where the file has no column of that
     name. A missing number passes no filter; of texts upper and lower case, _ and blanks are the same.
 
-    Raises InputError naming `source` and the key for an unknown column, a bad date, when a filter of the
-    configuration leaves no event, when all lie FAR times as far from the domain as it or the record is wide (such a
-    record is of other ground), or when it was recorded before or after the modelled months. A file without events, and
-    none in the domain or in these months, is a record without events: that nothing happens is a result.
+    Raises InputError naming `source` and the key for an unknown column, a bad date, when a filter of the configuration
+    leaves no event, when all lie MAX_WIDTHS_FROM_DOMAIN times as far from the domain as it or the record is wide (such
+    a record is of other ground), or when it was recorded before or after the modelled months. A file without events,
+    and none in the domain or in these months, is a record without events: that nothing happens is a result.
     attrs["period"] (JSON): modelled, recorded and common, each start and end, ISO, UTC.
     """
     where = f"{source}: record.filter"
@@ -77,7 +77,11 @@ def filter_events(
     words = {name: np.asarray(values)[whole] for name, values in {**kinds, **(words or {})}.items()}
     box = domain_box(settings.domain) if settings.domain else None
     beyond = distance_beyond(events["location"].values, *box) if box else np.zeros(events.sizes["event"])
-    if box and events.sizes["event"] and beyond.min() > FAR * _width(events["location"].values, *box):
+    if (
+        box
+        and events.sizes["event"]
+        and beyond.min() > MAX_WIDTHS_FROM_DOMAIN * _width(events["location"].values, *box)
+    ):
         raise InputError(_other_ground(events, box, source))
     kept = np.ones(events.sizes["event"], bool)
     if settings.period and settings.period.given():
@@ -95,7 +99,7 @@ def filter_events(
         outside = beyond[kept & ~inside]
         account.append(
             {
-                "filter": DOMAIN,
+                "filter": DOMAIN_FILTER,
                 "value": [settings.domain.lower, settings.domain.upper],
                 "before": int(kept.sum()),
                 "after": int(inside.sum()),
@@ -143,7 +147,7 @@ def _warn(crop: Mapping, source: str) -> None:
     if not crop["after"]:
         near = "" if crop["nearest"] is None else f"; the nearest lies {crop['nearest']:.0f} m away"
         logging.warning("%s: no event in the domain in these months: it counts as quiet%s", source, near)
-    elif outside > MUCH * crop["before"]:
+    elif outside > MAX_SHARE_OUTSIDE_UNTOLD * crop["before"]:
         logging.warning(
             "%s: %d of %d events lie outside the domain, up to %.0f m away, and are not compared",
             source, outside, crop["before"], crop["farthest"],
@@ -152,7 +156,7 @@ def _warn(crop: Mapping, source: str) -> None:
 
 def check_places(location: np.ndarray, source: str) -> None:
     """Raise InputError for a coordinate (event, 3) m that can be none."""
-    absurd = np.abs(location) > FARTHEST
+    absurd = np.abs(location) > MAX_COORDINATE
     if absurd.any():
         event, axis = np.argwhere(absurd)[0]
         raise InputError(

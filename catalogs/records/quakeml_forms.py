@@ -14,8 +14,8 @@ from catalogs.records.csv_table import check_container
 from catalogs.records.event_kinds import MODE, STATUS, plain_word
 from pipeline.errors import InputError
 
-FAMILY = "http://quakeml.org/xmlns/"  # with which namespaces of all versions of QuakeML begin
-ROOT, BODY = f"{FAMILY}quakeml/1.2", f"{FAMILY}bed/1.2"
+NAMESPACE_START = "http://quakeml.org/xmlns/"  # with which namespaces of all versions of QuakeML begin
+ROOT, BODY = f"{NAMESPACE_START}quakeml/1.2", f"{NAMESPACE_START}bed/1.2"
 STATUS_TAGS = {"evaluationStatus": STATUS, "evaluationMode": MODE}
 
 
@@ -39,7 +39,7 @@ def plain_quakeml(content: bytes, path: Path) -> tuple[bytes, list[Words]]:
         raise InputError(f"{path}: not QuakeML 1.2 ({str(error)[:200]}){hint}") from error
     if etree.QName(root).localname != "quakeml":
         raise InputError(f"{path}: not QuakeML 1.2, but <{etree.QName(root).localname}>; export it as QuakeML 1.2")
-    others = {prefix: name for prefix, name in root.nsmap.items() if prefix and not name.startswith(FAMILY)}
+    others = {prefix: name for prefix, name in root.nsmap.items() if prefix and not name.startswith(NAMESPACE_START)}
     plain = etree.Element(f"{{{ROOT}}}quakeml", nsmap={**others, None: BODY, "q": ROOT})
     _copy_parts(root, plain)
     words = []
@@ -59,7 +59,7 @@ def _copy_parts(element: etree._Element, copy: etree._Element) -> None:
     """Copy what an element holds; what is of any version of QuakeML becomes that of 1.2, other namespaces stay."""
     for part in element.iterchildren(etree.Element):
         name = etree.QName(part)
-        own = name.namespace is None or name.namespace.startswith(FAMILY)
+        own = name.namespace is None or name.namespace.startswith(NAMESPACE_START)
         made = etree.SubElement(copy, f"{{{BODY}}}{name.localname}" if own else part.tag, part.attrib)
         made.text = part.text
         _copy_parts(part, made)

@@ -30,9 +30,10 @@ if TYPE_CHECKING:
 
 NAME = "quakeml"
 READS_FOLDER = False
-TEXTS = (EVENT_TYPE, STATUS, MODE)  # which filters may ask for
+FILTERED_TEXTS = (EVENT_TYPE, STATUS, MODE)  # Kinds of text that filters may ask for.
 REJECTED = "rejected"
-MAX_COORDINATE = {"latitude": 90.0, "longitude": 180.0, "depth": np.inf}  # of an origin
+# Coordinates of an origin, and the largest magnitude of each.
+GLOBE_LIMITS = {"latitude": 90.0, "longitude": 180.0, "depth": np.inf}
 
 
 class Record(EventFileSettings):
@@ -60,8 +61,10 @@ class Record(EventFileSettings):
                 raise refusal("a QuakeML file has no columns; leave it out", "filter", key)
             for key in self.filter.model_fields_set & {"only", "without"}:
                 for name in getattr(self.filter, key):
-                    if name not in TEXTS:
-                        raise refusal(f"no text of a QuakeML file; such are {', '.join(TEXTS)}", "filter", key, name)
+                    if name not in FILTERED_TEXTS:
+                        raise refusal(
+                            f"no text of a QuakeML file; such are {', '.join(FILTERED_TEXTS)}", "filter", key, name
+                        )
         return self
 
 
@@ -151,11 +154,11 @@ def _foreign(events: "Catalog", origins: "list[Origin | None]", settings: Record
 
     time = np.array([_time(origin, number, path) for number, origin in enumerate(origins, 1)], "datetime64[ns]")
     lower, upper = np.array([_time_uncertainties(origin) for origin in origins], float).reshape(-1, 2).T
-    globe = np.array([[getattr(origin, name, None) for name in MAX_COORDINATE] for origin in origins], float)
-    globe = globe.reshape(-1, len(MAX_COORDINATE))  # of no event, too
+    globe = np.array([[getattr(origin, name, None) for name in GLOBE_LIMITS] for origin in origins], float)
+    globe = globe.reshape(-1, len(GLOBE_LIMITS))  # of no event, too
     depth_unit = unit_quantity(settings.units["depth"]).to("m").magnitude if settings.units else 1.0
-    globe[:, list(MAX_COORDINATE).index("depth")] *= depth_unit
-    for column, (name, most) in enumerate(MAX_COORDINATE.items()):
+    globe[:, list(GLOBE_LIMITS).index("depth")] *= depth_unit
+    for column, (name, most) in enumerate(GLOBE_LIMITS.items()):
         off = np.abs(globe[:, column]) > most
         if off.any():
             event = int(np.flatnonzero(off)[0])

@@ -13,8 +13,8 @@ from pipeline.errors import InputError
 FIRST_YEAR, LAST_YEAR = 1678, 2261  # whole years that nanoseconds since 1970 reach
 DATE_PARTS = ("year", "month", "day", "hour", "minute", "second")
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-ORDERS = ("day", "month")  # which comes first in 01/02/2019
-CENTURY = 69  # two figures of a year from here on are of 1900, as in POSIX
+# Two digits of a year from this one on mean a year of the twentieth century, as in POSIX.
+FIRST_TWO_DIGIT_YEAR_OF_1900S = 69
 DATE = (
     r"(?:(?P<year>\d{4})(?P<mark>[-/.]?)(?P<month>\d{1,2})(?P=mark)(?P<day>\d{1,2})"
     r"|(?P<first>\d{1,2})[-/. ](?P<second>\d{1,2}|[A-Za-z]{3,9}\.?)[-/. ](?P<last>\d{4}|\d{2}(?!\d)))"
@@ -37,7 +37,7 @@ CLOCK_PARTS = {
     "minute": (60 * ONE_SECOND, 60),
     "second": (ONE_SECOND, 61),
 }  # unit, below
-NANOSECONDS = {"hour": 3_600_000_000_000, "minute": 60_000_000_000, "whole": 1_000_000_000}
+NANOSECONDS_PER = {"hour": 3_600_000_000_000, "minute": 60_000_000_000, "whole": 1_000_000_000}
 
 
 def check_zone(zone: str) -> datetime.tzinfo:
@@ -89,7 +89,9 @@ def parse_times(text: pd.Series, order: str | None, zone: str | None, source: st
     if bare.any() and not _day_first(first[bare], second[bare], text, order, source):
         first, second = first.where(~bare, second), second.where(~bare, first)
     short = _numbers(parts["last"])
-    year = short.where(short > 99, short + np.where(short < CENTURY, 2000, 1900)).where(other, _numbers(parts["year"]))
+    year = short.where(short > 99, short + np.where(short < FIRST_TWO_DIGIT_YEAR_OF_1900S, 2000, 1900)).where(
+        other, _numbers(parts["year"])
+    )
     strange = (year < FIRST_YEAR) | (year > LAST_YEAR)
     if strange.any():
         raise InputError(f"{source}: {text[strange].iloc[0]!r}: years run from {FIRST_YEAR} to {LAST_YEAR} here")
@@ -178,14 +180,14 @@ def _numbers(text: pd.Series) -> pd.Series:
 
 def _time_of_day(parts: pd.DataFrame) -> np.ndarray:
     """Time since midnight (event,) timedelta64[ns]; NaT for an hour or minute that is none; 0 where not given."""
-    hour, minute, second = (_numbers(parts[name]).fillna(0).to_numpy() for name in NANOSECONDS)
+    hour, minute, second = (_numbers(parts[name]).fillna(0).to_numpy() for name in NANOSECONDS_PER)
     half = parts["half"].str[0].str.lower().to_numpy(object)
     twelve = pd.notna(half)
     wrong = (hour > 23) | (minute > 59) | (second > 60) | (twelve & ((hour < 1) | (hour > 12)))
     hour = np.where(twelve, hour % 12 + 12 * (half == "p"), hour)
     whole = sum(
         (value * scale).astype(np.int64)
-        for value, scale in zip((hour, minute, second), NANOSECONDS.values(), strict=True)
+        for value, scale in zip((hour, minute, second), NANOSECONDS_PER.values(), strict=True)
     )
     fraction = parts["fraction"].fillna("").str[:9].str.ljust(9, "0").astype(np.int64).to_numpy()
     return np.where(wrong, np.timedelta64("NaT", "ns"), (whole + fraction).astype("timedelta64[ns]"))

@@ -3,10 +3,10 @@
 import json
 
 from catalogs.report.inputs import Evidence
-from catalogs.report.text import NAMED, number, percent, plural, typeset
+from catalogs.report.text import MAX_NAMED, number, percent, plural, typeset
 
-OPEN_SHARE = 0.05  # share of an excavation's volume that may hang on how its surface is closed without a banner
-OFF_VOLUME = 0.05  # share of an excavation's volume that the grid may miss without a banner
+MAX_OPEN_SHARE = 0.05  # Share of an excavation's volume that may depend on how its surface is closed without a banner.
+MAX_VOLUME_ERROR = 0.05  # Relative error of an excavation's volume on the grid without a banner.
 
 
 def banners(evidence: Evidence) -> list[tuple[str, str]]:
@@ -31,7 +31,7 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
             found.append((kind, text + " from then on: nothing held it. Check the solids there."))
     at_once = [row.name for row in evidence.excavations if row.dated and row.filled_at_once]
     if at_once:
-        first, more = ", ".join(at_once[:NAMED]), len(at_once) - NAMED
+        first, more = ", ".join(at_once[:MAX_NAMED]), len(at_once) - MAX_NAMED
         text = f"Filled while being mined: {first}{f' and {more} more' if more > 0 else ''}. "
         text += "Fill stands in them while their own step unloads the rock, and holds walls and failed rock in place: "
         found.append(("note", text + "an opening that stands empty first (filled: a later step) makes more events."))
@@ -61,26 +61,26 @@ def draft(evidence: Evidence) -> str:
 def off_volume(evidence: Evidence) -> str:
     """Which mined excavations have another volume on the grid than as solids; empty if none has."""
     rows = [row for row in evidence.excavations if not row.planned and row.solid > 0]
-    off = [(row.drawn / row.solid - 1, row.name) for row in rows if abs(row.drawn / row.solid - 1) > OFF_VOLUME]
+    off = [(row.drawn / row.solid - 1, row.name) for row in rows if abs(row.drawn / row.solid - 1) > MAX_VOLUME_ERROR]
     if not off:
         return ""
     off.sort(key=lambda entry: -abs(entry[0]))
-    named = ", ".join(f"{name} {100 * error:+.0f} %".replace("-", "−") for error, name in off[:NAMED])
-    more = f" and {len(off) - NAMED} more" if len(off) > NAMED else ""
+    named = ", ".join(f"{name} {100 * error:+.0f} %".replace("-", "−") for error, name in off[:MAX_NAMED])
+    more = f" and {len(off) - MAX_NAMED} more" if len(off) > MAX_NAMED else ""
     return (
-        f"The grid misses the volume of {plural(len(off), 'excavation')} by more than {percent(OFF_VOLUME)}: "
+        f"The grid misses the volume of {plural(len(off), 'excavation')} by more than {percent(MAX_VOLUME_ERROR)}: "
         f"{named}{more}. Refine the grid, or look whether these solids are whole (section 2)."
     )
 
 
 def open_surfaces(evidence: Evidence) -> str:
     """Which mined excavations have a surface whose holes leave their volume open; empty if none has."""
-    rows = [(row.open, row.name) for row in evidence.excavations if not row.planned and row.open > OPEN_SHARE]
+    rows = [(row.open, row.name) for row in evidence.excavations if not row.planned and row.open > MAX_OPEN_SHARE]
     rows.sort(reverse=True)
     if not rows:
         return ""
-    named = ", ".join(f"{name} {percent(share)}" for share, name in rows[:NAMED])
-    more = f" and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
+    named = ", ".join(f"{name} {percent(share)}" for share, name in rows[:MAX_NAMED])
+    more = f" and {len(rows) - MAX_NAMED} more" if len(rows) > MAX_NAMED else ""
     return (
         f"Large parts of the surface are missing or look the other way: {named}{more} of the volume hangs on how it is "
         "closed. Export these solids again as closed surfaces."
@@ -93,8 +93,8 @@ def narrow(evidence: Evidence) -> str:
     rows = sorted((row.whole, row.name) for row in evidence.excavations if not row.planned and row.whole < least)
     if not rows:
         return ""
-    named = ", ".join(f"{name} {percent(whole)}" for whole, name in rows[:NAMED])
-    more = f" and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
+    named = ", ".join(f"{name} {percent(whole)}" for whole, name in rows[:MAX_NAMED])
+    more = f" and {len(rows) - MAX_NAMED} more" if len(rows) > MAX_NAMED else ""
     return (
         f"Narrow for cells of {number(float(evidence.grid.attrs['fine_cell']))} m: {named}{more} of the volume fills "
         "whole cells. Cells so large round off its edges and tie rock on both sides of it together: walls then close "

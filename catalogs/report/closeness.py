@@ -7,7 +7,7 @@ from catalogs.report.text import fixed, percent, whole, with_unit
 from catalogs.size_law import NONE
 from catalogs.sizes import estimate_b, log_potency
 
-OVER = {0: "", 1: "faces", 2: "faces, edges", 3: "faces, edges, corners"}  # by reach, of seismic.regions
+LINKS_BY_REACH = {0: "", 1: "faces", 2: "faces, edges", 3: "faces, edges, corners"}  # by reach, of seismic.regions
 
 
 def closeness_rows(evidence: Evidence, cut: float) -> list[dict]:
@@ -22,7 +22,7 @@ def closeness_rows(evidence: Evidence, cut: float) -> list[dict]:
         rows.append(
             {
                 "closeness": f"{value:g}",
-                "over": OVER[int(reach)],
+                "over": LINKS_BY_REACH[int(reach)],
                 "own": index == int(found.attrs["own"]),
                 "events": whole(len(own)),
                 "above": whole(fit.events),

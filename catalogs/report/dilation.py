@@ -5,7 +5,7 @@ from catalogs.report.text import number
 from pipeline.quantities import parse_quantity
 from pipeline.source_tensors import shear_iso_share
 
-NAMED = 4  # rocks in the sentence
+MAX_ROCKS_NAMED = 4  # Rocks that the sentence names.
 
 
 def iso_share(evidence: Evidence) -> str:
@@ -23,7 +23,7 @@ def iso_share(evidence: Evidence) -> str:
             rocks.append(f"{share} % in slip on the planes of {name} ({angle:g}°)")
     if not rocks:
         return ""
-    shares = ", ".join(rocks[:NAMED])
+    shares = ", ".join(rocks[:MAX_ROCKS_NAMED])
     return (
         f"The ISO share of rock that fails in shear follows from its dilation angle, an input: {shares}. "
         "In an event of cells whose mechanisms differ it is somewhat larger, and where rock tears it is a third. "

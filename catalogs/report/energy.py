@@ -5,7 +5,7 @@ import numpy as np
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import number, percent
 
-COLUMNS = {  # of a step's row: its heading, and the energies that are summed
+ENERGY_COLUMNS = {  # of a step's row: its heading, and the energies that are summed
     "work done on the rock": ("work",),
     "stored more in it": ("stored",),
     "taken up while mined": ("support",),
@@ -16,9 +16,9 @@ COLUMNS = {  # of a step's row: its heading, and the energies that are summed
     "motion": ("motion",),
     "unbalanced": ("unbalanced",),
 }
-GAINED, SPLIT = "gained", "cells split"
-SMALLEST = 1e-6  # of what is dissipated: gains below this are round-off
-NOTHING = "nothing happened"
+GAIN_COLUMN, SPLIT_COLUMN = "gained", "cells split"
+MIN_GAIN_SHARE = 1e-6  # Smaller gains, relative to the dissipated energy, are round-off.
+NO_ENERGY = "nothing happened"
 
 
 def section(evidence: Evidence) -> dict | None:
@@ -26,10 +26,10 @@ def section(evidence: Evidence) -> dict | None:
     steps = evidence.steps
     if not steps:
         return None
-    gains = any(energy(step, "gained") > SMALLEST * abs(energy(step, "dissipated")) for step in steps)
+    gains = any(energy(step, "gained") > MIN_GAIN_SHARE * abs(energy(step, "dissipated")) for step in steps)
     splits = any(energy(step, "refined") for step in steps)
-    columns = COLUMNS | ({SPLIT: ("refined",)} if splits else {})
-    columns |= {GAINED: ("gained",)} if gains else {}
+    columns = ENERGY_COLUMNS | ({SPLIT_COLUMN: ("refined",)} if splits else {})
+    columns |= {GAIN_COLUMN: ("gained",)} if gains else {}
     rows = [_row(step, columns) for step in steps]
     return {"columns": list(columns), "rows": rows, "gains": gains, "splits": splits, "unknown": _unknown(steps)}
 
@@ -47,7 +47,7 @@ def energy(step: dict, *names: str) -> float:
 
 def _row(step: dict, columns: dict[str, tuple[str, ...]]) -> dict:
     values = [energy(step, *names) for names in columns.values()]
-    left = percent(step["energy_left_share"]) if any(values) else NOTHING
+    left = percent(step["energy_left_share"]) if any(values) else NO_ENERGY
     return {"name": step["step"], "values": [number(value / 1e6) for value in values], "left": left}
 
 

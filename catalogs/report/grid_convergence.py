@@ -5,12 +5,14 @@ import json
 import numpy as np
 import xarray as xr
 
-from catalogs.grid_convergence import ALL
+from catalogs.periods import ALL_STEPS
 from catalogs.report.inputs import Evidence
-from catalogs.report.text import MISSING, NAMED, fixed, number, percent, whole
+from catalogs.report.text import DASH, MAX_NAMED, fixed, number, percent, whole
 
-AT_ONCE = 0.05  # share of the potency from which on the loading makes the events (docs/explanation/uncertainty.md)
-TOO_COARSE = 0.5  # share: more than first-order convergence can be read from
+# A larger share of the potency in rock that an increment brings to failure at once makes the events depend on the
+# increments.
+MAX_AT_ONCE_SHARE = 0.05
+MAX_ERROR_SHARE = 0.5  # A larger change between two cell sizes is beyond first-order convergence.
 
 
 def discretisation(evidence: Evidence) -> list[str]:
@@ -25,7 +27,7 @@ def discretisation(evidence: Evidence) -> list[str]:
         reason = "a draft has no second run" if draft else "grid_convergence"
         text = f"What cells of {cell} m do to these numbers was not measured ({reason})"
         return [f"{text}; {parts}." if parts else f"{text}.", *_at_once(evidence)]
-    every = table.sel(period=ALL)
+    every = table.sel(period=ALL_STEPS)
     own, coarse = (f"{cell:g}" for cell in table["cell"].values)
     potency, volume = (every[name].values for name in ("potency", "failed_volume"))
     missed = _named(evidence, json.loads(table.attrs["left_out"]))
@@ -42,7 +44,7 @@ def discretisation(evidence: Evidence) -> list[str]:
         floor = fixed(float(table.attrs["floor"]), 1)
         text += f", with {whole(events[1])} events of log P {floor} and more (here {whole(events[0])})"
     errors = [float(every[f"{name}_error"]) for name in ("potency", "failed_volume")]
-    if not max(errors) <= TOO_COARSE:
+    if not max(errors) <= MAX_ERROR_SHARE:
         text += f". Cells of {own} m are too large to say how far these numbers would still change: halve "
         text += "grid.finest_cell before using them"
         if narrow:
@@ -58,14 +60,14 @@ def discretisation(evidence: Evidence) -> list[str]:
 def _named(evidence: Evidence, names: list[str]) -> str:
     """Those of these excavations that are mined by now, in a list for a sentence; empty if none is."""
     mined = [row.name for row in evidence.excavations if row.name in names and not row.planned]
-    more = f" and {len(mined) - NAMED} more" if len(mined) > NAMED else ""
-    return ", ".join(mined[:NAMED]) + more
+    more = f" and {len(mined) - MAX_NAMED} more" if len(mined) > MAX_NAMED else ""
+    return ", ".join(mined[:MAX_NAMED]) + more
 
 
 def _at_once(evidence: Evidence) -> list[str]:
     """That increments of the load decide how many events there are, where they do."""
     share = float(evidence.catalog.attrs.get("at_once_share", 0.0))
-    if share <= AT_ONCE:
+    if share <= MAX_AT_ONCE_SHARE:
         return []
     return [
         f"Of the potency {percent(share)} is in rock that an increment of the load took above its strength at once, in "
@@ -97,8 +99,8 @@ def rows(table: xr.Dataset) -> list[dict]:
         text["largest"] = [fixed(value, 2) for value in here["largest"].values]
         errors = [float(here[f"{name}_error"]) for name in ("potency", "failed_volume")]
         found.append(
-            {"name": "all" if period == ALL else str(period)}
+            {"name": "all" if period == ALL_STEPS else str(period)}
             | text
-            | {"errors": [percent(error) if error <= TOO_COARSE else MISSING for error in errors]}
+            | {"errors": [percent(error) if error <= MAX_ERROR_SHARE else DASH for error in errors]}
         )
     return found

@@ -10,8 +10,6 @@ from catalogs.report.inputs import Evidence
 from catalogs.report.text import number, percent, plural, typeset, whole
 from catalogs.sizes import log_potency
 
-SAMPLES = 64  # points of a cell, one bit each, that are inside an excavation or not
-
 
 def missing_potency(evidence: Evidence) -> list[str]:
     """One sentence or two on rock that was too coarse to fail; empty where there is none.
@@ -80,8 +78,10 @@ def mined_volumes(evidence: Evidence) -> dict[str, float]:
     lower, upper, edge = (np.asarray(grid.attrs[name]) for name in ("domain_lower", "domain_upper", "fine_cell"))
     cell, end = (np.rint((corner - lower) / edge).astype(np.int64) for corner in (grid["piece_origin"].values, upper))
     _, place = np.unique(np.ravel_multi_index(cell.T, end + 1), return_inverse=True)
+    # Each bit is a point of the cell, inside the excavation or not.
     samples, excavation = grid["piece_samples"].values, grid["piece_excavation"].values
-    gone, found = np.zeros(len(place), np.uint64), {}
+    points = 8 * samples.dtype.itemsize
+    gone, found = np.zeros(len(place), samples.dtype), {}
     volume = float(edge) ** int(grid.attrs["dimension"]) * float(grid.attrs["thickness"])
     for step in evidence.steps:
         wanted = [index for index, row in enumerate(evidence.excavations) if row.step == step["step"]]
@@ -89,7 +89,7 @@ def mined_volumes(evidence: Evidence) -> dict[str, float]:
         here = np.unique(place[own])
         before = gone[here]
         np.bitwise_or.at(gone, place[own], samples[own])
-        found[step["step"]] = float(np.bitwise_count(gone[here] & ~before).sum()) / SAMPLES * volume
+        found[step["step"]] = float(np.bitwise_count(gone[here] & ~before).sum()) / points * volume
     return found
 
 

@@ -16,14 +16,15 @@ from pipeline.datasets import read_dataset
 from pipeline.errors import InputError
 from pipeline.event_table import check_events
 
-COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
-CONVERGENCE = tuple(f"convergence_{name}" for name in COLUMNS)
-CELLS = ("cell_origin", "cell_size", "cell_level", "cell_body")
-SHOWN = (
+CONVERGENCE_COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
+CONVERGENCE_VARIABLES = tuple(f"convergence_{name}" for name in CONVERGENCE_COLUMNS)
+CELL_VARIABLES = ("cell_origin", "cell_size", "cell_level", "cell_body")
+STATE_VARIABLES = (
     *("position", "cell", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor"),
-    *CELLS,
+    *CELL_VARIABLES,
 )
-PARTS = re.compile(r"(coarse|ensemble/(\d+))/")  # folders of its companion on larger cells and of its members
+# Folders of the companion on cells of twice the size and of the members of an ensemble.
+COMPANION_FOLDERS = re.compile(r"(coarse|ensemble/(\d+))/")
 UNDATED = {"start": "", "end": "", "dated": 0}
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
 
@@ -55,7 +56,7 @@ class Evidence:
     """Everything the report tells of.
 
     stages: elastic, then the steps in order, each with its convergence table and attributes only; state: what is
-    SHOWN of the last of them; catalog, record, comparison, spread, closeness, grid_convergence: None where
+    STATE_VARIABLES of the last of them; catalog, record, comparison, spread, closeness, grid_convergence: None where
     there is none; files:
     {path: attributes} of all read.
     """
@@ -168,10 +169,10 @@ def read_evidence(
 
     found_grid = read(grid)
     paths = [path for path in (elastic, *steps) if path is not None]
-    found = [(read(path, names=CONVERGENCE), path) for path in paths]  # a state may take gigabytes
+    found = [(read(path, names=CONVERGENCE_VARIABLES), path) for path in paths]  # a state may take gigabytes
     found.sort(key=lambda stage: _order(stage[0]))
     stages = [stage for stage, _ in found]
-    state = read(found[-1][1], names=SHOWN) if found else None
+    state = read(found[-1][1], names=STATE_VARIABLES) if found else None
     if state is not None:
         found_grid = on_cells_of(found_grid, state)
     budgets = [read(path, names=()).attrs for path in events]
@@ -207,7 +208,7 @@ def read_evidence(
 def on_cells_of(grid: xr.Dataset, state: xr.Dataset) -> xr.Dataset:
     """The grid's excavations with the cells of a state, which a step may have split."""
     own = [name for name, variable in grid.variables.items() if {"cell", "node"} & set(variable.dims)]
-    return grid.drop_vars(own).assign({name: state[name] for name in CELLS})
+    return grid.drop_vars(own).assign({name: state[name] for name in CELL_VARIABLES})
 
 
 def _scheduled(entries: list[dict]) -> list[Scheduled]:
@@ -238,7 +239,7 @@ def read_resources(logs, steps: set[str], absent: set[str], members: int) -> lis
         *folders, last = stage.split("/")
         if {stage, *folders} & absent or ({"steps", "events"} & {*folders} and last not in steps):
             continue
-        part = PARTS.match(stage)
+        part = COMPANION_FOLDERS.match(stage)
         if part and int(part[2] or 0) > members:
             continue
         if part:

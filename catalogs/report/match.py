@@ -6,10 +6,10 @@ import xarray as xr
 from catalogs.mean_axes import CLUSTER, GIRDLE, UNIFORM
 from catalogs.mechanisms import direction
 from catalogs.report.inputs import Evidence
-from catalogs.report.text import MISSING, between, fixed, number, whole, with_unit
+from catalogs.report.text import DASH, between, fixed, number, whole, with_unit
 from catalogs.size_law import POWER, TRUNCATED
 
-LEAST_P = 0.001  # smaller chances are not told apart
+MIN_P_PRINTED = 0.001  # Smaller p-values are printed as smaller than this.
 
 
 def _pair(comparison: xr.Dataset, name: str, form=number) -> list[str]:
@@ -43,7 +43,7 @@ def location_rows(evidence: Evidence) -> list[dict]:
             between(comparison["centroid_distance_interval"].values),
         ),
         _row(
-            "energy distance (0: one distribution" + (")" if chance == MISSING else f"; by chance {chance} m)"), "", "",
+            "energy distance (0: one distribution" + (")" if chance == DASH else f"; by chance {chance} m)"), "", "",
             with_unit(number(comparison["energy_distance"]), " m"),
             between(comparison["energy_distance_interval"].values),
         ),
@@ -57,7 +57,7 @@ def _ratio(comparison: xr.Dataset, name: str, both: str) -> tuple[str, str, str]
     """Name of a ratio's row, its value and its interval. both: what both expect as much of if the ratio is 1."""
     runs, p_value = int(comparison["model_runs"]), float(comparison[f"{name}_p_value"])
     mean = f"mean of {runs} runs over recorded" if runs > 1 else "modelled over recorded"
-    chance = f"p < {LEAST_P:g}" if p_value < LEAST_P else f"p = {number(p_value, 2)}"
+    chance = f"p < {MIN_P_PRINTED:g}" if p_value < MIN_P_PRINTED else f"p = {number(p_value, 2)}"
     tested = f" ({chance} if both expect as {both})" if np.isfinite(p_value) else ""
     value, interval = float(comparison[name]), comparison[f"{name}_interval"].values
     return f"{mean}{tested}", number(value), between(interval)
@@ -79,11 +79,10 @@ def size_rows(evidence: Evidence) -> list[dict]:
     )
     laws = [str(comparison.attrs[f"law_{which}"]) for which in ("model", "record")]
     # b of a law that the sizes do not follow is no result
-    free = [b if law == POWER else MISSING for b, law in zip(free, laws, strict=True)]
-    bounded = [b if law in (POWER, TRUNCATED) else MISSING for b, law in zip(bounded, laws, strict=True)]
+    free = [b if law == POWER else DASH for b, law in zip(free, laws, strict=True)]
+    bounded = [b if law in (POWER, TRUNCATED) else DASH for b, law in zip(bounded, laws, strict=True)]
     stable = [
-        text if text != MISSING else "no stable value"
-        for text in _pair(comparison, "completeness_stability", hundredths)
+        text if text != DASH else "no stable value" for text in _pair(comparison, "completeness_stability", hundredths)
     ]
     number_name, *number_ratio = _ratio(comparison, "event_ratio", "many")
     potency_name, *potency_ratio = _ratio(comparison, "potency_ratio", "much")
@@ -126,7 +125,7 @@ def _means(comparison: xr.Dataset) -> list[str]:
             mean = direction(float(here["mean_trend"]), float(here["mean_plunge"]))
             texts.append(mean + (f" ± {number(cone, 2)}°" if np.isfinite(cone) else ""))
         else:
-            texts.append(MISSING)
+            texts.append(DASH)
     return texts
 
 
@@ -136,9 +135,7 @@ def _directions(comparison: xr.Dataset, kind: str) -> list[str]:
     kind: what the variables' names begin with.
     """
     trends, plunges = (_pair(comparison, f"{kind}_{name}", float) for name in ("trend", "plunge"))
-    return [
-        direction(trend, plunge) if trend == trend else MISSING for trend, plunge in zip(trends, plunges, strict=True)
-    ]
+    return [direction(trend, plunge) if trend == trend else DASH for trend, plunge in zip(trends, plunges, strict=True)]
 
 
 def axis_rows(evidence: Evidence) -> list[dict]:

@@ -9,15 +9,15 @@ import jinja2
 import numpy as np
 
 from catalogs.figures import style
-from catalogs.figures.record import WINDOW
-from catalogs.figures.views import INSIDE
-from catalogs.grid_convergence import FLOOR, SAFETY
-from catalogs.mean_axes import WIDEST_CONE
+from catalogs.figures.record import EVENTS_PER_WINDOW
+from catalogs.figures.views import MIN_EXCAVATED_SHARE_DRAWN
+from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
+from catalogs.mean_axes import MAX_CONE
 from catalogs.report import match, sections, text
 from catalogs.report.banners import banners
 from catalogs.report.closeness import intervals_contain
 from catalogs.report.gallery import Gallery
-from catalogs.report.grid_convergence import TOO_COARSE, discretisation
+from catalogs.report.grid_convergence import MAX_ERROR_SHARE, discretisation
 from catalogs.report.head import caption, missing_potency, step_rows
 from catalogs.report.inputs import Evidence, read_evidence
 from catalogs.report.record import sentences
@@ -30,12 +30,12 @@ from pipeline.provenance import comment
 
 TEMPLATES = Path(__file__).parent / "templates"
 LIMITS = {  # of the code, that the page's own sentences name
-    "least_error": FLOOR,
-    "safety": SAFETY,
-    "too_coarse": TOO_COARSE,
-    "shown_excavated": INSIDE,
-    "window": WINDOW,
-    "widest_cone": WIDEST_CONE,
+    "least_error": MIN_ERROR_SHARE,
+    "safety": SAFETY_FACTOR,
+    "too_coarse": MAX_ERROR_SHARE,
+    "shown_excavated": MIN_EXCAVATED_SHARE_DRAWN,
+    "window": EVENTS_PER_WINDOW,
+    "widest_cone": MAX_CONE,
 }
 
 
@@ -89,7 +89,7 @@ def write_report(
         banners=[("truncated", said) for said in missing_potency(evidence)] + banners(evidence),
         step_rows=step_rows(evidence),
         step_caption=caption(evidence) if evidence.dated else "",
-        many=sections.MANY,
+        many=sections.MAX_ROWS_UNFOLDED,
         limits=LIMITS,
         config_lines=text.config_lines(config, default),
         versions=_versions(evidence),

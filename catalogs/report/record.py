@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 
-from catalogs.blocks import LEAST_BLOCKS
+from catalogs.blocks import MIN_BLOCKS
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import number, percent, plural, typeset, whole
 from catalogs.size_law import NONE, POWER, TRUNCATED
-from catalogs.sizes import LEAST_EVENTS
+from catalogs.sizes import MIN_EVENTS_FOR_B
 
 
 def sentences(evidence: Evidence) -> list[str]:
@@ -94,17 +94,17 @@ def _impossible(evidence: Evidence) -> list[str]:
     elif not np.isfinite(comparison["energy_p_value"]):
         runs = int(comparison["blocks"][0])
         found.append(
-            f"Differences of places and axes have no interval and no p-value: fewer than {LEAST_BLOCKS} runs of the "
+            f"Differences of places and axes have no interval and no p-value: fewer than {MIN_BLOCKS} runs of the "
             "model do not say how another would differ. Set ensemble: 8 for them."
-            if runs < LEAST_BLOCKS
-            else f"Differences of places have no interval and no p-value: fewer than {LEAST_BLOCKS} of the model's "
+            if runs < MIN_BLOCKS
+            else f"Differences of places have no interval and no p-value: fewer than {MIN_BLOCKS} of the model's "
             f"{runs} runs have events of such a size in a step that the record shares."
         )
-    few = [f"{name} has {count}" for name, count in zip(names, counts, strict=True) if count < LEAST_EVENTS]
+    few = [f"{name} has {count}" for name, count in zip(names, counts, strict=True) if count < MIN_EVENTS_FOR_B]
     if not np.isfinite(comparison["b_difference"]):
         laws = [f"those of {name} {_follow(attributes[f'law_{name.split()[1]}'])}" for name in names]
         why = (
-            f"{LEAST_EVENTS} events are needed in each, {' and '.join(few)}"
+            f"{MIN_EVENTS_FOR_B} events are needed in each, {' and '.join(few)}"
             if few
             else f"sizes are no power law, {', '.join(laws)}"
         )

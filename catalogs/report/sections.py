@@ -32,9 +32,9 @@ from catalogs.size_law import NONE, TRUNCATED
 from catalogs.size_measures import fit
 from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY, b_by_cut, cut_grid, log_potency
 
-BALLS = 10
-MANY = 40  # rows: a longer list is folded or scrolls, or ends after the MOST that have most potency
-MOST = 20
+LARGEST_EVENTS_DRAWN = 10  # Number of beach balls.
+MAX_ROWS_UNFOLDED = 40  # A longer table is folded, scrolls, or ends after EXCAVATIONS_LISTED rows.
+EXCAVATIONS_LISTED = 20  # Rows that a long table of excavations keeps: those with most potency.
 MODEL_LABEL = "Modelled"
 
 
@@ -74,7 +74,7 @@ def _scene(evidence: Evidence, gallery: Gallery) -> dict:
         "above_cap": above_cap(evidence),
         "far_field": far_field(evidence.grid),
         "excavations": rows,
-        "steps": by_step(rows) if len(rows) > MANY else [],
+        "steps": by_step(rows) if len(rows) > MAX_ROWS_UNFOLDED else [],
     }
 
 
@@ -177,12 +177,12 @@ def _in_time(evidence: Evidence, gallery: Gallery) -> dict | None:
 
 def _with_most_potency(rows: list[dict]) -> list[dict]:
     """Rows of excavations with events beside them; where they are many, those with most potency and the others' sum."""
-    if len(rows) <= MANY:
+    if len(rows) <= MAX_ROWS_UNFOLDED:
         return rows
     rows = sorted(rows, key=lambda row: -row["potency"])
-    others = rows[MOST:]
+    others = rows[EXCAVATIONS_LISTED:]
     sums = {name: sum(row[name] for row in others) for name in ("events", "potency", "potency_share")}
-    return [*rows[:MOST], {"name": f"{len(others)} others", "step": "", **sums, "distance": np.nan}]
+    return [*rows[:EXCAVATIONS_LISTED], {"name": f"{len(others)} others", "step": "", **sums, "distance": np.nan}]
 
 
 def _sizes(evidence: Evidence, gallery: Gallery) -> dict | None:
@@ -278,7 +278,7 @@ def _net(evidence: Evidence, label: str, catalog) -> stereonets.Axes | None:
 def _balls(evidence: Evidence, gallery: Gallery) -> dict | None:
     if evidence.catalog is None:
         return None
-    largest = text.largest_events(evidence.resolved, BALLS)
+    largest = text.largest_events(evidence.resolved, LARGEST_EVENTS_DRAWN)
     if not len(largest):
         return None
     chosen = evidence.resolved.isel(event=largest)

@@ -6,16 +6,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from catalogs.figures import spread
+from catalogs.periods import ALL_STEPS
 from catalogs.report.inputs import Evidence
-from catalogs.report.text import MISSING, fixed, number, percent, plural, typeset, whole, with_unit
+from catalogs.report.text import DASH, fixed, number, percent, plural, typeset, whole, with_unit
 from catalogs.sizes import log_potency
-from catalogs.spread import ALL
 
 ONE_RUN = (
     "One run is one realisation: brittle failure localises, and equally defensible ways of loading move potency and "
     "number of events by ten per cent and more."
 )
-ROWS = {  # quantity, its name, what its values are divided by, how they are written
+QUANTITY_ROWS = {  # quantity, its name, what its values are divided by, how they are written
     "potency": ("potency of all events (m³)", 1.0, number),
     "failed_volume": ("volume of rock that failed (m³)", 1.0, number),
     "events": ("events (of enough particles)", 1.0, number),
@@ -42,13 +42,13 @@ def section(evidence: Evidence, add: Callable[[str, Figure], dict]) -> dict:
 
 def spread_rows(evidence: Evidence) -> list[dict]:
     """Each quantity over all dated steps: the mine's own run, mean, standard deviation, range of the members."""
-    runs, rows = evidence.spread.sel(period=ALL), []
-    for quantity, (name, unit, form) in ROWS.items():
+    runs, rows = evidence.spread.sel(period=ALL_STEPS), []
+    for quantity, (name, unit, form) in QUANTITY_ROWS.items():
         own = float(runs[quantity].values[0]) / unit
         mean, deviation, least, largest = runs[f"{quantity}_statistics"].values / unit
         written = whole if quantity == "events" else form
         own_text, least_text, largest_text = (
-            written(value) if np.isfinite(value) else MISSING for value in (own, least, largest)
+            written(value) if np.isfinite(value) else DASH for value in (own, least, largest)
         )
         if quantity == "b":
             own_text = with_unit(own_text, f" ± {fixed(float(runs['b_error'].values[0]), 2)}")
@@ -58,7 +58,7 @@ def spread_rows(evidence: Evidence) -> list[dict]:
                 "own": own_text,
                 "mean": form(mean),
                 "deviation": form(deviation),
-                "share": percent(deviation / mean) if mean > 0 else MISSING,
+                "share": percent(deviation / mean) if mean > 0 else DASH,
                 "least": least_text,
                 "largest": largest_text,
             }
@@ -69,7 +69,7 @@ def spread_rows(evidence: Evidence) -> list[dict]:
 def headline(evidence: Evidence) -> list[str]:
     """The spread in one sentence beside the catalogue's numbers, or that there is none to tell; without events none."""
     if evidence.spread is not None:
-        runs = evidence.spread.sel(period=ALL)
+        runs = evidence.spread.sel(period=ALL_STEPS)
         _, _, least, largest = runs["potency_statistics"].values
         _, _, fewest, most = runs["events_statistics"].values
         members = plural(int(evidence.spread.attrs["members"]), "perturbed member")

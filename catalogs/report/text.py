@@ -13,9 +13,9 @@ from catalogs.report.inputs import Evidence
 from catalogs.sizes import log_potency
 from pipeline.event_table import ON_PLANES
 
-MISSING = "–"
-NAMED = 5  # excavations named in one sentence
-STEPS_NAMED = 12  # one by one in a sentence
+DASH = "–"  # Stands for a value that is not known.
+MAX_NAMED = 5  # Excavations that one sentence names.
+MAX_STEPS_LISTED = 12  # Steps that one sentence lists.
 DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # ten times as fast where PyYAML was built with libyaml
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 BUDGET_ROWS = {
@@ -31,7 +31,7 @@ def number(value, digits: int = 3) -> str:
     """A number for a reader: significant digits, a true minus sign, thousands apart; a dash where there is none."""
     value = float(value) if value is not None else np.nan
     if not np.isfinite(value):
-        return MISSING
+        return DASH
     if value == 0:
         return "0"
     if 1e-3 <= abs(value) < 1e6:
@@ -48,12 +48,12 @@ def whole(value) -> str:
 
 def fixed(value, decimals: int) -> str:
     """A number with so many decimals; a dash where there is none."""
-    return f"{round(value, decimals) + 0.0:.{decimals}f}".replace("-", "−") if np.isfinite(value) else MISSING
+    return f"{round(value, decimals) + 0.0:.{decimals}f}".replace("-", "−") if np.isfinite(value) else DASH
 
 
 def percent(share) -> str:
     """A share as per cent."""
-    return f"{number(100 * float(share), 2)} %" if np.isfinite(float(share)) else MISSING
+    return f"{number(100 * float(share), 2)} %" if np.isfinite(float(share)) else DASH
 
 
 def between(interval, form=number) -> str:
@@ -61,7 +61,7 @@ def between(interval, form=number) -> str:
     low, high = (float(value) for value in interval)
     if np.isfinite(low) and high == np.inf:
         return f"{form(low)} or more"
-    return f"{form(low)} to {form(high)}" if np.isfinite([low, high]).all() else MISSING
+    return f"{form(low)} to {form(high)}" if np.isfinite([low, high]).all() else DASH
 
 
 def typeset(text: str) -> str:
@@ -71,7 +71,7 @@ def typeset(text: str) -> str:
 
 def with_unit(text: str, unit: str) -> str:
     """A number as text with its unit; a dash stays a dash."""
-    return text if text == MISSING else f"{text}{unit}"
+    return text if text == DASH else f"{text}{unit}"
 
 
 def plural(count: int, name: str) -> str:
@@ -88,7 +88,7 @@ def headline(evidence: Evidence) -> list[str]:
     if not names:
         return ["No mining step has dates: what fails here failed before the record begins, and enters no catalogue."]
     if not catalog.sizes["event"]:
-        which = ", ".join(names) if len(names) <= STEPS_NAMED else f"{names[0]} to {names[-1]}"
+        which = ", ".join(names) if len(names) <= MAX_STEPS_LISTED else f"{names[0]} to {names[-1]}"
         return [f"The model made no events in its {plural(len(names), 'dated step')} ({which})."]
     step = catalog["step"].values
     counts = events_by_step([(int((step == name).sum()), name) for name in names])
@@ -120,9 +120,9 @@ def headline(evidence: Evidence) -> list[str]:
 
 def events_by_step(counts: list[tuple[int, str]]) -> str:
     """How many events each step has, of (number, step); of many steps those with most, in order of time."""
-    if len(counts) > STEPS_NAMED:
-        least = sorted(counts, reverse=True)[NAMED - 1][0]
-        most = [(count, name) for count, name in counts if count >= least][:NAMED]
+    if len(counts) > MAX_STEPS_LISTED:
+        least = sorted(counts, reverse=True)[MAX_NAMED - 1][0]
+        most = [(count, name) for count, name in counts if count >= least][:MAX_NAMED]
         return f"most in these, {events_by_step(most)}"
     return ", ".join(f"{whole(count)} in {name}" for count, name in counts)
 
@@ -218,7 +218,7 @@ def ball_rows(events: xr.Dataset) -> list[dict]:
         rows.append(
             {
                 "rank": index + 1,
-                "date": str(event["time"].values.astype("datetime64[D]")).replace("NaT", MISSING),
+                "date": str(event["time"].values.astype("datetime64[D]")).replace("NaT", DASH),
                 "step": str(event["step"].values),
                 "location": ", ".join(fixed(value, 0) for value in event["location"].values),
                 "log_potency": fixed(float(np.log10(event["potency"].values)), 2),

@@ -10,9 +10,9 @@ from catalog_fixtures import made_up_catalog
 
 from catalogs.comparison import compare
 from catalogs.comparison_layout import FIELDS
-from catalogs.completeness import CUT_STEP
+from catalogs.completeness import SEARCH_BIN_WIDTH
 from catalogs.locations import compare_locations
-from catalogs.size_measures import SIZE_BIN
+from catalogs.size_measures import SIZE_BIN_WIDTH
 from pipeline.datasets import read_dataset, write_dataset
 from pipeline.errors import InputError
 
@@ -34,12 +34,12 @@ def test_bins_are_as_wide_as_the_file_says_and_large_catalogues_are_thinned(monk
         counts.extend([len(model), len(record)])
         return compare_locations(model, record, *rest, **settings)
 
-    monkeypatch.setattr("catalogs.measures.MOST_EVENTS", 100)
+    monkeypatch.setattr("catalogs.measures.MAX_EVENTS_COMPARED", 100)
     monkeypatch.setattr("catalogs.measures.compare_locations", counted)
     result = compare(catalog, as_record(catalog), QUICK)
-    assert result.attrs["size_bin_width"] == SIZE_BIN
-    np.testing.assert_allclose(np.diff(result["size_bin_lower"]), SIZE_BIN)
-    np.testing.assert_allclose(np.diff(result["cut_log_potency"]), CUT_STEP)
+    assert result.attrs["size_bin_width"] == SIZE_BIN_WIDTH
+    np.testing.assert_allclose(np.diff(result["size_bin_lower"]), SIZE_BIN_WIDTH)
+    np.testing.assert_allclose(np.diff(result["cut_log_potency"]), SEARCH_BIN_WIDTH)
     assert counts == [100, 100]
 
 

@@ -12,7 +12,7 @@ from obspy.core.event.header import EventType
 
 from catalogs.quakeml import write_quakeml
 from catalogs.records import read_record
-from catalogs.records.event_kinds import COUNTED, EVENT_TYPE, LEFT_OUT, is_left_out
+from catalogs.records.event_kinds import EVENT_TYPE, NOT_SEISMIC_WORDS, SEISMIC_WORDS, is_left_out
 from pipeline.errors import InputError
 
 QUAKEML = """<?xml version="1.0" encoding="utf-8"?>
@@ -73,10 +73,10 @@ def refused(read, *arguments, **others) -> str:
 
 def test_every_type_of_quakeml_is_judged():
     """None is forgotten, none is in two minds; two hold blasts as well as what rock does by itself."""
-    known = COUNTED[EVENT_TYPE] | LEFT_OUT[EVENT_TYPE]
+    known = SEISMIC_WORDS[EVENT_TYPE] | NOT_SEISMIC_WORDS[EVENT_TYPE]
     assert set(EventType.keys()) - known == {"anthropogenic event", "other event"}
-    for kind, words in COUNTED.items():
-        assert not words & LEFT_OUT[kind]
+    for kind, words in SEISMIC_WORDS.items():
+        assert not words & NOT_SEISMIC_WORDS[kind]
         assert not any(is_left_out(kind, word) for word in words)
 
 

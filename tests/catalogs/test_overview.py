@@ -7,7 +7,7 @@ import pytest
 from report_fixtures import NAMES, STEPS, make_catalog, make_grid, make_state
 
 from catalogs.figures.overview import overview, write_overview
-from catalogs.figures.style import KEYS, thinned
+from catalogs.figures.style import MAX_STEPS_IN_KEY, thinned
 
 MINED = [
     {"name": name, "dated": bool(dated), "excavations": [excavation]}
@@ -62,11 +62,11 @@ def test_every_mined_solid_is_drawn_in_its_step_colour(grid):
     assert filled == [len(MINED)] * 3
 
 
-@pytest.mark.parametrize("count", [0, 1, KEYS, KEYS + 1, 200])
+@pytest.mark.parametrize("count", [0, 1, MAX_STEPS_IN_KEY, MAX_STEPS_IN_KEY + 1, 200])
 def test_the_key_of_many_steps_names_some_from_the_first_to_the_last(count):
     """In order, none twice, with gaps that differ by one at most."""
     named = thinned(list(range(count)))
-    assert len(named) == min(count, KEYS)
+    assert len(named) == min(count, MAX_STEPS_IN_KEY)
     assert named == sorted(set(named))
     if count:
         assert (named[0], named[-1]) == (0, count - 1)

@@ -9,7 +9,7 @@ from obspy.core.event import Catalog
 from test_record_readers import TABLE, settings_for
 
 from catalogs.records import read_record
-from catalogs.records.filters import FAR
+from catalogs.records.filters import MAX_WIDTHS_FROM_DOMAIN
 from pipeline.errors import InputError
 
 MONTHS = {"start": "2019-08-01", "end": "2019-10-01"}
@@ -41,11 +41,13 @@ def test_a_quakeml_file_without_events_too(tmp_path):
 
 def test_none_in_the_domain_is_quiet_unless_all_are_far_from_it(tmp_path, caplog):
     """Events at x of 100 to 120 m, a domain of 100 m: quiet to ten times that beyond them, then other ground."""
-    record = read_record(settings_for(tmp_path, period=MONTHS, domain=domain(110.0 + 0.99 * FAR * 100.0)))
+    record = read_record(
+        settings_for(tmp_path, period=MONTHS, domain=domain(110.0 + 0.99 * MAX_WIDTHS_FROM_DOMAIN * 100.0))
+    )
     assert record.sizes["event"] == 0
     assert "it counts as quiet; the nearest lies 980 m away" in caplog.text
     crop = json.loads(record.attrs["filter"])[-1]
     assert (crop["before"], crop["after"]) == (3, 0)
     np.testing.assert_allclose([crop["nearest"], crop["farthest"]], [980.0, 1000.0])
     with pytest.raises(InputError, match=r"none of its 3 events lies in the model's domain .*check record.columns"):
-        read_record(settings_for(tmp_path, period=MONTHS, domain=domain(130.0 + FAR * 100.0)))
+        read_record(settings_for(tmp_path, period=MONTHS, domain=domain(130.0 + MAX_WIDTHS_FROM_DOMAIN * 100.0)))

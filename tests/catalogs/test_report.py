@@ -152,7 +152,7 @@ def test_the_page_says_where_the_energy_of_each_step_went(page, mine):
 def test_many_excavations_are_folded_under_their_sums(page, mine, tmp_path, monkeypatch):
     """Four here; a list of over a hundred would hide what follows."""
     assert not any(tag == "details" for tag, _ in page.tags)
-    monkeypatch.setattr(sections, "MANY", 2)
+    monkeypatch.setattr(sections, "MAX_ROWS_UNFOLDED", 2)
     folded = make_page(mine, tmp_path)
     assert [tag for tag, _ in folded.tags if tag in ("details", "summary")] == ["details", "summary"]
     names = ("excavation_volume", "excavation_volume_grid")

@@ -5,21 +5,21 @@ import re
 import jinja2
 import pytest
 
-from catalogs.figures.record import WINDOW
-from catalogs.figures.views import INSIDE
-from catalogs.grid_convergence import FLOOR, SAFETY
-from catalogs.mean_axes import WIDEST_CONE
+from catalogs.figures.record import EVENTS_PER_WINDOW
+from catalogs.figures.views import MIN_EXCAVATED_SHARE_DRAWN
+from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
+from catalogs.mean_axes import MAX_CONE
 from catalogs.report import page
-from catalogs.report.grid_convergence import TOO_COARSE
+from catalogs.report.grid_convergence import MAX_ERROR_SHARE
 from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY
 
 LIMITS = {
-    "least_error": FLOOR,
-    "safety": SAFETY,
-    "too_coarse": TOO_COARSE,
-    "shown_excavated": INSIDE,
-    "window": WINDOW,
-    "widest_cone": WIDEST_CONE,
+    "least_error": MIN_ERROR_SHARE,
+    "safety": SAFETY_FACTOR,
+    "too_coarse": MAX_ERROR_SHARE,
+    "shown_excavated": MIN_EXCAVATED_SHARE_DRAWN,
+    "window": EVENTS_PER_WINDOW,
+    "widest_cone": MAX_CONE,
 }
 
 

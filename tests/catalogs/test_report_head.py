@@ -157,7 +157,7 @@ def test_completeness_in_time_follows_a_network_that_gets_better():
 
 def test_very_many_events_are_counted_per_square():
     grid = fixtures.make_grid(**{"coarse": 16.0})
-    place = np.tile(grid["cell_origin"].values.mean(axis=0), (events.CROWD + 1, 1))
+    place = np.tile(grid["cell_origin"].values.mean(axis=0), (events.MAX_EVENTS_DRAWN_SINGLY + 1, 1))
     catalog = events_of(np.ones(len(place))).assign(location=(("event", "xyz"), place))
     lower, upper = views.domain(grid)
     with style.applied():
@@ -166,8 +166,8 @@ def test_very_many_events_are_counted_per_square():
         events.draw_density(figure, axes, catalog, views.PLAN, lower, upper)
     (mesh,) = [artist for artist in axes.collections if artist.get_array() is not None]
     assert events.is_crowd(catalog)
-    assert not events.is_crowd(catalog.isel(event=slice(events.CROWD)))
-    assert np.nansum(mesh.get_array()) == events.CROWD + 1
+    assert not events.is_crowd(catalog.isel(event=slice(events.MAX_EVENTS_DRAWN_SINGLY)))
+    assert np.nansum(mesh.get_array()) == events.MAX_EVENTS_DRAWN_SINGLY + 1
     assert np.isfinite(mesh.get_array()).sum() == 1
 
 

@@ -67,8 +67,8 @@ def test_many_excavations_with_events_end_with_the_sum_of_the_others(monkeypatch
         for n in (1, 4, 2, 3)
     ]
     assert sections._with_most_potency(rows) == rows
-    monkeypatch.setattr(sections, "MANY", 3)
-    monkeypatch.setattr(sections, "MOST", 2)
+    monkeypatch.setattr(sections, "MAX_ROWS_UNFOLDED", 3)
+    monkeypatch.setattr(sections, "EXCAVATIONS_LISTED", 2)
     *most, others = sections._with_most_potency(rows)
     assert [row["name"] for row in (*most, others)] == ["drive 4", "drive 3", "2 others"]
     assert others["events"] == 3

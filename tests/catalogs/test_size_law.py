@@ -116,7 +116,9 @@ def test_the_verdict_on_a_law_does_not_hang_on_the_seed():
 
 
 def test_few_events_have_no_fullest_bin():
-    assert np.isnan(search.fullest_bin(simulated_sizes(np.random.default_rng(1), search.LEAST_ABOVE - 1, 0.67)))
+    assert np.isnan(
+        search.fullest_bin(simulated_sizes(np.random.default_rng(1), search.MIN_EVENTS_ABOVE_CUT - 1, 0.67))
+    )
 
 
 def test_a_law_that_ends_is_quoted_with_its_own_b():

@@ -10,7 +10,7 @@ from numpy.testing import assert_array_equal
 from catalogs.report.closeness import closeness_rows, intervals_contain, unlike
 from catalogs.sizes import estimate_b, log_potency
 from seismic.catalog import merge
-from seismic.closeness import CLOSENESS, sizes_by_closeness
+from seismic.closeness import CLOSENESS_TRIED, sizes_by_closeness
 from seismic.events import extract_events
 from seismic.regions import CORNERS, EDGES, FACES
 
@@ -22,7 +22,7 @@ def test_each_choice_has_the_events_that_an_extraction_with_it_has(make_scattere
     del chosen["cluster"]
     found = sizes_by_closeness(iter(steps), chosen)
     choices = list(zip(found.closeness.values, found.reach.values, strict=True))
-    tried = sorted([*CLOSENESS, 0.85])
+    tried = sorted([*CLOSENESS_TRIED, 0.85])
     assert choices == [*((value, CORNERS) for value in tried), (0.85, EDGES), (0.85, FACES)]
     assert choices[found.attrs["own"]] == (0.85, CORNERS)
     numbers = []
@@ -39,7 +39,7 @@ def test_each_choice_has_the_events_that_an_extraction_with_it_has(make_scattere
 
 def test_families_have_no_links_to_shorten(make_scattered_step, make_settings):
     found = sizes_by_closeness([make_scattered_step(0)], make_settings())
-    assert_array_equal(found.closeness, CLOSENESS)
+    assert_array_equal(found.closeness, CLOSENESS_TRIED)
     assert_array_equal(found.reach, 0)
     rows = closeness_rows(SimpleNamespace(closeness=found), -10.0)
     assert {row["over"] for row in rows} == {""}

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.event_table import FIELDS, NAMES, read_events, write_events
 from pipeline.source_tensors import scalar_potency
 from pipeline.voigt import tensor_from_voigt
-from seismic.budget import PARTS
+from seismic.budget import BUDGET_PARTS
 from seismic.events import extract_events
 
 SHEAR = np.array([0, 0, 0, 0, 0, 1e-3])
@@ -136,7 +136,7 @@ def test_budget_closes_in_every_component(make_scattered_step, make_settings, me
     assert_allclose(budget["aseismic_share"], (1 - seismic_fraction) * parts["seismic"], rtol=1e-10)
     assert_allclose(budget["overshoot"], parts["overshoot"], rtol=1e-10)
     assert_allclose(budget["later"], parts["later"], rtol=1e-10)
-    assert_allclose(sum(np.array(budget[name]) for name in PARTS), budget["plastic"], rtol=1e-10)
+    assert_allclose(sum(np.array(budget[name]) for name in BUDGET_PARTS), budget["plastic"], rtol=1e-10)
     assert max(budget["closure"]) <= 1e-12
     assert json.loads(events.attrs["budget"]) == budget
     tensor = events["potency_tensor"].values.sum(axis=0)

@@ -70,8 +70,8 @@ def test_slow_twin(count, seed, threshold):
 @pytest.mark.parametrize("threshold", [0.5, 0.9])
 def test_slow_twin_over_several_blocks(monkeypatch, threshold):
     """Small blocks, so that leaders are found in many of them."""
-    monkeypatch.setattr(families, "BLOCK", 7)
-    monkeypatch.setattr(families, "CHUNK", 5)
+    monkeypatch.setattr(families, "PARTICLES_PER_BLOCK", 7)
+    monkeypatch.setattr(families, "PARTICLES_PER_CHUNK", 5)
     potency = particles(150, 3)
     family, leader = families.find_families(potency, threshold)
     expected_family, expected_leader = slow_families(potency, threshold)

@@ -15,7 +15,7 @@ from pipeline.voigt import tensor_from_voigt
 from seismic import regions
 from seismic.events import extract_events
 from seismic.families import closeness
-from seismic.regions import CORNERS, EDGES, FACES, SMALL, find_regions
+from seismic.regions import CORNERS, EDGES, FACES, MAX_JOINING_SHARE, find_regions
 from seismic.shares import at_once_share, unlike_share
 
 SHEAR = np.array([0, 0, 0, 0, 0, 1.0])
@@ -160,7 +160,7 @@ def test_rock_far_away_changes_no_event(seed):
     assert adjusted_rand_score(label[half][away], alone[away]) >= 0.99
 
 
-def slow_regions(position, potency, order, threshold, small_share=SMALL):
+def slow_regions(position, potency, order, threshold, small_share=MAX_JOINING_SHARE):
     """The definition, over sets of particles. Equal choices, drawn by lot there, are the test's to avoid."""
 
     def cosine(a, b):

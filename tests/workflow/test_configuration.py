@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from pydantic import BeforeValidator
 from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, ROOT, STRAIN, TINY, changed, merged, slices
 
-from catalogs import grid_convergence, spread
 from catalogs.records import record_slice
 from catalogs.records.csv_columns import ColumnSettings
 from catalogs.records.filters import limits_of
@@ -21,7 +20,7 @@ from pipeline.errors import InputError
 from pipeline.settings import NAME_PATTERN, Unit
 from verification.benchmarks.targets import RESULTS
 from verification.extremes.bad_input import AGAIN, FAR, FAULTS, ON_GLOBE, UTM
-from workflow.checks import ALL, RESERVED
+from workflow.checks import RESERVED
 from workflow.configuration import load
 from workflow.generate import sections_of
 from workflow.settings import MineSettings
@@ -41,10 +40,6 @@ def test_no_mine_takes_a_folder_of_results_that_rules_write_to():
     """Whatever stands right below results/ in a rule, but for the mine's own folder."""
     rules = "".join(path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk"))
     assert set(RESERVED) == {*re.findall(r"\bresults/(\w+)", rules), RESULTS.removeprefix("results/")}
-
-
-def test_no_step_is_taken_for_all_of_them():
-    assert ALL == grid_convergence.ALL == spread.ALL
 
 
 def test_columns_of_degrees_need_a_frame_with_a_place(refuse, accept):

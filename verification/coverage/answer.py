@@ -77,7 +77,7 @@ def _rows(one: Found, allowed: dict) -> list[Row]:
 
 def _draw(found: list[Found], least: float) -> Figure:
     """Coverage case by case, with two Monte Carlo standard errors."""
-    figure = style.new_figure(width=style.WIDTH, height=0.22 * len(found) + 1.2)
+    figure = style.new_figure(width=style.PAGE_WIDTH, height=0.22 * len(found) + 1.2)
     axes = figure.subplots()
     error = [200 * (0.95 * 0.05 / max(one.given * one.drawn, 1)) ** 0.5 for one in found]
     place = range(len(found))

@@ -200,12 +200,6 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
         "record.orientations.max_location_error: missing key",
         "",
     ),
-    (
-        "record",
-        ELK_CREEK | {"orientations": {"location_error": "80 m"}},
-        "record.orientations.location_error: is called max_location_error now",
-        "rename it",
-    ),
     ("grid", None, "grid: nothing stands below it", "give it keys, or leave it out"),
     ("seismic.cluster", None, "seismic.cluster: nothing stands below it", "leave it out"),
     ("excavations", None, "excavations: nothing stands below it", "give it entries"),

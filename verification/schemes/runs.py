@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import xarray as xr
 
-from catalogs.sizes import LEAST_EVENTS, BValue, estimate_b, log_potency
+from catalogs.sizes import MIN_EVENTS_FOR_B, BValue, estimate_b, log_potency
 from mpm_core.scene import parse_scene
 from mpm_core.stages import mining_step
 from mpm_core.threads import use_threads
@@ -60,7 +60,7 @@ class Pairs:
         return float(log_potency(np.max([run.floor for runs in self.runs.values() for run in runs])))
 
     def b_values(self) -> dict[str, list[BValue]]:
-        """b of log potency of each run, of its resolved events from the cut on; NaN of fewer than LEAST_EVENTS."""
+        """b of log potency of each run, of its resolved events from the cut on; NaN of fewer than MIN_EVENTS_FOR_B."""
         return {name: [estimate_b(run.sizes, self.cut) for run in runs] for name, runs in self.runs.items()}
 
     def values(self, quantity: str) -> tuple[np.ndarray, np.ndarray]:
@@ -80,7 +80,9 @@ class Pairs:
     def why_no_b(self) -> str:
         """How many events there are, where they are too few."""
         counted = [value.events for values in self.b_values().values() for value in values]
-        return f"too few events: {min(counted)} to {max(counted)} from the cut on, {LEAST_EVENTS} needed in every run"
+        return (
+            f"too few events: {min(counted)} to {max(counted)} from the cut on, {MIN_EVENTS_FOR_B} needed in every run"
+        )
 
     @property
     def count(self) -> int:
