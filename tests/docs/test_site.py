@@ -7,6 +7,7 @@ import pytest
 from sphinx.cmd.build import build_main
 
 ROOT = Path(__file__).resolve().parents[2]
+KEYS = ROOT / "config/README.md"
 FROM_ELSEWHERE = re.compile(r"""<(?:script|img|iframe)[^>]*\ssrc="(?:https?:)?//|<link[^>]*\shref="(?:https?:)?//""")
 LINK = re.compile(r"\]\(([^)#]+)[^)]*\)")
 
@@ -61,3 +62,17 @@ def test_files_that_pages_name_exist():
     found = {(page.name, path) for page in pages for path in named.findall(page.read_text(encoding="utf-8"))}
     assert found
     assert {(page, path) for page, path in found if not (ROOT / path).exists()} == set()
+
+
+def test_keys_that_pages_name_exist():
+    """Keys are written `section.key`, or `section.key: value`."""
+    tables = re.findall(
+        r"^### ([\w.]+).*?\n(.*?)(?=^##|\Z)", KEYS.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+    )
+    known = {f"{path}.{key}" for path, rows in tables for key in re.findall(r"^\| `(\w+)` \|", rows, re.MULTILINE)}
+    sections = "|".join({path.split(".")[0] for path, _ in tables})
+    named = re.compile(rf"`((?:{sections})\.(?!nc|vtu)[a-z_.]+)[`:]")
+    pages = [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]
+    found = {(page.name, key) for page in pages for key in named.findall(page.read_text(encoding="utf-8"))}
+    assert found
+    assert {(page, key) for page, key in found if key not in known} == set()
