@@ -76,3 +76,14 @@ def test_keys_that_pages_name_exist():
     found = {(page.name, key) for page in pages for key in named.findall(page.read_text(encoding="utf-8"))}
     assert found
     assert {(page, key) for page, key in found if key not in known} == set()
+
+
+def test_works_that_pages_cite_are_those_listed():
+    """Cited as: Name 2000, Name and Name (2000), Name's (2000), Name et al. 2000."""
+    folder = ROOT / "docs"
+    entry = re.compile(r"^- ([\w-]+),[^(]*\((\d{4})\)", re.MULTILINE)
+    listed = entry.findall((folder / "reference/references.md").read_text("utf-8"))
+    pages = [page.read_text("utf-8") for part in ("explanation", "laws") for page in (folder / part).glob("*.md")]
+    name = r"[A-ZÀ-Ž][\w-]+"
+    cite = re.compile(rf"({name})(?:, {name})*(?: and {name}| et al\.)?(?:'s?)? \(?((?:19|20)\d\d)\b")
+    assert set(cite.findall(" ".join(" ".join(pages).split()))) == set(listed)
