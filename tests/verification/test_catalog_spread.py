@@ -14,6 +14,7 @@ from catalogs.settings import ComparisonSettings
 from catalogs.size_law import FEW, NONE, POWER, TRUNCATED
 from pipeline.costs import Costs
 from pipeline.errors import InputError
+from verification.pages import tables_of
 from verification.spread.answer import answer
 from verification.spread.figure import draw
 from verification.spread.page import Scene, write_report
@@ -106,7 +107,9 @@ def test_page_says_what_an_ensemble_costs_and_buys(tmp_path):
     assert "A member takes 1.25 times the processor time, without compiling, of the mine's own steps" in page
     assert "It shows 14 % of that of log10 seismic potency" in " ".join(page.split())
     assert "http" not in page.split("</style>")[1].replace("http://www.w3.org", "")
-    assert len(pd.read_csv(tmp_path / "table.csv")) == 20
+    table = pd.read_csv(tmp_path / "table.csv")
+    assert len(table) == 20
+    assert [len(shown.lines(table)) for shown in tables_of("spread")] == [24]  # a title and the head of the table above
 
 
 def named(labels: list[str], values: list[float], undefined: list[str]) -> list[Catalogue]:

@@ -13,6 +13,7 @@ from running import DEFAULT, STUDIES, run_study
 
 from pipeline.costs import Costs
 from pipeline.errors import InputError
+from verification.pages import tables_of
 from verification.studies import Study, load_study
 from verification.tradeoff.answer import answer
 from verification.tradeoff.knobs import CHOSEN, changed, label, settings_of
@@ -90,7 +91,7 @@ def made_up(changes: dict[str, dict], limit: tuple = ()) -> Scene:
             )
         )
     chosen = {"main": "potency", "base": "base", "limit": list(limit)}
-    study = Study("made_up", "tradeoff", "Made up", "Nothing.", True, 1, True, {}, chosen, {})
+    study = Study("made_up", "tradeoff", "Made up", "Nothing.", True, 1, True, {}, chosen, {}, {})
     return Scene(study, Points("made_up", {}, points))
 
 
@@ -162,7 +163,9 @@ def test_a_repeated_run_takes_the_same_wherever_it_is_told():
         line = line_of(scene, knob)
         (member,) = (point for point in line.members if point is not line.anchor)
         assert speed(scene, line, member) == expected
-    table = make_table([scene]).set_index("variant")
+    table = make_table([scene])
+    assert all("| times as fast |" in shown.lines(table)[2] for shown in tables_of("tradeoff"))
+    table = table.set_index("variant")
     assert table.times_as_fast.to_list() == [1.0, 1.0, 1.0, 4.0, 2.0, 2.0]
     assert table.work_s.to_list() == [10.0, 11.0, 8.0, 2.5, 6.0, 4.0]
 

@@ -1,0 +1,241 @@
+"""Pages of the studies: their blocks, what is written into them, and one line for each mistake."""
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+
+from catalogs.figures import style
+from pipeline.errors import InputError
+from verification.benchmarks import table as benchmarks
+from verification.extremes import __main__ as extremes
+from verification.page_tables import Columns, Counts, Cross, Pivot, rows_table
+from verification.pages import BLOCK, INDEX, MAX_FIGURE_BYTES, PAGES, ROOT, check_blocks, rewrite, studies, tables_of
+from verification.rows import Row, read_rows, write_rows
+from verification.stability.points import Point
+
+WRITTEN = sorted(PAGES.glob("*.md"))
+MISSED = "filled, quarter, mean: potency extrapolated, m3"  # a known miss of the study walls
+
+
+def text_of(page: Path) -> str:
+    return page.read_text(encoding="utf-8")
+
+
+def block_of(name: str, pages: Path) -> str:
+    """What stands between the markers of a study."""
+    (found,) = (match[3] for page in pages.glob("*.md") for match in BLOCK.finditer(text_of(page)) if match[2] == name)
+    return found
+
+
+def test_every_study_has_one_block_and_every_block_a_study():
+    check_blocks({page: text_of(page) for page in WRITTEN})
+    named = [match[2] for page in WRITTEN for match in BLOCK.finditer(text_of(page))]
+    assert sorted(named) == sorted([INDEX, *studies()])
+    files = {path.stem for path in (ROOT / "config" / "verification").glob("*.yaml")}
+    assert {name for name in files - set(named) if not name.startswith(("tradeoff_", "spread_"))} == set()
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.stem)
+def test_a_page_is_well_formed(page):
+    text = text_of(page)
+    assert len(re.findall(r"^# ", re.sub(r"```.*?```", "", text, flags=re.DOTALL), re.MULTILINE)) == 1
+    pictures = re.findall(r"!\[(.*?)\]\((.+?)\)", text)
+    assert all(alternative for alternative, _ in pictures)
+    assert all(0 < (PAGES / file).stat().st_size < MAX_FIGURE_BYTES for _, file in pictures)
+    for _, _, body, _ in BLOCK.findall(text):
+        tables = [line for line in body.splitlines() if line.startswith("|")]
+        assert tables or "makes them." in body
+        for table in re.findall(r"(?:^\|.*\n)+", body, re.MULTILINE):
+            assert len({line.replace(r"\|", "").count("|") for line in table.splitlines()}) == 1
+    for file in re.findall(r"\]\((\.\./[^)#]+)", text):
+        assert (PAGES / file).exists(), file
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.stem)
+def test_an_excerpt_of_an_input_is_in_its_file(page):
+    text = text_of(page)
+    files = re.findall(r"\((\.\./\.\./config/[^)]+\.yaml)\)", text)
+    lines = {line.strip() for file in files for line in text_of(PAGES / file).splitlines()}
+    for excerpt in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL):
+        assert [line for line in excerpt.splitlines() if line.strip() not in lines] == []
+
+
+def test_no_figure_is_left_over():
+    shown = {file for page in WRITTEN for file in re.findall(r"\]\((figures/[^)]+)\)", text_of(page))}
+    assert {f"figures/{file.name}" for file in (PAGES / "figures").iterdir()} == shown
+
+
+@pytest.fixture
+def results(tmp_path) -> Path:
+    """Results of two studies in a git checkout, which tells the commit."""
+    checkout = tmp_path / "checkout"
+    for name, rows in (
+        ("jaeger", [Row.relative("dip_00: strength, MPa", 60.0, 60.1, 0.005), Row("events", 1.0, 5.0, 4.0)]),
+        ("walls", [Row.relative(row, 2.0, 2.1, 0.04) for row in known_misses("walls")]),
+    ):
+        write_rows(checkout / "results" / "verification" / name / "rows.csv", [(name, row) for row in rows])
+        with style.applied():
+            figure = style.new_figure(4.0, 2.0)
+            figure.add_subplot().plot([0, 1])
+            style.save(figure, checkout / "results" / "verification" / name / "figure.svg")
+    names = ["-c", "user.name=n", "-c", "user.email=e@example.org"]
+    subprocess.run(["git", "init", "-q", checkout], check=True)
+    subprocess.run(["git", "-C", checkout, *names, "commit", "-q", "--allow-empty", "-m", "one"], check=True)
+    return checkout / "results"
+
+
+def known_misses(study: str) -> list[str]:
+    text = yaml.safe_load(text_of(ROOT / "config" / "verification" / f"{study}.yaml"))
+    return [quantity for entry in text["known_misses"] for quantity in entry["rows"]]
+
+
+@pytest.fixture
+def pages(tmp_path) -> Path:
+    """A copy of the pages, with empty blocks."""
+    folder = tmp_path / "pages"
+    folder.mkdir()
+    for page in WRITTEN:
+        (folder / page.name).write_text(BLOCK.sub(r"\1\4", text_of(page)))
+    return folder
+
+
+def commit_of(results: Path) -> str:
+    command = ["git", "-C", results, "rev-parse", "--short=7", "HEAD"]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_a_block_has_rows_counts_date_commit_and_figure(results, pages):
+    assert rewrite(results, pages) == ["jaeger", "walls"]
+    block = block_of("jaeger", pages)
+    assert re.search(r"^Made on \d{4}-\d\d-\d\d at commit `" + commit_of(results), block)
+    assert "2 rows, 1 judged: 1 passes, 0 known misses, 0 fail." in block
+    assert "| strength, MPa | dip_00 | 60.1 | 60 | 0.0017 | 0.005 | passes |" in block
+    assert "| events |  | 5 | 1 | 4 |  | reported |" in block
+    assert (pages / "figures" / "jaeger.png").read_bytes().startswith(b"\x89PNG")
+    assert "No results are kept here yet." in block_of("kirsch", pages)
+    overview = block_of(INDEX, pages)
+    assert re.search(r"^\| \[Specimens with weak planes\]\(jaeger\.md\) \|.*\| 1 \| 0 \| 0 \|$", overview, re.MULTILINE)
+    assert re.search(r"^\| \[Kirsch's hole\]\(kirsch\.md\) \|.*\|  \|  \|  \|$", overview, re.MULTILINE)
+
+
+def test_a_known_miss_is_marked_and_explained(results, pages):
+    rewrite(results, pages)
+    block = block_of("walls", pages)
+    assert f"| potency extrapolated, m3 | {MISSED.partition(': ')[0]} | 2.1 | 2 | 0.05 | 0.04 | **fails** |" in block
+    table = results / "verification" / "walls" / "rows.csv"
+    table.write_text(table.read_text().replace("2.1,0.05,", "2.09,0.045,"))
+    rewrite(results, pages)
+    block = block_of("walls", pages)
+    assert (
+        f"| potency extrapolated, m3 | {MISSED.partition(': ')[0]} | 2.09 | 2 | 0.045 | 0.04 | **known miss** |"
+        in block
+    )
+    assert "Causes of the known misses:" in block
+
+
+def test_writing_twice_changes_nothing_and_a_changed_row_its_block_alone(results, pages):
+    rewrite(results, pages)
+    once = {file: file.read_bytes() for file in pages.rglob("*.*")}
+    rewrite(results, pages)
+    assert {file: file.read_bytes() for file in pages.rglob("*.*")} == once
+    table = results / "verification" / "jaeger" / "rows.csv"
+    before = table.stat().st_mtime
+    table.write_text(table.read_text().replace("60.1", "60.2"))
+    os.utime(table, (before, before))
+    rewrite(results, pages)
+    assert [file.name for file, content in once.items() if file.read_bytes() != content] == ["jaeger.md"]
+    assert "| 60.2 |" in block_of("jaeger", pages)
+
+
+def test_studies_without_results_keep_their_block(results, pages):
+    rewrite(results, pages)
+    kept = block_of("jaeger", pages)
+    (results / "verification" / "jaeger" / "rows.csv").unlink()
+    assert rewrite(results, pages) == ["walls"]
+    assert block_of("jaeger", pages) == kept
+
+
+def test_a_mistake_is_one_line(results, pages, tmp_path):
+    def fails(message: str, folder: Path = results) -> None:
+        with pytest.raises(InputError, match=message) as error:
+            rewrite(folder, pages)
+        assert "\n" not in str(error.value)
+
+    fails("none: no such folder", tmp_path / "none")
+    (tmp_path / "empty").mkdir()
+    fails(r"holds neither verification/<study>/rows\.csv nor", tmp_path / "empty")
+    rows = results / "verification" / "jaeger" / "rows.csv"
+    unknown = results / "verification" / "jager" / "rows.csv"
+    unknown.parent.mkdir()
+    rows.rename(unknown)
+    fails("has no study 'jager'")
+    unknown.rename(rows)
+    page = pages / "jaeger.md"
+    text = text_of(page)
+    page.write_text(text.replace("<!-- end of results -->", ""))
+    fails(r"jaeger\.md: needs '<!-- results: STUDY -->'")
+    page.write_text(text.replace("results: jaeger", "results: jager"))
+    fails(r"jaeger\.md: 'jager' is not a study")
+    page.write_text(text.replace("results: jaeger", "results: kirsch"))
+    fails("the results of 'kirsch' stand in")
+    page.unlink()
+    fails("no page has '<!-- results: jaeger -->'")
+    page.write_text(text.replace("- **Checks:**", ""))
+    fails(r"jaeger\.md: needs a line '- \*\*Checks:\*\* \.\.\.'")
+
+
+def test_results_outside_of_a_checkout_are_refused(results, pages, tmp_path, monkeypatch):
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path))
+    (results.parent / ".git").rename(tmp_path / "gone")
+    with pytest.raises(InputError, match="is in no git checkout"):
+        rewrite(results, pages)
+
+
+def test_a_pivot_marks_what_has_no_bound_and_what_misses_it(tmp_path):
+    rows = [
+        Row.relative(f"{size}: {name}", 2.0, 1.0, bound) for size in "ab" for name, bound in (("x", 0.9), ("y", None))
+    ]
+    write_rows(tmp_path / "rows.csv", [("s", row) for row in [*rows, Row.relative("c: x", 2.0, 1.0, 0.1)]])
+    pivot = Pivot("Change", r"(?P<row>\w): (?P<column>\w)", "change, %")
+    assert pivot.lines(read_rows(tmp_path / "rows.csv")) == [
+        "Change:",
+        "",
+        "|  | x | y |",
+        "| --- | --- | --- |",
+        "| a | -50.0 | *-50.0* |",
+        "| b | -50.0 | *-50.0* |",
+        "| c | **-50.0 fails** |  |",
+    ]
+
+
+def test_a_colon_in_brackets_splits_no_quantity_and_a_bar_no_cell():
+    row = {"quantity": "b of a | c (error: worst)", "passed": "yes"} | dict.fromkeys(
+        ("obtained", "expected", "error", "allowed"), ""
+    )
+    assert rows_table([row])[2] == r"| b of a \| c (error: worst) |  |  |  |  |  | passes |"
+
+
+def test_tables_of_measuring_studies():
+    table = pd.DataFrame({"code": ["ours", "ours", "theirs"], "cells": [10, 20, 10], "wall_s": [1.0, 2.0, 3.25]})
+    assert Columns("All", ("code", "wall_s")).lines(table)[2:5] == [
+        "| code | wall s |",
+        "| --- | --- |",
+        "| ours | 1 |",
+    ]
+    assert Counts("Runs", "code", "cells").lines(table)[4:] == ["| ours | 1 | 1 |", "| theirs | 1 | 0 |"]
+    crossed = Cross("Time", ("code",), "cells", "wall_s").lines(table)
+    assert crossed[2:] == ["| code | 10 | 20 |", "| --- | --- | --- |", "| ours | 1 | 2 |", "| theirs | 3.25 |  |"]
+
+
+def test_columns_on_pages_are_columns_of_their_tables():
+    for cross in tables_of("benchmarks"):
+        assert {*cross.by, cross.column, cross.value} <= set(benchmarks.COLUMNS)
+    (counts,) = tables_of("extremes")
+    assert {counts.row, counts.column} <= set(extremes.COLUMNS)
+    (counts,) = tables_of("stability")
+    assert {counts.row, counts.column} <= set(Point.__dataclass_fields__)

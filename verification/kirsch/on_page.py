@@ -1,0 +1,12 @@
+"""What the page of the study sets side by side."""
+
+from verification.page_tables import Pivot
+
+TABLES = (
+    Pivot(
+        "Errors (% of the far stress, of the closure itself, or of the wall's largest displacement)",
+        r"(?P<column>regular|multilevel|fixed|single|biaxial|pressed): "
+        r"(?P<row>(?:radial|hoop|shear|closure|displacement).+)",
+        "error, %",
+    ),
+)

@@ -1,0 +1,16 @@
+"""What the page of the study sets side by side."""
+
+from verification.page_tables import Pivot
+
+TABLES = (
+    Pivot(
+        "Error against the finest cells (%)",
+        r"(?P<row>\w+), (?P<column>(?:draft|standard|fine): (?:energy|potency|volume)), (?:J|m3)",
+        "change, %",
+    ),
+    Pivot(
+        "Energy of slots against fine cells (%)",
+        r"slot, (?P<row>dip \d+), (?P<column>\w+ cells across): energy, J",
+        "change, %",
+    ),
+)

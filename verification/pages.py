@@ -1,0 +1,264 @@
+"""Measured results on the pages of docs/studies: python -m verification.pages RESULTS
+
+A page is written by hand but for blocks between two comments, one for each study that it is about. This rewrites the
+blocks of all studies that have a table in the folder RESULTS (results of a checkout), and copies their figures. The
+other blocks stay as they are.
+"""
+
+import importlib
+import importlib.util
+import io
+import re
+import subprocess
+from collections import Counter
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from pipeline.command_line import CommandLine
+from pipeline.datasets import atomic_path
+from pipeline.errors import InputError
+from pipeline.sources import ROOT
+from pipeline.stage import run_stage
+from verification.known_misses import KNOWN_MISS, PASSES_NOW, judge, parse_known_misses
+from verification.page_tables import LEGEND, Pivot, markdown, rows_table
+from verification.rows import VERDICTS, read_rows
+
+
+@dataclass(frozen=True)
+class Target:
+    """What makes a measuring study: its package in verification, and the cores that Snakemake is given."""
+
+    package: str
+    cores: str = "all"
+
+
+PAGES = ROOT / "docs" / "studies"
+STUDIES = ROOT / "config" / "verification"
+MEASURING = {  # studies whose results are a table.csv
+    "tradeoff": Target("tradeoff"),
+    "catalog_spread": Target("spread"),
+    "benchmarks": Target("benchmarks", cores="2"),
+    "stability": Target("stability"),
+    "extremes": Target("extremes"),
+}
+POINTS_OF = ("tradeoff_", "spread_")  # files of config/verification whose runs stand in one of those tables
+INDEX = "index"
+BLOCK = re.compile(r"(<!-- results: (\S+) -->\n)(.*?)(<!-- end of results -->)", re.DOTALL)
+COUNTS = re.compile(r"(\d+) rows?, (\d+) judged: (\d+) pass(?:es)?, (\d+) known miss(?:es)?, (\d+) fails?\.")
+FACTS = ("Checks", "Reference")  # what a page says of its study, for the index
+PIXELS = (1200, 1000, 800)  # width of a figure: the largest whose file is small enough
+COLOURS = 64
+MAX_FIGURE_BYTES = 150_000
+
+
+def studies() -> list[str]:
+    """Names of all studies that have a block on a page."""
+    files = sorted(path.stem for path in STUDIES.glob("*.yaml"))
+    return [name for name in files if not name.startswith(POINTS_OF)] + list(MEASURING)
+
+
+def rewrite(results: Path, pages: Path = PAGES) -> list[str]:
+    """Rewrite the blocks of the studies with results and copy their figures; returns the names of these studies.
+
+    Raises InputError where the folder or a table in it is missing, a study is unknown, or a page lacks its markers.
+    """
+    tables = find_tables(results)
+    texts = {path: path.read_text(encoding="utf-8") for path in sorted(pages.glob("*.md"))}
+    check_blocks(texts)
+    blocks = {name: block(name, table, pages / "figures") for name, table in tables.items()}
+
+    def fill(match: re.Match) -> str:
+        old = match[3] if "|" in match[3] else not_measured(match[2])
+        return match[1] + blocks.get(match[2], old) + match[4]
+
+    texts = {path: BLOCK.sub(fill, text) for path, text in texts.items()}
+    index = pages / f"{INDEX}.md"
+    overview = index_table({path.stem: text for path, text in texts.items() if path != index})
+    texts[index] = BLOCK.sub(lambda match: match[1] + overview + match[4], texts[index])
+    for path, text in texts.items():
+        with atomic_path(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return list(tables)
+
+
+def find_tables(results: Path) -> dict[str, Path]:
+    """The table of each study that has one."""
+    if not results.is_dir():
+        raise InputError(f"{results}: no such folder; name the folder results of a checkout that ran the studies")
+    known = studies()
+    found = {path.parent.name: path for path in sorted(results.glob("verification/*/rows.csv"))}
+    found = {name: path for name, path in found.items() if not name.startswith(POINTS_OF)}
+    unknown = [name for name in found if name not in known]
+    if unknown:
+        raise InputError(
+            f"{found[unknown[0]]}: {STUDIES.relative_to(ROOT)} has no study '{unknown[0]}'; remove its folder"
+        )
+    found |= {name: results / name / "table.csv" for name in MEASURING if (results / name / "table.csv").is_file()}
+    if not found:
+        raise InputError(f"{results}: holds neither verification/<study>/rows.csv nor <study>/table.csv")
+    return found
+
+
+def check_blocks(texts: dict[Path, str]) -> None:
+    """Raise InputError unless every study has one block, and every page has blocks of studies."""
+    places = {}
+    for path, text in texts.items():
+        names = [match[2] for match in BLOCK.finditer(text)]
+        if (
+            not names
+            or text.count("<!-- results:") != len(names)
+            or text.count("<!-- end of results -->") != len(names)
+        ):
+            raise InputError(f"{path}: needs '<!-- results: STUDY -->' and '<!-- end of results -->', each on its line")
+        for name in names:
+            if name not in (INDEX, *studies()):
+                raise InputError(f"{path}: '{name}' is not a study; there are {', '.join(studies())}")
+            if name in places:
+                raise InputError(f"{path}: the results of '{name}' stand in {places[name]} already")
+            places[name] = path
+    missing = [name for name in (INDEX, *studies()) if name not in places]
+    if missing:
+        raise InputError(f"docs/studies: no page has '<!-- results: {missing[0]} -->'")
+
+
+def block(name: str, table: Path, figures: Path) -> str:
+    """The block of one study, between its markers; its figures are drawn into a folder beside the pages."""
+    if name in MEASURING:
+        title, counts, lines = _measured(name, pd.read_csv(table))
+    else:
+        title, counts, lines = _verified(name, read_rows(table))
+    pictures = []
+    for figure in sorted(table.parent.glob("*.svg")):
+        copy = figures / (f"{name}.png" if figure.stem == "figure" else f"{name}_{figure.stem}.png")
+        draw(figure, copy)
+        pictures += [f"![{title}]({figures.name}/{copy.name})", ""]
+    return "\n".join([f"{made(table)} {counts}", "", *pictures, *lines]) + "\n"
+
+
+def _measured(name: str, table: pd.DataFrame) -> tuple[str, str, list[str]]:
+    """Title, counts and tables of a measuring study."""
+    lines = []
+    for declared in tables_of(MEASURING[name].package):
+        lines += [*declared.lines(table), ""]
+    return f"Results of {name}", f"{len(table)} rows.", lines
+
+
+def _verified(name: str, rows: list[dict[str, str]]) -> tuple[str, str, list[str]]:
+    """Title, counts and tables of a verification study, and the causes of its known misses."""
+    study = yaml.safe_load((STUDIES / f"{name}.yaml").read_text(encoding="utf-8"))
+    known = parse_known_misses(study.get("known_misses"))
+    rows = judge(rows, known)
+    lines = _verification_tables(rows, tables_of(study["answer"]))
+    causes = Counter(known[row["quantity"]].cause for row in rows if row["passed"] == KNOWN_MISS)
+    if causes:
+        lines += ["Causes of the known misses:", "", *(f"- {cause} (rows: {n})" for cause, n in causes.items()), ""]
+    return study["title"], _counts(rows), lines
+
+
+def _verification_tables(rows: list[dict[str, str]], pivots: tuple[Pivot, ...]) -> list[str]:
+    """Pivots of the rows that belong to them; below, one by one, all others and those that do not pass."""
+    lines, rest = [], rows
+    for pivot in pivots:
+        inside = [row for row in rows if pivot.place(row)]
+        if inside:
+            lines += [*pivot.lines(inside), ""]
+            rest = [row for row in rest if row not in inside or row["passed"] in (VERDICTS[False], KNOWN_MISS)]
+    if lines:
+        lines += [LEGEND, ""]
+    return lines + ([*rows_table(rest), ""] if rest else [])
+
+
+def _counts(rows: list[dict[str, str]]) -> str:
+    of = {
+        verdict: sum(row["passed"] == verdict for row in rows)
+        for verdict in (*VERDICTS.values(), KNOWN_MISS, PASSES_NOW)
+    }
+    passed, known, failed = of[VERDICTS[True]] + of[PASSES_NOW], of[KNOWN_MISS], of[VERDICTS[False]]
+    judged = passed + known + failed
+    return (
+        f"{len(rows)} row{'s' if len(rows) != 1 else ''}, {judged} judged: {passed} pass{'es' if passed == 1 else ''}, "
+        f"{known} known miss{'es' if known != 1 else ''}, {failed} fail{'s' if failed == 1 else ''}."
+    )
+
+
+def tables_of(package: str) -> tuple:
+    """What a study shows on its page: TABLES of `on_page.py` in its package; nothing where there is none."""
+    module = f"verification.{package}.on_page"
+    return importlib.import_module(module).TABLES if importlib.util.find_spec(module) else ()
+
+
+def made(table: Path) -> str:
+    """When a table was written and at which commit its checkout stood then, as a sentence."""
+    when = datetime.fromtimestamp(table.stat().st_mtime, UTC)
+    command = [
+        "git",
+        "-C",
+        str(table.resolve().parent),
+        "rev-parse",
+        "--short=7",
+        f"HEAD@{{{when:%Y-%m-%d %H:%M:%S} +0000}}",
+    ]
+    run = subprocess.run(command, capture_output=True, text=True)
+    if run.returncode:
+        raise InputError(f"{table}: is in no git checkout, which would tell the commit that it was made at")
+    return f"Made on {when:%Y-%m-%d} at commit `{run.stdout.strip()}`."
+
+
+def not_measured(name: str) -> str:
+    """What a block says before there are results."""
+    cores = MEASURING[name].cores if name in MEASURING else "all"
+    target = name if name in MEASURING else f"results/verification/{name}/rows.csv"
+    return f"No results are kept here yet. `.venv/bin/snakemake --cores {cores} {target}` makes them.\n"
+
+
+def draw(figure: Path, copy: Path) -> None:
+    """An SVG as a small PNG with few colours."""
+    import resvg_py
+    from PIL import Image
+
+    for width in PIXELS:
+        content = resvg_py.svg_to_bytes(svg_path=str(figure), dpi=96, width=width, background="white")
+        picture = Image.open(io.BytesIO(bytes(content))).convert("RGB")
+        file = io.BytesIO()
+        picture.quantize(COLOURS, dither=Image.Dither.NONE).save(file, format="png", optimize=True)
+        if len(file.getvalue()) < MAX_FIGURE_BYTES:
+            break
+    else:
+        raise InputError(f"{figure}: more than {MAX_FIGURE_BYTES:,} bytes as a picture {PIXELS[-1]} pixels wide")
+    with atomic_path(copy) as temporary:
+        temporary.write_bytes(file.getvalue())
+
+
+def index_table(texts: dict[str, str]) -> str:
+    """All pages: title, what each checks, its reference, and the counts of the rows that stand on it."""
+    body = []
+    for name, text in texts.items():
+        facts = []
+        for fact in FACTS:
+            found = re.search(rf"^- \*\*{fact}:\*\* (.+)$", text, re.MULTILINE)
+            if not found:
+                raise InputError(f"docs/studies/{name}.md: needs a line '- **{fact}:** ...'")
+            facts.append(found[1].rstrip("."))
+        counts = [[int(count) for count in match.groups()] for match in COUNTS.finditer(text)]
+        _, judged, _, known, failed = (sum(column) for column in zip(*counts, strict=True)) if counts else [None] * 5
+        numbers = ["" if count is None else str(count) for count in (judged, known, failed)]
+        title = re.search(r"^# (.+)$", text, re.MULTILINE)[1]
+        body.append([f"[{title}]({name}.md)", *facts, *numbers])
+    head = ("study", "what it checks", "reference", "rows judged", "known misses", "rows that fail")
+    return "\n".join(markdown(head, body)) + "\n"
+
+
+def main() -> None:
+    """Parse the command line and rewrite the pages."""
+    parser = CommandLine(prog="python -m verification.pages", description=__doc__)
+    parser.add_argument("results", type=Path)
+    arguments = parser.parse_args()
+    run_stage("pages", None, lambda: print(", ".join(rewrite(arguments.results))), "pages of the studies")
+
+
+if __name__ == "__main__":
+    main()

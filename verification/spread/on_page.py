@@ -1,0 +1,10 @@
+"""What the page of the study shows of its table.csv."""
+
+from verification.page_tables import Columns
+
+TABLES = (
+    Columns(
+        "Standard deviation by source, and its share of the variance",
+        ("scene", "quantity", "source", "mean", "standard_deviation", "share"),
+    ),
+)

@@ -1,0 +1,5 @@
+"""What the page of the study shows of its table.csv."""
+
+from verification.page_tables import Counts
+
+TABLES = (Counts("How runs end, by the setting that is changed", "knob", "kind"),)

@@ -1,0 +1,9 @@
+"""What the page of the study shows of its table.csv."""
+
+from verification.page_tables import Columns
+
+TABLES = (
+    Columns(
+        "Each run beside its scene's base", ("scene", "changes", "times_as_fast", "memory_MiB", "cells", "pareto_front")
+    ),
+)

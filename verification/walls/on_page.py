@@ -1,0 +1,16 @@
+"""What the page of the study sets side by side."""
+
+from verification.page_tables import Pivot
+
+TABLES = (
+    Pivot(
+        "Potency by place of the walls (m3)",
+        r"(?P<row>\w+, \d+ cells across, \w+), (?P<column>\w+): potency, m3",
+        "measured",
+    ),
+    Pivot(
+        "Spread of potency over the places of one scene (%)",
+        r"(?P<row>\w+, \d+ cells across, \w+), (?P<column>\w+): spread of potency over placements",
+        "error, %",
+    ),
+)
