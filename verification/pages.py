@@ -51,7 +51,7 @@ BLOCK = re.compile(r"(<!-- results: (\S+) -->\n)(.*?)(<!-- end of results -->)",
 COUNTS = re.compile(r"(\d+) rows?, (\d+) judged: (\d+) pass(?:es)?, (\d+) known miss(?:es)?, (\d+) fails?\.")
 FACTS = ("Checks", "Reference")  # what a page says of its study, for the index
 PIXELS = (1200, 1000, 800)  # width of a figure: the largest whose file is small enough
-COLOURS = 64
+COLOURS = 256
 MAX_FIGURE_BYTES = 150_000
 
 
@@ -216,7 +216,7 @@ def not_measured(name: str) -> str:
 
 
 def draw(figure: Path, copy: Path) -> None:
-    """An SVG as a small PNG with few colours."""
+    """An SVG as a small PNG; the palette keeps the colours of thin lines apart, which cover little of a figure."""
     import resvg_py
     from PIL import Image
 
@@ -224,7 +224,9 @@ def draw(figure: Path, copy: Path) -> None:
         content = resvg_py.svg_to_bytes(svg_path=str(figure), dpi=96, width=width, background="white")
         picture = Image.open(io.BytesIO(bytes(content))).convert("RGB")
         file = io.BytesIO()
-        picture.quantize(COLOURS, dither=Image.Dither.NONE).save(file, format="png", optimize=True)
+        picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+            file, format="png", optimize=True
+        )
         if len(file.getvalue()) < MAX_FIGURE_BYTES:
             break
     else:

@@ -5,16 +5,30 @@ import re
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from PIL import Image
 
 from catalogs.figures import style
 from pipeline.errors import InputError
 from verification.benchmarks import table as benchmarks
 from verification.extremes import __main__ as extremes
 from verification.page_tables import Columns, Counts, Cross, Pivot, rows_table
-from verification.pages import BLOCK, INDEX, MAX_FIGURE_BYTES, PAGES, ROOT, check_blocks, rewrite, studies, tables_of
+from verification.pages import (
+    BLOCK,
+    INDEX,
+    MAX_FIGURE_BYTES,
+    PAGES,
+    PIXELS,
+    ROOT,
+    check_blocks,
+    draw,
+    rewrite,
+    studies,
+    tables_of,
+)
 from verification.rows import Row, read_rows, write_rows
 from verification.stability.points import Point
 
@@ -121,6 +135,24 @@ def test_a_block_has_rows_counts_date_commit_and_figure(results, pages):
     overview = block_of(INDEX, pages)
     assert re.search(r"^\| \[Specimens with weak planes\]\(jaeger\.md\) \|.*\| 1 \| 0 \| 0 \|$", overview, re.MULTILINE)
     assert re.search(r"^\| \[Kirsch's hole\]\(kirsch\.md\) \|.*\|  \|  \|  \|$", overview, re.MULTILINE)
+
+
+def test_a_figure_keeps_the_colours_of_its_lines_apart(tmp_path):
+    with style.applied():
+        figure = style.new_figure(6.0, 4.0)
+        axes = figure.add_subplot()
+        axes.imshow(np.linspace(0, 1, 400).reshape(20, 20), cmap="viridis")  # many colours over most of the figure
+        for colour, place in ((style.MODELLED, 5), (style.BOTH, 15)):
+            axes.axvline(place, color=colour, linewidth=1.5)
+        style.save(figure, tmp_path / "figure.svg")
+    draw(tmp_path / "figure.svg", tmp_path / "figure.png")
+    with Image.open(tmp_path / "figure.png") as picture:
+        assert picture.width == PIXELS[0]
+        found = np.array([colour for _, colour in picture.convert("RGB").getcolors()])
+    for colour in (style.MODELLED, style.BOTH):
+        expected = [int(colour[place : place + 2], 16) for place in (1, 3, 5)]
+        assert np.abs(found - expected).max(axis=1).min() <= 8
+    assert (tmp_path / "figure.png").stat().st_size < MAX_FIGURE_BYTES
 
 
 def test_a_known_miss_is_marked_and_explained(results, pages):

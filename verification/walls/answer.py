@@ -77,7 +77,7 @@ def draw(settings: dict, found: dict[str, float], limits: dict[str, float]) -> F
             values += [found[f"{fill}_{place}_{cells}_{treatment}"] for place in places[1:]]
             panel.plot(range(len(places)), values, MARKS[treatment], label=treatment)
         panel.set_xticks(range(len(places)), [place.replace("_", " ") for place in places], rotation=60, ha="right")
-        panel.set_ylim(bottom=0.0)
+        panel.set_ylim(0.0, 1.08 * panel.dataLim.ymax)
         panel.set_title(f"{fill}, {cells} cells across")
         panel.grid(axis="y", color="#e2e2e2", linewidth=0.6)
     figure.axes[0].set_ylabel("seismic potency of the step (m³)")
