@@ -24,24 +24,22 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
         found.append(("truncated", text))
     for step in evidence.steps or [stage.attrs for stage in evidence.stages]:
         if int(step.get("loose_pieces", 0)):
-            text = f"Loose rock in step {step['step']}: {plural(int(step['loose_pieces']), 'piece')}, "
+            text = f"Unsupported rock in step {step['step']}: {plural(int(step['loose_pieces']), 'piece')}, "
             text += f"{number(step['loose_volume'])} m³, "
-            text += f"{typeset(step['loose_where']).replace(' m3 ', ' m³ ')}, taken as excavated"
+            text += f"{typeset(step['loose_where']).replace(' m3 ', ' m³ ')}, counts as excavated"
             kind = "note" if step["loose_volume"] < _finest_volume(evidence) else "truncated"
-            found.append((kind, text + " from then on: nothing held it. Check the solids there."))
+            found.append((kind, text + " from then on, since nothing held it. Check the solids there."))
     at_once = [row.name for row in evidence.excavations if row.dated and row.filled_at_once]
     if at_once:
         first, more = ", ".join(at_once[:MAX_NAMED]), len(at_once) - MAX_NAMED
-        text = f"Filled while being mined: {first}{f' and {more} more' if more > 0 else ''}. "
-        text += "Fill stands in them while their own step unloads the rock, and holds walls and failed rock in place: "
-        found.append(("note", text + "an opening that stands empty first (filled: a later step) makes more events."))
+        text = f"These excavations are filled while they are mined: {first}{f' and {more} more' if more > 0 else ''}. "
+        text += "Their fill is in place while their own step unloads the rock, and it supports walls and failed rock. "
+        found.append(("note", text + "An opening that stands empty first (filled: a later step) makes more events."))
     if evidence.is_twin:
         text = "The record shown is a twin: a catalogue that this pipeline made itself with other settings. "
         found.append(("twin", text + "It was not measured."))
     if evidence.record is None and evidence.steps and "record" not in evidence.config:
-        found.append(
-            ("note", "No recorded catalogue was given: the model stands alone, nothing here says how well it fits.")
-        )
+        found.append(("note", "No recorded catalogue was given, so this report cannot say how well the model fits."))
     if evidence.comparison is not None and evidence.comparison["events_above_cut"].values.all():
         found.append(("note", f"Model and record are compared at {typeset(evidence.comparison.attrs['cut_text'])}."))
     return found
@@ -69,7 +67,7 @@ def off_volume(evidence: Evidence) -> str:
     more = f" and {len(off) - MAX_NAMED} more" if len(off) > MAX_NAMED else ""
     return (
         f"The grid misses the volume of {plural(len(off), 'excavation')} by more than {percent(MAX_VOLUME_ERROR)}: "
-        f"{named}{more}. Refine the grid, or look whether these solids are whole (section 2)."
+        f"{named}{more}. Refine the grid, or check whether these solids are closed (section 2)."
     )
 
 
@@ -96,8 +94,8 @@ def narrow(evidence: Evidence) -> str:
     named = ", ".join(f"{name} {percent(whole)}" for whole, name in rows[:MAX_NAMED])
     more = f" and {len(rows) - MAX_NAMED} more" if len(rows) > MAX_NAMED else ""
     return (
-        f"Narrow for cells of {number(float(evidence.grid.attrs['fine_cell']))} m: {named}{more} of the volume fills "
-        "whole cells. Cells so large round off its edges and tie rock on both sides of it together: walls then close "
+        f"Narrow for cells of {number(float(evidence.grid.attrs['fine_cell']))} m: {named}{more} of the volume lies in "
+        "whole cells. In such an opening partly mined cells round off its edges and connect its walls: the walls close "
         "too little, and far too little rock fails. Use smaller cells there."
     )
 
@@ -110,9 +108,9 @@ def at_boundary(evidence: Evidence) -> str:
     last = max(reached, key=lambda step: step["boundary_failed_volume"])
     return (
         f"Failed rock has reached the domain's boundary ({last['boundary_failed_faces']}; "
-        f"{number(last['boundary_failed_volume'])} m³ of its cells lie there in step {last['step']}): what holds the "
-        "domain decides what fails there. Make the domain larger, or look whether the rock is so weak; where a face is "
-        "a plane of symmetry nothing is wrong."
+        f"{number(last['boundary_failed_volume'])} m³ of its cells lie there in step {last['step']}): the "
+        "boundary condition decides what fails there. Make the domain larger, or check whether the rock is as weak as "
+        "assumed. On a plane of symmetry this is no error."
     )
 
 

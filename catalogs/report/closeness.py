@@ -44,14 +44,14 @@ def intervals_contain(evidence: Evidence, rows: list[dict]) -> list[str]:
     own = next(row["closeness"] for row in rows if row["own"])
     range_of_b = f"{fixed(low['b'], 2)} to {fixed(high['b'], 2)} (section 6)."
     tried = [float(row["closeness"]) for row in known]
-    tried = f"at {min(tried):g} to {max(tried):g} closeness"
-    tried += ", linked over faces to corners," if len({row["over"] for row in known}) > 1 else ""
+    tried = f"at a closeness of {min(tried):g} to {max(tried):g}"
+    tried += " and with links over faces to corners" if len({row["over"] for row in known}) > 1 else ""
     if law == NONE:
         text = "No power law describes the sizes of the model's events. "
-        return [text + f"Fitted all the same, to the same rock extracted {tried} b is {range_of_b}"]
+        return [text + f"If it is fitted nevertheless, to the same failed rock {tried}, b is {range_of_b}"]
     return [
-        f"An interval of the model's b contains the sampling of its events at closeness {own}; not the choice of "
-        f"closeness, links, increments or cell size. Extracted from the same rock {tried} b is {range_of_b}"
+        f"The interval of the model's b reflects the finite number of its events at closeness {own} only, not the "
+        f"choice of closeness, links, increments or cell size. For the same failed rock {tried}, b is {range_of_b}"
     ]
 
 
@@ -60,4 +60,4 @@ def unlike(evidence: Evidence) -> str:
     if evidence.catalog is None or "unlike_share" not in evidence.catalog.attrs or not evidence.catalog.sizes["event"]:
         return ""
     share = percent(evidence.catalog.attrs["unlike_share"])
-    return f"{share} of the potency is in particles further than the threshold from their event's tensor."
+    return f"{share} of the potency is in particles whose closeness to their event's tensor is below the threshold."

@@ -7,18 +7,18 @@ from catalogs.report.text import number, percent
 
 ENERGY_COLUMNS = {  # of a step's row: its heading, and the energies that are summed
     "work done on the rock": ("work",),
-    "stored more in it": ("stored",),
-    "taken up while mined": ("support",),
+    "increase of stored energy": ("stored",),
+    "taken up by the mined rock": ("support",),
     "seismic drop": ("seismic",),
     "overshoot": ("overshoot",),
-    "later flow": ("flow",),
+    "later plastic flow": ("flow",),
     "hourglass": ("hourglass", "hourglass_released"),
     "motion": ("motion",),
     "unbalanced": ("unbalanced",),
 }
-GAIN_COLUMN, SPLIT_COLUMN = "gained", "cells split"
+GAIN_COLUMN, SPLIT_COLUMN = "gained", "refinement"
 MIN_GAIN_SHARE = 1e-6  # Smaller gains, relative to the dissipated energy, are round-off.
-NO_ENERGY = "nothing happened"
+NO_ENERGY = "no energy"
 
 
 def section(evidence: Evidence) -> dict | None:

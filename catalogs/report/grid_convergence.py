@@ -24,8 +24,8 @@ def discretisation(evidence: Evidence) -> list[str]:
     if table is None:
         cell = f"{float(evidence.grid.attrs['fine_cell']):g}"
         draft = evidence.config.get("accuracy") == "draft"
-        reason = "a draft has no second run" if draft else "grid_convergence"
-        text = f"What cells of {cell} m do to these numbers was not measured ({reason})"
+        reason = "a draft has no second run" if draft else "grid_convergence: true measures it"
+        text = f"The influence of the cell size, {cell} m, on these numbers was not measured ({reason})"
         return [f"{text}; {parts}." if parts else f"{text}.", *_at_once(evidence)]
     every = table.sel(period=ALL_STEPS)
     own, coarse = (f"{cell:g}" for cell in table["cell"].values)
@@ -48,12 +48,13 @@ def discretisation(evidence: Evidence) -> list[str]:
         text += f". Cells of {own} m are too large to say how far these numbers would still change: halve "
         text += "grid.finest_cell before using them"
         if narrow:
-            text += f" (around what is narrow for cells of {coarse} m, {narrow}, too little rock fails on these)"
+            text += f" (on cells of {coarse} m too little rock fails around {narrow}, which is narrow for them)"
     else:
-        text += f". So cells of {own} m leave potency uncertain by some {percent(errors[0])} and failed rock by some "
-        text += percent(errors[1])
+        text += f". Cells of {own} m therefore leave potency uncertain by about {percent(errors[0])}"
+        text += f" and failed rock by about {percent(errors[1])}"
         if narrow:
-            text += f", or less: around what is narrow for cells of {coarse} m ({narrow}) too little rock fails on them"
+            text += f". These shares may be too large: on cells of {coarse} m too little rock fails around {narrow}, "
+            text += "which is narrow for them"
     return [f"{text}; {parts}." if parts else f"{text}.", *_at_once(evidence)]
 
 
@@ -70,9 +71,10 @@ def _at_once(evidence: Evidence) -> list[str]:
     if share <= MAX_AT_ONCE_SHARE:
         return []
     return [
-        f"Of the potency {percent(share)} is in rock that an increment of the load took above its strength at once, in "
-        "patches that are events for that reason: number, sizes and b of the events are in part those of the "
-        "increments. Smaller ones (a smaller solver.increment_error, or more solver.increments) part them."
+        f"{percent(share)} of the potency is in rock that one increment of mining brought above its strength at once. "
+        "Such patches are events because of the size of the increment, so number, sizes and b of the events depend in "
+        "part on the increments. Smaller increments (a smaller solver.increment_error, or more solver.increments) "
+        "separate them."
     ]
 
 
@@ -86,7 +88,7 @@ def _increments(evidence: Evidence) -> str:
     if not weights.sum() > 0 or not np.isfinite(shares[weights > 0]).all():
         return ""
     share = percent(np.average(shares, weights=weights))
-    return f"their load, put on in parts, makes potency too large by up to about {share}"
+    return f"unloading in increments makes the potency too large by up to about {share}"
 
 
 def rows(table: xr.Dataset) -> list[dict]:

@@ -27,7 +27,7 @@ def missing_potency(evidence: Evidence) -> list[str]:
     span = percent(shares[0]) if len(shares) == 1 else f"{number(100 * shares[0], 2)} to {percent(shares[-1])}"
     where = typeset(worst["truncated_where"]).split(";")[0]
     which = "the dated steps" if short else "the steps before the record" if evidence.steps else "the elastic stage"
-    text = f"In {which}, {span} of the rock that has failed or should lies in cells too coarse to fail"
+    text = f"In {which}, {span} of the rock that reached its strength lies in cells too coarse to fail"
     place = f"; most in {worst['step']}, {where}. Refine the grid there (section 11)."
     if not short or evidence.catalog is None:
         return [text + place]

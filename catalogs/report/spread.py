@@ -12,8 +12,8 @@ from catalogs.report.text import DASH, fixed, number, percent, plural, typeset, 
 from catalogs.sizes import log_potency
 
 ONE_RUN = (
-    "One run is one realisation: brittle failure localises, and equally defensible ways of loading move potency and "
-    "number of events by ten per cent and more."
+    "One run is one realisation: brittle failure localises, so equally valid choices of loading change the potency and "
+    "the number of events."
 )
 QUANTITY_ROWS = {  # quantity, its name, what its values are divided by, how they are written
     "potency": ("potency of all events (m³)", 1.0, number),
@@ -79,4 +79,4 @@ def headline(evidence: Evidence) -> list[str]:
             f"events are of enough particles (here {whole(runs['events'].values[0])})."
         ]
     has_events = evidence.catalog is not None and evidence.catalog.sizes["event"]
-    return [f"{ONE_RUN} This report shows one, without that spread."] if has_events else []
+    return [f"{ONE_RUN} This report shows one realisation without its spread."] if has_events else []

@@ -104,7 +104,7 @@ def headline(evidence: Evidence) -> list[str]:
             f"{axis} {fixed(value, 0)}" for axis, value in zip("xyz", resolved["location"].values[largest], strict=True)
         )
         text += (
-            f"Of the others log P runs from {fixed(size.min(), 1)} to {fixed(size.max(), 1)} "
+            f"In the other events log P runs from {fixed(size.min(), 1)} to {fixed(size.max(), 1)} "
             f"(Mw {fixed(mw.min(), 1)} to {fixed(mw.max(), 1)}); "
             f"the largest lies at {place} m in step {resolved['step'].values[largest]}. "
         )
@@ -112,7 +112,7 @@ def headline(evidence: Evidence) -> list[str]:
     if ON_PLANES.name in catalog:
         share = catalog[ON_PLANES.name].values
         text += (
-            f" {plural(int((share > 0.5).sum()), 'event')} slipped on weak planes, wholly or for the most part: "
+            f" {plural(int((share > 0.5).sum()), 'event')} slipped mostly on weak planes: "
             f"{fixed(100 * float((share * potency).sum() / potency.sum()), 0)} % of all potency."
         )
     return [text, *_where(evidence)]

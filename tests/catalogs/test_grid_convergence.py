@@ -96,29 +96,33 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     write_dataset(grid.assign_attrs(excavation_whole_share="[0.5, 0.5, 0.5, 0.5]"), mine.grid)
     write_report(**arguments)
     page = mine.arguments()["output"].read_text()
-    assert "to these numbers was not measured (grid_convergence); their load, put on in parts" in page
+    assert "on these numbers was not measured (grid_convergence: true measures it); unloading in increments" in page
     assert "too large by up to about 15 %" in page
     write_dataset(found, tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
     page = mine.arguments()["output"].read_text()
     assert "On cells of 4 m instead of 2 m the same steps release 4.10 m³ of potency (here 4.60)" in page
     assert (
-        "uncertain by some 14 % and failed rock by some 17 %, or less: around what is narrow for cells of 4 m " in page
+        "uncertain by about 14 % and failed rock by about 17 %. These shares may be too large: on cells of 4 m " in page
     )
-    assert "(drive) too little rock fails on them; their load" in page
+    assert (
+        "on cells of 4 m too little rock fails around drive, which is narrow for them; unloading in increments" in page
+    )
     write_dataset(found.assign_attrs(narrow="[]"), tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
     page = mine.arguments()["output"].read_text()
-    assert "failed rock by some 17 %; their load" in page
+    assert "failed rock by about 17 %; unloading in increments" in page
     write_dataset(found, tmp_path / "grid_convergence.nc")
     write_dataset(grid.assign_attrs(excavation_whole_share="[0.1, 0.1, 0.1, 0.1]"), tmp_path / "narrow.nc")
     write_report(**arguments | {"grid": tmp_path / "narrow.nc"}, grid_convergence=tmp_path / "grid_convergence.nc")
-    assert "failed rock by some 17 %; their load" in mine.arguments()["output"].read_text()  # narrow for its own cells
+    assert (
+        "failed rock by about 17 %; unloading in increments" in mine.arguments()["output"].read_text()
+    )  # narrow for its own cells
     assert "took above its strength at once" not in page
     catalog = read_dataset(arguments["catalog"]).assign_attrs(at_once_share=0.24)
     write_dataset(catalog, tmp_path / "at_once.nc")
     write_report(**arguments | {"catalog": tmp_path / "at_once.nc"})
-    assert "Of the potency 24 % is in rock that an increment" in mine.arguments()["output"].read_text()
+    assert "24 % of the potency is in rock that one increment" in mine.arguments()["output"].read_text()
     write_dataset(found.assign_attrs(left_out='["drive", "no_more"]'), tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
     page = mine.arguments()["output"].read_text()
@@ -128,4 +132,4 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
     page = mine.arguments()["output"].read_text()
     assert "too large to say how far these numbers would still change" in page
-    assert "(around what is narrow for cells of 4 m, drive, too little rock fails on these)" in page
+    assert "(on cells of 4 m too little rock fails around drive, which is narrow for them)" in page
