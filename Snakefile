@@ -10,44 +10,10 @@ snakemake --cores all stability                                    the numerics 
 snakemake --cores all catalog_spread                               what a catalogue's spread consists of
 """
 
-import sys
-
-import yaml
-from snakemake.utils import min_version, update_config
+from snakemake.cli import get_argument_parser
+from snakemake.utils import min_version
 
 min_version("9.0")
-BASE = Path(workflow.basedir)
-sys.path.insert(0, str(BASE))
-
-from pipeline.errors import InputError
-from workflow.command_line import read_overrides
-from workflow.configuration import load
-from workflow.leftovers import leftovers, message
-from workflow.owners import check_owner, note_owner
-from workflow.strict_yaml import check_files
-
-
-
-configfile: BASE / "config/default.yaml"
-
-
-DEFAULT = yaml.safe_load((BASE / "config/default.yaml").read_text())
-MINE_FILE = BASE / "config/mines/demo.yaml"
-if workflow.overwrite_configfiles:
-    MINE_FILE = Path(workflow.overwrite_configfiles[-1])
-else:
-
-    configfile: MINE_FILE
-
-
-try:
-    check_files(workflow.overwrite_configfiles or [MINE_FILE])
-    OVERRIDES = read_overrides(workflow.config_settings.config_args)
-    update_config(config, OVERRIDES)
-    MINE = load(config, os.path.relpath(MINE_FILE), DEFAULT, OVERRIDES)
-    check_owner(MINE.name, MINE_FILE)
-except InputError as error:
-    sys.exit(str(error))
 
 
 include: "workflow/rules/common.smk"
@@ -55,27 +21,35 @@ include: "workflow/rules/grid.smk"
 include: "workflow/rules/equilibrium.smk"
 include: "workflow/rules/events.smk"
 include: "workflow/rules/comparison.smk"
-include: "workflow/rules/verification.smk"
-include: "workflow/rules/benchmarks.smk"
-include: "workflow/rules/extremes.smk"
-include: "workflow/rules/tradeoff.smk"
-include: "workflow/rules/stability.smk"
-include: "workflow/rules/spread.smk"
 
 
 onstart:
     note_owner(MINE.name, MINE_FILE, "name" in OVERRIDES)
     try:
-        SLICES.begin()
+        STAGES.slices.begin()
     except InputError as error:
         sys.exit(str(error))
-    folder = Path("results", MINE.name)
-    if left := leftovers(folder, planned_results()):
+    folder = Path(FILES.own(""))
+    if left := leftovers(folder, FILES.planned()):
         print(message(folder, left), file=sys.stderr)
-    if HAS_CATALOG and not HAS_QUAKEML:
+    if FILES.has_catalog and not FILES.has_quakeml:
         print(f"{MINE.name}: frame has no place on Earth: no catalog.xml, catalog.csv in mine coordinates", file=sys.stderr)
 
 
 rule all:
     input:
-        all_results(),
+        FILES.all(),
+
+
+# The verification measures the program, not the user's mine: its rules are read only if a target asks for more than the
+# rules above make, so that the run of a mine imports nothing of it, and `snakemake verification` needs no other words.
+# Snakemake itself looks at its targets after this file, so they are taken from the command line, as in profiles/default.
+if asks_for_more(get_argument_parser().parse_args(), workflow.is_rule, MINE.name):
+
+    include: "verification/Snakefile"
+
+
+# Here, where it is known which mines there are. Snakemake takes this into all rules so far, but keeps what it has taken.
+wildcard_constraints:
+    mine=FOLDERS.pattern,
+    step=NAME,

@@ -2,7 +2,7 @@
 
 A result carries `made_from`, a digest of its slice of the configuration, the sources of its stage, the content of the
 files that the slice names, and the `made_from` of the results that it was made of. So it stands for all that came
-before it, and the workflow compares it with what it would be now (workflow/rules/common.smk), whatever the times say.
+before it, and the workflow compares it with what it would be now (workflow/stage_inputs.py), whatever the times say.
 """
 
 import functools

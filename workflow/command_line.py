@@ -7,7 +7,7 @@ mine's file.
 import argparse
 import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pipeline.disk import NO_ROOM
@@ -79,3 +79,19 @@ def check_folder(folder: str | Path) -> None:
                 f"{folder}: takes no files ({error.strerror}), and notes and results go there; start in another "
                 "folder, or name one with --directory"
             ) from error
+
+
+def asks_for_more(arguments: argparse.Namespace, is_rule: Callable[[str], bool], mine: str) -> bool:
+    """Whether targets need more than the rules so far make of this mine.
+
+    Jobs that another process has planned count as targets. What looks at the rules themselves, --lint, needs all.
+    """
+    own = re.compile(rf"(\./)?results/{re.escape(mine)}/")
+    return (
+        bool(arguments.lint or arguments.list_rules or arguments.list_target_rules)
+        or any(not is_rule(target) and not own.match(target) for target in arguments.targets)
+        or any(
+            not is_rule(job.rulename) or job.wildcards_dict.get("mine", mine).split("/")[0] != mine
+            for job in arguments.target_jobs
+        )
+    )

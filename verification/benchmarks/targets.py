@@ -1,4 +1,4 @@
-"""Which files the rules of workflow/rules/benchmarks.smk make from which: cases in one row, one after the other."""
+"""Which files the rules of verification/rules/benchmarks.smk make from which: cases in one row, one after the other."""
 
 import functools
 import json

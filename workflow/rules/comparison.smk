@@ -4,14 +4,14 @@ rule scene:
     Cells are those of the first step; cells that follow the rock are split in the steps.
     """
     input:
-        grid=result("grid.nc"),
-        record=result("record.nc") if HAS_RECORD else [],
+        grid=FILES.own("grid.nc"),
+        record=FILES.own("record.nc") if FILES.has_record else [],
     output:
-        result("scene.png"),
+        FILES.own("scene.png"),
     params:
         code=source_hash("catalogs scene"),
-        settings=slice_of("scene"),
-        record=if_made("record", "record.nc", HAS_RECORD),
+        settings=STAGES.slice_of("scene"),
+        record=OPTIONS.if_made("record", "record.nc", FILES.has_record),
     log:
         f"logs/{MINE.name}/scene.log",
     benchmark:
@@ -33,12 +33,12 @@ rule record:
     Before the grid and what is solved on it: those take all cores, and one that cannot be read ends the run at once.
     """
     input:
-        inputs_of("catalogs record", "record", data=record_files()),
+        STAGES.inputs_of("catalogs record", "record", data=FILES.record_data()),
     output:
         kept(f"{RESULTS}/record.nc"),
     params:
         code=source_hash("catalogs record"),
-        settings=slice_of("record"),
+        settings=STAGES.slice_of("record"),
     log:
         "logs/{mine}/record.log",
     benchmark:
@@ -57,7 +57,7 @@ rule record:
 rule quakeml:
     """The resolved events of the synthetic catalogue as QuakeML 1.2."""
     input:
-        inputs_of("catalogs quakeml", "quakeml", "catalog.xml", catalog=f"{RESULTS}/catalog.nc"),
+        STAGES.inputs_of("catalogs quakeml", "quakeml", "catalog.xml", catalog=f"{RESULTS}/catalog.nc"),
     output:
         kept(f"{RESULTS}/catalog.xml"),
     params:
@@ -79,19 +79,19 @@ rule quakeml:
 rule compare:
     """Modelled beside recorded events: location, size, axes, each with a number and its interval."""
     input:
-        inputs_of(
+        STAGES.inputs_of(
             "catalogs compare",
             "comparison",
             catalog=f"{RESULTS}/catalog.nc",
             record=f"{RESULTS}/record.nc",
-            members=member_events,
+            members=FILES.member_events,
         ),
     output:
         kept(f"{RESULTS}/comparison.nc"),
     params:
         code=source_hash("catalogs compare"),
-        settings=slice_of("comparison"),
-        members=members_option,
+        settings=STAGES.slice_of("comparison"),
+        members=OPTIONS.members,
     log:
         "logs/{mine}/compare.log",
     benchmark:
@@ -110,20 +110,20 @@ rule compare:
 rule spread:
     """How far the members of an ensemble are apart, and where the mine's own run lies among them."""
     input:
-        inputs_of(
+        STAGES.inputs_of(
             "catalogs spread",
             "spread",
-            runs=dated_results,
+            runs=FILES.dated_results,
             catalog=f"{RESULTS}/catalog.nc",
-            comparison=comparison_of,
+            comparison=FILES.comparison,
         ),
     output:
         kept(f"{RESULTS}/spread.nc"),
     params:
         code=source_hash("catalogs spread"),
-        settings=slice_of("spread"),
-        runs=runs_of,
-        comparison=comparison_option,
+        settings=STAGES.slice_of("spread"),
+        runs=FILES.runs,
+        comparison=OPTIONS.comparison,
     log:
         "logs/{mine}/spread.log",
     benchmark:
@@ -142,13 +142,11 @@ rule spread:
 rule grid_convergence:
     """How far cells decide the numbers: the mine's run beside the same on cells of twice the size."""
     input:
-        inputs_of(
+        STAGES.inputs_of(
             "catalogs grid_convergence",
             "grid_convergence",
-            steps=dated_steps_of,
-            coarse_steps=lambda wildcards: [
-                f"results/{wildcards.mine}/{COARSE}/steps/{step}.nc" for step in mine_of(wildcards).dated_steps
-            ],
+            steps=FILES.dated_steps,
+            coarse_steps=FILES.coarse_dated_steps,
             catalog=f"{RESULTS}/catalog.nc",
             coarse_catalog=f"{RESULTS}/{COARSE}/catalog.nc",
             coarse_grid=f"{RESULTS}/{COARSE}/grid.nc",
@@ -157,7 +155,7 @@ rule grid_convergence:
         kept(f"{RESULTS}/grid_convergence.nc"),
     params:
         code=source_hash("catalogs grid_convergence"),
-        settings=slice_of("grid_convergence"),
+        settings=STAGES.slice_of("grid_convergence"),
     log:
         "logs/{mine}/grid_convergence.log",
     benchmark:
@@ -178,32 +176,32 @@ rule grid_convergence:
 rule report:
     """The page that a geotechnical engineer reads top to bottom, and its figures."""
     input:
-        inputs_of(
+        STAGES.inputs_of(
             "catalogs report",
             "report",
             "report.html",
             grid=f"{RESULTS}/grid.nc",
             elastic=f"{RESULTS}/elastic.nc",
-            steps=step_results("steps"),
-            events=step_results("events"),
-            catalog=result("catalog.nc") if HAS_CATALOG else [],
-            matched=[result("record.nc"), result("comparison.nc")] if HAS_RECORD else [],
-            spread=result("spread.nc") if MINE.members else [],
-            closeness=result("closeness.nc") if HAS_CATALOG else [],
-            grid_convergence=result("grid_convergence.nc") if HAS_COARSE else [],
+            steps=FILES.own_steps("steps"),
+            events=FILES.own_steps("events"),
+            catalog=FILES.own("catalog.nc") if FILES.has_catalog else [],
+            matched=[FILES.own("record.nc"), FILES.own("comparison.nc")] if FILES.has_record else [],
+            spread=FILES.own("spread.nc") if MINE.members else [],
+            closeness=FILES.own("closeness.nc") if FILES.has_catalog else [],
+            grid_convergence=FILES.own("grid_convergence.nc") if FILES.has_coarse else [],
         ),
     output:
-        page=packed(f"{RESULTS}/report.html", "report"),
+        page=OPTIONS.packed(f"{RESULTS}/report.html", "report"),
         figures=directory(f"{RESULTS}/figures"),
     params:
         code=source_hash("catalogs report"),
-        settings=slice_of("report"),
-        catalog=if_made("catalog", "catalog.nc", HAS_CATALOG),
-        record=if_made("record", "record.nc", HAS_RECORD),
-        comparison=if_made("comparison", "comparison.nc", HAS_RECORD),
-        spread=if_made("spread", "spread.nc", MINE.members),
-        closeness=if_made("closeness", "closeness.nc", HAS_CATALOG),
-        grid_convergence=if_made("grid-convergence", "grid_convergence.nc", HAS_COARSE),
+        settings=STAGES.slice_of("report"),
+        catalog=OPTIONS.if_made("catalog", "catalog.nc", FILES.has_catalog),
+        record=OPTIONS.if_made("record", "record.nc", FILES.has_record),
+        comparison=OPTIONS.if_made("comparison", "comparison.nc", FILES.has_record),
+        spread=OPTIONS.if_made("spread", "spread.nc", MINE.members),
+        closeness=OPTIONS.if_made("closeness", "closeness.nc", FILES.has_catalog),
+        grid_convergence=OPTIONS.if_made("grid-convergence", "grid_convergence.nc", FILES.has_coarse),
         logs="logs/{mine}",
     log:
         "logs/{mine}/report.log",
@@ -211,7 +209,7 @@ rule report:
         "benchmarks/{mine}/report.tsv"
     threads: 1
     resources:
-        mem_mb=reading_memory("report"),
+        mem_mb=OPTIONS.reading_memory("report"),
         runtime=60,
     conda:
         "../envs/environment.yaml"
@@ -225,9 +223,9 @@ rule report:
 rule twin:
     """A record for a mine that has none: this mine's catalogue with location noise and a completeness cut, as CSV."""
     input:
-        catalog=result("catalog.nc"),
+        catalog=FILES.own("catalog.nc"),
     output:
-        result("twin.csv"),
+        FILES.own("twin.csv"),
     params:
         code=source_hash("catalogs twin"),
         noise=10,  # m, root mean square

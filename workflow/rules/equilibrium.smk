@@ -1,19 +1,19 @@
 rule elastic:
     """Elastic equilibrium of everything mined in history."""
     input:
-        inputs_of("mpm_core elastic", "elastic", grid=f"{RESULTS}/grid.nc"),
+        STAGES.inputs_of("mpm_core elastic", "elastic", grid=f"{RESULTS}/grid.nc"),
     output:
         kept(f"{RESULTS}/elastic.nc"),
     params:
         code=source_hash("mpm_core elastic"),
-        scene=slice_of("elastic"),
+        scene=STAGES.slice_of("elastic"),
     log:
         "logs/{mine}/elastic.log",
     benchmark:
         "benchmarks/{mine}/elastic.tsv"
-    threads: threads_of
+    threads: OPTIONS.threads
     resources:
-        mem_mb=elastic_memory,
+        mem_mb=OPTIONS.elastic_memory,
         runtime=240,
     conda:
         "../envs/environment.yaml"
@@ -27,20 +27,20 @@ rule mining_step:
     Before the events of steps that are done: those take one core, so that steps on all cores would wait beside an idle one.
     """
     input:
-        inputs_of("mpm_core step", "steps/{step}", grid=grid_of, state=previous_state, bodies=bodies),
+        STAGES.inputs_of("mpm_core step", "steps/{step}", grid=FILES.grid, state=FILES.previous_state, bodies=FILES.bodies),
     output:
         kept(f"{RESULTS}/steps/{{step}}.nc"),
     params:
         code=source_hash("mpm_core step"),
-        scene=step_slice,
+        scene=STAGES.step_slice,
     log:
         "logs/{mine}/steps/{step}.log",
     benchmark:
         "benchmarks/{mine}/steps/{step}.tsv"
     priority: 1
-    threads: threads_of
+    threads: OPTIONS.threads
     resources:
-        mem_mb=step_memory,
+        mem_mb=OPTIONS.step_memory,
         runtime=720,
     conda:
         "../envs/environment.yaml"

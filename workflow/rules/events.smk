@@ -1,19 +1,19 @@
 rule events:
     """Seismic events of one step: rock that fails together, touches and has like mechanisms."""
     input:
-        inputs_of("seismic events", "events/{step}", step=f"{RESULTS}/steps/{{step}}.nc"),
+        STAGES.inputs_of("seismic events", "events/{step}", step=f"{RESULTS}/steps/{{step}}.nc"),
     output:
         kept(f"{RESULTS}/events/{{step}}.nc"),
     params:
         code=source_hash("seismic events"),
-        settings=event_slice,
+        settings=STAGES.event_slice,
     log:
         "logs/{mine}/events/{step}.log",
     benchmark:
         "benchmarks/{mine}/events/{step}.tsv"
     threads: 1
     resources:
-        mem_mb=reading_memory("events"),
+        mem_mb=OPTIONS.reading_memory("events"),
         runtime=60,
     conda:
         "../envs/environment.yaml"
@@ -24,13 +24,13 @@ rule events:
 rule catalog:
     """The synthetic catalogue of all dated steps."""
     input:
-        inputs_of("seismic catalog", "catalog", events=events_of),
+        STAGES.inputs_of("seismic catalog", "catalog", events=FILES.events),
     output:
         catalog=kept(f"{RESULTS}/catalog.nc"),
-        table=packed(f"{RESULTS}/catalog.csv", "catalogue"),
+        table=OPTIONS.packed(f"{RESULTS}/catalog.csv", "catalogue"),
     params:
         code=source_hash("seismic catalog"),
-        settings=slice_of("catalog"),
+        settings=STAGES.slice_of("catalog"),
     log:
         "logs/{mine}/catalog.log",
     benchmark:
@@ -48,19 +48,19 @@ rule catalog:
 rule closeness:
     """Sizes of the events of all dated steps at several values of closeness, and with shorter links, for the report."""
     input:
-        inputs_of("seismic closeness", "closeness", steps=dated_steps_of),
+        STAGES.inputs_of("seismic closeness", "closeness", steps=FILES.dated_steps),
     output:
         kept(f"{RESULTS}/closeness.nc"),
     params:
         code=source_hash("seismic closeness"),
-        settings=slice_of("closeness"),
+        settings=STAGES.slice_of("closeness"),
     log:
         "logs/{mine}/closeness.log",
     benchmark:
         "benchmarks/{mine}/closeness.tsv"
     threads: 1
     resources:
-        mem_mb=reading_memory("events"),
+        mem_mb=OPTIONS.reading_memory("events"),
         runtime=60,
     conda:
         "../envs/environment.yaml"

@@ -1,17 +1,17 @@
 rule grid:
     """Cells, nodes, hanging-node constraints, and the part of each cell inside each excavation."""
     input:
-        inputs_of("mpm_core grid", "grid", solids=solids),
+        STAGES.inputs_of("mpm_core grid", "grid", solids=FILES.solids),
     output:
         kept(f"{RESULTS}/grid.nc"),
     params:
         code=source_hash("mpm_core grid"),
-        scene=slice_of("grid"),
+        scene=STAGES.slice_of("grid"),
     log:
         "logs/{mine}/grid.log",
     benchmark:
         "benchmarks/{mine}/grid.tsv"
-    threads: threads_of
+    threads: OPTIONS.threads
     resources:
         mem_mb=4000,  # of some million cells; how many there are is known when it is done
         runtime=30,
@@ -24,7 +24,7 @@ rule grid:
 rule vtk:
     """A stage for ParaView, on request: results/<mine>/vtk/elastic.vtu or vtk/steps/<step>.vtu."""
     input:
-        grid=grid_of,
+        grid=FILES.grid,
         state=f"{RESULTS}/{{stage}}.nc",
     output:
         f"{RESULTS}/vtk/{{stage}}.vtu",
@@ -38,7 +38,7 @@ rule vtk:
         "benchmarks/{mine}/vtk/{stage}.tsv"
     threads: 1
     resources:
-        mem_mb=reading_memory("vtk"),
+        mem_mb=OPTIONS.reading_memory("vtk"),
         runtime=30,
     conda:
         "../envs/environment.yaml"
@@ -49,13 +49,13 @@ rule vtk:
 rule vtk_solids:
     """Excavations and rock bodies for ParaView, on request: vtk/solids.vtm names the files of its folder."""
     input:
-        solids=solids,
+        solids=FILES.solids,
     output:
         names=f"{RESULTS}/vtk/solids.vtm",
         surfaces=directory(f"{RESULTS}/vtk/solids"),
     params:
         code=source_hash("mpm_core solids"),
-        scene=slice_of("solids"),
+        scene=STAGES.slice_of("solids"),
     log:
         "logs/{mine}/vtk/solids.log",
     benchmark:

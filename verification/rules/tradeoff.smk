@@ -1,16 +1,18 @@
 """What each knob buys: studies whose variants turn one knob at a time, beside each other on one page."""
 
+TRADEOFF_STUDIES = STUDIES.named("tradeoff_")
+
 
 rule tradeoff_points:
     """What the variants of one study came to, and what they cost."""
     input:
-        results=study_results,
-        study=f"{BASE}/config/verification/{{study}}.yaml",
+        results=STUDIES.results,
+        study=STUDIES.file("{study}"),
     output:
         f"{STUDY}/points.json",
     params:
         code=source_hash("verification.tradeoff points"),
-        default=json.dumps(DEFAULT, sort_keys=True),
+        default=STUDIES.default_text,
     log:
         "logs/verification/{study}_points.log",
     benchmark:
@@ -20,7 +22,7 @@ rule tradeoff_points:
         mem_mb=6000,
         runtime=60,
     conda:
-        "../envs/environment.yaml"
+        "../../workflow/envs/environment.yaml"
     shell:
         "stage verification.tradeoff points --study {input.study} --default {params.default:q}"
         " --results results/verification/{wildcards.study} --logs logs/verification/{wildcards.study}"
@@ -30,14 +32,14 @@ rule tradeoff_points:
 rule tradeoff:
     """The price list of speed against accuracy: table, plots, the Pareto front of each scene, a sentence for each knob."""
     input:
-        points=expand(f"{STUDY}/points.json", study=tradeoff_studies()),
-        studies=expand(f"{BASE}/config/verification/{{study}}.yaml", study=tradeoff_studies()),
+        points=expand(f"{STUDY}/points.json", study=TRADEOFF_STUDIES),
+        studies=[STUDIES.file(name) for name in TRADEOFF_STUDIES],
     output:
         table="results/tradeoff/table.csv",
         page="results/tradeoff/report.html",
     params:
         code=source_hash("verification.tradeoff report"),
-        default=json.dumps(DEFAULT, sort_keys=True),
+        default=STUDIES.default_text,
     log:
         "logs/tradeoff.log",
     benchmark:
@@ -47,7 +49,7 @@ rule tradeoff:
         mem_mb=2000,
         runtime=30,
     conda:
-        "../envs/environment.yaml"
+        "../../workflow/envs/environment.yaml"
     shell:
         "stage verification.tradeoff report --studies {input.studies:q} --points {input.points} --default {params.default:q}"
         " --table {output.table} --page {output.page} --log {log}"

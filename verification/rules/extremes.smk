@@ -16,6 +16,6 @@ rule extremes:
         mem_mb=2000,
         runtime=120,
     conda:
-        "../envs/environment.yaml"
+        "../../workflow/envs/environment.yaml"
     shell:
         "stage verification.extremes --table {output.table} --log {log}"

@@ -23,7 +23,7 @@ rule benchmark_case:
         mem_mb=21000,
         runtime=60,
     conda:
-        "../envs/environment.yaml"
+        "../../workflow/envs/environment.yaml"
     shell:
         "stage verification.benchmarks measure {wildcards.problem} {wildcards.code} {wildcards.across}"
         " --earlier {params.earlier} --environments {params.environments} --output {output} --threads {threads} --log {log}"
@@ -49,7 +49,7 @@ rule benchmarks:
         mem_mb=1000,
         runtime=10,
     conda:
-        "../envs/environment.yaml"
+        "../../workflow/envs/environment.yaml"
     shell:
         "stage verification.benchmarks report --runs {input.runs}"
         " --table {output.table} --figure {output.figure} --page {output.page} --log {log}"

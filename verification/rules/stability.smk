@@ -21,7 +21,7 @@ rule stability_points:
         mem_mb=2000,
         runtime=60,
     conda:
-        "../envs/environment.yaml"
+        "../../workflow/envs/environment.yaml"
     shell:
         "stage verification.stability points --knob {wildcards.knob} --points {output} --log {log}"
 
@@ -42,7 +42,7 @@ rule stability_report:
         mem_mb=1000,
         runtime=10,
     conda:
-        "../envs/environment.yaml"
+        "../../workflow/envs/environment.yaml"
     shell:
         "stage verification.stability report --points {input} --table {output.table} --page {output.page} --log {log}"
 
@@ -61,6 +61,6 @@ rule stability:
         mem_mb=1000,
         runtime=10,
     conda:
-        "../envs/environment.yaml"
+        "../../workflow/envs/environment.yaml"
     shell:
         "stage verification.stability verdict --table {input.table} --page {input.page} --log {log}"

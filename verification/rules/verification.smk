@@ -1,14 +1,14 @@
 rule answer:
     """One study beside its known answer: rows of expected and obtained, and a figure."""
     input:
-        results=study_results,
-        study=f"{BASE}/config/verification/{{study}}.yaml",
+        results=STUDIES.results,
+        study=STUDIES.file("{study}"),
     output:
         rows=f"{STUDY}/rows.csv",
         figure=f"{STUDY}/figure.svg",
     params:
-        code=answer_sources,
-        default=json.dumps(DEFAULT, sort_keys=True),
+        code=STUDIES.answer_sources,
+        default=STUDIES.default_text,
     log:
         "logs/verification/{study}.log",
     benchmark:
@@ -18,7 +18,7 @@ rule answer:
         mem_mb=4000,
         runtime=60,
     conda:
-        "../envs/environment.yaml"
+        "../../workflow/envs/environment.yaml"
     shell:
         "stage verification answer --study {input.study} --default {params.default:q}"
         " --results results/verification/{wildcards.study} --logs logs/verification/{wildcards.study}"
@@ -28,14 +28,14 @@ rule answer:
 rule verification_report:
     """All studies on one page, and all their rows in one table."""
     input:
-        answers=answers,
+        answers=STUDIES.answers,
     output:
-        page=report("results/verification/report.html", caption="../report/verification.rst", category="verification"),
+        page=report("results/verification/report.html", caption="verification.rst", category="verification"),
         summary="results/verification/summary.csv",
     params:
         code=source_hash("verification report"),
-        studies=study_files,
-        default=json.dumps(DEFAULT, sort_keys=True),
+        studies=STUDIES.verified_files,
+        default=STUDIES.default_text,
     log:
         "logs/verification/report.log",
     benchmark:
@@ -45,7 +45,7 @@ rule verification_report:
         mem_mb=2000,
         runtime=30,
     conda:
-        "../envs/environment.yaml"
+        "../../workflow/envs/environment.yaml"
     shell:
         "stage verification report --studies {params.studies:q} --default {params.default:q} --results results/verification"
         " --logs logs/verification --page {output.page} --summary {output.summary} --log {log}"
@@ -63,6 +63,6 @@ rule verification:
         mem_mb=1000,
         runtime=10,
     conda:
-        "../envs/environment.yaml"
+        "../../workflow/envs/environment.yaml"
     shell:
         "stage verification verdict --summary {input.summary} --page {input.page} --log {log}"

@@ -1,0 +1,73 @@
+"""What else rules ask for: options of command lines, flags of outputs, memory."""
+
+from collections.abc import Callable
+
+from snakemake.io import report
+from snakemake.iocontainers import InputFiles, Wildcards
+from snakemake.ioflags import update
+
+from workflow.folders import COARSE, Folders
+from workflow.memory import mechanics_mb, reading_mb
+from workflow.result_files import ResultFiles
+
+
+def kept(path: str):
+    """A result whose earlier version outlives a stage that fails: stages write whole files or none.
+
+    Only for what says what it was made from (StageInputs.inputs_of), or stands beside a file of the same stage that
+    does: Snakemake would take an earlier version as current.
+    """
+    return update(path)
+
+
+class RuleOptions:
+    """Options and resources of the rules of any mine."""
+
+    def __init__(self, files: ResultFiles):
+        self.files = files
+        self.folders: Folders = files.folders
+
+    def packed(self, path: str, result: str):
+        """A result that `snakemake --report` packs, in its mine's category: labels tell files of one name apart.
+
+        Its caption is workflow/report/<result>.rst, seen from the rule.
+        """
+
+        def labels(wildcards: Wildcards) -> dict[str, str]:
+            coarse = ", cells of twice the size" if self.folders.parts(wildcards.mine)[1] == COARSE else ""
+            return {"result": result + coarse}
+
+        def category(wildcards: Wildcards) -> str:
+            return self.folders.parts(wildcards.mine)[0]
+
+        return report(kept(path), caption=f"../report/{result}.rst", category=category, labels=labels)
+
+    def if_made(self, option: str, path: str, made: bool) -> str:
+        """A command line option for a result that this scene may not have."""
+        return f"--{option} {self.files.own(path)}" if made else ""
+
+    def members(self, wildcards: Wildcards, input: InputFiles) -> str:
+        """The command line option for the folders of an ensemble's members; empty without any."""
+        return " ".join(["--members", *self.files.runs(wildcards)[1:]]) if input.members else ""
+
+    def comparison(self, wildcards: Wildcards, input: InputFiles) -> str:
+        """The command line option for the comparison with the record; empty without one."""
+        return f"--comparison {input.comparison}" if input.comparison else ""
+
+    def threads(self, wildcards: Wildcards) -> int:
+        """Threads of a stage of the mechanics."""
+        return self.folders.threads(wildcards.mine)
+
+    def elastic_memory(self, wildcards: Wildcards, input: InputFiles) -> int:
+        """MB that the elastic stage needs on the grid."""
+        return mechanics_mb(self.files.mine_of(wildcards), input.grid, elastic=True)
+
+    def step_memory(self, wildcards: Wildcards, input: InputFiles) -> int:
+        """MB that a mining step needs on the cells of the step before, and on those that it may add to them."""
+        return mechanics_mb(self.files.mine_of(wildcards), input.state, elastic=False)
+
+    def reading_memory(self, stage: str) -> Callable[[Wildcards, InputFiles], int]:
+        """MB that a stage needs which reads results, for those on the mine's grid."""
+        return lambda wildcards, input: reading_mb(
+            self.files.mine_of(wildcards), self.files.grid(wildcards), stage, input
+        )
