@@ -1,10 +1,9 @@
-"""How fast the explicit steps are, beside a bare numba loop and NVIDIA Warp's CPU backend, measured in turns.
+"""How fast the explicit steps are.
 
 Run ``python -m tests.benchmarks.kernels`` on a quiet machine (the load is printed: with others at work clock times mean
 little, CPU times more). float64, 8 particles per cell, 3-D. Required: 10 M particle-steps per CPU-second elastic on one
 thread, 5 M with Coulomb while a tenth of the particles yields; 1.7 times faster on two threads, same bits. Rates are
-medians of alternating turns. The peers are scripts of ours in peers/, each in an environment of its own that uv makes;
-without uv they are left out, without a network say ``--no-peers``.
+medians of alternating turns.
 
 The state is a slow uniform compression along y of rock so heavy (mass times 1e12) that forces cannot change its
 velocity: every step costs what any step costs. Virgin stress is that of the paper's Table 2 at 1000 m.
@@ -22,13 +21,9 @@ import os
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # before numba: waiting threads would count as CPU time
 
 import argparse
-import json
-import shutil
 import statistics
-import subprocess
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numba
 import numpy as np
@@ -41,7 +36,6 @@ from mpm_core.model import Model
 from tests.benchmarks.grid import overlaps_a_box
 from tests.mechanics.scenes import COULOMB, make_model, make_scene, uniform
 
-PEERS = Path(__file__).parents[2] / "verification" / "benchmarks" / "peers"
 TABLE_2_AT_1000_M = uniform(-24.9e6, -40.97e6, -28.13e6, -3.95e6, 2.7e6, -0.7e6)
 YIELDING_STRESS = -70e6  # Pa, along y
 YIELDING_SHARE = 0.1
@@ -147,40 +141,6 @@ def make_cases() -> tuple[list[Case], dict[str, Model]]:
     return cases, models
 
 
-class Peer:
-    """A script of peers/ in its own environment; for every line it takes its steps and answers in JSON."""
-
-    def __init__(self, name: str, script: str, *packages: str, options: tuple[str, ...] = ()):
-        self.name, self.rates, self.version, self.yielding = name, [], "", 0.0
-        packages = [word for package in packages for word in ("--with", package)]
-        command = ["uv", "run", "--quiet", "--no-project", *packages, "python", str(PEERS / script), *options]
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-
-    def measure(self) -> None:
-        self.process.stdin.write("\n")
-        self.process.stdin.flush()
-        for line in self.process.stdout:
-            if line.startswith("{"):
-                answer = json.loads(line)
-                self.rates.append(answer["rate"])
-                self.version, self.yielding = answer["version"], answer.get("yielding", 0.0)
-                return
-        raise RuntimeError(f"{self.name} ended without an answer: is there a network for uv? (--no-peers)")
-
-    def close(self) -> None:
-        self.process.stdin.close()
-        self.process.wait()
-
-
-def start_peers() -> list[Peer]:
-    size = ("--cells", "38", "--steps", str(STEPS))
-    return [
-        Peer("bare numba, elastic, block", "bare_numba.py", "numba", "numpy", options=size),
-        Peer("Warp, elastic, block", "warp_block.py", "warp-lang", "numpy", options=size),
-        Peer("Warp, Coulomb, block", "warp_block.py", "warp-lang", "numpy", options=(*size, "--coulomb")),
-    ]
-
-
 def same_bits(model: Model, moving: bool) -> bool:
     """Whether ten steps from one state end alike, to the last bit, on one thread and on two."""
     ends = []
@@ -248,9 +208,7 @@ def memory_speed() -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repetitions", type=int, default=9, help="turns of which the median is taken")
-    parser.add_argument("--no-peers", action="store_true")
     arguments = parser.parse_args()
-    peers = [] if arguments.no_peers or not shutil.which("uv") else start_peers()
     cases, models = make_cases()
     for name, model in models.items():
         print(f"{name}: {len(model.cell_nodes):,} cells, {len(model.hanging):,} hanging nodes", end="; ")
@@ -259,30 +217,20 @@ def main() -> None:
         for threads in (1, 2):
             numba.set_num_threads(threads)
             case.steps(2)  # compiled, in memory
-    for peer in peers:
-        peer.measure()
-        peer.rates.clear()
     print("load before:", *(f"{value:.1f}" for value in os.getloadavg()))
     for _ in range(arguments.repetitions):
-        for one in (*cases, *peers):
-            one.measure()
+        for case in cases:
+            case.measure()
     print("load after: ", *(f"{value:.1f}" for value in os.getloadavg()))
 
-    bare = statistics.median(peers[0].rates) if peers else float("nan")
     copy = memory_speed()
-    columns = (
-        f"{'M / CPU-s':>10}{'over bare':>10}{'2 threads':>10}{'CPU 2:1':>9}{'yielding':>10}{'bytes':>7}{'GB/s':>6}"
-    )
+    columns = f"{'M / CPU-s':>10}{'2 threads':>10}{'CPU 2:1':>9}{'yielding':>10}{'bytes':>7}{'GB/s':>6}"
     print(f"\n{'':30}{columns}")
     for case in cases:
         case.measure_yielding()
         rate, traffic = case.rate, bytes_per_particle(case.body)
-        print(f"{case.name:30}{rate / 1e6:10.1f}{rate / bare:10.2f}{case.speed_up:10.2f}{case.overhead:9.2f}", end="")
+        print(f"{case.name:30}{rate / 1e6:10.1f}{case.speed_up:10.2f}{case.overhead:9.2f}", end="")
         print(f"{100 * case.yielding:9.1f}%{traffic:7.0f}{rate * traffic / 1e9:6.1f}")
-    for peer in peers:
-        rate = statistics.median(peer.rates)
-        print(f"{peer.name:30}{rate / 1e6:10.1f}{rate / bare:10.2f}{'':19}{100 * peer.yielding:9.1f}%  {peer.version}")
-        peer.close()
     print(f"\na plain loop of one thread moves {copy:.1f} GB/s: where GB/s is far below, arithmetic is the bound")
     for moving in (False, True):
         same = all(same_bits(model, moving) for model in models.values())
