@@ -8,13 +8,12 @@ from pathlib import Path
 
 from pipeline.datasets import atomic_path
 from pipeline.errors import InputError
-from pipeline.pages import page_templates
+from verification.html_page import write_page
 from verification.known_misses import KNOWN_MISS, PASSES_NOW, judge
 from verification.results import Variant, read_results
 from verification.rows import COLUMNS, VERDICTS, read_rows
 from verification.studies import Study
 
-TEMPLATES = Path(__file__).parent / "templates"
 POINTS_TO_PIXELS = 96 / 72
 MARKS = {
     VERDICTS[True]: "passed",
@@ -44,16 +43,13 @@ class Section:
 def write_report(studies: list[Study], results: Path, logs: Path, page: Path, summary: Path) -> None:
     """Write the page and the table of all rows, atomically. Raises InputError where rows or a figure are missing."""
     sections = [_section(study, results / study.name, logs / study.name) for study in studies]
-    environment = page_templates(TEMPLATES)
     with atomic_path(summary) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
         writer.writerows(row for section in sections for row in section.rows)
-    text = environment.get_template("report.html.j2").render(
-        sections=sections, marks=MARKS, styles=STYLES, known_miss=KNOWN_MISS, passes_now=PASSES_NOW
+    write_page(
+        page, "report", sections=sections, marks=MARKS, styles=STYLES, known_miss=KNOWN_MISS, passes_now=PASSES_NOW
     )
-    with atomic_path(page) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def _section(study: Study, folder: Path, logs: Path) -> Section:

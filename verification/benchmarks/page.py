@@ -6,13 +6,12 @@ import pandas as pd
 
 from catalogs.figures import style
 from pipeline.datasets import atomic_path
-from pipeline.pages import page_templates
 from verification.benchmarks.figure import draw
 from verification.benchmarks.measuring import DONE
 from verification.benchmarks.settings import REFERENCE, Settings
 from verification.benchmarks.table import agreements, make_table, summary
+from verification.html_page import write_page
 
-TEMPLATES = Path(__file__).parent / "templates"
 BUSY = 0.1  # processors that others kept busy during a run, above which the page warns
 
 
@@ -23,10 +22,11 @@ def write_report(settings: Settings, rows: list[dict], table_path: Path, figure_
         figure = style.save(draw(settings, table), figure_path)
     with atomic_path(table_path) as temporary:
         table.to_csv(temporary, index=False, float_format="%.6g")
-    environment = page_templates(TEMPLATES)
-    environment.filters["number"] = number
     measured = table[table["outcome"] == DONE]
-    text = environment.get_template("page.html.j2").render(
+    write_page(
+        page,
+        "benchmarks",
+        {"number": number},
         settings=settings,
         rows=table.to_dict("records"),
         summary=summary(settings, table),
@@ -43,8 +43,6 @@ def write_report(settings: Settings, rows: list[dict], table_path: Path, figure_
         allowed=BUSY,
         others=measured["others"].max(),
     )
-    with atomic_path(page) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def number(value: float, digits: int = 3, largest: float = 100.0) -> str:

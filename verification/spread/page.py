@@ -8,14 +8,12 @@ import numpy as np
 
 from catalogs.figures import style
 from pipeline.datasets import atomic_path
-from pipeline.pages import page_templates
+from verification.html_page import write_page
 from verification.results import Results
 from verification.spread.figure import draw
 from verification.spread.runs import MEMBERS, QUANTITIES, SOURCES, Catalogue, read_base, read_sources
 from verification.spread.variances import Variance, make_table, variances
 from verification.studies import Study
-
-TEMPLATES = Path(__file__).parent / "templates"
 
 
 @dataclass(frozen=True)
@@ -60,9 +58,4 @@ def write_report(scenes: list[Scene], table: Path, page: Path) -> None:
         figures = [
             style.save(draw(scene.base, scene.variances), page.parent / f"{scene.study.name}.svg") for scene in scenes
         ]
-    environment = page_templates(TEMPLATES)
-    text = environment.get_template("report.html.j2").render(
-        sections=list(zip(scenes, figures, strict=True)), titles=SOURCES
-    )
-    with atomic_path(page) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_page(page, "spread", sections=list(zip(scenes, figures, strict=True)), titles=SOURCES)

@@ -9,12 +9,11 @@ import pandas as pd
 
 from catalogs.figures import style
 from pipeline.datasets import atomic_path
-from pipeline.pages import page_templates
+from verification.html_page import write_page
 from verification.stability.figure import draw
 from verification.stability.knobs import BY_KEY
 from verification.stability.points import ENDED, KINDS, REFUSED, RIGHT, SOUND, WRONG, Point
 
-TEMPLATES = Path(__file__).parent / "templates"
 CLASSES = ("right", "sound", "wrong", "ended", "refused", "fault")  # of the page's style
 NOT_DRAWN = ("random_1", "random_2", "mistakes", "shapes")  # have no axis that could be read: tables, below
 
@@ -29,10 +28,10 @@ def write_report(groups: list[list[Point]], table: Path, page: Path) -> None:
     drawn = [(BY_KEY[group[0].knob], group) for group in groups if group[0].knob not in NOT_DRAWN]
     with style.applied():
         figure = style.save(draw(drawn), page.parent / "figure.svg")
-    environment = page_templates(TEMPLATES)
-    environment.filters["error"] = error_text
-    environment.filters["value"] = value_text
-    text = environment.get_template("report.html.j2").render(
+    write_page(
+        page,
+        "stability",
+        {"error": error_text, "value": value_text},
         figure=figure,
         kinds=KINDS,
         total=Counter(point.kind for point in points),
@@ -45,8 +44,6 @@ def write_report(groups: list[list[Point]], table: Path, page: Path) -> None:
         knobs=BY_KEY,
         classes=dict(zip(KINDS, CLASSES, strict=True)),
     )
-    with atomic_path(page) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def _section(group: list[Point]) -> dict:

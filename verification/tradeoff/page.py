@@ -6,7 +6,7 @@ import numpy as np
 
 from catalogs.figures import style
 from pipeline.datasets import atomic_path
-from pipeline.pages import page_templates
+from verification.html_page import write_page
 from verification.tradeoff.figure import draw
 from verification.tradeoff.knobs import KNOBS
 from verification.tradeoff.measures import ITSELF, RELATIVE, Measure
@@ -14,8 +14,6 @@ from verification.tradeoff.points import Point
 from verification.tradeoff.runs import CLEAR, Scene
 from verification.tradeoff.sentences import preset_sentence, price, sentence, share, verdict
 from verification.tradeoff.table import make_table
-
-TEMPLATES = Path(__file__).parent / "templates"
 
 
 def write_report(scenes: list[Scene], table: Path, page: Path) -> None:
@@ -26,17 +24,16 @@ def write_report(scenes: list[Scene], table: Path, page: Path) -> None:
         sections = [_section(scene, page.parent / f"{scene.study.name}.svg") for scene in scenes]
     turned = {line.knob for scene in scenes for line in scene.lines}
     knobs = [knob for knob in KNOBS if knob.key in turned]
-    environment = page_templates(TEMPLATES)
-    environment.filters["share"] = share
-    text = environment.get_template("report.html.j2").render(
+    write_page(
+        page,
+        "tradeoff",
+        {"share": share},
         sections=sections,
         knobs=knobs,
         clear=CLEAR,
         runs=sum(len(scene.points) for scene in scenes),
         minutes=float(np.nansum([point.seconds for scene in scenes for point in scene.points])) / 60.0,
     )
-    with atomic_path(page) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def _section(scene: Scene, figure: Path) -> dict:

@@ -1,0 +1,18 @@
+"""Pages of the verification: each is one template of templates/, all of which extend base.html.j2."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pipeline.datasets import atomic_path
+from pipeline.pages import page_templates
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+def write_page(page: Path, template: str, filters: dict[str, Callable] | None = None, **values) -> None:
+    """Write a template, filled in, as a page that needs nothing else, atomically."""
+    environment = page_templates(TEMPLATES)
+    environment.filters |= filters or {}
+    text = environment.get_template(f"{template}.html.j2").render(**values)
+    with atomic_path(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")
