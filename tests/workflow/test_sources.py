@@ -22,6 +22,7 @@ NO_DATA = (
 )
 BY_NAME = {  # modules that import others by a name made at run time, and who sees to it
     "verification/__main__.py",  # an answer: its rule names the module beside the stage
+    "verification/pages.py",  # a command of its own that writes pages of docs; no rule runs it
     "workflow/plan.py",  # excavations_from: what it makes is part of the slices of settings
 }
 # In place of the interpreter that runs a stage: one leaves results that hold nothing but what they were made from, one
