@@ -39,6 +39,15 @@ class Section:
         """Number of rows that passed, failed, are a known miss or are reported only."""
         return sum(MARKS[row["passed"]] == verdict for row in self.rows)
 
+    @property
+    def causes(self) -> dict[str, list[dict[str, str]]]:
+        """Rows that are a known miss, by their cause."""
+        found = {}
+        for row in self.rows:
+            if row["passed"] == KNOWN_MISS:
+                found.setdefault(self.study.known_misses[row["quantity"]].cause, []).append(row)
+        return found
+
 
 def write_report(studies: list[Study], results: Path, logs: Path, page: Path, summary: Path) -> None:
     """Write the page and the table of all rows, atomically. Raises InputError where rows or a figure are missing."""

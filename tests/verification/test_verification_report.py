@@ -77,7 +77,9 @@ def test_a_known_miss_is_shown_with_its_figures_and_does_not_fail(results):
     assert "None of 4 rows fails but those that are known to." in text
     assert "1 known miss." in text
     assert "Known misses</h2>" in text
-    assert "expected 1, obtained 3, error 2, allowed 0.1. Cause: The hole is square." in text
+    assert '<a href="#bad">bad</a>: The hole is square.' in text
+    figures = "<td>1</td><td>3</td><td>2</td><td>0.1</td>"
+    assert text.count(f'<td class="text">closure, m</td>{figures}') == 2  # there, and in the table of its study
     assert '<td class="passed">1</td>' in text  # of the study "good"
     assert '<td class="passed">0</td><td class="reported">0</td><td class="known">1</td>' in text  # "bad" passes none
     assert verdict(summary).returncode == 0
