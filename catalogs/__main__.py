@@ -1,7 +1,7 @@
 """Command lines of the catalogue stages: scene, record, quakeml, compare, spread, grid_convergence, twin, vtk, report.
 
 Each stage imports what it alone needs: ObsPy and matplotlib take seconds, and most stages use neither. A rule runs its
-stage again when what that stage imports has changed (pipeline.sources): a stage's function has the stage's name.
+stage again when what that stage imports has changed (common.sources): a stage's function has the stage's name.
 """
 
 import argparse
@@ -10,18 +10,18 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
-from pipeline.command_line import CommandLine
-from pipeline.datasets import read_dataset, write_dataset
-from pipeline.event_table import read_events, write_events
-from pipeline.provenance import made_from, provenance
-from pipeline.slices import read_slice
-from pipeline.stage import run_stage
+from common.command_line import CommandLine
+from common.datasets import read_dataset, write_dataset
+from common.event_table import read_events, write_events
+from common.provenance import made_from, provenance
+from common.slices import read_slice
+from common.stage import run_stage
 
 
 def scene(chosen: argparse.Namespace) -> None:
     """A picture of what will be solved: cells, solids, record."""
+    from catalogs.comparison_settings import PictureSlice
     from catalogs.figures.overview import write_overview
-    from catalogs.settings import PictureSlice
 
     record = read_events(chosen.record) if chosen.record else None
     steps = PictureSlice.of(read_slice(chosen.settings)).steps
@@ -97,15 +97,15 @@ def twin(chosen: argparse.Namespace) -> None:
 
 def vtk(chosen: argparse.Namespace) -> None:
     """A catalogue's events for ParaView."""
-    from catalogs.vtk import write_points
+    from catalogs.events_vtk import write_points
 
     write_points(read_events(chosen.catalog), chosen.output)
 
 
 def report(chosen: argparse.Namespace) -> None:
     """The report a geotechnical engineer reads, and its figures."""
+    from catalogs.comparison_settings import ReportSlice
     from catalogs.report.page import write_report
-    from catalogs.settings import ReportSlice
 
     values = read_slice(chosen.settings)
     settings = ReportSlice.of(values)

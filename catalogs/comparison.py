@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from catalogs import sizes
 from catalogs.blocks import cluster_labels
 from catalogs.comparison_layout import CATALOGUES, described
+from catalogs.comparison_settings import ComparisonSlice
 from catalogs.completeness import MIN_EVENTS_ABOVE_CUT, completeness, fullest_bin, next_edge, rounding
 from catalogs.exposure import Exposure
 from catalogs.location_errors import location_errors
-from catalogs.measures import axes_measures, location_measures
 from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
 from catalogs.members import all_runs
-from catalogs.settings import ComparisonSlice
+from catalogs.place_and_axis_measures import axes_measures, location_measures
 from catalogs.size_measures import SIZE_BIN_WIDTH, size_measures
 from catalogs.sum_measures import sum_measures
-from pipeline.errors import InputError
-from pipeline.event_table import check_events
+from common.errors import InputError
+from common.event_table import check_events
 
 
 def compare(
@@ -31,7 +31,7 @@ def compare(
 ) -> xr.Dataset:
     """The three comparisons of a synthetic catalogue with a recorded one; layout: catalogs.comparison_layout.
 
-    catalog, record: form of pipeline.event_table. settings: or their values. members: catalogues of the ensemble's
+    catalog, record: form of common.event_table. settings: or their values. members: catalogues of the ensemble's
     other runs (`catalogs.members`), as many as settings.members; with the mine's own they are the model's draws.
     Raises InputError for an unknown setting, a catalogue of the wrong form or for another mine, a member too few or too
     many. A catalogue with too few events, or none, gives NaN and a sentence, not an error.

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from pipeline.fields import TEXT, Field
+from common.fields import TEXT, Field
 
 DEGREE = "degree"
 CATALOGUES = ("model", "record")  # coordinate `catalogue`

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, f
 
+from catalogs.comparison_settings import DatedStep
 from catalogs.jackknife import INTERVAL_95
 from catalogs.records.times import parse_time
-from catalogs.settings import DatedStep
 
 DAY = np.timedelta64(86400 * 10**9, "ns")
 # Lengths of the windows in which events are counted for their clustering, days. An aftershock may come a week later.

@@ -24,10 +24,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from catalogs.comparison_settings import GridConvergenceSettings
 from catalogs.periods import ALL_STEPS
-from catalogs.settings import GridConvergenceSettings
 from catalogs.sizes import log_potency
-from pipeline.errors import InputError
+from common.errors import InputError
 
 SAFETY_FACTOR = 1.25  # Factor on the change between two cell sizes.
 """times the change from doubled cells, by which a number of first order still changes; study openings tests it"""

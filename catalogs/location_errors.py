@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pipeline.event_table import LOCATION_UNCERTAINTY
+from common.event_table import LOCATION_UNCERTAINTY
 
 
 def location_errors(record: xr.Dataset) -> NDArray:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from catalogs.jackknife import Scatter, effective_blocks
-from pipeline.source_tensors import point_down
+from common.source_tensors import point_down
 
 CLUSTER, GIRDLE, UNIFORM = "cluster", "girdle", "no preferred direction"
 MAX_CHANCE_OF_PATTERN = 0.05  # Axes with a pattern that is more likely by chance are taken as uniform.

@@ -1,7 +1,7 @@
 """Axes of many seismic sources: angles between their means (`catalogs.mean_axes`), and Kagan angles between them.
 
 Axes have no sense: a unit vector and its opposite are the same axis. They are given pointing down, as
-pipeline.source_tensors.point_down says. x east, y north, z up; trend clockwise from north, plunge below the horizontal.
+common.source_tensors.point_down says. x east, y north, z up; trend clockwise from north, plunge below the horizontal.
 """
 
 import numpy as np
@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 
 from catalogs.jackknife import INTERVAL_95, Scatter
 from catalogs.mean_axes import AxesSample, describe_axes
-from pipeline.fields import TEXT
-from pipeline.source_tensors import HORIZONTAL, point_down
+from common.fields import TEXT
+from common.source_tensors import HORIZONTAL, point_down
 
 AXIS_NAMES = ("P", "B", "T")
 KAGAN_PAIRS = ("model_record", "nearest", "record_record", "uniform")

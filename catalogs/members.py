@@ -7,12 +7,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pipeline.errors import InputError
-from pipeline.event_table import NAMES, check_events, read_events
+from common.errors import InputError
+from common.event_table import NAMES, check_events, read_events
 
 
 def read_members(folders: list[str | os.PathLike], steps: list[str], mine: str) -> list[xr.Dataset]:
-    """One catalogue (form of pipeline.event_table) of each member: events of the dated steps, in order of time.
+    """One catalogue (form of common.event_table) of each member: events of the dated steps, in order of time.
 
     folders: each with events/<step>.nc. Raises InputError for a missing or unreadable file, or one of another mine.
     """

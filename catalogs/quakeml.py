@@ -4,7 +4,7 @@ What any reader understands: origin time with how much earlier and later it may 
 sea level, = -z), moment magnitude, the moment tensor in N m, Up-South-East (rr = zz, tt = yy, pp = xx, rt = -yz,
 rp = xz, tp = -xy), with its own shares, sizes from 0 to 1 as QuakeML has them, and, where the event has P and T axes,
 principal axes and nodal planes of that tensor. Beside that, in the namespace NAMESPACE and bit for bit, stand every
-variable of pipeline.event_table per event, among them the signed shares of the potency tensor, and the attributes once
+variable of common.event_table per event, among them the signed shares of the potency tensor, and the attributes once
 (JSON). Unresolved events are left out: QuakeML has no mark for them that other programs read, and these would count
 them. An event's identifier ends in its row of the catalogue and of catalog.csv. A synthetic event says so in its
 description and its creationInfo.
@@ -41,15 +41,15 @@ from obspy.core.event import (
 )
 from obspy.io.quakeml.core import _validate
 
-from catalogs.frame import MineFrame
+from catalogs.geographic_frame import MineFrame
 from catalogs.location_uncertainty import ONE_SIGMA_PERCENT, sigmas
 from catalogs.mechanisms import nodal_planes, trend_plunge
-from pipeline.datasets import atomic_path
-from pipeline.errors import InputError
-from pipeline.event_table import FIELDS, check_events, new_catalog
-from pipeline.fields import TEXT, Field
-from pipeline.provenance import comment
-from pipeline.source_tensors import principal_axes, source_shares
+from common.datasets import atomic_path
+from common.errors import InputError
+from common.event_table import FIELDS, check_events, new_catalog
+from common.fields import TEXT, Field
+from common.provenance import comment
+from common.source_tensors import principal_axes, source_shares
 
 NAMESPACE = "urn:mine-seismicity:catalogue:1"
 PREFIX = "mine"
@@ -74,9 +74,9 @@ UP_SOUTH_EAST = {
 
 
 def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike, made_from: str = "") -> None:
-    """Write the resolved events of a catalogue (form of pipeline.event_table) as QuakeML, atomically.
+    """Write the resolved events of a catalogue (form of common.event_table) as QuakeML, atomically.
 
-    ObsPy checks the file against the schema first. made_from: see pipeline.provenance. Needs attributes mine and frame.
+    ObsPy checks the file against the schema first. made_from: see common.provenance. Needs attributes mine and frame.
     Raises InputError for a missing frame, a resolved event without time or location, or a file that the schema refuses.
     """
     catalog = check_events(catalog, "catalogue")

@@ -5,8 +5,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from pipeline.frame import Frame
-from pipeline.settings import AsTuple, Length, Settings, Unit, choose, is_list, is_section, real_number, refusal
+from common.frame import Frame
+from common.setting_types import AsTuple, Length, Settings, Unit, choose, is_list, is_section, real_number, refusal
 
 Numbers = dict[str, real_number()]  # by column of the file
 Text = choose(is_list, Annotated[tuple[str, ...], Field(min_length=1), AsTuple], str)

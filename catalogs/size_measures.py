@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from catalogs import completeness, sizes
 from catalogs.comparison_layout import CATALOGUES
-from catalogs.settings import ComparisonSettings
+from catalogs.comparison_settings import ComparisonSettings
 from catalogs.size_law import FEW, NONE, POWER, TRUNCATED, Law, find_law
 
 LAW_RESAMPLINGS, LAW_SEED = 999, 1  # the verdict on the law hangs on the sizes alone, not on the comparison's seed

@@ -32,11 +32,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs import sizes
+from catalogs.comparison_settings import SpreadSettings
 from catalogs.periods import ALL_STEPS
-from catalogs.settings import SpreadSettings
-from pipeline.datasets import read_dataset
-from pipeline.errors import InputError
-from pipeline.event_table import read_events
+from common.datasets import read_dataset
+from common.errors import InputError
+from common.event_table import read_events
 
 STATISTICS = ("mean", "standard_deviation", "minimum", "maximum")
 QUANTITY_UNITS = {

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pipeline.datasets import atomic_path
-from pipeline.errors import InputError
-from pipeline.voigt import COMPONENTS
+from common.datasets import atomic_path
+from common.errors import InputError
+from common.voigt import COMPONENTS
 
 HEADER = """\
 # A TWIN, not a recorded catalogue: modelled by this project's own pipeline on another grid, with other residual

@@ -2,7 +2,7 @@
 
 import re
 
-from pipeline.quantities import units
+from common.quantities import units
 
 UNIT_PATTERN = r"[^\W\d_]+(?:\^?-?\d)?(?:[ */.\u00b7]+[^\W\d_]+(?:\^?-?\d)?)*"  # m, m3, N m, dyn.cm
 MAX_UNIT_LENGTH = 30  # characters

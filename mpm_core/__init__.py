@@ -2,7 +2,7 @@
 
 import os
 
-from pipeline.provenance import use_numba_cache
+from common.provenance import use_numba_cache
 
 # A waiting OpenMP thread spins for milliseconds by default: beside other work two threads then take several times as
 # long as one. One that sleeps at once takes 50 us to wake, as long as a kernel over a small mine. So it spins for about

@@ -5,17 +5,17 @@ import logging
 from contextlib import ExitStack
 from pathlib import Path
 
-from pipeline.command_line import CommandLine
-from pipeline.datasets import open_dataset, read_dataset, write_dataset
-from pipeline.provenance import provenance
-from pipeline.slices import read_slice
-from pipeline.stage import run_stage
+from common.command_line import CommandLine
+from common.datasets import open_dataset, read_dataset, write_dataset
+from common.provenance import provenance
+from common.slices import read_slice
+from common.stage import run_stage
 
 
 def grid(arguments: argparse.Namespace) -> None:
     """cells and nodes from the solids"""
-    from mpm_core.gridding import make_grid
-    from mpm_core.threads import use_threads
+    from mpm_core.kernels.threads import use_threads
+    from mpm_core.stages.grid_stage import make_grid
 
     use_threads(arguments.threads)
     scene = read_slice(arguments.scene)
@@ -34,10 +34,10 @@ def step(arguments: argparse.Namespace) -> None:
 
 def _solve(arguments: argparse.Namespace) -> None:
     """elastic.nc, or steps/<step>.nc from the state of the step before."""
-    from mpm_core.checkpoint import Checkpoint, key_of
-    from mpm_core.scene import parse_scene
-    from mpm_core.stages import elastic_stage, mining_step
-    from mpm_core.threads import use_threads
+    from mpm_core.kernels.threads import use_threads
+    from mpm_core.scene.scene import parse_scene
+    from mpm_core.stages.checkpoint import Checkpoint, key_of
+    from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
     use_threads(arguments.threads)
     values = read_slice(arguments.scene)
@@ -62,8 +62,8 @@ def _solve(arguments: argparse.Namespace) -> None:
 
 def vtk(arguments: argparse.Namespace) -> None:
     """a state for ParaView"""
-    from mpm_core.datasets import read_grid, read_pieces
-    from mpm_core.vtk import write_vtu
+    from mpm_core.files.state_datasets import read_grid, read_pieces
+    from mpm_core.files.state_vtk import write_vtu
 
     state = read_dataset(arguments.state)
     write_vtu(read_grid(state)[0], read_pieces(read_dataset(arguments.grid)), state, arguments.output)
@@ -71,10 +71,10 @@ def vtk(arguments: argparse.Namespace) -> None:
 
 def solids(arguments: argparse.Namespace) -> None:
     """the solids for ParaView"""
-    from mpm_core.gridding import domain_of
+    from mpm_core.files.state_vtk import INDEX, write_solids
+    from mpm_core.scene.scene_solids import read_solids
     from mpm_core.settings import GridSlice
-    from mpm_core.solids import read_solids
-    from mpm_core.vtk import INDEX, write_solids
+    from mpm_core.stages.grid_stage import domain_of
 
     scene = GridSlice.of(read_slice(arguments.scene))
     domain, may_miss = domain_of(scene), {"rock_bodies": scene.far_field is not None}

@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from pipeline.settings import (
+from common.setting_types import (
     AsTuple,
     Length,
     Name,
@@ -294,7 +294,7 @@ class GridCells(GridSettings):
 
 
 class GridFarField(Settings):
-    """What is expected of a derived domain: as mpm_core.far_field.FarField has it."""
+    """What is expected of a derived domain: as mpm_core.scene.far_field.FarField has it."""
 
     distance: Length
     error: float

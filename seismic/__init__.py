@@ -1,5 +1,5 @@
 """From plastic strain to seismic events: potency, events, catalogue."""
 
-from pipeline.provenance import use_numba_cache
+from common.provenance import use_numba_cache
 
 use_numba_cache()

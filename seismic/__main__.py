@@ -5,13 +5,13 @@ import logging
 
 import numpy as np
 
-from pipeline.command_line import CommandLine
-from pipeline.datasets import read_dataset, write_dataset
-from pipeline.errors import InputError
-from pipeline.event_table import read_events, write_events
-from pipeline.provenance import provenance
-from pipeline.slices import read_slice
-from pipeline.stage import run_stage
+from common.command_line import CommandLine
+from common.datasets import read_dataset, write_dataset
+from common.errors import InputError
+from common.event_table import read_events, write_events
+from common.provenance import provenance
+from common.slices import read_slice
+from common.stage import run_stage
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -29,7 +29,7 @@ def main(arguments: list[str] | None = None) -> None:
         stage.add_argument(
             "--settings",
             required=True,
-            help="file of the configuration's slice, JSON (seismic.settings.EventSettings)",
+            help="file of the configuration's slice, JSON (seismic.event_settings.EventSettings)",
         )
         stage.add_argument("--output", required=True, help="netCDF written")
         stage.add_argument("--log", help="log file; standard error without it")
@@ -45,7 +45,7 @@ def main(arguments: list[str] | None = None) -> None:
 def events(chosen: argparse.Namespace) -> None:
     """Events of one mining step."""
     # here: the catalogue need not wait for numba and scikit-learn, nor be made again when they are used otherwise
-    from pipeline.places import PLACES
+    from common.part_centers import PLACES
     from seismic.events import STEP_VARIABLES, extract_events
 
     settings = read_slice(chosen.settings)
@@ -59,7 +59,7 @@ def events(chosen: argparse.Namespace) -> None:
 
 def closeness(chosen: argparse.Namespace) -> None:
     """Sizes of events at several values of closeness, and with shorter links."""
-    from pipeline.places import PLACES
+    from common.part_centers import PLACES
     from seismic.closeness import sizes_by_closeness
     from seismic.events import STEP_VARIABLES
 
@@ -72,7 +72,7 @@ def closeness(chosen: argparse.Namespace) -> None:
 def catalog(chosen: argparse.Namespace) -> None:
     """The catalogue of all dated steps."""
     from seismic.catalog import merge, write_csv
-    from seismic.settings import EventSettings
+    from seismic.event_settings import EventSettings
 
     settings = read_slice(chosen.settings)
     mine = EventSettings.of(settings, "seismic").mine

@@ -5,8 +5,8 @@ import logging
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import InputError
-from pipeline.voigt import NAMES
+from common.errors import InputError
+from common.voigt import NAMES
 
 MAX_CLOSURE_ERROR = 1e-12  # Relative to the sum of magnitudes; round-off of sums over 10^7 particles stays below.
 BUDGET_PARTS = ("events", "aseismic_share", "overshoot", "later")

@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pipeline.datasets import atomic_path
-from pipeline.errors import InputError
-from pipeline.event_table import NAMES, ON_PLANES, event_dataset
-from pipeline.voigt import COMPONENTS, voigt_from_tensor
+from common.datasets import atomic_path
+from common.errors import InputError
+from common.event_table import NAMES, ON_PLANES, event_dataset
+from common.voigt import COMPONENTS, voigt_from_tensor
 from seismic.budget import add_budgets
 
 # What the steps of one catalogue must share, with a plain name for the user.

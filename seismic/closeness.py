@@ -5,9 +5,9 @@ from collections.abc import Iterable
 import numpy as np
 import xarray as xr
 
+from seismic.event_settings import EventSettings
 from seismic.events import extract_events
 from seismic.regions import CORNERS, EDGES, FACES
-from seismic.settings import EventSettings
 
 CLOSENESS_TRIED = (0.6, 0.7, 0.8, 0.9, 0.95)
 

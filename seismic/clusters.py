@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
-from seismic.settings import ClusterSettings
+from seismic.event_settings import ClusterSettings
 
 # Relative tolerance of the radius: lattice neighbours at the radius count, whatever the origin of the coordinates.
 RADIUS_ROUND_OFF = 1e-9

@@ -8,10 +8,10 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from pipeline.errors import InputError
-from pipeline.event_table import ON_PLANES, event_dataset
-from pipeline.places import part_centers
-from pipeline.source_tensors import (
+from common.errors import InputError
+from common.event_table import ON_PLANES, event_dataset
+from common.part_centers import part_centers
+from common.source_tensors import (
     clear_axes,
     moment_from_potency,
     moment_magnitude,
@@ -19,12 +19,12 @@ from pipeline.source_tensors import (
     scalar_potency,
     source_shares,
 )
-from pipeline.voigt import tensor_from_voigt
+from common.voigt import tensor_from_voigt
 from seismic.budget import log_budget, potency_budget
 from seismic.clusters import find_clusters
+from seismic.event_settings import EventSettings
 from seismic.families import find_families
 from seismic.regions import CORNERS, find_regions
-from seismic.settings import EventSettings
 from seismic.shares import at_once_share, unlike_share
 
 STRAIN_VARIABLES = {

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from pipeline.errors import InputError
+from common.errors import InputError
 
 # The nine-component norm of a symmetric tensor is the ordinary norm of six components with shear times sqrt(2).
 NINE_COMPONENT_WEIGHTS = np.array([1.0, 1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0), np.sqrt(2.0)])

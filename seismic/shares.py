@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.source_tensors import scalar_potency
-from pipeline.voigt import tensor_from_voigt
+from common.source_tensors import scalar_potency
+from common.voigt import tensor_from_voigt
 from seismic.families import closeness
 
 

@@ -6,9 +6,9 @@ import json
 import logging
 from pathlib import Path
 
-from pipeline.command_line import CommandLine
-from pipeline.errors import InputError
-from pipeline.stage import run_stage
+from common.command_line import CommandLine
+from common.errors import InputError
+from common.stage import run_stage
 
 
 def answer(arguments: argparse.Namespace) -> None:

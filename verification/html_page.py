@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from pipeline.datasets import atomic_path
-from pipeline.pages import page_templates
+from common.datasets import atomic_path
+from common.pages import page_templates
 
 TEMPLATES = Path(__file__).parent / "templates"
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from verification.rows import VERDICTS
 
 KNOWN_MISS = "known miss"

@@ -18,11 +18,11 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from pipeline.command_line import CommandLine
-from pipeline.datasets import atomic_path
-from pipeline.errors import InputError
-from pipeline.sources import ROOT
-from pipeline.stage import run_stage
+from common.command_line import CommandLine
+from common.datasets import atomic_path
+from common.errors import InputError
+from common.sources import ROOT
+from common.stage import run_stage
 from verification.known_misses import KNOWN_MISS, PASSES_NOW, judge, parse_known_misses
 from verification.page_tables import LEGEND, Pivot, markdown, rows_table
 from verification.rows import VERDICTS, read_rows

@@ -6,8 +6,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.datasets import atomic_path
-from pipeline.errors import InputError
+from common.datasets import atomic_path
+from common.errors import InputError
 from verification.html_page import write_page
 from verification.known_misses import KNOWN_MISS, PASSES_NOW, judge
 from verification.results import Variant, read_results

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import xarray as xr
 
-from mpm_core.scene import Scene, parse_scene
-from pipeline.costs import Costs, cost_of
-from pipeline.datasets import read_dataset
-from pipeline.event_table import check_events
+from common.costs import Costs, cost_of
+from common.datasets import read_dataset
+from common.event_table import check_events
+from mpm_core.scene.scene import Scene, parse_scene
 from verification.studies import Study
 from workflow.mine import Mine
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.datasets import atomic_path
+from common.datasets import atomic_path
 
 COLUMNS = ("scene", "quantity", "expected", "obtained", "error", "allowed", "passed", "remark")
 VERDICTS = {True: "yes", False: "no", None: ""}

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import yaml
 
-from pipeline.errors import InputError, InputErrors
+from common.errors import InputError, InputErrors
 from verification.known_misses import KnownMiss, parse_known_misses
 from workflow.checks import PLANNED
 from workflow.configuration import load

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from snakemake.iocontainers import Wildcards
 
-from pipeline.errors import InputError
-from pipeline.sources import source_hash
+from common.errors import InputError
+from common.sources import source_hash
 from verification.studies import Study, load_study
 from workflow.folders import NAME
 from workflow.mine import Mine

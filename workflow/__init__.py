@@ -4,5 +4,5 @@ import logging
 
 # Reading a solid may log. Without a handler logging.info() would give the root logger one that writes to the terminal,
 # and Snakemake's own records, which reach the root logger too, would all appear there. Stages replace this handler by
-# their own (pipeline.stage).
+# their own (common.stage).
 logging.getLogger().addHandler(logging.NullHandler())

@@ -7,8 +7,8 @@ they cost and err by is told once (study openings). `snakemake tradeoff` measure
 import math
 from dataclasses import dataclass
 
-from mpm_core.far_field import MOST_LEVELS
-from pipeline.errors import InputError
+from common.errors import InputError
+from mpm_core.scene.far_field import MOST_LEVELS
 from workflow.plan import Plan
 
 LOOSEST = {"tolerance": 1e-2, "cascade_tolerance": 0.05}  # looser, rock is not at rest when its failure is looked for

@@ -4,17 +4,17 @@ import math
 from collections.abc import Callable, Iterator
 
 from catalogs.periods import ALL_STEPS
+from common.errors import InputError, InputErrors, Mistakes
 from mpm_core.constitutive.laws import can_fail
-from mpm_core.domain import base_cells
-from mpm_core.scene import check_virgin_stress, parse_scene
-from pipeline.errors import InputError, InputErrors, Mistakes
+from mpm_core.grid.domain import base_cells
+from mpm_core.scene.scene import check_virgin_stress, parse_scene
 from workflow.accuracy import DRAFT, apply_accuracy
 from workflow.dates import is_date, read_date
-from workflow.far_field import complete, largest_cell_name
+from workflow.derived_domain import complete, largest_cell_name
+from workflow.key_order import key_in, parts_of, section_of
 from workflow.mine import Mine
-from workflow.places import key_in, parts_of, section_of
+from workflow.mine_settings import MineSettings
 from workflow.record_checks import check_filter, check_frame, check_record
-from workflow.settings import MineSettings
 from workflow.shapes import check_form, check_place, check_repeated, extent
 
 PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
@@ -71,7 +71,7 @@ def _check_name(mine: Mine, _: Mistakes) -> None:
 
 def _check_virgin(mine: Mine, _: Mistakes) -> None:
     """Raise InputError where virgin rock would fail before anything is mined; that a derived domain has none is its
-    own affair (workflow/far_field.py)."""
+    own affair (workflow/derived_domain.py)."""
     scene = parse_scene(mine.scene_slice(len(mine.steps) - 1))
     domain = mine.values["domain"]
     if mine.plane == "xy":

@@ -3,11 +3,11 @@
 import os
 from pathlib import Path
 
-from pipeline.errors import InputErrors, Mistakes
+from common.errors import InputErrors, Mistakes
 from workflow.checks import check_mine
+from workflow.key_order import key_in, section_of, sorted_by_place
 from workflow.mine import Mine
-from workflow.places import key_in, section_of, sorted_by_place
-from workflow.settings import MineSettings
+from workflow.mine_settings import MineSettings
 from workflow.sound_part import sound_part
 from workflow.yaml_habits import with_yaml_habits
 

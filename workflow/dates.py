@@ -3,7 +3,7 @@
 import datetime
 
 from catalogs.records.times import FIRST_YEAR, LAST_YEAR
-from pipeline.errors import InputError
+from common.errors import InputError
 
 
 def read_date(where: str, text: str) -> datetime.datetime:

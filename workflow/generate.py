@@ -13,10 +13,10 @@ from typing import Any, get_args
 import yaml
 from pydantic.fields import FieldInfo
 
+from common.command_line import CommandLine
+from common.setting_types import Settings, Unit
 from mpm_core.settings import ShapeSettings
-from pipeline.command_line import CommandLine
-from pipeline.settings import Settings, Unit
-from workflow.settings import MineSettings
+from workflow.mine_settings import MineSettings
 
 BASE = Path(__file__).parent.parent
 COMMENT = 30  # column of comments

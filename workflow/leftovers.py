@@ -1,7 +1,7 @@
 """Results of an earlier plan that still lie in the mine's folder: of a step taken back, a member or record given up.
 
 They are left where they are. Put back into the plan, they count again if they are of its settings
-(pipeline.provenance).
+(common.provenance).
 """
 
 from collections.abc import Iterable

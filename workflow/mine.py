@@ -5,9 +5,9 @@ not mined yet looks the same in a slice whether it is planned or dated later: gi
 that month.
 """
 
+from common.voigt import NAMES
 from mpm_core.equilibrium.perturbation import LARGEST_OVERSTRESS
-from mpm_core.scene import parse_scene
-from pipeline.voigt import NAMES
+from mpm_core.scene.scene import parse_scene
 from workflow.plan import Plan
 
 NOT_SHAPE = ("name", "step", "fill", "filled", "pressure", "material", "refine", "outside", "force", "toward")
@@ -54,7 +54,7 @@ class Mine(Plan):
         return self.grid_slice() | {"mined": [self.step_index(entry["step"]) for entry in self.excavations]}
 
     def scene_slice(self, last: int) -> dict:
-        """What the mechanics up to step number `last` depend on, for mpm_core.scene.parse_scene."""
+        """What the mechanics up to step number `last` depend on, for mpm_core.scene.scene.parse_scene."""
         values = self.values
 
         def excavation(entry: dict) -> dict:

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from workflow.strict_yaml import read_yaml
 
 NOTES = Path(".snakemake/mine_files")  # beside Snakemake's own notes of what results were made from

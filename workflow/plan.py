@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
-from mpm_core.far_field import FarField
-from mpm_core.scene import FACES
+from mpm_core.scene.far_field import FarField
+from mpm_core.scene.scene import FACES
 
 
 @dataclass
@@ -21,7 +21,7 @@ class Plan:
     default: dict
     steps: list[dict] = field(init=False)
     excavations: list[dict] = field(init=False)
-    far_field: FarField | None = field(init=False, default=None)  # of a derived domain (workflow/far_field.py)
+    far_field: FarField | None = field(init=False, default=None)  # of a derived domain (workflow/derived_domain.py)
     perturbation: int = field(init=False, default=0)  # number of the ensemble's member, 0: the mine itself
     _number: dict[str, int] = field(init=False)
 

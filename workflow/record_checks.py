@@ -3,7 +3,7 @@
 import math
 
 from catalogs.records import READERS
-from pipeline.errors import InputError, Mistakes
+from common.errors import InputError, Mistakes
 from workflow.dates import read_date
 from workflow.mine import Mine
 from workflow.shapes import is_file
@@ -73,7 +73,7 @@ def check_frame(mine: Mine, _: Mistakes) -> None:
                 "point of that latitude and longitude. For eastings and northings of a map give crs instead (EPSG code)"
             )
         return
-    from catalogs.frame import MineFrame  # takes a fifth of a second
+    from catalogs.geographic_frame import MineFrame  # takes a fifth of a second
 
     system = MineFrame(frame)
     latitude, longitude, _ = system.to_globe([[*corner, 0.0] for corner in corners])

@@ -7,8 +7,8 @@ from snakemake.iocontainers import InputFiles, Wildcards
 from snakemake.ioflags import update
 
 from workflow.folders import COARSE, Folders
-from workflow.memory import mechanics_mb, reading_mb
 from workflow.result_files import ResultFiles
+from workflow.rule_memory import mechanics_mb, reading_mb
 
 
 def kept(path: str):

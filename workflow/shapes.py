@@ -5,7 +5,7 @@ From the numbers alone: triangles are made of them by the grid stage (mpm_core/g
 
 import numpy as np
 
-from pipeline.errors import InputError, Mistakes
+from common.errors import InputError, Mistakes
 from workflow.mine import NOT_SHAPE, Mine
 
 PLACED = {"units", "scale", "offset"}  # of what a file holds

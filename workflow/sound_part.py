@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable
 
-from pipeline.errors import InputError
-from workflow.places import parts_of
-from workflow.settings import MineSettings
+from common.errors import InputError
+from workflow.key_order import parts_of
+from workflow.mine_settings import MineSettings
 
 ELASTIC = {"model": "elastic", "youngs_modulus": "1 GPa", "poisson_ratio": 0.25, "density": "2000 kg/m^3"}
 IN_PLACE = {  # of what a mine cannot do without

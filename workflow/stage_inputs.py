@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from snakemake.io import unpack
 from snakemake.iocontainers import Wildcards
 
-from pipeline.provenance import config_hash, files_of, identity, read_made_from
+from common.provenance import config_hash, files_of, identity, read_made_from
 from workflow.result_files import ResultFiles
-from workflow.slices import SliceFiles
+from workflow.slice_files import SliceFiles
 
 if TYPE_CHECKING:
     from snakemake.workflow import Workflow  # which cannot be imported before snakemake.api
@@ -57,7 +57,7 @@ class StageInputs:
         """Inputs of the stage that makes results/{mine}/<result>, or <stage>.nc.
 
         files: names, or functions of wildcards. Where that result stands, but says that it was made from another
-        configuration, other sources or other inputs than these, it is made again (pipeline.provenance). Snakemake
+        configuration, other sources or other inputs than these, it is made again (common.provenance). Snakemake
         compares times and its own notes: it drops the notes of a job that fails, and gives the earlier result that it
         puts back a new time, so that it would take it as current.
         """

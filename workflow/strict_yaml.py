@@ -10,7 +10,7 @@ from pathlib import Path
 
 import yaml
 
-from pipeline.errors import InputError
+from common.errors import InputError
 
 LARGEST_FILE = 20_000_000  # bytes; 10,000 stopes of 30 corners are 10 MB
 DEEPEST = 30  # levels of nesting; a mine has 8

@@ -12,8 +12,8 @@ from pathlib import Path
 from snakemake.logging import ColorizingTextHandler
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 
-from pipeline.disk import NO_ROOM as NO_ROOM_ERRORS
-from pipeline.disk import disk_full
+from common.disk import NO_ROOM as NO_ROOM_ERRORS
+from common.disk import disk_full
 
 CHATTER = (
     "Config file ",

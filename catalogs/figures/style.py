@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from pipeline.datasets import atomic_path
+from common.datasets import atomic_path
 
 MODELLED = "#0072b2"  # Okabe and Ito (2008): blue and vermilion stay apart for colour-blind readers
 RECORDED = "#d55e00"

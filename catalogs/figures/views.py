@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 
 from catalogs.figures import style
-from pipeline.places import part_centers
+from common.part_centers import part_centers
 
 EAST, NORTH, UP = 0, 1, 2
 AXIS_LABELS = ("east x (m)", "north y (m)", "elevation z (m)")

@@ -8,7 +8,7 @@ What a reader's module offers:
 | READS_FOLDER | whether `file` is a folder, whose files the reader looks after itself |
 | Record | settings of a record with this reader: its keys, their units and bounds; validators refuse what cannot be |
 | RecordSlice | the same keys in the slice of the record's stage |
-| read(settings) | RecordSlice -> the events in the form of pipeline.event_table, filtered (filters.filter_events) |
+| read(settings) | RecordSlice -> the events in the form of common.event_table, filtered (filters.filter_events) |
 
 A module here is imported whenever a mine file is checked: it imports slow libraries where it uses them.
 """
@@ -20,7 +20,7 @@ import xarray as xr
 
 from catalogs import record_settings
 from catalogs.records import csv_reader, elk_creek_reader, quakeml_reader
-from pipeline.settings import Settings, one_of
+from common.setting_types import Settings, one_of
 
 READERS: dict[str, ModuleType] = {reader.NAME: reader for reader in (quakeml_reader, csv_reader, elk_creek_reader)}
 AnyRecord = one_of("reader", {name: reader.Record for name, reader in READERS.items()})
@@ -38,7 +38,7 @@ def record_slice(values: Mapping) -> record_settings.RecordSlice:
 
 
 def read_record(values: Mapping) -> xr.Dataset:
-    """The recorded catalogue that a slice (or its settings) describes, in the form of pipeline.event_table.
+    """The recorded catalogue that a slice (or its settings) describes, in the form of common.event_table.
 
     Raises InputError.
     """

@@ -1,13 +1,13 @@
-"""From what a file holds (a potency, a moment, a magnitude, a tensor) to a catalogue: pipeline.event_table."""
+"""From what a file holds (a potency, a moment, a magnitude, a tensor) to a catalogue: common.event_table."""
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs.record_settings import EventFileSlice
-from pipeline.errors import InputError
-from pipeline.event_table import new_catalog
-from pipeline.source_tensors import (
+from common.errors import InputError
+from common.event_table import new_catalog
+from common.source_tensors import (
     clear_axes,
     moment_from_potency,
     moment_magnitude,

@@ -9,8 +9,8 @@ from catalogs.record_settings import normalized
 from catalogs.records.build import SIZE_NAMES
 from catalogs.records.event_kinds import EVENT_TYPE, STATUS
 from catalogs.records.times import DATE_PARTS
-from pipeline.settings import AsTuple, Settings, choose, is_list, refusal
-from pipeline.voigt import COMPONENTS
+from common.setting_types import AsTuple, Settings, choose, is_list, refusal
+from common.voigt import COMPONENTS
 
 SIZE_COLUMNS = (*SIZE_NAMES, "log_moment", "energy", "log_energy")
 NOT_MOMENT_MAGNITUDES = ("ml", "mlv", "mb", "mb_lg", "mblg", "md", "mc", "ms", "mn", "mr")

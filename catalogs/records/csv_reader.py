@@ -38,10 +38,10 @@ from catalogs.records.times import (
     times_of_parts,
 )
 from catalogs.units import unit_quantity
-from pipeline.errors import InputError
-from pipeline.settings import AsTuple, Settings, real_number, refusal, short
-from pipeline.source_tensors import potency_from_moment
-from pipeline.voigt import COMPONENTS
+from common.errors import InputError
+from common.setting_types import AsTuple, Settings, real_number, refusal, short
+from common.source_tensors import potency_from_moment
+from common.voigt import COMPONENTS
 
 NAME = "csv"
 READS_FOLDER = False
@@ -157,7 +157,7 @@ class RecordSlice(Record, EventFileSlice):
 
 
 def read(settings: RecordSlice) -> xr.Dataset:
-    """The events of a CSV file in the form of pipeline.event_table, filtered (catalogs.records.filters).
+    """The events of a CSV file in the form of common.event_table, filtered (catalogs.records.filters).
 
     settings.columns names the file's columns: time (one column, or a list of two or three: date, time of day,
     offset; see catalogs.records.times), x, y, z (m) or latitude, longitude (degrees), depth (m below sea level), at
@@ -328,7 +328,7 @@ def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: Recor
             np.abs(numbers[key]) > most, columns[key], f"is no {key}, which ends at {most:g} degrees", "correct it"
         )
     globe = np.column_stack([numbers[key] for key in GLOBE_COORDINATES])
-    from catalogs.frame import MineFrame  # here: to check a mine file must not wait for PROJ
+    from catalogs.geographic_frame import MineFrame  # here: to check a mine file must not wait for PROJ
 
     location = np.full(globe.shape, np.nan)
     known = np.isfinite(globe).all(axis=1)

@@ -19,7 +19,7 @@ import pandas as pd
 
 from catalogs.record_settings import normalized
 from catalogs.units import unit_quantity
-from pipeline.errors import InputError
+from common.errors import InputError
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar"}
 MAX_PREAMBLE_LINES = 100  # Lines in which the header is looked for.

@@ -24,10 +24,10 @@ from catalogs import record_settings
 from catalogs.record_settings import Box, DomainBox, LocationError
 from catalogs.records.filters import distance_beyond, domain_box, filter_events, limits_of
 from catalogs.records.times import parse_time
-from pipeline.errors import InputError
-from pipeline.event_table import new_catalog
-from pipeline.settings import Settings, Size, Unit, refusal
-from pipeline.source_tensors import moment_magnitude
+from common.errors import InputError
+from common.event_table import new_catalog
+from common.setting_types import Settings, Size, Unit, refusal
+from common.source_tensors import moment_magnitude
 
 NAME = "elk_creek"
 READS_FOLDER = True

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.record_settings import RecordSlice
-from pipeline.errors import InputError
+from common.errors import InputError
 
 EVENT_TYPE, STATUS, MODE = "event_type", "evaluation_status", "evaluation_mode"  # kinds of text
 SEISMIC_WORDS = {

@@ -14,7 +14,7 @@ from catalogs.periods import recorded_period
 from catalogs.record_settings import DomainBox, RecordSlice
 from catalogs.records.event_kinds import EVENT_TYPE, no_seismicity, plain_word, types_text
 from catalogs.records.times import parse_time
-from pipeline.errors import InputError
+from common.errors import InputError
 
 DOMAIN_FILTER = "domain"
 MAX_WIDTHS_FROM_DOMAIN = 10.0  # Farther from the domain than so many of its widths, coordinates are not the mine's.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.record_settings import Conversion, normalized
-from pipeline.errors import InputError
+from common.errors import InputError
 
 UNTYPED = "untyped"
 MOMENT_TYPES = ("mw", "mww", "mwc", "mwb", "mwr", "mwp")

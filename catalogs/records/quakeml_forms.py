@@ -12,7 +12,7 @@ from obspy.core.event.header import EventType
 
 from catalogs.records.csv_table import check_container
 from catalogs.records.event_kinds import MODE, STATUS, plain_word
-from pipeline.errors import InputError
+from common.errors import InputError
 
 NAMESPACE_START = "http://quakeml.org/xmlns/"  # with which namespaces of all versions of QuakeML begin
 ROOT, BODY = f"{NAMESPACE_START}quakeml/1.2", f"{NAMESPACE_START}bed/1.2"

@@ -18,10 +18,10 @@ from catalogs.records.filters import filter_events
 from catalogs.records.magnitudes import is_convertible, is_moment_type, moment_magnitudes, sizes_text
 from catalogs.records.times import FIRST_YEAR, LAST_YEAR
 from catalogs.units import unit_quantity
-from pipeline.errors import InputError
-from pipeline.event_table import LOCATION_UNCERTAINTY
-from pipeline.settings import refusal, short
-from pipeline.source_tensors import potency_from_moment
+from common.errors import InputError
+from common.event_table import LOCATION_UNCERTAINTY
+from common.setting_types import refusal, short
+from common.source_tensors import potency_from_moment
 
 if TYPE_CHECKING:
     from obspy.core.event import Catalog, Event, Magnitude, Origin
@@ -73,7 +73,7 @@ class RecordSlice(Record, EventFileSlice):
 
 
 def read(settings: RecordSlice) -> xr.Dataset:
-    """The events of a QuakeML file in the form of pipeline.event_table, filtered (catalogs.records.filters).
+    """The events of a QuakeML file in the form of common.event_table, filtered (catalogs.records.filters).
 
     Conversions: catalogs.records.magnitudes. An event's preferred origin and mechanism count, else its first, and
     of these none whose evaluation status is rejected; an event is rejected where no other origin is there or the
@@ -148,7 +148,7 @@ def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dat
 
 def _foreign(events: "Catalog", origins: "list[Origin | None]", settings: RecordSlice, path: Path) -> xr.Dataset:
     """A catalogue from what every QuakeML file holds, and from the origin of each event that counts."""
-    from catalogs.frame import MineFrame
+    from catalogs.geographic_frame import MineFrame
     from catalogs.location_uncertainty import location_uncertainty
     from catalogs.quakeml import moment_tensor
 

@@ -8,7 +8,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pandas as pd
 
-from pipeline.errors import InputError
+from common.errors import InputError
 
 FIRST_YEAR, LAST_YEAR = 1678, 2261  # whole years that nanoseconds since 1970 reach
 DATE_PARTS = ("year", "month", "day", "hour", "minute", "second")

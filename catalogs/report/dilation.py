@@ -2,8 +2,8 @@
 
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import number
-from pipeline.quantities import parse_quantity
-from pipeline.source_tensors import shear_iso_share
+from common.quantities import parse_quantity
+from common.source_tensors import shear_iso_share
 
 MAX_ROCKS_NAMED = 4  # Rocks that the sentence names.
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from catalogs.settings import InsituStress, Scheduled
-from pipeline.costs import cost_of
-from pipeline.datasets import read_dataset
-from pipeline.errors import InputError
-from pipeline.event_table import check_events
+from catalogs.comparison_settings import InsituStress, Scheduled
+from common.costs import cost_of
+from common.datasets import read_dataset
+from common.errors import InputError
+from common.event_table import check_events
 
 CONVERGENCE_COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 CONVERGENCE_VARIABLES = tuple(f"convergence_{name}" for name in CONVERGENCE_COLUMNS)
@@ -223,7 +223,7 @@ def _order(stage: xr.Dataset) -> tuple[bool, int]:
 
 
 def read_resources(logs, steps: set[str], absent: set[str], members: int) -> list[dict]:
-    """What each stage took, from the logs of stages below a folder: columns as in `pipeline.costs`.
+    """What each stage took, from the logs of stages below a folder: columns as in `common.costs`.
 
     Logs of earlier plans are left out: of other steps than these, of `absent` stages, of members beyond so many. The
     companion on larger cells is one row, and so is each member of an ensemble: the sum of its times, the largest of

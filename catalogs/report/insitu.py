@@ -3,8 +3,8 @@
 import numpy as np
 
 from catalogs.report.inputs import Evidence
-from pipeline.source_tensors import principal_axes
-from pipeline.voigt import tensor_from_voigt
+from common.source_tensors import principal_axes
+from common.voigt import tensor_from_voigt
 
 
 def insitu_axes(evidence: Evidence) -> np.ndarray | None:

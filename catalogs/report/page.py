@@ -8,25 +8,25 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
+from catalogs.comparison_settings import InsituStress, Scheduled
 from catalogs.figures import style
-from catalogs.figures.record import EVENTS_PER_WINDOW
+from catalogs.figures.record_figure import EVENTS_PER_WINDOW
 from catalogs.figures.views import MIN_EXCAVATED_SHARE_DRAWN
 from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
 from catalogs.mean_axes import MAX_CONE
 from catalogs.report import match, sections, text
 from catalogs.report.banners import banners
-from catalogs.report.closeness import intervals_contain
+from catalogs.report.closeness_text import intervals_contain
 from catalogs.report.gallery import Gallery
-from catalogs.report.grid_convergence import MAX_ERROR_SHARE, discretisation
+from catalogs.report.grid_convergence_text import MAX_ERROR_SHARE, discretisation
 from catalogs.report.head import caption, missing_potency, step_rows
 from catalogs.report.inputs import Evidence, read_evidence
-from catalogs.report.record import sentences
-from catalogs.report.spread import headline as headline_of_spread
+from catalogs.report.record_text import sentences
+from catalogs.report.spread_text import headline as headline_of_spread
 from catalogs.report.text import fixed, number, percent, whole
-from catalogs.settings import InsituStress, Scheduled
-from pipeline.datasets import atomic_path
-from pipeline.pages import page_templates
-from pipeline.provenance import comment
+from common.datasets import atomic_path
+from common.pages import page_templates
+from common.provenance import comment
 
 TEMPLATES = Path(__file__).parent / "templates"
 LIMITS = {  # of the code, that the page's own sentences name
@@ -65,7 +65,7 @@ def write_report(
     config: the resolved configuration as the user wrote it (units as text), default: config/default.yaml, for the marks
     of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness, grid_convergence:
     datasets, absent stages None or empty; logs: folder of the logs of this mine's stages; excavations: when each is
-    mined, if not as `config` says; insitu: the stress before mining; made_from: see pipeline.provenance.
+    mined, if not as `config` says; insitu: the stress before mining; made_from: see common.provenance.
     Same inputs, same bytes. Raises InputError where a dataset is unreadable or is no catalogue.
     """
     evidence = read_evidence(

@@ -2,14 +2,15 @@
 
 import numpy as np
 
+from catalogs.comparison_settings import ComparisonSettings
 from catalogs.figures import (
     beachballs,
-    convergence,
-    events,
-    record,
-    rock,
-    scene,
-    sizes,
+    convergence_figure,
+    events_figure,
+    record_figure,
+    rock_figure,
+    scene_figure,
+    sizes_figure,
     source_types,
     stereonets,
     style,
@@ -17,17 +18,16 @@ from catalogs.figures import (
 )
 from catalogs.mean_axes import describe_axes
 from catalogs.mechanisms import trend_plunge
-from catalogs.report import energy, match, text
-from catalogs.report.closeness import closeness_rows, unlike
+from catalogs.report import energy_text, match, text
+from catalogs.report.closeness_text import closeness_rows, unlike
 from catalogs.report.dilation import iso_share
 from catalogs.report.gallery import Gallery
-from catalogs.report.grid_convergence import rows as cell_rows
+from catalogs.report.grid_convergence_text import rows as cell_rows
 from catalogs.report.inputs import Evidence
 from catalogs.report.insitu import insitu_axes
-from catalogs.report.record import as_sentence
-from catalogs.report.scene import above_cap, by_step, far_field
-from catalogs.report.spread import section as section_of_spread
-from catalogs.settings import ComparisonSettings
+from catalogs.report.record_text import as_sentence
+from catalogs.report.scene_text import above_cap, by_step, far_field
+from catalogs.report.spread_text import section as section_of_spread
 from catalogs.size_law import NONE, TRUNCATED
 from catalogs.size_measures import fit
 from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY, b_by_cut, cut_grid, log_potency
@@ -66,11 +66,11 @@ def _cuts(evidence: Evidence) -> list[views.View]:
 def _scene(evidence: Evidence, gallery: Gallery) -> dict:
     cuts, rows = _cuts(evidence), evidence.excavations
     return {
-        "levels": gallery.add("grid_levels", scene.grid_levels(evidence.grid, cuts)),
-        "share": gallery.add("excavated_share", scene.excavated_share(evidence.grid, cuts, evidence.planned))
+        "levels": gallery.add("grid_levels", scene_figure.grid_levels(evidence.grid, cuts)),
+        "share": gallery.add("excavated_share", scene_figure.excavated_share(evidence.grid, cuts, evidence.planned))
         if evidence.grid.sizes["piece"]
         else None,
-        "table": scene.level_table(evidence.grid),
+        "table": scene_figure.level_table(evidence.grid),
         "above_cap": above_cap(evidence),
         "far_field": far_field(evidence.grid),
         "excavations": rows,
@@ -81,7 +81,7 @@ def _scene(evidence: Evidence, gallery: Gallery) -> dict:
 def _convergence(evidence: Evidence, gallery: Gallery) -> dict | None:
     if not evidence.stages:
         return None
-    figure = gallery.add("convergence", convergence.convergence(evidence.stages))
+    figure = gallery.add("convergence", convergence_figure.convergence(evidence.stages))
     failures = [int(stage["convergence_new_failures"].values.sum()) for stage in evidence.stages]
     beside = evidence.grid_convergence
     return {
@@ -98,15 +98,15 @@ def _rock(evidence: Evidence, gallery: Gallery) -> dict | None:
         return None
     grid, state, cuts, planned = evidence.grid, evidence.state, _cuts(evidence), evidence.planned
     sections = [view for view in cuts if view.vertical == views.UP] or cuts
-    shown = {"failed": None, "table": energy.totals(evidence), "energy": energy.section(evidence)}
+    shown = {"failed": None, "table": energy_text.totals(evidence), "energy": energy_text.section(evidence)}
     if (state["failed"].values >= 0).any():
         last = max(int(step["step_index"]) for step in evidence.steps)
         names, dated = ["" for _ in range(last + 1)], [False] * (last + 1)
         for step in evidence.steps:
             names[int(step["step_index"])], dated[int(step["step_index"])] = step["step"], bool(int(step["dated"]))
-        shown["failed"] = gallery.add("failed_rock", rock.failed_rock(grid, state, cuts, names, dated, planned))
-    shown["strength"] = gallery.add("strength_factor", rock.strength_factor(grid, state, sections, planned))
-    shown["displacement"] = gallery.add("displacement", rock.displacement(grid, state, sections, planned))
+        shown["failed"] = gallery.add("failed_rock", rock_figure.failed_rock(grid, state, cuts, names, dated, planned))
+    shown["strength"] = gallery.add("strength_factor", rock_figure.strength_factor(grid, state, sections, planned))
+    shown["displacement"] = gallery.add("displacement", rock_figure.displacement(grid, state, sections, planned))
     return shown
 
 
@@ -152,14 +152,14 @@ def _events(evidence: Evidence, gallery: Gallery) -> dict | None:
     compared = evidence.comparison is not None
     located = compared and bool(np.isfinite(evidence.comparison["energy_distance"]))
     return {
-        "figure": gallery.add("events", events.locations(evidence.grid, shown, chosen, evidence.planned)),
+        "figure": gallery.add("events", events_figure.locations(evidence.grid, shown, chosen, evidence.planned)),
         "selection": _selection(chosen),
         "smeared": float(evidence.comparison.attrs["location_error"]) if located else 0.0,
         "near": _with_most_potency(rows),
-        "nearness": gallery.add("nearness", events.nearness(evidence.comparison)) if located else None,
+        "nearness": gallery.add("nearness", events_figure.nearness(evidence.comparison)) if located else None,
         "rows": match.location_rows(evidence) if located else [],
         "text": as_sentence(evidence.comparison.attrs.get("location_text", "")) if compared else "",
-        "crowd": any(events.is_crowd(catalog) for catalog in shown.values()),
+        "crowd": any(events_figure.is_crowd(catalog) for catalog in shown.values()),
         "beside": len(shown) > 1,
         "in_time": _in_time(evidence, gallery),
     }
@@ -169,7 +169,7 @@ def _in_time(evidence: Evidence, gallery: Gallery) -> dict | None:
     """The record in time; None without one, or without a cut."""
     if evidence.comparison is None or not np.isfinite(evidence.comparison["cut"]):
         return None
-    figure = record.in_time(
+    figure = record_figure.in_time(
         evidence.record, evidence.resolved, evidence.dated, evidence.record_label, float(evidence.comparison["cut"])
     )
     return None if figure is None else gallery.add("record_in_time", figure)
@@ -191,8 +191,8 @@ def _sizes(evidence: Evidence, gallery: Gallery) -> dict | None:
         return None
     catalogs = [_size_fit(evidence, label, catalog) for label, catalog in shown.items()]
     return {
-        "figure": gallery.add("potency_frequency", sizes.potency_frequency(catalogs)),
-        "by_cut": gallery.add("b_against_cut", sizes.b_against_cut(catalogs)),
+        "figure": gallery.add("potency_frequency", sizes_figure.potency_frequency(catalogs)),
+        "by_cut": gallery.add("b_against_cut", sizes_figure.b_against_cut(catalogs)),
         "rows": match.size_rows(evidence),
         "fits": catalogs,
         "closeness": closeness_rows(evidence, catalogs[0].cut) if MODEL_LABEL in shown else [],
@@ -206,7 +206,7 @@ def _sizes(evidence: Evidence, gallery: Gallery) -> dict | None:
     }
 
 
-def _size_fit(evidence: Evidence, label: str, catalog) -> sizes.Sizes:
+def _size_fit(evidence: Evidence, label: str, catalog) -> sizes_figure.Sizes:
     """b of one catalogue: from the comparison, or above the model's own floor if it stands alone."""
     values = log_potency(catalog["potency"].values)
     modelled, comparison = label == MODEL_LABEL, evidence.comparison
@@ -221,7 +221,7 @@ def _size_fit(evidence: Evidence, label: str, catalog) -> sizes.Sizes:
             b, interval = float(here["b_truncated"]), here["b_truncated_interval"].values
         elif law == NONE:
             b = a = np.nan
-        return sizes.Sizes(label, colour, values, b, tuple(interval), a, cut, by_cut)
+        return sizes_figure.Sizes(label, colour, values, b, tuple(interval), a, cut, by_cut)
     floor = float(evidence.catalog.attrs["potency_floor"]) if modelled else np.nan
     known = values[np.isfinite(values)]
     cut = np.log10(floor) if floor > 0 else known.min(initial=np.inf)
@@ -231,7 +231,9 @@ def _size_fit(evidence: Evidence, label: str, catalog) -> sizes.Sizes:
     if value is not None:  # its line goes through the number of events at the cut
         b, a, interval = value.b, one.plain.a + (value.b - one.plain.b) * float(cut), (value.lower, value.upper)
     table = [(each.cut, each.b, each.error) for each in b_by_cut(known, cut_grid(known))]
-    return sizes.Sizes(label, colour, values, b, interval, a, float(cut), np.array(table, float).reshape(-1, 3).T)
+    return sizes_figure.Sizes(
+        label, colour, values, b, interval, a, float(cut), np.array(table, float).reshape(-1, 3).T
+    )
 
 
 def _axes(evidence: Evidence, gallery: Gallery) -> dict | None:

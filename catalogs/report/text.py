@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from catalogs.figures.views import axes_of, piece_centres
 from catalogs.report.inputs import Evidence
 from catalogs.sizes import log_potency
-from pipeline.event_table import ON_PLANES
+from common.event_table import ON_PLANES
 
 DASH = "–"  # Stands for a value that is not known.
 MAX_NAMED = 5  # Excavations that one sentence names.

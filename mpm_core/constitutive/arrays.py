@@ -6,7 +6,7 @@ from numba import njit, prange
 
 from mpm_core.constitutive.elastic import strain_from_stress
 from mpm_core.constitutive.general import strength_of
-from mpm_core.constitutive.regions import ELASTIC
+from mpm_core.constitutive.return_regions import ELASTIC
 
 
 @functools.cache
@@ -20,7 +20,7 @@ def make_return_particles(law):
 
         stress (particle, 6) Pa, overwritten; lame_lambda, shear_modulus (particle,) Pa; rows (row, ROW_LENGTH) strength
         rows; indices (particle,) row of each particle; plastic_strain (particle, 6), increased by the compliance times
-        the drop, tensor shear; regions (particle,) int8, overwritten (regions.py).
+        the drop, tensor shear; regions (particle,) int8, overwritten (return_regions.py).
         Each particle is written by one thread: the result does not depend on the thread count.
         """
         for p in prange(stress.shape[0]):

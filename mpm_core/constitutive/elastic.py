@@ -8,7 +8,7 @@ import math
 
 from numba import njit
 
-from pipeline.errors import InputError
+from common.errors import InputError
 
 
 def lame_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float, float]:

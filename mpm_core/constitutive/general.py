@@ -6,7 +6,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import load_item, make_array
 
 from mpm_core.constitutive.elastic import strain_from_stress, stress_increment
-from mpm_core.constitutive.regions import ELASTIC
+from mpm_core.constitutive.return_regions import ELASTIC
 from mpm_core.simd.lanes import LANES
 
 STEP = 1e-6  # of the stress: between two returns

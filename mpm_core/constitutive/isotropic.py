@@ -1,8 +1,8 @@
 """Isotropic laws: a return of three principal stresses serves as a return of tensors, one at a time or eight.
 
 `return_principal(s1, s2, s3, lame_lambda, shear_modulus, row) -> (t1, t2, t3, region)`, s1 >= s2 >= s3, Pa, tension
-positive; t in the same order, region as in regions.py. Principal directions are kept. What is made here is not cached
-by itself, but with the kernels that call it.
+positive; t in the same order, region as in return_regions.py. Principal directions are kept. What is made here is not
+cached by itself, but with the kernels that call it.
 """
 
 from numba import njit
@@ -14,7 +14,7 @@ from mpm_core.constitutive.principal import (
     split_deviator,
     tensor_from_principal,
 )
-from mpm_core.constitutive.regions import ELASTIC
+from mpm_core.constitutive.return_regions import ELASTIC
 from mpm_core.simd.choices import choose
 
 

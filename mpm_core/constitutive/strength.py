@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from pipeline.errors import InputError
+from common.errors import InputError
 
 FRICTION_FACTOR, DILATION_FACTOR, UNCONFINED_STRENGTH, TENSILE_STRENGTH, APEX = range(5)
 ROW_LENGTH = 5

@@ -13,7 +13,7 @@ the return t is linear in s: differences of two returns are exact. A turn of the
 from numba import njit
 
 from mpm_core.constitutive.principal import principal_directions
-from mpm_core.constitutive.regions import ELASTIC
+from mpm_core.constitutive.return_regions import ELASTIC
 
 STEP = 1e-6  # of the stress: between two returns
 APART = 1e-8  # of the stress: principal values closer than this are one

@@ -1,7 +1,8 @@
 """Rock and fill as every scheme finds them: stress from motion, forces from stress, and what has flowed so far.
 
-A scheme moves the nodes of a body until its forces balance; how is the scheme's own (explicit.py, multigrid.py). The
-body says what follows: stress by the law of its rock, the unbalanced force, the energy on the way.
+A scheme moves the nodes of a body until its forces balance; how is the scheme's own (explicit_scheme.py,
+multigrid_scheme.py). The body says what follows: stress by the law of its rock, the unbalanced force, the energy on the
+way.
 
 The time step. For a cell of edge h the largest frequency is that of its dilation: K_e's largest eigenvalue over the
 mass at a corner is 4 (d lambda + 2 mu) / (rho h^2), in d dimensions. No frequency of the assembly exceeds the largest
@@ -23,19 +24,19 @@ counts. Those are the ends of increments and generations (`settle`).
 import numpy as np
 
 from mpm_core.equilibrium.convergence import NoRest
-from mpm_core.equilibrium.energy import Way, count_flow
-from mpm_core.kernels.flow import note_flow_start, take_back_flow
-from mpm_core.kernels.nodes import (
+from mpm_core.equilibrium.energy_balance import Way, count_flow
+from mpm_core.kernels.nodal_operations import (
     advance_nodes,
     collect_to_parents,
     largest_difference,
     particle_masses,
     spread_to_hanging,
 )
+from mpm_core.kernels.plastic_flow import note_flow_start, take_back_flow
 from mpm_core.kernels.resting import make_update
-from mpm_core.model import Model
-from mpm_core.particles import shapes_of
-from mpm_core.state import State, put_back
+from mpm_core.model.model import Model
+from mpm_core.model.particles import shapes_of
+from mpm_core.model.state import State, put_back
 
 TIME_STEP_SHARE = 0.98  # of the damped limit, 1 / sqrt(1 + c) of the undamped one
 FAILED_HOURGLASS = 0.01  # of the intact hourglass stiffness: a stiff one props failed rock up, as eight particles do.

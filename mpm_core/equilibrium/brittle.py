@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpm_core.equilibrium.body import Body
-from mpm_core.equilibrium.energy import dissipate, hourglass_energies
+from mpm_core.equilibrium.energy_balance import dissipate, hourglass_energies
 from mpm_core.equilibrium.perturbation import borne_overstress
 from mpm_core.kernels.failure import any_neighbor, make_drop, make_overstress_of, make_stands_above
-from mpm_core.model import Model
-from mpm_core.state import HOURGLASS, OVERSHOOT, SEISMIC, State
+from mpm_core.model.model import Model
+from mpm_core.model.state import HOURGLASS, OVERSHOOT, SEISMIC, State
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ steps, with a look after each: what then still fails is little, and is at rest a
 after each late failure, and to the full one for another look: twice the iterations in the demo mine.) A stage ends
 with a look at full tolerance.
 A failure is felt a few cells away. From fresh ones on it spreads in the part of the mine around them, the rest held
-still (part.py); what the whole mine at rest then lets fail is the next round. In a large mine that is most of the time.
-Intact rock is elastic in between, so what fails does not depend on the scheme's way to rest.
-At rest, before rock fails, cells that are too coarse for it are split (refinement.py), and rock comes to rest again.
+still (subdomain.py); what the whole mine at rest then lets fail is the next round. In a large mine that is most of the
+time. Intact rock is elastic in between, so what fails does not depend on the scheme's way to rest. At rest, before rock
+fails, cells that are too coarse for it are split (refinement.py), and rock comes to rest again.
 
 All rock above strength fails at once, or (solver.weakest_first) the weakest first: its failure may relieve the rest. A
 crack needs that. Its tip lifts all that surrounds it above strength; failing at once that is a crushed zone, no crack
@@ -23,11 +23,11 @@ import numpy as np
 from mpm_core.equilibrium.brittle import Brittle, fail, new_failures, weakest
 from mpm_core.equilibrium.convergence import History, NoRest
 from mpm_core.equilibrium.increments import Increments
-from mpm_core.equilibrium.part import Part
 from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
-from mpm_core.model import Model
+from mpm_core.equilibrium.subdomain import Part
+from mpm_core.model.model import Model
+from mpm_core.model.state import MOTION, REFINED, UNBALANCED, State, keep
 from mpm_core.settings import SolverSettings
-from mpm_core.state import MOTION, REFINED, UNBALANCED, State, keep
 
 TIGHTER = 4.0  # between two tolerances of the last increment
 PLASTIC_LOOSER, PLASTIC_TOLERANCE = 50.0, 0.05  # times the given one, to so much: where no rock loses strength
@@ -38,7 +38,7 @@ class Ramp:
     """What a stage changes, increment by increment.
 
     start, target (node, d) N: the external force; strain (d, d): of the boundary, from 0 to this; reference N: what
-    unbalanced forces are measured by, what this stage adds (see loading.measure).
+    unbalanced forces are measured by, what this stage adds (see external_forces.measure).
     """
 
     start: np.ndarray
@@ -65,7 +65,7 @@ class Refining(Protocol):
 
 
 class InDistrict(Protocol):
-    """The district that a step begins in (district.py).
+    """The district that a step begins in (stages/step_subdomain.py).
 
     share: of the whole mine's cells; waits: whether it is left, as too much rock near its border stands above strength.
     """

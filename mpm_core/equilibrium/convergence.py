@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.errors import InputError
+from common.errors import InputError
 
 PAUSE = 20.0  # s between two lines of the log on where a relaxation stands; the terminal shows the latest of them
 COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")

@@ -18,15 +18,15 @@ each and is 1.6 % apart. A member of an ensemble is loaded otherwise on purpose.
 
 import numpy as np
 
+from common.source_tensors import scalar_potency
+from common.voigt import tensor_from_voigt
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import Brittle, above_strength, new_failures
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.perturbation import delays, pace
 from mpm_core.kernels.failure import make_drop
-from mpm_core.model import Model
-from mpm_core.state import State
-from pipeline.source_tensors import scalar_potency
-from pipeline.voigt import tensor_from_voigt
+from mpm_core.model.model import Model
+from mpm_core.model.state import State
 
 WITHOUT_DROP = 4  # increments where no rock loses strength, or where particles move and cannot go back
 SMALLEST = 1.0 / 256.0  # of the load: never less

@@ -10,8 +10,8 @@ How many parts there are (solver.increments) moves all members alike, and is not
 import numpy as np
 
 from mpm_core.constitutive.laws import can_fail, law_of
-from mpm_core.model import Model
-from mpm_core.scene import Scene
+from mpm_core.model.model import Model
+from mpm_core.scene.scene import Scene
 
 LARGEST_OVERSTRESS = 0.01  # of cohesion, as the law of the rock has it: far less than is known of any rock's strength
 LARGEST_DELAY = 0.5  # of an increment: their order stays

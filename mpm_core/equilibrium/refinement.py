@@ -14,8 +14,8 @@ from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import around, code_of, families, family_codes, middles
 from mpm_core.kernels.failure import make_overstress_of
-from mpm_core.model import Model
-from mpm_core.state import State
+from mpm_core.model.model import Model
+from mpm_core.model.state import State
 
 NEAR = 0.25
 WORTH = 0.02  # of all cells: so many new ones are split at once; fewer wait until no other rock fails any more. A split

@@ -1,4 +1,4 @@
-"""What a stage asks of a scheme. That is a file: a class that offers this, named in mining.SCHEMES and the settings."""
+"""What a stage asks of a scheme: a file with a class that offers this, named in step_cells.SCHEMES and the settings."""
 
 from typing import Protocol, runtime_checkable
 
@@ -7,8 +7,8 @@ import numpy as np
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.convergence import History
-from mpm_core.equilibrium.part import Part
-from mpm_core.state import State
+from mpm_core.equilibrium.subdomain import Part
+from mpm_core.model.state import State
 
 
 class Scheme(Protocol):

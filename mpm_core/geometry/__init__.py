@@ -1,12 +1,12 @@
 """Excavations and rock bodies as triangle solids (segments in 2-D), and which cells lie inside. Knows no material.
 
-shapes.py, files.py (orientation.py: which way facets look) -> solids.py (volume.py) -> inside.py (winding.py: point
-inside; crossing.py: cell crossed by the surface).
+shapes.py, solid_files.py (orientation.py: which way facets look) -> solids.py (volume.py) -> inside.py (winding.py:
+point inside; crossing.py: cell crossed by the surface).
 """
 
-from mpm_core.geometry.files import read_solid
 from mpm_core.geometry.inside import CROSSED, INSIDE, OUTSIDE, classify_cells, contains, popcount, sample_mask
 from mpm_core.geometry.shapes import build_shape
+from mpm_core.geometry.solid_files import read_solid
 from mpm_core.geometry.solids import Outside, Solid
 
 __all__ = [

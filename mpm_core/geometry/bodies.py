@@ -5,7 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from pipeline.errors import InputError
+from common.errors import InputError
 
 EVERYTHING = "*"  # as element or layer: all of them, together one solid
 NAMES_SHOWN = 20

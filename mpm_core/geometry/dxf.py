@@ -1,6 +1,6 @@
 """Faces and closed polylines of DXF drawings, by layer, inserted blocks included, and the unit that the drawing names.
 
-Imports ezdxf, which takes half a second: only files.py imports this, where a drawing is read.
+Imports ezdxf, which takes half a second: only solid_files.py imports this, where a drawing is read.
 """
 
 import functools
@@ -18,8 +18,8 @@ from ezdxf.entities import DXFEntity
 from ezdxf.path import make_path
 from ezdxf.render import MeshBuilder
 
+from common.errors import InputError
 from mpm_core.geometry.bodies import EVERYTHING, Mesh, Part, triangles
-from pipeline.errors import InputError
 
 # $INSUNITS: metres of each unit that a mine could be drawn in
 UNITS = {

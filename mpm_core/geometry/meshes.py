@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from common.errors import InputError
 from mpm_core.geometry.bodies import EVERYTHING, Mesh, choose, join, triangles
-from pipeline.errors import InputError
 
 STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 STL_HEADER = 84  # bytes: 80 of text, then the number of triangles

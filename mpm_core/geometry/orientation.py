@@ -9,9 +9,9 @@ inverted and reaches out of what it lies in cannot be one, and is turned. What c
 import igl
 import numpy as np
 
+from common.errors import InputError
 from mpm_core.geometry.edges import Edges, edges_of, unique_rows
 from mpm_core.geometry.winding import winding_number_of
-from pipeline.errors import InputError
 
 DOUBT = 0.4  # of a patch's area that looks the other way: which of the two is meant cannot be told
 AROUND = 0.01  # of the solid's size: how far around its bounding box nothing may be inside

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.errors import InputError
+from common.errors import InputError
 
 BESIDE = 1e-6  # of the size of all lines: how far beside a piece one looks. What is thinner is not seen
 CHUNK = 1 << 22  # pairs of edges, or of a place and an edge, at once

@@ -1,16 +1,16 @@
 """Solids from a few numbers: box, tunnel, cylinder, sphere, prism; in 2-D box, circle, polygon.
 
 Curved surfaces are cut into enough facets that the plain inscribed ones would lose less than 0.1 % of the volume, and
-moved outward until the volume is exact. trimesh and ezdxf are imported where a shape needs them: see files.py.
+moved outward until the volume is exact. trimesh and ezdxf are imported where a shape needs them: see solid_files.py.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
+from common.errors import InputError
 from mpm_core.geometry.solids import Solid
 from mpm_core.geometry.tunnels import sweep_tunnel
-from pipeline.errors import InputError
 
 CIRCLE_SEGMENTS = 96  # inscribed, the polygon lacks 0.07 % of the circle
 SPHERE_SUBDIVISIONS = 5  # 20480 triangles; inscribed, they lack 0.054 % of the ball

@@ -5,9 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
+from common.errors import InputError
 from mpm_core.geometry.edges import edges_of, unique_rows
 from mpm_core.geometry.volume import open_volumes, volume_within
-from pipeline.errors import InputError
 
 OPEN_SIZES = np.array([0.6, 0.5, 0.4])
 

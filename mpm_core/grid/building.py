@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 import psutil
 
-from mpm_core.domain import marks_memory
+from common.errors import InputError
+from mpm_core.grid.domain import marks_memory
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.nodes import number_nodes
 from mpm_core.grid.octree import Classify, SplitMarks, leaves, mark_splits
-from pipeline.errors import InputError
 
 WORK_PER_CELL = 16
 """bytes per cell while nodes are numbered: levels and widths as int32, first cells of blocks"""
@@ -51,7 +51,7 @@ def _count(marks: SplitMarks) -> GridCount:
 def estimate_memory(cells: int, nodes: int, dimension: int = 3) -> GridMemory:
     """Bytes that a grid of so many cells and nodes takes, and the most that numbering its nodes takes beside them.
 
-    Split marks come on top (see mpm_core.domain.marks_memory), but are gone when nodes are numbered.
+    Split marks come on top (see mpm_core.grid.domain.marks_memory), but are gone when nodes are numbered.
     """
     int32 = np.dtype(np.int32).itemsize
     per_cell = int32 * (dimension + (1 << dimension)) + 1

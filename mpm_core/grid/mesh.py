@@ -49,7 +49,8 @@ FACES = {
 class MultiLevelGrid:
     """Square or cubic cells of several sizes that tile a box, 2:1 balanced over faces, edges and corners.
 
-    A district (district.py) tiles some of the box's base cells only, and is held still where the box goes on.
+    A district (stages/step_subdomain.py) tiles some of the box's base cells only, and is held still where the box goes
+    on.
 
     Arrays in "fine units" count finest cells from the lower corner of the domain: exact, and the basis of every
     comparison.
@@ -76,7 +77,7 @@ class MultiLevelGrid:
     """(node, 2^(d-1)) int32, -1 padded: a hanging node moves with the mean of its parents, 2 (middle of a coarser
     cell's edge, weight 1/2) or 4 (middle of its face, weight 1/4); parents never hang"""
     phantoms: int = 0
-    """how many of the last nodes stand where another does, see phantom_nodes.py"""
+    """how many of the last nodes stand where another does, see model/phantom_nodes.py"""
 
     @property
     def dimension(self) -> int:

@@ -15,7 +15,7 @@ from numba import njit, prange
 
 from mpm_core.constitutive.elastic import contraction, strain_from_stress
 from mpm_core.constitutive.general import strength_of
-from mpm_core.constitutive.regions import ELASTIC
+from mpm_core.constitutive.return_regions import ELASTIC
 
 
 @njit(error_model="numpy", inline="always")
@@ -86,12 +86,13 @@ def make_update(law, dimension: int):
     ):
         """Advance stress by `time_step` of nodal velocity and write the forces -B^T sigma V to the blocks' slots.
 
-        blocks (k,): which are updated; block_start, slot_start, cell_slots: see blocks.Scatter; cell_nodes, cell_slots
-        (cell, 2^d) in bit order (bit k of the corner: side along axis k); cell_size (cell,) m; cell_groups_start,
-        cell_groups, group_start, group_table: see particles.Particles; mode_values (point row, 2^d); velocity (node, d)
-        m/s; volume, material (particle,); elastic_constants (material, 2) lambda and mu, Pa; residual_rows (material,
-        column); failed (particle,) bool; insitu (particle, 6) Pa; hourglass_stiffness (cell,) N/m. In place: stress,
-        later_strain (particle, 6), hourglass_force (cell, 2^d - 1 - d, d) N, slot_force (slot, d) N.
+        blocks (k,): which are updated; block_start, slot_start, cell_slots: see block_scatter.Scatter; cell_nodes,
+        cell_slots (cell, 2^d) in bit order (bit k of the corner: side along axis k); cell_size (cell,) m;
+        cell_groups_start, cell_groups, group_start, group_table: see particles.Particles; mode_values (point row, 2^d);
+        velocity (node, d) m/s; volume, material (particle,); elastic_constants (material, 2) lambda and mu, Pa;
+        residual_rows (material, column); failed (particle,) bool; insitu (particle, 6) Pa; hourglass_stiffness (cell,)
+        N/m. In place: stress, later_strain (particle, 6), hourglass_force (cell, 2^d - 1 - d, d) N, slot_force (slot,
+        d) N.
         """
         for which in prange(len(blocks)):
             block = blocks[which]

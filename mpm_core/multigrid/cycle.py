@@ -13,9 +13,9 @@ import numpy as np
 from numba import njit
 
 from mpm_core.kernels.operator_rows import PROLONG, RESTRICT, mask, smooth_first, smooth_next, subtract
+from mpm_core.kernels.threads import threads_for
 from mpm_core.multigrid.level import Level
 from mpm_core.multigrid.stiff_bodies import StiffBodies
-from mpm_core.threads import threads_for
 
 DEGREE = {2: 2.4, 3: 1.2}
 """by dimension: degree of the polynomial over sqrt(c)"""

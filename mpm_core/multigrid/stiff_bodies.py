@@ -15,11 +15,11 @@ from scipy.sparse.linalg import splu
 from threadpoolctl import ThreadpoolController
 
 from mpm_core.kernels.operator_cells import sum_cell_stiffness
+from mpm_core.model.particles import mode_table
 from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.dissection import dissect
 from mpm_core.multigrid.level import Level
 from mpm_core.multigrid.stiffness import ElasticCells
-from mpm_core.particles import mode_table
 
 STIFF = 8.0  # times the host's stiffness; at 10 the V-cycle alone takes 6 to 10 iterations for 5 to 9, at 100 up to 68
 MOST_ENTRIES = 4_000_000  # of the factor: a second to make, a hundredth of that for each solution

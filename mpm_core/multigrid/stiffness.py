@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpm_core.kernels.operator_cells import sum_cell_stiffness
-from mpm_core.model import Model
+from mpm_core.model.model import Model
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 
 from catalogs.figures import style
-from pipeline.provenance import use_numba_cache
+from common.provenance import use_numba_cache
 from verification.studies import merge
 from workflow.configuration import load
 
@@ -29,9 +29,9 @@ FAILED = 363_000  # particles in cells of 0.3125 m and a stope of size 1: to kno
 
 def run(levels: int, size: float, folder: Path) -> dict[str, float]:
     """One step: cell m, failed particles, cells at its end, processor time s."""
-    from mpm_core.gridding import make_grid  # once the folder of kernels is named
-    from mpm_core.scene import parse_scene
-    from mpm_core.stages import elastic_stage, mining_step
+    from mpm_core.scene.scene import parse_scene
+    from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+    from mpm_core.stages.grid_stage import make_grid  # once the folder of kernels is named
 
     default = yaml.safe_load((ROOT / "config" / "default.yaml").read_text())
     values = yaml.safe_load((ROOT / "config" / "verification" / "refinement.yaml").read_text())["scene"]
@@ -70,7 +70,7 @@ def main() -> None:
     parser.add_argument("--largest", type=float, default=2e6, help="particles that may fail in a run")
     largest = parser.parse_args().largest
     use_numba_cache()
-    from mpm_core.threads import use_threads
+    from mpm_core.kernels.threads import use_threads
 
     use_threads(1)
     folder = ROOT / "results" / "benchmarks"

@@ -30,9 +30,9 @@ import numpy as np
 from numba import njit, prange
 
 from mpm_core.equilibrium.body import Body
-from mpm_core.equilibrium.moving import MovingBody
+from mpm_core.equilibrium.moving_scheme import MovingBody
 from mpm_core.grid import build_grid
-from mpm_core.model import Model
+from mpm_core.model.model import Model
 from tests.benchmarks.grid import overlaps_a_box
 from tests.mechanics.scenes import COULOMB, make_model, make_scene, uniform
 

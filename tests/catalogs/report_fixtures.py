@@ -12,8 +12,8 @@ import pandas as pd
 import xarray as xr
 
 from catalogs.comparison import compare
-from pipeline.datasets import write_dataset
-from pipeline.event_table import new_catalog
+from common.datasets import write_dataset
+from common.event_table import new_catalog
 
 LAME, SHEAR = 22.8e9, 22.8e9
 ORIGIN = np.array([10_000.0, 20_000.0, -1_060.0])  # mine coordinates, far from zero

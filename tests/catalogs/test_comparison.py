@@ -13,8 +13,8 @@ from catalogs.comparison_layout import FIELDS
 from catalogs.completeness import SEARCH_BIN_WIDTH
 from catalogs.locations import compare_locations
 from catalogs.size_measures import SIZE_BIN_WIDTH
-from pipeline.datasets import read_dataset, write_dataset
-from pipeline.errors import InputError
+from common.datasets import read_dataset, write_dataset
+from common.errors import InputError
 
 QUICK = {"resamplings": 199}
 
@@ -34,8 +34,8 @@ def test_bins_are_as_wide_as_the_file_says_and_large_catalogues_are_thinned(monk
         counts.extend([len(model), len(record)])
         return compare_locations(model, record, *rest, **settings)
 
-    monkeypatch.setattr("catalogs.measures.MAX_EVENTS_COMPARED", 100)
-    monkeypatch.setattr("catalogs.measures.compare_locations", counted)
+    monkeypatch.setattr("catalogs.place_and_axis_measures.MAX_EVENTS_COMPARED", 100)
+    monkeypatch.setattr("catalogs.place_and_axis_measures.compare_locations", counted)
     result = compare(catalog, as_record(catalog), QUICK)
     assert result.attrs["size_bin_width"] == SIZE_BIN_WIDTH
     np.testing.assert_allclose(np.diff(result["size_bin_lower"]), SIZE_BIN_WIDTH)

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from catalogs.records import elk_creek_reader as record
 from catalogs.records import read_record
-from pipeline.errors import InputError
-from pipeline.event_table import read_events, write_events
+from common.errors import InputError
+from common.event_table import read_events, write_events
 
 BOX = {"lower": [9800.0, 4200.0, 1400.0], "upper": [12800.0, 6500.0, 2100.0]}
 MONTHS = {"start": "2010-09-01", "end": "2011-01-01"}

@@ -13,8 +13,8 @@ from elk_creek_fixtures import ROOT, recorded_data, seam, write_tiny_mine
 from matplotlib.path import Path as Outline
 
 from catalogs.records import elk_creek_reader as record
+from common.errors import InputError
 from mpm_core.geometry.shapes import build_shape
-from pipeline.errors import InputError
 from workflow.mines import elk_creek as mine
 
 CONFIG = ROOT / "config/mines/elk_creek.yaml"

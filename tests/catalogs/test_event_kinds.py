@@ -13,7 +13,7 @@ from obspy.core.event.header import EventType
 from catalogs.quakeml import write_quakeml
 from catalogs.records import read_record
 from catalogs.records.event_kinds import EVENT_TYPE, NOT_SEISMIC_WORDS, SEISMIC_WORDS, is_left_out
-from pipeline.errors import InputError
+from common.errors import InputError
 
 QUAKEML = """<?xml version="1.0" encoding="utf-8"?>
 <q:quakeml xmlns:q="http://quakeml.org/xmlns/quakeml/1.2" xmlns="http://quakeml.org/xmlns/bed/1.2">

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR, compare, share_off
 from catalogs.report.page import write_report
-from pipeline.datasets import read_dataset, write_dataset
-from pipeline.errors import InputError
-from pipeline.event_table import new_catalog
+from common.datasets import read_dataset, write_dataset
+from common.errors import InputError
+from common.event_table import new_catalog
 
 STEPS = ["2019-08", "2019-09"]
 SETTINGS = {"mine": "testmine", "steps": STEPS, "cells": [2.0, 4.0]}

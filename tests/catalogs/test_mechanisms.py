@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from catalogs import mechanisms as m
 from catalogs.figures import stereonets
 from catalogs.mean_axes import CLUSTER, GIRDLE, UNIFORM, MeanAxis, describe_axes
-from pipeline.source_tensors import clear_axes, point_down, principal_axes
+from common.source_tensors import clear_axes, point_down, principal_axes
 
 UNIT = some.integers(0, 2**32 - 1).map(np.random.default_rng)
 

@@ -11,9 +11,9 @@ from test_comparison import QUICK, as_record
 
 from catalogs.comparison import compare
 from catalogs.members import read_members
-from pipeline.datasets import read_dataset
-from pipeline.errors import InputError
-from pipeline.event_table import write_events
+from common.datasets import read_dataset
+from common.errors import InputError
+from common.event_table import write_events
 
 STEPS = [
     {"name": "august", "start": "2019-08-01", "end": "2019-09-01"},

@@ -13,17 +13,17 @@ from obspy.io.quakeml.core import _validate
 from pyproj import CRS
 from scipy.stats import chi2, norm
 
-from catalogs.frame import MineFrame
+from catalogs.geographic_frame import MineFrame
 from catalogs.location_errors import location_errors
 from catalogs.location_uncertainty import location_uncertainty
 from catalogs.mechanisms import axis_from_trend_plunge
 from catalogs.quakeml import read_catalog, write_quakeml
 from catalogs.records import read_record
 from catalogs.sizes import estimate_b
-from pipeline.errors import InputError
-from pipeline.event_table import NAMES, new_catalog, write_events
-from pipeline.event_table import read_events as read_table
-from pipeline.source_tensors import moment_from_potency
+from common.errors import InputError
+from common.event_table import NAMES, new_catalog, write_events
+from common.event_table import read_events as read_table
+from common.source_tensors import moment_from_potency
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from test_record_readers import TABLE, settings_for
 
 from catalogs.records import read_record
 from catalogs.records.filters import MAX_WIDTHS_FROM_DOMAIN
-from pipeline.errors import InputError
+from common.errors import InputError
 
 MONTHS = {"start": "2019-08-01", "end": "2019-10-01"}
 HEADER = "\n".join(TABLE.splitlines()[:2])

@@ -13,7 +13,7 @@ from catalog_fixtures import SETTINGS, made_up_catalog
 
 from catalogs.quakeml import write_quakeml
 from catalogs.records import read_record
-from pipeline.errors import InputError
+from common.errors import InputError
 
 TABLE = """time,x,y,z,mw
 2019-08-01T12:00:00,100.5,200,300,-1.0

@@ -7,7 +7,7 @@ import pytest
 from catalog_fixtures import SETTINGS, SHEAR
 
 from catalogs.records import read_record
-from pipeline.errors import InputError
+from common.errors import InputError
 
 COLUMNS = {"time": "time", "x": "x", "y": "y", "z": "z", "mw": "mw"}
 PLAIN = "time,x,y,z,mw\n2019-08-01T12:00:00,100.5,200,300,-1.0\n2019-08-13T00:00:00.5,110,1200,300,0.5\n"

@@ -9,12 +9,12 @@ import xarray as xr
 from catalog_fixtures import FRAME, LAME, SETTINGS, SHEAR, made_up_catalog
 
 from catalogs.comparison import compare
-from catalogs.frame import MineFrame
+from catalogs.geographic_frame import MineFrame
 from catalogs.quakeml import UP_SOUTH_EAST
 from catalogs.records import READERS, read_record
 from catalogs.records.times import parse_time
-from pipeline.datasets import read_dataset, write_dataset
-from pipeline.errors import InputError
+from common.datasets import read_dataset, write_dataset
+from common.errors import InputError
 
 TABLE = """# a comment
 date,time of day,x,y,z,log P,quality

@@ -15,15 +15,15 @@ import yaml
 from matplotlib.collections import PathCollection
 
 from catalogs.comparison import compare
-from catalogs.figures import events, style
-from catalogs.report import energy as report_energy
+from catalogs.figures import events_figure, style
+from catalogs.report import energy_text as report_energy
 from catalogs.report import sections
 from catalogs.report.gallery import Gallery
 from catalogs.report.page import write_report
 from catalogs.report.text import between, config_lines, number
-from pipeline.costs import Costs
-from pipeline.datasets import read_dataset, write_dataset
-from pipeline.event_table import ON_PLANES, read_events, write_events
+from common.costs import Costs
+from common.datasets import read_dataset, write_dataset
+from common.event_table import ON_PLANES, read_events, write_events
 
 SMALL = {"coarse": 16.0}  # 4 m in the finest of three levels: about 4,000 cells
 SECTIONS = (
@@ -358,7 +358,7 @@ def test_undated_events_are_drawn(mine):
     record["time"].values[:] = np.datetime64("NaT")
     with style.applied():
         everything = {"Recorded": np.ones(record.sizes["event"], bool)}
-        figure = events.locations(read_dataset(mine.grid), {"Recorded": record}, everything, [])
+        figure = events_figure.locations(read_dataset(mine.grid), {"Recorded": record}, everything, [])
     assert [axes.get_title(loc="left").split("\n")[0] for axes in figure.axes[:3]] == ["Recorded"] * 3
 
 

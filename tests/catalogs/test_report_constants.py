@@ -5,12 +5,12 @@ import re
 import jinja2
 import pytest
 
-from catalogs.figures.record import EVENTS_PER_WINDOW
+from catalogs.figures.record_figure import EVENTS_PER_WINDOW
 from catalogs.figures.views import MIN_EXCAVATED_SHARE_DRAWN
 from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
 from catalogs.mean_axes import MAX_CONE
 from catalogs.report import page
-from catalogs.report.grid_convergence import MAX_ERROR_SHARE
+from catalogs.report.grid_convergence_text import MAX_ERROR_SHARE
 from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY
 
 LIMITS = {

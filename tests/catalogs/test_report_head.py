@@ -9,11 +9,11 @@ import report_fixtures as fixtures
 import xarray as xr
 from matplotlib import dates
 
-from catalogs.figures import events, panels, record, rock, sizes, style, views
+from catalogs.comparison_settings import InsituStress
+from catalogs.figures import events_figure, panels, record_figure, rock_figure, sizes_figure, style, views
 from catalogs.report.head import mined_volumes, missing_potency, step_rows
 from catalogs.report.inputs import Excavation
 from catalogs.report.insitu import insitu_axes
-from catalogs.settings import InsituStress
 
 
 def step(name: str, share: float, month: int) -> dict:
@@ -137,37 +137,37 @@ def test_record_in_time_adds_up_what_counts():
     recorded = events_of(10 ** generator.uniform(-3, -1, 300), days=generator.uniform(0, 59, 300))
     model = events_of([0.5, 0.25, 1e-4], ["a", "b", "b"])
     with style.applied():
-        figure = record.in_time(recorded, model, [step("a", 0.0, 1), step("b", 0.0, 2)], "Recorded", -2.0)
+        figure = record_figure.in_time(recorded, model, [step("a", 0.0, 1), step("b", 0.0, 2)], "Recorded", -2.0)
     below = figure.axes[1]
     ends = {line.get_label(): line.get_xydata()[-1] for line in below.get_lines()}
     potency = recorded["potency"].values
     assert ends["Recorded"][1] == pytest.approx(potency[potency >= 1e-2].sum())
     assert ends["Modelled, by step"].tolist() == [dates.date2num(np.datetime64("2019-03-01")), 0.75]
-    assert record.in_time(events_of([]), model, [], "Recorded", -2.0) is None
+    assert record_figure.in_time(events_of([]), model, [], "Recorded", -2.0) is None
 
 
 def test_completeness_in_time_follows_a_network_that_gets_better():
     """200 events from log P -2 on, then 200 from -3 on: fullest bins of exact power laws lie at their lower ends."""
     generator = np.random.default_rng(0)
     sizes = [start + generator.exponential(0.3, 200) for start in (-2.0, -3.0)]
-    middle, fullest = record.completeness(np.arange(400.0), np.concatenate(sizes))
+    middle, fullest = record_figure.completeness(np.arange(400.0), np.concatenate(sizes))
     assert np.all(np.abs(fullest[middle < 140] + 2.0) <= 0.3)
     assert np.all(np.abs(fullest[middle > 260] + 3.0) <= 0.3)
 
 
 def test_very_many_events_are_counted_per_square():
     grid = fixtures.make_grid(**{"coarse": 16.0})
-    place = np.tile(grid["cell_origin"].values.mean(axis=0), (events.MAX_EVENTS_DRAWN_SINGLY + 1, 1))
+    place = np.tile(grid["cell_origin"].values.mean(axis=0), (events_figure.MAX_EVENTS_DRAWN_SINGLY + 1, 1))
     catalog = events_of(np.ones(len(place))).assign(location=(("event", "xyz"), place))
     lower, upper = views.domain(grid)
     with style.applied():
         figure = style.new_figure()
         axes = figure.subplots()
-        events.draw_density(figure, axes, catalog, views.PLAN, lower, upper)
+        events_figure.draw_density(figure, axes, catalog, views.PLAN, lower, upper)
     (mesh,) = [artist for artist in axes.collections if artist.get_array() is not None]
-    assert events.is_crowd(catalog)
-    assert not events.is_crowd(catalog.isel(event=slice(events.MAX_EVENTS_DRAWN_SINGLY)))
-    assert np.nansum(mesh.get_array()) == events.MAX_EVENTS_DRAWN_SINGLY + 1
+    assert events_figure.is_crowd(catalog)
+    assert not events_figure.is_crowd(catalog.isel(event=slice(events_figure.MAX_EVENTS_DRAWN_SINGLY)))
+    assert np.nansum(mesh.get_array()) == events_figure.MAX_EVENTS_DRAWN_SINGLY + 1
     assert np.isfinite(mesh.get_array()).sum() == 1
 
 
@@ -197,11 +197,11 @@ def test_the_plan_has_north_up_and_equal_scales(east, north):
 )
 def test_marks_of_time_can_be_told_apart(days, title):
     """Two days read "02 Feb" twice. What the marks leave out stands above them."""
-    scale = events.Scale((-2.0, 0.0), (18293.25, 18293.25 + days))
+    scale = events_figure.Scale((-2.0, 0.0), (18293.25, 18293.25 + days))
     with style.applied():
         figure = style.new_figure(layout=None)
         bar = figure.add_axes([0.4, 0.3, 0.05, 0.6])
-        events._keys(figure, bar, scale, hollow=False)
+        events_figure._keys(figure, bar, scale, hollow=False)
         figure.canvas.draw()
         low, high = bar.get_ylim()
         marks = [mark.get_text() for mark in bar.get_yticklabels() if low <= mark.get_position()[1] <= high]
@@ -215,9 +215,9 @@ def test_panels_of_sizes_hold_the_counts_of_both():
     generator, catalogs = np.random.default_rng(0), []
     for count in (40, 4000):
         size = generator.exponential(0.5, count)
-        catalogs.append(sizes.Sizes("", "k", size, 0.9, (0.8, 1.0), np.log10(count), 0.0, np.zeros((3, 0))))
+        catalogs.append(sizes_figure.Sizes("", "k", size, 0.9, (0.8, 1.0), np.log10(count), 0.0, np.zeros((3, 0))))
     with style.applied():
-        figure = sizes.potency_frequency(catalogs)
+        figure = sizes_figure.potency_frequency(catalogs)
     for axes, count in zip(figure.axes, (40, 4000), strict=True):
         low, high = axes.get_ylim()
         assert low <= 1.0
@@ -234,8 +234,8 @@ def test_rock_above_strength_in_coarse_cells_is_not_shown_as_rock_that_fails_nex
     state["strength_factor"][:] = 0.9
     with style.applied():
         cuts = views.cuts(grid, state["position"].values, np.ones(grid.sizes["cell"]))[:1]
-        figure = rock.strength_factor(grid, state, cuts, [])
-    colour = np.array(style.mpl.colors.to_rgb(rock.TOO_COARSE))
+        figure = rock_figure.strength_factor(grid, state, cuts, [])
+    colour = np.array(style.mpl.colors.to_rgb(rock_figure.TOO_COARSE))
     drawn = [
         one
         for one in figure.axes[0].collections

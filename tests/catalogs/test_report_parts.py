@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from catalogs.figures import convergence
+from catalogs.figures import convergence_figure
 from catalogs.report import match, sections
-from catalogs.report import record as report_record
+from catalogs.report import record_text as report_record
 from catalogs.report.dilation import iso_share
 from catalogs.report.inputs import Excavation, read_resources
-from catalogs.report.scene import above_cap, by_step, far_field
+from catalogs.report.scene_text import above_cap, by_step, far_field
 from catalogs.report.text import events_by_step, number
-from pipeline.costs import Costs
+from common.costs import Costs
 
 
 def excavation(name: str, step: str, solid: float, drawn: float) -> Excavation:
@@ -93,8 +93,8 @@ def test_numbers_read_as_a_person_writes_them(value, expected):
 
 def test_iterations_run_on_where_the_counter_starts_anew():
     restarting = [0, 1, 2, 0, 1, 0, 5]
-    assert list(convergence.running_iteration(np.array(restarting))) == [0, 1, 2, 3, 4, 5, 10]
-    assert list(convergence.running_iteration(np.array([1, 2, 3, 1, 2]))) == [1, 2, 3, 4, 5]
+    assert list(convergence_figure.running_iteration(np.array(restarting))) == [0, 1, 2, 3, 4, 5, 10]
+    assert list(convergence_figure.running_iteration(np.array([1, 2, 3, 1, 2]))) == [1, 2, 3, 4, 5]
 
 
 def evidence_of(count: int, **attributes) -> SimpleNamespace:

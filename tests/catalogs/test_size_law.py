@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from catalogs import completeness as search
-from catalogs.settings import ComparisonSettings
+from catalogs.comparison_settings import ComparisonSettings
 from catalogs.size_law import FEW, NONE, POWER, TRUNCATED, find_law
 from catalogs.size_measures import fit
 from verification.statistics.samples import simulated_sizes

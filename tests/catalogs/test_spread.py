@@ -11,9 +11,9 @@ import xarray as xr
 from catalogs.report.page import write_report
 from catalogs.sizes import estimate_b
 from catalogs.spread import STATISTICS, gather, statistics
-from pipeline.datasets import read_dataset, write_dataset
-from pipeline.errors import InputError
-from pipeline.event_table import new_catalog, write_events
+from common.datasets import read_dataset, write_dataset
+from common.errors import InputError
+from common.event_table import new_catalog, write_events
 
 STEPS = ["2019-08", "2019-09"]
 SETTINGS = {"mine": "testmine", "members": 2, "largest_overstress": 0.03, "steps": STEPS}

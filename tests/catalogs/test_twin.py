@@ -5,9 +5,9 @@ import pytest
 
 from catalogs.records import read_record
 from catalogs.twin import write_twin
-from pipeline.errors import InputError
-from pipeline.event_table import new_catalog
-from pipeline.voigt import COMPONENTS
+from common.errors import InputError
+from common.event_table import new_catalog
+from common.voigt import COMPONENTS
 
 EVENTS, NOISE, CUT = 2000, 10.0, -2.0
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 
+from common.source_tensors import shear_iso_share, source_shares
 from mpm_core.constitutive import general
 from mpm_core.constitutive.elastic import lame_parameters, stress_increment
 from mpm_core.constitutive.laws.coulomb import return_to_surface
-from mpm_core.constitutive.returning import EDGE, ELASTIC, TENSION
+from mpm_core.constitutive.return_mapping import EDGE, ELASTIC, TENSION
 from mpm_core.constitutive.strength import residual_inside_intact, strength_row
-from pipeline.source_tensors import shear_iso_share, source_shares
 
-from . import twins
-from .twins import strength_rows, stresses
+from . import law_twins
+from .law_twins import strength_rows, stresses
 
 ROCK = lame_parameters(57e9, 0.25)  # lambda = G = 22.8 GPa
 INTACT = strength_row(30, 10, 2e6)
@@ -73,7 +73,7 @@ def test_tensile_drop_by_hand():
 
 def test_stress_below_intact_strength_drops_nothing_though_above_residual():
     stress = (-1e6, -1e6, -8e6, 0.0, 0.0, 0.0)
-    assert twins.overstress(stress, RESIDUAL) > 0.0
+    assert law_twins.overstress(stress, RESIDUAL) > 0.0
     nothing = (0.0,) * 6
     assert brittle_drop(*stress, *ROCK, INTACT, RESIDUAL) == (stress, stress, nothing, nothing, ELASTIC)
 
@@ -87,7 +87,7 @@ def test_strains_account_for_the_whole_stress_drop(stress, intact, residual):
     drop = stress_increment(*ROCK, *(np.array(overshoot) + np.array(seismic)))
     np.testing.assert_allclose(stress - drop, last, rtol=0, atol=1e-13 * np.abs(stress).max())
     for outcome, row in ((peak, intact), (last, intact)):
-        assert twins.overstress(outcome, row) <= 1e-11 * (row[0] + 1.0) * max(np.abs(outcome).max(), 1e-300)
+        assert law_twins.overstress(outcome, row) <= 1e-11 * (row[0] + 1.0) * max(np.abs(outcome).max(), 1e-300)
 
 
 @pytest.mark.parametrize("dilation", [0.0, 5.0, 10.0, 20.0])

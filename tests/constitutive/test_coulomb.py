@@ -16,11 +16,11 @@ from mpm_core.constitutive.laws.coulomb import (
     strength_factor,
     surely_admissible,
 )
-from mpm_core.constitutive.returning import APEX_REGION, EDGE, ELASTIC, FACE, TENSION
+from mpm_core.constitutive.return_mapping import APEX_REGION, EDGE, ELASTIC, FACE, TENSION
 from mpm_core.constitutive.strength import strength_row
 
-from . import twins
-from .twins import matrix, rotated, rotation_from, strength_rows, stresses
+from . import law_twins
+from .law_twins import matrix, rotated, rotation_from, strength_rows, stresses
 
 ROCK = lame_parameters(57e9, 0.25)
 TABLE_2 = strength_row(30, 10, 2e6)  # N = 3, unconfined strength 6.928 MPa
@@ -38,13 +38,13 @@ def test_returned_stress_is_finite_admissible_and_returned_no_further(stress, ro
     constants = lame_parameters(57e9, ratio)
     *returned, region = return_to_surface(*stress, *constants, row)
     assert np.all(np.isfinite(returned))
-    assert twins.overstress(returned, row) <= 1e-12 * size_of(returned, row)
+    assert law_twins.overstress(returned, row) <= 1e-12 * size_of(returned, row)
     assert return_to_surface(*returned, *constants, row) == (*returned, ELASTIC)
     if region == ELASTIC:
         assert np.array_equal(returned, stress)
-        assert twins.overstress(stress, row) <= 1e-12 * size_of(stress, row)
+        assert law_twins.overstress(stress, row) <= 1e-12 * size_of(stress, row)
     else:
-        assert twins.overstress(stress, row) > 0.0
+        assert law_twins.overstress(stress, row) > 0.0
 
 
 @given(stress=stresses(), row=strength_rows(), seed=st.integers(0, 10**6))
@@ -80,7 +80,7 @@ def test_plastic_flow_dissipates_where_dilation_is_at_most_friction(stress, row)
 @settings(max_examples=400, deadline=None)
 def test_early_exit_never_clears_a_stress_above_strength(stress, row):
     if surely_admissible(*stress, row):
-        assert twins.overstress(stress, row) <= 1e-12 * size_of(stress, row)
+        assert law_twins.overstress(stress, row) <= 1e-12 * size_of(stress, row)
 
 
 def test_early_exit_clears_all_lode_angles_just_inside_its_bound():
@@ -99,10 +99,10 @@ def test_early_exit_clears_all_lode_angles_just_inside_its_bound():
 @settings(max_examples=300, deadline=None)
 def test_overstress_and_strength_measures_agree_with_their_definitions(stress, row):
     """ESS and strength factor by search over planes and by shrinking the Mohr circle, with numpy's principal values."""
-    above = twins.overstress(stress, row)
+    above = law_twins.overstress(stress, row)
     assert overstress(*stress, row) == pytest.approx(above, rel=1e-9, abs=1e-13 * size_of(stress, row))
 
-    s1, _, s3 = twins.principal(stress)
+    s1, _, s3 = law_twins.principal(stress)
     phi = math.asin((row[0] - 1.0) / (row[0] + 1.0))
     cohesion = row[2] / (2.0 * math.sqrt(row[0]))
     twice_angle = np.linspace(0.0, math.pi, 20001)

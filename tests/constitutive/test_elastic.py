@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from common.errors import InputError
 from mpm_core.constitutive.elastic import energy_density, lame_parameters, strain_from_stress, stress_increment
-from pipeline.errors import InputError
 
-from .twins import components, matrix, stresses
+from .law_twins import components, matrix, stresses
 
 
 def test_lame_parameters_of_table_2_rock():

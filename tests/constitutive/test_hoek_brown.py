@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq, root
 
+from common.errors import InputError
 from mpm_core.constitutive.elastic import lame_parameters
 from mpm_core.constitutive.laws import hoek_brown
 from mpm_core.constitutive.laws.hoek_brown import (
@@ -28,12 +29,11 @@ from mpm_core.constitutive.laws.hoek_brown import (
     strength_row,
     surely_admissible,
 )
-from mpm_core.constitutive.regions import APEX_REGION, EDGE, ELASTIC, FACE, STRENGTH_FACTOR_CAP, TENSION
-from mpm_core.constitutive.returning import return_principal as coulomb_return
+from mpm_core.constitutive.return_mapping import return_principal as coulomb_return
+from mpm_core.constitutive.return_regions import APEX_REGION, EDGE, ELASTIC, FACE, STRENGTH_FACTOR_CAP, TENSION
 from mpm_core.constitutive.strength import strength_row as coulomb_row
-from pipeline.errors import InputError
 
-from .twins import components, magnitudes, matrix, principal, rotated, rotation_from, stiffness, stresses
+from .law_twins import components, magnitudes, matrix, principal, rotated, rotation_from, stiffness, stresses
 
 MEGA = 1e6
 ROWS = {

@@ -13,6 +13,7 @@ from mechanics.scenes import COULOMB, FILL
 from numba import njit
 from pydantic import TypeAdapter, ValidationError
 
+from common.setting_types import SI, told
 from mpm_core.constitutive import laws
 from mpm_core.constitutive.elastic import lame_parameters
 from mpm_core.constitutive.general import lane_by_lane
@@ -20,9 +21,8 @@ from mpm_core.constitutive.laws import LAWS, any_material, can_fail, coulomb, la
 from mpm_core.constitutive.mixture import mix
 from mpm_core.settings import ElasticMaterial
 from mpm_core.simd.lanes import LANES, load, load_row, store
-from pipeline.settings import SI, told
 
-from .twins import matrix
+from .law_twins import matrix
 
 ROCK = lame_parameters(57e9, 0.25)
 VON_MISES = {key: FILL[key] for key in ("youngs_modulus", "poisson_ratio", "density")} | {

@@ -14,7 +14,7 @@ from mpm_core.constitutive.principal import (
     tensor_from_principal,
 )
 
-from .twins import components, principal, rotated, rotation_from, stresses
+from .law_twins import components, principal, rotated, rotation_from, stresses
 
 ROUND_OFF = np.finfo(float).eps
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from numba import njit
 
+from common.errors import InputError
 from mpm_core.constitutive.general import strength_of
 from mpm_core.constitutive.laws.coulomb import overstress, return_to_surface
 from mpm_core.constitutive.strength import (
@@ -14,9 +15,8 @@ from mpm_core.constitutive.strength import (
     residual_outside_intact,
     strength_row,
 )
-from pipeline.errors import InputError
 
-from .twins import strength_rows
+from .law_twins import strength_rows
 
 
 @njit

@@ -8,6 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq, nnls
 
+from common.errors import InputError
 from mpm_core.constitutive.elastic import lame_parameters, strain_from_stress
 from mpm_core.constitutive.laws import coulomb, weak_planes
 from mpm_core.constitutive.laws.weak_planes import (
@@ -27,11 +28,10 @@ from mpm_core.constitutive.laws.weak_planes import (
     strength_factor,
     surely_admissible,
 )
-from mpm_core.constitutive.regions import EDGE, ELASTIC, FACE, STRENGTH_FACTOR_CAP
+from mpm_core.constitutive.return_regions import EDGE, ELASTIC, FACE, STRENGTH_FACTOR_CAP
 from mpm_core.constitutive.strength import DILATION_FACTOR, FRICTION_FACTOR, UNCONFINED_STRENGTH, strength_row
-from pipeline.errors import InputError
 
-from .twins import components, matrix, rotated, rotation_from, stresses
+from .law_twins import components, matrix, rotated, rotation_from, stresses
 
 MEGA = 1e6
 

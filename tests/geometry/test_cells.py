@@ -21,8 +21,8 @@ from mpm_core.geometry import (
     volume,
 )
 from mpm_core.geometry import inside as inside_module
-from tests.geometry import twins
-from tests.geometry.twins import cells, joined, moved, rotation
+from tests.geometry import solid_twins
+from tests.geometry.solid_twins import cells, joined, moved, rotation
 
 BOX = build_shape({"name": "box", "shape": "box", "lower": [-1, -2, -3], "upper": [1, 2, 3]}, 3)
 ORIGIN = np.zeros(3)
@@ -45,7 +45,9 @@ def test_classification_is_that_of_clipping_every_facet_by_every_cell(seed, stre
     """Turned boxes from slabs thinner than a cell to bars that leave the block of cells."""
     solid = moved(BOX, rotation(seed) * stretch, np.array(shift))
     index = cells(6, 6, 6)
-    np.testing.assert_array_equal(classify_cells(solid, ORIGIN, 1.0, index), twins.classify(solid, ORIGIN, 1.0, index))
+    np.testing.assert_array_equal(
+        classify_cells(solid, ORIGIN, 1.0, index), solid_twins.classify(solid, ORIGIN, 1.0, index)
+    )
 
 
 @settings(max_examples=15, deadline=None)
@@ -55,7 +57,7 @@ def test_plane_classification_is_that_of_clipping(points):
     solid = Solid("p", points, np.column_stack([ring, np.roll(ring, -1)]))
     index = cells(10, 10)
     np.testing.assert_array_equal(
-        classify_cells(solid, np.zeros(2), 1.0, index), twins.classify(solid, np.zeros(2), 1.0, index)
+        classify_cells(solid, np.zeros(2), 1.0, index), solid_twins.classify(solid, np.zeros(2), 1.0, index)
     )
 
 
@@ -91,7 +93,7 @@ def test_slab_thinner_than_a_cell_crosses_every_cell_on_its_way():
     solid = moved(solid, tilt)
     index = cells(10, 10, 10)
     crossed = classify_cells(solid, ORIGIN, 1.0, index) == CROSSED
-    np.testing.assert_array_equal(crossed, twins.classify(solid, ORIGIN, 1.0, index) == CROSSED)
+    np.testing.assert_array_equal(crossed, solid_twins.classify(solid, ORIGIN, 1.0, index) == CROSSED)
     columns = {tuple(cell[:2]) for cell in index[crossed]}
     assert columns == {(i, j) for i in range(1, 9) for j in range(1, 9)}
 

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from ezdxf.render import MeshBuilder
 
+from common.errors import InputError
 from mpm_core.geometry import Solid, build_shape, read_solid
-from pipeline.errors import InputError
 
 OFFSET = np.array([512000.0, 4096000.0, -250.0])
 BOX = build_shape({"name": "b", "shape": "box", "lower": [0, 0, 0], "upper": [8, 4, 2]}, 3)

@@ -11,11 +11,11 @@ import pytest
 import trimesh
 from ezdxf.render import MeshBuilder
 
-from mpm_core.domain import Domain
+from common.errors import InputError
 from mpm_core.geometry import Solid, build_shape, read_solid
 from mpm_core.geometry.inside import contains
-from mpm_core.gridding import read_solids
-from pipeline.errors import InputError
+from mpm_core.grid.domain import Domain
+from mpm_core.stages.grid_stage import read_solids
 from tests.geometry.test_files import write_dxf, write_omf
 
 BOX = build_shape({"name": "b", "shape": "box", "lower": [0, 0, 0], "upper": [8, 4, 2]}, 3)

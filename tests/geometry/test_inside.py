@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mpm_core.geometry import Solid, build_shape, contains
 from mpm_core.geometry import inside as inside_module
-from tests.geometry.twins import joined, moved, rotation, winding_number
+from tests.geometry.solid_twins import joined, moved, rotation, winding_number
 
 BOX = build_shape({"name": "box", "shape": "box", "lower": [-1, -2, -3], "upper": [1, 2, 3]}, 3)
 BALL = build_shape({"name": "ball", "shape": "sphere", "center": [0, 0, 0], "radius": 3}, 3)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from common.errors import InputError
 from mpm_core.geometry import Solid, build_shape, contains, read_solid
-from pipeline.errors import InputError
-from tests.geometry.twins import joined, moved
+from tests.geometry.solid_twins import joined, moved
 
 BALL = Solid("ball", (ball := trimesh.creation.icosphere(subdivisions=3)).vertices * 4.0, ball.faces)
 CUBE = build_shape({"name": "cube", "shape": "box", "lower": [0, 0, 0], "upper": [4, 4, 4]}, 3)

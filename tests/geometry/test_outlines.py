@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from common.errors import InputError
 from mpm_core.geometry import outlines
 from mpm_core.geometry.outlines import check_simple, is_convex, nest
-from pipeline.errors import InputError
 
 
 def square(half: float, z: float) -> np.ndarray:

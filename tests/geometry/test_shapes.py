@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from common.errors import InputError
 from mpm_core.geometry import Solid, build_shape, contains
-from pipeline.errors import InputError
 
 RAMP = [[0, 0, 0], [40, 0, 0], [70, 30, 0], [70, 80, 0]]
 BEND_3D = [

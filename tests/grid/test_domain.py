@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_core.domain import base_cells
-from pipeline.errors import InputError
-from pipeline.quantities import parse_quantity
+from common.errors import InputError
+from common.quantities import parse_quantity
+from mpm_core.grid.domain import base_cells
 
 
 @settings(max_examples=300, deadline=None)

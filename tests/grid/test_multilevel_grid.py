@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from slow_grid import Boxes
 
+from common.errors import InputError
 from mpm_core.grid import CORNERS, build_grid, building, estimate_memory
 from mpm_core.grid.mesh import EDGES, FACES
-from pipeline.errors import InputError
 
 ORIGIN = np.array([100.0, -40.0, 12.5])
 

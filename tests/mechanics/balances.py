@@ -1,7 +1,7 @@
 """Small scenes whose energy is balanced: a quarter of a tunnel, or an eighth of a sphere."""
 
 from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_dataset, make_scene, uniform
-from mpm_core.stages import elastic_stage, mining_step
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
 A, PRESSURE = 6.0, 30e6
 SYMMETRY = {"x_lower": "roller", "y_lower": "roller", "z_lower": "roller"}

@@ -1,6 +1,6 @@
 """A checkpoint whose stage dies after so many generations."""
 
-from mpm_core.checkpoint import Checkpoint
+from mpm_core.stages.checkpoint import Checkpoint
 
 
 class Killed(Exception):

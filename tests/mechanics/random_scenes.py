@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mpm_core.scene import FACES, Scene
-from mpm_core.stages import LEAST_STAYS, elastic_stage, mining_step
-from pipeline.errors import InputError
+from common.errors import InputError
+from mpm_core.scene.scene import FACES, Scene
+from mpm_core.stages.equilibrium_stages import LEAST_STAYS, elastic_stage, mining_step
 from tests.mechanics.scenes import COULOMB, HOST, ball, box, excavation, grid_around, make_dataset, make_scene, uniform
 
 CONDITIONS = ("fixed", "roller", "traction", "free")

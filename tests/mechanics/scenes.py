@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from mpm_core.datasets import grid_dataset
 from mpm_core.equilibrium.convergence import History
-from mpm_core.equilibrium.explicit import ExplicitScheme
+from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
+from mpm_core.files.state_datasets import grid_dataset
 from mpm_core.grid import MultiLevelGrid, build_grid
-from mpm_core.loading import external_force
-from mpm_core.model import Model, build_model
-from mpm_core.occupancy import SAMPLES, Pieces, Places
-from mpm_core.particles import point_table
-from mpm_core.scene import FACES, Scene, parse_scene
+from mpm_core.model.model import Model, build_model
+from mpm_core.model.occupancy import SAMPLES, Pieces, Places
+from mpm_core.model.particles import point_table
+from mpm_core.scene.scene import FACES, Scene, parse_scene
+from mpm_core.stages.external_forces import external_force
 
 HOST = {"model": "elastic", "youngs_modulus": 57e9, "poisson_ratio": 0.25, "density": 2850.0}
 FILL = {"model": "elastic", "youngs_modulus": 1e9, "poisson_ratio": 0.25, "density": 1750.0}

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from common.errors import InputError
 from mechanics.scenes import COULOMB, HOST, make_scene
-from mpm_core.gridding import make_grid
-from mpm_core.stages import elastic_stage, mining_step
-from pipeline.errors import InputError
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+from mpm_core.stages.grid_stage import make_grid
 
 RADIUS = 9.0
 HARDLY_SOFTER = COULOMB | {  # the usual residual strength would bring the whole disc down under a load that stays

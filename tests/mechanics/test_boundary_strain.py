@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from common.datasets import read_dataset, write_dataset
+from common.errors import InputError
 from mechanics.scenes import (
     COULOMB,
     HOST,
@@ -19,11 +21,9 @@ from mechanics.scenes import (
     random_grid,
     uniform,
 )
-from mpm_core.datasets import grid_dataset
-from mpm_core.occupancy import Places
-from mpm_core.stages import elastic_stage, mining_step
-from pipeline.datasets import read_dataset, write_dataset
-from pipeline.errors import InputError
+from mpm_core.files.state_datasets import grid_dataset
+from mpm_core.model.occupancy import Places
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
 AXES = {"xz": [0, 2], "xy": [0, 1], None: [0, 1, 2]}
 IN_PLANE = {"xz": [0, 2, 4], "xy": [0, 1, 5], None: range(6)}

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 import pytest
 
+from common.errors import InputError
 from mechanics.scenes import (
     COULOMB,
     ball,
@@ -19,17 +20,16 @@ from mechanics.scenes import (
 )
 from mpm_core.constitutive.elastic import strain_from_stress
 from mpm_core.constitutive.laws.coulomb import overstress
-from mpm_core.datasets import read_grid, read_pieces
 from mpm_core.equilibrium.body import FAILED_HOURGLASS
 from mpm_core.equilibrium.brittle import above_strength, fail, find_brittle, new_failures, weakest
 from mpm_core.equilibrium.cascade import Ramp, run_cascade
 from mpm_core.equilibrium.convergence import History
-from mpm_core.equilibrium.explicit import ExplicitScheme
+from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
+from mpm_core.files.state_datasets import read_grid, read_pieces
 from mpm_core.grid.adjacency import face_neighbors, holding_cells
-from mpm_core.kernels import blocks
-from mpm_core.stages import elastic_stage, mining_step
-from mpm_core.state import HOURGLASS, OVERSHOOT, SEISMIC
-from pipeline.errors import InputError
+from mpm_core.kernels import block_scatter
+from mpm_core.model.state import HOURGLASS, OVERSHOOT, SEISMIC
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
 PLANES = {2: "xz", 3: None}
 
@@ -231,7 +231,7 @@ def test_a_perfectly_plastic_tunnel_closes_alike_in_two_parts_and_in_many(tmp_pa
 
 def test_a_cascade_has_the_same_bits_on_one_thread_and_two(tmp_path, monkeypatch):
     """Elastic state, cascade and final state, blocks of 16 cells."""
-    monkeypatch.setattr(blocks, "CELLS_PER_BLOCK", 16)
+    monkeypatch.setattr(block_scatter, "CELLS_PER_BLOCK", 16)
     results = []
     for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS), 1):
         numba.set_num_threads(threads)

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from common.datasets import read_dataset, write_dataset
 from mechanics.scenes import (
     COULOMB,
     ball,
@@ -18,12 +19,11 @@ from mechanics.scenes import (
     pieces_of,
     uniform,
 )
-from mpm_core import stages
 from mpm_core.equilibrium.cascade import run_cascade
-from mpm_core.occupancy import FULL, ROCK, SAMPLES, SLIVER, Loose, Pieces, changes_of
-from mpm_core.particles import seed, volumes
-from mpm_core.stages import elastic_stage, mining_step
-from pipeline.datasets import read_dataset, write_dataset
+from mpm_core.model.occupancy import FULL, ROCK, SAMPLES, SLIVER, Loose, Pieces, changes_of
+from mpm_core.model.particles import seed, volumes
+from mpm_core.stages import equilibrium_stages
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
 SHAPES = [ball([18.0, 20.0], 4.3), ball([25.0, 20.0], 4.6)]
 STRESS = uniform(-20e6, -12e6, -10e6, 0.0, 3e6)
@@ -253,7 +253,7 @@ def test_a_step_starts_from_the_rest_of_the_step_before(tmp_path, monkeypatch):
         starts.append((np.linalg.norm(unbalanced), np.linalg.norm(ramp.target - ramp.start), ramp.reference))
         return run_cascade(scheme, brittle, ramp, *others)
 
-    monkeypatch.setattr(stages, "run_cascade", look_first)
+    monkeypatch.setattr(equilibrium_stages, "run_cascade", look_first)
     states = chain(tmp_path, [(0, "fill", 1), (1, None, 1)], 2, host=COULOMB, solver={"hourglass": 0.3})
     assert (states[1].failed >= 0).any()
     failed = np.flatnonzero(states[1].failed.values >= 0)

@@ -6,12 +6,12 @@ import sys
 import numpy as np
 import pytest
 
+from common.datasets import write_dataset
 from mechanics.killed import Killed, KilledAfter
 from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_dataset, make_scene, uniform
-from mpm_core.checkpoint import Checkpoint, key_of
 from mpm_core.equilibrium.convergence import History
-from mpm_core.stages import elastic_stage, mining_step
-from pipeline.datasets import write_dataset
+from mpm_core.stages.checkpoint import Checkpoint, key_of
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
 HOLES = [ball([14.0, 20.0], 4.0), ball([25.0, 20.0], 4.0)]
 

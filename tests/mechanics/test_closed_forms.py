@@ -13,7 +13,7 @@ from mechanics.scenes import (
     solve,
     uniform,
 )
-from mpm_core.loading import external_force
+from mpm_core.stages.external_forces import external_force
 
 SYMMETRY = {"x_lower": "roller", "y_lower": "roller", "z_lower": "roller"}
 PRESSURE = 30e6

@@ -7,8 +7,8 @@ import pytest
 
 from mechanics.balances import NOTHING, PLANES, PLASTIC, PRESSURE, WEAK, A, mined
 from mechanics.scenes import COULOMB, HOST, grid_around, make_dataset, make_scene, uniform
-from mpm_core.equilibrium import explicit
-from mpm_core.stages import elastic_stage, mining_step
+from mpm_core.equilibrium import explicit_scheme
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
 SHEAR = HOST["youngs_modulus"] / (2 * (1 + HOST["poisson_ratio"]))
 BULK = HOST["youngs_modulus"] / (3 * (1 - 2 * HOST["poisson_ratio"]))
@@ -139,7 +139,7 @@ def test_a_relaxation_that_is_settled_on_its_way_counts_what_its_forces_do(strai
     """Long relaxations by time steps count flow anew before they are at rest. What is unbalanced there does work, too:
     without it 2 to 20 % of the balance were open."""
     options = ROCK | {"scheme": "explicit", "strain": strain}
-    monkeypatch.setattr(explicit, "FLOW_FROM", 40)
+    monkeypatch.setattr(explicit_scheme, "FLOW_FROM", 40)
     facts = facts_of(tmp_path, **options)
     assert facts["iterations"] > 10 * 40
     assert facts["energy_left_share"] < CLOSED

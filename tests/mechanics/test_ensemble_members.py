@@ -25,8 +25,8 @@ from mpm_core.constitutive.laws.coulomb import overstress
 from mpm_core.equilibrium.brittle import above_strength, find_brittle, new_failures, weakest
 from mpm_core.equilibrium.perturbation import LARGEST_OVERSTRESS, borne_overstress, delays
 from mpm_core.grid.adjacency import face_neighbors
-from mpm_core.kernels import blocks
-from mpm_core.stages import elastic_stage, mining_step
+from mpm_core.kernels import block_scatter
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
 WEAK = COULOMB | {"cohesion": {"intact": 1e6, "residual": 0.5e6}}
 
@@ -149,7 +149,7 @@ def test_member_zero_is_the_run_without_members_to_the_last_bit(tmp_path):
 
 
 def test_a_member_has_the_same_bits_on_one_thread_and_two(tmp_path, monkeypatch):
-    monkeypatch.setattr(blocks, "CELLS_PER_BLOCK", 16)
+    monkeypatch.setattr(block_scatter, "CELLS_PER_BLOCK", 16)
     results = []
     for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
         numba.set_num_threads(threads)

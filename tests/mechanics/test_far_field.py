@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_core.domain import base_cells, marks_memory
-from mpm_core.far_field import (
+from mpm_core.grid.domain import base_cells, marks_memory
+from mpm_core.scene.far_field import (
     LARGEST_MARKS,
     MEMORY,
     MOST_ERROR,

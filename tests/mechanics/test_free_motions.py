@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from common.errors import InputError
 from mpm_core.equilibrium.convergence import History, norm
-from mpm_core.equilibrium.explicit import ExplicitScheme
-from mpm_core.equilibrium.multigrid import MultigridScheme
-from mpm_core.loading import external_force
-from mpm_core.rigid import free_motions, unit_motions
-from mpm_core.scene import FACES
-from mpm_core.stages import elastic_stage
-from pipeline.errors import InputError
+from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
+from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
+from mpm_core.model.rigid_motions import free_motions, unit_motions
+from mpm_core.scene.scene import FACES
+from mpm_core.stages.equilibrium_stages import elastic_stage
+from mpm_core.stages.external_forces import external_force
 from tests.mechanics.scenes import ball, excavation, grid_around, make_dataset, make_model, make_scene, uniform
 
 CONDITIONS = ("fixed", "roller", "traction", "free")

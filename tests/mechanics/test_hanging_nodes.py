@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mechanics.scenes import constrain, make_model, make_scene, random_grid
-from mpm_core.equilibrium.explicit import ExplicitScheme
-from mpm_core.kernels import blocks
-from mpm_core.kernels.nodes import collect_to_parents, spread_to_hanging
+from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
+from mpm_core.kernels import block_scatter
+from mpm_core.kernels.nodal_operations import collect_to_parents, spread_to_hanging
 
 PLANES = {2: "xz", 3: None}
 GRIDS = st.tuples(st.sampled_from([2, 3]), st.integers(0, 10_000))
@@ -95,9 +95,9 @@ def test_mass_and_momentum_of_particles_arrive_at_free_nodes(dimension, per_edge
 @pytest.mark.parametrize("block", [1, 7, 2048])
 def test_block_scatter_is_plain_assembly(block, monkeypatch):
     """Random corner forces, summed into slots of blocks of any size, equal np.add.at and C^T."""
-    monkeypatch.setattr(blocks, "CELLS_PER_BLOCK", block)
+    monkeypatch.setattr(block_scatter, "CELLS_PER_BLOCK", block)
     grid = random_grid(np.random.default_rng(8), 3)
-    scatter = blocks.build_scatter(grid.vtk_nodes, grid.node_parents)
+    scatter = block_scatter.build_scatter(grid.vtk_nodes, grid.node_parents)
     assert len(scatter.block_start) == 1 + -(-len(grid.vtk_nodes) // block)
     corner_force = np.random.default_rng(9).normal(size=grid.vtk_nodes.shape)
     slots = np.zeros(scatter.slots)
@@ -119,7 +119,7 @@ def test_block_scatter_is_plain_assembly(block, monkeypatch):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_relaxation_has_the_same_bits_on_one_thread_and_two(dimension, monkeypatch):
     """Blocks of 16 cells, so that two threads have work: stress, displacement and forces agree bit for bit."""
-    monkeypatch.setattr(blocks, "CELLS_PER_BLOCK", 16)
+    monkeypatch.setattr(block_scatter, "CELLS_PER_BLOCK", 16)
     from mechanics.scenes import ball, excavation, grid_around, solve, uniform
 
     shape = ball([16.0] * dimension, 5.0)

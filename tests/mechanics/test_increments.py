@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from mechanics.killed import Killed, KilledAfter
 from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_dataset, make_scene, uniform
-from mpm_core.checkpoint import Checkpoint
 from mpm_core.equilibrium import cascade
 from mpm_core.equilibrium.brittle import fail
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.increments import Increments, increment_error, overshoot_of_next, potency
 from mpm_core.equilibrium.perturbation import pace
-from mpm_core.stages import elastic_stage, mining_step
+from mpm_core.stages.checkpoint import Checkpoint
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
 HOLE, STRESS = [ball([40.0, 40.0], 5.0)], uniform(-30e6, -20e6, -18e6, 0.0, 3e6)
 STRONG = COULOMB | {"cohesion": {"intact": 1e9, "residual": 1e9}}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from numba.core.dispatcher import Dispatcher
 
-from mpm_core.equilibrium.moving import MovingBody
+from mpm_core.equilibrium.moving_scheme import MovingBody
 from tests.mechanics.scenes import COULOMB, grid_around, make_model, make_scene
 
 ROOT = Path(__file__).parents[2]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from common.setting_types import SI
 from mechanics import von_mises
 from mechanics.scenes import (
     COULOMB,
@@ -19,11 +20,10 @@ from mechanics.scenes import (
 )
 from mpm_core.constitutive import laws
 from mpm_core.constitutive.laws import coulomb
-from mpm_core.datasets import read_grid, read_state
-from mpm_core.ground import Ground
-from mpm_core.occupancy import Loose
-from mpm_core.stages import elastic_stage, mining_step
-from pipeline.settings import SI
+from mpm_core.files.state_datasets import read_grid, read_state
+from mpm_core.model.occupancy import Loose
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+from mpm_core.stages.ground import Ground
 
 YIELD = {"intact": 16e6, "residual": 14e6}
 VON_MISES = von_mises.Material.model_validate(

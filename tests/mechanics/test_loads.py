@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from common.errors import InputError
 from mechanics.scenes import (
     COULOMB,
     FILL,
@@ -20,10 +21,9 @@ from mechanics.scenes import (
     solve,
     uniform,
 )
-from mpm_core.equilibrium.explicit import ExplicitScheme
-from mpm_core.loading import external_force, load_force
-from mpm_core.stages import elastic_stage, mining_step
-from pipeline.errors import InputError
+from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+from mpm_core.stages.external_forces import external_force, load_force
 
 DIMENSIONS = [("xz", 2), (None, 3)]
 WEIGHT = {"constant": [0.0] * 6, "gradient": [-0.0249e6, -0.0363e6, -0.0278e6, 0.0, 0.0, 0.0]}

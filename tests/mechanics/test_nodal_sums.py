@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mpm_core.equilibrium.body import nodal_mass
-from mpm_core.kernels.nodes import sizes
+from mpm_core.kernels.nodal_operations import sizes
 from tests.mechanics.scenes import ball, excavation, grid_around, make_model, make_scene
 
 

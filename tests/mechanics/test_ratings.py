@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from common.errors import InputError
 from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_model, make_scene, uniform
-from mpm_core.stages import failed_at_boundary, refuse_overstressed_virgin, truncation
-from pipeline.errors import InputError
+from mpm_core.stages.equilibrium_stages import failed_at_boundary, refuse_overstressed_virgin, truncation
 
 
 def test_truncated_share_is_of_all_rock_above_strength():

@@ -4,6 +4,7 @@ import numba
 import numpy as np
 import pytest
 
+from common.datasets import write_dataset
 from mechanics.killed import Killed, KilledAfter
 from mechanics.scenes import (
     COULOMB,
@@ -15,8 +16,6 @@ from mechanics.scenes import (
     make_scene,
     uniform,
 )
-from mpm_core import mining
-from mpm_core.checkpoint import Checkpoint
 from mpm_core.equilibrium import cascade
 from mpm_core.equilibrium.brittle import above_strength, find_brittle
 from mpm_core.equilibrium.convergence import NoRest
@@ -24,10 +23,11 @@ from mpm_core.equilibrium.refinement import RINGS, Refinement
 from mpm_core.grid import build_grid
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.splitting import split
-from mpm_core.ground import Ground
-from mpm_core.occupancy import Loose
-from mpm_core.stages import elastic_stage, mining_step
-from pipeline.datasets import write_dataset
+from mpm_core.model.occupancy import Loose
+from mpm_core.stages import step_cells
+from mpm_core.stages.checkpoint import Checkpoint
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+from mpm_core.stages.ground import Ground
 
 ADAPTIVE = {"rings": 1, "max_cells": 10**6, "bodies": []}
 STRESS = uniform(-30e6, -20e6, -18e6, 0.0, 3e6)
@@ -241,7 +241,7 @@ def test_little_rock_waits_without_a_split_while_another_look_follows(tmp_path, 
 
     results = []
     for patience in (0.0, 0.1):
-        monkeypatch.setattr(mining, "PATIENCE", patience)
+        monkeypatch.setattr(step_cells, "PATIENCE", patience)
         results.append(run(adaptive_scene(solver=BRITTLE), grid_of(HOLES[:1], rings=0), tmp_path)[1])
     impatient, patient = results
     assert patient["cell_splits"] < impatient["cell_splits"]

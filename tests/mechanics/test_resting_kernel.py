@@ -15,8 +15,8 @@ from mechanics.scenes import (
     random_grid,
 )
 from mpm_core.equilibrium.body import Body
-from mpm_core.occupancy import SAMPLES
-from mpm_core.particles import owned_samples, point_table
+from mpm_core.model.occupancy import SAMPLES
+from mpm_core.model.particles import owned_samples, point_table
 
 PLANES = {2: "xz", 3: None}
 CASES = [(2, 1, "mean"), (2, 3, "mean"), (3, 1, "mean"), (3, 2, "mean"), (2, 1, "subdivide")]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_model, make_scene, uniform
-from mpm_core.checkpoint import Checkpoint
-from mpm_core.datasets import read_state, state_dataset
 from mpm_core.equilibrium.convergence import History
-from mpm_core.model import Model
-from mpm_core.state import ARRAYS, Extent, State, keep, put_back
+from mpm_core.files.state_datasets import read_state, state_dataset
+from mpm_core.model.model import Model
+from mpm_core.model.state import ARRAYS, Extent, State, keep, put_back
+from mpm_core.stages.checkpoint import Checkpoint
 
 
 def random_state(dimension: int) -> tuple[Model, State]:

@@ -5,7 +5,7 @@ import pytest
 
 from mechanics.scenes import HOST, ball, constrain, excavation, grid_around, make_model, make_scene
 from mpm_core.equilibrium.body import Body
-from mpm_core.kernels.nodes import spread_to_hanging
+from mpm_core.kernels.nodal_operations import spread_to_hanging
 
 PLANES = {2: "xz", 3: None}
 

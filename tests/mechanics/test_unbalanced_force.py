@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_dataset, make_scene, uniform
-from mpm_core.datasets import read_grid
-from mpm_core.ground import Ground
-from mpm_core.loading import external_force
-from mpm_core.occupancy import Loose
-from mpm_core.stages import elastic_stage, mining_step
+from mpm_core.files.state_datasets import read_grid
+from mpm_core.model.occupancy import Loose
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+from mpm_core.stages.external_forces import external_force
+from mpm_core.stages.ground import Ground
 
 CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # VTK order
 ADAPTIVE = {"rings": 1, "max_cells": 10**6, "bodies": []}

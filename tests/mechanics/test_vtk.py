@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from mechanics.scenes import ball, excavation, grid_around, make_dataset, make_scene, uniform
-from mpm_core.datasets import read_grid, read_pieces
+from mpm_core.files.state_datasets import read_grid, read_pieces
+from mpm_core.files.state_vtk import main_excavation, principal, write_solids, write_vtu
 from mpm_core.geometry import Outside, build_shape
 from mpm_core.grid.adjacency import holding_cells
-from mpm_core.occupancy import Places
-from mpm_core.stages import elastic_stage
-from mpm_core.vtk import main_excavation, principal, write_solids, write_vtu
+from mpm_core.model.occupancy import Places
+from mpm_core.stages.equilibrium_stages import elastic_stage
 
 PARAVIEW = ("xx", "yy", "zz", "xy", "yz", "xz")  # what ParaView calls the components of an array of six
 

@@ -18,9 +18,9 @@ from mechanics.scenes import (
     solve,
     uniform,
 )
-from mpm_core.loading import external_force
-from mpm_core.scene import Excavation
-from mpm_core.stages import elastic_stage, mining_step
+from mpm_core.scene.scene import Excavation
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+from mpm_core.stages.external_forces import external_force
 from verification.kirsch.closed_form import InfinitePlate
 
 DIMENSIONS = [("xy", 2), (None, 3)]

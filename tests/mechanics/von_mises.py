@@ -11,11 +11,11 @@ import numpy as np
 from numba import njit
 from pydantic import model_validator
 
+from common.setting_types import Settings, Unit, refusal
 from mpm_core.constitutive.general import lane_by_lane, tangent_by_differences
 from mpm_core.constitutive.principal import split_deviator
-from mpm_core.constitutive.regions import ADMISSIBLE_ROUND_OFF, ELASTIC, FACE, STRENGTH_FACTOR_CAP
+from mpm_core.constitutive.return_regions import ADMISSIBLE_ROUND_OFF, ELASTIC, FACE, STRENGTH_FACTOR_CAP
 from mpm_core.settings import MaterialSettings
-from pipeline.settings import Settings, Unit, refusal
 
 NAME = "von_mises"
 ROW_LENGTH = 1

@@ -4,12 +4,12 @@ import numba
 import numpy as np
 import pytest
 
-from mpm_core.equilibrium.moving import MovingBody
+from common.errors import InputError
+from mpm_core.equilibrium.moving_scheme import MovingBody
 from mpm_core.grid.adjacency import leaf_lookup
 from mpm_core.kernels.relocation import relocate, sort_by_cell
-from pipeline.errors import InputError
 from tests.mechanics.scenes import COULOMB, ball, grid_around, make_model, make_scene, random_grid, uniform
-from tests.mechanics_moving.twins import SlowParticles, cell_of, slow_step
+from tests.mechanics_moving.cycle_twins import SlowParticles, cell_of, slow_step
 
 PLANES = {2: "xz", 3: None}
 

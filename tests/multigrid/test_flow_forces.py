@@ -5,8 +5,8 @@ import copy
 import numpy as np
 import pytest
 
-from mpm_core.equilibrium.explicit import ExplicitScheme
-from mpm_core.equilibrium.multigrid import MultigridScheme
+from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
+from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
 from tests.mechanics.scenes import COULOMB
 from tests.multigrid.test_operator import scene_with_everything
 

@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from mpm_core.equilibrium.explicit import ExplicitScheme
+from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import elastic_cells
 from tests.mechanics.scenes import HOST, ball, box, excavation, grid_around, make_model, make_scene, uniform

@@ -5,13 +5,13 @@ import logging
 import numpy as np
 import pytest
 
-from mpm_core.equilibrium.multigrid import MultigridScheme
+from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
 from mpm_core.multigrid import stiff_bodies
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiff_bodies import StiffBodies, host_shear
 from tests.mechanics.scenes import COULOMB, HOST, ball, box, excavation, grid_around, make_model, make_scene, uniform
 from tests.multigrid.test_iterations import MODULUS, cells_of, solve
-from tests.multigrid.test_scheme import at_rest
+from tests.multigrid.test_multigrid_scheme import at_rest
 
 MOST = 20  # iterations to 1e-6; the issue asks for 25
 

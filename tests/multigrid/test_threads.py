@@ -3,7 +3,7 @@
 import numba
 import pytest
 
-from mpm_core.threads import FEW_CELLS, threads_for, use_threads
+from mpm_core.kernels.threads import FEW_CELLS, threads_for, use_threads
 
 
 @pytest.fixture

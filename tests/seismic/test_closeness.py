@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catalogs.report.closeness import closeness_rows, intervals_contain, unlike
+from catalogs.report.closeness_text import closeness_rows, intervals_contain, unlike
 from catalogs.sizes import estimate_b, log_potency
 from seismic.catalog import merge
 from seismic.closeness import CLOSENESS_TRIED, sizes_by_closeness

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.cluster import DBSCAN
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from seismic.clusters import find_clusters, neighbour_graph, number_by_first
 
 DBSCAN_SETTINGS = {"method": "dbscan", "radius_cells": 1.8, "min_samples": 3}

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from pipeline.datasets import read_dataset
-from pipeline.errors import InputError
-from pipeline.event_table import FIELDS, NAMES, read_events, write_events
-from pipeline.source_tensors import scalar_potency
-from pipeline.voigt import tensor_from_voigt
+from common.datasets import read_dataset
+from common.errors import InputError
+from common.event_table import FIELDS, NAMES, read_events, write_events
+from common.source_tensors import scalar_potency
+from common.voigt import tensor_from_voigt
 from seismic.budget import BUDGET_PARTS
 from seismic.events import extract_events
 

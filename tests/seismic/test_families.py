@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from pipeline.errors import InputError
-from pipeline.source_tensors import scalar_potency
-from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
+from common.errors import InputError
+from common.source_tensors import scalar_potency
+from common.voigt import tensor_from_voigt, voigt_from_tensor
 from seismic import families
 from seismic.families import closeness, find_families
 

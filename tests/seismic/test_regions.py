@@ -11,7 +11,7 @@ from numpy.testing import assert_array_equal
 from scipy.ndimage import gaussian_filter
 from sklearn.metrics import adjusted_rand_score
 
-from pipeline.voigt import tensor_from_voigt
+from common.voigt import tensor_from_voigt
 from seismic import regions
 from seismic.events import extract_events
 from seismic.families import closeness

@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from pipeline.datasets import write_dataset
-from pipeline.errors import InputError
-from pipeline.event_table import NAMES, ON_PLANES, read_events, write_events
-from pipeline.provenance import provenance
+from common.datasets import write_dataset
+from common.errors import InputError
+from common.event_table import NAMES, ON_PLANES, read_events, write_events
+from common.provenance import provenance
 from seismic.catalog import merge, write_csv
 from seismic.events import extract_events
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import yaml
 
-from mpm_core.gridding import make_grid
-from mpm_core.scene import parse_scene
-from mpm_core.stages import elastic_stage, mining_step
+from mpm_core.scene.scene import parse_scene
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+from mpm_core.stages.grid_stage import make_grid
 from seismic.events import extract_events
 from verification.results import Results, Variant
 from verification.studies import load_study, merge

@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from running import STUDIES, run_study
 
-from pipeline.source_tensors import scalar_potency
-from pipeline.voigt import tensor_from_voigt
+from common.source_tensors import scalar_potency
+from common.voigt import tensor_from_voigt
 from verification.brazilian_disc.answer import answer, elastic_rows, events_mean
 from verification.brazilian_disc.closed_form import Disc, PeakStrength, first_failure, plane_strain
 from verification.brazilian_disc.crack import read_crack
-from verification.brazilian_disc.rock import PressedDisc
+from verification.brazilian_disc.elastic_rock import PressedDisc
 
 PAPER = Disc(radius=0.04, thickness=0.04, half_arc=np.radians(10.0))
 POISSON = 0.35

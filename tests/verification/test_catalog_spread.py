@@ -9,11 +9,11 @@ import pytest
 import xarray as xr
 from running import run_study
 
+from catalogs.comparison_settings import ComparisonSettings
 from catalogs.figures import style
-from catalogs.settings import ComparisonSettings
 from catalogs.size_law import FEW, NONE, POWER, TRUNCATED
-from pipeline.costs import Costs
-from pipeline.errors import InputError
+from common.costs import Costs
+from common.errors import InputError
 from verification.pages import tables_of
 from verification.spread.answer import answer
 from verification.spread.figure import draw

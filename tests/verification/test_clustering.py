@@ -10,11 +10,11 @@ from hypothesis import strategies as some
 from matplotlib.figure import Figure
 from running import run_study
 
-from pipeline.voigt import tensor_from_voigt
+from common.voigt import tensor_from_voigt
 from seismic.families import closeness
 from verification.clustering import answer as clustering
-from verification.clustering.families import certainly_recovered, least_angle, recover
-from verification.clustering.points import (
+from verification.clustering.family_recovery import certainly_recovered, least_angle, recover
+from verification.clustering.known_clusters import (
     NOISE,
     balls,
     elongation,
@@ -23,7 +23,7 @@ from verification.clustering.points import (
     make_points,
     share_of_noise_taken,
 )
-from verification.clustering.steps import turned
+from verification.clustering.known_steps import turned
 
 
 @pytest.fixture(scope="module")

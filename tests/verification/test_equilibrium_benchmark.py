@@ -14,7 +14,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from verification.benchmarks import ours, targets
 from verification.benchmarks.measuring import DONE, FAILED, NOT_RUN, STOPPED, foreseen, watch
 from verification.benchmarks.page import number, write_report

@@ -10,7 +10,7 @@ from running import run_study
 
 from verification.kirsch.answer import answer, displacement_rows, ring, stress_rows
 from verification.kirsch.closed_form import BoxedPlate, InfinitePlate
-from verification.kirsch.fields import Rock
+from verification.kirsch.hole_fields import Rock
 from verification.kirsch.series import extrapolated, interpolated, measure, order
 from verification.results import Results, Variant
 

@@ -12,7 +12,7 @@ import yaml
 from PIL import Image
 
 from catalogs.figures import style
-from pipeline.errors import InputError
+from common.errors import InputError
 from verification.benchmarks import table as benchmarks
 from verification.extremes import __main__ as extremes
 from verification.page_tables import Columns, Counts, Cross, Pivot, rows_table

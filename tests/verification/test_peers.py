@@ -7,7 +7,7 @@ import pytest
 import yaml
 from running import DEFAULT, STUDIES, run_study
 
-from verification.kirsch.fields import Rock
+from verification.kirsch.hole_fields import Rock
 from verification.peers.answer import answer, return_rows, wall_rows
 from verification.peers.cbgeo import particle_rows
 from verification.peers.kratos import AS_STATED, cutoff_multipliers, ours

@@ -2,7 +2,7 @@
 
 from running import run_study
 
-from pipeline.costs import Costs
+from common.costs import Costs
 from verification.refinement.answer import Run, answer
 
 LARGER = {"grid.coarse_cell": "20 m", "grid.volume_error": 1.0}

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from running import DEFAULT, STUDIES, run_study
 from scipy.stats import ttest_ind, ttest_rel
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from seismic.events import extract_events
 from verification.results import Variant
 from verification.rows import Row

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from verification.extremes.outcomes import ENDED as RUN_ENDED
 from verification.extremes.outcomes import RESTS, run
 from verification.stability.balances import broken, lacking

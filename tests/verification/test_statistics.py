@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from running import run_study
 
 from verification.statistics import answer as statistics
-from verification.statistics import locations as statistics_locations
-from verification.statistics import mechanisms as statistics_mechanisms
-from verification.statistics import sizes as statistics_sizes
+from verification.statistics import location_recovery as statistics_locations
+from verification.statistics import mechanism_recovery as statistics_mechanisms
+from verification.statistics import size_recovery as statistics_sizes
 from verification.statistics.samples import clustered_locations
 
 

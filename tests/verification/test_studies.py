@@ -6,8 +6,8 @@ import pytest
 import yaml
 from running import DEFAULT, STUDIES
 
-from pipeline.costs import Costs
-from pipeline.errors import InputError
+from common.costs import Costs
+from common.errors import InputError
 from verification.known_misses import KnownMiss
 from verification.results import read_results
 from verification.studies import load_study, merge

@@ -6,7 +6,7 @@ import pytest
 import yaml
 from snakemake.iocontainers import Wildcards
 
-from pipeline.sources import source_hash
+from common.sources import source_hash
 from verification.targets import Studies
 
 ROOT = Path(__file__).parents[2]

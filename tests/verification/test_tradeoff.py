@@ -11,8 +11,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from running import DEFAULT, STUDIES, run_study
 
-from pipeline.costs import Costs
-from pipeline.errors import InputError
+from common.costs import Costs
+from common.errors import InputError
 from verification.pages import tables_of
 from verification.studies import Study, load_study
 from verification.tradeoff.answer import answer

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from catalogs.figures import style
-from pipeline.errors import InputError
+from common.errors import InputError
 from verification.known_misses import KnownMiss
 from verification.report import write_report
 from verification.rows import Row, read_rows, write_rows

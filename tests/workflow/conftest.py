@@ -9,7 +9,7 @@ import pytest
 import yaml
 from tiny_mines import TINY, changed, finished, merged, start, write_mine
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from workflow.configuration import load
 from workflow.owners import NOTES
 

@@ -3,11 +3,11 @@
 import pytest
 from tiny_mines import TINY, box
 
-from mpm_core.gridding import compare_volumes, make_grid
-from mpm_core.scene import parse_scene
+from common.errors import InputError
+from mpm_core.scene.scene import parse_scene
 from mpm_core.settings import GridSlice
-from mpm_core.stages import elastic_stage, mining_step
-from pipeline.errors import InputError
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+from mpm_core.stages.grid_stage import compare_volumes, make_grid
 
 
 def test_what_a_file_says_is_standard(accept):

@@ -8,7 +8,7 @@ import yaml
 from large_mines import large_mine
 from tiny_mines import TINY, box, changed, merged, snakemake, write_mine
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from verification.extremes.bad_input import FAULTS
 from workflow.configuration import MOST_TOLD, load
 

@@ -8,9 +8,9 @@ import pytest
 import xarray as xr
 from tiny_mines import FLAT, TINY, box, changed, edited, hashes, jobs, snakemake
 
-from mpm_core.gridding import make_grid
-from mpm_core.scene import parse_scene
-from mpm_core.stages import elastic_stage, mining_step
+from mpm_core.scene.scene import parse_scene
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+from mpm_core.stages.grid_stage import make_grid
 
 STEPS = ("history", "2019-08")
 

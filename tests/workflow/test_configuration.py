@@ -16,14 +16,14 @@ from catalogs.records import record_slice
 from catalogs.records.csv_columns import ColumnSettings
 from catalogs.records.filters import limits_of
 from catalogs.records.times import DATE_PARTS
-from pipeline.errors import InputError
-from pipeline.settings import NAME_PATTERN, Unit
+from common.errors import InputError
+from common.setting_types import NAME_PATTERN, Unit
 from verification.benchmarks.targets import RESULTS
 from verification.extremes.bad_input import AGAIN, FAR, FAULTS, ON_GLOBE, UTM
 from workflow.checks import RESERVED
 from workflow.configuration import load
 from workflow.generate import sections_of
-from workflow.settings import MineSettings
+from workflow.mine_settings import MineSettings
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_a_number_where_a_text_is_wanted_is_asked_for_in_quotes(refuse, value):
 
 
 def test_every_number_of_the_settings_takes_what_yaml_takes_for_text():
-    """No key is forgotten: a number without unit has `pipeline.settings.number` before it."""
+    """No key is forgotten: a number without unit has `common.setting_types.number` before it."""
     told, queue = set(), [MineSettings]
     while queue:
         model = queue.pop()

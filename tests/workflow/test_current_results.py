@@ -10,7 +10,7 @@ import trimesh
 from test_sources import run_with
 from tiny_mines import TINY, box, changed, command, copy_checkout, edited, hashes, jobs, snakemake, write_mine
 
-from pipeline.provenance import comment, content_of, files_of, made_from, read_made_from
+from common.provenance import comment, content_of, files_of, made_from, read_made_from
 
 # In place of the interpreter that runs a stage: the first stage that makes this file ends in this way, the others run.
 ENDING = """#!/bin/sh
@@ -159,7 +159,7 @@ def test_edited_sources_count_after_a_stage_was_killed(tmp_path):
     program = ENDING.format(result=grid, once=tmp_path / "once", ending="kill -KILL $$", python=sys.executable)
     (tmp_path / "once").mkdir()
     assert run_with(program, tmp_path / "interpreter", *line).returncode == 0
-    with (checkout / "mpm_core/gridding.py").open("a") as source:
+    with (checkout / "mpm_core/stages/grid_stage.py").open("a") as source:
         source.write("# edited\n")
     (tmp_path / "once").rmdir()
     assert run_with(program, tmp_path / "interpreter", *line).returncode != 0

@@ -13,12 +13,12 @@ from large_mines import large_mine
 from test_configuration import ODD, leaves
 from tiny_mines import FLAT, TINY, box, changed, merged, snakemake, write_mine
 
-from mpm_core.domain import base_cells
-from mpm_core.far_field import LARGEST_ERROR, MOST_ERROR
-from mpm_core.gridding import make_grid
-from pipeline.errors import InputError
+from common.errors import InputError
+from mpm_core.grid.domain import base_cells
+from mpm_core.scene.far_field import LARGEST_ERROR, MOST_ERROR
+from mpm_core.stages.grid_stage import make_grid
 from workflow.configuration import load
-from workflow.far_field import _of_file
+from workflow.derived_domain import _of_file
 
 
 def free(mine: dict, cell: str = "2.5 m", **values) -> dict:

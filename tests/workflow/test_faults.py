@@ -11,10 +11,10 @@ import trimesh
 from tiny_mines import FLAT, ROOT, TINY, box, changed, edited, hashes, merged, snakemake, write_mine
 
 from catalogs.records import read_record
-from mpm_core import gridding, memory, stages
-from mpm_core.scene import parse_scene
-from pipeline.datasets import read_dataset
-from pipeline.errors import InputError
+from common.datasets import read_dataset
+from common.errors import InputError
+from mpm_core.scene.scene import parse_scene
+from mpm_core.stages import equilibrium_stages, grid_stage, stage_memory
 from workflow.configuration import load
 
 
@@ -144,7 +144,7 @@ def refused(mine):
 
     def line(base, **values) -> str:
         with pytest.raises(InputError) as error:
-            gridding.make_grid(mine(base, **values).grid_slice(), {})
+            grid_stage.make_grid(mine(base, **values).grid_slice(), {})
         assert "\n" not in str(error.value)
         return str(error.value)
 
@@ -221,7 +221,7 @@ def test_solid_file_in_a_plane_strain_scene(refused, tmp_path):
 
 def test_too_little_memory_is_told_before_the_arrays_are_made(refused, monkeypatch):
     """With the figure, and the keys that make the grid smaller."""
-    monkeypatch.setattr(memory, "usable", lambda: 10**6)
+    monkeypatch.setattr(stage_memory, "usable", lambda: 10**6)
     line = refused(TINY)
     assert "GB of memory are needed, 0.0 GB are free" in line
     assert "grid.finest_cell" in line
@@ -250,15 +250,15 @@ def test_no_event_left_by_the_filter_and_spoiled_records(mine, tmp_path):
 def test_no_convergence_and_nan_leave_the_last_state_beside_the_output(mine, tmp_path, monkeypatch):
     """The line names what to raise; the state is there to look at."""
     made = mine(TINY, **{"solver.scheme": "explicit", "solver.max_iterations": 20})
-    grid = gridding.make_grid(made.grid_slice(), {})
+    grid = grid_stage.make_grid(made.grid_slice(), {})
     failed = tmp_path / "elastic.failed.npz"
     with pytest.raises(InputError, match=r"no convergence: .* raise solver\.max_iterations"):
-        stages.elastic_stage(parse_scene(made.scene_slice(0)), grid, failed)
+        equilibrium_stages.elastic_stage(parse_scene(made.scene_slice(0)), grid, failed)
     assert "displacement" in np.load(failed)
-    external_force = stages.external_force
-    monkeypatch.setattr(stages, "external_force", lambda model, step: external_force(model, step) * np.nan)
+    external_force = equilibrium_stages.external_force
+    monkeypatch.setattr(equilibrium_stages, "external_force", lambda model, step: external_force(model, step) * np.nan)
     with pytest.raises(InputError, match="not a number at iteration 0"):
-        stages.elastic_stage(parse_scene(mine(TINY).scene_slice(0)), grid, failed)
+        equilibrium_stages.elastic_stage(parse_scene(mine(TINY).scene_slice(0)), grid, failed)
 
 
 def test_state_of_another_grid_is_refused(mine, undisturbed, tmp_path):
@@ -267,6 +267,6 @@ def test_state_of_another_grid_is_refused(mine, undisturbed, tmp_path):
     moved = box("drive", "history", [20, 30, 60], [60, 40, 70])
     for change in ({"grid.levels": 3}, {"excavations.0": moved}):
         made = mine(TINY, **change)
-        grid = gridding.make_grid(made.grid_slice(), {})
+        grid = grid_stage.make_grid(made.grid_slice(), {})
         with pytest.raises(InputError, match="another grid"):
-            stages.mining_step(parse_scene(made.step_slice("history")), grid, state, tmp_path / "unused")
+            equilibrium_stages.mining_step(parse_scene(made.step_slice("history")), grid, state, tmp_path / "unused")

@@ -14,12 +14,12 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 import xarray as xr
+from test_common_base import STAGE, record
 from test_faults import spoken
-from test_pipeline_base import STAGE, record
 from tiny_mines import ROOT, finished, hashes, start
 
-from pipeline.datasets import atomic_path, write_dataset
-from pipeline.errors import InputError
+from common.datasets import atomic_path, write_dataset
+from common.errors import InputError
 from workflow.terminal import OneLine
 
 LIMIT = 100_000  # bytes

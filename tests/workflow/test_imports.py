@@ -6,7 +6,7 @@ from graphlib import CycleError, TopologicalSorter
 
 from tiny_mines import ROOT
 
-PACKAGES = ("pipeline", "mpm_core", "seismic", "catalogs", "workflow", "verification")
+PACKAGES = ("common", "mpm_core", "seismic", "catalogs", "workflow", "verification")
 MODULES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
     for package in PACKAGES
@@ -45,6 +45,21 @@ def test_a_circle_is_found():
 
 def test_no_modules_import_each_other():
     assert circle({name: imports(path.read_text()) - {name} for name, path in MODULES.items()}) == []
+
+
+def test_no_groups_of_the_mechanics_import_each_other():
+    """Each imports only groups above it in this list; `settings` is a module, the others are folders."""
+    order = ["settings", "simd", "geometry", "grid", "constitutive", "kernels", "scene", "model", "multigrid", "files"]
+    order += ["equilibrium", "stages", "__main__"]
+    inside = {name: name.split(".")[1] for name in MODULES if name.startswith("mpm_core.")}
+    assert set(inside.values()) == set(order)
+    upward = [
+        f"{name} imports {found}"
+        for name, group in inside.items()
+        for found in imports(MODULES[name].read_text()) & set(inside)
+        if order.index(inside[found]) > order.index(group)
+    ]
+    assert upward == []
 
 
 def test_nothing_that_runs_imports_the_tests():

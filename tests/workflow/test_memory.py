@@ -8,11 +8,11 @@ import pytest
 import xarray as xr
 from tiny_mines import TINY, snakemake
 
-from mpm_core.memory import BASE, stage_bytes
-from mpm_core.mining import SCHEMES
+from common.datasets import write_dataset
 from mpm_core.settings import SolverSettings
-from pipeline.datasets import write_dataset
-from workflow.memory import COMPILING, mechanics_mb, reading_mb
+from mpm_core.stages.stage_memory import BASE, stage_bytes
+from mpm_core.stages.step_cells import SCHEMES
+from workflow.rule_memory import COMPILING, mechanics_mb, reading_mb
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 from tiny_mines import DEFAULT, ROOT, TINY, merged, snakemake, write_mine
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from workflow.configuration import load
 from workflow.strict_yaml import FAST_LOADER, loader_of, read_yaml
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.quantities import parse_quantity, units
-from pipeline.settings import Settings, Unit
+from common.errors import InputError
+from common.quantities import parse_quantity, units
+from common.setting_types import Settings, Unit
 
 UNITS = {  # unit, its size in SI, the SI unit; by hand
     "m": [("m", 1.0), ("mm", 1e-3), ("km", 1e3), ("foot", 0.3048)],

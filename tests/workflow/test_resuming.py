@@ -11,14 +11,14 @@ import psutil
 import pytest
 from tiny_mines import hashes, jobs, snakemake, start
 
-from pipeline.costs import cost_of
+from common.costs import cost_of
 
 ROOT = Path(__file__).parents[2]
 # A stage that keeps every generation and is killed as it has kept the second: what a stage of hours comes to.
 KILLED_WITHIN = """
 import os, signal
 from mpm_core import __main__, checkpoint
-from pipeline.costs import CLOCK
+from common.costs import CLOCK
 save = checkpoint.Checkpoint.save
 def save_and_die(self, state, history, *rest):
     self.pause = self.cost = 0.0

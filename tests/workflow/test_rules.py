@@ -12,12 +12,12 @@ from snakemake.cli import get_argument_parser
 from snakemake.iocontainers import Wildcards
 from tiny_mines import STILL, TINY, command
 
-from pipeline.datasets import write_dataset
-from pipeline.provenance import MADE_FROM, made_from
-from workflow.command_line import asks_for_more
+from common.datasets import write_dataset
+from common.provenance import MADE_FROM, made_from
 from workflow.folders import Folders
 from workflow.result_files import ResultFiles
 from workflow.rule_options import RuleOptions
+from workflow.snakemake_command_line import asks_for_more
 from workflow.stage_inputs import StageInputs
 
 KINDS, STEPS = ("steps", "events"), ("history", "2019-08")

@@ -9,18 +9,18 @@ import pytest
 import yaml
 from tiny_mines import FLAT, ROOT, STILL, TINY, merged
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from verification.studies import merge
 from workflow.generate import TASKS, generated, schema, sections_of
-from workflow.settings import MineSettings
+from workflow.mine_settings import MineSettings
 from workflow.yaml_habits import with_yaml_habits
 
-PACKAGES = ("mpm_core", "seismic", "catalogs", "pipeline", "workflow", "verification")
+PACKAGES = ("mpm_core", "seismic", "catalogs", "common", "workflow", "verification")
 MAY_IMPORT = {
-    "pipeline": {"pipeline"},
-    "mpm_core": {"mpm_core", "pipeline"},
-    "seismic": {"seismic", "pipeline"},
-    "catalogs": {"catalogs", "pipeline"},
+    "common": {"common"},
+    "mpm_core": {"mpm_core", "common"},
+    "seismic": {"seismic", "common"},
+    "catalogs": {"catalogs", "common"},
 }
 TINIES = {"tiny": TINY, "flat": FLAT, "still": STILL}
 GENERATED = generated()

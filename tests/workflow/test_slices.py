@@ -5,7 +5,7 @@ import copy
 import pytest
 from tiny_mines import DIRECTED, NEXT_STEP, STRAIN, TINY, box, merged, slices
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from workflow.configuration import load
 
 

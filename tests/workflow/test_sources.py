@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from tiny_mines import ROOT, TINY, changed, command, copy_checkout, jobs, write_mine
 
-from pipeline.sources import source_files, source_hash
+from common.sources import source_files, source_hash
 
-SHARED = "pipeline"
+SHARED = "common"
 APART = ("mpm_core", "seismic", "catalogs")  # they meet through files
 PACKAGES = (SHARED, *APART, "verification", "workflow")
 # Snakemake alone reads these, but for the schema, which is made from the models (workflow/generate.py), for editors.
@@ -32,8 +32,8 @@ import os, sys
 from pathlib import Path
 import netCDF4
 sys.path.insert(0, os.environ["PYTHONPATH"])
-from pipeline.provenance import MADE_FROM, comment, made_from
-from pipeline.slices import read_slice
+from common.provenance import MADE_FROM, comment, made_from
+from common.slices import read_slice
 module, stage, *words = sys.argv[2:]
 given, option = {{}}, ""
 for word in words:
@@ -143,9 +143,11 @@ def test_a_stage_alone_counts_of_its_command_line():
     assert "catalogs/records/csv_reader.py" in names(source_files("catalogs record"))
     for stage in ("record", "quakeml", "compare", "spread", "twin", "vtk"):
         found = names(source_files(f"catalogs {stage}"))
-        assert {"catalogs/__main__.py", "catalogs/__init__.py", "pipeline/stage.py"} <= found
-        assert not found & {"catalogs/report/page.py", "catalogs/report/templates/report.html.j2", "pipeline/pages.py"}
-    assert names(source_files("mpm_core grid")).isdisjoint({"mpm_core/multigrid/cycle.py", "mpm_core/stages.py"})
+        assert {"catalogs/__main__.py", "catalogs/__init__.py", "common/stage.py"} <= found
+        assert not found & {"catalogs/report/page.py", "catalogs/report/templates/report.html.j2", "common/pages.py"}
+    assert names(source_files("mpm_core grid")).isdisjoint(
+        {"mpm_core/multigrid/cycle.py", "mpm_core/stages/equilibrium_stages.py"}
+    )
     assert "mpm_core/multigrid/cycle.py" in names(source_files("mpm_core step"))  # through its helper _solve
     assert names(source_files("verification/benchmarks/peers/")) >= {"verification/benchmarks/peers/ogs.txt"}
 
@@ -210,13 +212,14 @@ CATALOG = COMPARE | {"catalog": 1, "quakeml": 1}
 EVENTS = CATALOG | {"events": 2, "closeness": 1}
 MECHANICS = EVENTS | {"elastic": 1, "mining_step": 2}
 EDITS = {
-    "workflow/terminal.py verification/report.py verification/extremes/mines.py catalogs/vtk.py mpm_core/vtk.py": {},
+    "workflow/terminal.py verification/report.py verification/extremes/mines.py": {},
+    "catalogs/events_vtk.py mpm_core/files/state_vtk.py": {},
     "catalogs/report/templates/report.html.j2": REPORT,
-    "pipeline/pages.py catalogs/figures/style.py": REPORT,
+    "common/pages.py catalogs/figures/style.py": REPORT,
     "catalogs/records/csv_reader.py": {"record": 1} | COMPARE,
     "seismic/catalog.py": CATALOG,
     "seismic/families.py": EVENTS,
-    "pipeline/event_table.py": EVENTS | {"record": 1},
+    "common/event_table.py": EVENTS | {"record": 1},
     "mpm_core/kernels/operator_3.py": MECHANICS,
     "mpm_core/grid/octree.py": MECHANICS | {"grid": 1},
 }

@@ -5,9 +5,9 @@ import json
 import logging
 from pathlib import Path
 
-from pipeline.command_line import CommandLine
-from pipeline.datasets import atomic_path
-from pipeline.stage import run_stage
+from common.command_line import CommandLine
+from common.datasets import atomic_path
+from common.stage import run_stage
 from verification.benchmarks.settings import Case, read_settings
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import psutil
 
-from pipeline.stage import die_with_parent
+from common.stage import die_with_parent
 from verification.benchmarks.machine import machine, processor_time
 from verification.benchmarks.peers.stope import sizes
 from verification.benchmarks.settings import PEERS, ROOT, Case, Code, Settings

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from mpm_core.gridding import make_grid
-from mpm_core.scene import parse_scene
-from mpm_core.stages import elastic_stage, mining_step
-from mpm_core.threads import use_threads
-from pipeline.sources import source_hash
+from common.sources import source_hash
+from mpm_core.kernels.threads import use_threads
+from mpm_core.scene.scene import parse_scene
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+from mpm_core.stages.grid_stage import make_grid
 from verification.benchmarks.peers.stope import announce, closure, peak_memory
 from verification.benchmarks.settings import Case, Settings
 from workflow.mine import Mine

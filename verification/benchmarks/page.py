@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from catalogs.figures import style
-from pipeline.datasets import atomic_path
+from common.datasets import atomic_path
 from verification.benchmarks.figure import draw
 from verification.benchmarks.measuring import DONE
 from verification.benchmarks.settings import REFERENCE, Settings

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import yaml
 
-from pipeline.errors import InputError
-from pipeline.quantities import parse_quantity
+from common.errors import InputError
+from common.quantities import parse_quantity
 from verification.studies import merge
 from workflow.configuration import load
 from workflow.mine import Mine

@@ -5,7 +5,7 @@ import json
 import sys
 from dataclasses import asdict
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from verification.benchmarks.settings import Case, Settings, read_settings
 
 RESULTS = "results/benchmarks"

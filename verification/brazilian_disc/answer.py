@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from catalogs.sizes import estimate_b, log_potency
 from verification.brazilian_disc.crack import Crack, read_crack
+from verification.brazilian_disc.elastic_rock import PressedDisc
 from verification.brazilian_disc.figure import draw
-from verification.brazilian_disc.rock import PressedDisc
 from verification.results import Results
 from verification.rows import Row
 

@@ -7,10 +7,10 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
-from pipeline.source_tensors import principal_axes, scalar_potency
-from pipeline.voigt import tensor_from_voigt
+from common.source_tensors import principal_axes, scalar_potency
+from common.voigt import tensor_from_voigt
 from seismic.events import extract_events, particle_potency
-from verification.brazilian_disc.rock import SOUND, PressedDisc
+from verification.brazilian_disc.elastic_rock import SOUND, PressedDisc
 
 STRAINS = ("seismic_strain", "overshoot_strain", "later_strain", "plastic_strain_step")
 STAGES = 6  # as in the paper's Fig. 16

@@ -8,7 +8,7 @@ from matplotlib.patches import Circle, Wedge
 from catalogs.figures import style
 from catalogs.figures.beachballs import first_motion
 from verification.brazilian_disc.crack import STAGES, Crack, Moment
-from verification.brazilian_disc.rock import PressedDisc
+from verification.brazilian_disc.elastic_rock import PressedDisc
 
 MPA, KILO, MILLI = 1e-6, 1e-3, 1e3
 ACROSS, ALONG, OUT = style.RECORDED, style.MODELLED, style.BOTH

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from pipeline.errors import InputError
+from common.errors import InputError
 from verification.brazilian_disc.answer import event_rows
 from verification.brazilian_disc.closed_form import Disc, PeakStrength, first_failure
 from verification.brazilian_disc.crack import Crack, Moment, read_crack

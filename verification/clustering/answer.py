@@ -9,13 +9,13 @@ import psutil
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
+from common.voigt import tensor_from_voigt, voigt_from_tensor
 from seismic.clusters import find_clusters
 from seismic.events import extract_events
 from verification.clustering.cracks import body_rows, crack_rows
-from verification.clustering.families import family_rows, recover
+from verification.clustering.family_recovery import family_rows, recover
 from verification.clustering.figure import draw
-from verification.clustering.points import (
+from verification.clustering.known_clusters import (
     PointSet,
     balls,
     elongations,
@@ -23,7 +23,7 @@ from verification.clustering.points import (
     make_points,
     share_of_noise_taken,
 )
-from verification.clustering.steps import lognormal, synthetic_step, turned
+from verification.clustering.known_steps import lognormal, synthetic_step, turned
 from verification.results import Results
 from verification.rows import Row
 

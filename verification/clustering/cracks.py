@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.voigt import tensor_from_voigt, voigt_from_tensor
+from common.voigt import tensor_from_voigt, voigt_from_tensor
+from seismic.event_settings import EventSettings
 from seismic.events import find_events
 from seismic.regions import CORNERS, EDGES, FACES
-from seismic.settings import EventSettings
-from verification.clustering.points import index_of_clusters, make_points
-from verification.clustering.steps import lognormal, turned
+from verification.clustering.known_clusters import index_of_clusters, make_points
+from verification.clustering.known_steps import lognormal, turned
 from verification.rows import Row
 
 ASIDE = 0.13  # cells from the middle of the crack to the nearest corner of a cell: no plane runs along the cells' faces

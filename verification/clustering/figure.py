@@ -7,8 +7,8 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from catalogs.figures import style
-from verification.clustering.families import Recovery
-from verification.clustering.points import NOISE, PointSet, index_of_clusters
+from verification.clustering.family_recovery import Recovery
+from verification.clustering.known_clusters import NOISE, PointSet, index_of_clusters
 
 ALONE = "#b3b3b3"
 SLICE = 2.0  # cells to either side of the middle

@@ -14,10 +14,10 @@ from scipy.stats import norm
 
 from catalogs import completeness
 from catalogs.blocks import cluster_labels
+from catalogs.comparison_settings import ComparisonSettings
 from catalogs.exposure import DAY, Exposure
 from catalogs.locations import compare_locations
 from catalogs.mechanisms import AxesSample, compare_axes
-from catalogs.settings import ComparisonSettings
 from catalogs.size_measures import fit
 from catalogs.sum_measures import sum_measures
 from verification.statistics.samples import LN10, branching_events, burst_events, dated, simulated_sizes

@@ -7,10 +7,10 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
-from pipeline.command_line import CommandLine
-from pipeline.datasets import atomic_path
-from pipeline.errors import InputError
-from pipeline.stage import run_stage
+from common.command_line import CommandLine
+from common.datasets import atomic_path
+from common.errors import InputError
+from common.stage import run_stage
 
 COLUMNS = ("seed", "relation", "kind", "seconds", "message")
 EVERY = 5  # scenes of which one is compared with its relations
@@ -29,7 +29,7 @@ def main() -> None:
 
 def write_table(arguments: argparse.Namespace) -> None:
     """One row a scene and a relation; raises InputError, with the number of faults, if there are any."""
-    from pipeline.provenance import use_numba_cache
+    from common.provenance import use_numba_cache
 
     use_numba_cache()
     from verification.extremes.mines import random_mine

@@ -11,12 +11,12 @@ import numpy as np
 import xarray as xr
 import yaml
 
-from mpm_core.datasets import read_grid, read_pieces
+from common.errors import InputError
+from mpm_core.files.state_datasets import read_grid, read_pieces
 from mpm_core.grid.adjacency import holding_cells
-from mpm_core.gridding import make_grid
-from mpm_core.scene import parse_scene
-from mpm_core.stages import elastic_stage, mining_step
-from pipeline.errors import InputError
+from mpm_core.scene.scene import parse_scene
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+from mpm_core.stages.grid_stage import make_grid
 from workflow.configuration import load
 
 DEFAULT = yaml.safe_load((Path(__file__).parents[2] / "config" / "default.yaml").read_text())

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from catalogs.figures import style
-from pipeline.voigt import tensor_from_voigt
+from common.voigt import tensor_from_voigt
 from verification.kirsch.closed_form import InfinitePlate
 from verification.results import Results, Variant
 from verification.rows import Row

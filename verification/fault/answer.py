@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from catalogs.figures import style
-from verification.energy import closing_row
+from verification.energy_rows import closing_row
 from verification.fault.planes import normal_of, share_within
 from verification.results import Results, Variant
 from verification.rows import Row

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from verification.energy import closing_row
+from verification.energy_rows import closing_row
 from verification.plastic.answer import Run, brittle_groups, brittle_rows, perfect_rows, read_run
 from verification.plastic.figure import draw
 from verification.results import Results

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.figure import Figure
 
-from pipeline.voigt import NAMES, tensor_from_voigt, voigt_from_tensor
+from common.voigt import NAMES, tensor_from_voigt, voigt_from_tensor
 from verification.invariants.closed_form import Column, Elastic
 from verification.invariants.figure import draw
 from verification.invariants.operator import (

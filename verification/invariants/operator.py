@@ -4,16 +4,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpm_core.datasets import read_grid
 from mpm_core.equilibrium.convergence import History, norm
-from mpm_core.equilibrium.explicit import take_time_step
-from mpm_core.equilibrium.moving import MovingBody
+from mpm_core.equilibrium.explicit_scheme import take_time_step
+from mpm_core.equilibrium.moving_scheme import MovingBody
 from mpm_core.equilibrium.scheme import Scheme
-from mpm_core.ground import Ground
-from mpm_core.kernels.nodes import collect_to_parents, interpolate, particle_loads
-from mpm_core.mining import make_scheme
-from mpm_core.model import Model
-from mpm_core.occupancy import Loose
+from mpm_core.files.state_datasets import read_grid
+from mpm_core.kernels.nodal_operations import collect_to_parents, interpolate, particle_loads
+from mpm_core.model.model import Model
+from mpm_core.model.occupancy import Loose
+from mpm_core.stages.ground import Ground
+from mpm_core.stages.step_cells import make_scheme
 from verification.invariants.closed_form import Elastic, Smooth
 from verification.results import Variant
 

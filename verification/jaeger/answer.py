@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from pipeline.voigt import tensor_from_voigt
+from common.voigt import tensor_from_voigt
 from verification.fault.planes import normal_of, share_within
 from verification.jaeger.closed_form import jaeger_strength
 from verification.results import Results, Variant

@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from verification.kirsch.fields import Rock, mean_square_root
 from verification.kirsch.figure import draw
+from verification.kirsch.hole_fields import Rock, mean_square_root
 from verification.kirsch.series import ANGLES, order_rows, read_series, wall_rows
 from verification.results import Results
 from verification.rows import Row

@@ -7,7 +7,7 @@ from matplotlib.patches import Circle
 from scipy.spatial import cKDTree
 
 from catalogs.figures import style
-from verification.kirsch.fields import Rock
+from verification.kirsch.hole_fields import Rock
 from verification.kirsch.series import Point, extrapolated, order
 
 MPA = 1e-6

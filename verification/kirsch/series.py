@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from verification.kirsch.fields import Rock, mean_square_root
+from verification.kirsch.hole_fields import Rock, mean_square_root
 from verification.results import Results
 from verification.rows import Row
 

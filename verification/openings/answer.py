@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 
 from catalogs.figures import style
 from catalogs.grid_convergence import share_off
+from common.voigt import tensor_from_voigt
 from mpm_core.equilibrium.increments import potency
-from mpm_core.propping import NEARLY_NONE
-from pipeline.voigt import tensor_from_voigt
+from mpm_core.stages.under_resolved import NEARLY_NONE
 from verification.results import Results, Variant
 from verification.rows import Row
 from verification.sphere.closed_form import Elastic, SphericalInclusion
@@ -103,7 +103,7 @@ def measure(variant: Variant) -> Found:
 
 
 def energy_of_sphere(variant: Variant) -> float:
-    """V s0 : e / 2 with the strain e of the wall (see verification.energy), J, stress as at the sphere's centre."""
+    """V s0 : e / 2 with the strain e of the wall (verification.energy_rows), J, stress as at the sphere's centre."""
     hole, rock = variant.values["excavations"][0], variant.values["materials"]["host"]
     virgin = tensor_from_voigt(variant.scene().insitu.at(np.array([hole["center"][2]])))[0]
     exact = SphericalInclusion(hole["radius"], virgin, Elastic(rock["youngs_modulus"], rock["poisson_ratio"]))

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from verification.hoek_brown.closed_form import HoekBrownTunnel
-from verification.kirsch.fields import Rock
+from verification.kirsch.hole_fields import Rock
 from verification.peers.cbgeo import particle_rows
 from verification.peers.figure import draw
 from verification.peers.kratos import AS_STATED, CASES, Return, cutoff_multipliers, ours

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from verification.energy import closing_row
+from verification.energy_rows import closing_row
 from verification.plastic.cavity import Cavity, plastic_ring, read_pressure
 from verification.plastic.figure import draw
 from verification.plastic.ring import PlasticRing

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial import cKDTree
 
-from pipeline.voigt import tensor_from_voigt
+from common.voigt import tensor_from_voigt
 from verification.hoek_brown.closed_form import HoekBrownRock, HoekBrownTunnel
 from verification.plastic.ring import CoulombRock, PlasticRing
 from verification.plastic.sphere import PlasticSphere

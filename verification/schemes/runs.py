@@ -14,12 +14,12 @@ import numpy as np
 import xarray as xr
 
 from catalogs.sizes import MIN_EVENTS_FOR_B, BValue, estimate_b, log_potency
-from mpm_core.scene import parse_scene
-from mpm_core.stages import mining_step
-from mpm_core.threads import use_threads
-from pipeline.errors import InputError
-from pipeline.source_tensors import scalar_potency
-from pipeline.voigt import tensor_from_voigt
+from common.errors import InputError
+from common.source_tensors import scalar_potency
+from common.voigt import tensor_from_voigt
+from mpm_core.kernels.threads import use_threads
+from mpm_core.scene.scene import parse_scene
+from mpm_core.stages.equilibrium_stages import mining_step
 from seismic.events import extract_events
 from verification.results import Variant
 from workflow.mine import Mine

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from verification.energy import closing_row, sphere_rows
+from verification.energy_rows import closing_row, sphere_rows
 from verification.plastic.cavity import Cavity, read_pressure
 from verification.results import Results, Variant
 from verification.rows import Row

@@ -4,8 +4,8 @@ import argparse
 import json
 from pathlib import Path
 
-from pipeline.command_line import CommandLine
-from pipeline.stage import run_stage
+from common.command_line import CommandLine
+from common.stage import run_stage
 
 
 def report(arguments: argparse.Namespace) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.figures import style
-from pipeline.datasets import atomic_path
+from common.datasets import atomic_path
 from verification.html_page import write_page
 from verification.results import Results
 from verification.spread.figure import draw

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from catalogs.settings import ComparisonSettings
+from catalogs.comparison_settings import ComparisonSettings
 from catalogs.size_law import FEW, POWER
 from catalogs.size_measures import fit
 from catalogs.sizes import above, log_potency
-from pipeline.errors import InputError
+from common.errors import InputError
 from seismic.events import extract_events
 from verification.results import Results, Variant
 from verification.tradeoff.knobs import BY_KEY

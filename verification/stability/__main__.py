@@ -3,13 +3,13 @@
 import argparse
 from pathlib import Path
 
-from pipeline.command_line import CommandLine
-from pipeline.stage import run_stage
+from common.command_line import CommandLine
+from common.stage import run_stage
 
 
 def points(arguments: argparse.Namespace) -> None:
     """What the cases of one knob came to."""
-    from pipeline.provenance import use_numba_cache
+    from common.provenance import use_numba_cache
 
     use_numba_cache()
     from verification.stability.knobs import BY_KEY

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import xarray as xr
 
-from mpm_core.datasets import read_pieces
-from mpm_core.occupancy import SAMPLES, SLIVER
+from mpm_core.files.state_datasets import read_pieces
+from mpm_core.model.occupancy import SAMPLES, SLIVER
 from verification.extremes.outcomes import Outcome
 from verification.stability.judges import number
 

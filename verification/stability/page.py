@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from catalogs.figures import style
-from pipeline.datasets import atomic_path
+from common.datasets import atomic_path
 from verification.html_page import write_page
 from verification.stability.figure import draw
 from verification.stability.knobs import BY_KEY

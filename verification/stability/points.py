@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.datasets import atomic_path
-from pipeline.errors import InputError
+from common.datasets import atomic_path
+from common.errors import InputError
 from verification.extremes.outcomes import DEFAULT, FAULTS, RESTS, Outcome
 from verification.extremes.outcomes import run as run_stages
 from verification.extremes.tiny_mine import write_mine

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.errors import InputError
+from common.errors import InputError
 
 
 def check_table(table: Path, page: str) -> None:

@@ -5,10 +5,10 @@ from matplotlib.figure import Figure
 from verification.results import Results
 from verification.rows import Row
 from verification.statistics.figure import draw
-from verification.statistics.locations import false_alarms, find_shift, location_rows
-from verification.statistics.mechanisms import mechanism_rows, random_pairs
-from verification.statistics.sizes import difference_row, estimate_cases, size_rows
-from verification.statistics.steps import step_rows
+from verification.statistics.location_recovery import false_alarms, find_shift, location_rows
+from verification.statistics.mechanism_recovery import mechanism_rows, random_pairs
+from verification.statistics.shifted_steps import step_rows
+from verification.statistics.size_recovery import difference_row, estimate_cases, size_rows
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:

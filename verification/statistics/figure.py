@@ -5,9 +5,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from verification.statistics.locations import Power
-from verification.statistics.mechanisms import RandomPairs, share_closer
-from verification.statistics.sizes import Estimates
+from verification.statistics.location_recovery import Power
+from verification.statistics.mechanism_recovery import RandomPairs, share_closer
+from verification.statistics.size_recovery import Estimates
 
 
 def draw(

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from seismic.settings import ClusterSettings
+from seismic.event_settings import ClusterSettings
 
 CHOSEN = "by their error"  # value of the knob increments where the configuration leaves their number open
 

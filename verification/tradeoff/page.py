@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.figures import style
-from pipeline.datasets import atomic_path
+from common.datasets import atomic_path
 from verification.html_page import write_page
 from verification.tradeoff.figure import draw
 from verification.tradeoff.knobs import KNOBS

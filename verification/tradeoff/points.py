@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.costs import Costs
-from pipeline.datasets import atomic_path
-from pipeline.errors import InputError
+from common.costs import Costs
+from common.datasets import atomic_path
+from common.errors import InputError
 from verification.results import Results, Variant
 from verification.tradeoff.knobs import Value, settings_of
 from verification.tradeoff.scenes import SCENES

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.errors import InputError
+from common.errors import InputError
 from verification.studies import Study
 from verification.tradeoff.knobs import KNOBS, SEISMIC, changed, label
 from verification.tradeoff.limits import Limit, richardson

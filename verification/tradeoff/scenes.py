@@ -10,7 +10,7 @@ from scipy.spatial.distance import cdist
 from catalogs.sizes import estimate_b, log_potency
 from mpm_core.equilibrium.increments import potency
 from verification.kirsch.closed_form import InfinitePlate
-from verification.kirsch.fields import Rock
+from verification.kirsch.hole_fields import Rock
 from verification.kirsch.series import ANGLES, measure
 from verification.plastic.cavity import Cavity, plastic_ring, read_pressure
 from verification.results import Results, Variant

@@ -17,10 +17,10 @@ import pandas as pd
 import yaml
 
 from catalogs.records.elk_creek_reader import data_folder, data_path
-from pipeline.command_line import CommandLine
-from pipeline.datasets import atomic_path
-from pipeline.errors import InputError
-from pipeline.stage import run_stage
+from common.command_line import CommandLine
+from common.datasets import atomic_path
+from common.errors import InputError
+from common.stage import run_stage
 
 FIRST_STEP = "2010-09-01"  # local dates of faces; the record's UTC months begin 6 or 7 hours earlier
 END = "2011-01-01"

@@ -1,6 +1,6 @@
 """Loads and checks the configuration, and makes what the rules ask (workflow/result_files.py and its neighbours).
 
-Rules depend on the sources that their stage runs (pipeline.sources) by hash, a parameter. As input files they would be
+Rules depend on the sources that their stage runs (common.sources) by hash, a parameter. As input files they would be
 looked at, all of them, for every waiting job, every second: a third of a core for some 300 jobs.
 """
 
@@ -13,10 +13,10 @@ from snakemake.utils import update_config
 BASE = Path(workflow.basedir)
 sys.path.insert(0, str(BASE))
 
-from pipeline.errors import InputError
-from pipeline.sources import source_hash
-from pipeline.stage import name_parent_of_stages
-from workflow.command_line import asks_for_more, read_overrides
+from common.errors import InputError
+from common.sources import source_hash
+from common.stage import name_parent_of_stages
+from workflow.snakemake_command_line import asks_for_more, read_overrides
 from workflow.configuration import load
 from workflow.folders import COARSE, NAME, Folders
 from workflow.leftovers import leftovers, message
@@ -55,7 +55,7 @@ STAGES = StageInputs(FILES, workflow)
 OPTIONS = RuleOptions(FILES)
 
 # `stage` in the rules. exec: a stage is a child of this process, not of a shell between them, and ends with it
-# (pipeline.stage).
+# (common.stage).
 name_parent_of_stages()
 shell.prefix(
     f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(BASE))}; "

@@ -13,7 +13,7 @@ one (general.brittle_drop); failed rock returns to the residual one. What a law'
 | overstress_of_tensor(tensor, row) | `overstress` of (3, 3), Pa, by numpy: to check a configuration without waiting for numba |
 | surely_admissible(*stress, row) | whether cheap bounds prove stress admissible |
 | overstress(*stress, row) | how far stress is above strength, Pa; at most 0 where admissible. What is admissible is convex |
-| return_to_surface(*stress, lame_lambda, shear_modulus, row) | plastic return of an elastic trial stress: six components and where it ended (regions.py). ELASTIC: bit for bit the trial, also for a stress that was returned |
+| return_to_surface(*stress, lame_lambda, shear_modulus, row) | plastic return of an elastic trial stress: six components and where it ended (return_regions.py). ELASTIC: bit for bit the trial, also for a stress that was returned |
 | return_lanes(the same) | six components of lanes (simd/lanes.py), to round-off the same; general.lane_by_lane makes it |
 | fallen_stiffness(the same, matrix) | see tangent.py; general.tangent_by_differences makes it |
 | strength_factor(*stress, row) | strength over stress: 0 to STRENGTH_FACTOR_CAP, at least 1 where admissible |
@@ -38,10 +38,10 @@ from typing import Annotated, Any, Union
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Tag
 
+from common.setting_types import TAG, Settings, refusal, short
 from mpm_core.constitutive.laws import coulomb, hoek_brown, weak_planes
 from mpm_core.constitutive.mixture import mix
 from mpm_core.settings import ElasticMaterial, MaterialSettings
-from pipeline.settings import TAG, Settings, refusal, short
 
 LAWS = (coulomb, hoek_brown, weak_planes)
 

@@ -5,8 +5,8 @@ a strength row of strength.py, as an array or a tuple. Kernels allocate nothing;
 and use no fastmath.
 
 The return: non-associated Coulomb flow (dilation angle) and associated tension, exact in one step for isotropic
-elasticity (returning.py). The plastic strain is the compliance times (trial - returned). An admissible stress comes
-back bit for bit with region ELASTIC; so does a returned one.
+elasticity (return_mapping.py). The plastic strain is the compliance times (trial - returned). An admissible stress
+comes back bit for bit with region ELASTIC; so does a returned one.
 """
 
 import math
@@ -16,10 +16,11 @@ import numpy as np
 from numba import njit
 from pydantic import model_validator
 
+from common.setting_types import choose, is_section, refusal, refuse
 from mpm_core.constitutive.isotropic import isotropic_lanes, isotropic_return
 from mpm_core.constitutive.principal import principal_stresses, split_deviator
-from mpm_core.constitutive.regions import ADMISSIBLE_ROUND_OFF, STRENGTH_FACTOR_CAP
-from mpm_core.constitutive.returning import return_principal
+from mpm_core.constitutive.return_mapping import return_principal
+from mpm_core.constitutive.return_regions import ADMISSIBLE_ROUND_OFF, STRENGTH_FACTOR_CAP
 from mpm_core.constitutive.strength import (
     DILATION_FACTOR,
     FRICTION_FACTOR,
@@ -31,7 +32,6 @@ from mpm_core.constitutive.strength import (
 from mpm_core.constitutive.strength import ROW_LENGTH as ROW_LENGTH
 from mpm_core.constitutive.tangent import isotropic_tangent
 from mpm_core.settings import AnglePair, MaterialSettings, StrengthPair
-from pipeline.settings import choose, is_section, refusal, refuse
 
 NAME = "coulomb"
 

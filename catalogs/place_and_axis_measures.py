@@ -1,0 +1,319 @@
+"""The comparisons of places and axes as variables of comparison.nc (their layout: catalogs.comparison_layout).
+
+`both` is (model, record) in the form of common.event_table, the model with the events of all its runs, `used` which
+of their events count, `blocks` (run of each modelled event, None of a model that ran once; cluster of each recorded
+one), `runs` how many the model has, those without an event included. Every function returns the variables, and the
+sentences that go with them.
+"""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from catalogs.blocks import MIN_BLOCKS, cluster_labels
+from catalogs.comparison_settings import ComparisonSettings
+from catalogs.jackknife import INTERVAL_95
+from catalogs.location_errors import location_errors
+from catalogs.locations import LocationComparison, compare_locations
+from catalogs.mean_axes import GIRDLE, UNIFORM, AxesSample
+from catalogs.mechanisms import (
+    AXIS_NAMES,
+    KAGAN_BIN,
+    KAGAN_LIMIT,
+    KAGAN_PAIRS,
+    angle_between_axes,
+    compare_axes,
+    direction,
+    kagan_angle,
+    trend_plunge,
+)
+from common.fields import TEXT
+from common.source_tensors import APART, clear_axes, principal_axes, scalar_potency, source_shares
+
+# Events of each catalogue whose places are compared. Of more events so many are drawn, since memory grows as the
+# square.
+MAX_EVENTS_COMPARED = 3000
+MAX_DRAWS_PER_EVENT = 4  # Largest number of smeared copies of a modelled event.
+DISTANCE_COUNT = 12  # Number of distances at which the catalogues are compared.
+MIN_EVENTS_WITH_AXES = 2  # Events with axes that each catalogue needs.
+MIN_SHARE_LEFT_OUT_TOLD = 5e-4  # A smaller share of events without a clear axis is not mentioned.
+MAX_AXES_RESAMPLINGS = 499
+
+
+def location_measures(both, used, blocks, runs: int, steps, settings: ComparisonSettings) -> tuple[dict, dict]:
+    """Centroids, energy distance, nearest distances and cross-K, the model smeared by the record's location errors."""
+    generator = np.random.default_rng([settings.seed, 1])
+    errors = location_errors(both[1])[used[1]]
+    chosen = [_thin(np.flatnonzero(kept), MAX_EVENTS_COMPARED, generator) for kept in used]
+    points = [events["location"].values[index] for events, index in zip(both, chosen, strict=True)]
+    draws = int(np.clip(MAX_EVENTS_COMPARED // max(len(points[0]), 1), 1, MAX_DRAWS_PER_EVENT))
+    found = None
+    if min(map(len, points)):
+        found = compare_locations(
+            *points,
+            None if blocks[0] is None else blocks[0][chosen[0]],
+            blocks[1][chosen[1]],
+            model_steps=steps[0][chosen[0]],
+            record_steps=steps[1][chosen[1]],
+            seed=settings.seed,
+            location_error=errors,
+            draws=draws,
+            resamplings=settings.resamplings,
+        )
+    shapes = {
+        "centroid": ("centroids", ("catalogue", "xyz"), (2, 3)),
+        "centroid_offset": ("offset", ("xyz",), (3,)),
+        "centroid_offset_interval": ("offset_interval", ("xyz", "interval"), (3, 2)),
+        "centroid_distance": ("offset_distance", (), ()),
+        "centroid_distance_interval": ("offset_distance_interval", ("interval",), (2,)),
+        "energy_distance": ("energy_distance", (), ()),
+        "energy_distance_interval": ("energy_interval", ("interval",), (2,)),
+        "energy_distance_null": ("energy_null", ("interval",), (2,)),
+        "energy_p_value": ("energy_p_value", (), ()),
+        "nearest_distance": ("nearest", ("pair",), (3,)),
+        "nearest_distance_interval": ("nearest_interval", ("pair", "interval"), (3, 2)),
+        "distance": ("distance", ("distance",), (DISTANCE_COUNT,)),
+        "cross_k": ("cross_k", ("distance",), (DISTANCE_COUNT,)),
+        "cross_k_interval": ("cross_k_interval", ("distance", "interval"), (DISTANCE_COUNT, 2)),
+        "model_k": ("model_k", ("distance",), (DISTANCE_COUNT,)),
+        "record_k": ("record_k", ("distance",), (DISTANCE_COUNT,)),
+        "cross_ratio": ("cross_ratio", ("distance",), (DISTANCE_COUNT,)),
+        "cross_ratio_interval": ("cross_ratio_interval", ("distance", "interval"), (DISTANCE_COUNT, 2)),
+    }
+    variables = {
+        name: (dims, np.full(shape, np.nan) if found is None else np.broadcast_to(getattr(found, key), shape).copy())
+        for name, (key, dims, shape) in shapes.items()
+    }
+    if found is None:
+        count = [int(np.sum(used[0])), len(np.unique(blocks[1][used[1]]))]
+        of_runs = " of two runs" if runs > 1 else ""
+        text = (
+            f"locations cannot be compared: that takes two modelled events{of_runs} above the cut and two clusters of "
+            f"recorded ones in one step, and {MIN_BLOCKS} clusters in all; the model has "
+            f"{plural(count[0], 'event')}, the record {plural(count[1], 'cluster')}"
+        )
+    else:
+        text = _location_text(found, runs, errors)
+    return variables, {"location_error": float(np.median(errors)) if len(errors) else np.nan, "location_text": text}
+
+
+def _location_text(found: LocationComparison, runs: int, errors: NDArray) -> str:
+    """The numbers in a sentence, what they rest on, and what they lack."""
+    smeared = f"model smeared by {np.median(errors):g} m"
+    if np.ptp(errors) > 0:
+        low, high = np.quantile(errors, INTERVAL_95)
+        smeared = f"model smeared by the errors of the recorded events ({low:.3g} to {high:.3g} m)"
+    steps = f"within {plural(found.steps, 'step')}"
+    if found.blocks[0] < MIN_BLOCKS:
+        untested = _untested(runs, found.blocks[0], "places", "events above the cut in a step shared with the record")
+        return (
+            f"energy distance {found.energy_distance:.1f} m; centroids {found.offset_distance:.0f} m apart; {smeared}; "
+            f"{steps}; {untested}"
+        )
+    (low, high), (near, far) = found.energy_interval, found.offset_distance_interval
+    return (
+        f"energy distance {found.energy_distance:.1f} m ({low:.1f} to {high:.1f}), p = {found.energy_p_value:.3f}; "
+        f"centroids {found.offset_distance:.0f} m apart ({near:.0f} to {far:.0f}); {smeared}; {steps}; resampled: "
+        f"{found.blocks[0]} runs of the model, {found.blocks[1]} clusters of recorded events"
+    )
+
+
+def plural(count: int, name: str) -> str:
+    """A count with its noun."""
+    return f"{count} {name}{'s' * (count != 1)}"
+
+
+def _untested(runs: int, counting: int, what: str, lacking: str) -> str:
+    """Why there is no interval and no p-value: the model has too few runs, or too few of them (`counting`) have events
+    that count."""
+    if runs < MIN_BLOCKS:
+        why = (
+            f"the model ran {'once' if runs == 1 else f'{runs} times'}, so that chance cannot be told from a "
+            f"difference; set ensemble to {MIN_BLOCKS - 1} or more, better to 8"
+        )
+    else:
+        have = {0: "none has", 1: "only 1 has"}.get(counting, f"only {counting} have")
+        why = (
+            f"of the model's {runs} runs {have} {lacking}, and {MIN_BLOCKS} are needed to tell chance from a difference"
+        )
+    return f"no interval and no p-value of {what}: {why}"
+
+
+def _thin(index: NDArray, most: int, generator: np.random.Generator) -> NDArray:
+    """At most `most` of the events, drawn at random, in their order."""
+    return index if len(index) <= most else np.sort(generator.choice(index, most, replace=False))
+
+
+def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -> tuple[dict, dict]:
+    """Mean axes, summed tensors, Kagan angles and source shares; NaN where the record has no tensors."""
+    model, record = both
+    tensors = [events["potency_tensor"].values for events in both]
+    known = [kept & np.isfinite(tensor).all(axis=(1, 2)) for kept, tensor in zip(used, tensors, strict=True)]
+    apart = "orientation_tensor" in record
+    weight, text = "potency", "potency tensors of the events compared"
+    record_tensors = tensors[1][known[1]]
+    if apart:
+        known[0] = known[0] & _during(model["time"].values, record.attrs.get("orientation_filter"))
+        known[1] = np.zeros_like(known[1])
+        record_tensors = record["orientation_tensor"].values
+        weight = "unit"
+        time, location = record["orientation_time"].values, record["orientation_location"].values
+        error = float(record.attrs.get("location_error", 0.0))
+        labels = cluster_labels(time, location, np.zeros(len(time), int), error if np.isfinite(error) else 0.0)
+        samples = [AxesSample(clear_axes(record_tensors), location, labels)]
+        days = time.astype("datetime64[D]")
+        period = f"{days.min()} to {days.max()}" if days.size else "no time"
+        text = (
+            f"orientations from a catalogue of their own, {period}; tensors at unit size, model's events of that time"
+        )
+    else:
+        samples = [_sample(record, tensors[1], known[1], blocks[1])]
+    samples.insert(0, _sample(model, tensors[0], known[0], blocks[0]))
+    counting = _clear_blocks(samples[0])
+    tested = counting >= MIN_BLOCKS
+    if not tested:
+        samples[0] = replace(samples[0], blocks=None)
+    count = [len(sample.axes) for sample in samples]
+    clusters = len(np.unique(samples[1].blocks))
+    present = min(count) >= MIN_EVENTS_WITH_AXES and clusters >= MIN_BLOCKS
+    if not np.isfinite(record_tensors).any():
+        text = "the record has no tensors: axes cannot be compared"
+    elif min(count) < MIN_EVENTS_WITH_AXES:
+        text = f"too few events with tensors: {count[0]} modelled, {count[1]} recorded; axes not compared"
+    elif not present:
+        text = (
+            f"axes are not compared: the {count[1]} recorded events with tensors are of {plural(clusters, 'cluster')}, "
+            f"and {MIN_BLOCKS} are needed to tell how far their mean may be off"
+        )
+
+    variables = _absent_axes()
+    if present:
+        dims = {name: value[0] for name, value in variables.items()}
+        found = compare_axes(*samples, seed=settings.seed, resamplings=min(settings.resamplings, MAX_AXES_RESAMPLINGS))
+        found |= _summed(tensors[0][known[0]], record_tensors, weight, runs)
+        variables |= {name: (dims[name], value) for name, value in found.items()}
+        size = [
+            scalar_potency(tensors[0][known[0]]),
+            np.ones(len(samples[1].axes)) if apart else scalar_potency(record_tensors),
+        ]
+        clear = np.array([one.clear_share(weight) for one, weight in zip(samples, size, strict=True)])
+        variables["axis_clear_share"] = (dims["axis_clear_share"], clear)
+        text += _left_out(clear, "events" if apart else "potency") + _shapes_text(found)
+        text += f"; resampled: {counting} runs of the model, {clusters} clusters of recorded events" if tested else ""
+        text += "" if tested else f"; {_untested(runs, counting, 'axes', 'events with clear axes')}"
+    variables |= {
+        "events_with_axes": ("catalogue", np.array(count, np.int64)),
+        "model_axes_used": ("event_model", known[0].astype(np.int8)),
+        "record_axes_used": ("event_record", known[1].astype(np.int8)),
+    }
+    return variables, {"axes_present": int(present), "axes_text": text, "summed_weight": weight}
+
+
+def _left_out(clear: NDArray, of: str) -> str:
+    """What of the catalogues has no clear axes, in words; empty where all have."""
+    if (clear > 1.0 - MIN_SHARE_LEFT_OUT_TOLD).all():
+        return ""
+    shares = [
+        ", ".join(f"{name} {100 * max(1 - share, 0):.1f} %" for name, share in zip(AXIS_NAMES, row, strict=True))
+        for row in clear
+    ]
+    return (
+        f"; left out where two principal values are within {100 * APART:g} % of the largest: of the model's potency "
+        f"{shares[0]}, of the record's {of} {shares[1]}; Kagan angles take sources with three clear axes"
+    )
+
+
+def _shapes_text(found: dict[str, NDArray]) -> str:
+    """Which axes have no mean, and what they have instead, in words; empty where all have one."""
+    said = []
+    for row, which in enumerate(("modelled", "recorded")):
+        for column, name in enumerate(AXIS_NAMES):
+            shape, k = found["axis_shape"][row, column], found["axis_k"][row, column]
+            if shape == GIRDLE:
+                pole = direction(found["pole_trend"][row, column], found["pole_plunge"][row, column])
+                said.append(f"{which} {name} axes lie in a girdle about {pole} (Woodcock K {k:.2f})")
+            elif shape == UNIFORM:
+                said.append(f"{which} {name} axes have no preferred direction")
+    return f"; {', '.join(said)}: no mean axis of these" if said else ""
+
+
+def _sample(events: xr.Dataset, tensor: NDArray, kept: NDArray, blocks: NDArray | None) -> AxesSample:
+    own = None if blocks is None else blocks[kept]
+    return AxesSample(clear_axes(tensor[kept]), events["location"].values[kept], own)
+
+
+def _clear_blocks(sample: AxesSample) -> int:
+    """How many blocks have clear axes: the least of the numbers of P, B and T axes that are not 0; 0 without blocks."""
+    if sample.blocks is None:
+        return 0
+    counts = [len(np.unique(sample.blocks[clear])) for clear in np.isfinite(sample.axes).all(axis=-1).T]
+    return min((count for count in counts if count), default=0)
+
+
+def _during(time: NDArray, window: str | None) -> NDArray:
+    """Which times lie in the window (JSON with start and end, either may be null) of the record's orientations."""
+    window = json.loads(window or "{}")
+    inside = np.ones(len(time), bool)
+    if window.get("start"):
+        inside &= time >= np.datetime64(window["start"], "ns")
+    if window.get("end"):
+        inside &= time < np.datetime64(window["end"], "ns")
+    return inside
+
+
+def _summed(model: NDArray, record: NDArray, weight: str, runs: int) -> dict[str, NDArray]:
+    """Summed tensors, the model's as its runs have it on average, their axes, and how far those lie apart."""
+    if weight == "unit":
+        model, record = (part / np.sqrt(np.sum(part**2, axis=(1, 2), keepdims=True)) for part in (model, record))
+    summed = np.array([model.sum(axis=0) / runs, record.sum(axis=0)])
+    axes = principal_axes(summed)
+    trend, plunge = trend_plunge(axes)
+    return {
+        "summed_tensor": summed,
+        "summed_axis": axes,
+        "summed_trend": trend,
+        "summed_plunge": plunge,
+        "summed_angle": angle_between_axes(axes[0], axes[1]),
+        "summed_kagan": kagan_angle(axes[0], axes[1]),
+        "source_share": np.array([np.abs(source_shares(part)).mean(axis=0) for part in (model, record)]),
+    }
+
+
+def _absent_axes() -> dict:
+    """Every variable of the axes comparison, NaN."""
+    length = {"catalogue": 2, "axis_name": len(AXIS_NAMES), "xyz": 3, "axis": 3, "interval": 2, "share": 3}
+    length |= {"eigenvalue": 3, "kagan_pair": len(KAGAN_PAIRS), "angle": round(KAGAN_LIMIT / KAGAN_BIN)}
+    dims = {
+        "mean_axis": "catalogue axis_name xyz",
+        "mean_trend": "catalogue axis_name",
+        "mean_plunge": "catalogue axis_name",
+        "mean_cone": "catalogue axis_name",
+        "axis_eigenvalue": "catalogue axis_name eigenvalue",
+        "axis_k": "catalogue axis_name",
+        "axis_shape": "catalogue axis_name",
+        "pole_trend": "catalogue axis_name",
+        "pole_plunge": "catalogue axis_name",
+        "axis_clear_share": "catalogue axis_name",
+        "mean_angle": "axis_name",
+        "mean_angle_interval": "axis_name interval",
+        "mean_angle_p_value": "axis_name",
+        "summed_tensor": "catalogue xyz axis",
+        "summed_axis": "catalogue axis_name xyz",
+        "summed_trend": "catalogue axis_name",
+        "summed_plunge": "catalogue axis_name",
+        "summed_angle": "axis_name",
+        "summed_kagan": "",
+        "kagan_lower": "angle",
+        "kagan_share": "kagan_pair angle",
+        "kagan_median": "kagan_pair",
+        "kagan_median_interval": "kagan_pair interval",
+        "source_share": "catalogue share",
+    }
+    absent = {
+        name: (tuple(text.split()), np.full([length[dim] for dim in text.split()], np.nan))
+        for name, text in dims.items()
+    }
+    return absent | {"axis_shape": (("catalogue", "axis_name"), np.full((2, len(AXIS_NAMES)), "", TEXT))}

@@ -1,0 +1,188 @@
+"""netCDF files that are whole or absent, have the same bytes for the same content, and tell when a byte has changed.
+
+Large arrays of numbers carry netCDF's own checksum (fletcher32), which the library compares when it reads them. All
+else (attributes, names, text, times, small arrays) goes into the attribute `checksum`, which is compared on opening.
+"""
+
+import glob
+import hashlib
+import json
+import os
+import zlib
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import psutil
+import xarray as xr
+
+from common.disk import no_room
+from common.errors import InputError
+
+PART = ".part"  # ending of a file that is being written
+COMPRESS_ABOVE = 4096  # values; smaller arrays grow when compressed
+WORTH_IT = 0.7  # compressed over plain size of a sample; stresses and forces shrink to 0.9 only, at 50 MB/s
+SAMPLE = 1 << 16  # values of a sample, in runs of RUN all over the array
+RUN = 1 << 10
+MAX_CHUNK_ROWS = 1 << 16  # whole rows: reading is a third faster than in the library's chunks of one component each
+NANOSECONDS = np.dtype("datetime64[ns]")
+CHECKSUM = "checksum"  # attribute of a file: digest of what fletcher32 does not cover
+RUN_AGAIN = "delete it and run the same command again"
+
+
+@contextmanager
+def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
+    """Give a temporary path beside `path`, unique to the process; rename it to `path` if the body succeeds.
+
+    Raises InputError if the disk has no room for it.
+    """
+    path = Path(path)
+    clear_parts(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{PART}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        os.replace(temporary, path)
+    except Exception as error:  # whatever a writer raises on a full disk: netCDF a RuntimeError, numpy an OSError
+        if told := no_room(error, path.parent, temporary):
+            raise told from error
+        raise
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def clear_parts(path: str | os.PathLike) -> None:
+    """Remove what processes that were killed as they wrote `path` have left beside it.
+
+    One process writes a file at a time (Snakemake locks it); what belongs to a process that lives is left alone.
+    """
+    path = Path(path)
+    for part in path.parent.glob(f".{glob.escape(path.name)}.*{PART}"):
+        writer = part.name.removeprefix(f".{path.name}.").removesuffix(PART)
+        if writer.isdigit() and not psutil.pid_exists(int(writer)):
+            part.unlink(missing_ok=True)
+
+
+def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:
+    """Write `dataset` to netCDF atomically; numbers are compressed without loss, no time stamp is stored."""
+    encoding = {}
+    # text as text: an empty column of Python objects would be stored as numbers
+    text = {name: variable.astype(str) for name, variable in dataset.variables.items() if variable.dtype == object}
+    coarse = {
+        name: one for name, one in dataset.variables.items() if one.dtype.kind == "M" and one.dtype != NANOSECONDS
+    }
+    times = {name: one.astype(NANOSECONDS) for name, one in coarse.items()}  # as they are read again
+    dataset = dataset.assign(text | times)
+    dataset = dataset.assign_attrs({CHECKSUM: checksum(dataset)})
+    for name, variable in dataset.variables.items():
+        for inherited in ("chunksizes", "contiguous", "original_shape", "source"):  # of a file it was read from
+            variable.encoding.pop(inherited, None)
+        if np.issubdtype(variable.dtype, np.number):
+            encoding[name] = {"_FillValue": None}
+            if has_fletcher32(variable):
+                encoding[name]["fletcher32"] = True
+                if is_compressible(variable.values):
+                    encoding[name] |= {"zlib": True, "complevel": 1, "shuffle": True}
+                encoding[name]["chunksizes"] = (rows_of_chunk(len(variable)), *variable.shape[1:])
+    with atomic_path(path) as temporary:
+        dataset.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
+
+
+def is_compressible(values: np.ndarray) -> bool:
+    """Whether a sample of the array shrinks enough, its bytes shuffled as netCDF does it."""
+    flat = values.reshape(-1)
+    starts = np.arange(0, len(flat), max(RUN, len(flat) // (SAMPLE // RUN)))
+    sample = np.concatenate([flat[start : start + RUN] for start in starts])
+    shuffled = np.ascontiguousarray(sample.view(np.uint8).reshape(-1, sample.itemsize).T)
+    return len(zlib.compress(shuffled, 1)) < WORTH_IT * shuffled.size
+
+
+def rows_of_chunk(rows: int) -> int:
+    """Rows of each chunk, so that chunks are of one size and the last is not filled up with nothing."""
+    return -(-rows // -(-rows // MAX_CHUNK_ROWS))
+
+
+def has_fletcher32(variable: xr.Variable) -> bool:
+    """Whether the variable is stored with netCDF's own checksum: numbers, and enough of them to be compressed."""
+    return np.issubdtype(variable.dtype, np.number) and variable.size > COMPRESS_ABOVE
+
+
+def checksum(dataset: xr.Dataset) -> str:
+    """Digest of the attributes, names and types of a dataset, and of all values that fletcher32 does not cover."""
+    described = {
+        name: [
+            list(variable.dims),
+            list(variable.shape),
+            "text" if variable.dtype.kind in "OU" else variable.dtype.name,
+            plain(variable.attrs),
+        ]
+        for name, variable in dataset.variables.items()
+    }
+    attributes = plain({name: value for name, value in dataset.attrs.items() if name != CHECKSUM})
+    digest = hashlib.sha256(json.dumps([attributes, described], sort_keys=True).encode())
+    for name in sorted(described):
+        variable = dataset.variables[name]
+        if not has_fletcher32(variable):
+            is_text = variable.dtype.kind in "OU"
+            values = variable.values
+            native = values.astype(values.dtype.newbyteorder("="), copy=False)
+            digest.update(json.dumps(values.tolist()).encode() if is_text else np.ascontiguousarray(native).tobytes())
+    return digest.hexdigest()[:32]
+
+
+def plain(attributes: dict) -> dict[str, str | float | list]:
+    """Attributes as they are read again: netCDF has no single-element lists, and knows numpy's types only."""
+    found = {name: np.ravel(np.asarray(value)).tolist() for name, value in attributes.items()}
+    return {name: values[0] if len(values) == 1 else values for name, values in found.items()}
+
+
+@contextmanager
+def open_dataset(path: str | os.PathLike) -> Iterator[xr.Dataset]:
+    """A netCDF file whose values are read when asked for, and not kept; closed at the end of the block.
+
+    Raises InputError for a missing or unreadable file, and for one whose bytes are not those that were written, also
+    where a block that reads its values finds that.
+    """
+    try:
+        dataset = xr.open_dataset(path, engine="netcdf4", cache=False)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(f"{path}: not a readable dataset ({error}); {RUN_AGAIN}") from error
+    with dataset:
+        if not is_as_written(dataset):
+            raise InputError(f"{path}: damaged: its content is not what was written; {RUN_AGAIN}")
+        dataset.attrs.pop(CHECKSUM, None)
+        try:
+            yield dataset
+        except (OSError, RuntimeError) as error:  # "NetCDF: HDF error"; of this file, or of another in the same block
+            if is_readable(dataset):
+                raise
+            raise InputError(f"{path}: damaged: {error}; {RUN_AGAIN}") from error
+
+
+def is_as_written(dataset: xr.Dataset) -> bool:
+    """Whether attributes, text and small arrays are what the file's checksum says; True for a file without one."""
+    try:
+        return dataset.attrs.get(CHECKSUM) in (None, checksum(dataset))
+    except (OSError, ValueError, RuntimeError):
+        return False
+
+
+def is_readable(dataset: xr.Dataset) -> bool:
+    """Whether every variable can be read."""
+    try:
+        for variable in dataset.variables.values():
+            variable.values  # noqa: B018
+    except (OSError, ValueError, RuntimeError):
+        return False
+    return True
+
+
+def read_dataset(path: str | os.PathLike, names: Collection[str] | None = None) -> xr.Dataset:
+    """Read a netCDF file into memory and close it; names: of the only variables to read, as far as there are such.
+
+    Raises InputError as open_dataset does.
+    """
+    with open_dataset(path) as dataset:
+        others = [] if names is None else [name for name in dataset.variables if name not in names]
+        return dataset.drop_vars(others).load()

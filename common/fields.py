@@ -1,0 +1,49 @@
+"""What a variable of a dataset is: one form for all tables of variables, and one check."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from common.errors import InputError
+
+TEXT = np.dtype(object)
+REMEDY = "not a file of this version: delete it and run again"
+
+
+@dataclass(frozen=True)
+class Field:
+    """One variable: its name, dimensions, type (TEXT for text), unit ("" for none) and meaning."""
+
+    name: str
+    dims: tuple[str, ...]
+    dtype: npt.DTypeLike
+    unit: str
+    meaning: str
+
+    def __post_init__(self):
+        object.__setattr__(self, "dtype", np.dtype(self.dtype))
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """What a file says of the variable."""
+        return {"long_name": self.meaning} | ({"units": self.unit} if self.unit else {})
+
+    def check(self, dataset: xr.Dataset, source: str) -> None:
+        """Raise InputError, one line that names `source`, if the dataset has no such variable or another one."""
+        if self.name not in dataset.variables:
+            raise InputError(f"{source}: {self.name} is missing; {REMEDY}")
+        found = dataset.variables[self.name]
+        for what, has, wanted in (
+            ("dimensions", ", ".join(found.dims), ", ".join(self.dims)),
+            ("type", _name(found.dtype), _name(self.dtype)),
+            ("unit", found.attrs.get("units", ""), self.unit),
+        ):
+            if has != wanted:
+                raise InputError(f"{source}: {self.name}: {what} {has or 'none'}, not {wanted or 'none'}; {REMEDY}")
+
+
+def _name(dtype: np.dtype) -> str:
+    """A type's name; text has several types."""
+    return "text" if dtype.kind in "OUT" else str(dtype)

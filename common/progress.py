@@ -1,0 +1,90 @@
+"""What a stage says on the terminal while it runs: what it does, and now and then where it stands."""
+
+import functools
+import logging
+import sys
+import threading
+import time
+
+from tqdm import tqdm
+
+from common.costs import COMPILING
+from common.provenance import KERNEL_PACKAGES
+
+FIRST = 1.0  # s until a stage says what it does: one that is done by then says only that
+PAUSE = 30.0  # s between two words of where it stands
+COMPILER = "numba.core.dispatcher"  # the module that says what it compiles
+
+
+class Progress(logging.Handler):
+    """Says what the stage `name` does, and then, where no progress bar can, the latest line of its log.
+
+    A thread of its own: a stage is silent while it reads, compiles or writes.
+    """
+
+    def __init__(self, name: str, does: str):
+        super().__init__(logging.INFO)
+        self.name, self.does, self.latest = name, does, "at work"
+        self.started, self.ended = time.perf_counter(), threading.Event()
+        self.thread = threading.Thread(target=self._tell, daemon=True)
+
+    def __enter__(self) -> "Progress":
+        self.thread.start()
+        return self
+
+    def __exit__(self, kind, error, traceback) -> None:
+        self.ended.set()
+        self.thread.join()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a line of the log, to be told when it is time to."""
+        self.latest = record.getMessage().partition("\n")[0]
+
+    def _tell(self) -> None:
+        if not self.ended.wait(FIRST):
+            self._say(self.does)
+        while not self.ended.wait(PAUSE):
+            if not sys.stderr.isatty():
+                self._say(f"{self.latest} ({time.perf_counter() - self.started:.0f} s)")
+
+    def _say(self, text: str) -> None:
+        tqdm.write(f"{self.name}: {text}", file=sys.stderr)  # above a bar, if there is one
+        sys.stderr.flush()
+
+
+class _WithNumba:
+    """Finds no module for Python, but learns when the compiler is imported."""
+
+    @staticmethod
+    def find_spec(name: str, path=None, target=None) -> None:
+        """Called before each import."""
+        if name == COMPILER:
+            _listen()
+
+
+def log_compilation() -> None:
+    """Let the log name each kernel that is compiled, and count the time: a first run takes minutes over it.
+
+    From when the stage imports numba: most do not, and need not wait for it.
+    """
+    if COMPILER in sys.modules:
+        _listen()
+    elif _WithNumba not in sys.meta_path:
+        sys.meta_path.insert(0, _WithNumba)
+
+
+@functools.cache  # once
+def _listen() -> None:
+    from numba.core import event
+
+    class Named(event.Listener):
+        def on_start(self, event) -> None:
+            COMPILING.begin()
+            kernel = event.data["dispatcher"].py_func
+            if kernel.__module__.partition(".")[0] in KERNEL_PACKAGES:  # not numba's own
+                logging.info("compiling %s, for the first run of this version", kernel.__name__)
+
+        def on_end(self, event) -> None:
+            COMPILING.end()
+
+    event.register("numba:compile", Named())

@@ -1,0 +1,113 @@
+"""The body of every command line: a log of its own, one line to the user, and no orphan processes."""
+
+import ctypes
+import logging
+import os
+import re
+import resource
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+
+import psutil
+
+from common.costs import CLOCK, Costs
+from common.disk import full_one, no_room
+from common.errors import InputError
+from common.progress import Progress, log_compilation
+from common.warnings import ToTerminal
+
+PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
+PIPELINE_PROCESS = "PIPELINE_PROCESS"  # environment variable: the process that starts the stages
+BESIDE = {  # folders of runs beside the mine's own (workflow/folders.py), and what they are
+    r"results/[^/]+/coarse/": "the mine on cells of twice the size; grid_convergence: false leaves it out",
+    r"results/[^/]+/ensemble/[0-9]+/": "a perturbed member; ensemble: 0 leaves all of them out",
+}
+INTERRUPTED = 130  # what a shell makes of SIGINT
+
+
+def name_parent_of_stages() -> None:
+    """Tell the stages that this process starts who their parent is (the workflow calls this, once)."""
+    os.environ[PIPELINE_PROCESS] = str(os.getpid())
+
+
+def die_with_parent() -> None:
+    """Ask Linux to end this process when its parent does, so that a killed pipeline leaves no stage behind.
+
+    A parent that ended before this call is known by its number in the environment.
+    """
+    if sys.platform == "linux":
+        parent = int(os.environ.get(PIPELINE_PROCESS, os.getppid()))
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if not psutil.pid_exists(parent) or psutil.Process(parent).status() == psutil.STATUS_ZOMBIE:
+            os._exit(1)
+
+
+class LogFile(logging.FileHandler):
+    """A log that a full disk cuts short without a word for each line; `lost` is the reason."""
+
+    lost: BaseException | None = None
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Remember why a line is missing."""
+        self.lost = sys.exc_info()[1]
+
+
+def start_log(log: str | os.PathLike | None, progress: Progress) -> LogFile | None:
+    """Lines go to the file `log` and to `progress`, warnings to the terminal too; to stderr where there is no file."""
+    if log:
+        Path(log).parent.mkdir(parents=True, exist_ok=True)
+    file = LogFile(log, mode="w") if log else None
+    logging.basicConfig(
+        level=logging.INFO,
+        handlers=[file, progress, ToTerminal(progress.name)] if file else [logging.StreamHandler(sys.stderr)],
+        format="%(asctime)s %(levelname)s %(message)s",
+        force=True,
+    )
+    return file
+
+
+def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], None], does: str = "at work") -> None:
+    """Run `function` as stage `name`: tracebacks to `log`, one line to stderr, exit status 1 on error.
+
+    does: what it does, in words (the first line of a docstring), shown if it takes longer than a moment.
+    """
+    die_with_parent()
+    CLOCK.start()
+    progress = Progress(name, f"{does.strip().splitlines()[0].rstrip('.')}; log: {log}")
+    whose = name + "".join(f" ({note})" for folder, note in BESIDE.items() if re.search(folder, name))
+    file = None
+    try:
+        file = start_log(log, progress)
+        log_compilation()
+        with progress if log else nullcontext():
+            function()
+    except InputError as error:
+        if file:  # without one, the line below is all
+            logging.exception("stage failed")
+        sys.exit("\n".join(f"{whose}: {line}" for line in error.lines))
+    except MemoryError:
+        logging.exception("out of memory")
+        sys.exit(
+            f"{whose}: out of memory; larger cells (grid.finest_cell, or grid.coarse_cell) or fewer grid.buffer_cells "
+            "need less"
+        )
+    except KeyboardInterrupt:
+        logging.info("ended on the user's request")
+        sys.exit(INTERRUPTED)
+    except Exception as error:  # a fault of ours: the user gets one line, the log the traceback
+        if file or not log:
+            logging.exception("stage failed unexpectedly")
+        named = getattr(error, "filename", None)
+        written = [os.environ.get("NUMBA_CACHE_DIR", "."), Path(log).parent if log else "."]  # besides whole files
+        if full := no_room(error, Path(named).parent if named else full_one(written)):
+            sys.exit(f"{whose}: {full}")
+        sys.exit(f"{whose}: unexpected {type(error).__name__}: {error}; traceback in {log or 'the log above'}")
+    costs = Costs(*CLOCK.taken(), memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    logging.info("%s", costs.closing_line(name))  # common.costs reads it back: nothing comes after it
+    if file:
+        cut = f"; its log {log} is cut short: {file.lost}" if file.lost else ""
+        spent = f"{costs.seconds:.1f} s ({costs.processor:.1f} s of processor time), {costs.memory:.0f} MiB"
+        print(f"{name}: {spent}{cut}", file=sys.stderr)

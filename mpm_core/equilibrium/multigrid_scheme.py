@@ -1,0 +1,299 @@
+"""Scheme `multigrid`: equilibrium solved for directly, in the discretisation of scheme `explicit`.
+
+Without failed rock: conjugate gradients with a V-cycle over the grid's levels (mpm_core/multigrid), then one stress
+update by the kernel of `explicit`, so that stress and hourglass forces are exactly what that scheme would hold.
+
+With failed rock the unbalanced force depends on the displacement through the return to the strength surface, from the
+state in which flow was last counted anew (Body.settle), whatever the way. Its zero is sought by Anderson
+acceleration with the same V-cycle, whose stiffness is elastic at first.
+
+Where much rock flows that is far too stiff. After TANGENT_FROM cycles, in perfectly plastic rock earlier, the V-cycle
+has the consistent tangent (multigrid/tangent_cycle.py) of the displacement found so far, made anew every
+TANGENT_CYCLES; Anderson acceleration goes on with it, forgetting what was before, and a step after which the residual
+has grown is halved. To 1e-5, a tunnel of 12 of 32 m in failed rock (friction 30 degrees, cohesion 5 MPa, 2-D, no
+tension cut-off), cycles, in brackets without: 54 (67) at 40 cells across, 138 (271) at 80; with associated flow 68 (96)
+and 129 (more than 400); with a cut-off of zero 125 (353) and 347 (more than 400). Newton's method proper, GMRES to a
+tenth of the linear residual and a line search, took 50 and 87 where a prototype of this took 33 and 55, both from cycle
+20 on: its linear residual is not the true one. Without dilation and with hardly any cohesion neither finds rest, and
+explicit steps take over. Such a cycle takes about twice the time: in scenes this small there is little gain in seconds.
+"""
+
+import logging
+
+import numpy as np
+
+from mpm_core.equilibrium.body import Body
+from mpm_core.equilibrium.brittle import Brittle
+from mpm_core.equilibrium.convergence import History
+from mpm_core.equilibrium.explicit_scheme import step_to_rest
+from mpm_core.equilibrium.scheme import Excerpt
+from mpm_core.equilibrium.subdomain import Part, cut_out
+from mpm_core.equilibrium.surroundings import Cubes
+from mpm_core.kernels.nodal_operations import sizes
+from mpm_core.kernels.operator_rows import balance, take_step
+from mpm_core.kernels.threads import threads_for
+from mpm_core.model.model import Model
+from mpm_core.model.state import State
+from mpm_core.multigrid.anderson import Anderson
+from mpm_core.multigrid.flow_forces import FlowForces
+from mpm_core.multigrid.solver import ElasticSolver
+from mpm_core.multigrid.stiffness import elastic_cells
+
+CYCLES = 100  # V-cycles of one elastic solution; 12 are usual at most
+SOLUTIONS = 5  # elastic solutions, each for what round-off of the one before has left
+SHARE = 0.5  # of the tolerance that a solution is asked for: its residual is not the last word
+DEPTH = 8  # of Anderson acceleration; 4 takes a third more cycles, 16 a tenth fewer
+REMEMBERED = 1e9  # bytes at most for it, but for a depth of 4: 5 million cells have 8
+FLOW_CYCLES = 400  # V-cycles of one relaxation with flow, before explicit steps take over
+SAFE = 1.0 - 1e-6  # of the tolerance: the forces of the stress that follows differ by round-off
+WORSE = 10.0  # times the smallest residual so far: forget the way there
+STALL = 16  # cycles without progress: forget, too. In 10 million perfectly plastic cells the steps had shrunk to a
+# hundredth while the residual stayed at 1.07 times the tolerance, 60 cycles long and to the last allowed
+STALLED = 0.97  # of the residual so many cycles ago: no progress
+TANGENT_FROM = 40  # cycles, from which on the V-cycle has the tangent. Where rock fails brittly most relaxations end
+# before, and from cycle 12 on the demo's first month takes a fifth longer.
+TANGENT_FROM_PLASTIC = 6  # where no rock loses strength: it gains by the tangent from the start
+TANGENT_CYCLES = 8  # with one tangent
+GROWTH = 2.0  # of the residual in a step with the tangent; a step that leads to more is halved
+HALVINGS = 6  # at most
+RUNAWAY = 1e6  # times the residual that the way began with, or no number: nothing leads back from there
+
+
+class MultigridScheme:
+    """Relaxes a state to equilibrium under given external forces; see scheme.Scheme."""
+
+    def __init__(self, model: Model, state: State, volume: np.ndarray):
+        self.body = Body(model, state, volume)
+        self.model, self.state = model, state
+        self.solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
+        self.anderson: Anderson | None = None
+        self.flow: FlowForces | None = None
+        self.stale = np.ones(len(model.scatter.blocks), bool)  # blocks whose forces are not those of their stress
+        self.rows: list[np.ndarray] = []
+        self.cubes: Cubes | None = None
+        self.softened: np.ndarray | None = None  # (cell,) bool: hourglass stiffness is that of failed rock
+        state.velocity[:] = 0.0
+
+    def set_volume(self, volume: np.ndarray) -> None:
+        """Take over changed particle volumes."""
+        self.body.set_volume(volume)
+        self.stale[:], self.flow, self.softened, self.anderson = True, None, None, None
+
+    def set_failed(self) -> None:
+        """Take over which particles have failed."""
+        before, body = self.body.failed, self.body
+        body.set_failed()
+        fresh = body.flowing[~before[body.flowing]]
+        self.stale[self.model.scatter.blocks_of(self.model.particles.cell[fresh])] = True
+        if self.flow is not None:
+            self.flow.take_in(fresh)
+
+    def _set_stiffness(self) -> None:
+        """Give the solver the stiffness of all cells, its operator the hourglass stiffness of failed rock."""
+        if self.softened is None:  # new volumes
+            # The V-cycle has the hourglass stiffness of intact rock: a killed stage that goes on finds the same one.
+            cells = elastic_cells(self.model, self.body.volume, self.body.intact_hourglass)
+            kappa = self.model.scene.solver.hourglass if self.body.particle_hourglass.any() else np.inf
+            self.solver.set_stiffness(cells, kappa, self.body.free)
+            self.softened = np.zeros(len(self.body.hourglass), bool)
+        failed = np.zeros(len(self.softened), bool)
+        failed[self.model.particles.cell[self.body.flowing]] = True
+        # Those that a return to an earlier state makes whole, too; others hold no lone particle.
+        changed = np.flatnonzero((failed != self.softened) & (self.body.hourglass > 0.0))
+        self.solver.operator.set_hourglass(changed, self.body.hourglass[changed] / (1 << self.model.dimension) ** 2)
+        self.softened = failed
+
+    def go_back(self, rest: dict[str, np.ndarray]) -> None:
+        """Return to a settled state kept earlier (state.keep)."""
+        self.body.go_back(rest)
+        self.stale[:], self.flow = True, None
+
+    def part_around(self, brittle: Brittle, fresh: np.ndarray) -> Part | None:
+        """The part around rock that has just failed; None where that is too much of the mine."""
+        grid = self.model.grid
+        if self.cubes is None:
+            self.cubes = Cubes(grid)
+        around = self.cubes.around(grid.cell_index[self.model.particles.cell[fresh]])
+        return None if around is None else cut_out(self.model, self.state, self.body.volume, brittle, around, fresh)
+
+    def scheme_of(self, part: Part) -> "MultigridScheme":
+        """The scheme that brings a part to rest."""
+        scheme = MultigridScheme(part.model, part.state, part.volume)
+        scheme.body.start = self.body.start[part.nodes]
+        return scheme
+
+    def take_back(self, part: Excerpt) -> None:
+        """Take over what has happened in a part, which is at rest and settled."""
+        part.give_back(self.state)
+        self.stale[self.model.scatter.blocks_of(part.cells)] = True
+        self.body.count_flow_anew()
+        self.set_failed()
+
+    def drop_work_arrays(self) -> None:
+        """Nothing more is to be relaxed."""
+        self.body.drop_work_arrays()
+        self.solver = self.anderson = self.flow = self.cubes = None
+        self.rows = []
+
+    def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
+        """Bring the 2-norm of the unbalanced force at free nodes to at most tolerance * reference (N).
+
+        Where that does not converge, the steps of scheme `explicit` go on from there, and the log says so. Raises
+        InputError as that scheme does.
+        """
+        reference = reference or 1.0  # nothing was mined: any force at all counts
+        history.cells = len(self.model.cell_nodes)
+        with threads_for(history.cells):
+            self._relax(external, tolerance, reference, history)
+
+    def _relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
+        self._set_stiffness()
+        if self.stale.any():
+            self.body.update(0.0, np.flatnonzero(self.stale))
+        self.stale[:] = False
+        ratio = self._look(external, reference, history)
+        self.body.way.begin(self.body, external)
+        if ratio > tolerance:
+            before = history.iteration
+            approach = self._flow if len(self.body.flowing) else self._solve
+            if not approach(external, ratio, tolerance, reference, history):
+                logging.warning(
+                    "multigrid: unbalanced %.2e after %d cycles, tolerance %.2e; going on with explicit steps",
+                    history.rows[-1][3], history.iteration - before, tolerance,
+                )  # fmt: skip
+                step_to_rest(self.body, external, tolerance, reference, history)
+                self.state.velocity[:] = 0.0
+                return
+        self.body.check_reach(ratio)
+        self.body.come_to_rest()
+
+    def _solve(self, external, ratio: float, tolerance: float, reference: float, history: History) -> bool:
+        """Elastic rock: solve for the displacement. Whether the tolerance (ratio) is reached."""
+        for _ in range(SOLUTIONS):
+            share = SHARE * tolerance / ratio
+            solution = self.solver.solve(self.body.unbalanced, share, CYCLES, lambda _: self._count(history))
+            if not solution.ratio < 1.0:  # diverged: a step away from rest, or no number
+                return False
+            self._move(solution.displacement)
+            ratio = self._look(external, reference, history)
+            if ratio <= tolerance:
+                return True
+        return False
+
+    def _flow(self, external, ratio: float, tolerance: float, reference: float, history: History) -> bool:
+        """Rock that flows: Anderson acceleration. Whether the tolerance (ratio) is reached.
+
+        On the way only displacement and forces are kept, on the operator's rows: elastic ones, and what failed rock
+        does not carry of them. Stress is updated at the end.
+        """
+        for _ in range(SOLUTIONS):
+            displacement = self._flow_to_rest(ratio, tolerance, reference, history)
+            if displacement is None:
+                self.body.update(0.0)
+                return False
+            self._move(displacement)
+            ratio = self._look(external, reference, history)
+            if ratio <= tolerance:
+                return True
+        return False
+
+    def _flow_to_rest(self, ratio: float, tolerance: float, reference: float, history: History) -> np.ndarray | None:
+        """Displacement (element,) to where residuals are at most tolerance * reference; None where it is not found."""
+        solver, free = self.solver, self.solver.finest.inverse_diagonal
+        self._flow_forces().begin(self.state, self.body.take_back_flow)
+        displacement, step, force, residual, elastic = self._row_arrays()
+        displacement[:], force[:], step[:] = 0.0, 0.0, 0.0
+        solver.to_rows(self.body.unbalanced, elastic)
+        size, _ = balance(free, elastic, force, residual)
+        anderson = self._anderson(free)
+        first = TANGENT_FROM if self.model.is_brittle() else TANGENT_FROM_PLASTIC
+        smallest, since, follows, taken_over, most = ratio, [ratio], first, False, RUNAWAY * ratio
+        try:
+            for cycle in range(FLOW_CYCLES):
+                stands = len(since) > STALL and ratio > STALLED * since[-1 - STALL]
+                if cycle == follows or ratio > WORSE * smallest or stands:
+                    anderson.forget()
+                    smallest, since = ratio, [ratio]
+                    if cycle >= first:
+                        solver.set_tangents(self.model, self.flow, displacement)
+                        follows, taken_over = cycle + TANGENT_CYCLES, True
+                anderson.turn(residual, solver.precondition(residual, size), size, step, not taken_over)
+                before = size
+                size, largest = self._make_step()
+                if taken_over:
+                    size, largest = self._shorten_step(before, size, largest)
+                ratio = size / reference
+                if not ratio <= most:
+                    return None
+                self._count(history)
+                history.check(ratio, largest / reference)
+                smallest = min(smallest, ratio)
+                since.append(ratio)
+                if ratio <= SAFE * tolerance:
+                    return displacement
+            return None
+        finally:
+            solver.drop_tangents()
+
+    def _make_step(self) -> tuple[float, float]:
+        """Make the step in the work arrays: residual and what it is made of follow; its 2-norm and largest size, N."""
+        solver, free = self.solver, self.solver.finest.inverse_diagonal
+        displacement, step, force, residual, elastic = self.rows
+        solver.operator.apply(step, force)
+        take_step(free, step, displacement, force, elastic)
+        self.flow.add(displacement, force)
+        solver.operator.collect(force)
+        return balance(free, elastic, force, residual)
+
+    def _shorten_step(self, before: float, size: float, largest: float) -> tuple[float, float]:
+        """Halve the step just made while its residual is well above that before, N; what `_make_step` then gives."""
+        step = self.rows[1]
+        halved = 0
+        while not size <= GROWTH * before and halved < HALVINGS:
+            step *= 0.5 if halved else -0.5
+            size, largest = self._make_step()
+            halved += 1
+        if halved:
+            step *= -1.0  # as much of it as is left
+        return size, largest
+
+    def _flow_forces(self) -> FlowForces:
+        """Of the rock that has failed by now."""
+        if self.flow is None:
+            self.flow = FlowForces(self.model, self.solver.finest.siblings, self.body.volume)
+            self.flow.take_in(self.body.flowing)
+        return self.flow
+
+    def _row_arrays(self) -> list[np.ndarray]:
+        """Five work arrays (element,): to make them anew each time would cost as much as half a cycle."""
+        if not self.rows:
+            self.rows = [self.solver.operator.zeros() for _ in range(5)]
+        return self.rows
+
+    def _anderson(self, inverse_diagonal: np.ndarray) -> Anderson:
+        if self.anderson is None:
+            free = np.flatnonzero(inverse_diagonal).astype(np.int32)
+            depth = np.clip(REMEMBERED / (8 * max(1, len(free))), DEPTH // 2, DEPTH)
+            self.anderson = Anderson(free, int(depth))
+        self.anderson.forget()
+        return self.anderson
+
+    def _count(self, history: History) -> None:
+        history.iteration += 1
+        if history.bar is not None:
+            history.bar.update()
+
+    def _look(self, external: np.ndarray, reference: float, history: History) -> float:
+        """Unbalanced force at free nodes, noted in the history."""
+        self.body.advance(external, 0.0)
+        ratio, largest = (size / reference for size in sizes(self.body.unbalanced))
+        history.check(ratio, largest)
+        return ratio
+
+    def _move(self, motion: np.ndarray) -> None:
+        """Move nodes by motion (element,) m, an array of the solver; stress follows."""
+        state = self.state
+        self.solver.to_nodes(motion, state.velocity)
+        state.displacement += state.velocity
+        self.body.update(1.0)
+        state.velocity[:] = 0.0

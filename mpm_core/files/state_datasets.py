@@ -1,0 +1,231 @@
+"""Grid and state to and from the dataset contract: always three coordinates and six stress components."""
+
+import json
+
+import numpy as np
+import xarray as xr
+
+from common.errors import InputError
+from common.voigt import NAMES
+from mpm_core.constitutive.laws import plane_normals
+from mpm_core.files.field_table import FIELDS, variable
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.kernels.nodal_operations import interpolate
+from mpm_core.model.model import Model
+from mpm_core.model.occupancy import SAMPLES, Loose, Places
+from mpm_core.model.state import ARRAYS, State
+from mpm_core.scene.scene import PLANES, Scene
+
+CONVENTIONS = {
+    "Conventions": "CF-1.11 UGRID-1.0",
+    "stress_sign": "tension positive",
+    "voigt": f"{' '.join(NAMES)}, tensor shear",
+}
+
+
+def embed(values: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
+    """Vectors (n, d) of the computation's axes as (n, 3) of the mine's frame, 0 out of plane."""
+    if values.shape[-1] == 3:
+        return values
+    result = np.zeros((*values.shape[:-1], 3))
+    result[..., list(axes)] = values
+    return result
+
+
+def reorder(tensors: np.ndarray, voigt: list[int]) -> np.ndarray:
+    """Components (n, 6) in another order; the array itself where it is the same."""
+    return tensors if voigt == sorted(voigt) else tensors[:, voigt]
+
+
+def _to_file(values: np.ndarray, dims: tuple[str, ...], scene: Scene) -> np.ndarray:
+    """An array in the computation's axes as files have it."""
+    if dims[-1] == "xyz":
+        return embed(values, scene.axes)
+    return reorder(values, scene.voigt) if dims[-1] == "voigt" else values
+
+
+def _cells(grid: MultiLevelGrid, body: np.ndarray, axes: tuple[int, ...]) -> dict[str, np.ndarray]:
+    """Variables of cells and nodes, by name."""
+    return {
+        "cell_origin": embed(grid.cell_origin, axes),
+        "cell_size": grid.cell_size,
+        "cell_level": grid.cell_level,
+        "cell_nodes": grid.vtk_nodes,
+        "cell_body": body,
+        "node_position": embed(grid.node_position, axes),
+        "node_parents": grid.node_parents,
+    }
+
+
+def _of_domain(grid: MultiLevelGrid, axes: tuple[int, ...]) -> dict:
+    """Attributes of a dataset with cells."""
+    return {
+        "dimension": grid.dimension,
+        "domain_lower": embed(grid.origin, axes),
+        "domain_upper": embed(grid.origin + grid.shape * grid.fine_cell, axes),
+        "coarse_cell": grid.fine_cell * 2 ** (grid.levels - 1),
+        "fine_cell": grid.fine_cell,
+        "levels": grid.levels,
+        "phantom_nodes": grid.phantoms,
+    }
+
+
+def _mesh(dimension: int) -> xr.Variable:
+    """UGRID's variable that says which others are the mesh."""
+    topology = "face" if dimension == 2 else "volume"
+    attributes = {
+        "cf_role": "mesh_topology",
+        "topology_dimension": dimension,
+        "node_coordinates": "node_position",
+        f"{topology}_node_connectivity": "cell_nodes",
+    }
+    return xr.Variable((), np.int32(0), attributes)
+
+
+def grid_dataset(
+    grid: MultiLevelGrid, body: np.ndarray, pieces: Places, plane: str | None, attributes: dict
+) -> xr.Dataset:
+    """The dataset of grid.nc. attributes: excavation names and volumes, thickness, provenance."""
+    axes = PLANES[plane]
+    values = _cells(grid, body, axes) | {
+        "piece_origin": embed(grid.origin + pieces.place * grid.fine_cell, axes),
+        "piece_excavation": pieces.excavation,
+        "piece_samples": pieces.samples,
+        "piece_fraction": np.bitwise_count(pieces.samples) / SAMPLES,
+    }
+    dataset = xr.Dataset({name: variable(name, array) for name, array in values.items()})
+    dataset.attrs = CONVENTIONS | {"plane": plane or "none", **_of_domain(grid, axes), **attributes}
+    dataset["mesh"] = _mesh(grid.dimension)
+    return dataset
+
+
+def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray]:
+    """Grid and rock body of each cell, from the dataset of grid.nc or of a state."""
+    attributes, axes = dataset.attrs, _axes(dataset)
+    origin, fine = read_origin(dataset)
+    grid = MultiLevelGrid(
+        origin=origin,
+        fine_cell=fine,
+        levels=int(attributes["levels"]),
+        shape=np.rint((np.asarray(attributes["domain_upper"])[axes] - origin) / fine).astype(np.int64),
+        cell_index=_index(dataset, "cell_origin"),
+        cell_level=dataset.cell_level.values,
+        vtk_nodes=dataset.cell_nodes.values,
+        node_index=_index(dataset, "node_position"),
+        node_parents=dataset.node_parents.values,
+        phantoms=int(attributes.get("phantom_nodes", 0)),
+    )
+    return grid, dataset.cell_body.values
+
+
+def read_origin(dataset: xr.Dataset) -> tuple[np.ndarray, float]:
+    """Lower corner of the domain (d,) and edge of a finest cell, m, from the dataset of grid.nc or of a state."""
+    return np.asarray(dataset.attrs["domain_lower"])[_axes(dataset)], float(dataset.attrs["fine_cell"])
+
+
+def read_pieces(dataset: xr.Dataset) -> Places:
+    """What excavations take of finest cells, from the dataset of grid.nc."""
+    return Places(_index(dataset, "piece_origin"), dataset.piece_excavation.values, dataset.piece_samples.values)
+
+
+def _axes(dataset: xr.Dataset) -> list[int]:
+    plane = dataset.attrs["plane"]
+    return list(PLANES[None if plane == "none" else plane])
+
+
+def _index(dataset: xr.Dataset, name: str) -> np.ndarray:
+    """Places (n, d) int32 in fine units of a variable of places, m."""
+    values = dataset[name].values[:, _axes(dataset)]
+    origin, fine = read_origin(dataset)
+    values -= origin
+    values /= fine
+    return np.rint(values, out=values).astype(np.int32, order="C")  # taking axes has turned them round
+
+
+def state_dataset(
+    model: Model, state: State, volume: np.ndarray, rating: tuple[np.ndarray, np.ndarray], table: dict, attributes: dict
+) -> xr.Dataset:
+    """The dataset of elastic.nc or steps/<step>.nc.
+
+    rating: strength factor and excess shear stress (particle,); table: convergence columns by name.
+    """
+    scene, particles = model.scene, model.particles
+    displacement = np.zeros((particles.count, model.dimension))
+    if scene.solver.move:
+        displacement = state.position - particles.position
+    else:
+        interpolate(model.cell_nodes, particles.cell, particles.row, particles.modes, state.displacement, displacement)
+    step_strain = state.seismic_strain + state.overshoot_strain + state.later_strain
+    present = (volume > 0.0)[:, None]
+    values = {array.field.name: getattr(state, name) for name, array in ARRAYS.items() if array.stored} | {
+        "stress": np.where(present, state.stress + model.insitu, 0.0),
+        "plastic_strain": state.plastic_strain + step_strain,
+        "plastic_strain_step": step_strain,
+        "spacing": particles.spacing,
+        "volume": volume * scene.thickness,
+        "material": particles.material,
+        "excavation": particles.excavation,
+        "displacement": displacement,
+        "strength_factor": rating[0],
+        "excess_shear_stress": rating[1],
+        **{f"loose_{name}": column for name, column in vars(model.loose).items()},
+        **{f"convergence_{name}": column for name, column in table.items()},
+    }
+    values = {name: _to_file(array, FIELDS[name].dims, scene) for name, array in values.items()}
+    values |= _cells(model.grid, model.body, scene.axes)
+    dataset = xr.Dataset({name: variable(name, values[name]) for name in FIELDS if name in values})
+    dataset["mesh"] = _mesh(model.dimension)
+    rocks, host = scene.materials, scene.materials["host"]
+    dataset.attrs = CONVENTIONS | {
+        "mine": scene.mine,
+        "plane": scene.plane or "none",
+        **_of_domain(model.grid, scene.axes),
+        "thickness": scene.thickness,
+        "material_names": json.dumps(list(scene.materials)),
+        "elastic_moduli": json.dumps({name: [rock.lame_lambda, rock.shear_modulus] for name, rock in rocks.items()}),
+        "lame_lambda": host.lame_lambda,
+        "shear_modulus": host.shear_modulus,
+        "tolerance": scene.solver.tolerance,
+        "scheme": scene.solver.scheme,
+        **attributes,
+    }
+    if normals := plane_normals(scene.materials):
+        dataset.attrs["plane_normals"] = json.dumps(normals)
+    return dataset
+
+
+def read_loose(dataset: xr.Dataset) -> Loose:
+    """What has come loose until the end of a stage, from its dataset."""
+    return Loose(**{name: dataset[f"loose_{name}"].values for name in vars(Loose.none())})
+
+
+def read_state(dataset: xr.Dataset, model: Model) -> State:
+    """State at the start of a stage from the dataset of the stage before; fill placed since starts without stress.
+
+    Raises InputError if the dataset belongs to another grid.
+    """
+    particles, voigt = model.particles, model.scene.voigt
+    first, *_, last = model.scene.axes
+    axes = slice(first, last + 1, (last - first) // (model.dimension - 1))  # a view of gigabytes, no copy
+    before = dataset.sizes["particle"]
+    # particles that move change their cells, but not the spacing they were seeded with
+    seeded = "spacing" if model.scene.solver.move else "cell"
+    same = dataset.sizes["node"] == len(model.grid.node_index) and before <= particles.count
+    if not same or not np.array_equal(dataset[seeded].values, getattr(particles, seeded)[:before]):
+        raise InputError("the state of the step before belongs to another grid; run the pipeline from the grid")
+    state = model.virgin_state()
+    for name, array in ARRAYS.items():
+        if not array.stored or array.of_stage or array.start is None:
+            continue
+        old, own = dataset[array.field.name].values, getattr(state, name)
+        if name == "stress":
+            np.subtract(reorder(old, voigt), model.insitu[:before], out=own[:before])
+        elif name == "plastic_strain":
+            failed = np.flatnonzero(state.failed >= 0)  # elsewhere zeros, that take no memory until they are written
+            own[failed] = reorder(old[failed], voigt)
+        else:
+            own[: len(old)] = old[..., axes] if array.dims[-1] == "xyz" else old
+    if model.scene.solver.move:
+        state.position = np.concatenate([dataset.position.values[:, axes], state.position[before:]])
+        state.cell = np.concatenate([dataset.cell.values, state.cell[before:]])
+    return state

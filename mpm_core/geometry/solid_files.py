@@ -1,0 +1,187 @@
+"""Solids from files that mine planning packages write: STL, OBJ, PLY, DXF, OMF.
+
+trimesh, ezdxf and omf are imported where a file is read: that takes long, and most stages read none.
+"""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from common.errors import InputError
+from mpm_core.geometry.bodies import Mesh, choose, join
+from mpm_core.geometry.edges import unique_rows
+from mpm_core.geometry.meshes import read_obj, read_omf, read_ply, read_stl
+from mpm_core.geometry.orientation import REMEDY, agree, check_bounds_volume, without_partitions
+from mpm_core.geometry.outlines import Outline, check_simple, nest
+from mpm_core.geometry.solids import Solid
+
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": 0.3048, "us_ft": 1200 / 3937, "inch": 0.0254}
+NAMED_OPEN, MOST_OPEN = 0.05, 0.3  # share of the volume that hangs on how an open surface is closed: named, refused
+FARTHEST = 1e8  # m: no mine's coordinates are beyond, and float64 keeps 1e-8 m there
+
+
+@dataclass(frozen=True)
+class Picked:
+    """What of a file is meant, and where it lies: metres = coordinate x unit x scale + offset."""
+
+    layer: str | None = None
+    """of a DXF drawing"""
+    element: str | None = None
+    """surface of an OMF project, object or group of an OBJ file, solid of a text STL file"""
+    units: str | None = None
+    """one of METRES; None: what a DXF says of itself, else metres"""
+    scale: float = 1.0
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """m"""
+
+    @classmethod
+    def of(cls, entry: dict) -> "Picked":
+        """From the keys of an excavation or rock body."""
+        return cls(**{key: entry[key] for key in cls.__dataclass_fields__ if key in entry})
+
+    def place(self, vertices: np.ndarray, own_unit: float | None = None) -> np.ndarray:
+        """Vertices (v, 3) of a file, in m; own_unit: metres of the unit that the file names, if it does, or NaN.
+
+        Raises InputError for a unit that is not known.
+        """
+        unit = METRES[self.units] if self.units else own_unit or 1.0
+        if np.isnan(unit):
+            raise InputError(f"is drawn in a unit that no mine is drawn in: say `units`, one of {', '.join(METRES)}")
+        if self.units and own_unit and not np.isclose(unit, own_unit, rtol=1e-9):
+            logging.warning("the file says that its unit is %g m; taken as %s", own_unit, self.units)
+        return vertices * (unit * self.scale) + np.asarray(self.offset, dtype=np.float64)
+
+
+def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys) -> Solid:
+    """Read the solid `name` from a file; the file's ending says which format it is. `keys` are those of Picked.
+
+    `layer` and `element` are needed only if a DXF or OMF file has several; "*" stands for any text in them. Vertices at
+    exactly the same place become one; triangles without area or said twice are dropped, those that look the wrong way
+    are turned (orientation.py). Binary STL holds float32: at 1e6 m it is good to 6 cm, and nothing here can mend that.
+
+    Raises InputError naming the file if it is missing, unreadable, of another format, or bounds no volume.
+    """
+    path, picked = Path(path), replace(picked or Picked(), **keys)
+    readers: dict[str, Callable[[], tuple[Mesh, float | None]]] = {
+        ".stl": lambda: (read_stl(path, picked.element), None),
+        ".obj": lambda: (read_obj(path, picked.element), None),
+        ".ply": lambda: (read_ply(path), None),
+        ".dxf": lambda: _read_dxf(path, picked.layer),
+        ".omf": lambda: (read_omf(path, picked.element), None),
+    }
+    ending = path.suffix.lower()
+    if ending not in readers:
+        raise InputError(f"{path}: {name}: not one of the formats {', '.join(readers)}: export it as one of these")
+    if (picked.element and ending in (".dxf", ".ply")) or (picked.layer and ending != ".dxf"):
+        raise InputError(
+            f"{path}: {name}: `element` is for OMF, OBJ and STL files, `layer` for DXF: remove it or convert the file"
+        )
+    (vertices, facets), own_unit = _read(path, name, readers[ending])
+    if len(facets) and (np.min(facets) < 0 or np.max(facets) >= len(vertices)):
+        raise InputError(f"{path}: {name}: has triangles of vertices that it does not hold: export it again")
+    vertices = _placed(path, name, picked, vertices, own_unit)
+    if not np.isfinite(vertices).all():
+        raise InputError(f"{path}: {name}: holds coordinates that are not finite: export it again")
+    if np.abs(vertices).max(initial=0.0) > FARTHEST:
+        raise InputError(f"{path}: {name}: coordinates up to {np.abs(vertices).max():.3g} m are no mine's: see `units`")
+    vertices, facets = _tidy(vertices, facets)
+    if len(facets) == 0:
+        raise InputError(f"{path}: {name}: holds no triangles: export the solid as a triangulated surface")
+    try:
+        facets, turned = agree(vertices, facets)
+        check_bounds_volume(vertices, facets)
+    except InputError as error:
+        raise InputError(f"{path}: {name}: {error}") from error
+    if turned:
+        logging.warning("%s: %s: %d of %d triangles looked the other way; turned", path, name, turned, len(facets))
+    solid = Solid(name, vertices, facets)
+    if solid.open_share > NAMED_OPEN:
+        least, _, most = solid.open_volumes
+        said = (
+            f"{path}: {name}: its surface has large holes, or triangles that look the other way: {least:.4g} to "
+            f"{most:.4g} m3 are within, {100 * solid.open_share:.0f} % apart, as one closes it"
+        )
+        if solid.open_share > MOST_OPEN:
+            raise InputError(f"{said}; more than {100 * MOST_OPEN:.0f} % is no volume: {REMEDY}")
+        logging.warning("%s; %.4g m3 are taken: %s", said, solid.volume, REMEDY)
+    return solid
+
+
+def read_outlines(path: str | Path, name: str, picked: Picked, height: float | None = None) -> list[Outline]:
+    """Outlines with their holes (point, 3) m of the closed polylines of a DXF drawing, or of its layer; arcs as chords.
+
+    height, m: of prisms that stand on the polylines (outlines.nest). Raises InputError naming the file and the layer.
+    """
+    from mpm_core.geometry import dxf
+
+    path = Path(path)
+    if path.suffix.lower() != ".dxf" or picked.element:
+        raise InputError(f"{path}: {name}: a prism takes its outline from a DXF polyline, by `layer`: export it as DXF")
+    lines, own_unit = _read(path, name, lambda: dxf.read_outlines(path, picked.layer))
+    try:
+        found = choose(lines, picked.layer, "layer")
+    except InputError as error:
+        raise InputError(f"{path}: {name}: {error}") from error
+    layer = picked.layer or next(iter(lines))
+    found = [_placed(path, name, picked, line, own_unit) for line in found]
+    try:
+        for line in found:
+            check_simple(line[:, :2])
+        outlines = nest(found, height)
+    except InputError as error:
+        raise InputError(f"{path}: {name}: layer {layer}: {error}") from error
+    holes = sum(len(outline.holes) for outline in outlines)
+    if holes:
+        logging.warning(
+            "%s: %s: layer %s: %d of %d closed polylines lie within another one: rock is left there",
+            path, name, layer, holes, len(found),
+        )  # fmt: skip
+    return outlines
+
+
+def _placed(path: Path, name: str, picked: Picked, vertices: np.ndarray, own_unit: float | None) -> np.ndarray:
+    try:
+        return picked.place(vertices, own_unit)
+    except InputError as error:
+        raise InputError(f"{path}: {name}: {error}") from error
+
+
+def _read(path: Path, name: str, reader: Callable):
+    """What the reader makes of the file; whatever it stumbles over becomes one line."""
+    if not path.is_file():
+        raise InputError(
+            f"{path}: {name}: no such file; relative paths start at the folder of the mine's configuration"
+        )
+    try:
+        return reader()
+    except InputError as error:
+        raise InputError(f"{path}: {name}: {error}") from error
+    except Exception as error:  # the parsers raise whatever they stumble over
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(
+            f"{path}: {name}: unreadable as {path.suffix[1:].upper()} ({reason}): export it again"
+        ) from error
+
+
+def _read_dxf(path: Path, layer: str | None) -> tuple[Mesh, float | None]:
+    from mpm_core.geometry.dxf import read_faces
+
+    faces, own_unit = read_faces(path, layer)
+    return join(choose(faces, layer, "layer")), own_unit
+
+
+def _tidy(vertices: np.ndarray, facets: np.ndarray) -> Mesh:
+    """Merge equal vertices, drop triangles with a repeated corner and repeats of the same triangle, keep the order."""
+    vertices, facets = np.reshape(vertices, (-1, 3)), np.reshape(facets, (-1, 3))
+    vertices, place = unique_rows(vertices)
+    facets = place[facets] if len(vertices) else facets
+    facets = without_partitions(facets[(facets != np.roll(facets, 1, axis=1)).all(axis=1)])
+    # the same triangle may start at any of its corners: start it at the smallest, which keeps its orientation
+    start = facets.argmin(axis=1, keepdims=True) if len(facets) else np.zeros((0, 1), dtype=np.int64)
+    rolled = np.take_along_axis(facets, (start + np.arange(3)) % 3, axis=1)
+    _, same = unique_rows(rolled)
+    _, first = np.unique(same, return_index=True)
+    return vertices, facets[np.sort(first)]

@@ -1,0 +1,234 @@
+"""A scene on its grid: everything that stays the same while equilibrium is sought; state.py has what does not."""
+
+from dataclasses import dataclass, replace
+from types import ModuleType
+
+import numpy as np
+
+from mpm_core.constitutive.laws import can_fail, law_of_all, rows_of_all
+from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
+from mpm_core.grid.splitting import with_leaves
+from mpm_core.kernels.block_scatter import Scatter, build_scatter
+from mpm_core.kernels.nodal_operations import mark_nodes
+from mpm_core.model.occupancy import FULL, NOTHING, SAMPLES, Changes, Loose, Pieces, changes_of
+from mpm_core.model.particles import Particles, at_step, seed, volumes
+from mpm_core.model.phantom_nodes import Parting, part
+from mpm_core.model.rigid_motions import RigidMotions, free_motions
+from mpm_core.model.state import State
+from mpm_core.model.unsupported import find_loose
+from mpm_core.scene.scene import FACES, Scene
+from mpm_core.scene.virgin_stress import virgin_stress
+
+
+@dataclass(frozen=True)
+class Model:
+    """Grid, particles and material tables of a stage."""
+
+    scene: Scene
+    grid: MultiLevelGrid
+    body: np.ndarray
+    """(cell,) int16, index of the rock body, -1 host"""
+    pieces: Pieces
+    """of cells inside excavations, of all that the grid knows"""
+    changes: Changes
+    particles: Particles
+    scatter: Scatter
+    cell_nodes: np.ndarray
+    """(cell, 2^d) int32, corners in bit order"""
+    insitu: np.ndarray
+    """(particle, 6) Pa, virgin stress; zero for fill, which starts without stress"""
+    elastic_constants: np.ndarray
+    """(material, 2) lambda, mu, Pa"""
+    law: ModuleType
+    """of failure, of all rock (constitutive.laws); kernels are made for it"""
+    intact_rows: np.ndarray
+    residual_rows: np.ndarray
+    """(material, column) strength rows of the law"""
+    held: np.ndarray
+    """(node, d) bool: fixed or on a roller"""
+    loose: Loose
+    """what has fallen so far"""
+    step: int
+    """once it is mined the particles are where they are; -1 virgin rock"""
+    plain: MultiLevelGrid
+    """the grid with one node at each place; the same one if there are no phantom nodes"""
+    severed: np.ndarray
+    unheld: int
+    """see phantom_nodes.Parting"""
+
+    @property
+    def mode_values(self) -> np.ndarray:
+        """(point row, 2^d) value of each mode at each point of the particles' tables, or its mean over samples."""
+        return self.particles.modes
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.grid.dimension
+
+    @property
+    def hanging(self) -> np.ndarray:
+        """Nodes with parents."""
+        return np.flatnonzero(self.grid.is_hanging).astype(np.int32)
+
+    def at(self, step: int) -> "Model":
+        """The same with particles where their material is once `step` is mined, and nodes of their own for walls that
+        it has parted; itself unless `cut_cells` is mean."""
+        if self.scene.cut_cells != "mean" or step == self.step:
+            return self
+        particles = at_step(self.particles, self.changes, step, self.grid)
+        moved = np.flatnonzero((particles.position != self.particles.position).any(axis=1) & particles.is_rock)
+        insitu = self.insitu.copy()
+        insitu[moved] = virgin_stress(self.scene, particles.position[moved])
+        changed = replace(self, particles=particles, insitu=insitu, step=step)
+        parting = part(self.plain, self.changes, step)
+        if not (parting.grid.phantoms or self.grid.phantoms):
+            return changed
+        return replace(changed, **parting._asdict(), **_on_nodes(parting.grid, self.scene))
+
+    def material_volumes(self, step: int) -> np.ndarray:
+        """Volume of each particle's own material once `step` is mined and filled, (particle,)."""
+        return volumes(self.particles, self.changes, step)
+
+    def volumes(self, step: int) -> np.ndarray:
+        """Volume in which each particle bears stress once `step` is mined and filled, (particle,).
+
+        It is that of its material, but for `cut_cells: mean`: fill that shares a cell with stiffer rock would share its
+        strain, and hold failed rock, which dilates, like a jacket. It weighs, but bears nothing where a cell beside it
+        is filled wholly. In an opening so narrow that none is, it bears its share.
+        """
+        volume = self.material_volumes(step)
+        if self.scene.cut_cells == "mean" and not self.particles.is_rock.all():
+            volume[self._is_jacket(step)] = 0.0
+        return volume
+
+    def _is_jacket(self, step: int) -> np.ndarray:
+        """Fill (particle,) bool that shares its cell with stiffer rock, where a cell filled wholly was beside it when
+        it was placed: fill that is placed or mined later takes no load off it."""
+        particles, cells = self.particles, len(self.cell_nodes)
+        rock = self.changes.rock_samples(cells, step)
+        shear = self.elastic_constants[particles.material, 1]
+        of_rock = shear[particles.group_start[:cells]]  # the first groups are those of rock, one for each cell
+        found = ~particles.is_rock & (rock != NOTHING)[particles.cell] & (shear < of_rock[particles.cell])
+        placed = np.array([excavation.filled for excavation in self.scene.excavations])[particles.excavation]
+        for first in np.unique(placed[found]):
+            chosen = np.flatnonzero(found & (placed == first))
+            found[chosen] = self._beside_filled(first)[particles.cell[chosen]]
+        return found
+
+    def _beside_filled(self, step: int) -> np.ndarray:
+        """Cells (cell,) bool that share a node with one that is filled wholly once `step` is mined and filled."""
+        cells = len(self.cell_nodes)
+        rock, solid = self.changes.rock_samples(cells, step), self.changes.solid_samples(cells, step)
+        filled = np.zeros(len(self.plain.node_index), bool)
+        filled[self.plain.vtk_nodes[(rock == NOTHING) & (solid == FULL)]] = True
+        return filled[self.plain.vtk_nodes].any(axis=1)
+
+    def rock_share(self, step: int) -> np.ndarray:
+        """Share of each cell that is rock once `step` is mined, (cell,)."""
+        return np.bitwise_count(self.changes.rock_samples(len(self.cell_nodes), step)) / SAMPLES
+
+    def can_fail(self) -> np.ndarray:
+        """(particle,) bool: rock whose material can fail."""
+        by_material = np.array([can_fail(material) for material in self.scene.materials.values()])
+        return self.particles.is_rock & by_material[self.particles.material]
+
+    def is_brittle(self) -> bool:
+        """Whether some rock loses strength when it fails; if not, it is perfectly plastic."""
+        return not np.array_equal(self.intact_rows, self.residual_rows, equal_nan=True)
+
+    def virgin_state(self) -> State:
+        """Nothing mined: all changes are zero. Position, cell: the model's own; a scheme that moves them copies."""
+        return State.virgin(self.particles, len(self.grid.node_index), len(self.cell_nodes), self.dimension)
+
+    def free_motions(self, volume: np.ndarray) -> RigidMotions:
+        """Rigid motions that fixed and roller faces leave to rock and fill of these volumes (particle,)."""
+        present = np.zeros(len(self.cell_nodes), bool)
+        present[self.particles.cell[volume > 0.0]] = True
+        touched, beside = np.zeros((2, len(self.held)), bool)
+        mark_nodes(self.cell_nodes, present, touched, beside)
+        nodes = np.flatnonzero(touched & self.held.any(axis=1))
+        if not len(nodes):
+            nodes = np.flatnonzero(touched)
+        return free_motions(self.grid.origin + self.grid.node_index[nodes] * self.grid.fine_cell, self.held[nodes])
+
+
+def held_faces(scene: Scene) -> dict[tuple[int, int], list[int]]:
+    """Components that fixed and roller faces of the domain hold, by axis and side, in the computation's axes."""
+    held = {}
+    for axis in range(len(scene.axes)):
+        for side, name in enumerate(FACES[2 * scene.axes[axis] :][:2]):
+            condition = scene.boundary.get(name)
+            if condition in ("fixed", "roller"):
+                held[axis, side] = [axis] if condition == "roller" else list(range(len(scene.axes)))
+    return held
+
+
+def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
+    held = np.zeros((len(grid.node_index), grid.dimension), bool)
+    for (axis, side), components in held_faces(scene).items():
+        held[np.ix_(grid.boundary_nodes(axis, side), components)] = True
+    held[grid.border_nodes()] = True
+    return held
+
+
+def _on_nodes(grid: MultiLevelGrid, scene: Scene) -> dict:
+    """What a model knows of the nodes of a grid, by name."""
+    cell_nodes = np.ascontiguousarray(grid.vtk_nodes[:, BIT_ORDER[grid.dimension]])
+    return {
+        "cell_nodes": cell_nodes,
+        "scatter": build_scatter(cell_nodes, grid.node_parents),
+        "held": _held(grid, scene),
+    }
+
+
+def build_model(
+    scene: Scene,
+    grid: MultiLevelGrid,
+    body: np.ndarray,
+    pieces: Pieces,
+    loose: Loose | None = None,
+    all_fallen: bool = False,
+) -> Model:
+    """Seed the particles of a stage and tabulate what the kernels need. `pieces` as stored with the grid.
+
+    loose: what has fallen in the steps before; what comes loose in the last step of the scene falls here, unless
+    all_fallen says that it is among them.
+    """
+    step = len(scene.steps) - 1
+    loose = loose or Loose.none()
+    changes = changes_of(pieces, scene.excavations, loose)
+    if not all_fallen:
+        fallen = find_loose(grid, changes.solid_samples(len(grid.cell_level), step), held_faces(scene), step)
+        loose = loose.and_then(fallen)
+        if len(fallen.cell):
+            changes = changes_of(pieces, scene.excavations, loose)
+    particles = seed(grid, body, changes, scene, pieces)
+    if grid.phantoms:  # of the step before
+        grid = with_leaves(grid, grid.cell_index, grid.cell_level)
+    parting = Parting(grid, np.empty((0, 3), np.int64), 0)
+    if scene.cut_cells == "mean":
+        particles = at_step(particles, changes, step, grid)
+        parting = part(grid, changes, step)
+    insitu = virgin_stress(scene, particles.position)
+    insitu[~particles.is_rock] = 0.0
+    materials = scene.materials.values()
+    law = law_of_all(materials)
+    intact_rows, residual_rows = rows_of_all(law, materials, scene.frame_axes)
+    return Model(
+        scene=scene,
+        body=body,
+        pieces=pieces,
+        changes=changes,
+        particles=particles,
+        insitu=insitu,
+        elastic_constants=np.array([(material.lame_lambda, material.shear_modulus) for material in materials]),
+        law=law,
+        intact_rows=intact_rows,
+        residual_rows=residual_rows,
+        loose=loose,
+        step=step,
+        plain=grid,
+        **parting._asdict(),
+        **_on_nodes(parting.grid, scene),
+    )

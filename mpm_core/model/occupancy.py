@@ -1,0 +1,204 @@
+"""What holds each part of a cell, step by step: rock, then void, fill, and void again where fill is mined.
+
+A cell's parts are its 64 samples (geometry/inside.py). In each step rock and fill are mined first; then fill is placed
+in all that stands open within its excavation's solid, whichever excavation opened it; last, what is loose then falls.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from mpm_core.scene.scene import Excavation
+
+SAMPLES = 64  # inside tests per cell, one bit each: 4 x 4 x 4 in 3-D, 8 x 8 in 2-D (geometry/inside.py)
+SLIVER = 2  # samples: a share of fewer than 2 / 64 is dropped
+FULL = np.uint64(2**64 - 1)
+NOTHING = np.uint64(0)
+ROCK = -1  # owner of what no excavation has mined
+DIG, PLACE, FALL = range(3)  # kinds of events, in their order within a step
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Parts of cells inside excavations: cell, excavation (piece,) indices, samples (piece,) uint64, one bit each."""
+
+    cell: np.ndarray
+    excavation: np.ndarray
+    samples: np.ndarray
+
+    def of(self, chosen: np.ndarray) -> "Pieces":
+        """Those that are chosen, (piece,) bool."""
+        return Pieces(self.cell[chosen], self.excavation[chosen], self.samples[chosen])
+
+
+@dataclass(frozen=True)
+class Places:
+    """The same whatever the cells of a grid are: place (piece, d) int32, lower corners of finest cells, fine units."""
+
+    place: np.ndarray
+    excavation: np.ndarray
+    samples: np.ndarray
+
+    @classmethod
+    def all_of(cls, parts: list["Places"], dimension: int) -> "Places":
+        """These, one after another."""
+        none = cls(np.empty((0, dimension), np.int32), np.empty(0, np.int16), np.empty(0, np.uint64))
+        return cls(**{name: np.concatenate([getattr(part, name) for part in (none, *parts)]) for name in vars(none)})
+
+    def and_then(self, other: "Places") -> "Places":
+        """These, and others behind them, in the order of excavations."""
+        both = Places.all_of([self, other], self.place.shape[1])
+        order = np.argsort(both.excavation, kind="stable")
+        return Places(both.place[order], both.excavation[order], both.samples[order])
+
+
+@dataclass(frozen=True)
+class Loose:
+    """Parts of cells that nothing holds from a step on, rock and fill (unsupported.py): they are void from then on.
+
+    cell, step (part,) indices, samples (part,) uint64; piece (part,): number of the piece among those of its step,
+    largest first.
+    """
+
+    cell: np.ndarray
+    samples: np.ndarray
+    step: np.ndarray
+    piece: np.ndarray
+
+    @classmethod
+    def none(cls) -> "Loose":
+        """Nothing is loose."""
+        return cls(np.empty(0, np.int32), np.empty(0, np.uint64), np.empty(0, np.int32), np.empty(0, np.int32))
+
+    def and_then(self, other: "Loose") -> "Loose":
+        """These and those of a later step."""
+        return Loose(**{name: np.concatenate([own, getattr(other, name)]) for name, own in vars(self).items()})
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Samples that change hands, in the order of steps: cell, owner, step (change,) indices, samples (change,) uint64.
+
+    The owner, ROCK or the excavation whose fill it is, loses samples that it holds and gains those that it does not:
+    what it holds after a step is the exclusive or of all that it has had until then. Rock starts with all.
+    """
+
+    cell: np.ndarray
+    owner: np.ndarray
+    step: np.ndarray
+    samples: np.ndarray
+
+    def until(self, step: int, owned_by_rock: bool) -> np.ndarray:
+        """Indices of the changes of rock, or of fill, up to and including a step."""
+        return np.flatnonzero(((self.owner == ROCK) == owned_by_rock) & (self.step <= step))
+
+    def rock_samples(self, cells: int, step: int) -> np.ndarray:
+        """Samples of each cell that are rock once `step` is mined: (cell,) uint64."""
+        result = np.full(cells, FULL)
+        now = self.until(step, owned_by_rock=True)
+        np.bitwise_xor.at(result, self.cell[now], self.samples[now])
+        return result
+
+    def solid_samples(self, cells: int, step: int) -> np.ndarray:
+        """Samples of each cell that are rock or fill once `step` is mined and filled: (cell,) uint64."""
+        result = np.full(cells, FULL)
+        now = np.flatnonzero(self.step <= step)  # no two owners hold a sample: their exclusive or is all that is held
+        np.bitwise_xor.at(result, self.cell[now], self.samples[now])
+        return result
+
+
+def changes_of(pieces: Pieces, excavations: tuple[Excavation, ...], loose: Loose) -> Changes:
+    """How the samples of all cells change hands while these excavations are mined and filled, and loose parts fall.
+
+    Rock that two solids share goes to the one that mines it first. Slivers are dropped; so is a remainder thinner than
+    that: its samples go with what leaves it. No later excavation alters the changes of those before it.
+    """
+    mined = np.array([excavation.mined for excavation in excavations] or [-1])
+    filled = np.array([excavation.filled if excavation.fill else -1 for excavation in excavations] or [-1])
+    cell, excavation, samples = pieces.cell, pieces.excavation.astype(np.int64), pieces.samples
+    digs, fills = np.flatnonzero(mined[excavation] >= 0), np.flatnonzero(filled[excavation] >= 0)
+    piece = np.concatenate([digs, fills])
+    kind = np.repeat([DIG, PLACE, FALL], [len(digs), len(fills), len(loose.cell)])
+    step = np.concatenate([mined[excavation[digs]], filled[excavation[fills]], loose.step])
+    cell, excavation = np.append(cell[piece], loose.cell), np.append(excavation[piece], np.full(len(loose.cell), ROCK))
+    samples = np.append(samples[piece], loose.samples)
+    order = np.lexsort((excavation, kind, step, cell))
+    cell, kind, step, excavation, samples = (column[order] for column in (cell, kind, step, excavation, samples))
+    cells, start = np.unique(cell, return_index=True)
+    start = np.append(start, len(cell))
+    filling = np.add.reduceat(kind == PLACE, start[:-1], dtype=np.int64) if len(cells) else np.zeros(0, np.int64)
+    most = np.sum((np.diff(start) - filling) * (1 + filling) + filling)  # every dig may take rock and all fill
+    owner, when, what = np.empty(most, np.int16), np.empty(most, np.int32), np.empty(most, np.uint64)
+    where = np.empty(most, np.int32)
+    held = np.zeros(len(cell), np.uint64)
+    count = _follow(cells, start, kind, step, excavation, samples, held, where, owner, when, what)
+    order = np.argsort(when[:count], kind="stable")
+    return Changes(where[order], owner[order], when[order], what[order])
+
+
+@njit(cache=True)
+def _count(samples):
+    """Number of set bits."""
+    count = 0
+    while samples:
+        samples &= samples - np.uint64(1)
+        count += 1
+    return count
+
+
+@njit(cache=True)
+def _take(wanted, held, least):
+    """Of samples that are wanted and held those that go: none if they are fewer than least, all held if they leave a
+    sliver."""
+    gone = wanted & held
+    if _count(gone) < least:
+        return NOTHING
+    return held if _count(held & ~gone) < SLIVER else gone
+
+
+@njit(cache=True)
+def _follow(cells, start, kind, step, excavation, samples, held, where, owner, when, what):
+    """Follow the events of each cell, start (cell + 1,), in order; write its changes and return how many there are.
+
+    kind, step, excavation, samples (event,): DIG, PLACE or FALL, when, of which solid, and what is inside that;
+    held (event,) uint64, zeros: what the fill of each event holds; where, owner, when, what (change,): see Changes.
+    """
+    count = 0
+    for i in range(len(cells)):
+        rock, void = FULL, NOTHING
+        for event in range(start[i], start[i + 1]):
+            inside = samples[event]
+            if kind[event] == PLACE:
+                placed = _take(inside, void, SLIVER)
+                held[event] = placed
+                void &= ~placed
+                if placed:
+                    where[count], owner[count], when[count], what[count] = (
+                        cells[i],
+                        excavation[event],
+                        step[event],
+                        placed,
+                    )
+                    count += 1
+                continue
+            least = 1 if kind[event] == FALL else SLIVER
+            gone = _take(inside, rock, least)
+            rock &= ~gone
+            void |= gone
+            if gone:
+                where[count], owner[count], when[count], what[count] = cells[i], ROCK, step[event], gone
+                count += 1
+            for before in range(start[i], event):
+                gone = _take(inside, held[before], least)
+                held[before] &= ~gone
+                void |= gone
+                if gone:
+                    where[count], owner[count], when[count], what[count] = (
+                        cells[i],
+                        excavation[before],
+                        step[event],
+                        gone,
+                    )
+                    count += 1
+    return count

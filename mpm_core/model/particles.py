@@ -1,0 +1,201 @@
+"""Particles of a multi-level grid: one group of points per cell and material, whose volumes change as rock is mined.
+
+Every cell has one group of rock particles, and one more for each excavation that is filled there. Fill groups come
+after all rock groups, in the order of filling, so the particles of one mining step are a prefix of those of the next.
+
+With `cut_cells: mean` each material of a cut cell has one particle, which stands for the samples that it holds. Shape
+functions and their gradients are means over these samples, and its place is their centroid: at the cell's centre it
+would act up to half a cell too far into the opening, and rock would carry too little.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.model.occupancy import FULL, NOTHING, ROCK, SAMPLES, Changes, Pieces
+from mpm_core.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Particles:
+    """Where the particles are; their state is model.State.
+
+    cell, excavation (-1 rock), material (particle,); xi (particle, d) place in the cell, -1 to 1; position
+    (particle, d), spacing (particle,) m;
+    full_volume (particle,) m3 (m2 in 2-D) if the whole place belonged to the particle; sample (particle,) bit of the
+    cell's samples that the particle stands for, -1 for a share of all;
+    group_start (group + 1,) first particle of each group, group_table (group,) first row of its points in `modes`;
+    cell_groups_start (cell + 1,), cell_groups: groups of each cell; modes (row, 2^d): value of each mode
+    (kernels/modes.py) at a point, or its mean over samples; the first shared_rows of them are points of many groups,
+    each of the others is one group's own.
+    """
+
+    cell: np.ndarray
+    excavation: np.ndarray
+    material: np.ndarray
+    xi: np.ndarray
+    position: np.ndarray
+    spacing: np.ndarray
+    full_volume: np.ndarray
+    sample: np.ndarray
+    group_start: np.ndarray
+    group_table: np.ndarray
+    cell_groups_start: np.ndarray
+    cell_groups: np.ndarray
+    modes: np.ndarray
+    shared_rows: int
+
+    @property
+    def count(self) -> int:
+        """Number of particles."""
+        return len(self.cell)
+
+    @property
+    def is_rock(self) -> np.ndarray:
+        """(particle,) bool."""
+        return self.excavation < 0
+
+    @property
+    def row(self) -> np.ndarray:
+        """Row of `modes` that each particle has, (particle,) int64."""
+        first = np.repeat(self.group_table - self.group_start[:-1], np.diff(self.group_start))
+        return first + np.arange(self.count)
+
+
+def point_table(per_edge: int, dimension: int) -> np.ndarray:
+    """Centres of `per_edge`^d equal sub-cells, (point, d) in -1..1, first axis fastest (the samples' bit order)."""
+    places = (np.arange(per_edge) + 0.5) / per_edge * 2 - 1
+    mesh = np.meshgrid(*[places] * dimension, indexing="ij")
+    return np.stack([axis.ravel(order="F") for axis in mesh], axis=1)
+
+
+def mode_table(points: np.ndarray) -> np.ndarray:
+    """Value (point, 2^d) of each mode at points (point, d) in -1..1: product of the coordinates whose bit is set."""
+    dimension = points.shape[1]
+    modes = [np.prod(points[:, [k for k in range(dimension) if m >> k & 1]], axis=1) for m in range(1 << dimension)]
+    return np.stack(modes, axis=1)
+
+
+def mean_modes(samples: np.ndarray, dimension: int) -> np.ndarray:
+    """Mean (k, 2^d) of each mode over sets of samples (k,) uint64, none of them empty."""
+    table = mode_table(point_table(round(SAMPLES ** (1 / dimension)), dimension))
+    held = (samples[:, None] >> np.arange(SAMPLES, dtype=np.uint64)) & np.uint64(1)
+    return held.astype(float) @ table / np.bitwise_count(samples)[:, None]
+
+
+def centroids(modes: np.ndarray) -> np.ndarray:
+    """Place (k, d) in the cell, -1 to 1, of points or means with these modes (k, 2^d)."""
+    return modes[:, [1 << k for k in range(modes.shape[1].bit_length() - 1)]]
+
+
+def shapes_of(modes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shape functions (k, 2^d) and their derivatives (k, 2^d, d) along local coordinates, of modes (k, 2^d)."""
+    corners = modes.shape[1]
+    bits = np.arange(corners)
+    sign = (-1.0) ** np.bitwise_count(bits & ~bits[:, None])  # (corner, mode)
+    derivatives = []
+    for k in range(corners.bit_length() - 1):
+        along = np.where(bits >> k & 1, modes[:, bits ^ 1 << k], 0.0)
+        derivatives.append(along @ sign.T / corners)
+    return modes @ sign.T / corners, np.stack(derivatives, axis=2)
+
+
+def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene, ever: Pieces) -> Particles:
+    """Particles of all rock, and of all fill placed up to this stage; before any of it is mined, see `at_step`.
+
+    body (cell,): index of the rock body, -1 host.
+
+    With cut_cells "mean" each group of a cut cell has one particle, at the cell's centre, and with "subdivide" one per
+    sample. A cell counts as cut if any excavation of the grid cuts it (`ever`), so that no later step changes how many.
+    """
+    dimension, cells = grid.dimension, len(grid.cell_level)
+    names = list(scene.materials)
+    whole = scene.particles_per_cell
+    of_cut = {"mean": 1, "subdivide": round(SAMPLES ** (1 / dimension))}.get(scene.cut_cells, whole)
+    edges = np.unique([1, whole, of_cut])
+    points = np.concatenate([point_table(edge, dimension) for edge in edges])  # the centre first
+
+    fills = np.flatnonzero(changes.owner != ROCK)
+    _, first = np.unique(changes.owner[fills].astype(np.int64) * cells + changes.cell[fills], return_index=True)
+    fills = fills[first]  # where it is placed, not mined again
+    fills = fills[np.lexsort((changes.cell[fills], changes.owner[fills], changes.step[fills]))]
+    group_cell = np.concatenate([np.arange(cells), changes.cell[fills]]).astype(np.int32)
+    group_excavation = np.concatenate([np.full(cells, ROCK), changes.owner[fills]]).astype(np.int16)
+    body_material = np.array([names.index(name) for name in (*scene.rock_bodies, "host")])
+    fill_material = np.array(
+        [names.index(excavation.fill) if excavation.fill else 0 for excavation in scene.excavations] or [0]
+    )
+    group_material = np.where(group_excavation < 0, body_material[body[group_cell]], fill_material[group_excavation])
+
+    cut = np.zeros(cells, bool)
+    cut[ever.cell[ever.samples != FULL]] = True
+    per_edge = np.where(cut, of_cut, whole)[group_cell]
+    size = per_edge**dimension
+    start = np.append(0, np.cumsum(size)).astype(np.int64)
+    table = np.cumsum([0, *edges**dimension])[np.searchsorted(edges, per_edge)].astype(np.int32)
+    is_sample = cut[group_cell] & (scene.cut_cells == "subdivide")
+
+    group = np.repeat(np.arange(len(group_cell)), size)
+    place = np.arange(start[-1]) - start[group]
+    cell_groups = np.argsort(group_cell, kind="stable").astype(np.int32)
+    cell_size = grid.cell_size[group_cell]
+    xi = points[table[group] + place]
+    return Particles(
+        cell=group_cell[group],
+        excavation=group_excavation[group],
+        material=group_material[group].astype(np.int16),
+        xi=xi,
+        position=grid.cell_center[group_cell[group]] + 0.5 * cell_size[group][:, None] * xi,
+        spacing=(cell_size / per_edge)[group],
+        full_volume=(cell_size**dimension / size)[group],
+        sample=np.where(is_sample[group], place, -1).astype(np.int8),
+        group_start=start,
+        group_table=table,
+        cell_groups_start=np.searchsorted(group_cell[cell_groups], np.arange(cells + 1)).astype(np.int64),
+        cell_groups=cell_groups,
+        modes=mode_table(points),
+        shared_rows=len(points),
+    )
+
+
+def owned_samples(particles: Particles, changes: Changes, step: int) -> np.ndarray:
+    """Samples that each group's own material holds once `step` is mined and filled: (group,) uint64."""
+    cells = len(particles.cell_groups_start) - 1
+    owned = np.zeros(len(particles.group_start) - 1, np.uint64)
+    owned[:cells] = changes.rock_samples(cells, step)
+    first = particles.group_start[cells:-1]  # of the groups of fill
+    key = particles.excavation[first].astype(np.int64) * cells + particles.cell[first]
+    order = np.argsort(key)
+    now = changes.until(step, owned_by_rock=False)
+    place = np.searchsorted(key[order], changes.owner[now].astype(np.int64) * cells + changes.cell[now])
+    np.bitwise_xor.at(owned, cells + order[place], changes.samples[now])
+    return owned
+
+
+def at_step(particles: Particles, changes: Changes, step: int, grid: MultiLevelGrid) -> Particles:
+    """These particles with those that are alone in their group at what their material holds once `step` is mined."""
+    owned = owned_samples(particles, changes, step)
+    own = np.flatnonzero((np.diff(particles.group_start) == 1) & (owned != NOTHING) & (owned != FULL))
+    table, first = particles.group_table.copy(), particles.shared_rows
+    moved = np.union1d(np.flatnonzero(table >= first), own)
+    table[moved] = 0
+    table[own] = first + np.arange(len(own), dtype=np.int32)
+    modes = np.concatenate([particles.modes[:first], mean_modes(owned[own], grid.dimension)])
+    particle = particles.group_start[moved]
+    cell = particles.cell[particle]
+    xi, position = particles.xi.copy(), particles.position.copy()
+    xi[particle] = centroids(modes[table[moved]])
+    position[particle] = grid.cell_center[cell] + 0.5 * grid.cell_size[cell][:, None] * xi[particle]
+    return replace(particles, xi=xi, position=position, group_table=table, modes=modes)
+
+
+def volumes(particles: Particles, changes: Changes, step: int) -> np.ndarray:
+    """Volume of each particle's own material once `step` is mined and filled: (particle,) m3, 0 where there is none."""
+    owned = owned_samples(particles, changes, step)
+    group = np.repeat(np.arange(len(owned)), np.diff(particles.group_start))
+    owned = owned[group]
+    share = np.bitwise_count(owned) / SAMPLES
+    single = particles.sample >= 0
+    share[single] = (owned[single] >> particles.sample[single].astype(np.uint64)) & np.uint64(1)
+    return particles.full_volume * share

@@ -1,0 +1,126 @@
+"""Where a stage is, beside its output: a stage that was killed goes on from there, to the same bytes.
+
+Written between two generations of failure, where nothing is under way. It is no output that Snakemake knows of, which
+deletes the outputs of a killed stage; a stage that ends removes it.
+"""
+
+import hashlib
+import logging
+import time
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from common.costs import CLOCK
+from common.datasets import atomic_path, clear_parts
+from mpm_core.equilibrium.convergence import COLUMNS, History
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.model.state import Extent, State, changed_in
+
+PAUSE = 30.0  # s at least between two checkpoints
+SHARE = 0.015  # of the time that writing them may take
+OF_FAILED, UNCHANGED = changed_in(Extent.FAILED), changed_in(Extent.NONE)
+COUNTERS = ("increment", "generation", "iteration", "tightened", "splits", "load", "load_before", "size")  # of history
+
+
+def key_of(provenance: dict[str, str], *inputs: Path) -> str:
+    """What a checkpoint belongs to: configuration, sources and versions, and the bytes of the stage's input files."""
+    digest = hashlib.sha256(repr(sorted(provenance.items())).encode())
+    for path in inputs:
+        with Path(path).open("rb") as file:
+            digest.update(hashlib.file_digest(file, "sha256").digest())
+    return digest.hexdigest()
+
+
+@dataclass
+class Checkpoint:
+    """The file and what it belongs to (see key_of); `pause` s between two of them.
+
+    Which generations are saved depends on the clock; what follows from any of them does not.
+    """
+
+    path: Path
+    key: str
+    pause: float = PAUSE
+    last: float = field(default_factory=time.perf_counter)
+    cost: float = 0.0
+
+    def save(
+        self,
+        state: State,
+        history: History,
+        grid: MultiLevelGrid,
+        in_district: bool = False,
+        places: Sequence[np.ndarray] = (),
+        full: bool = False,
+    ) -> None:
+        """Write state, the cells that it has, and the convergence table, if it is time to.
+
+        in_district: whether they are those of the step's district; places (k, d) each: what was split, full:
+        whether no more may be (step_cells.py).
+        """
+        now = time.perf_counter()
+        if now - self.last < max(self.pause, self.cost / SHARE):
+            return
+        counters = {name: getattr(history, name) for name in COUNTERS}
+        with atomic_path(self.path) as temporary, temporary.open("wb") as file:
+            beside = _named("table_", history.table()) | _named("rest_", history.rest)
+            failed = np.flatnonzero(state.failed >= 0)
+            of_failed = {name: getattr(state, name)[failed] for name in OF_FAILED}
+            others = {name: value for name, value in vars(state).items() if name not in (*OF_FAILED, *UNCHANGED)}
+            places = np.concatenate([np.empty((0, grid.dimension), np.int64), *places])
+            cells = {"cells_index": grid.cell_index, "cells_level": grid.cell_level}
+            cells |= {"in_district": in_district, "places": places, "full": full}
+            np.savez(file, key=self.key, taken=CLOCK.taken(), **counters, **cells, **others, **of_failed, **beside)
+        self.last = time.perf_counter()
+        self.cost = self.last - now
+
+    def read(self) -> dict[str, np.ndarray]:
+        """All that is saved, by name; nothing where there is none of this stage, whole."""
+        try:
+            with np.load(self.path, allow_pickle=False) as saved:
+                if str(saved["key"]) != self.key:
+                    logging.info("%s is of other inputs; the stage starts anew", self.path)
+                    return {}
+                return {name: saved[name] for name in saved.files}
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            logging.warning("%s is not readable (%s); the stage starts anew", self.path, error)
+            return {}
+
+    @staticmethod
+    def restore(values: dict[str, np.ndarray], state: State, history: History) -> None:
+        """Put what was read back into a state on the saved cells, and into the history, in place; time goes on, too."""
+        CLOCK.go_on(values["taken"])
+        failed = np.flatnonzero(values["failed"] >= 0)
+        for name, array in vars(state).items():
+            if name in UNCHANGED:
+                continue
+            if name in OF_FAILED:
+                array[failed] = values[name]
+            elif isinstance(array, np.ndarray):
+                array[:] = values[name]
+            else:
+                setattr(state, name, values[name].item())
+        for name in COUNTERS:
+            setattr(history, name, values[name].item())
+        history.rest = {name: values[f"rest_{name}"] for name in vars(state) if f"rest_{name}" in values}
+        columns = [values[f"table_{name}"].tolist() for name in COLUMNS]
+        history.rows = list(zip(*columns, strict=True))
+        logging.info(
+            "going on from increment %d, generation %d, iteration %d",
+            history.increment, history.generation, history.iteration,
+        )  # fmt: skip
+
+    def remove(self) -> None:
+        """The stage has ended: nothing of it stays, nor what a kill has left of one half written."""
+        self.path.unlink(missing_ok=True)
+        clear_parts(self.path)
+
+
+def _named(prefix: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {prefix + name: array for name, array in arrays.items()}

@@ -1,0 +1,260 @@
+"""From solids to the grid of a scene: which cells are refined, which part of each cell is inside which excavation."""
+
+import json
+import logging
+
+import numpy as np
+import xarray as xr
+
+from common.errors import InputError
+from mpm_core.files.state_datasets import grid_dataset
+from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, sample_mask
+from mpm_core.geometry.solids import Outside, Solid
+from mpm_core.grid.building import GridCount, build_grid
+from mpm_core.grid.domain import Domain, base_cells
+from mpm_core.grid.octree import all_cells, children, morton_codes
+from mpm_core.model.occupancy import FULL, SAMPLES, SLIVER, Places
+from mpm_core.scene.scene_solids import bodies_at, read_solids
+from mpm_core.settings import GridCells, GridSlice
+from mpm_core.stages.stage_memory import require, stage_bytes
+from mpm_core.stages.under_resolved import NARROW, NEARLY_NONE, whole_shares
+
+NOTHING = 1e-9  # of a solid's box: round-off
+NAMED = 5  # excavations in one message
+
+
+def domain_of(values: GridSlice) -> Domain:
+    """The domain of the grid's configuration slice."""
+    lower, upper = (np.array(corner) for corner in (values.domain.lower, values.domain.upper))
+    coarse = values.grid.coarse_cell
+    return Domain(lower, base_cells(lower, upper, coarse), coarse, values.grid.levels)
+
+
+def cut_pieces(
+    index: np.ndarray,
+    domain: Domain,
+    solids: list[Solid | Outside],
+    chosen: np.ndarray,
+    cells: GridCells,
+) -> Places:
+    """Parts of finest cells inside chosen excavations (k,), numbers of solids, by excavation and cell.
+
+    index (n, d): lower corners of the finest cells that may be, fine units, in Morton order. With `cut_cells: whole`
+    cells are in or out by the half.
+    """
+    fine = domain.cell(domain.levels - 1)
+    # Cells of one base cell stand together (Morton order): a solid looks at few base cells, not at all finest cells.
+    halvings = domain.levels - 1
+    base = index >> halvings
+    start = np.flatnonzero(np.append(True, (base[1:] != base[:-1]).any(axis=1))) if len(base) else np.empty(0, int)
+    end, base = np.append(start[1:], len(index)), base[start]
+    parts = []
+    for number in chosen:
+        solid = solids[number]
+        lower = (solid.bounds[0] - domain.lower) / fine - 1
+        upper = (solid.bounds[1] - domain.lower) / fine
+        first, last = np.floor(lower / 2**halvings), np.floor(upper / 2**halvings)
+        blocks = np.flatnonzero(((base >= first) & (base <= last)).all(axis=1))
+        near = np.concatenate([np.arange(start[block], end[block]) for block in blocks] or [np.empty(0, int)])
+        near = near[((index[near] >= lower) & (index[near] <= upper)).all(axis=1)]
+        kind = classify_cells(solid, domain.lower, fine, index[near])
+        samples = np.where(kind == INSIDE, FULL, np.uint64(0))
+        crossed = (kind != INSIDE) & (kind != OUTSIDE)
+        samples[crossed] = sample_mask(solid, domain.lower, fine, index[near][crossed])
+        if cells.cut_cells == "whole":
+            samples = np.where(np.bitwise_count(samples) >= SAMPLES // 2, FULL, np.uint64(0))
+        keep = np.bitwise_count(samples) >= SLIVER
+        parts.append(Places(index[near][keep], np.full(keep.sum(), number, np.int16), samples[keep]))
+    return Places.all_of(parts, len(domain.lower))
+
+
+def miss(solid: Solid | Outside, cells: GridCells) -> None:
+    """Raise InputError for an excavation that no cell has a part of; where all of it may be missed (volume_error) only
+    warn. A surface that stands twice, once turned inward, encloses nothing."""
+    where = f"excavations.{solid.name}: adds no volume"
+    if solid.volume <= NOTHING * np.prod(np.ptp(solid.bounds, axis=0)):
+        raise InputError(
+            f"{where}: its surface encloses nothing; where it stands twice, once turned inward, the two cancel: delete "
+            "one of them, or leave it out"
+        )
+    thin = f"{where}: it is thinner than a fraction of the finest cell, {cells.told()}"
+    if cells.volume_error < 1.0:
+        raise InputError(f"{thin}; take smaller cells (grid.finest_cell, or more grid.levels), or leave it out")
+    logging.warning("%s, and left out", thin)
+
+
+def touches(solids: list[Solid | Outside], domain: Domain, level: int, index: np.ndarray) -> np.ndarray:
+    """Which cells (n, d) of a level are not wholly outside these solids: (n,) bool."""
+    touched = np.zeros(len(index), bool)
+    for solid in solids:
+        rest = np.flatnonzero(~touched)
+        touched[rest] = classify_cells(solid, domain.lower, domain.cell(level), index[rest]) != OUTSIDE
+    return touched
+
+
+def touched_cells(solids: list[Solid | Outside], domain: Domain) -> np.ndarray:
+    """Lower corners (n, d) int32, fine units, of the finest cells whose parents these solids touch, in Morton order."""
+    index = all_cells(domain.base_shape)
+    for level in range(domain.levels - 1):
+        index = children(index[touches(solids, domain, level, index)])
+    code = np.empty(len(index), np.int64)
+    morton_codes(index, code)
+    return index[np.argsort(code, kind="stable")]
+
+
+def compare_volumes(name: str, solid: float, gridded: float, cells: GridCells) -> None:
+    """Log an excavation's volumes, m3; raise InputError if they differ by more than volume_error of the solid's."""
+    error = gridded / solid - 1.0 if solid > 0 else np.inf
+    logging.info("%s: %.1f m3, on the grid %.1f m3 (%+.2f %%)", name, solid, gridded, 100 * error)
+    if abs(error) > cells.volume_error:
+        raise InputError(
+            f"excavations.{name}: {solid:.4g} m3 in the domain as a solid but {gridded:.4g} m3 on the grid "
+            f"({100 * error:+.0f} %): too thin for cells of {cells.told()}; take smaller ones "
+            "(grid.finest_cell, or more grid.levels), mend the solid, or allow "
+            f"more by grid.volume_error (now {cells.volume_error:g})"
+        )
+
+
+def refuse_propped(names: list[str], share: np.ndarray, size: np.ndarray, cells: GridCells) -> None:
+    """Name excavations that the rock of their cut cells props; raise InputError if hardly any cell is mined wholly.
+
+    share (k,): of each one's volume in wholly mined cells, size (k,) m3. From a volume_error of 1 on anything goes.
+    """
+    for name, whole, volume in zip(names, share, size, strict=True):
+        if whole < NARROW and volume > 0.0:
+            logging.warning(
+                "%s: narrow for cells of %s: %.0f %% of it fills whole ones", name, cells.told(), 100 * whole
+            )
+    if size.sum() > 0.0 and share @ size < NEARLY_NONE * size.sum() and cells.volume_error < 1.0:
+        raise InputError(
+            f"excavations: too narrow for cells of {cells.told()}: {100 * (share @ size) / size.sum():.0f} % of their "
+            "volume fills whole ones, and the rock in the others would prop them; take cells of half their width or "
+            "less, or grid.cut_cells: whole"
+        )
+
+
+def cells_of_draft(values: GridSlice, solids: list[Solid | Outside], later: np.ndarray) -> tuple[GridSlice, np.ndarray]:
+    """The cells of a draft, and the numbers of the excavations for which it keeps those of the mine's file.
+
+    later (k,) bool: mined after the first step. A draft doubles the cells of the file. No rock fails around an opening
+    of which hardly any fills whole cells (study openings), so a draft keeps the cells of the file where doubled ones
+    would make an opening such.
+    """
+    if values.grid.resized_by != "draft" or values.grid.volume_error >= 1.0:
+        return values, np.empty(0, int)
+    kept = values.grid.model_copy(update={"levels": values.grid.levels + 1, "resized_by": None})
+    kept = values.model_copy(update={"grid": kept})
+
+    def shares(choice: GridSlice) -> np.ndarray:
+        domain = domain_of(choice)
+        pieces = cut_pieces(touched_cells(solids, domain), domain, solids, np.arange(len(solids)), choice.grid)
+        return whole_shares(pieces, domain.base_shape << domain.levels - 1, later)
+
+    lost = np.flatnonzero(shares(values) < NEARLY_NONE)
+    lost = lost[shares(kept)[lost] >= NEARLY_NONE] if len(lost) else lost
+    if not len(lost):
+        return values, lost
+    names, more = ", ".join(solids[number].name for number in lost[:NAMED]), len(lost) - NAMED
+    logging.warning(
+        "accuracy: draft keeps cells of %s: hardly any cell of twice that size would lie wholly in %s%s",
+        kept.grid.told(), names, f" and {more} more" if more > 0 else "",
+    )  # fmt: skip
+    return kept, lost
+
+
+def require_memory(count: GridCount, dimension: int, cells: GridCells) -> None:
+    """Raise InputError if the stages that follow, one particle to a cell, would not fit into the free memory."""
+    require(
+        stage_bytes("multigrid", dimension, count.cells, count.cells),
+        f"grid: {count.cells:,} cells, the finest of {cells.told()}, {count.nodes:,} nodes, in the stages that follow",
+        "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.buffer_cells or a smaller domain",
+    )
+
+
+def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
+    """The dataset of grid.nc from the grid's configuration slice, or its values; attributes: provenance.
+
+    Cells are fine around what the first step mines; of what is mined later it has the parts of finest cells alone.
+    """
+    values = GridSlice.of(values)
+    dimension, domain = values.dimension, domain_of(values)
+    solids = read_solids(values.excavations, "excavations", domain)
+    later = np.isin(np.arange(len(solids)), values.later)
+    values, lost = cells_of_draft(values, solids, later)
+    domain = domain_of(values)
+    bodies = read_solids(values.rock_bodies, "rock_bodies", domain, values.far_field is not None)
+    features = [solid for solid, entry in zip(bodies, values.rock_bodies, strict=True) if entry.refine]
+    first, after = ([solids[number] for number in np.flatnonzero(chosen)] for chosen in (~later, later))
+
+    def classify(level: int, index: np.ndarray) -> np.ndarray:
+        marked = touches(first, domain, level, index)
+        for solid in features:
+            rest = np.flatnonzero(~marked)
+            kind = classify_cells(solid, domain.lower, domain.cell(level), index[rest])
+            marked[rest] = (kind != OUTSIDE) & (kind != INSIDE)
+        return marked
+
+    grid = build_grid(
+        domain.lower,
+        domain.coarse_cell,
+        domain.base_shape,
+        domain.levels,
+        classify,
+        values.grid.buffer_cells,
+        before_allocation=lambda count: require_memory(count, dimension, values.grid),
+    )
+    finest = grid.cell_index[grid.cell_level == grid.levels - 1]
+    pieces = cut_pieces(finest, domain, solids, np.flatnonzero(~later), values.grid)
+    if later.any():
+        touched = touched_cells(after, domain)
+        pieces = pieces.and_then(cut_pieces(touched, domain, solids, np.flatnonzero(later), values.grid))
+    for number in np.setdiff1d(np.arange(len(solids)), pieces.excavation):
+        miss(solids[number], values.grid)
+    thickness = values.thickness if dimension == 2 else 1.0
+    on_grid = np.bincount(pieces.excavation, np.bitwise_count(pieces.samples) / 64, minlength=len(solids))
+    on_grid = on_grid * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
+    volume = [solid.volume_within(domain.lower, domain.upper) * thickness for solid in solids]
+    for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
+        compare_volumes(solid.name, true, float(gridded), values.grid)
+    share, names = whole_shares(pieces, grid.shape, later), [solid.name for solid in solids]
+    refuse_propped(names, share, on_grid, values.grid)
+    return grid_dataset(
+        grid,
+        bodies_at(bodies, grid.cell_center),
+        pieces,
+        values.plane,
+        attributes
+        | {
+            "mine": values.name,
+            "thickness": thickness,
+            "excavation_names": json.dumps(names),
+            "excavation_volume": json.dumps(volume),
+            "excavation_volume_grid": json.dumps([float(value) for value in on_grid]),
+            "excavation_open_share": json.dumps([solid.open_share for solid in solids]),
+            "excavation_whole_share": json.dumps([float(value) for value in share]),
+            "narrow_whole_share": NARROW,
+            "draft_would_lose": json.dumps([names[number] for number in lost]),
+            "rock_body_names": json.dumps([solid.name for solid in bodies]),
+        }
+        | far_field_attributes(values),
+    )
+
+
+def far_field_attributes(values: GridSlice) -> dict:
+    """Of a derived domain: distance and radius in m, the expected error of wall stress in percent; else nothing."""
+    far = values.far_field
+    if far is None:
+        return {}
+    said = f"domain: {far.distance:.4g} m from the openings; moves wall stress by {100 * far.error:.2g} % at most"
+    reason = {
+        "memory": "; a larger one takes too much memory on these cells: use a larger grid.finest_cell",
+        "strength": "; beyond it virgin rock stands above its strength (insitu_stress, materials.host)",
+        "": "",
+    }[far.limited]
+    logging.log(logging.WARNING if reason else logging.INFO, "%s%s", said, reason)
+    return {
+        "far_field_distance": far.distance,
+        "far_field_radius": far.radius,
+        "far_field_error": 100 * far.error,
+        "far_field_limited": far.limited,
+    }

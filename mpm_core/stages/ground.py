@@ -1,0 +1,84 @@
+"""The ground of a scene whatever its cells are: what excavations take of it, and which rock body it is of.
+
+A step asks for its rock on cells that it names. Excavations are known as parts of finest cells (grid.nc), rock bodies
+as solids.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from common.errors import InputError
+from mpm_core.files.state_datasets import read_origin, read_pieces
+from mpm_core.grid.adjacency import holding_cells
+from mpm_core.grid.domain import Domain
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.splitting import split
+from mpm_core.model.model import Model, build_model
+from mpm_core.model.occupancy import Loose, Pieces, Places
+from mpm_core.scene.scene import Scene
+from mpm_core.scene.scene_solids import bodies_at, read_solids
+from mpm_core.stages.state_transfer import carry_loose
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A scene, the parts of finest cells inside its excavations, and which cells those are: lower corner of the domain
+    (d,) m, edge of a finest cell m."""
+
+    scene: Scene
+    parts: Places
+    origin: np.ndarray
+    fine_cell: float
+
+    @classmethod
+    def of(cls, scene: Scene, grid: xr.Dataset) -> "Ground":
+        """Of a scene and the dataset of its grid."""
+        return cls(scene, read_pieces(grid), *read_origin(grid))
+
+    def model(self, grid: MultiLevelGrid, body: np.ndarray, loose: Loose, all_fallen: bool = False) -> Model:
+        """The scene on a grid; body (cell,): rock body of each cell; loose, all_fallen: see build_model."""
+        return build_model(self.scene, grid, body, self.pieces(grid), loose, all_fallen)
+
+    def pieces(self, grid: MultiLevelGrid) -> Pieces:
+        """Parts of the cells of a grid inside excavations: of finest cells, as no other is mined."""
+        cell = holding_cells(grid, self.parts.place)
+        finest = grid.cell_level[cell] == grid.levels - 1
+        return Pieces(cell[finest], self.parts.excavation[finest], self.parts.samples[finest])
+
+    def refuse_other(self, grid: MultiLevelGrid, step: int) -> None:
+        """Raise InputError if this grid is not of the ground: of another domain, or too coarse where it is mined by a
+        step."""
+        same = grid.fine_cell == self.fine_cell and np.array_equal(grid.origin, self.origin)
+        parts = self.parts.place[self._mined(step)]
+        if not same or (grid.cell_level[holding_cells(grid, parts)] < grid.levels - 1).any():
+            raise InputError("the state of the step before belongs to another grid; run the pipeline from the grid")
+
+    def _mined(self, step: int) -> np.ndarray:
+        """Which parts are of excavations that are mined up to a step, (piece,) bool."""
+        mined = np.array([0 <= excavation.mined <= step for excavation in self.scene.excavations] or [False])
+        return mined[self.parts.excavation]
+
+    def opened(self, grid: MultiLevelGrid, step: int) -> MultiLevelGrid:
+        """The grid with finest cells, and rings of them, around all that is mined up to a step."""
+        places = np.unique(self.parts.place[self._mined(step)] >> 1, axis=0)
+        rings = self.scene.refinement.rings
+        return split(grid, places, rings, rings) if len(places) else grid
+
+    def on(self, grid: MultiLevelGrid, model: Model, all_fallen: bool = True) -> Model:
+        """The scene on another grid, whose cells are those of a model or parts of them."""
+        return self.model(grid, self._bodies(grid, model), carry_loose(model, grid.cell_index), all_fallen)
+
+    def _bodies(self, grid: MultiLevelGrid, model: Model) -> np.ndarray:
+        """Rock body of each cell: of those that stay theirs, of parts that which holds their centre."""
+        origin = holding_cells(model.grid, grid.cell_index)
+        body = model.body[origin]
+        parts = np.flatnonzero(grid.cell_level != model.grid.cell_level[origin])
+        if len(parts) and self.scene.refinement.bodies:
+            finest = grid.levels - 1
+            domain = Domain(grid.origin, grid.shape >> finest, grid.fine_cell * 2**finest, grid.levels)
+            body[parts] = bodies_at(
+                read_solids(self.scene.refinement.bodies, "rock_bodies", domain, may_miss=True), grid.cell_center[parts]
+            )
+        return body

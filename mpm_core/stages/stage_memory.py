@@ -1,0 +1,58 @@
+"""What a mechanics stage will need, known before it starts.
+
+Measured peaks (resident memory), 3-D: the demo's grid of 127 k cells with one particle to a cell and its coarser one of
+43 k cells with eight, and renison_scale's of 6.5 M cells (multigrid: 8.8 GB elastic, 13.7 GB a mining step).
+"""
+
+import logging
+
+import psutil
+
+from common.errors import InputError
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.scene.scene import Scene
+
+LARGEST = "multigrid"  # of the schemes measured: another one counts as this
+BASE = {"explicit": 0.35e9, "multigrid": 0.45e9}  # libraries and compiled kernels, bytes
+PER_CELL = {"explicit": 1160.0, "multigrid": 1640.0}
+PER_PARTICLE = 360.0
+ELASTIC_SAVES = {"explicit": 0.0, "multigrid": 700.0}  # per cell: nothing flows, no steps are remembered
+SMALLER = "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.particles_per_cell, or free some"
+FOLLOWS = 1.9
+"""times as much in a step whose cells follow the rock: while cells are split it has those before, too; and a cell that
+a wall cuts takes more than another, which tells where there is little else (drives of study openings)"""
+SHARE_2D = 0.6  # of the cells' part: fewer corners and components
+
+
+def stage_bytes(
+    scheme: str, dimension: int, cells: int, particles: int, elastic: bool = False, follows: bool = False
+) -> float:
+    """Peak memory of a stage of the mechanics, bytes; `elastic`: of the elastic history, not of a mining step;
+    `follows`: of a step whose cells follow the rock."""
+    scheme = scheme if scheme in BASE else LARGEST
+    per_cell = PER_CELL[scheme] - (ELASTIC_SAVES[scheme] if elastic else 0.0)
+    size = cells * per_cell * (SHARE_2D if dimension == 2 else 1.0) + particles * PER_PARTICLE
+    return BASE[scheme] + size * (FOLLOWS if follows and not elastic else 1.0)
+
+
+def usable() -> float:
+    """What this process may come to hold: what is free now and what it holds already, bytes."""
+    return psutil.virtual_memory().available + psutil.Process().memory_info().rss
+
+
+def require(needed: float, what: str, advice: str) -> None:
+    """Log what a process will hold at its peak, bytes, and raise InputError if that is more than is usable now."""
+    free = usable()
+    logging.info("%s: about %.2f GB of memory, %.1f GB are free", what, needed / 1e9, free / 1e9)
+    if needed > free:
+        raise InputError(
+            f"{what}: about {needed / 1e9:.1f} GB of memory are needed, {free / 1e9:.1f} GB are free: {advice}"
+        )
+
+
+def require_cells(scene: Scene, grid: MultiLevelGrid, elastic: bool = False) -> None:
+    """Raise InputError if a stage on this grid would not fit into the memory that is usable now."""
+    cells, follows = len(grid.cell_level), scene.refinement is not None
+    particles = cells * scene.particles_per_cell
+    needed = stage_bytes(scene.solver.scheme, grid.dimension, cells, particles, elastic, follows)
+    require(needed, f"{cells:,} cells", SMALLER)

@@ -1,0 +1,276 @@
+"""A mining step on the cells that it has now: what it begins with, and the same on finer cells where rock asks."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import xarray as xr
+
+from mpm_core.equilibrium.body import Body, hourglass_modulus
+from mpm_core.equilibrium.brittle import Brittle, find_brittle
+from mpm_core.equilibrium.cascade import Ramp
+from mpm_core.equilibrium.convergence import History
+from mpm_core.equilibrium.energy_balance import Balance, elastic_energy, hourglass_energies, virgin_work
+from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
+from mpm_core.equilibrium.moving_scheme import MovingScheme
+from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
+from mpm_core.equilibrium.refinement import PATIENCE, RINGS, Refinement
+from mpm_core.equilibrium.scheme import Scheme
+from mpm_core.files.state_datasets import read_grid, read_loose, read_state
+from mpm_core.grid.adjacency import face_neighbors
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.splitting import split, with_leaves
+from mpm_core.model.model import Model
+from mpm_core.model.state import REFINED, State
+from mpm_core.stages.external_forces import boundary_strain, external_force, load_size, measure
+from mpm_core.stages.ground import Ground
+from mpm_core.stages.stage_memory import require_cells
+from mpm_core.stages.state_transfer import (
+    Cells,
+    carry,
+    carry_forces,
+    carry_nodes,
+    elastic_stress,
+    part_forces,
+    part_nodes,
+)
+
+SCHEMES = {"explicit": ExplicitScheme, "multigrid": MultigridScheme}  # by solver.scheme
+
+
+def make_scheme(model: Model, state: State, volume: np.ndarray) -> Scheme:
+    """The scheme that the scene asks for; explicit steps for particles at rest in their cells or moving."""
+    solver = model.scene.solver
+    kind = MovingScheme if solver.move else SCHEMES[solver.scheme]
+    return kind(model, state, volume)
+
+
+def brittle_of(model: Model, volume: np.ndarray, step: int) -> Brittle:
+    """Rock of a model that may fail in a step; volume (particle,)."""
+    cut = face_neighbors(model.grid, model.changes.cell)  # the only cells whose neighbours matter
+    return find_brittle(model, volume, step, *cut)
+
+
+@dataclass
+class StepCells:
+    """What a step has on its cells, replaced as a whole when they are split; it is what the cascade asks (Refining).
+
+    start_cells, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
+    held_up (node, d) N, on start_cells: what the ramp starts with beyond the lasting forces of the step before, which
+    is what the mined rock held up;
+    full: as many cells as there may be; elsewhere: cells of the mine beyond these, where they are a district's;
+    places: what was split, (k, d) each, see `split`.
+    """
+
+    ground: Ground
+    scheme: Scheme
+    brittle: Brittle
+    ramp: Ramp
+    step: int
+    start_cells: Cells
+    start_displacement: np.ndarray
+    held_up: np.ndarray
+    refinement: Refinement
+    full: bool = False
+    elsewhere: int = 0
+    places: list[np.ndarray] = field(default_factory=list)
+
+    @property
+    def model(self) -> Model:
+        """On the cells of now."""
+        return self.scheme.body.model
+
+    def asked(
+        self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, loosely: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Places (k, d) that need finer cells, and which of fresh particles (k,) fail before that, see Refinement; none
+        and all once there are as many cells as there may be. loosely: not at rest to the full tolerance."""
+        if self.full:
+            return np.empty((0, model.dimension), int), fresh
+        patience = 0.0
+        if loosely and not self.elsewhere:  # a split of a district costs little
+            patience = PATIENCE * np.count_nonzero(state.failed == self.step)
+        return self.refinement.asked(model, state, brittle, fresh, len(self.model.cell_nodes), patience)
+
+    def split(self, places: np.ndarray) -> tuple[Scheme, Brittle, Ramp] | None:
+        """Split cells at places (k, d), at rest: what goes on from there; None where there would be too many."""
+        grid = split(self.model.grid, places, RINGS, 1)
+        most = self.ground.scene.refinement.max_cells
+        if (cells := len(grid.cell_level) + self.elsewhere) > most:
+            logging.warning("%d cells would be more than grid.max_cells, %d: no more are split", cells, most)
+            self.full = True
+            return None
+        before = len(self.model.grid.cell_level)
+        self.onto(grid)
+        self.places.append(places)
+        logging.info(
+            "%d cells split: %d cells, %d of the finest",
+            (len(grid.cell_level) - before) // ((1 << grid.dimension) - 1),
+            len(grid.cell_level),
+            np.count_nonzero(grid.cell_level == grid.levels - 1),
+        )
+        return self.scheme, self.brittle, self.ramp
+
+    def onto(self, grid: MultiLevelGrid, counted: Callable[[Model], np.ndarray] | None = None) -> None:
+        """Go over to a grid whose cells are those of now or parts of them. What that adds to the energy is counted, of
+        all cells or of those (cell,) bool that `counted` says of a model."""
+        if grid is self.model.grid:
+            return
+        body = self.scheme.body
+        body.settle()
+        require_cells(self.ground.scene, grid)
+        old, was = body.model, stored(body, counted)
+        virgin_was = virgin_work(body, self.moved())
+        model = self.ground.on(grid, old)
+        state = carry(old, body.state, model)
+        volume = model.volumes(self.step)
+        start = lasting_force(model, max(self.step - 1, 0)) + carry_forces(self.start_cells, self.held_up, model)
+        target = external_force(model, self.step)
+        reference = measured_by(model, start, target, self.ramp.strain, self.step)
+        self.ramp = replace(self.ramp, start=start, target=target, reference=reference)
+        self.scheme.drop_work_arrays()
+        self.scheme = make_scheme(model, state, volume)
+        self.brittle = brittle_of(model, volume, self.step)
+        self.refinement = Refinement.of(grid)
+        state.energy[REFINED] += stored(self.scheme.body, counted) - was
+        state.energy[REFINED] -= virgin_work(self.scheme.body, self.moved()) - virgin_was
+
+    def resume(self, saved: dict[str, np.ndarray]) -> None:
+        """Go over to the cells of a checkpoint, see Checkpoint.save."""
+        if len(saved["cells_index"]) > len(self.model.cell_nodes):  # else none was split: the load is that of now, to
+            self.onto(with_leaves(self.model.grid, saved["cells_index"], saved["cells_level"]))  # the last bit
+        self.full = bool(saved["full"])
+        self.places = [saved["places"]] if len(saved["places"]) else []
+
+    def renew(self) -> None:
+        """A scheme anew, for a state that was changed from outside."""
+        body = self.scheme.body
+        self.scheme = make_scheme(body.model, body.state, body.volume)
+
+    def moved(self) -> np.ndarray:
+        """How far nodes (node, d) have moved in this step, m."""
+        start = self.start_displacement
+        if self.start_cells.grid is not self.model.grid:
+            start = carry_nodes(self.start_cells, start, self.model)
+        return self.scheme.body.state.displacement - start
+
+
+def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History) -> tuple[StepCells, Balance]:
+    """A step at rest, before any of its load: what it has on its cells, and the balance of its energy.
+
+    A function of its own, so that nobody holds what is on these cells once they are split.
+    """
+    scene, before = ground.scene, max(step - 1, 0)
+    scheme = start_of(ground, previous, before, history)
+    model, state = scheme.body.model, scheme.body.state
+    lasting = external_force(model, before)
+    start = lasting + scheme.body.internal_force()
+    stood, mined_hourglass = elastic_energy(model, state, scheme.body.volume), 0.0
+    mined = model.at(step)
+    volume, target = mined.volumes(step), external_force(mined, step)
+    if step > before:
+        mined_hourglass = release_mined_hourglass(scheme.body, volume)
+        if mined is model:
+            scheme.set_volume(volume)
+        else:
+            scheme.drop_work_arrays()
+            start, lasting = part_forces(model, start, mined), part_forces(model, lasting, mined)
+            follow_walls(model, mined, state)
+            if mined.unheld > model.unheld:
+                logging.warning(
+                    "fill lies between walls a cell or two apart that were open before, at %d nodes: it does not hold "
+                    "them; take smaller cells, or fill in the step that mines",
+                    mined.unheld,
+                )
+            model, scheme = mined, make_scheme(mined, state, volume)
+    balance = Balance.at_start(scheme.body, stood, mined_hourglass)
+    # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
+    start -= scheme.body.internal_force()
+    more_strain = boundary_strain(scene, step) - boundary_strain(scene, before)
+    ramp = Ramp(start, target, more_strain, measured_by(model, start, target, more_strain, step))
+    cells = StepCells(
+        ground, scheme, brittle_of(model, volume, step), ramp, step, Cells.of(model), state.displacement.copy(),
+        start - lasting, Refinement.of(model.grid),
+    )  # fmt: skip
+    return cells, balance
+
+
+def lasting_force(model: Model, before: int) -> np.ndarray:
+    """Forces (node, d) N of all up to a step before that of the model, at the model's nodes."""
+    earlier = model.at(before)
+    return part_forces(earlier, external_force(earlier, before), model)
+
+
+def measured_by(model: Model, start: np.ndarray, target: np.ndarray, more_strain: np.ndarray, step: int) -> float:
+    """What unbalanced forces of a step are measured by on the cells of a model, N, see external_forces.measure.
+
+    start, target (node, d) N: of its ramp; more_strain (d, d): of its boundary. On finer cells the same load is shared
+    by more nodes, and its 2-norm is smaller.
+    """
+    change = load_size(model, np.where(model.held, 0.0, target - start), more_strain, step)
+    whole = load_size(model, target, boundary_strain(model.scene, step), step)
+    return measure(change, whole, model.scene.solver.tolerance)
+
+
+def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History) -> Scheme:
+    """The state of the step before at rest, on cells that are fine around all that this step mines."""
+    scene, step = ground.scene, len(ground.scene.steps) - 1
+    was, body = read_grid(previous)
+    ground.refuse_other(was, before)
+    grid = ground.opened(was, step) if scene.refinement and step > before else was
+    require_cells(scene, grid)
+    loose = read_loose(previous)
+    if grid is was:
+        model = ground.model(was, body, loose).at(before)
+        state = read_state(previous, model)
+        return make_scheme(model, state, model.volumes(before))
+    old = ground.model(was, body, loose, all_fallen=True).at(before)
+    model = ground.on(grid, old, all_fallen=False).at(before)
+    state = carry(old, read_state(previous, old), model)
+    scheme = make_scheme(model, state, model.volumes(before))
+    force, strain = external_force(model, before), boundary_strain(scene, before)
+    scheme.relax(force, scene.solver.tolerance, load_size(model, force, strain, before), history)
+    scheme.body.settle()
+    state.energy[:] = 0.0  # of cells that are other ones now: no part of what the step does
+    return scheme
+
+
+def follow_walls(old: Model, new: Model, state: State) -> None:
+    """Place and stress of particles that stand for other samples of their cells in a new model than in the old one.
+
+    Intact rock has that of elastic rock which has moved so since virgin; all else keeps its full stress. Nodes of
+    their own that walls get are where the one was that they shared.
+    """
+    part_nodes(old, state, new)
+    state.position = new.particles.position
+    rows = old.particles.row, new.particles.row
+    moved = np.flatnonzero((old.mode_values[rows[0]] != new.mode_values[rows[1]]).any(axis=1))
+    state.stress[moved] += old.insitu[moved] - new.insitu[moved]
+    intact = moved[(state.failed[moved] < 0) & new.particles.is_rock[moved]]
+    state.stress[intact] = elastic_stress(new, state.displacement, intact)
+
+
+def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:
+    """Hourglass forces of cells of which rock or fill is mined go with it, in proportion to its stiffness.
+
+    body: with the volumes before; volume (particle,): what stays. Returns the energy that goes with them, J.
+    """
+    model, state = body.model, body.state
+    lame, shear = model.elastic_constants[model.particles.material].T
+    stiffness, cells = hourglass_modulus(lame, shear), len(model.cell_nodes)
+    old = np.bincount(model.particles.cell, stiffness * body.volume, minlength=cells)
+    kept = np.bincount(model.particles.cell, stiffness * np.minimum(body.volume, volume), minlength=cells)
+    share = np.divide(kept, old, out=np.ones(cells), where=old > 0.0)
+    mined = np.sum((1.0 - share) * hourglass_energies(state.hourglass_force, body.hourglass))
+    state.hourglass_force *= share[:, None, None]
+    return float(mined)
+
+
+def stored(body: Body, counted: Callable[[Model], np.ndarray] | None = None) -> float:
+    """Energy of stress and of hourglass forces of a body, or of the cells (cell,) bool that `counted` says, J (per m in
+    2-D)."""
+    cells = np.ones(len(body.model.cell_nodes), bool) if counted is None else counted(body.model)
+    hourglass = hourglass_energies(body.state.hourglass_force, body.hourglass)
+    volume = np.where(cells[body.model.particles.cell], body.volume, 0.0)
+    return elastic_energy(body.model, body.state, volume) + float(hourglass[cells].sum())

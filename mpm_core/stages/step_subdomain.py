@@ -1,0 +1,202 @@
+"""The district of a mine that a step changes: blocks of space around what it mines, held still at their border.
+
+A month's mining is felt some widths away. There its load is put on, increment by increment, and there rock fails and
+cells are split, at the cost of that rock; what is beyond stays as it is. Then the whole mine comes to rest, with the
+border free again, and what it lets fail then fails as ever: so the whole has the last word on rest and on failure, and
+the district, like a part of the mine (equilibrium/subdomain.py), only says on which way they are come to. The whole is
+set up at a step's start, and once more where cells were split.
+
+What a patch of half-width a changes decays as (a / distance)^d. Rock near the border waits for
+the whole. Where much of it waits the district is too small, and the step goes on in the whole after that increment.
+"""
+
+import logging
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mpm_core.equilibrium.cascade import asks_the_whole
+from mpm_core.equilibrium.refinement import RINGS, Refinement
+from mpm_core.equilibrium.scheme import SchemeInParts
+from mpm_core.equilibrium.surroundings import Cubes, Surroundings
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.octree import parents
+from mpm_core.grid.splitting import split, with_leaves
+from mpm_core.model.model import Model
+from mpm_core.model.occupancy import Loose, Places
+from mpm_core.model.state import State, give_back, take
+from mpm_core.stages.state_transfer import Cells
+from mpm_core.stages.step_cells import StepCells, brittle_of, make_scheme
+
+WIDER = {2: 8, 3: 2}
+"""by dimension: times as far as a border must be from what is mined, as rock that fails makes the patch wider. Potency
+of a month of three stopes in 1.1 million cells, a third of them in the district, is 0.4 % less than in the whole; in
+plane strain, where less decays, one of a hole by 7, 4, 2 and 0 % with 2, 3, 4 and 8"""
+WAITING = 0.05  # of the rock that fails in the step: if more waits near the border, the whole goes on
+MOST = 0.5  # of the whole mine's cells: more are not worth it
+LEAST = 50_000  # cells of a mine that has districts
+CHANGED = 1e-9  # of the largest change of a node's force: less is none
+SMALLEST = 3  # halvings of a block, at least: eight finest cells
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Which blocks of space a district has: chosen (blocks along each axis) bool, of 2^halvings finest cells; within so
+    many cubes (Cubes), margin, of their border rock does not fail."""
+
+    chosen: np.ndarray
+    halvings: int
+    margin: int = 0
+
+    def hold(self, places: np.ndarray) -> np.ndarray:
+        """Whether they hold places (k, d), fine units: (k,) bool."""
+        return self.chosen[tuple((places >> self.halvings).T)]
+
+    def of(self, grid: MultiLevelGrid) -> MultiLevelGrid:
+        """A grid's cells in them, as a grid of their own, in the same units and of fewer levels."""
+        inside = self.hold(grid.cell_index)
+        fewer = grid.levels - 1 - self.halvings
+        return with_leaves(
+            replace(grid, levels=self.halvings + 1), grid.cell_index[inside], grid.cell_level[inside] - np.int8(fewer)
+        )
+
+
+def blocks_around(grid: MultiLevelGrid, changed: np.ndarray) -> Blocks:
+    """Blocks with a border far enough from changed cells (k,), indices; they cut no cell of the grid."""
+    cubes = Cubes(grid)
+    places, _, patch, reach = cubes.patches(grid.cell_index[changed])
+    far = (WIDER[grid.dimension] * reach)[patch]
+    for halvings in range(min(max(SMALLEST, cubes.halvings), grid.levels - 1), grid.levels):
+        chosen = np.zeros(grid.shape >> halvings, bool)
+        size = halvings - cubes.halvings
+        for place, most in zip(places + cubes.lower, far, strict=True):
+            low, high = np.maximum(place - most, 0) >> size, (place + most >> size) + 1
+            chosen[tuple(slice(first, end) for first, end in zip(low, high, strict=True))] = True
+        if not _cuts_cells(grid, chosen, halvings):
+            break
+    return Blocks(chosen, halvings, int(far.min() // 2))
+
+
+def _cuts_cells(grid: MultiLevelGrid, chosen: np.ndarray, halvings: int) -> bool:
+    """Whether a chosen block, of 2^halvings finest cells, is a part of a larger cell."""
+    for larger in range(halvings + 1, grid.levels):
+        chosen = parents(chosen)
+        cells = grid.cell_index[grid.cell_level == grid.levels - 1 - larger]
+        if chosen[tuple((cells >> larger).T)].any():
+            return True
+    return False
+
+
+class District:
+    """A step in its district. cells: what it has there; waits: whether much rock near the border stands above its
+    strength, or no more cells may be: then the step goes on in the whole mine."""
+
+    def __init__(self, whole: StepCells, blocks: Blocks):
+        model, state, ramp = whole.model, whole.scheme.body.state, whole.ramp
+        inside = blocks.hold(model.grid.cell_index)
+        ground = replace(whole.ground, parts=_inside(whole.ground.parts, blocks))
+        self.whole, self.blocks, self.waits = whole, blocks, False
+        own = ground.model(blocks.of(model.grid), model.body[inside], _loose_inside(model.loose, inside), True)
+        places = _places(model, own, inside)
+        whole.scheme.drop_work_arrays()  # the memory is needed; it is set up anew in the end
+        at_start = own.virgin_state()
+        take(state, at_start, places)
+        volume = own.volumes(whole.step)
+        self.share = len(own.cell_nodes) / len(model.cell_nodes)
+        self.cells = StepCells(
+            ground, make_scheme(own, at_start, volume), brittle_of(own, volume, whole.step),
+            replace(ramp, start=ramp.start[places["node"]], target=ramp.target[places["node"]]), whole.step,
+            Cells.of(own), at_start.displacement.copy(), whole.held_up[places["node"]], Refinement.of(own.grid),
+            elsewhere=len(model.cell_nodes) - len(own.cell_nodes),
+        )  # fmt: skip
+        cubes = Cubes(own.grid)
+        self.surroundings = Surroundings(cubes, cubes.present, np.arange(cubes.cells))
+
+    def far_from_border(self, fresh: np.ndarray) -> np.ndarray:
+        """Those of the district's particles (k,) that do not lie near its border."""
+        model, state = self.cells.model, self.cells.scheme.body.state
+        near = self.surroundings.reach_beyond(model.grid.cell_index[model.particles.cell[fresh]], self.blocks.margin)
+        failed = np.count_nonzero(state.failed == self.cells.step) + len(fresh)
+        self.waits = self.cells.full or np.count_nonzero(near) > WAITING * failed
+        return fresh[~near]
+
+    def give_back(self) -> None:
+        """Take over into the whole mine what has happened in the district, which is at rest."""
+        own, whole = self.cells, self.whole
+        own.scheme.body.settle()
+        own.scheme.drop_work_arrays()
+        if own.places:
+            grid = split(whole.model.grid, np.concatenate(own.places), RINGS, 1)
+            whole.onto(grid, lambda model: ~self.blocks.hold(model.grid.cell_index))
+        else:
+            whole.renew()
+        inside = self.blocks.hold(whole.model.grid.cell_index)
+        whole.scheme.take_back(_Excerpt(own.scheme.body.state, _places(whole.model, own.model, inside)))
+
+
+@dataclass(frozen=True)
+class _Excerpt:
+    """The state of a district as the whole mine takes it over; places: see `_places`."""
+
+    state: State
+    places: dict[str, np.ndarray]
+
+    @property
+    def cells(self) -> np.ndarray:
+        """Of the whole mine, (k,)."""
+        return self.places["cell"]
+
+    def give_back(self, state: State) -> None:
+        """Write it into the state of the whole mine."""
+        give_back(self.state, state, self.places)
+
+
+def district_of(whole: StepCells) -> District | None:
+    """The district of a step that has begun, at rest; None where the whole mine is the better place for it.
+
+    That is where it is small or the step changes much of it, for a scheme that has no parts, where all of the mine is
+    asked (the last state of rest, the weakest rock), and where loads or strains act on what may be beyond.
+    """
+    model, scene = whole.model, whole.ground.scene
+    in_parts = isinstance(whole.scheme, SchemeInParts) and not asks_the_whole(scene.solver)
+    if not in_parts or scene.loads or scene.strains or whole.step == 0 or len(model.cell_nodes) < LEAST:
+        return None
+    change = np.abs(whole.ramp.target - whole.ramp.start).max(axis=1)
+    nodes = change > CHANGED * change.max(initial=0.0)
+    if not nodes.any():
+        return None
+    changed = np.flatnonzero(nodes[model.cell_nodes].any(axis=1))
+    blocks = blocks_around(model.grid, changed)
+    share = np.count_nonzero(blocks.hold(model.grid.cell_index)) / len(model.cell_nodes)
+    if share > MOST:
+        return None
+    cells = len(model.cell_nodes)
+    logging.info("the step begins in the district that it changes: %.0f %% of %d cells", 100 * share, cells)
+    return District(whole, blocks)
+
+
+def _inside(parts: Places, blocks: Blocks) -> Places:
+    """Parts of finest cells that the blocks hold."""
+    chosen = blocks.hold(parts.place)
+    return Places(**{name: column[chosen] for name, column in vars(parts).items()})
+
+
+def _loose_inside(loose: Loose, inside: np.ndarray) -> Loose:
+    """What has come loose in some cells (cell,) bool, numbered among them."""
+    chosen = inside[loose.cell]
+    number = np.cumsum(inside) - 1
+    own = {name: column[chosen] for name, column in vars(loose).items()}
+    return Loose(**own | {"cell": number[loose.cell[chosen]].astype(np.int32)})
+
+
+def _places(whole: Model, own: Model, inside: np.ndarray) -> dict[str, np.ndarray]:
+    """What cells, nodes and particles of the whole the district has, by dimension; inside (cell,) bool: its cells.
+
+    Both are in Morton order, and particles in that of cells and excavations.
+    """
+    cells, particles = np.flatnonzero(inside), np.flatnonzero(inside[whole.particles.cell])
+    if len(cells) != len(own.cell_nodes) or len(particles) != own.particles.count:
+        raise RuntimeError("a district has other cells than the mine that it is of")
+    nodes = np.empty(len(own.grid.node_index), np.int64)
+    nodes[own.cell_nodes] = whole.cell_nodes[cells]
+    return {"cell": cells, "node": nodes, "particle": particles}

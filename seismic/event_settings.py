@@ -1,0 +1,82 @@
+"""Settings of event extraction: the section `seismic` of a mine file, and the slice of the stages that use it."""
+
+from typing import Literal, Self
+
+from pydantic import model_validator
+
+from common.frame import Frame
+from common.setting_types import Settings, Size, real_number, refusal, whole_number
+
+Positive = whole_number(ge=1, le=1_000_000)
+
+
+class ClusterSettings(Settings):
+    """How a family is separated into events (seismic.clusters); of method families alone."""
+
+    method: Literal["dbscan", "single_linkage", "kmeans"] = "dbscan"
+    """`dbscan`: dense places (single linkage with its default of 3 samples). `single_linkage`: all that a chain of
+    steps within the radius joins. `kmeans`: compact clusters."""
+    radius_cells: real_number(gt=0, le=1000) = 1.8
+    """Largest distance of neighbours, in particle spacings."""
+    min_samples: Positive = 3
+    """Number of particles that make a dense place (dbscan). Smaller events are not resolved."""
+    clusters: Positive = None
+    """Number of clusters of each family, with kmeans only. Default: as many as dbscan finds."""
+
+    @model_validator(mode="after")
+    def _counted(self) -> Self:
+        if self.clusters is not None and self.method != "kmeans":
+            raise refusal(f"method {self.method} finds their number itself; leave it out, or take kmeans", "clusters")
+        return self
+
+
+class SeismicSettings(Settings):
+    """How plastic strain becomes events."""
+
+    method: Literal["simultaneous", "families"] = "simultaneous"
+    """How failed rock is grouped into events. `simultaneous`: rock that fails together, touches, and has similar
+    mechanisms. `families` (the paper's): rock of similar mechanisms anywhere in the mine, then clusters in space."""
+    closeness: real_number(gt=0, lt=1) = 0.8
+    """Cosine between potency tensors above which mechanisms count as similar."""
+    least_particles: Positive = 3
+    """Smallest number of particles of a resolved event (families: cluster.min_samples)."""
+    seismic_fraction: real_number(gt=0, le=1) = 1.0
+    """Share alpha of the brittle drop that is seismic."""
+    cluster: ClusterSettings = None
+    """How a family is separated into events, with method `families` only."""
+
+    @model_validator(mode="after")
+    def _separated(self) -> Self:
+        if self.cluster is not None and self.method != "families":
+            raise refusal("method simultaneous has no clusters; leave it out, or take method families", "cluster")
+        return self
+
+    @property
+    def clustering(self) -> ClusterSettings:
+        """How a family is separated."""
+        return self.cluster or ClusterSettings()
+
+    @property
+    def fewest(self) -> int:
+        """Particles of the smallest event that is resolved."""
+        return self.clustering.min_samples if self.method == "families" else self.least_particles
+
+
+class EventSettings(SeismicSettings):
+    """The slice of the event and catalogue stages: the section `seismic`, mine, frame and dates of a step."""
+
+    mine: str
+    """Name of the mine."""
+    frame: Frame
+    thickness: Size = None
+    """Thickness of a two-dimensional scene, m; absent in three dimensions."""
+    start: str = None
+    """ISO date from which the step is mined. It is empty for a step before the record begins, and absent for a whole
+    catalogue."""
+    end: str = None
+    """ISO date up to which the step is mined; as `start`."""
+
+    @property
+    def dimension(self) -> int:
+        """2 (plane strain) or 3."""
+        return 3 if self.thickness is None else 2

@@ -1,0 +1,329 @@
+"""What follows from a mine's file by itself: the domain around its openings, the largest cell, the number of levels."""
+
+import functools
+import itertools
+import logging
+import os
+from collections.abc import Iterator
+
+import numpy as np
+
+from common.errors import InputError
+from common.voigt import NAMES
+from mpm_core.constitutive.laws import Materials
+from mpm_core.grid.domain import base_cells
+from mpm_core.scene.far_field import LARGEST_ERROR, MOST_LEVELS, STRENGTH, FarField, Opening, bounds, derive_domain
+from mpm_core.scene.insitu_stress import InsituStress
+from mpm_core.scene.scene import FACES, PLANES, virgin_excess
+from workflow.accuracy import PRESETS
+from workflow.mine import Mine
+from workflow.shapes import check_form, extent
+
+COARSE_CELL, LEVELS = 10.0, 4  # of a mine that names neither these nor its finest cell; fewer where its domain asks
+DEEPEST = 1e5  # m from the openings: virgin rock is not looked at further away
+TURNS = 60  # corners of an outline at most along whose edges a box around it is laid
+PIECES = 16  # boxes at most that cover a stretch of tunnel
+SAME = 1e-9  # share by which sizes differ that are the same
+
+
+def complete(mine: Mine) -> None:
+    """Fill in what a mine's file leaves to us of domain and grid. Raises InputError, one line, for what contradicts."""
+    domain, grid = mine.values.setdefault("domain", {}), mine.values["grid"]
+    finest = grid.pop("finest_cell", None)
+    if finest is not None:
+        _check_sizes(grid, finest)
+    missing = [key for key in ("lower", "upper") if key not in domain]
+    if len(missing) == 1:
+        raise InputError(f"domain.{missing[0]}: missing key; give both corners, or none and grid.finest_cell")
+    if missing and finest is None:
+        raise InputError(
+            "domain: missing key: give lower and upper, or grid.finest_cell, from which the domain follows"
+        )
+    if missing:
+        _derive(mine, finest)
+    elif finest is None and "coarse_cell" not in grid:
+        levels = grid.get("levels", LEVELS)
+        _divide(mine, COARSE_CELL / 2 ** (levels - 1), range(levels, levels - 1 if "levels" in grid else 0, -1))
+    elif "coarse_cell" not in grid:
+        _divide(mine, finest, range(_levels(mine)[1], 0, -1))
+    grid.setdefault("coarse_cell", COARSE_CELL)
+    grid.setdefault("levels", LEVELS)
+    domain.setdefault("boundary", "fixed")
+
+
+def _check_sizes(grid: dict, finest: float) -> None:
+    """Raise InputError for sizes of cells that contradict each other; what follows from two of them is filled in."""
+    if "coarse_cell" in grid:
+        coarse, doubled = grid["coarse_cell"], round(np.log2(grid["coarse_cell"] / finest))
+        if not 0 <= doubled < MOST_LEVELS or abs(coarse - finest * 2**doubled) > SAME * coarse:
+            raise InputError(
+                f"grid.finest_cell: {finest:.15g} m doubled up to {MOST_LEVELS - 1} times does not make "
+                f"grid.coarse_cell, {coarse:.15g} m; leave one of the two out"
+            )
+        if grid.setdefault("levels", doubled + 1) != doubled + 1:
+            raise InputError(
+                f"grid.finest_cell: {finest:.15g} m, but grid.coarse_cell {coarse:.15g} m and grid.levels "
+                f"{grid['levels']} make {coarse / 2 ** (grid['levels'] - 1):.15g} m; leave one of the three out"
+            )
+    elif "levels" in grid:
+        grid["coarse_cell"] = finest * 2 ** (grid["levels"] - 1)
+
+
+def largest_cell_name(mine: Mine) -> str:
+    """What the largest cell is by the keys that the mine's file gives."""
+    if "coarse_cell" in mine.written_cells:
+        return "grid.coarse_cell"
+    return f"grid.finest_cell times 2^{mine.values['grid']['levels'] - 1} (grid.levels)"
+
+
+def _levels(mine: Mine) -> tuple[int, int]:
+    """Fewest and most levels of cells that leave the preset of accuracy a level to take away or to add."""
+    more = PRESETS[mine.values["accuracy"]].levels
+    return 1 + max(-more, 0), MOST_LEVELS - max(more, 0)
+
+
+def _divide(mine: Mine, finest: float, choices: range) -> None:
+    """The first of so many levels of cells, from finest m on, of which the largest tile a domain that is given."""
+    lower, upper = (np.array(mine.values["domain"][key]) for key in ("lower", "upper"))
+    grid = mine.values["grid"]
+    if not len(lower) == len(upper) == mine.dimension or (upper <= lower).any():
+        grid |= {"coarse_cell": finest, "levels": 1}
+        return  # said by the checks that follow
+    for levels in choices:
+        coarse = finest * 2 ** (levels - 1)
+        try:
+            base_cells(lower, upper, coarse)
+        except InputError:
+            continue
+        grid |= {"coarse_cell": coarse, "levels": levels}
+        return
+    sides = ", ".join(f"{side:.15g} m" for side in upper - lower)
+    problem = f"the sides of the domain ({sides}) are no whole multiples of {coarse:.15g} m"
+    if "finest_cell" in mine.written_cells:
+        raise InputError(f"grid.finest_cell: {problem}; change one, or leave domain.lower and domain.upper out")
+    which = f"the largest of {levels} sizes of cell (grid.levels)" if "levels" in grid else "a size of cell"
+    raise InputError(
+        f"grid.finest_cell: missing key: {problem}, {which} where none is given; give one that divides them"
+    )
+
+
+def _derive(mine: Mine, finest: float) -> None:
+    """The domain from all that is mined or loaded."""
+    values, domain, grid = mine.values, mine.values["domain"], mine.values["grid"]
+    openings = list(_openings(mine))
+    if not openings:
+        raise InputError("domain.lower: missing key; without excavations and loads the domain follows from nothing")
+    for section in ("lower", "upper"):
+        domain.pop(section, None)
+    asked = "boundary" in domain
+    faces = mine.boundary()
+    mined = PLANES[mine.plane]
+    held = [face for face in FACES if "xyz".index(face[0]) in mined and (face, faces[face]) != ("z_upper", "free")]
+    conditions = [faces[face] for face in held]
+    rocks = ["host", *(body["material"] for body in values.get("rock_bodies", []))]
+    heights = bounds(openings)[:, -1]
+    sound = _sound(mine, heights) if 2 in mined else (-np.inf, np.inf)
+    found = derive_domain(
+        openings,
+        finest,
+        [values["materials"][name]["poisson_ratio"] for name in rocks if name in values["materials"]],
+        conditions if asked else ["fixed"],
+        levels=(grid["levels"],) * 2 if "levels" in grid else _levels(mine),
+        ground=values["frame"]["surface"] if 2 in mined else None,
+        sound=sound,
+    )
+    if found.limited == STRENGTH and found.error > LARGEST_ERROR:
+        raise InputError(_no_room(mine, found, heights, sound))
+    top, surface = float(found.upper[-1]), values["frame"]["surface"]
+    at_surface = 2 in mined and top == surface
+    if at_surface and asked and faces["z_upper"] not in ("free", "traction"):
+        raise InputError(
+            f"domain.boundary: the domain that is derived ends at frame.surface, {surface:g} m, where z_upper is "
+            f"{faces['z_upper']}; say {{z_upper: free, others: fixed}}, or give domain.lower and domain.upper"
+        )
+    if 2 in mined and asked and not at_surface and faces["z_upper"] == "free":
+        raise InputError(
+            f"domain.boundary: z_upper is free, but the domain that is derived ends at {top:g} m, under frame.surface, "
+            f"{surface:g} m: its rock would lose the stress from above; leave that out, or give domain.lower and upper"
+        )
+    if at_surface and not asked:
+        domain["boundary"] = {"z_upper": "free", "others": "fixed"}
+    domain |= {"lower": found.lower.tolist(), "upper": found.upper.tolist()}
+    grid |= {"coarse_cell": found.coarse_cell, "levels": found.levels}
+    mine.far_field = found
+
+
+def _sound(mine: Mine, heights: np.ndarray) -> tuple[float, float]:
+    """Elevations, m, between which virgin rock of the host bears its stress; heights (2,): of all openings, m.
+
+    Raises InputError where it does not at the openings themselves. What a law admits is convex, and stress is linear in
+    depth: there is one such stretch.
+    """
+    values = mine.values
+    host = Materials.of({"materials": {"host": values["materials"]["host"]}}).materials["host"]
+    parts = [values["insitu_stress"].get(key, {}) for key in ("constant", "gradient")]
+    surface = values["frame"]["surface"]
+    insitu = InsituStress(*(np.array([part.get(name, 0.0) for name in NAMES]) for part in parts), surface)
+    for place, elevation in zip(("lower", "upper"), np.minimum(heights, surface), strict=True):
+        if (excess := virgin_excess(host, insitu, elevation)) > 0.0:
+            raise InputError(
+                f"insitu_stress: at elevation {elevation:.6g} m, the {place} end of the excavations, virgin stress is "
+                f"{excess / 1e6:.3g} MPa above the intact strength of materials.host: it would fail before anything is "
+                "mined; check stress, depth and strength"
+            )
+    ends = []
+    for bears, away in ((min(heights[0], surface), -DEEPEST), (min(heights[1], surface), DEEPEST)):
+        fails = bears + away
+        if virgin_excess(host, insitu, fails) <= 0.0:
+            ends.append(fails)
+            continue
+        while abs(fails - bears) > SAME * DEEPEST:
+            middle = 0.5 * (fails + bears)
+            bears, fails = (bears, middle) if virgin_excess(host, insitu, middle) > 0.0 else (middle, fails)
+        ends.append(bears)
+    return tuple(ends)
+
+
+def _no_room(mine: Mine, found: FarField, heights: np.ndarray, sound: tuple[float, float]) -> str:
+    """Why a derived domain that stays where virgin rock bears its stress is none; heights, sound: see _sound."""
+    gaps = heights[0] - sound[0], sound[1] - heights[1]
+    end, gap = min(zip(sound, gaps, strict=True), key=lambda pair: pair[1])
+    largest = ", ".join(f"grid.{key}" for key in ("coarse_cell", "levels") if key in mine.written_cells)
+    cells = f" in cells up to {found.coarse_cell:g} m ({largest})" if largest else ""
+    expected = f"moves wall stress by {100 * found.error:.3g} %" if found.distance > 0 else "does not hold them"
+    return (
+        f"insitu_stress: virgin stress reaches the intact strength of materials.host at elevation {end:.6g} m, "
+        f"{gap:.3g} m from the excavations: a domain that ends before{cells} {expected} "
+        f"({100 * LARGEST_ERROR:g} % are allowed); check stress, depth and strength, or give domain.lower and "
+        "domain.upper"
+    )
+
+
+def _openings(mine: Mine) -> Iterator[Opening]:
+    """All excavations, planned ones too, and loads; a tunnel stretch by stretch."""
+    sections = {"excavations": mine.excavations, "loads": mine.values.get("loads", [])}
+    for section, entries in sections.items():
+        for entry in entries:
+            where = f"{section}.{entry['name']}"
+            if entry.get("outside"):
+                raise InputError(f"{where}.outside: the domain follows from the excavations; give lower and upper")
+            check_form(mine, where, entry)
+            try:
+                found = list(_opening(mine, where, entry))
+            except InputError as error:
+                text = str(error)
+                raise InputError(text if text.startswith(where) else f"{where}: {text}") from error
+            lowest = min((float(opening.lower[-1]) for opening in found), default=-np.inf)
+            if 2 in PLANES[mine.plane] and lowest >= mine.values["frame"]["surface"]:
+                raise InputError(
+                    f"{where}: lies above the ground, z {lowest:g} m and more (frame.surface: "
+                    f"{mine.values['frame']['surface']:g} m); check its coordinates and frame.surface"
+                )
+            yield from found
+
+
+def _opening(mine: Mine, where: str, entry: dict) -> Iterator[Opening]:
+    shape, dimension = entry.get("shape"), mine.dimension
+    if "file" in entry and shape != "prism":
+        path = mine.path(entry["file"])
+        stamp = os.stat(path)
+        yield _of_file(str(path), entry["name"], _picked(entry), stamp.st_mtime_ns, stamp.st_size)
+        return
+    if "file" in entry:
+        for prism in _prisms(mine, entry):
+            yield from _opening(mine, where, prism)
+        return
+    lower, upper = extent(where, entry, dimension)
+    if shape == "tunnel":
+        path = np.array(entry["path"], float)
+        for start, end in itertools.pairwise(path):
+            if (start != end).any():
+                yield _stretch(start, end, entry["width"], entry["height"])
+        return
+    sides, volume = upper - lower, float(np.prod(upper - lower))
+    if shape == "prism":
+        plan, area = _around(np.array(entry["polygon"], float))
+        bottom, top = ("base", "top") if "top" in entry else ("lower", "upper")
+        height = float(np.mean(np.subtract(entry[top], entry[bottom])))
+        sides, volume = np.append(plan, height), area * height
+    elif shape == "polygon":
+        sides, volume = _around(np.array(entry["points"], float))
+    elif shape == "cylinder" and dimension == 3:
+        length = float(np.linalg.norm(np.subtract(entry["end"], entry["start"])))
+        sides = np.array([2 * entry["radius"], 2 * entry["radius"], length])
+        volume = np.pi * entry["radius"] ** 2 * length
+    elif shape in ("sphere", "circle", "cylinder"):
+        volume *= np.pi / (6 if dimension == 3 else 4)
+    yield Opening(lower, upper, sides, volume, np.stack([lower, upper])[None])
+
+
+def _stretch(start: np.ndarray, end: np.ndarray, width: float, height: float) -> Opening:
+    """A straight stretch of tunnel along the middle of its floor; what it lacks in length its neighbours have."""
+    length = float(np.linalg.norm(end - start))
+    count = int(np.clip(length / max(width, height), 1, PIECES))
+    points = start + np.linspace(0, 1, count + 1)[:, None] * (end - start)
+    low, high = np.minimum(points[:-1], points[1:]), np.maximum(points[:-1], points[1:])
+    # across its run in plan; the floor of a tunnel lies under it
+    run = np.abs((end - start)[:2])
+    across = 0.5 * width * (run[::-1] / np.linalg.norm(run) if run.any() else np.ones(2))
+    parts = np.stack([low - np.append(across, 0.0), high + np.append(across, height)], axis=1)
+    sides = np.array([max(length, width, height), width, height])
+    return Opening(parts[:, 0].min(axis=0), parts[:, 1].max(axis=0), sides, length * width * height, parts)
+
+
+def _around(polygon: np.ndarray) -> tuple[np.ndarray, float]:
+    """Sides (2,) m of the smallest box along an edge of a polygon (point, 2) m, and the polygon's area m2."""
+    local = polygon - polygon[0]
+    (x, y), (x_next, y_next) = local.T, np.roll(local, -1, axis=0).T
+    area = 0.5 * abs(float(np.sum(x * y_next - x_next * y)))
+    edges = np.roll(local, -1, axis=0) - local
+    edges = edges[np.hypot(*edges.T) > 0][:: len(edges) // TURNS + 1]
+    along = edges / np.hypot(*edges.T)[:, None]
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    widths = np.stack([np.ptp(local @ along.T, axis=0), np.ptp(local @ across.T, axis=0)], axis=1)
+    return widths[np.argmin(widths.prod(axis=1))], area
+
+
+def _picked(entry: dict) -> tuple:
+    """What of a file is meant, as a tuple that a cache may keep."""
+    keys = ("layer", "element", "units", "scale", "offset")
+    return tuple((key, tuple(entry[key]) if key == "offset" else entry[key]) for key in keys if key in entry)
+
+
+@functools.cache
+def _of_file(path: str, name: str, picked: tuple, stamp: int, size: int) -> Opening:
+    """A solid from a file as it is at this time: box, sides along its own axes, volume. Its warnings are the grid's."""
+    from mpm_core.geometry.solid_files import Picked, read_solid
+
+    with _quiet():
+        solid = read_solid(path, name, Picked.of(dict(picked)))
+    lower, upper = solid.bounds
+    points = solid.vertices[np.unique(solid.facets)] - solid.bounds.mean(axis=0)
+    axes = np.linalg.eigh(np.cov(points.T))[1]
+    sides = np.maximum(np.ptp(points @ axes, axis=0), SAME * np.max(upper - lower))
+    whole = abs(solid.signed_volume) if solid.is_closed else solid.volume  # an open one's sum lacks what stands open
+    volume = min(whole, float(np.prod(upper - lower)))
+    return Opening(lower, upper, sides, volume, np.stack([lower, upper])[None])
+
+
+def _prisms(mine: Mine, entry: dict) -> list[dict]:
+    """Keys of a prism for each outline of its drawing; holes in them count as mined."""
+    from mpm_core.scene.scene_solids import prisms_of
+    from mpm_core.settings import SolidSettings
+
+    shape = {key: entry[key] for key in SolidSettings.model_fields if key in entry and key != "outside"}
+    with _quiet():
+        made = prisms_of(SolidSettings.of(shape | {"file": mine.path(entry["file"]).as_posix()}, "excavations"))
+    keys = ("shape", "polygon", "lower", "upper", "base", "top")
+    return [{key: prism[key] for key in keys if key in prism} for prism in made]
+
+
+class _quiet:
+    """Warnings of reading are told where the grid is made."""
+
+    def __enter__(self):
+        self.before = logging.root.manager.disable
+        logging.disable(logging.WARNING)
+
+    def __exit__(self, *_):
+        logging.disable(self.before)

@@ -1,0 +1,172 @@
+"""A mine's configuration: the packages' settings in one model, and what the workflow adds, names of steps above all."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from catalogs.comparison_settings import ComparisonSettings
+from catalogs.records import AnyRecord
+from common.frame import Frame
+from common.setting_types import (
+    AsTuple,
+    Date,
+    Name,
+    Point,
+    Settings,
+    Size,
+    Unit,
+    choose,
+    is_list,
+    is_section,
+    real_number,
+    refusal,
+    whole_number,
+)
+from mpm_core.constitutive.laws import AnyMaterial
+from mpm_core.settings import (
+    BodySettings,
+    DomainSettings,
+    GridSettings,
+    InsituSettings,
+    ShapeSettings,
+    SolidSettings,
+    SolverSettings,
+)
+from seismic.event_settings import SeismicSettings
+
+Strain = real_number(ge=-0.5, le=0.5)
+Pressure = Annotated[float, Unit("Pa", ge=0, le=1e13)]
+ForcePart = Annotated[float, Unit("N", ge=-1e20, le=1e20)]
+
+
+class RockBody(BodySettings):
+    """A volume of other rock (an intrusion, a seam); of overlapping ones the later counts."""
+
+    material: str
+    """Name of one of the materials."""
+
+
+class Excavation(SolidSettings):
+    """A solid that is mined; where they overlap the earliest step mines."""
+
+    step: str
+    """Step in which the excavation is mined. `planned`: it is part of the grid, but is not mined."""
+    fill: str = None
+    """Name of one of the materials. `none`: the excavation stays open."""
+    filled: str = None
+    """Step at whose end the fill is placed, in every open part of the solid. Without it the fill is in place while the
+    excavation's own step unloads the rock: it supports the walls from the start, and fewer events result."""
+    pressure: choose(
+        lambda value: not is_section(value), Pressure, Annotated[dict[str, Pressure], Field(min_length=1)]
+    ) = None
+    """Pressure on the walls from inside. It starts with the step that mines the excavation and ends when it is filled.
+    Pressures by step, each until the next: {history: 5 MPa, "2019-08": 0 MPa}."""
+
+
+class ExcavationsFrom(Settings):
+    """Excavations that are made from recorded data."""
+
+    source: Literal["elk_creek"]
+    folder: str
+    """Folder with the data, relative to the mine file."""
+    gob_height: Size = None
+    """Height of the caved ground. Default: 18 m."""
+    fill: str = None
+    """Name of one of the materials. Default: `gob`."""
+
+
+class Load(ShapeSettings):
+    """A force on the rock in a shape, shared by volume, from a step on: laboratory specimens."""
+
+    name: Name
+    step: str
+    force: choose(
+        is_list,
+        Annotated[tuple[ForcePart, ...], Field(min_length=3, max_length=3), AsTuple],
+        Annotated[float, Unit("N", gt=0, le=1e20)],
+    )
+    """Total force: its components, or with `toward` the sum of the magnitudes of its parts."""
+    toward: choose(
+        lambda value: is_list(value) and len(value) > 0 and is_list(value[0]),
+        Annotated[tuple[Point, ...], Field(min_length=2, max_length=2), AsTuple],
+        Point,
+    ) = None
+    """A point to which each part of the force points. Two points: each part points to the line through them."""
+
+
+class StrainComponents(Settings):
+    """Components of a strain, tensor shear."""
+
+    xx: Strain = None
+    yy: Strain = None
+    zz: Strain = None
+    yz: Strain = None
+    xz: Strain = None
+    xy: Strain = None
+
+    @model_validator(mode="after")
+    def _some(self) -> Self:
+        if not self.model_fields_set:
+            raise refusal("{} should be non-empty")
+        return self
+
+
+class BoundaryStrain(Settings):
+    """Held faces move by strain . (x - domain.lower) from a step on."""
+
+    name: Name
+    step: str
+    strain: StrainComponents
+
+
+class Step(Settings):
+    """A time in which mining goes on; steps without dates are history and come first."""
+
+    name: Name
+    start: Date = None
+    end: Date = None
+
+
+class MineSettings(Settings):
+    """All of a mine's configuration."""
+
+    name: Name
+    """Name of the mine. Results go to the folder of this name in `results`."""
+    plane: Literal["none", "xz", "xy"] = "none"
+    """`none`: the scene is three-dimensional. `xz`, `xy`: plane strain, in a vertical section with depth along z, or in
+    plan without weight."""
+    thickness: Size = 1.0
+    """Thickness of a plane-strain scene, for volumes and potency."""
+    accuracy: Literal["draft", "standard", "fine"] = "standard"
+    """`standard`: the mine file is taken as it is. `draft`: cells of twice the size, unless an excavation would have
+    almost no whole cells then; tolerances three times as large; an allowed overshoot twice as large. `fine`: cells of
+    half the size, an allowed overshoot half as large."""
+    ensemble: whole_number(ge=0, le=1000) = 0
+    """Number of perturbed runs beside the mine's own run; each takes as long. They show how much chance changes the
+    catalogue."""
+    grid_convergence: bool = None
+    """Whether the mine is also run on cells of twice the size, so that the report can state what the cells leave
+    uncertain. Default: in 3-D where steps have dates. A draft has no such run."""
+    frame: Frame
+    domain: DomainSettings = None
+    grid: GridSettings = GridSettings()
+    insitu_stress: InsituSettings
+    materials: dict[Name, AnyMaterial]
+    """Rocks and fills by name. `host` is all rock that is in no body."""
+    rock_bodies: Annotated[tuple[RockBody, ...], AsTuple] = ()
+    excavations: Annotated[tuple[Excavation, ...], AsTuple] = ()
+    excavations_from: ExcavationsFrom = None
+    loads: Annotated[tuple[Load, ...], AsTuple] = ()
+    strains: Annotated[tuple[BoundaryStrain, ...], AsTuple] = ()
+    steps: Annotated[tuple[Step, ...], AsTuple] = ()
+    solver: SolverSettings = SolverSettings()
+    seismic: SeismicSettings = SeismicSettings()
+    comparison: ComparisonSettings = ComparisonSettings()
+    record: AnyRecord = None
+    """The recorded catalogue: where it is, and what it means."""
+
+    @model_validator(mode="after")
+    def _host(self) -> Self:
+        if "host" not in self.materials:
+            raise refusal("missing key", "materials", "host")
+        return self

@@ -1,0 +1,97 @@
+"""Snakemake's command line, looked at before Snakemake reads it: it ends in tracebacks for what is refused here.
+
+Its own reader of --config makes text of all numbers in a section, `solver={increments: 2}`; here they are read as in a
+mine's file.
+"""
+
+import argparse
+import re
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from common.disk import NO_ROOM
+from common.errors import InputError
+from common.setting_types import short
+from workflow.strict_yaml import check_files, read_text
+
+OPTION = re.compile(r"(--config|-C)(=|$)")
+KEY = re.compile(r"[a-zA-Z_][\w-]*\w")  # of Snakemake; no key of a mine's file is another
+WORD = re.compile(r"[\w-]+")
+
+
+def check_command_line(arguments: argparse.Namespace, words: Sequence[str]) -> None:
+    """Look at Snakemake's arguments and at the words that they were made from. Raises InputError."""
+    check_files(arguments.configfile)
+    if sum(bool(OPTION.match(word)) for word in words) > 1:
+        raise InputError(
+            "--config stands twice, and Snakemake takes the last one alone; put all keys behind one: "
+            "--config accuracy=draft ensemble=8"
+        )
+    read_overrides(arguments.config)
+    check_folder(arguments.directory or ".")
+
+
+def read_overrides(entries: Sequence[str] | None) -> dict:
+    """What --config sets, key=value each; a value as in a mine's file. Raises InputError that shows how to write it."""
+    overrides = {}
+    for entry in entries or ():
+        key, equals, value = entry.partition("=")
+        if not equals:
+            raise InputError(
+                f"--config {entry[:80]}: no key=value. --config takes all words up to the next option, so a target "
+                f"stands before it: snakemake --cores all {entry[:80]} --config accuracy=draft"
+            )
+        if key in overrides:
+            raise InputError(f"--config {entry[:80]}: {key} stands twice; the second would replace the first")
+        if not KEY.fullmatch(key):
+            raise InputError(f"--config {entry[:80]}: {_right_way(key, value)}")
+        overrides[key] = read_text(f"--config {key}", value)
+    return overrides
+
+
+def _right_way(key: str, value: str) -> str:
+    """How to write what was meant by a key that Snakemake does not take."""
+    section, *parts = key.split(".")
+    if any(part.isdigit() for part in parts):
+        return (
+            f"entries of a list are changed in the mine's file, or the whole list is given: --config '{section}=[...]'"
+        )
+    if not parts or not all(WORD.fullmatch(part) for part in (section, *parts)):
+        return f"{short(key)} is no key of a mine's file; config/README.md has them"
+    inner = value or "null"
+    for part in reversed(parts):
+        inner = f"{{{part}: {inner}}}"
+    return f"keys below a section are written in braces: --config '{section}={inner}'"
+
+
+def check_folder(folder: str | Path) -> None:
+    """Raise InputError for a working directory that takes no files. Snakemake keeps its notes and results in it."""
+    folder = Path(folder).absolute()
+    notes = folder / ".snakemake"
+    try:
+        notes.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=notes):
+            pass
+    except OSError as error:
+        if error.errno not in NO_ROOM:  # of a full disk the terminal tells (workflow/terminal.py)
+            raise InputError(
+                f"{folder}: takes no files ({error.strerror}), and notes and results go there; start in another "
+                "folder, or name one with --directory"
+            ) from error
+
+
+def asks_for_more(arguments: argparse.Namespace, is_rule: Callable[[str], bool], mine: str) -> bool:
+    """Whether targets need more than the rules so far make of this mine.
+
+    Jobs that another process has planned count as targets. What looks at the rules themselves, --lint, needs all.
+    """
+    own = re.compile(rf"(\./)?results/{re.escape(mine)}/")
+    return (
+        bool(arguments.lint or arguments.list_rules or arguments.list_target_rules)
+        or any(not is_rule(target) and not own.match(target) for target in arguments.targets)
+        or any(
+            not is_rule(job.rulename) or job.wildcards_dict.get("mine", mine).split("/")[0] != mine
+            for job in arguments.target_jobs
+        )
+    )
