@@ -122,7 +122,7 @@ def rows_table(rows: list[dict[str, str]]) -> list[str]:
     """Rows one by one: what stands before the first colon of a quantity is its case."""
     body = []
     for row in rows:
-        case, quantity = CASE.match(row["quantity"]).groups("")
+        case, quantity = CASE.findall(row["quantity"])[0]
         numbers = [number(row["obtained"]), number(row["expected"]), number(row["error"], 2), number(row["allowed"], 3)]
         body.append([quantity, case, *numbers, SAID[row["passed"]]])
     return markdown(COLUMNS, body)

@@ -105,7 +105,7 @@ def find_tables(results: Path) -> dict[str, Path]:
 
 def check_blocks(texts: dict[Path, str]) -> None:
     """Raise InputError unless every study has one block, and every page has blocks of studies."""
-    places = {}
+    places: dict[str, Path] = {}
     for path, text in texts.items():
         names = [match[2] for match in BLOCK.finditer(text)]
         if (
@@ -239,19 +239,21 @@ def index_table(texts: dict[str, str]) -> str:
     """All pages: title, what each checks, its reference, and the counts of the rows that stand on it."""
     body = []
     for name, text in texts.items():
-        facts = []
-        for fact in FACTS:
-            found = re.search(rf"^- \*\*{fact}:\*\* (.+)$", text, re.MULTILINE)
-            if not found:
-                raise InputError(f"docs/studies/{name}.md: needs a line '- **{fact}:** ...'")
-            facts.append(found[1].rstrip("."))
+        title, *facts = (_told(name, text, start) for start in ("# ", *(f"- **{fact}:** " for fact in FACTS)))
         counts = [[int(count) for count in match.groups()] for match in COUNTS.finditer(text)]
         _, judged, _, known, failed = (sum(column) for column in zip(*counts, strict=True)) if counts else [None] * 5
         numbers = ["" if count is None else str(count) for count in (judged, known, failed)]
-        title = re.search(r"^# (.+)$", text, re.MULTILINE)[1]
         body.append([f"[{title}]({name}.md)", *facts, *numbers])
     head = ("study", "what it checks", "reference", "rows judged", "known misses", "rows that fail")
     return "\n".join(markdown(head, body)) + "\n"
+
+
+def _told(name: str, text: str, start: str) -> str:
+    """What the first line of a page that starts so goes on with."""
+    found = re.search(rf"^{re.escape(start)}(.+)$", text, re.MULTILINE)
+    if not found:
+        raise InputError(f"docs/studies/{name}.md: needs a line '{start}...'")
+    return found[1].rstrip(".")
 
 
 def main() -> None:
