@@ -50,13 +50,16 @@ def quakeml(chosen: argparse.Namespace) -> None:
 def compare(chosen: argparse.Namespace) -> None:
     """The synthetic catalogue against the recorded one."""
     from catalogs import comparison
+    from catalogs.comparison_settings import ComparisonSlice
     from catalogs.members import read_members
 
     settings = read_slice(chosen.settings)
     catalog = read_events(chosen.catalog)
     dated = [step["name"] for step in settings.get("steps", [])]
     members = read_members(chosen.members, dated, catalog.attrs["mine"])
-    result = comparison.compare(catalog, read_events(chosen.record), settings, members)
+    result = comparison.compare(
+        catalog, read_events(chosen.record), ComparisonSlice.of(settings, "comparison"), members
+    )
     of_members = [member / "events" / f"{step}.nc" for member in chosen.members for step in dated]
     made_of = provenance(settings, "catalogs compare", [chosen.catalog, chosen.record, *of_members])
     write_dataset(result.assign_attrs(made_of), chosen.output)
@@ -64,11 +67,12 @@ def compare(chosen: argparse.Namespace) -> None:
 
 def spread(chosen: argparse.Namespace) -> None:
     """The runs of an ensemble against each other."""
+    from catalogs.comparison_settings import SpreadSettings
     from catalogs.spread import gather
 
     settings = read_slice(chosen.settings)
     comparison = read_dataset(chosen.comparison) if chosen.comparison else None
-    result = gather(chosen.runs, read_events(chosen.catalog), comparison, settings)
+    result = gather(chosen.runs, read_events(chosen.catalog), comparison, SpreadSettings.of(settings))
     folders = [run / folder for run in chosen.runs for folder in ("steps", "events")]
     of_runs = [folder / f"{step}.nc" for folder in folders for step in settings["steps"]]
     inputs = [*of_runs, chosen.catalog, *filter(None, [chosen.comparison])]

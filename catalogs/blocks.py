@@ -106,7 +106,7 @@ def _around(location: NDArray, event: int, among: NDArray, error: float) -> tupl
     others = np.maximum(cdist(location[event : event + 1], location[among])[0], error)
     order = np.argsort(others, kind="stable")
     last = np.searchsorted(others[order], np.maximum(distance[nearby], error), side="right") - 1
-    return tuple(numbers.astype(np.int16) for numbers in (nearby, order, np.maximum(last, 0)))
+    return nearby.astype(np.int16), order.astype(np.int16), np.maximum(last, 0).astype(np.int16)
 
 
 def _linked(

@@ -111,10 +111,11 @@ class Matched:
         centre = np.zeros((len(shared), 3))
         for (points, step), total in zip(chosen, totals, strict=True):
             centre += np.stack([np.bincount(step, column) for column in points.T], axis=1) / total[:, None] / 2
-        self.sides = tuple(
+        model, record = (
             Side(points - centre[step], side.labels[np.isin(side.labels, own)], step, side.draws)
             for (points, step), side, own in zip(chosen, sides, self.own, strict=True)
         )
+        self.sides = model, record
         starts, size = block_starts(self.sides), sum(self.blocks)
         self._sums = {exponent: np.zeros((size, size)) for exponent in (1.0, 1.5)}
         for block, pairs in pairs_by_block(self.sides):
@@ -138,7 +139,7 @@ class Matched:
         both = [np.ones((1, count)) for count in self.blocks]
         without = [1.0 - (unit == np.arange(count)[:, None]) for unit, count in zip(self.unit, self.units, strict=True)]
         estimate = [part[0] for part in self.centroids(both)]
-        moved = [self.centroids(pair)[side] for side, pair in enumerate(((without[0], both[1]), (both[0], without[1])))]
+        moved = [self.centroids(pair)[side] for side, pair in enumerate(([without[0], both[1]], [both[0], without[1]]))]
         model, record = (
             Scatter.of(again, mean, self._freedom(side))
             for side, (again, mean) in enumerate(zip(moved, estimate, strict=True))
@@ -193,5 +194,6 @@ class Matched:
 def match_steps(sides: tuple[Side, Side]) -> Matched | None:
     """The steps with two blocks at least in each catalogue; None without any."""
     steps = [np.unique(side.block_step, return_counts=True) for side in sides]
-    shared = np.intersect1d(*(found[count > 1] for found, count in steps))
+    model, record = (found[count > 1] for found, count in steps)
+    shared = np.intersect1d(model, record)
     return Matched(sides, shared) if len(shared) else None

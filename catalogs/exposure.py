@@ -60,7 +60,7 @@ class Exposure:
     def counts(self, time: NDArray) -> list[NDArray]:
         """Events on each day of each step (day,), those without events included."""
         time = np.asarray(time, "datetime64[ns]")
-        parts = zip(self.start, self.end, strict=True)
+        parts = list(zip(self.start, self.end, strict=True))
         if not len(self.start):
             known = time[~np.isnat(time)]
             parts = [(known.min(), known.max() + np.timedelta64(1, "ns"))] if known.size else []
@@ -97,7 +97,7 @@ class Exposure:
 
 def window(step: Mapping[str, str]) -> tuple[np.datetime64, np.datetime64]:
     """Start and end of a dated step (UTC, ns), from its ISO texts."""
-    return tuple(parse_time(step[key], f"step {key}") for key in ("start", "end"))
+    return parse_time(step["start"], "step start"), parse_time(step["end"], "step end")
 
 
 def total_interval(sizes: NDArray, clustering: float = 1.0, largest: float | None = None) -> NDArray:

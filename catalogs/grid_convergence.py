@@ -19,6 +19,7 @@ narrow (others that are narrow for these cells, JSON), config_hash, source_hash,
 """
 
 import json
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -55,13 +56,15 @@ def compare(
             )
     floors = [float(catalog.attrs["potency_floor"]) for catalog in catalogs]
     floor = np.log10(max(floors)) if max(floors) > 0 else np.nan
-    rows = {name: [] for name in ("potency", "failed_volume", "events", "largest")}
+    rows: dict[str, list] = {name: [] for name in ("potency", "failed_volume", "events", "largest")}
     for catalog, states in zip(catalogs, steps, strict=True):
         for name, values in _by_period(catalog, states, settings.steps, floor).items():
             rows[name].append(values)
     table = {name: np.array(values) for name, values in rows.items()}
     units = {"potency": "m3", "failed_volume": "m3", "events": "1", "largest": "1"}
-    data = {name: (("cell", "period"), values, {"units": units[name]}) for name, values in table.items()}
+    data: dict[str, Any] = {
+        name: (("cell", "period"), values, {"units": units[name]}) for name, values in table.items()
+    }
     for name in ("potency", "failed_volume"):
         data[f"{name}_error"] = ("period", share_off(*table[name]), {"units": "1"})
     columns = (json.loads(coarse_grid[f"excavation_{key}"]) for key in ("names", "volume_grid", "whole_share"))

@@ -122,14 +122,14 @@ def compare_locations(
     with threadpool_limits(1, user_api="blas"):
         energy = matched.energy([np.ones((1, count)) for count in matched.blocks])[0]
         counts = [side.counts for side in sides]
-        shares, resampled = [], []
+        found_shares, found_resampled = [], []
         for distance in distances:  # one after the other: the pairs of all at once would take many times the memory
             closer = _pairs_closer(sides, distance)
-            shares.append([share[0] for share in pair_means(closer, counts, once)])
+            found_shares.append([share[0] for share in pair_means(closer, counts, once)])
             if tested:
-                resampled.append(pair_means(closer, counts, weights))
+                found_resampled.append(pair_means(closer, counts, weights))
         del closer
-        shares = np.array(shares).T
+        shares = np.array(found_shares).T
         model_centre, record_centre = matched.centroids([np.ones((1, count)) for count in matched.blocks])
         centroids = np.concatenate([side.centroids(one) for side, one in zip(sides, once, strict=True)])
         nearest, nearest_interval = _nearest(sides, weights)
@@ -154,7 +154,7 @@ def compare_locations(
         energies = matched.energy([weight[:, own] for weight, own in zip(weights, matched.own, strict=True)])
         null = matched.wild_bootstrap(1.0, signs)[1]
         statistic, chance = matched.wild_bootstrap(TEST_EXPONENT, signs)
-        resampled = np.array(resampled).transpose(1, 0, 2)
+        resampled = np.array(found_resampled).transpose(1, 0, 2)
         scatter = matched.offset_scatter()
     # How far the offset may be off is at least by how much its length is.
     reach = float(np.quantile(scatter.lengths(max(resamplings, LENGTH_DRAWS), generator), 0.95))

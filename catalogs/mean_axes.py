@@ -108,7 +108,7 @@ def describe_axes(axes: NDArray, labels: NDArray, blocks_known: bool) -> MeanAxi
         return MeanAxis(absent, values, GIRDLE, point_down(vectors[:, 0]), None)
     mean = point_down(vectors[:, 2])
     scatter = None
-    if blocks_known and several:
+    if blocks_known and without is not None:
         moved = np.linalg.eigh(without)[1][..., 2]
         moved *= np.where(moved @ mean < 0, -1.0, 1.0)[:, None]  # axes have no sense
         scatter = Scatter.of(moved, mean, max(effective_blocks(counts) - 1.0, 1.0))

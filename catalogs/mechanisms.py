@@ -212,7 +212,8 @@ def _kagan_distributions(
 def _pairs(first: int, second: int, generator: np.random.Generator) -> tuple[NDArray, NDArray]:
     """Indices of all pairs, or of MAX_KAGAN_PAIRS of them."""
     if first * second <= MAX_KAGAN_PAIRS:
-        return tuple(index.ravel() for index in np.indices((first, second)))
+        row, column = np.indices((first, second))
+    return row.ravel(), column.ravel()
     return generator.integers(first, size=MAX_KAGAN_PAIRS), generator.integers(second, size=MAX_KAGAN_PAIRS)
 
 

@@ -53,7 +53,8 @@ def location_measures(both, used, blocks, runs: int, steps, settings: Comparison
     found = None
     if min(map(len, points)):
         found = compare_locations(
-            *points,
+            points[0],
+            points[1],
             None if blocks[0] is None else blocks[0][chosen[0]],
             blocks[1][chosen[1]],
             model_steps=steps[0][chosen[0]],
@@ -113,7 +114,7 @@ def _location_text(found: LocationComparison, runs: int, errors: NDArray) -> str
             f"energy distance {found.energy_distance:.1f} m; centroids {found.offset_distance:.0f} m apart; {smeared}; "
             f"{steps}; {untested}"
         )
-    (low, high), (near, far) = found.energy_interval, found.offset_distance_interval
+    (low, high), (near, far) = np.asarray(found.energy_interval), np.asarray(found.offset_distance_interval)
     return (
         f"energy distance {found.energy_distance:.1f} m ({low:.1f} to {high:.1f}), p = {found.energy_p_value:.3f}; "
         f"centroids {found.offset_distance:.0f} m apart ({near:.0f} to {far:.0f}); {smeared}; {steps}; resampled: "
@@ -177,7 +178,7 @@ def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -
     if not tested:
         samples[0] = replace(samples[0], blocks=None)
     count = [len(sample.axes) for sample in samples]
-    clusters = len(np.unique(samples[1].blocks))
+    clusters = len(np.unique(np.asarray(samples[1].blocks)))
     present = min(count) >= MIN_EVENTS_WITH_AXES and clusters >= MIN_BLOCKS
     if not np.isfinite(record_tensors).any():
         text = "the record has no tensors: axes cannot be compared"
@@ -192,7 +193,9 @@ def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -
     variables = _absent_axes()
     if present:
         dims = {name: value[0] for name, value in variables.items()}
-        found = compare_axes(*samples, seed=settings.seed, resamplings=min(settings.resamplings, MAX_AXES_RESAMPLINGS))
+        found = compare_axes(
+            samples[0], samples[1], seed=settings.seed, resamplings=min(settings.resamplings, MAX_AXES_RESAMPLINGS)
+        )
         found |= _summed(tensors[0][known[0]], record_tensors, weight, runs)
         variables |= {name: (dims[name], value) for name, value in found.items()}
         size = [
@@ -255,12 +258,12 @@ def _clear_blocks(sample: AxesSample) -> int:
 
 def _during(time: NDArray, window: str | None) -> NDArray:
     """Which times lie in the window (JSON with start and end, either may be null) of the record's orientations."""
-    window = json.loads(window or "{}")
+    limits = json.loads(window or "{}")
     inside = np.ones(len(time), bool)
-    if window.get("start"):
-        inside &= time >= np.datetime64(window["start"], "ns")
-    if window.get("end"):
-        inside &= time < np.datetime64(window["end"], "ns")
+    if limits.get("start"):
+        inside &= time >= np.datetime64(limits["start"], "ns")
+    if limits.get("end"):
+        inside &= time < np.datetime64(limits["end"], "ns")
     return inside
 
 

@@ -1,6 +1,7 @@
 """The comparison of sizes as variables of comparison.nc (their layout: catalogs.comparison_layout), and its words."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,8 +98,8 @@ def size_measures(
         ],
         "completeness_stability": stable,
     }
-    result = {name: ("catalogue", np.array(values, float)) for name, values in by_catalogue.items()}
-    quoted = [one.quoted if one.law.name == POWER else one.plain for one in fits]
+    result: dict[str, Any] = {name: ("catalogue", np.array(values, float)) for name, values in by_catalogue.items()}
+    quoted = [one.quoted if one.quoted and one.law.name == POWER else one.plain for one in fits]
     for name, values in (("b_interval", quoted), ("b_truncated_interval", bounded)):
         result[name] = (("catalogue", "interval"), [[value.lower, value.upper] for value in values])
     result |= {
@@ -117,7 +118,7 @@ def size_measures(
     }
     for name, key in (("b_by_cut", "b"), ("b_by_cut_error", "error")):
         result[name] = (("catalogue", "trial_cut"), np.array([column(values, key) for values in table], float))
-    said = [_text(name, *found) for name, *found in zip(CATALOGUES, fits, stable, strict=True)]
+    said = [_text(name, one, size) for name, one, size in zip(CATALOGUES, fits, stable, strict=True)]
     laws = {f"law_{name}": one.law.name for name, one in zip(CATALOGUES, fits, strict=True)}
     return result, {"size_text": "; ".join(said), **laws}
 

@@ -79,7 +79,7 @@ def estimate_b(
     elif bound == "largest":
         bound = None
     elif bound is not None:
-        values = values[values <= bound + 0.5 * bin_width]
+        values = values[values <= float(bound) + 0.5 * bin_width]
     count, limit = values.size, np.inf if bound is None else float(bound)
     excess = float(np.mean(values - cut)) if count else 0.0
     least = (limit - cut) / count if filled and count else 0.0  # all but the largest in the lowest bin

@@ -26,6 +26,7 @@ for all runs alike), cut_text, config_hash, source_hash, versions.
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -75,7 +76,7 @@ def gather(
         for key, name in (("b", "b"), ("b_error", "error"), ("events_above_cut", "events"))
     }
     edges = sizes.cut_grid(np.concatenate([group[-1] for group in groups]), SPREAD_BIN_WIDTH)
-    result = {
+    result: dict[str, Any] = {
         name: (("run", "period"), values, {"units": QUANTITY_UNITS.get(name, "1")})
         for name, values in (table | fitted).items()
     }

@@ -88,13 +88,15 @@ class Clock:
     def taken(self) -> tuple[float, float, float]:
         """Wall time, processor time and what of that was compiling, s, with those of earlier processes."""
         now = time.perf_counter(), time.process_time(), COMPILING.seconds
-        return tuple(
+        wall, processor, compiling = (
             earlier + until - since for earlier, until, since in zip(self._earlier, now, self._since, strict=True)
         )
+        return wall, processor, compiling
 
     def go_on(self, taken: tuple[float, float, float]) -> None:
         """An earlier process had taken so much up to where this one goes on from."""
-        self._earlier = tuple(float(part) for part in taken)
+        wall, processor, compiling = taken
+        self._earlier = float(wall), float(processor), float(compiling)
 
 
 CLOCK = Clock()  # of this process

@@ -9,9 +9,10 @@ import hashlib
 import json
 import os
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Hashable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -66,7 +67,7 @@ def clear_parts(path: str | os.PathLike) -> None:
 
 def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:
     """Write `dataset` to netCDF atomically; numbers are compressed without loss, no time stamp is stored."""
-    encoding = {}
+    encoding: dict[Hashable, dict[str, Any]] = {}
     # text as text: an empty column of Python objects would be stored as numbers
     text = {name: variable.astype(str) for name, variable in dataset.variables.items() if variable.dtype == object}
     coarse = {
@@ -95,7 +96,7 @@ def is_compressible(values: np.ndarray) -> bool:
     starts = np.arange(0, len(flat), max(RUN, len(flat) // (SAMPLE // RUN)))
     sample = np.concatenate([flat[start : start + RUN] for start in starts])
     shuffled = np.ascontiguousarray(sample.view(np.uint8).reshape(-1, sample.itemsize).T)
-    return len(zlib.compress(shuffled, 1)) < WORTH_IT * shuffled.size
+    return len(zlib.compress(shuffled.tobytes(), 1)) < WORTH_IT * shuffled.size
 
 
 def rows_of_chunk(rows: int) -> int:
@@ -121,7 +122,7 @@ def checksum(dataset: xr.Dataset) -> str:
     }
     attributes = plain({name: value for name, value in dataset.attrs.items() if name != CHECKSUM})
     digest = hashlib.sha256(json.dumps([attributes, described], sort_keys=True).encode())
-    for name in sorted(described):
+    for name in sorted(described, key=str):
         variable = dataset.variables[name]
         if not has_fletcher32(variable):
             is_text = variable.dtype.kind in "OU"

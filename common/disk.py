@@ -3,6 +3,7 @@
 import errno
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from common.errors import InputError
@@ -24,14 +25,14 @@ def no_room(error: BaseException, folder: str | os.PathLike, half: Path | None =
                 file.write(bytes(PROBE))
         except OSError as refusal:
             reason = refusal if refusal.errno in NO_ROOM else None
-    return InputError(disk_full(os.strerror(reason.errno), folder)) if reason else None
+    return InputError(disk_full(os.strerror(reason.errno or 0), folder)) if reason else None
 
 
-def full_one(folders: list[str | os.PathLike]) -> Path:
+def full_one(folders: Sequence[str | Path]) -> Path:
     """The first of these folders that takes no more, or the first: an error of a write does not say of which file."""
     for folder in folders:
         try:
-            with tempfile.TemporaryFile(dir=folder) as file:
+            with tempfile.TemporaryFile(dir=Path(folder)) as file:
                 file.write(bytes(PROBE))
         except OSError as refusal:
             if refusal.errno in NO_ROOM:

@@ -1,9 +1,9 @@
 """What a variable of a dataset is: one form for all tables of variables, and one check."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from common.errors import InputError
@@ -18,7 +18,7 @@ class Field:
 
     name: str
     dims: tuple[str, ...]
-    dtype: npt.DTypeLike
+    dtype: Any  # whatever numpy takes as a type; an np.dtype from then on
     unit: str
     meaning: str
 
@@ -36,7 +36,7 @@ class Field:
             raise InputError(f"{source}: {self.name} is missing; {REMEDY}")
         found = dataset.variables[self.name]
         for what, has, wanted in (
-            ("dimensions", ", ".join(found.dims), ", ".join(self.dims)),
+            ("dimensions", ", ".join(map(str, found.dims)), ", ".join(self.dims)),
             ("type", _name(found.dtype), _name(self.dtype)),
             ("unit", found.attrs.get("units", ""), self.unit),
         ):

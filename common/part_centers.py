@@ -21,5 +21,5 @@ def part_centers(state: xr.Dataset) -> np.ndarray:
     plane = state.attrs.get("plane", "none")
     axes = [0, 1, 2] if plane == "none" else ["xyz".index(axis) for axis in plane]  # out of the plane cells have none
     origin = state["cell_origin"].values[cell[alone]]
-    center[np.ix_(alone, axes)] = (origin + 0.5 * size[alone, None])[:, axes]
+    center[alone[:, None], axes] = (origin + 0.5 * size[alone, None])[:, axes]
     return center

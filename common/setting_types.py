@@ -179,12 +179,12 @@ def _plain_list(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def whole_number(**bounds: int) -> Any:
+def whole_number(**bounds: Any) -> Any:
     """The type of an integer within bounds, as pydantic has them (ge, le); 4.0 is one to JSON."""
     return Annotated[int, Field(**bounds), BeforeValidator(whole)]
 
 
-def real_number(**bounds: float) -> Any:
+def real_number(**bounds: Any) -> Any:
     """The type of a number without unit within bounds, as pydantic has them (ge, gt, le, lt)."""
     return Annotated[float, Field(**bounds), BeforeValidator(number)]
 

@@ -62,7 +62,7 @@ def start_log(log: str | os.PathLike | None, progress: Progress) -> LogFile | No
     file = LogFile(log, mode="w") if log else None
     logging.basicConfig(
         level=logging.INFO,
-        handlers=[file, progress, ToTerminal(progress.name)] if file else [logging.StreamHandler(sys.stderr)],
+        handlers=[file, progress, ToTerminal(str(progress.name))] if file else [logging.StreamHandler(sys.stderr)],
         format="%(asctime)s %(levelname)s %(message)s",
         force=True,
     )

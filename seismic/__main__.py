@@ -12,6 +12,7 @@ from common.event_table import read_events, write_events
 from common.provenance import provenance
 from common.slices import read_slice
 from common.stage import run_stage
+from seismic.event_settings import EventSettings
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -51,7 +52,7 @@ def events(chosen: argparse.Namespace) -> None:
     settings = read_slice(chosen.settings)
     step = read_dataset(chosen.step, {*STEP_VARIABLES, *PLACES})
     try:
-        dataset, _ = extract_events(step, settings)
+        dataset, _ = extract_events(step, EventSettings.of(settings, "seismic"))
     except InputError as error:
         raise InputError(f"{chosen.step}: {error}") from error
     write_events(dataset.assign_attrs(provenance(settings, "seismic events", [chosen.step])), chosen.output)
@@ -65,14 +66,13 @@ def closeness(chosen: argparse.Namespace) -> None:
 
     settings = read_slice(chosen.settings)
     steps = (read_dataset(path, {*STEP_VARIABLES, *PLACES}) for path in chosen.steps)
-    sizes = sizes_by_closeness(steps, settings)
+    sizes = sizes_by_closeness(steps, EventSettings.of(settings, "seismic"))
     write_dataset(sizes.assign_attrs(provenance(settings, "seismic closeness", chosen.steps)), chosen.output)
 
 
 def catalog(chosen: argparse.Namespace) -> None:
     """The catalogue of all dated steps."""
     from seismic.catalog import merge, write_csv
-    from seismic.event_settings import EventSettings
 
     settings = read_slice(chosen.settings)
     mine = EventSettings.of(settings, "seismic").mine

@@ -1,6 +1,7 @@
 """Where the plastic strain of a step went: a closed budget per tensor component."""
 
 import logging
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +57,7 @@ def scalar_ratio(scalars: dict[str, float]) -> float | None:
 
 def add_budgets(budgets: list[dict]) -> dict:
     """The budget of several steps together; closure is the worst of them."""
-    total = {"components": list(NAMES), "unit": "m3"}
+    total: dict[str, Any] = {"components": list(NAMES), "unit": "m3"}
     for name in (*BUDGET_PARTS, "plastic"):
         total[name] = np.sum([budget[name] for budget in budgets] or [np.zeros(6)], axis=0).tolist()
     total["closure"] = np.max([budget["closure"] for budget in budgets] or [np.zeros(6)], axis=0).tolist()

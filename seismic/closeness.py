@@ -33,7 +33,7 @@ def sizes_by_closeness(steps: Iterable[xr.Dataset], settings: EventSettings) -> 
             events, _ = extract_events(step, chosen.model_copy(update={"closeness": value}), reach)
             parts.append(events["potency"].values[events["resolved"].values == 1])
     joined = [np.concatenate(parts) for parts in potency]
-    closeness, reach = zip(*choices, strict=True)
+    closeness, reaches = zip(*choices, strict=True)
     return xr.Dataset(
         {
             "potency": ("event", np.concatenate(joined), {"units": "m3", "long_name": "scalar potency"}),
@@ -45,7 +45,7 @@ def sizes_by_closeness(steps: Iterable[xr.Dataset], settings: EventSettings) -> 
             "closeness": ("choice", list(closeness), {"units": "1", "long_name": "cosine above which rock is alike"}),
             "reach": (
                 "choice",
-                list(reach),
+                list(reaches),
                 {"units": "1", "long_name": "links go over faces (1), also edges (2), also corners (3)"},
             ),
         },

@@ -44,7 +44,8 @@ def in_time(record: xr.Dataset, model: xr.Dataset, steps: list[dict], label: str
         np.append(days[counted], days[-1]), np.append(np.cumsum(10.0 ** size[counted]), np.sum(10.0 ** size[counted])),
         where="post", color=style.RECORDED, label=label,
     )  # fmt: skip
-    edges, sums = [], []
+    edges: list = []
+    sums: list = []
     own, name = log_potency(model["potency"].values), model["step"].values
     for step in steps:
         start, end = (dates.date2num(moment) for moment in window(step))

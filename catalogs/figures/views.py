@@ -1,5 +1,6 @@
 """Plans and vertical sections of a scene in mine coordinates: which plane, which cells it cuts, what is mined."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,8 +92,7 @@ def frame_limits(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Box around the excavations and `points` ((n, xyz) arrays, m), with a margin, inside the domain."""
     lower, upper = domain(grid)
-    found = [piece_corners(grid), *points]
-    found = np.concatenate([array.reshape(-1, 3) for array in found])
+    found = np.concatenate([array.reshape(-1, 3) for array in (piece_corners(grid), *points)])
     found = found[np.isfinite(found).all(axis=1)]
     if not len(found):
         return lower, upper
@@ -203,7 +203,12 @@ def outline_segments(lower: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 
 def draw_excavations(
-    axes: Axes, grid: xr.Dataset, view: View, planned: list[int] = (), fill: bool = True, colour: str = style.OUTLINE
+    axes: Axes,
+    grid: xr.Dataset,
+    view: View,
+    planned: Sequence[int] = (),
+    fill: bool = True,
+    colour: str = style.OUTLINE,
 ) -> None:
     """Grey bodies with an outline for what is mined; a dashed outline for the excavations `planned` (indices)."""
     count = int(grid["piece_excavation"].values.max(initial=-1)) + 1

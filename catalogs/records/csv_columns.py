@@ -113,9 +113,11 @@ class ColumnSettings(Settings):
                 raise refusal(f"column {name!r} is named as {same}, too; each has a column of its own", key)
         return self
 
-    def names(self) -> dict[str, str | list[str]]:
-        """The columns' names by kind, as they are compared."""
-        return {
-            key: normalized(name) if isinstance(name, str) else [normalized(part) for part in name]
-            for key, name in self.given().items()
-        }
+    def names(self) -> dict[str, str]:
+        """Names of the columns by kind, but for those of the time, as they are compared."""
+        return {key: normalized(name) for key, name in self.given().items() if key != "time"}
+
+    def names_of_time(self) -> list[str]:
+        """Names of the columns that together hold the time, as they are compared; none where its parts have columns."""
+        given = self.given().get("time", [])
+        return [normalized(name) for name in ([given] if isinstance(given, str) else given)]

@@ -4,7 +4,7 @@ import codecs
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import xarray as xr
@@ -174,15 +174,16 @@ def read(settings: RecordSlice) -> xr.Dataset:
     path = Path(settings.file)
     columns = settings.columns.names()
     names = {key: name for key, name in columns.items() if key not in TEXT_COLUMNS}
-    times = _listed(columns["time"]) if settings.time_format else []  # numbers, too
-    named = {name: f"record.columns.{key}" for key, value in columns.items() for name in _listed(value)}
-    numeric = [*names.values(), *times]
+    times = settings.columns.names_of_time()
+    named = {name: f"record.columns.{key}" for key, name in columns.items()}
+    named |= dict.fromkeys(times, "record.columns.time")
+    numeric = [*names.values(), *(times if settings.time_format else [])]
     table = read_table(path, named, numeric, settings.decimal, settings.encoding)
     _check_untold_kinds(table, set(named), settings)
     table.decide_decimals(numeric)
     codes = MISSING_VALUE_CODES if settings.missing is None else settings.missing
     units = settings.units or {}
-    numbers = {}
+    numbers: dict[str, np.ndarray] = {}
     for key, name in names.items():
         values = table.numbers(name)
         factor = table.factor(key, name, UNITS[key], units.get(key)) if key in UNITS else 1.0
@@ -204,11 +205,13 @@ def read(settings: RecordSlice) -> xr.Dataset:
     record.attrs |= {"sizes_text": told} if told else {}
     record.attrs |= {"times_text": _times_text(time, local, settings.time_zone)} if local else {}
     limits = settings.filter
-    quality = table.rows if limits and (limits.maximum or limits.minimum) else ()
-    quality = {name: table.numbers(name, strict=False) for name in quality}
-    words = table.rows if limits and (limits.only or limits.without) else ()
+    has_bounds, has_words = limits and (limits.maximum or limits.minimum), limits and (limits.only or limits.without)
+    quality = {name: table.numbers(name, strict=False) for name in (table.rows if has_bounds else ())}
     asked = {*((limits and limits.only) or ()), *((limits and limits.without) or ())}
-    words = {name: (table.words(name) if name in asked else table.text(name)).to_numpy(object) for name in words}
+    words = {
+        name: (table.words(name) if name in asked else table.text(name)).to_numpy(object)
+        for name in (table.rows if has_words else ())
+    }
     kinds = {key: table.words(columns[key]).to_numpy(object) for key in (EVENT_TYPE, STATUS) if key in columns}
     return filter_events(record, settings, quality, str(path), table.repeated, words, kinds)
 
@@ -220,10 +223,6 @@ def _times_text(time: np.ndarray, local: int, zone: str | None) -> str:
     if not twice:
         return text
     return f"{text}; {twice} in an hour that the clock showed twice, taken as the later: they may be an hour too late"
-
-
-def _listed(value: str | list[str]) -> list[str]:
-    return [value] if isinstance(value, str) else value
 
 
 def _check_untold_kinds(table: Table, named: set[str], settings: RecordSlice) -> None:
@@ -291,7 +290,8 @@ def _times(
     table: Table, columns: Mapping, numbers: Mapping, settings: RecordSlice, codes: Sequence[float]
 ) -> tuple[np.ndarray, int]:
     """UTC times (event,) datetime64[ns] of a column, of date, clock and offset, or of parts; how many had no offset."""
-    if "time" not in columns:
+    names = settings.columns.names_of_time()
+    if not names:
         parts = {part: numbers[part] for part in DATE_PARTS if part in numbers}
         time, local = times_of_parts(parts, settings.time_zone)
         wrong = np.isnat(time) & np.all([np.isfinite(values) for values in parts.values()], axis=0)
@@ -299,10 +299,9 @@ def _times(
             told = ", ".join(f"{values[wrong][0]:g}" for values in parts.values())
             table.refuse(wrong, columns["year"], f"({told}) is not a date and time", "correct it")
         return time, local
-    names = _listed(columns["time"])
     if settings.time_format:
-        days = [table.numbers(name) for name in names]
-        days = sum(np.where(np.isin(values, codes), np.nan, values) for values in days)
+        found = [table.numbers(name) for name in names]
+        days = np.sum([np.where(np.isin(values, codes), np.nan, values) for values in found], axis=0)
         return times_of_numbers(days, settings.time_format, settings.time_zone, f"{table.source}: column {names[0]!r}")
     text = table.text(names[0])
     there = text != ""
@@ -337,7 +336,7 @@ def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: Recor
 
 
 def _sizes(
-    table: Table, columns: Mapping, numbers: Mapping, tensor: np.ndarray | None, settings: RecordSlice
+    table: Table, columns: Mapping, numbers: dict, tensor: np.ndarray | None, settings: RecordSlice
 ) -> tuple[dict[str, np.ndarray], str]:
     """Sizes of every kind (event,), NaN where unknown, and in words which magnitudes and energies were converted."""
     sizes = {key: numbers[key] for key in SIZE_NAMES if key in columns}
@@ -380,7 +379,7 @@ def _sizes(
     return sizes, told
 
 
-def _first(values: np.ndarray | None, other: np.ndarray | None) -> np.ndarray:
+def _first(values: np.ndarray | None, other: np.ndarray | None) -> Any:
     """The values (event,), and the others where they are unknown; either may be absent."""
     if values is None or other is None:
         return other if values is None else values

@@ -200,7 +200,7 @@ def read_table(
     except (ValueError, pd.errors.ParserWarning) as error:  # pandas' parser errors are ValueErrors
         raise InputError(f"{path}: not a readable CSV file ({error}); give a table with a header") from error
     table = Table(rows, str(path), decimal, sure)
-    table.take_units(numeric)
+    table.take_units(list(numeric))
     logging.info("%s: %d rows, separated by %s", path, len(rows), SEPARATORS[separator])
     return table
 
@@ -250,7 +250,8 @@ def _decoded(path: Path, encoding: str | None) -> tuple[str, bool]:
 
 def _header(lines: list[str], named: set[str]) -> tuple[int, str, list[str]]:
     """Place of the header, its separator and its names: where most of the named columns appear."""
-    best, found = -1, (0, ",", [])
+    best: float = -1
+    found: tuple[int, str, list[str]] = (0, ",", [])
     head = list(enumerate(lines[:MAX_PREAMBLE_LINES]))
     first = next((place for place, line in head if not line.startswith("#")), 0)
     for place, line in sorted(head, key=lambda one: one[1].startswith("#")):  # comments last

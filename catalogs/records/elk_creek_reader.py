@@ -13,7 +13,7 @@ import logging
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import pandas as pd
@@ -188,7 +188,7 @@ def read_orientations(
     time = frame["time"].to_numpy("datetime64[ns]")
     kept = frame["Location Error"].to_numpy(float) < chosen.max_location_error
     given = chosen.given()
-    limit = {key: given.get(key, limits.get(key)) for key in ("lower", "upper", "start", "end")}
+    limit: dict[str, Any] = {key: given.get(key, limits.get(key)) for key in ("lower", "upper", "start", "end")}
     for key, inside in (("lower", np.greater_equal), ("upper", np.less_equal)):
         if limit[key] is not None:
             kept &= inside(location, np.asarray(limit[key], float)).all(axis=1)

@@ -201,7 +201,7 @@ def distance_beyond(location: np.ndarray, lower: np.ndarray, upper: np.ndarray) 
 def domain_box(domain: DomainBox) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corner (3,) m of a domain; a section reaches through all of the direction that it has not."""
     box = np.array([[-np.inf] * 3, [np.inf] * 3])
-    axes = {"xz": [0, 2], "xy": [0, 1]}.get(domain.plane, [0, 1, 2])
+    axes = {"xz": [0, 2], "xy": [0, 1]}.get(domain.plane or "", [0, 1, 2])
     box[:, axes] = domain.lower, domain.upper
     return box[0], box[1]
 
@@ -236,9 +236,9 @@ def _conditions(events: xr.Dataset, settings: Mapping, columns: Mapping, words: 
                 raise InputError(f"{where}.{key}: expected three coordinates, got {settings[key]}")
             yield key, corner.tolist(), inside(location, corner).all(axis=1)
     time = events["time"].values
-    for key, inside in (("start", np.greater_equal), ("end", np.less)):
+    for key, within in (("start", np.greater_equal), ("end", np.less)):
         if settings.get(key):
-            yield key, str(settings[key]), inside(time, parse_time(settings[key], f"{where}.{key}"))
+            yield key, str(settings[key]), within(time, parse_time(settings[key], f"{where}.{key}"))
     if settings.get("minimum_potency") is not None:
         smallest = float(settings["minimum_potency"])
         yield "minimum_potency", smallest, events["potency"].values >= smallest

@@ -95,12 +95,12 @@ def read(settings: RecordSlice) -> xr.Dataset:
     if REJECTED not in kept_words(settings):  # else what is rejected of an event counts as the event does
         for event in events:
             _leave_out_rejected(event)
-    kinds = {EVENT_TYPE: [one.event_type for one in words]}
-    kinds |= {
+    texts_of = {EVENT_TYPE: [one.event_type for one in words]}
+    texts_of |= {
         kind: ["" if place is None else one.origins[place][kind] for one, place in zip(words, origins, strict=True)]
         for kind in (STATUS, MODE)
     }
-    kinds = {kind: np.array(texts, dtype=object) for kind, texts in kinds.items()}
+    kinds = {kind: np.array(texts, dtype=object) for kind, texts in texts_of.items()}
     try:
         record = own_catalog(events)
     except InputError as error:

@@ -43,8 +43,8 @@ def intervals_contain(evidence: Evidence, rows: list[dict]) -> list[str]:
     low, high = (pick(known, key=lambda row: row["b"]) for pick in (min, max))
     own = next(row["closeness"] for row in rows if row["own"])
     range_of_b = f"{fixed(low['b'], 2)} to {fixed(high['b'], 2)} (section 6)."
-    tried = [float(row["closeness"]) for row in known]
-    tried = f"at a closeness of {min(tried):g} to {max(tried):g}"
+    values = [float(row["closeness"]) for row in known]
+    tried = f"at a closeness of {min(values):g} to {max(values):g}"
     tried += " and with links over faces to corners" if len({row["over"] for row in known}) > 1 else ""
     if law == NONE:
         text = "No power law describes the sizes of the model's events. "

@@ -56,7 +56,7 @@ def step_rows(evidence: Evidence) -> list[dict]:
     rows, common = [], _common(evidence)
     for step in evidence.dated:
         start, end = window(step)
-        begun, ended = (np.clip(moment, *common) for moment in (start, end))
+        begun, ended = (min(max(moment, common[0]), common[1]) for moment in (start, end))
         row = {
             "step": step["step"],
             "days": number((end - start) / DAY, 3),

@@ -231,7 +231,8 @@ def read_resources(logs, steps: set[str], absent: set[str], members: int) -> lis
     """
     if logs is None or not Path(logs).is_dir():
         return []
-    rows, parts = [], {}
+    rows: list[dict] = []
+    parts: dict[tuple[int, str], list[dict]] = {}
     for path in sorted(Path(logs).rglob("*.log")):
         if (cost := cost_of(path)) is None:  # of a stage that is under way: this one
             continue
@@ -246,7 +247,7 @@ def read_resources(logs, steps: set[str], absent: set[str], members: int) -> lis
             parts.setdefault((int(part[2] or 0), part[1]), []).append(asdict(cost))
         else:
             rows.append({"stage": stage, **asdict(cost)})
-    for (_, part), stages in sorted(parts.items()):
+    for (_, folder), stages in sorted(parts.items()):
         total = {name: sum(stage[name] for stage in stages) for name in stages[0]}
-        rows.append({"stage": f"{part}, all stages", **total, "memory": max(stage["memory"] for stage in stages)})
+        rows.append({"stage": f"{folder}, all stages", **total, "memory": max(stage["memory"] for stage in stages)})
     return rows

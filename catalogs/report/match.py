@@ -1,5 +1,7 @@
 """The comparison as rows of text: what is measured, modelled, recorded, their difference, its 95 % interval."""
 
+from collections.abc import Callable
+
 import numpy as np
 import xarray as xr
 
@@ -12,9 +14,10 @@ from catalogs.size_law import POWER, TRUNCATED
 MIN_P_PRINTED = 0.001  # Smaller p-values are printed as smaller than this.
 
 
-def _pair(comparison: xr.Dataset, name: str, form=number) -> list[str]:
+def _pair(comparison: xr.Dataset, name: str, form: Callable[[float], str] = number) -> tuple[str, str]:
     """A value of the model and of the record."""
-    return [form(float(comparison[name].sel(catalogue=which))) for which in ("model", "record")]
+    model, record = (form(float(comparison[name].sel(catalogue=which))) for which in ("model", "record"))
+    return model, record
 
 
 def hundredths(value: float) -> str:
@@ -77,15 +80,17 @@ def size_rows(evidence: Evidence) -> list[dict]:
         ]
         for name in ("b", "b_truncated")
     )
-    laws = [str(comparison.attrs[f"law_{which}"]) for which in ("model", "record")]
+    laws = str(comparison.attrs["law_model"]), str(comparison.attrs["law_record"])
     # b of a law that the sizes do not follow is no result
-    free = [b if law == POWER else DASH for b, law in zip(free, laws, strict=True)]
-    bounded = [b if law in (POWER, TRUNCATED) else DASH for b, law in zip(bounded, laws, strict=True)]
-    stable = [
+    own_free, their_free = (b if law == POWER else DASH for b, law in zip(free, laws, strict=True))
+    own_bounded, their_bounded = (
+        b if law in (POWER, TRUNCATED) else DASH for b, law in zip(bounded, laws, strict=True)
+    )
+    own_stable, their_stable = (
         text if text != DASH else "no stable value" for text in _pair(comparison, "completeness_stability", hundredths)
-    ]
-    number_name, *number_ratio = _ratio(comparison, "event_ratio", "many")
-    potency_name, *potency_ratio = _ratio(comparison, "potency_ratio", "much")
+    )
+    number_name, number_value, number_interval = _ratio(comparison, "event_ratio", "many")
+    potency_name, potency_value, potency_interval = _ratio(comparison, "potency_ratio", "much")
     return [
         _row("sizes follow (tested before b is given)", *laws, "", ""),
         _row("events at or above the cut", *_pair(comparison, "events_above_cut", whole), "", ""),
@@ -93,25 +98,27 @@ def size_rows(evidence: Evidence) -> list[dict]:
             "events per day compared (interval: the record's)", *_pair(comparison, "event_rate"), "",
             between(comparison["event_rate_interval"].values),
         ),
-        _row(f"number of events, {number_name}", "", "", *number_ratio),
+        _row(f"number of events, {number_name}", "", "", number_value, number_interval),
         _row(
             "potency per day compared (m³; interval: the record's)", *_pair(comparison, "potency_rate"), "",
             between(comparison["potency_rate_interval"].values),
         ),
         _row(
-            f"summed potency from the cut on (m³); {potency_name}", *_pair(comparison, "summed_potency"), *potency_ratio
+            f"summed potency from the cut on (m³); {potency_name}", *_pair(comparison, "summed_potency"),
+            potency_value, potency_interval,
         ),
         _row(
-            "b of potency (95 % interval); modelled − recorded", *free, fixed(float(comparison["b_difference"]), 2),
+            "b of potency (95 % interval); modelled − recorded", own_free, their_free,
+            fixed(float(comparison["b_difference"]), 2),
             between(comparison["b_difference_interval"].values, hundredths),
         ),
-        _row("b if no event may be larger than the largest", *bounded, "", ""),
+        _row("b if no event may be larger than the largest", own_bounded, their_bounded, "", ""),
         _row("completeness, log P: fullest bin", *_pair(comparison, "completeness_curvature", hundredths), "", ""),
-        _row("completeness, log P: where b is stable", *stable, "", ""),
+        _row("completeness, log P: where b is stable", own_stable, their_stable, "", ""),
     ]  # fmt: skip
 
 
-def _means(comparison: xr.Dataset) -> list[str]:
+def _means(comparison: xr.Dataset) -> tuple[str, str]:
     """Mean axis of the model and of the record with its cone; of axes without a mean what they form."""
     texts = []
     for which in ("model", "record"):
@@ -126,16 +133,23 @@ def _means(comparison: xr.Dataset) -> list[str]:
             texts.append(mean + (f" ± {number(cone, 2)}°" if np.isfinite(cone) else ""))
         else:
             texts.append(DASH)
-    return texts
+    model, record = texts
+    return model, record
 
 
-def _directions(comparison: xr.Dataset, kind: str) -> list[str]:
+def _directions(comparison: xr.Dataset, kind: str) -> tuple[str, str]:
     """Trend/plunge of the model's and the record's axis of one kind.
 
     kind: what the variables' names begin with.
     """
-    trends, plunges = (_pair(comparison, f"{kind}_{name}", float) for name in ("trend", "plunge"))
-    return [direction(trend, plunge) if trend == trend else DASH for trend, plunge in zip(trends, plunges, strict=True)]
+    trends, plunges = (comparison[f"{kind}_{name}"] for name in ("trend", "plunge"))
+    model, record = (
+        direction(float(trends.sel(catalogue=which)), float(plunges.sel(catalogue=which)))
+        if np.isfinite(trends.sel(catalogue=which))
+        else DASH
+        for which in ("model", "record")
+    )
+    return model, record
 
 
 def axis_rows(evidence: Evidence) -> list[dict]:

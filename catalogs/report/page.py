@@ -46,8 +46,8 @@ def write_report(
     output: str | os.PathLike,
     figures: str | os.PathLike,
     elastic: str | os.PathLike | None = None,
-    steps: list = (),
-    events: list = (),
+    steps: Sequence = (),
+    events: Sequence = (),
     catalog: str | os.PathLike | None = None,
     record: str | os.PathLike | None = None,
     comparison: str | os.PathLike | None = None,
@@ -125,5 +125,5 @@ def _versions(evidence: Evidence) -> dict[str, str]:
 
 def _short(path: str, output) -> str:
     """A dataset's path below the report's own folder where it lies there, else its name."""
-    path, folder = Path(path).resolve(), Path(output).resolve().parent
-    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else path.name
+    full, folder = Path(path).resolve(), Path(output).resolve().parent
+    return full.relative_to(folder).as_posix() if full.is_relative_to(folder) else full.name

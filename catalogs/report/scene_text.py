@@ -13,7 +13,7 @@ def by_step(excavations: list[Excavation]) -> list[dict]:
     worst: the excavation whose volume the grid misses most, error: by which share of the solid's, NaN if none is known;
     planned: whether no step of the run mines them.
     """
-    rows = {}
+    rows: dict[str, list[Excavation]] = {}
     for excavation in excavations:
         rows.setdefault(excavation.step, []).append(excavation)
     return [_row(step, members) for step, members in rows.items()]

@@ -214,14 +214,14 @@ def _size_fit(evidence: Evidence, label: str, catalog) -> sizes_figure.Sizes:
     if comparison is not None:
         here = comparison.sel(catalogue="model" if modelled else "record")
         by_cut = np.stack([comparison["cut_log_potency"], here["b_by_cut"], here["b_by_cut_error"]])
-        b, a, interval = float(here["b"]), float(here["a"]), here["b_interval"].values
+        b, a, interval = float(here["b"]), float(here["a"]), tuple(here["b_interval"].values)
         law, cut = comparison.attrs["law_model" if modelled else "law_record"], float(comparison["cut"])
         if law == TRUNCATED:  # its line through the same number of events at the cut
             a += (float(here["b_truncated"]) - b) * cut
-            b, interval = float(here["b_truncated"]), here["b_truncated_interval"].values
+            b, interval = float(here["b_truncated"]), tuple(here["b_truncated_interval"].values)
         elif law == NONE:
             b = a = np.nan
-        return sizes_figure.Sizes(label, colour, values, b, tuple(interval), a, cut, by_cut)
+        return sizes_figure.Sizes(label, colour, values, b, interval, a, cut, by_cut)
     floor = float(evidence.catalog.attrs["potency_floor"]) if modelled else np.nan
     known = values[np.isfinite(values)]
     cut = np.log10(floor) if floor > 0 else known.min(initial=np.inf)
