@@ -9,12 +9,13 @@ import pytest
 from common.errors import InputError
 from verification.extremes.outcomes import ENDED as RUN_ENDED
 from verification.extremes.outcomes import RESTS, run
+from verification.extremes.relations import RELATIONS
 from verification.stability.balances import broken, lacking
 from verification.stability.cases import Case, Knob, Known
 from verification.stability.drive import courant
 from verification.stability.judges import closure_error, front, mirrored, same_motion
-from verification.stability.keys import KEYS
-from verification.stability.knobs import BY_KEY
+from verification.stability.keys import KEYS, SEVERAL_SEEDS
+from verification.stability.knobs import BY_KEY, knob_of
 from verification.stability.page import ranges, write_report
 from verification.stability.points import (
     ENDED,
@@ -64,10 +65,24 @@ def test_a_knob_at_its_ends_is_right_or_says_why_not(key):
 
 
 def test_every_knob_has_cases_and_a_key():
-    assert tuple(BY_KEY) == KEYS
-    for knob in BY_KEY.values():
+    assert set(BY_KEY) < set(KEYS)
+    for knob in map(knob_of, KEYS):
         cases = list(itertools.islice(knob.cases(), 400))
         assert len({(case.series, case.value) for case in cases}) == len(cases), knob.key
+
+
+def test_scenes_are_drawn_by_the_seeds_that_a_key_names():
+    """A fifth of them beside itself; the target `extremes` runs each of its seeds once."""
+    cases = list(knob_of("seeds_104_107").cases())
+    assert [(case.series, case.value) for case in cases] == [
+        ("by itself", 104),
+        *((f"beside itself, {name}", 105) for name in RELATIONS),
+        ("by itself", 106),
+    ]
+    seeds = [case.value for key in SEVERAL_SEEDS for case in knob_of(key).cases()]
+    assert list(dict.fromkeys(seeds)) == list(range(400))
+    with pytest.raises(KeyError, match="seeds_1"):
+        knob_of("seeds_1")
 
 
 def points_of(*cases: Case) -> list[Point]:
@@ -233,6 +248,13 @@ def test_the_page_counts_every_kind_and_the_verdict_names_the_first_fault(tmp_pa
         check_table(table, "report.html")
     write_report([[point for point in group if not point.fails] for group in points], table, page)
     check_table(Path(table), "report.html")
+
+
+def test_a_page_of_random_scenes_alone_has_tables_and_no_figure(tmp_path):
+    write_report([made_up(key, "rx") for key in SEVERAL_SEEDS], tmp_path / "table.csv", tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    assert "scenes of seeds 350 to 399" in text.lower()
+    assert "<figure>" not in text
 
 
 def test_merge_keeps_what_a_scene_does_not_change():

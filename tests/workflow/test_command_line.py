@@ -119,7 +119,11 @@ def test_results_under_a_name_of_the_command_line_are_not_replaced(tmp_path, mon
         ),
         ("seismic events", 2, "python -m seismic events: the following arguments are required"),
         ("catalogs nonsense", 2, "python -m catalogs: argument stage: invalid choice"),
-        ("verification.extremes nonsense", 2, "python -m verification.extremes: the following arguments are required"),
+        (
+            "verification.stability points",
+            2,
+            "python -m verification.stability points: the following arguments are required",
+        ),
         ("workflow.generate nonsense", 2, "python -m workflow.generate: unrecognized arguments: nonsense"),
         ("mpm_core grid --scene . --output x", 1, "grid x: .: not readable (Is a directory); slices stand in results/"),
         ("mpm_core grid --scene README.md --output x", 1, "grid x: README.md: not JSON ("),

@@ -2,4 +2,4 @@
 
 from verification.page_tables import Counts
 
-TABLES = (Counts("How random mines end", "relation", "kind"),)
+TABLES = (Counts("How random mines end", "series", "kind"),)

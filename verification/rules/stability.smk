@@ -1,7 +1,13 @@
 """The numerics driven until they break: one knob at a time, each run beside a known truth, and the page of all."""
 
 
-from verification.stability.keys import KEYS as STABILITY_KNOBS
+from verification.stability.keys import KEYS, SEEDS, SEVERAL_SEEDS
+
+KNOBS = {"stability": KEYS, "extremes": SEVERAL_SEEDS}  # of each target
+
+
+wildcard_constraints:
+    target="|".join(KNOBS),
 
 
 rule stability_points:
@@ -11,7 +17,7 @@ rule stability_points:
     params:
         code=source_hash("verification.stability points", "config/default.yaml"),
     wildcard_constraints:
-        knob="|".join(STABILITY_KNOBS),
+        knob="|".join([*KEYS, SEEDS]),
     log:
         "logs/stability/{knob}.log",
     benchmark:
@@ -27,16 +33,16 @@ rule stability_points:
 
 
 rule stability_report:
-    """All knobs on one page, and all their runs in one table."""
+    """All knobs of a target on one page, and all their runs in one table."""
     input:
-        expand("results/stability/points/{knob}.json", knob=STABILITY_KNOBS),
+        lambda wildcards: expand("results/stability/points/{knob}.json", knob=KNOBS[wildcards.target]),
     output:
-        table="results/stability/table.csv",
-        page="results/stability/report.html",
+        table="results/{target}/table.csv",
+        page="results/{target}/report.html",
     params:
         code=source_hash("verification.stability report"),
     log:
-        "logs/stability/report.log",
+        "logs/{target}/report.log",
     threads: 1
     resources:
         mem_mb=1000,
@@ -64,3 +70,11 @@ rule stability:
         "../../workflow/envs/environment.yaml"
     shell:
         "stage verification.stability verdict --table {input.table} --page {input.page} --log {log}"
+
+
+use rule stability as extremes with:
+    input:
+        table="results/extremes/table.csv",
+        page="results/extremes/report.html",
+    log:
+        "logs/extremes/verdict.log",

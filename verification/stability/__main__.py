@@ -12,10 +12,10 @@ def points(arguments: argparse.Namespace) -> None:
     from common.provenance import use_numba_cache
 
     use_numba_cache()
-    from verification.stability.knobs import BY_KEY
+    from verification.stability.knobs import knob_of
     from verification.stability.points import measure, write_points
 
-    write_points(measure(BY_KEY[arguments.knob]), Path(arguments.points))
+    write_points(measure(knob_of(arguments.knob)), Path(arguments.points))
 
 
 def report(arguments: argparse.Namespace) -> None:

@@ -36,7 +36,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Knob:
-    """What is turned. scale: of its axis, log | linear | words; about: what the page says of it."""
+    """What is turned. scale: of its axis, log | linear | words | none; about: what the page says of it."""
 
     key: str
     title: str

@@ -1,11 +1,17 @@
-"""All knobs, by key: one job of the target each."""
+"""All knobs, by key: one job of the targets each."""
 
-from verification.stability.keys import KEYS
-from verification.stability.random_scenes import RANDOM
+import re
+
+from verification.stability.cases import Knob
+from verification.stability.keys import SEEDS
+from verification.stability.random_scenes import MISTAKES, of_seeds
 from verification.stability.rock import ROCK
 from verification.stability.shapes import SHAPES
 
-_ALL = {knob.key: knob for knob in (*ROCK, *SHAPES, *RANDOM)}
-BY_KEY = {key: _ALL.pop(key) for key in KEYS}
-if _ALL:
-    raise KeyError(f"verification/stability/keys.py: these knobs are missing: {', '.join(_ALL)}")
+BY_KEY = {knob.key: knob for knob in (*ROCK, *SHAPES, MISTAKES)}
+
+
+def knob_of(key: str) -> Knob:
+    """The knob of a key. Raises KeyError if there is none."""
+    seeds = re.fullmatch(SEEDS, key)
+    return of_seeds(*map(int, seeds.groups())) if seeds else BY_KEY[key]

@@ -11,11 +11,11 @@ from catalogs.figures import style
 from common.datasets import atomic_path
 from verification.html_page import write_page
 from verification.stability.figure import draw
-from verification.stability.knobs import BY_KEY
+from verification.stability.knobs import knob_of
 from verification.stability.points import ENDED, KINDS, REFUSED, RIGHT, SOUND, WRONG, Point
 
 CLASSES = ("right", "sound", "wrong", "ended", "refused", "fault")  # of the page's style
-NOT_DRAWN = ("random_1", "random_2", "mistakes", "shapes")  # have no axis that could be read: tables, below
+NO_AXIS = "none"  # scale of a knob that is shown as a table
 
 
 def write_report(groups: list[list[Point]], table: Path, page: Path) -> None:
@@ -25,9 +25,9 @@ def write_report(groups: list[list[Point]], table: Path, page: Path) -> None:
     rows["fails"] = np.where(rows.fails, "yes", "")
     with atomic_path(table) as temporary:
         rows.to_csv(temporary, index=False, float_format="%.6g")
-    drawn = [(BY_KEY[group[0].knob], group) for group in groups if group[0].knob not in NOT_DRAWN]
+    drawn = [(knob, group) for group in groups if (knob := knob_of(group[0].knob)).scale != NO_AXIS]
     with style.applied():
-        figure = style.save(draw(drawn), page.parent / "figure.svg")
+        figure = style.save(draw(drawn), page.parent / "figure.svg") if drawn else ""
     write_page(
         page,
         "stability",
@@ -41,24 +41,24 @@ def write_report(groups: list[list[Point]], table: Path, page: Path) -> None:
         wrong=[point for point in points if point.kind == WRONG],
         sections=[_section(group) for group in groups],
         balances=_balances(points),
-        knobs=BY_KEY,
+        knobs={group[0].knob: knob_of(group[0].knob) for group in groups},
         classes=dict(zip(KINDS, CLASSES, strict=True)),
     )
 
 
 def _section(group: list[Point]) -> dict:
     """What the template shows of a knob: counts, a row for each series, and what is not converged and right."""
-    series = {}
+    knob, series = knob_of(group[0].knob), {}
     for point in group:
         series.setdefault(point.series, []).append(point)
     kinds = Counter(point.kind for point in group)
     others = [point for point in group if point.kind not in (RIGHT, SOUND)]
     return {
-        "knob": BY_KEY[group[0].knob],
+        "knob": knob,
         "kinds": kinds,
         "series": [{"title": title, "ranges": ranges(points)} for title, points in series.items()],
         "others": others,
-        "is_table": group[0].knob in NOT_DRAWN,
+        "is_table": knob.scale == NO_AXIS,
         "seconds": sum(point.seconds for point in group),
     }
 

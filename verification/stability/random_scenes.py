@@ -1,7 +1,7 @@
 """The core: mines drawn by seed and their relations (verification.extremes), and mistakes in a mine's file."""
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from verification.extremes.bad_input import FAULTS
 from verification.extremes.mines import random_mine
@@ -10,8 +10,7 @@ from verification.extremes.relations import RELATIONS, compare
 from verification.extremes.tiny_mine import TINY, changed
 from verification.stability.cases import Case, Knob
 
-SCENES, EVERY = 100, 5  # of which one is compared with its relations
-BATCHES = 2
+EVERY = 5  # scenes of which one is compared with its relations
 
 
 def related(name: str):
@@ -23,14 +22,26 @@ def related(name: str):
     return judge
 
 
-def drawn(batch: int) -> Iterator[Case]:
-    """Every BATCHES-th scene."""
-    for seed in range(batch, SCENES, BATCHES):
-        names = RELATIONS if seed // BATCHES % EVERY == 0 else ()
-        for name in names:
-            yield Case(f"beside itself, {name}", seed, random_mine(seed), related(name), 0.0)
-        if not names:
+def drawn(seeds: Iterable[int]) -> Iterator[Case]:
+    """A scene for each seed."""
+    for seed in seeds:
+        if seed % EVERY:
             yield Case("by itself", seed, random_mine(seed), None, 0.0)
+            continue
+        for name in RELATIONS:
+            yield Case(f"beside itself, {name}", seed, random_mine(seed), related(name), 0.0)
+
+
+def of_seeds(first: int, last: int) -> Knob:
+    """The scenes of these seeds, the last one left out."""
+    return Knob(
+        f"seeds_{first}_{last}",
+        f"scenes of seeds {first} to {last - 1}",
+        "none",
+        "Sizes, stresses, strengths, moduli, boundaries and openings over many orders; a fifth also scaled, shifted, "
+        "reordered and by the other scheme.",
+        lambda: drawn(range(first, last)),
+    )
 
 
 def mistakes() -> Iterator[Case]:
@@ -40,11 +51,10 @@ def mistakes() -> Iterator[Case]:
         yield Case("one mistake", f"{number}. {key}: {value}"[:64], scene, None, 0.0, refused=(begins, says))
 
 
-RANDOM = (
-    *(Knob(f"random_{batch + 1}", f"scenes by seed, {batch + 1} of {BATCHES}", "linear", "Sizes, stresses, strengths, "
-         "moduli, boundaries and openings over many orders; a fifth also scaled, shifted, reordered and by the other "
-         "scheme.", lambda batch=batch: drawn(batch))
-      for batch in range(BATCHES)),
-    Knob("mistakes", "mistakes in a mine's file", "words", "Each is to be refused in one line that names its key.",
-         mistakes),
-)  # fmt: skip
+MISTAKES = Knob(
+    "mistakes",
+    "mistakes in a mine's file",
+    "none",
+    "Each is to be refused in one line that names its key.",
+    mistakes,
+)

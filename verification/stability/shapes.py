@@ -137,7 +137,7 @@ def float32() -> Iterator[Case]:
 
 
 SHAPES = (
-    Knob("shapes", "shape of what is mined", "words", "Boxes in a section of 32 m, cells of 1 m.", shapes),
+    Knob("shapes", "shape of what is mined", "none", "Boxes in a section of 32 m, cells of 1 m.", shapes),
     Knob("walls", "place of walls within a cell", "linear", "A box of 8 by 6 m, moved by parts of a cell, beside the "
          "one whose walls are faces of cells of 1 m: at 0.5 particles lie in its walls.", walls),
     Knob("time_step", "time step over the undamped limit", "linear", "The Courant factor of scheme explicit. No key: "
