@@ -1,6 +1,6 @@
 """The settings of the mechanics: those of a mine's configuration, and the slice that the grid is made from."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -170,6 +170,8 @@ class ElasticMaterial(MaterialSettings):
 class SolverSettings(Settings):
     """How equilibrium is sought."""
 
+    renamed_keys: ClassVar = {"increment_error": "max_overshoot"}
+
     scheme: Literal["multigrid", "explicit"] = "multigrid"
     """`multigrid`: equilibrium is solved for. `explicit`: damped explicit time steps."""
     tolerance: Tolerance = 1e-3
@@ -178,8 +180,8 @@ class SolverSettings(Settings):
     """The same between two generations of failure. Where no rock loses strength it is 50 times as large, at most
     0.05."""
     increments: whole_number(ge=0, le=1000) = 0
-    """Number of equal increments in which a step is unloaded. 0: as many as increment_error asks for."""
-    increment_error: real_number(ge=0.001, le=1) = 0.2
+    """Number of equal increments in which a step is unloaded. 0: as many as max_overshoot asks for."""
+    max_overshoot: real_number(ge=0.001, le=1) = 0.2
     """Where increments is 0: largest overshoot of the rock that fails first in an increment, relative to its drop of
     strength. A step's potency is too large by about this share at most."""
     max_iterations: Many = 40000

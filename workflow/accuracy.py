@@ -54,5 +54,5 @@ def apply_accuracy(mine: Plan) -> None:
     grid |= {"levels": levels, "resized_by": name}
     for key, loosest in LOOSEST.items():
         solver[key] = max(solver[key], min(solver[key] * preset.tolerances, loosest))
-    solver["increment_error"] = min(max(solver["increment_error"] * preset.overshoot, 0.001), 1.0)
+    solver["max_overshoot"] = min(max(solver["max_overshoot"] * preset.overshoot, 0.001), 1.0)
     solver["increments"] = min(math.ceil(solver["increments"] / preset.overshoot), 1000)  # 0: as the error asks

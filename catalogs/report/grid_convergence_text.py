@@ -73,7 +73,7 @@ def _at_once(evidence: Evidence) -> list[str]:
     return [
         f"{percent(share)} of the potency is in rock that one increment of mining brought above its strength at once. "
         "Such patches are events because of the size of the increment, so number, sizes and b of the events depend in "
-        "part on the increments. Smaller increments (a smaller solver.increment_error, or more solver.increments) "
+        "part on the increments. Smaller increments (a smaller solver.max_overshoot, or more solver.increments) "
         "separate them."
     ]
 
@@ -83,7 +83,7 @@ def _increments(evidence: Evidence) -> str:
     (docs/explanation/uncertainty.md: no bound in theory); empty where it is not known."""
     steps, catalog = evidence.dated, evidence.catalog
     step, potency = catalog["step"].values, catalog["potency"].values
-    shares = np.array([float(one.get("increment_error", np.nan)) for one in steps])
+    shares = np.array([float(one.get("overshoot_share", np.nan)) for one in steps])
     weights = np.array([potency[step == one["step"]].sum() for one in steps])
     if not weights.sum() > 0 or not np.isfinite(shares[weights > 0]).all():
         return ""

@@ -9,7 +9,7 @@ what was found is between none and 1.3 times as much). A particle's overshoot co
 more it does not add if it should not have failed at all.
 
 So an increment is tried: at rest under its load, with nothing failed. Is that overshoot more than
-solver.increment_error, the state goes back and less is put on; the next one follows in proportion, as the steps of an
+solver.max_overshoot, the state goes back and less is put on; the next one follows in proportion, as the steps of an
 integrator do. But in blocks, halvings of the load that begin at their own multiples, as bodies on orbits are stepped
 (McMillan 1986): runs that differ a little, by their cells say, meet at the same loads. In proportion itself one stope
 took 9, 6, 7 and 7 increments on four grids, and its potency was 5.6 % apart, mostly by that; in blocks it takes 11 on
@@ -62,7 +62,7 @@ class Increments:
     def take(self, body: Body, brittle: Brittle, history: History) -> bool:
         """Whether a chosen increment, at rest under its load and nothing failed yet, may stand; else it is undone in
         the history, and the next one is smaller."""
-        return self.follow(overshoot_of_next(body, brittle) / self.scene.solver.increment_error, history)
+        return self.follow(overshoot_of_next(body, brittle) / self.scene.solver.max_overshoot, history)
 
     def follow(self, ratio: float, history: History) -> bool:
         """As `take`, of an increment whose error is so many times the one that may stand."""
@@ -99,17 +99,17 @@ def overshoot_of_next(body: Body, brittle: Brittle) -> float:
         np.arange(len(fresh)), state.stress[fresh], model.insitu[fresh], model.particles.material[fresh],
         model.elastic_constants, model.intact_rows, model.residual_rows, overshoot, seismic, np.empty((len(fresh), 2)),
     )  # fmt: skip
-    return _overshoot_share(overshoot, seismic, body.volume[fresh])
+    return _share_of_drop(overshoot, seismic, body.volume[fresh])
 
 
-def increment_error(state: State, volume: np.ndarray, step: int) -> float:
+def overshoot_share(state: State, volume: np.ndarray, step: int) -> float:
     """Overshoot over seismic potency of the rock that failed first in each increment of a step and is there (volume
     (particle,) > 0): about the share by which the step's potency is at most too large; 0 where none failed."""
     first = np.flatnonzero((state.failed == step) & (state.failure_order[:, 1] == 0) & (volume > 0.0))
-    return _overshoot_share(state.overshoot_strain[first], state.seismic_strain[first], volume[first])
+    return _share_of_drop(state.overshoot_strain[first], state.seismic_strain[first], volume[first])
 
 
-def _overshoot_share(overshoot: np.ndarray, seismic: np.ndarray, volume: np.ndarray) -> float:
+def _share_of_drop(overshoot: np.ndarray, seismic: np.ndarray, volume: np.ndarray) -> float:
     """Of strains (k, 6) in volumes (k,) m3."""
     seismic_potency = potency(seismic, volume)
     total = seismic_potency.sum()

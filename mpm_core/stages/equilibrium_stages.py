@@ -17,7 +17,7 @@ from mpm_core.equilibrium.brittle import above_strength
 from mpm_core.equilibrium.cascade import run_cascade
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.energy_balance import Balance, elastic_energy, hourglass_energies, nodal_forces
-from mpm_core.equilibrium.increments import increment_error
+from mpm_core.equilibrium.increments import overshoot_share
 from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.files.state_datasets import read_grid, state_dataset
 from mpm_core.kernels.failure import make_rate_strength
@@ -187,7 +187,7 @@ def finish(
         "finest_cells": int(model.grid.cells_per_level[-1]),
         "cell_splits": history.splits,
         "increments": history.increment,
-        "increment_error": increment_error(state, volume, step) if stage == "step" else 0.0,
+        "overshoot_share": overshoot_share(state, volume, step) if stage == "step" else 0.0,
         "collapsed": int(collapsed),
         **truncation(model, state, volume, stage),
         **failed_at_boundary(model, state, volume),

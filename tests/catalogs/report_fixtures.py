@@ -202,7 +202,7 @@ def make_state(grid: xr.Dataset, index: int) -> xr.Dataset:
             "energy_overshoot": 2e6, "energy_flow": 8e6, "energy_gained": 0.0, "energy_hourglass": 5e5,
             "energy_hourglass_released": 5e5, "energy_refined": 0.0, "cells": count,
             "finest_cells": int((level == level.max()).sum()), "cell_splits": 0,
-            "increments": 4, "increment_error": 0.12,
+            "increments": 4, "overshoot_share": 0.12,
             "energy_motion": 1.69e7, "energy_unbalanced": 1e5, "energy_left": 2e-4, "energy_left_share": 6e-12,
             "energy_elastic": 1e9, "energy_round_off": 1e-3,
             "config_hash": f"22{index}", "source_hash": "aaaa", "versions": json.dumps({"numpy": "2.4"}),

@@ -91,7 +91,7 @@ def written(mine: fixtures.Mine, **attributes) -> dict:
 
 def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, found):
     mine = fixtures.make_mine(tmp_path)
-    arguments = written(mine, increment_error=0.15)
+    arguments = written(mine, overshoot_share=0.15)
     grid = read_dataset(mine.grid)
     write_dataset(grid.assign_attrs(excavation_whole_share="[0.5, 0.5, 0.5, 0.5]"), mine.grid)
     write_report(**arguments)

@@ -13,7 +13,7 @@ from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_datase
 from mpm_core.equilibrium import cascade
 from mpm_core.equilibrium.brittle import fail
 from mpm_core.equilibrium.convergence import History
-from mpm_core.equilibrium.increments import Increments, increment_error, overshoot_of_next, potency
+from mpm_core.equilibrium.increments import Increments, overshoot_of_next, overshoot_share, potency
 from mpm_core.equilibrium.perturbation import pace
 from mpm_core.stages.checkpoint import Checkpoint
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
@@ -54,18 +54,18 @@ def test_a_smaller_error_asks_for_more_increments_and_less_is_in_excess(tmp_path
     (verification/refinement)."""
     facts_of, found = {}, {}
     for error in (0.6, 0.2, 0.05):
-        state, facts_of[error] = step_of(tmp_path, increments=0, increment_error=error)
-        assert 0.0 < facts_of[error]["increment_error"] <= error
+        state, facts_of[error] = step_of(tmp_path, increments=0, max_overshoot=error)
+        assert 0.0 < facts_of[error]["overshoot_share"] <= error
         found[error] = seismic_potency(state)
     assert 1 < facts_of[0.6]["increments"] < facts_of[0.2]["increments"] < facts_of[0.05]["increments"] < 128
     at_once, facts = step_of(tmp_path, increments=1)
-    assert facts["increment_error"] > 0.5
+    assert facts["overshoot_share"] > 0.5
     assert seismic_potency(at_once) > 1.1 * found[0.05]
 
 
 def test_a_step_that_breaks_nothing_takes_one_increment(tmp_path):
     _, facts = step_of(tmp_path, host=STRONG, increments=0)
-    assert (facts["increments"], facts["failed_particles"], facts["increment_error"]) == (1, 0, 0.0)
+    assert (facts["increments"], facts["failed_particles"], facts["overshoot_share"]) == (1, 0, 0.0)
 
 
 def test_rock_that_loses_no_strength_takes_as_many_as_it_took(tmp_path):
@@ -149,7 +149,7 @@ def test_what_would_fail_is_measured_without_change(tmp_path, monkeypatch):
             fail(body, fresh, step, history.increment, 0)
             others = body.state.failure_order[:, 0] != history.increment
             volume = np.where(others, 0.0, body.volume)
-            seen.append((expected, increment_error(body.state, volume, step)))
+            seen.append((expected, overshoot_share(body.state, volume, step)))
             for name, value in kept.items():
                 if isinstance(getattr(body.state, name), np.ndarray):
                     getattr(body.state, name)[...] = value
@@ -163,7 +163,7 @@ def test_what_would_fail_is_measured_without_change(tmp_path, monkeypatch):
 
     monkeypatch.setattr(cascade, "next_failures", note_brittle)
     monkeypatch.setattr(cascade, "let_fail", compare)
-    step_of(tmp_path, increments=0, increment_error=0.3)
+    step_of(tmp_path, increments=0, max_overshoot=0.3)
     assert len(seen) > 1
     # rock that waits for finer cells counts in what may stand, not in what has failed
     assert sum(abs(expected - found) < 1e-12 for expected, found in seen) > len(seen) / 2

@@ -222,7 +222,7 @@ def test_knobs_are_read_from_the_configuration():
     mines = load_study(STUDIES / "tradeoff_stope.yaml", DEFAULT).mines
     base, draft, radius = (settings_of(mines[name].values) for name in ("base", "draft", "families_radius_12"))
     assert base["increments"] == CHOSEN
-    assert changed(draft, base) == ["cell", "tolerance", "cascade", "increment_error"]
+    assert changed(draft, base) == ["cell", "tolerance", "cascade", "max_overshoot"]
     assert mines["draft"].values["accuracy"] == "draft"
     assert label(radius, changed(radius, base)) == "events are families, cluster radius 1.2 cells"
 
@@ -308,9 +308,7 @@ def test_brittle_scenes_have_the_presets_by_their_key():
         presets = {change["accuracy"] for change in text["variants"].values() if "accuracy" in change}
         if text["settings"]["main"] in ("potency", "failed_volume"):
             assert "draft" in presets, path
-            assert not {"tolerance", "cascade_tolerance", "increment_error"} & set(text["scene"].get("solver", {})), (
-                path
-            )
+            assert not {"tolerance", "cascade_tolerance", "max_overshoot"} & set(text["scene"].get("solver", {})), path
             fine |= {path.stem} if "fine" in presets else set()
         else:
             assert not presets

@@ -20,7 +20,7 @@ def test_a_draft_has_larger_cells_looser_tolerances_and_fewer_increments(accept)
     mine = accept(TINY, accuracy="draft", **{"solver.increments": 5, "solver.cascade_tolerance": 1e-4})
     grid, solver = mine.values["grid"], mine.values["solver"]
     assert (grid["levels"], grid["coarse_cell"]) == (1, 10.0)
-    assert (solver["increments"], solver["increment_error"]) == (3, 0.4)
+    assert (solver["increments"], solver["max_overshoot"]) == (3, 0.4)
     assert [solver["tolerance"], solver["cascade_tolerance"]] == pytest.approx([3e-3, 3e-4])
     loose = accept(TINY, accuracy="draft", **{"solver.tolerance": 0.05, "solver.increments": 0})
     assert (loose.values["solver"]["tolerance"], loose.values["solver"]["increments"]) == (0.05, 0)
@@ -29,7 +29,7 @@ def test_a_draft_has_larger_cells_looser_tolerances_and_fewer_increments(accept)
 def test_a_fine_one_has_smaller_cells_and_more_increments(accept):
     mine = accept(TINY, accuracy="fine")
     grid, solver = mine.values["grid"], mine.values["solver"]
-    assert (grid["levels"], solver["tolerance"], solver["increments"], solver["increment_error"]) == (3, 1e-3, 4, 0.1)
+    assert (grid["levels"], solver["tolerance"], solver["increments"], solver["max_overshoot"]) == (3, 1e-3, 4, 0.1)
     assert mine.values["domain"] == accept(TINY).values["domain"]
     assert accept(TINY, accuracy="fine").event_slice() == accept(TINY).event_slice()
 

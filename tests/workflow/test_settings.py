@@ -9,7 +9,9 @@ import pytest
 import yaml
 from tiny_mines import FLAT, ROOT, STILL, TINY, merged
 
+from catalogs.records.elk_creek_reader import OrientationSettings
 from common.errors import InputError
+from mpm_core.settings import SolverSettings
 from verification.studies import merge
 from workflow.generate import TASKS, generated, schema, sections_of
 from workflow.mine_settings import MineSettings
@@ -123,6 +125,20 @@ def test_the_schema_refuses_what_the_models_refuse(key, value):
         part = part.setdefault(section, {})
     part[last] = value
     assert refuses(config) == (True, True)
+
+
+@pytest.mark.parametrize(
+    ("section", "old", "new"),
+    [
+        (SolverSettings, "increment_error", "max_overshoot"),
+        (OrientationSettings, "location_error", "max_location_error"),
+    ],
+)
+def test_a_renamed_key_is_refused_in_one_line_that_names_the_new_one(section, old, new):
+    """And the new key is not said to be missing."""
+    with pytest.raises(InputError) as refused:
+        section.read({old: 1}, "section")
+    assert list(refused.value.lines) == [f"section.{old}: is called {new} now; rename it"]
 
 
 @pytest.mark.parametrize("package", MAY_IMPORT)

@@ -27,7 +27,7 @@ class Run:
         self.flow = float(potency(self.state.later_strain.values[self.failed], volume).sum())
         self.volume = float(self.facts["failed_volume"])
         self.particles = int(self.facts["failed_particles"])
-        self.overshoot = float(self.facts["increment_error"])
+        self.overshoot = float(self.facts["overshoot_share"])
         self.cycles = int(self.facts["iterations"])
         self.seconds = variant.processor_time(f"steps/{STEP}")
         self.memory = variant.peak_memory(f"steps/{STEP}")

@@ -46,7 +46,7 @@ KNOBS = (
     Knob("tolerance", "tolerance", _key("solver", "tolerance"), "{:.0e}".format),
     Knob("cascade", "cascade tolerance", _key("solver", "cascade_tolerance"), "{:.0e}".format),
     Knob("increments", "increments", lambda values: values["solver"]["increments"] or CHOSEN, str),
-    Knob("increment_error", "increment error", _key("solver", "increment_error")),
+    Knob("max_overshoot", "largest overshoot", _key("solver", "max_overshoot")),
     Knob("hourglass", "hourglass stiffness", _key("solver", "hourglass")),
     Knob("damping", "damping", _key("solver", "damping")),
     Knob("scaling", "density scaling", lambda values: "on" if values["solver"]["density_scaling"] else "off", str),
