@@ -33,7 +33,10 @@ onstart:
     if left := leftovers(folder, FILES.planned()):
         print(message(folder, left), file=sys.stderr)
     if FILES.has_catalog and not FILES.has_quakeml:
-        print(f"{MINE.name}: frame has no place on Earth: no catalog.xml, catalog.csv in mine coordinates", file=sys.stderr)
+        print(
+            f"{MINE.name}: frame has no place on Earth: no catalog.xml, catalog.csv in mine coordinates",
+            file=sys.stderr,
+        )
 
 
 rule all:

@@ -75,7 +75,7 @@ def test_keys_of_a_section_merge_with_those_of_the_file(tmp_path):
         (["--config", "solver.tolerance=1e-3"], "keys below a section are written in braces"),
         (["--config", "accuracy=draft", "--config", "ensemble=2"], "--config stands twice"),
         (["--config", "accuracy=draft", "report"], "--config report: no key=value"),
-        (["--config", "acuracy=draft"], "acuracy: unknown key; did you mean accuracy?"),
+        (["--config", "accuracyy=draft"], "accuracyy: unknown key; did you mean accuracy?"),
         (["--config", "solver=3"], "solver: 3 is not of type 'object'"),
         (["--config", "name=a b"], "name: 'a b' does not match"),
     ],

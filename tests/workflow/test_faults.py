@@ -28,7 +28,7 @@ def spoken(text: str) -> list[str]:
 
 STOPE = {"name": "stope_1", "step": "2019-08", "fill": "fill"}
 FAULTS = {  # values changed, the one line's parts
-    "unknown key": ({"solver.tolerence": 1}, ("files/tiny.yaml: solver.tolerence: unknown key", "tolerance?")),
+    "unknown key": ({"solver.tolerancee": 1}, ("files/tiny.yaml: solver.tolerancee: unknown key", "tolerance?")),
     "no convergence": (
         {"solver.scheme": "explicit", "solver.max_iterations": 20},
         ("elastic results/tiny/elastic.nc: no convergence", "solver.max_iterations"),

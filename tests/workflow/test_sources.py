@@ -125,14 +125,14 @@ def test_a_rule_depends_on_the_stage_that_it_runs():
     assert len(making) > 15
     for name, rule in making.items():
         stage = re.search(r"stage ([\w.]+(?: [a-z]\w*)?)", rule.partition("    shell:")[2])[1]
-        code = re.search(r"code=(?:source_hash\(\"([^\"]*)\"|STUDIES.answer_sources)", rule)[1]
+        code = re.search(r"code=(?:source_hash\(\s*\"([^\"]*)\"|STUDIES.answer_sources)", rule)[1]
         assert (code or "verification answer") == stage, name
         assert re.fullmatch("[0-9a-f]{16}", source_hash(stage))
 
 
 def test_what_is_not_there_has_no_sources():
     """A misspelt stage or module stops the workflow instead of depending on nothing."""
-    for absent in ("catalogs reprot", "catalog report", "verification/benchmarks/peer/", "config/defaults.yaml"):
+    for absent in ("catalogs reportt", "catalog report", "verification/benchmarks/peer/", "config/defaults.yaml"):
         with pytest.raises(ValueError, match="sources"):
             source_hash(absent)
 

@@ -9,21 +9,23 @@ rule benchmark_case:
         before=targets.runs_before,
     output:
         targets.RUN,
-    params:
-        code=source_hash("verification.benchmarks measure", "verification.benchmarks solve", "verification/benchmarks/peers/"),
-        settings=targets.settings_slice,
-        earlier=targets.smaller_runs,
-        environments=f"{targets.RESULTS}/environments",
     log:
         "logs/benchmarks/{problem}/{code}/{across}.log",
     benchmark:
         "benchmarks/benchmarks/{problem}/{code}/{across}.tsv"
+    conda:
+        "../../workflow/envs/environment.yaml"
     threads: 64
     resources:
         mem_mb=21000,
         runtime=60,
-    conda:
-        "../../workflow/envs/environment.yaml"
+    params:
+        code=source_hash(
+            "verification.benchmarks measure", "verification.benchmarks solve", "verification/benchmarks/peers/"
+        ),
+        settings=targets.settings_slice,
+        earlier=targets.smaller_runs,
+        environments=f"{targets.RESULTS}/environments",
     shell:
         "stage verification.benchmarks measure {wildcards.problem} {wildcards.code} {wildcards.across}"
         " --earlier {params.earlier} --environments {params.environments} --output {output} --threads {threads} --log {log}"
@@ -37,19 +39,19 @@ rule benchmarks:
         table=f"{targets.RESULTS}/table.csv",
         figure=f"{targets.RESULTS}/figure.svg",
         page=f"{targets.RESULTS}/report.html",
-    params:
-        code=source_hash("verification.benchmarks report"),
-        settings=targets.settings_slice,
     log:
         "logs/benchmarks/report.log",
     benchmark:
         "benchmarks/benchmarks/report.tsv"
+    conda:
+        "../../workflow/envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=1000,
         runtime=10,
-    conda:
-        "../../workflow/envs/environment.yaml"
+    params:
+        code=source_hash("verification.benchmarks report"),
+        settings=targets.settings_slice,
     shell:
         "stage verification.benchmarks report --runs {input.runs}"
         " --table {output.table} --figure {output.figure} --page {output.page} --log {log}"

@@ -11,19 +11,19 @@ rule catalog_spread:
     output:
         table="results/catalog_spread/table.csv",
         page="results/catalog_spread/report.html",
-    params:
-        code=source_hash("verification.spread report"),
-        default=STUDIES.default_text,
     log:
         "logs/catalog_spread.log",
     benchmark:
         "benchmarks/catalog_spread.tsv"
+    conda:
+        "../../workflow/envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=4000,
         runtime=30,
-    conda:
-        "../../workflow/envs/environment.yaml"
+    params:
+        code=source_hash("verification.spread report"),
+        default=STUDIES.default_text,
     shell:
         "stage verification.spread report --studies {input.studies:q} --default {params.default:q} --results results/verification"
         " --logs logs/verification --table {output.table} --page {output.page} --log {log}"

@@ -1,6 +1,5 @@
 """The numerics driven until they break: one knob at a time, each run beside a known truth, and the page of all."""
 
-
 from verification.stability.keys import KEYS, SEEDS, SEVERAL_SEEDS
 
 KNOBS = {"stability": KEYS, "extremes": SEVERAL_SEEDS}  # of each target
@@ -14,20 +13,20 @@ rule stability_points:
     """How the runs of one knob ended, and by how much they are wrong."""
     output:
         "results/stability/points/{knob}.json",
-    params:
-        code=source_hash("verification.stability points", "config/default.yaml"),
-    wildcard_constraints:
-        knob="|".join([*KEYS, SEEDS]),
     log:
         "logs/stability/{knob}.log",
     benchmark:
         "benchmarks/stability/{knob}.tsv"
+    wildcard_constraints:
+        knob="|".join([*KEYS, SEEDS]),
+    conda:
+        "../../workflow/envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=2000,
         runtime=60,
-    conda:
-        "../../workflow/envs/environment.yaml"
+    params:
+        code=source_hash("verification.stability points", "config/default.yaml"),
     shell:
         "stage verification.stability points --knob {wildcards.knob} --points {output} --log {log}"
 
@@ -39,16 +38,16 @@ rule stability_report:
     output:
         table="results/{target}/table.csv",
         page="results/{target}/report.html",
-    params:
-        code=source_hash("verification.stability report"),
     log:
         "logs/{target}/report.log",
+    conda:
+        "../../workflow/envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=1000,
         runtime=10,
-    conda:
-        "../../workflow/envs/environment.yaml"
+    params:
+        code=source_hash("verification.stability report"),
     shell:
         "stage verification.stability report --points {input} --table {output.table} --page {output.page} --log {log}"
 
@@ -58,16 +57,16 @@ rule stability:
     input:
         table="results/stability/table.csv",
         page="results/stability/report.html",
-    params:
-        code=source_hash("verification.stability verdict"),
     log:
         "logs/stability/verdict.log",
+    conda:
+        "../../workflow/envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=1000,
         runtime=10,
-    conda:
-        "../../workflow/envs/environment.yaml"
+    params:
+        code=source_hash("verification.stability verdict"),
     shell:
         "stage verification.stability verdict --table {input.table} --page {input.page} --log {log}"
 

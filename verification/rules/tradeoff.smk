@@ -10,19 +10,19 @@ rule tradeoff_points:
         study=STUDIES.file("{study}"),
     output:
         f"{STUDY}/points.json",
-    params:
-        code=source_hash("verification.tradeoff points"),
-        default=STUDIES.default_text,
     log:
         "logs/verification/{study}_points.log",
     benchmark:
         "benchmarks/verification/{study}_points.tsv"
+    conda:
+        "../../workflow/envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=6000,
         runtime=60,
-    conda:
-        "../../workflow/envs/environment.yaml"
+    params:
+        code=source_hash("verification.tradeoff points"),
+        default=STUDIES.default_text,
     shell:
         "stage verification.tradeoff points --study {input.study} --default {params.default:q}"
         " --results results/verification/{wildcards.study} --logs logs/verification/{wildcards.study}"
@@ -37,19 +37,19 @@ rule tradeoff:
     output:
         table="results/tradeoff/table.csv",
         page="results/tradeoff/report.html",
-    params:
-        code=source_hash("verification.tradeoff report"),
-        default=STUDIES.default_text,
     log:
         "logs/tradeoff.log",
     benchmark:
         "benchmarks/tradeoff.tsv"
+    conda:
+        "../../workflow/envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=2000,
         runtime=30,
-    conda:
-        "../../workflow/envs/environment.yaml"
+    params:
+        code=source_hash("verification.tradeoff report"),
+        default=STUDIES.default_text,
     shell:
         "stage verification.tradeoff report --studies {input.studies:q} --points {input.points} --default {params.default:q}"
         " --table {output.table} --page {output.page} --log {log}"

@@ -6,19 +6,19 @@ rule answer:
     output:
         rows=f"{STUDY}/rows.csv",
         figure=f"{STUDY}/figure.svg",
-    params:
-        code=STUDIES.answer_sources,
-        default=STUDIES.default_text,
     log:
         "logs/verification/{study}.log",
     benchmark:
         "benchmarks/verification/{study}.tsv"
+    conda:
+        "../../workflow/envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=4000,
         runtime=60,
-    conda:
-        "../../workflow/envs/environment.yaml"
+    params:
+        code=STUDIES.answer_sources,
+        default=STUDIES.default_text,
     shell:
         "stage verification answer --study {input.study} --default {params.default:q}"
         " --results results/verification/{wildcards.study} --logs logs/verification/{wildcards.study}"
@@ -32,20 +32,20 @@ rule verification_report:
     output:
         page=report("results/verification/report.html", caption="verification.rst", category="verification"),
         summary="results/verification/summary.csv",
-    params:
-        code=source_hash("verification report"),
-        studies=STUDIES.verified_files,
-        default=STUDIES.default_text,
     log:
         "logs/verification/report.log",
     benchmark:
         "benchmarks/verification/report.tsv"
+    conda:
+        "../../workflow/envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=2000,
         runtime=30,
-    conda:
-        "../../workflow/envs/environment.yaml"
+    params:
+        code=source_hash("verification report"),
+        studies=STUDIES.verified_files,
+        default=STUDIES.default_text,
     shell:
         "stage verification report --studies {params.studies:q} --default {params.default:q} --results results/verification"
         " --logs logs/verification --page {output.page} --summary {output.summary} --log {log}"
@@ -58,11 +58,11 @@ rule verification:
         page="results/verification/report.html",
     log:
         "logs/verification/verdict.log",
+    conda:
+        "../../workflow/envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=1000,
         runtime=10,
-    conda:
-        "../../workflow/envs/environment.yaml"
     shell:
         "stage verification verdict --summary {input.summary} --page {input.page} --log {log}"

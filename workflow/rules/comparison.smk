@@ -8,20 +8,20 @@ rule scene:
         record=FILES.own("record.nc") if FILES.has_record else [],
     output:
         FILES.own("scene.png"),
-    params:
-        code=source_hash("catalogs scene"),
-        settings=STAGES.slice_of("scene"),
-        record=OPTIONS.if_made("record", "record.nc", FILES.has_record),
     log:
         f"logs/{MINE.name}/scene.log",
     benchmark:
         f"benchmarks/{MINE.name}/scene.tsv"
+    conda:
+        "../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=4000,  # of some million cells
         runtime=30,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("catalogs scene"),
+        settings=STAGES.slice_of("scene"),
+        record=OPTIONS.if_made("record", "record.nc", FILES.has_record),
     shell:
         "stage catalogs scene --settings {params.settings:q} --grid {input.grid} {params.record}"
         " --output {output} --log {log}"
@@ -36,20 +36,20 @@ rule record:
         STAGES.inputs_of("catalogs record", "record", data=FILES.record_data()),
     output:
         kept(f"{RESULTS}/record.nc"),
-    params:
-        code=source_hash("catalogs record"),
-        settings=STAGES.slice_of("record"),
     log:
         "logs/{mine}/record.log",
     benchmark:
         "benchmarks/{mine}/record.tsv"
     priority: 2
+    conda:
+        "../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=2000,
         runtime=30,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("catalogs record"),
+        settings=STAGES.slice_of("record"),
     shell:
         "stage catalogs record --settings {params.settings:q} --output {output} --log {log}"
 
@@ -60,18 +60,18 @@ rule quakeml:
         STAGES.inputs_of("catalogs quakeml", "quakeml", "catalog.xml", catalog=f"{RESULTS}/catalog.nc"),
     output:
         kept(f"{RESULTS}/catalog.xml"),
-    params:
-        code=source_hash("catalogs quakeml"),
     log:
         "logs/{mine}/quakeml.log",
     benchmark:
         "benchmarks/{mine}/quakeml.tsv"
+    conda:
+        "../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=2000,
         runtime=60,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("catalogs quakeml"),
     shell:
         "stage catalogs quakeml --catalog {input.catalog} --output {output} --log {log}"
 
@@ -88,20 +88,20 @@ rule compare:
         ),
     output:
         kept(f"{RESULTS}/comparison.nc"),
-    params:
-        code=source_hash("catalogs compare"),
-        settings=STAGES.slice_of("comparison"),
-        members=OPTIONS.members,
     log:
         "logs/{mine}/compare.log",
     benchmark:
         "benchmarks/{mine}/compare.tsv"
+    conda:
+        "../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=4000,
         runtime=60,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("catalogs compare"),
+        settings=STAGES.slice_of("comparison"),
+        members=OPTIONS.members,
     shell:
         "stage catalogs compare --catalog {input.catalog} --record {input.record} {params.members}"
         " --settings {params.settings:q} --output {output} --log {log}"
@@ -119,21 +119,21 @@ rule spread:
         ),
     output:
         kept(f"{RESULTS}/spread.nc"),
+    log:
+        "logs/{mine}/spread.log",
+    benchmark:
+        "benchmarks/{mine}/spread.tsv"
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
     params:
         code=source_hash("catalogs spread"),
         settings=STAGES.slice_of("spread"),
         runs=FILES.runs,
         comparison=OPTIONS.comparison,
-    log:
-        "logs/{mine}/spread.log",
-    benchmark:
-        "benchmarks/{mine}/spread.tsv"
-    threads: 1
-    resources:
-        mem_mb=2000,
-        runtime=30,
-    conda:
-        "../envs/environment.yaml"
     shell:
         "stage catalogs spread --catalog {input.catalog} {params.comparison} --runs {params.runs}"
         " --settings {params.settings:q} --output {output} --log {log}"
@@ -153,19 +153,19 @@ rule grid_convergence:
         ),
     output:
         kept(f"{RESULTS}/grid_convergence.nc"),
-    params:
-        code=source_hash("catalogs grid_convergence"),
-        settings=STAGES.slice_of("grid_convergence"),
     log:
         "logs/{mine}/grid_convergence.log",
     benchmark:
         "benchmarks/{mine}/grid_convergence.tsv"
+    conda:
+        "../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=1000,
         runtime=10,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("catalogs grid_convergence"),
+        settings=STAGES.slice_of("grid_convergence"),
     shell:
         "stage catalogs grid_convergence --catalog {input.catalog} --coarse-catalog {input.coarse_catalog}"
         " --coarse-grid {input.coarse_grid}"
@@ -193,6 +193,16 @@ rule report:
     output:
         page=OPTIONS.packed(f"{RESULTS}/report.html", "report"),
         figures=directory(f"{RESULTS}/figures"),
+    log:
+        "logs/{mine}/report.log",
+    benchmark:
+        "benchmarks/{mine}/report.tsv"
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=OPTIONS.reading_memory("report"),
+        runtime=60,
     params:
         code=source_hash("catalogs report"),
         settings=STAGES.slice_of("report"),
@@ -203,16 +213,6 @@ rule report:
         closeness=OPTIONS.if_made("closeness", "closeness.nc", FILES.has_catalog),
         grid_convergence=OPTIONS.if_made("grid-convergence", "grid_convergence.nc", FILES.has_coarse),
         logs="logs/{mine}",
-    log:
-        "logs/{mine}/report.log",
-    benchmark:
-        "benchmarks/{mine}/report.tsv"
-    threads: 1
-    resources:
-        mem_mb=OPTIONS.reading_memory("report"),
-        runtime=60,
-    conda:
-        "../envs/environment.yaml"
     shell:
         "stage catalogs report --settings {params.settings:q} --grid {input.grid} --elastic {input.elastic} --steps {input.steps}"
         " --events {input.events} {params.catalog} {params.record} {params.comparison} {params.spread} {params.closeness}"
@@ -226,19 +226,19 @@ rule twin:
         catalog=FILES.own("catalog.nc"),
     output:
         FILES.own("twin.csv"),
-    params:
-        code=source_hash("catalogs twin"),
-        noise=10,  # m, root mean square
-        cut=-3.0,  # log10 of potency in m3
     log:
         f"logs/{MINE.name}/twin.log",
     benchmark:
         f"benchmarks/{MINE.name}/twin.tsv"
+    conda:
+        "../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=1000,
         runtime=10,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("catalogs twin"),
+        noise=10,  # m, root mean square
+        cut=-3.0,  # log10 of potency in m3
     shell:
         "stage catalogs twin --catalog {input.catalog} --noise {params.noise} --cut {params.cut} --output {output} --log {log}"

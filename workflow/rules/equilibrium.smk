@@ -4,19 +4,19 @@ rule elastic:
         STAGES.inputs_of("mpm_core elastic", "elastic", grid=f"{RESULTS}/grid.nc"),
     output:
         kept(f"{RESULTS}/elastic.nc"),
-    params:
-        code=source_hash("mpm_core elastic"),
-        scene=STAGES.slice_of("elastic"),
     log:
         "logs/{mine}/elastic.log",
     benchmark:
         "benchmarks/{mine}/elastic.tsv"
+    conda:
+        "../envs/environment.yaml"
     threads: OPTIONS.threads
     resources:
         mem_mb=OPTIONS.elastic_memory,
         runtime=240,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("mpm_core elastic"),
+        scene=STAGES.slice_of("elastic"),
     shell:
         "stage mpm_core elastic --scene {params.scene:q} --grid {input.grid} --output {output} --log {log} --threads {threads}"
 
@@ -27,22 +27,24 @@ rule mining_step:
     Before the events of steps that are done: those take one core, so that steps on all cores would wait beside an idle one.
     """
     input:
-        STAGES.inputs_of("mpm_core step", "steps/{step}", grid=FILES.grid, state=FILES.previous_state, bodies=FILES.bodies),
+        STAGES.inputs_of(
+            "mpm_core step", "steps/{step}", grid=FILES.grid, state=FILES.previous_state, bodies=FILES.bodies
+        ),
     output:
         kept(f"{RESULTS}/steps/{{step}}.nc"),
-    params:
-        code=source_hash("mpm_core step"),
-        scene=STAGES.step_slice,
     log:
         "logs/{mine}/steps/{step}.log",
     benchmark:
         "benchmarks/{mine}/steps/{step}.tsv"
     priority: 1
+    conda:
+        "../envs/environment.yaml"
     threads: OPTIONS.threads
     resources:
         mem_mb=OPTIONS.step_memory,
         runtime=720,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("mpm_core step"),
+        scene=STAGES.step_slice,
     shell:
         "stage mpm_core step --scene {params.scene:q} --grid {input.grid} --state {input.state} --output {output} --log {log} --threads {threads}"

@@ -4,19 +4,19 @@ rule events:
         STAGES.inputs_of("seismic events", "events/{step}", step=f"{RESULTS}/steps/{{step}}.nc"),
     output:
         kept(f"{RESULTS}/events/{{step}}.nc"),
-    params:
-        code=source_hash("seismic events"),
-        settings=STAGES.event_slice,
     log:
         "logs/{mine}/events/{step}.log",
     benchmark:
         "benchmarks/{mine}/events/{step}.tsv"
+    conda:
+        "../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=OPTIONS.reading_memory("events"),
         runtime=60,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("seismic events"),
+        settings=STAGES.event_slice,
     shell:
         "NUMBA_NUM_THREADS={threads} stage seismic events --step {input.step} --settings {params.settings:q} --output {output} --log {log}"
 
@@ -28,19 +28,19 @@ rule catalog:
     output:
         catalog=kept(f"{RESULTS}/catalog.nc"),
         table=OPTIONS.packed(f"{RESULTS}/catalog.csv", "catalogue"),
-    params:
-        code=source_hash("seismic catalog"),
-        settings=STAGES.slice_of("catalog"),
     log:
         "logs/{mine}/catalog.log",
     benchmark:
         "benchmarks/{mine}/catalog.tsv"
+    conda:
+        "../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=2000,
         runtime=30,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("seismic catalog"),
+        settings=STAGES.slice_of("catalog"),
     shell:
         "stage seismic catalog --events {input.events} --settings {params.settings:q} --output {output.catalog} --csv {output.table} --log {log}"
 
@@ -51,19 +51,19 @@ rule closeness:
         STAGES.inputs_of("seismic closeness", "closeness", steps=FILES.dated_steps),
     output:
         kept(f"{RESULTS}/closeness.nc"),
-    params:
-        code=source_hash("seismic closeness"),
-        settings=STAGES.slice_of("closeness"),
     log:
         "logs/{mine}/closeness.log",
     benchmark:
         "benchmarks/{mine}/closeness.tsv"
+    conda:
+        "../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=OPTIONS.reading_memory("events"),
         runtime=60,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("seismic closeness"),
+        settings=STAGES.slice_of("closeness"),
     shell:
         "NUMBA_NUM_THREADS={threads} stage seismic closeness --steps {input.steps} --settings {params.settings:q} --output {output} --log {log}"
 
@@ -74,19 +74,19 @@ rule vtk_events:
         catalog=f"{RESULTS}/{{catalog}}.nc",
     output:
         f"{RESULTS}/vtk/{{catalog}}.vtu",
-    wildcard_constraints:
-        catalog="catalog|record|events/.+",
-    params:
-        code=source_hash("catalogs vtk"),
     log:
         "logs/{mine}/vtk/{catalog}.log",
     benchmark:
         "benchmarks/{mine}/vtk/{catalog}.tsv"
+    wildcard_constraints:
+        catalog="catalog|record|events/.+",
+    conda:
+        "../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=1000,
         runtime=10,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("catalogs vtk"),
     shell:
         "stage catalogs vtk --catalog {input.catalog} --output {output} --log {log}"

@@ -4,19 +4,19 @@ rule grid:
         STAGES.inputs_of("mpm_core grid", "grid", solids=FILES.solids),
     output:
         kept(f"{RESULTS}/grid.nc"),
-    params:
-        code=source_hash("mpm_core grid"),
-        scene=STAGES.slice_of("grid"),
     log:
         "logs/{mine}/grid.log",
     benchmark:
         "benchmarks/{mine}/grid.tsv"
+    conda:
+        "../envs/environment.yaml"
     threads: OPTIONS.threads
     resources:
         mem_mb=4000,  # of some million cells; how many there are is known when it is done
         runtime=30,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("mpm_core grid"),
+        scene=STAGES.slice_of("grid"),
     shell:
         "stage mpm_core grid --scene {params.scene:q} --output {output} --log {log} --threads {threads}"
 
@@ -28,20 +28,20 @@ rule vtk:
         state=f"{RESULTS}/{{stage}}.nc",
     output:
         f"{RESULTS}/vtk/{{stage}}.vtu",
-    wildcard_constraints:
-        stage="elastic|steps/.+",
-    params:
-        code=source_hash("mpm_core vtk"),
     log:
         "logs/{mine}/vtk/{stage}.log",
     benchmark:
         "benchmarks/{mine}/vtk/{stage}.tsv"
+    wildcard_constraints:
+        stage="elastic|steps/.+",
+    conda:
+        "../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=OPTIONS.reading_memory("vtk"),
         runtime=30,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("mpm_core vtk"),
     shell:
         "stage mpm_core vtk --grid {input.grid} --state {input.state} --output {output} --log {log}"
 
@@ -53,18 +53,18 @@ rule vtk_solids:
     output:
         names=f"{RESULTS}/vtk/solids.vtm",
         surfaces=directory(f"{RESULTS}/vtk/solids"),
-    params:
-        code=source_hash("mpm_core solids"),
-        scene=STAGES.slice_of("solids"),
     log:
         "logs/{mine}/vtk/solids.log",
     benchmark:
         "benchmarks/{mine}/vtk/solids.tsv"
+    conda:
+        "../envs/environment.yaml"
     threads: 1
     resources:
         mem_mb=2000,
         runtime=30,
-    conda:
-        "../envs/environment.yaml"
+    params:
+        code=source_hash("mpm_core solids"),
+        scene=STAGES.slice_of("solids"),
     shell:
         "stage mpm_core solids --scene {params.scene:q} --output {output.names} --log {log}"
