@@ -30,7 +30,11 @@ def trend_plunge(axes: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def direction(trend: float, plunge: float) -> str:
-    """Trend/plunge as written on a plan, whole degrees: 003°/45°."""
+    """Trend/plunge as written on a plan, whole degrees.
+
+    >>> direction(3.2, 45.0)
+    '003°/45°'
+    """
     return f"{round(trend) % 360:03d}°/{plunge:.0f}°"
 
 

@@ -32,7 +32,14 @@ def factor(text: str, unit: str) -> float:
 
 
 def parse_quantity(text: str, unit: str) -> float:
-    """The value of `text` ("57 GPa": a number, then its unit) in `unit`. Raises ValueError with the reason."""
+    """The value of `text` ("57 GPa": a number, then its unit) in `unit`. Raises ValueError with the reason.
+
+    >>> parse_quantity("57 GPa", "Pa")
+    57000000000.0
+    >>> parse_quantity("57", "Pa")
+    Traceback (most recent call last):
+    ValueError: '57' has no unit; write it as text with one, for example '57 Pa'
+    """
     if len(text) > LONGEST:
         raise ValueError(f"{text[:30]!r}... is not a number with a unit: it has {len(text):,} characters")
     parts = QUANTITY.fullmatch(text.strip())

@@ -39,7 +39,11 @@ def scalar_moment(moment: NDArray) -> NDArray:
 
 
 def moment_magnitude(scalar: NDArray) -> NDArray:
-    """Mw = 2/3 (log10 M0 - 9.1), M0 in N m (Hanks and Kanamori 1979, IASPEI constant); -inf for no moment."""
+    """Mw = 2/3 (log10 M0 - 9.1), M0 in N m (Hanks and Kanamori 1979, IASPEI constant); -inf for no moment.
+
+    >>> round(float(moment_magnitude(1e12)), 2)
+    1.93
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         return 2.0 / 3.0 * (np.log10(scalar) - 9.1)
 
@@ -102,6 +106,13 @@ def source_shares(tensor: NDArray) -> NDArray:
 
     ISO = tr / 3, CLVD = 2/3 (m1 + m3 - 2 m2), DC = 1/2 (m1 - m3 - |m1 + m3 - 2 m2|), m1 >= m2 >= m3, over the sum of
     their absolutes. ISO and CLVD carry a sign, DC does not. A tensor that is zero has shares NaN.
+
+    Slip along a plane, and a crack that opens in rock with Poisson's ratio 0.25:
+
+    >>> source_shares([[0, 0, 1], [0, 0, 0], [1, 0, 0]]).round(3).tolist()
+    [0.0, 0.0, 1.0]
+    >>> source_shares(np.diag([1, 1, 3])).round(3).tolist()
+    [0.556, 0.444, 0.0]
     """
     m3, m2, m1 = np.moveaxis(np.linalg.eigvalsh(np.asarray(tensor, float)), -1, 0)
     bend = m1 + m3 - 2.0 * m2

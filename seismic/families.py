@@ -19,7 +19,14 @@ PARTICLES_PER_BLOCK = 8192  # Particles between two rounds of comparison with al
 
 
 def closeness(first: NDArray, second: NDArray) -> NDArray:
-    """Cosine between tensors (..., 3, 3): 1 parallel, -1 opposite (paper Eq. 13, departures.md, correction 3)."""
+    """Cosine between tensors (..., 3, 3): 1 parallel, -1 opposite (paper Eq. 13, departures.md, correction 3).
+
+    A double couple compared with a larger one, with one of opposite sense, and with an explosion:
+
+    >>> shear = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    >>> closeness(np.stack([2 * shear, -shear, np.eye(3)]), shear).round(3).tolist()
+    [1.0, -1.0, 0.0]
+    """
     product = np.sum(first * second, axis=(-2, -1))
     squares = np.sum(np.square(first), axis=(-2, -1)), np.sum(np.square(second), axis=(-2, -1))
     return product / (np.sqrt(squares[0]) * np.sqrt(squares[1]))

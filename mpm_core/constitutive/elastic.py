@@ -16,6 +16,9 @@ def lame_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float,
 
     Raises InputError unless the modulus is positive and 0 <= ratio < 0.5 (no rock is known to be auxetic, and the
     return to the Coulomb surface counts on lambda >= 0).
+
+    >>> lame_parameters(57e9, 0.25)
+    (22800000000.0, 22800000000.0)
     """
     if not (math.isfinite(youngs_modulus) and youngs_modulus > 0.0):
         raise InputError(f"youngs_modulus: {youngs_modulus} Pa: must be positive")

@@ -35,6 +35,10 @@ def strength_row(
 
     A cut-off above the apex c / tan phi never acts and is lowered to it. Raises InputError for angles outside
     0 <= angle < 90 degrees and for negative or infinite cohesion or cut-off.
+
+    >>> row = strength_row(friction_angle=30, dilation_angle=10, cohesion=5e6, tension_cutoff=1e6)
+    >>> print(f"N_phi {row[FRICTION_FACTOR]:.2f}, sigma_c {row[UNCONFINED_STRENGTH] / 1e6:.2f} MPa")
+    N_phi 3.00, sigma_c 17.32 MPa
     """
     for name, angle in (("friction_angle", friction_angle), ("dilation_angle", dilation_angle)):
         if not 0.0 <= angle < 90.0:

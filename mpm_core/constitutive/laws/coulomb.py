@@ -148,6 +148,13 @@ def overstress(xx, yy, zz, yz, xz, xy, row):
 
     The first is the excess of the major compression over the strength at this confinement, the second the excess of
     tension. Exact: no early exit (see `surely_admissible`).
+
+    Compression of 60 MPa and a confinement of 5 MPa, in rock of cohesion 10 MPa and friction angle 30 degrees, which
+    bears 3 x 5 + 34.6 MPa:
+
+    >>> row = strength_row(friction_angle=30, dilation_angle=0, cohesion=10e6)
+    >>> round(overstress(-5e6, -10e6, -60e6, 0.0, 0.0, 0.0, row) / 1e6, 2)
+    10.36
     """
     s1, _, s3 = principal_stresses(xx, yy, zz, yz, xz, xy)
     return max(row[FRICTION_FACTOR] * s1 - s3 - row[UNCONFINED_STRENGTH], s1 - row[TENSILE_STRENGTH])

@@ -141,7 +141,12 @@ class Material(MaterialSettings):
 
 
 def rock_mass(gsi: float, mi: float, disturbance: float) -> tuple[float, float, float]:
-    """mb, s and a of a rock mass (Hoek, Carranza-Torres & Corkum 2002, Eqs 2 to 5)."""
+    """mb, s and a of a rock mass (Hoek, Carranza-Torres & Corkum 2002, Eqs 2 to 5).
+
+    >>> mb, s, a = rock_mass(gsi=60, mi=12, disturbance=0)
+    >>> print(f"mb {mb:.2f}, s {s:.4f}, a {a:.3f}")
+    mb 2.88, s 0.0117, a 0.503
+    """
     return (
         mi * math.exp((gsi - 100.0) / (28.0 - 14.0 * disturbance)),
         math.exp((gsi - 100.0) / (9.0 - 3.0 * disturbance)),
