@@ -157,7 +157,7 @@ class Unit:
             except ValueError as error:
                 raise refusal(str(error)) from error
         above = self.high is not None and number > self.high
-        if number < self.low or above or number in self.open:
+        if not number >= self.low or above or number in self.open:  # also refuses nan
             asked = ", ".join(f"{key} {bound:g} {self.unit}" for key, bound in self.bounds.items())
             raise refusal(f"{value} is out of range ({asked})")
         return number

@@ -1,8 +1,9 @@
 """The settings of the mechanics: those of a mine's configuration, and the slice that the grid is made from."""
 
-from typing import Annotated, ClassVar, Literal, Self
+import inspect
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, create_model, model_validator
 
 from common.setting_types import (
     AsTuple,
@@ -20,6 +21,8 @@ from common.setting_types import (
     whole,
     whole_number,
 )
+from mpm_core.geometry.shapes import SHAPES
+from mpm_core.geometry.shapes.prism import DrawnPrism
 
 FACES = ("x_lower", "x_upper", "y_lower", "y_upper", "z_lower", "z_upper")
 Condition = Literal["fixed", "roller", "traction", "free"]
@@ -28,7 +31,6 @@ Gradient = Annotated[float, Unit("Pa/m", ge=-1e12, le=1e12)]
 Angle = Annotated[float, Unit("deg", ge=0, lt=90)]
 StrengthPart = Annotated[float, Unit("Pa", ge=0, le=1e13)]
 Tolerance = real_number(ge=1e-15, le=0.1)
-Corner = Annotated[tuple[Length, ...], Field(min_length=2, max_length=2), AsTuple]
 Many = whole_number(ge=1, le=1_000_000_000)
 
 
@@ -206,11 +208,10 @@ class SolverSettings(Settings):
     `whole` or `subdivide`."""
 
 
-class ShapeSettings(Settings):
-    """A solid: a shape with its own keys, or a file. Which keys a shape takes: mpm_core.geometry.shapes."""
+class FileSettings(Settings):
+    """A solid, or the outlines of prisms, in a file."""
 
-    shape: Literal["box", "tunnel", "cylinder", "sphere", "prism", "circle", "polygon"] = None
-    file: str = None
+    file: str
     """File of the solid: STL, OBJ, PLY, DXF or OMF, relative to the mine file. With shape `prism`: a DXF layer with
     outlines."""
     layer: str = None
@@ -222,34 +223,47 @@ class ShapeSettings(Settings):
     scale: real_number(ge=1e-6, le=1e6) = None
     """Factor in: metres = coordinate x units x scale + offset."""
     offset: Annotated[tuple[Length, ...], Field(min_length=3, max_length=3), AsTuple] = None
-    lower: choose(is_list, Point, Length) = None
-    """Box: its lower corner. Prism: its lower elevation."""
-    upper: choose(is_list, Point, Length) = None
-    """Box: its upper corner. Prism: its upper elevation."""
-    path: Annotated[tuple[Point, ...], Field(min_length=2), AsTuple] = None
-    """Tunnel: points along the middle of its floor."""
-    width: Size = None
-    """Tunnel: its width."""
-    height: Size = None
-    """Tunnel: its height. Prism from a file: its height above each of its polylines."""
-    profile: Literal["rectangular", "arched"] = None
-    """Tunnel: its cross-section."""
-    start: Point = None
-    """Cylinder: the centre of one end."""
-    end: Point = None
-    """Cylinder: the centre of the other end."""
-    center: Point = None
-    """Sphere, circle: the centre."""
-    radius: Size = None
-    """Cylinder, sphere, circle: the radius."""
-    polygon: Annotated[tuple[Corner, ...], Field(min_length=3), AsTuple] = None
-    """Prism: its outline in plan."""
-    points: Annotated[tuple[Point, ...], Field(min_length=3), AsTuple] = None
-    """Polygon: its corners."""
-    base: Annotated[tuple[Length, ...], AsTuple] = None
-    """Prism: a lower elevation for each point of its polygon."""
-    top: Annotated[tuple[Length, ...], AsTuple] = None
-    """Prism: an upper elevation for each point of its polygon."""
+    """Vector that is added to the scaled coordinates."""
+
+
+def _keys_of_shapes() -> dict[str, Any]:
+    """Type and description of each key that any shape has. One that is a point to some and a number to others is
+    either."""
+    names: dict[type[Settings], str] = {}
+    for shapes in SHAPES.values():
+        for name, model in shapes.items():
+            names.setdefault(model, name)
+    names[DrawnPrism] = "prism from a file"
+    types: dict[str, list] = {}
+    users: dict[str, dict[str, list[str]]] = {}  # by key and meaning
+    for model, name in names.items():
+        annotations = inspect.get_annotations(model)
+        for key, field in model.model_fields.items():
+            types.setdefault(key, [])
+            types[key] += [annotations[key]] if annotations[key] not in types[key] else []
+            users.setdefault(key, {}).setdefault(field.description, []).append(name)
+    told = {
+        key: " ".join(f"{', '.join(some).capitalize()}: {' '.join(text.split())}." for text, some in meanings.items())
+        for key, meanings in users.items()
+    }
+    return {
+        key: (kinds[0] if len(kinds) == 1 else choose(is_list, *kinds), Field(None, description=told[key]))
+        for key, kinds in types.items()
+    }
+
+
+ShapeSettings = create_model(
+    "ShapeSettings",
+    __base__=Settings,
+    __doc__="A solid: a shape with its own keys, or a file. A key says which shapes take it.",
+    __module__=__name__,
+    shape=(Literal[tuple(dict.fromkeys(name for shapes in SHAPES.values() for name in shapes))], None),
+    **{
+        key: (inspect.get_annotations(FileSettings)[key], Field(None, description=field.description))
+        for key, field in FileSettings.model_fields.items()
+    },
+    **_keys_of_shapes(),
+)
 
 
 class SolidSettings(ShapeSettings):

@@ -15,7 +15,7 @@ from workflow.key_order import key_in, parts_of, section_of
 from workflow.mine import Mine
 from workflow.mine_settings import MineSettings
 from workflow.record_checks import check_filter, check_frame, check_record
-from workflow.shapes import check_form, check_place, check_repeated, extent
+from workflow.shapes import check_form, check_place, check_repeated
 
 PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
 IN_PLANE = {"xz": ("xx", "zz", "xz"), "xy": ("xx", "yy", "xy"), None: ("xx", "yy", "zz", "yz", "xz", "xy")}
@@ -130,8 +130,6 @@ def _check_forms(mine: Mine, mistakes: Mistakes) -> None:
             check_form(mine, where, entry)
             if "file" in entry and where.startswith("loads."):
                 raise InputError(f"{where}.file: a load acts on a shape; give one instead")
-            if "file" not in entry:
-                extent(where, entry, mine.dimension)
         if "force" in entry:
             with mistakes.gather():
                 _check_force(mine, where, entry)

@@ -1,7 +1,6 @@
 """What follows from a mine's file by itself: the domain around its openings, the largest cell, the number of levels."""
 
 import functools
-import itertools
 import logging
 import os
 from collections.abc import Iterator
@@ -11,18 +10,20 @@ import numpy as np
 from common.errors import InputError
 from common.voigt import NAMES
 from mpm_core.constitutive.laws import Materials
+from mpm_core.geometry.shapes import Shape, shape_of
+from mpm_core.geometry.shapes.shape import Opening
 from mpm_core.grid.domain import base_cells
-from mpm_core.scene.far_field import LARGEST_ERROR, MOST_LEVELS, STRENGTH, FarField, Opening, bounds, derive_domain
+from mpm_core.scene.far_field import LARGEST_ERROR, MOST_LEVELS, STRENGTH, FarField, bounds, derive_domain
 from mpm_core.scene.insitu_stress import InsituStress
 from mpm_core.scene.scene import FACES, PLANES, virgin_excess
+from mpm_core.scene.scene_solids import prisms_of
+from mpm_core.settings import FileSettings, SolidSettings
 from workflow.accuracy import PRESETS
-from workflow.mine import Mine
-from workflow.shapes import check_form, extent
+from workflow.mine import Mine, shape_keys
+from workflow.shapes import check_form
 
 COARSE_CELL, LEVELS = 10.0, 4  # of a mine that names neither these nor its finest cell; fewer where its domain asks
 DEEPEST = 1e5  # m from the openings: virgin rock is not looked at further away
-TURNS = 60  # corners of an outline at most along whose edges a box around it is laid
-PIECES = 16  # boxes at most that cover a stretch of tunnel
 SAME = 1e-9  # share by which sizes differ that are the same
 
 
@@ -223,71 +224,21 @@ def _openings(mine: Mine) -> Iterator[Opening]:
 
 
 def _opening(mine: Mine, where: str, entry: dict) -> Iterator[Opening]:
-    shape, dimension = entry.get("shape"), mine.dimension
-    if "file" in entry and shape != "prism":
+    if "file" not in entry:
+        yield from shape_of(entry, mine.dimension, where).openings(mine.dimension)
+    elif "shape" in entry:
+        for prism in _prisms(mine, where, entry):
+            yield from prism.openings(mine.dimension)
+    else:
         path = mine.path(entry["file"])
         stamp = os.stat(path)
         yield _of_file(str(path), entry["name"], _picked(entry), stamp.st_mtime_ns, stamp.st_size)
-        return
-    if "file" in entry:
-        for prism in _prisms(mine, entry):
-            yield from _opening(mine, where, prism)
-        return
-    lower, upper = extent(where, entry, dimension)
-    if shape == "tunnel":
-        path = np.array(entry["path"], float)
-        for start, end in itertools.pairwise(path):
-            if (start != end).any():
-                yield _stretch(start, end, entry["width"], entry["height"])
-        return
-    sides, volume = upper - lower, float(np.prod(upper - lower))
-    if shape == "prism":
-        plan, area = _around(np.array(entry["polygon"], float))
-        bottom, top = ("base", "top") if "top" in entry else ("lower", "upper")
-        height = float(np.mean(np.subtract(entry[top], entry[bottom])))
-        sides, volume = np.append(plan, height), area * height
-    elif shape == "polygon":
-        sides, volume = _around(np.array(entry["points"], float))
-    elif shape == "cylinder" and dimension == 3:
-        length = float(np.linalg.norm(np.subtract(entry["end"], entry["start"])))
-        sides = np.array([2 * entry["radius"], 2 * entry["radius"], length])
-        volume = np.pi * entry["radius"] ** 2 * length
-    elif shape in ("sphere", "circle", "cylinder"):
-        volume *= np.pi / (6 if dimension == 3 else 4)
-    yield Opening(lower, upper, sides, volume, np.stack([lower, upper])[None])
-
-
-def _stretch(start: np.ndarray, end: np.ndarray, width: float, height: float) -> Opening:
-    """A straight stretch of tunnel along the middle of its floor; what it lacks in length its neighbours have."""
-    length = float(np.linalg.norm(end - start))
-    count = int(np.clip(length / max(width, height), 1, PIECES))
-    points = start + np.linspace(0, 1, count + 1)[:, None] * (end - start)
-    low, high = np.minimum(points[:-1], points[1:]), np.maximum(points[:-1], points[1:])
-    # across its run in plan; the floor of a tunnel lies under it
-    run = np.abs((end - start)[:2])
-    across = 0.5 * width * (run[::-1] / np.linalg.norm(run) if run.any() else np.ones(2))
-    parts = np.stack([low - np.append(across, 0.0), high + np.append(across, height)], axis=1)
-    sides = np.array([max(length, width, height), width, height])
-    return Opening(parts[:, 0].min(axis=0), parts[:, 1].max(axis=0), sides, length * width * height, parts)
-
-
-def _around(polygon: np.ndarray) -> tuple[np.ndarray, float]:
-    """Sides (2,) m of the smallest box along an edge of a polygon (point, 2) m, and the polygon's area m2."""
-    local = polygon - polygon[0]
-    (x, y), (x_next, y_next) = local.T, np.roll(local, -1, axis=0).T
-    area = 0.5 * abs(float(np.sum(x * y_next - x_next * y)))
-    edges = np.roll(local, -1, axis=0) - local
-    edges = edges[np.hypot(*edges.T) > 0][:: len(edges) // TURNS + 1]
-    along = edges / np.hypot(*edges.T)[:, None]
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    widths = np.stack([np.ptp(local @ along.T, axis=0), np.ptp(local @ across.T, axis=0)], axis=1)
-    return widths[np.argmin(widths.prod(axis=1))], area
 
 
 def _picked(entry: dict) -> tuple:
     """What of a file is meant, as a tuple that a cache may keep."""
-    keys = ("layer", "element", "units", "scale", "offset")
-    return tuple((key, tuple(entry[key]) if key == "offset" else entry[key]) for key in keys if key in entry)
+    keys = [key for key in FileSettings.model_fields if key in entry and key != "file"]
+    return tuple((key, tuple(entry[key]) if key == "offset" else entry[key]) for key in keys)
 
 
 @functools.cache
@@ -306,16 +257,11 @@ def _of_file(path: str, name: str, picked: tuple, stamp: int, size: int) -> Open
     return Opening(lower, upper, sides, volume, np.stack([lower, upper])[None])
 
 
-def _prisms(mine: Mine, entry: dict) -> list[dict]:
-    """Keys of a prism for each outline of its drawing; holes in them count as mined."""
-    from mpm_core.scene.scene_solids import prisms_of
-    from mpm_core.settings import SolidSettings
-
-    shape = {key: entry[key] for key in SolidSettings.model_fields if key in entry and key != "outside"}
+def _prisms(mine: Mine, where: str, entry: dict) -> list[Shape]:
+    """A prism for each outline of a drawing; holes in them count as mined."""
+    keys = shape_keys(entry) | {"name": entry["name"], "file": mine.path(entry["file"]).as_posix()}
     with _quiet():
-        made = prisms_of(SolidSettings.of(shape | {"file": mine.path(entry["file"]).as_posix()}, "excavations"))
-    keys = ("shape", "polygon", "lower", "upper", "base", "top")
-    return [{key: prism[key] for key in keys if key in prism} for prism in made]
+        return prisms_of(SolidSettings.of(keys, where), where)
 
 
 class _quiet:

@@ -8,10 +8,15 @@ that month.
 from common.voigt import NAMES
 from mpm_core.equilibrium.perturbation import LARGEST_OVERSTRESS
 from mpm_core.scene.scene import parse_scene
+from mpm_core.settings import ShapeSettings
 from workflow.plan import Plan
 
-NOT_SHAPE = ("name", "step", "fill", "filled", "pressure", "material", "refine", "outside", "force", "toward")
 GRID_KEYS = ("coarse_cell", "levels", "buffer_cells", "cut_cells", "volume_error", "resized_by")
+
+
+def shape_keys(entry: dict) -> dict:
+    """Of an excavation, rock body or load, what says its shape or file."""
+    return {key: entry[key] for key in ShapeSettings.model_fields if key in entry}
 
 
 class Mine(Plan):
@@ -38,7 +43,7 @@ class Mine(Plan):
 
     def _shape(self, entry: dict) -> dict:
         """Name and shape of a solid, its file as a path from the working directory."""
-        made = {key: value for key, value in entry.items() if key not in NOT_SHAPE}
+        made = shape_keys(entry)
         if entry.get("outside"):
             made["outside"] = True
         if "file" in made:
@@ -77,9 +82,14 @@ class Mine(Plan):
 
         def load(entry: dict) -> dict:
             toward = {"toward": entry["toward"]} if "toward" in entry else {}
-            shape = {key: value for key, value in entry.items() if key not in NOT_SHAPE}
             since = self.step_index(entry["step"])
-            return {"name": entry["name"], "since": since, "force": entry["force"], **toward, "shape": shape}
+            return {
+                "name": entry["name"],
+                "since": since,
+                "force": entry["force"],
+                **toward,
+                "shape": shape_keys(entry),
+            }
 
         def listed(section: str) -> list[dict]:
             return [entry for entry in values.get(section, []) if self.step_index(entry["step"]) <= last]

@@ -13,6 +13,7 @@ import numpy as np
 from common.errors import InputError
 
 BESIDE = 1e-6  # of the size of all lines: how far beside a piece one looks. What is thinner is not seen
+MAX_BOX_DIRECTIONS = 60  # edges of a line along which a box around it is laid
 CHUNK = 1 << 22  # pairs of edges, or of a place and an edge, at once
 
 
@@ -38,6 +39,19 @@ def is_convex(line: np.ndarray) -> bool:
     after = np.roll(edge, -1, axis=0)
     turn = np.arctan2(edge[:, 0] * after[:, 1] - edge[:, 1] * after[:, 0], np.sum(edge * after, axis=1))
     return bool((np.sign(turn) == np.sign(turn[0])).all() and turn[0] != 0.0 and abs(turn.sum()) < 3.0 * np.pi)
+
+
+def box_around(line: np.ndarray) -> tuple[np.ndarray, float]:
+    """Sides (2,) m of the smallest box along an edge of a closed line (point, 2) m, and the line's area m2."""
+    local = line - line[0]
+    (x, y), (x_next, y_next) = local.T, np.roll(local, -1, axis=0).T
+    area = 0.5 * abs(float(np.sum(x * y_next - x_next * y)))
+    edges = np.roll(local, -1, axis=0) - local
+    edges = edges[np.hypot(*edges.T) > 0][:: len(edges) // MAX_BOX_DIRECTIONS + 1]
+    along = edges / np.hypot(*edges.T)[:, None]
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    widths = np.stack([np.ptp(local @ along.T, axis=0), np.ptp(local @ across.T, axis=0)], axis=1)
+    return widths[np.argmin(widths.prod(axis=1))], area
 
 
 def nest(lines: list[np.ndarray], height: float | None = None) -> list[Outline]:

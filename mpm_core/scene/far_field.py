@@ -12,10 +12,10 @@ everywhere but in six points. Openings other than that have the radius a of the 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
+from mpm_core.geometry.shapes.shape import Opening
 from mpm_core.grid.domain import marks_memory
 
 MOST_ERROR = 0.005  # share of the largest wall stress
@@ -28,19 +28,6 @@ MEMORY, STRENGTH = "memory", "strength"
 HIGHEST = 1e9  # m: elevations that bound nothing
 FILLED = 0.9  # least share of the height in which rock bears its stress that whole base cells make use of
 SNAP = 1e-6  # of a cell: round-off of coordinates makes no further cell
-
-
-class Opening(NamedTuple):
-    """One solid that is mined or loaded: corners (d,) m of its box, its own sides (d,) m and volume m^d.
-
-    sides: of a box around it in any orientation; parts (part, 2, d) m: boxes that cover it, a tunnel's along its path.
-    """
-
-    lower: np.ndarray
-    upper: np.ndarray
-    sides: np.ndarray
-    volume: float
-    parts: np.ndarray
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ import numpy as np
 from common.errors import InputError
 from mpm_core.geometry.bodies import join
 from mpm_core.geometry.inside import contains
-from mpm_core.geometry.shapes import build_shape
+from mpm_core.geometry.shapes import Shape, checked, shape_of, solid_of
+from mpm_core.geometry.shapes.prism import DrawnPrism
 from mpm_core.geometry.solid_files import Picked, read_outlines, read_solid
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.domain import Domain
@@ -27,35 +28,36 @@ def read_solids(
     dimension = len(domain.lower)
     solids = []
     for entry in (SolidSettings.of(one, section) for one in entries):
+        where = f"{section}.{entry.name}"
         try:
-            if entry.file and dimension == 2:
-                raise InputError(f"{entry.name}: file: a plane strain scene needs a shape in its plane, not a solid")
-            if entry.file and entry.shape:
-                solids.append(_joined([build_shape(prism, dimension) for prism in prisms_of(entry)]))
-            elif entry.file:
-                solids.append(read_solid(entry.file, entry.name, Picked.of(entry.given())))
-            else:
-                solids.append(build_shape(entry.given(), dimension))
+            solids.append(_read(entry, dimension, where))
         except InputError as error:
-            raise InputError(f"{section}.{entry.name}: {str(error).removeprefix(entry.name + ': ')}") from error
+            if str(error).startswith((f"{where}.", f"{where}: ")):
+                raise
+            raise InputError(f"{where}: {str(error).removeprefix(entry.name + ': ')}") from error
         check_inside(solids[-1], domain, section, bool(entry.file), may_miss)
         if entry.outside:
             solids[-1] = Outside(solids[-1], domain.lower, domain.upper)
     return solids
 
 
-def prisms_of(entry: SolidSettings) -> list[dict]:
-    """Keys of a prism for each outline of its drawing; `height` stands on each polyline's own elevations."""
+def _read(entry: SolidSettings, dimension: int, where: str) -> Solid:
+    """The solid of an entry. Raises InputError."""
+    if not entry.file:
+        return solid_of(shape_of(entry.given(), dimension, where), dimension, entry.name)
+    if dimension == 2:
+        raise InputError(f"{where}.file: a plane strain scene needs a shape in its plane, not a solid")
+    if entry.shape:
+        return _joined([solid_of(prism, dimension, entry.name) for prism in prisms_of(entry, where)])
+    return read_solid(entry.file, entry.name, Picked.of(entry.given()))
+
+
+def prisms_of(entry: SolidSettings, where: str) -> list[Shape]:
+    """The prism of each outline of an entry's drawing. Raises InputError."""
     given = entry.given()
-
-    def ring(line: np.ndarray) -> dict:
-        if not entry.height:
-            return {"polygon": line[:, :2].tolist(), "lower": entry.lower, "upper": entry.upper}
-        level = line[:, 2]
-        return {"polygon": line[:, :2].tolist(), "base": level.tolist(), "top": (level + entry.height).tolist()}
-
+    drawn = DrawnPrism.of({key: given[key] for key in DrawnPrism.model_fields if key in given}, where)
     outlines = read_outlines(entry.file, entry.name, Picked.of(given), entry.height)
-    return [given | ring(outline.line) | {"holes": [ring(hole) for hole in outline.holes]} for outline in outlines]
+    return [checked(drawn.prism(outline), 3, where) for outline in outlines]
 
 
 def _joined(solids: list[Solid]) -> Solid:

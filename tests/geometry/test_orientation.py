@@ -8,6 +8,8 @@ import trimesh
 
 from common.errors import InputError
 from mpm_core.geometry import Solid, build_shape, contains, read_solid
+from mpm_core.geometry.shapes import solid_of
+from mpm_core.geometry.shapes.polygon import Polygon
 from tests.geometry.solid_twins import joined, moved
 
 BALL = Solid("ball", (ball := trimesh.creation.icosphere(subdivisions=3)).vertices * 4.0, ball.faces)
@@ -128,7 +130,7 @@ def test_volume_of_an_open_shaft_is_that_of_its_section_times_its_length(tmp_pat
         pytest.param(joined(CUBE, moved(CUBE, shift=[2.0, 2.0, 2.0])), 120.0, id="overlapping"),
         pytest.param(joined(BALL, moved(BALL, np.eye(3) * 0.5)), BALL.volume, id="body within"),
         pytest.param(
-            build_shape({"name": "bow", "shape": "polygon", "points": [[0, 0], [4, 4], [4, 0], [0, 2]]}, 2),
+            solid_of(Polygon.of({"points": [[0, 0], [4, 4], [4, 0], [0, 2]]}), 2, "bow"),
             20.0 / 3.0,
             id="bow tie",
         ),

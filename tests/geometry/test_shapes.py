@@ -7,6 +7,8 @@ import pytest
 
 from common.errors import InputError
 from mpm_core.geometry import Solid, build_shape, contains
+from mpm_core.geometry.shapes import solid_of
+from mpm_core.geometry.shapes.prism import Prism
 
 RAMP = [[0, 0, 0], [40, 0, 0], [70, 30, 0], [70, 80, 0]]
 BEND_3D = [
@@ -110,9 +112,10 @@ def test_tunnel_corner_has_no_notch_where_stretches_overlap():
 
 
 def test_self_crossing_polygon_is_a_prism_of_its_two_loops():
-    """A figure of eight of unequal loops: both wind by one, in opposite senses, and both are inside."""
+    """A figure of eight of unequal loops, which check() refuses: both wind by one, in opposite senses, and both are
+    inside."""
     polygon = [[0, 0], [8, 6], [8, 0], [0, 4]]
-    prism = build_shape({"name": "p", "shape": "prism", "polygon": polygon, "lower": 0, "upper": 2}, 3)
+    prism = solid_of(Prism.of({"polygon": polygon, "lower": 0, "upper": 2}), 3, "p")
     assert prism.is_closed
     assert contains(prism, [[0.5, 2, 1], [7.5, 2, 1], [3.2, 3.9, 1], [3.2, 0.5, 1]]).tolist() == [
         True,
@@ -125,57 +128,61 @@ def test_self_crossing_polygon_is_a_prism_of_its_two_loops():
 @pytest.mark.parametrize(
     ("dimension", "specification", "message"),
     [
-        (3, {"shape": "egg"}, "stope: shape: 'egg' is not one of the 3-D shapes box"),
-        (2, {"shape": "tunnel"}, "stope: shape: 'tunnel' is not one of the 2-D shapes box"),
-        (3, {"shape": "box", "lower": [0, 0, 0]}, "stope: upper: missing"),
-        (3, {"shape": "box", "lower": [0, 0], "upper": [1, 1, 1]}, "stope: lower: expected a point of 3 coordinates"),
+        (3, {"shape": "egg"}, "stope.shape: 'egg' is not one of the 3-D shapes box"),
+        (2, {"shape": "tunnel"}, "stope.shape: 'tunnel' is not one of the 2-D shapes box"),
+        (3, {"shape": "box", "lower": [0, 0, 0]}, "stope.upper: missing"),
+        (3, {"shape": "box", "lower": [0, 0], "upper": [1, 1, 1]}, "stope.lower: 2 coordinates; this scene has 3"),
         (
             2,
             {"shape": "box", "lower": [0, 0, 0], "upper": [1, 1, 1]},
-            "stope: lower: expected a point of 2 coordinates",
+            "stope.lower: 3 coordinates; this scene has 2",
         ),
-        (3, {"shape": "box", "lower": [0, 0, 0], "upper": [1, 0, 1]}, "stope: upper: must exceed lower"),
-        (3, {"shape": "box", "lower": [0, 0, "deep"], "upper": [1, 1, 1]}, "stope: lower: expected a point"),
-        (3, {"shape": "sphere", "center": [0, 0, float("nan")], "radius": 1}, "stope: center: expected a point"),
-        (3, {"shape": "sphere", "center": [0, 0, 0], "radius": -1}, "stope: radius: must be positive, not -1 m"),
-        (3, {"shape": "cylinder", "start": [1, 1, 1], "end": [1, 1, 1], "radius": 1}, "stope: end: is the same point"),
+        (3, {"shape": "box", "lower": [0, 0, 0], "upper": [1, 0, 1]}, "stope.upper: upside down"),
+        (3, {"shape": "box", "lower": [0, 0, "deep"], "upper": [1, 1, 1]}, "stope.lower[2]: 'deep' is not a number"),
+        (3, {"shape": "sphere", "center": [0, 0, float("nan")], "radius": 1}, "stope.center[2]: nan is out of range"),
+        (3, {"shape": "sphere", "center": [0, 0, 0], "radius": -1}, "stope.radius: -1 is out of range"),
+        (3, {"shape": "cylinder", "start": [1, 1, 1], "end": [1, 1, 1], "radius": 1}, "stope.end: the same point"),
         (
             3,
             {"shape": "tunnel", "path": [[1, 1, 1], [1, 1, 1]], "width": 1, "height": 1},
-            "stope: path: needs at least 2",
+            "stope.path: the same point",
         ),
         (
             3,
             {"shape": "tunnel", "path": [[0, 0, 0], [0, 0, 9]], "width": 1, "height": 1},
-            "stope: path: stretch 1 is too",
+            "stope.path: stretch 1 is too",
         ),
-        (3, {"shape": "tunnel", "path": [[0, 0, 0], [9, 0, 0]], "width": 0, "height": 1}, "stope: width: must be pos"),
+        (
+            3,
+            {"shape": "tunnel", "path": [[0, 0, 0], [9, 0, 0]], "width": 0, "height": 1},
+            "stope.width: 0 is out",
+        ),
         (
             3,
             {"shape": "tunnel", "path": [[0, 0, 0], [9, 0, 0]], "width": 1, "height": 1, "profile": "oval"},
-            "stope: profile: 'oval' is not one of rectangular, arched",
+            "stope.profile: 'oval' is not one of rectangular, arched",
         ),
         (
             3,
             {"shape": "tunnel", "path": [[0, 0, 0], [9, 0, 0]], "width": 4, "height": 1, "profile": "arched"},
-            "stope: height: an arched profile needs at least half its width",
+            "stope.height: an arched profile needs at least half its width",
         ),
         (
             3,
             {"shape": "prism", "polygon": [[0, 0], [1, 1], [2, 2]], "lower": 0, "upper": 1},
-            "stope: polygon: needs at",
+            "stope.polygon: needs three",
         ),
         (
             3,
             {"shape": "prism", "polygon": [[0, 0], [1, 0], [1, 1]], "lower": 1, "upper": 1},
-            "stope: upper: must be abo",
+            "stope.upper: upside down",
         ),
         (
             3,
             {"shape": "prism", "polygon": [[0, 0], [1, 0], [1, 1]], "base": [0, 0], "top": 1},
-            "stope: base: expected one",
+            "stope.top: 1 is not of type 'array'",
         ),
-        (2, {"shape": "polygon", "points": [[0, 0], [1, 1], [0, 0]]}, "stope: polygon: encloses no volume"),
+        (2, {"shape": "polygon", "points": [[0, 0], [1, 1], [0, 0]]}, "stope.points: needs three points"),
     ],
 )
 def test_wrong_shape_is_refused_by_name_and_key(dimension, specification, message):
