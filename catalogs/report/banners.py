@@ -3,6 +3,7 @@
 import json
 
 from catalogs.report.inputs import Evidence
+from catalogs.report.section_numbers import section_number
 from catalogs.report.text import MAX_NAMED, number, percent, plural, typeset
 
 MAX_OPEN_SHARE = 0.05  # Share of an excavation's volume that may depend on how its surface is closed without a banner.
@@ -49,7 +50,7 @@ def draft(evidence: Evidence) -> str:
     """What a draft changes of what the mine's file says."""
     lost = json.loads(evidence.grid.attrs.get("draft_would_lose", "[]"))
     cells = "" if lost else "cells of twice the size, "
-    text = f"A draft: {cells}looser tolerances and larger increments than section 13 says. "
+    text = f"A draft: {cells}looser tolerances and larger increments than section {section_number('config')} says. "
     if lost:
         text += f"Its cells are those of the mine's file, since hardly any of twice the size would lie in {lost[0]}"
         text += f" and {plural(len(lost) - 1, 'other excavation')}. " if len(lost) > 1 else ". "
@@ -67,7 +68,7 @@ def off_volume(evidence: Evidence) -> str:
     more = f" and {len(off) - MAX_NAMED} more" if len(off) > MAX_NAMED else ""
     return (
         f"The grid misses the volume of {plural(len(off), 'excavation')} by more than {percent(MAX_VOLUME_ERROR)}: "
-        f"{named}{more}. Refine the grid, or check whether these solids are closed (section 2)."
+        f"{named}{more}. Refine the grid, or check whether these solids are closed (section {section_number('scene')})."
     )
 
 

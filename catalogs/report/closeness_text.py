@@ -3,6 +3,7 @@
 import numpy as np
 
 from catalogs.report.inputs import Evidence
+from catalogs.report.section_numbers import section_number
 from catalogs.report.text import fixed, percent, whole, with_unit
 from catalogs.size_law import NONE
 from catalogs.sizes import estimate_b, log_potency
@@ -42,7 +43,7 @@ def intervals_contain(evidence: Evidence, rows: list[dict]) -> list[str]:
         return []
     low, high = (pick(known, key=lambda row: row["b"]) for pick in (min, max))
     own = next(row["closeness"] for row in rows if row["own"])
-    range_of_b = f"{fixed(low['b'], 2)} to {fixed(high['b'], 2)} (section 6)."
+    range_of_b = f"{fixed(low['b'], 2)} to {fixed(high['b'], 2)} (section {section_number('sizes')})."
     values = [float(row["closeness"]) for row in known]
     tried = f"at a closeness of {min(values):g} to {max(values):g}"
     tried += " and with links over faces to corners" if len({row["over"] for row in known}) > 1 else ""

@@ -7,6 +7,7 @@ import xarray as xr
 
 from catalogs.exposure import DAY, window
 from catalogs.report.inputs import Evidence
+from catalogs.report.section_numbers import section_number
 from catalogs.report.text import number, percent, plural, typeset, whole
 from catalogs.sizes import log_potency
 
@@ -28,7 +29,7 @@ def missing_potency(evidence: Evidence) -> list[str]:
     where = typeset(worst["truncated_where"]).split(";")[0]
     which = "the dated steps" if short else "the steps before the record" if evidence.steps else "the elastic stage"
     text = f"In {which}, {span} of the rock that reached its strength lies in cells too coarse to fail"
-    place = f"; most in {worst['step']}, {where}. Refine the grid there (section 11)."
+    place = f"; most in {worst['step']}, {where}. Refine the grid there (section {section_number('truncated')})."
     if not short or evidence.catalog is None:
         return [text + place]
     sums = [_potency(evidence.catalog, step["step"]) for step in short]

@@ -22,6 +22,7 @@ from catalogs.report.grid_convergence_text import MAX_ERROR_SHARE, discretisatio
 from catalogs.report.head import caption, missing_potency, step_rows
 from catalogs.report.inputs import Evidence, read_evidence
 from catalogs.report.record_text import sentences
+from catalogs.report.section_numbers import SECTIONS, section_number
 from catalogs.report.spread_text import headline as headline_of_spread
 from catalogs.report.text import fixed, number, percent, whole
 from common.datasets import atomic_path
@@ -91,6 +92,8 @@ def write_report(
         step_caption=caption(evidence) if evidence.dated else "",
         many=sections.MAX_ROWS_UNFOLDED,
         limits=LIMITS,
+        contents=SECTIONS,
+        section_number=section_number,
         config_lines=text.config_lines(config, default),
         versions=_versions(evidence),
         files=[(_short(path, output), attributes) for path, attributes in evidence.files.items()],

@@ -10,6 +10,7 @@ from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
 from catalogs.mean_axes import MAX_CONE
 from catalogs.report import page
 from catalogs.report.grid_convergence_text import MAX_ERROR_SHARE
+from catalogs.report.section_numbers import SECTIONS
 from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY
 
 LIMITS = {
@@ -30,8 +31,19 @@ def test_every_limit_that_the_page_names_is_that_of_the_code():
     assert B_MAGNITUDE_PER_B_POTENCY == 1.5
 
 
+def test_sections_stand_in_the_order_of_their_numbers():
+    """Contents, headings and sentences take a section's number from SECTIONS; no heading has one of its own."""
+    template = (page.TEMPLATES / "report.html.j2").read_text()
+    headings = re.findall(r'<section id="(\w+)">\n<h2[^>]*>(.{12,}?\}\})', template)
+    assert headings == [(section, f'{{{{ section_number("{section}") }}}}') for section in SECTIONS]
+    assert not re.search(r"<h2[^>]*>\d", template)
+    texts = [path.read_text() for path in page.TEMPLATES.parent.glob("*.py")]
+    assert len(texts) > 10
+    assert not [text for text in texts if re.search(r"\bsection \d", text)]
+
+
 def test_the_template_has_no_number_of_its_own_in_its_sentences():
-    """But 95 %, which is what an interval is, and the page's own section numbers and styles."""
+    """But 95 %, which is what an interval is, and the page's own styles."""
     template = (page.TEMPLATES / "report.html.j2").read_text()
     body = template[template.index("<body>") :]
     sentences = re.findall(r"<p>.*?</p>|picture\(.*?\) \}\}", body, flags=re.DOTALL)
