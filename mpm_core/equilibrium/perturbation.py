@@ -20,9 +20,9 @@ LARGEST_DELAY = 0.5  # of an increment: their order stays
 def borne_overstress(model: Model) -> np.ndarray:
     """Overstress that each particle bears in this member before it fails, beside the margin: (particle,) Pa; else 0.
 
-    Uniform between 0 and 1 % of intact cohesion: never less than in the mine's own run, so virgin rock stands. The
-    number is a hash of member and place: the same on whatever grid the particle is found. The place of rock that is
-    alone in its cell is the cell's centre, which no later wall moves.
+    Uniform between 0 and LARGEST_OVERSTRESS of intact cohesion: never less than in the mine's own run, so virgin rock
+    stands. The number is a hash of member and place: the same on whatever grid the particle is found. The place of rock
+    that is alone in its cell is the cell's centre, which no later wall moves.
     """
     scene, particles = model.scene, model.particles
     result = np.zeros(particles.count)

@@ -1,6 +1,7 @@
 """Members of an ensemble: rock fails a little later, by a number of its place, and is taken out in other parts."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -28,6 +29,7 @@ from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels import block_scatter
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
+ROOT = Path(__file__).resolve().parents[2]
 WEAK = COULOMB | {"cohesion": {"intact": 1e6, "residual": 0.5e6}}
 
 
@@ -187,3 +189,8 @@ def test_a_slice_without_the_key_is_the_mines_own_run():
     """So that an ensemble changes nothing of what stands."""
     assert make_scene().perturbation == 0
     assert make_scene(perturbation=4).perturbation == 4
+
+
+def test_the_method_page_states_the_largest_overstress():
+    page = (ROOT / "docs/explanation/failure-and-increments.md").read_text(encoding="utf-8")
+    assert f"bears up to {100 * LARGEST_OVERSTRESS:g} % of its cohesion more" in " ".join(page.split())
