@@ -190,11 +190,6 @@ def _mechanisms(catalog: xr.Dataset) -> list[FocalMechanism | None]:
     return found
 
 
-def read_quakeml(path: str | os.PathLike) -> Catalog:
-    """ObsPy's catalogue of a QuakeML file. Raises InputError if it is missing or not QuakeML."""
-    return parse_quakeml(quakeml_bytes(path), path)
-
-
 def quakeml_bytes(path: str | os.PathLike) -> bytes:
     """What a file holds: ObsPy would unpack it by its name's ending alone. Raises InputError if it is missing."""
     try:
@@ -211,14 +206,6 @@ def parse_quakeml(content: bytes, path: str | os.PathLike) -> Catalog:
             return read_events(io.BytesIO(content), format="QUAKEML")
     except Exception as error:  # ObsPy lets through whatever its XML parser raises
         raise InputError(f"{path}: not QuakeML 1.2 ({type(error).__name__}: {error})") from error
-
-
-def read_catalog(path: str | os.PathLike) -> xr.Dataset:
-    """The catalogue that write_quakeml wrote, identical: every variable and attribute. Raises InputError for others."""
-    catalog = own_catalog(read_quakeml(path))
-    if catalog is None:
-        raise InputError(f"{path}: no {PREFIX} namespace in it; read it as a record (reader quakeml)")
-    return catalog
 
 
 def own_catalog(events: Catalog) -> xr.Dataset | None:

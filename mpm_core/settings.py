@@ -144,6 +144,16 @@ class StrengthPair(Settings):
     residual: StrengthPart
 
 
+def lame_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float, float]:
+    """(lambda, shear modulus) in Pa from Young's modulus in Pa and Poisson's ratio; numbers or arrays.
+
+    >>> lame_parameters(57e9, 0.25)
+    (22800000000.0, 22800000000.0)
+    """
+    lame_lambda = youngs_modulus * poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio))
+    return lame_lambda, youngs_modulus / (2 * (1 + poisson_ratio))
+
+
 class MaterialSettings(Settings):
     """What all rocks and fills have. A law of failure (mpm_core.constitutive.laws) adds its strength."""
 
@@ -155,12 +165,12 @@ class MaterialSettings(Settings):
     @property
     def lame_lambda(self) -> float:
         """First Lame parameter, Pa."""
-        return self.youngs_modulus * self.poisson_ratio / ((1 + self.poisson_ratio) * (1 - 2 * self.poisson_ratio))
+        return lame_parameters(self.youngs_modulus, self.poisson_ratio)[0]
 
     @property
     def shear_modulus(self) -> float:
         """Shear modulus, Pa."""
-        return self.youngs_modulus / (2 * (1 + self.poisson_ratio))
+        return lame_parameters(self.youngs_modulus, self.poisson_ratio)[1]
 
 
 class ElasticMaterial(MaterialSettings):

@@ -36,13 +36,6 @@ def first_motion(tensor: np.ndarray, samples: int = PIXELS_ACROSS) -> tuple[np.n
     return line, line, np.einsum("...i,ij,...j->...", ray, tensor / scale if scale > 0 else tensor, ray)
 
 
-def shaded_share(tensor: np.ndarray, samples: int = PIXELS_ACROSS) -> float:
-    """Share of the lower hemisphere with outward first motion: 0.5 for a double couple, 1 for an explosion."""
-    x, y, motion = first_motion(tensor, samples)
-    inside = x[None, :] ** 2 + y[:, None] ** 2 <= 1.0
-    return float((motion[inside] > 0).mean())
-
-
 def draw_ball(axes: Axes, tensor: np.ndarray, colour: str = style.MODELLED) -> None:
     """Draw one ball: coloured where first motion is outward (dilated, as the paper's Fig. 16), white where inward."""
     x, y, motion = first_motion(tensor)

@@ -1,4 +1,4 @@
-"""The constitutive kernels over arrays of particles: for benchmarks, tests and whole-model diagnostics."""
+"""The return to the strength surface over arrays of particles: for studies, benchmarks and tests."""
 
 import functools
 
@@ -44,24 +44,3 @@ def make_return_particles(law):
                 plastic_strain[p, 5] += exy
 
     return return_particles
-
-
-@functools.cache
-def make_strength_of_particles(law):
-    """The kernel for a law."""
-    length = law.ROW_LENGTH
-
-    @njit(cache=True, parallel=True, error_model="numpy")
-    def strength_of_particles(stress, rows, indices, factor, excess):
-        """Strength factor and excess shear stress of each particle, written in place.
-
-        stress (particle, 6) Pa; rows (row, ROW_LENGTH); indices (particle,); factor (particle,); excess (particle,) Pa.
-        """
-        for p in prange(stress.shape[0]):
-            xx, yy, zz = stress[p, 0], stress[p, 1], stress[p, 2]
-            yz, xz, xy = stress[p, 3], stress[p, 4], stress[p, 5]
-            row = strength_of(rows, indices[p], length)
-            factor[p] = law.strength_factor(xx, yy, zz, yz, xz, xy, row)
-            excess[p] = law.excess_shear_stress(xx, yy, zz, yz, xz, xy, row)
-
-    return strength_of_particles

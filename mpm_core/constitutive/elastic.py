@@ -4,28 +4,7 @@ Tensors are six numbers xx, yy, zz, yz, xz, xy with TENSOR shear (half the engin
 The kernels are scalar for use inside loops over particles; numba also compiles them for whole arrays.
 """
 
-import math
-
 from numba import njit
-
-from common.errors import InputError
-
-
-def lame_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float, float]:
-    """(lambda, shear modulus) in Pa from Young's modulus in Pa and Poisson's ratio.
-
-    Raises InputError unless the modulus is positive and 0 <= ratio < 0.5 (no rock is known to be auxetic, and the
-    return to the Coulomb surface counts on lambda >= 0).
-
-    >>> lame_parameters(57e9, 0.25)
-    (22800000000.0, 22800000000.0)
-    """
-    if not (math.isfinite(youngs_modulus) and youngs_modulus > 0.0):
-        raise InputError(f"youngs_modulus: {youngs_modulus} Pa: must be positive")
-    if not 0.0 <= poisson_ratio < 0.5:
-        raise InputError(f"poisson_ratio: {poisson_ratio}: must be at least 0 and below 0.5")
-    shear_modulus = youngs_modulus / (2.0 * (1.0 + poisson_ratio))
-    return 2.0 * shear_modulus * poisson_ratio / (1.0 - 2.0 * poisson_ratio), shear_modulus
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -86,8 +86,3 @@ def residual_outside_intact(intact: np.ndarray, residual: np.ndarray) -> str:
             f"tension_cutoff, or raise the intact cohesion (intact unconfined strength: {strengths})"
         )
     return ""
-
-
-def residual_inside_intact(intact: np.ndarray, residual: np.ndarray) -> bool:
-    """Whether the residual strength surface lies inside the intact one for all stresses."""
-    return not residual_outside_intact(intact, residual)

@@ -32,16 +32,22 @@ def rotation(first: float, second: float, third: float) -> np.ndarray:
     return about(2, first) @ about(0, second) @ about(2, third)
 
 
+def shaded_share(tensor: np.ndarray) -> float:
+    """Share of the lower hemisphere with outward first motion."""
+    x, y, motion = beachballs.first_motion(tensor)
+    return float((motion[np.hypot(x, y[:, None]) <= 1.0] > 0).mean())
+
+
 @given(some.tuples(*[some.floats(0, 6.28)] * 3))
 def test_half_of_any_double_couple_is_shaded(angles):
     """Its signs are antisymmetric under a quarter turn about B, so half of the sphere; 1 %: 201 samples across."""
     turn = rotation(*angles)
-    assert beachballs.shaded_share(turn @ DOUBLE_COUPLE @ turn.T) == pytest.approx(0.5, abs=0.01)
+    assert shaded_share(turn @ DOUBLE_COUPLE @ turn.T) == pytest.approx(0.5, abs=0.01)
 
 
 def test_explosion_is_full_and_implosion_empty():
-    assert beachballs.shaded_share(np.eye(3)) == 1.0
-    assert beachballs.shaded_share(-np.eye(3)) == 0.0
+    assert shaded_share(np.eye(3)) == 1.0
+    assert shaded_share(-np.eye(3)) == 0.0
 
 
 @pytest.mark.parametrize(("east", "north", "sign"), [(0.5, 0.5, 1), (-0.5, -0.5, 1), (-0.5, 0.5, -1), (0.5, -0.5, -1)])
@@ -62,7 +68,7 @@ def test_tensile_crack_is_outward_all_round():
     """A crack opening along x, lambda = mu: M = mu diag(3, 1, 1), all outward; its deviator has nodal planes."""
     moment = moment_from_potency(np.diag([1.0, 0.0, 0.0])[None], 1.0, 1.0)[0]
     np.testing.assert_allclose(moment, np.diag([3.0, 1.0, 1.0]))
-    assert beachballs.shaded_share(moment) == 1.0
+    assert shaded_share(moment) == 1.0
 
 
 @given(some.floats(0.01, 0.99), some.floats(0, 6.28))

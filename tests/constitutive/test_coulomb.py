@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_core.constitutive.elastic import lame_parameters, strain_from_stress
+from mpm_core.constitutive.elastic import strain_from_stress
 from mpm_core.constitutive.laws.coulomb import (
     STRENGTH_FACTOR_CAP,
     excess_shear_stress,
@@ -18,6 +18,7 @@ from mpm_core.constitutive.laws.coulomb import (
 )
 from mpm_core.constitutive.return_mapping import APEX_REGION, EDGE, ELASTIC, FACE, TENSION
 from mpm_core.constitutive.strength import strength_row
+from mpm_core.settings import lame_parameters
 
 from . import law_twins
 from .law_twins import matrix, rotated, rotation_from, strength_rows, stresses

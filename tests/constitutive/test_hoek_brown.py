@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, root
 
 from common.errors import InputError
-from mpm_core.constitutive.elastic import lame_parameters
 from mpm_core.constitutive.laws import hoek_brown
 from mpm_core.constitutive.laws.hoek_brown import (
     APEX,
@@ -32,6 +31,7 @@ from mpm_core.constitutive.laws.hoek_brown import (
 from mpm_core.constitutive.return_mapping import return_principal as coulomb_return
 from mpm_core.constitutive.return_regions import APEX_REGION, EDGE, ELASTIC, FACE, STRENGTH_FACTOR_CAP, TENSION
 from mpm_core.constitutive.strength import strength_row as coulomb_row
+from mpm_core.settings import lame_parameters
 
 from .law_twins import components, magnitudes, matrix, principal, rotated, rotation_from, stiffness, stresses
 

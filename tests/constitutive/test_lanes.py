@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numba import njit
 
-from mpm_core.constitutive.elastic import lame_parameters
 from mpm_core.constitutive.laws.coulomb import return_lanes, return_to_surface
 from mpm_core.constitutive.return_mapping import APEX_REGION, EDGE, ELASTIC, FACE, TENSION
 from mpm_core.constitutive.strength import strength_row
+from mpm_core.settings import lame_parameters
 from mpm_core.simd.choices import choose
 from mpm_core.simd.lanes import LANES, load, store
 

@@ -15,11 +15,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from common.setting_types import SI, told
 from mpm_core.constitutive import laws
-from mpm_core.constitutive.elastic import lame_parameters
 from mpm_core.constitutive.general import lane_by_lane
 from mpm_core.constitutive.laws import LAWS, any_material, can_fail, coulomb, law_of_all, rows_of_all
 from mpm_core.constitutive.mixture import mix
-from mpm_core.settings import ElasticMaterial
+from mpm_core.settings import ElasticMaterial, lame_parameters
 from mpm_core.simd.lanes import LANES, load, load_row, store
 
 from .law_twins import matrix

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, nnls
 
 from common.errors import InputError
-from mpm_core.constitutive.elastic import lame_parameters, strain_from_stress
+from mpm_core.constitutive.elastic import strain_from_stress
 from mpm_core.constitutive.laws import coulomb, weak_planes
 from mpm_core.constitutive.laws.weak_planes import (
     BOTH,
@@ -30,6 +30,7 @@ from mpm_core.constitutive.laws.weak_planes import (
 )
 from mpm_core.constitutive.return_regions import EDGE, ELASTIC, FACE, STRENGTH_FACTOR_CAP
 from mpm_core.constitutive.strength import DILATION_FACTOR, FRICTION_FACTOR, UNCONFINED_STRENGTH, strength_row
+from mpm_core.settings import lame_parameters
 
 from .law_twins import components, matrix, rotated, rotation_from, stresses
 

@@ -8,6 +8,7 @@ import pytest
 
 from mpm_core.multigrid.solver import ElasticSolver, Solution
 from mpm_core.multigrid.stiffness import ElasticCells
+from mpm_core.settings import lame_parameters
 from tests.mechanics.scenes import box, grid_around
 
 MODULUS = 57e9  # Pa
@@ -27,8 +28,7 @@ def tunnel_and_stope(base, levels: int, coarse: float = 8.0):
 def cells_of(grid, modulus, poisson_ratio=0.25, points=1, kappa=0.05, share=1.0) -> ElasticCells:
     """Constants by cell from Young's modulus (cell,) or one number, Pa."""
     dimension, size = grid.dimension, grid.cell_size
-    lame = modulus * poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio))
-    shear = modulus / (2 * (1 + poisson_ratio))
+    lame, shear = lame_parameters(modulus, poisson_ratio)
     scale = share * size**dimension * (2 / size / 2**dimension) ** 2
     constants = np.stack([lame * scale, shear * scale, 0 * scale, 0 * scale], axis=1)
     if points == 1:

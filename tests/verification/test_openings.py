@@ -43,7 +43,7 @@ def test_errors_bounds_and_extrapolations_are_those_of_the_numbers(monkeypatch):
         1.0 / 0.975 - 1
     )
     assert found["slot, dip 45, two cells across: energy, J"].passed is False
-    assert found["slot, dip 45, one cells across: energy, J"].passed is None
+    assert found["slot, dip 45, one cell across: energy, J"].passed is None
     assert len(figure.axes) == 3
 
 

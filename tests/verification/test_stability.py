@@ -10,8 +10,9 @@ from common.errors import InputError
 from verification.extremes.outcomes import ENDED as RUN_ENDED
 from verification.extremes.outcomes import RESTS, run
 from verification.extremes.relations import RELATIONS
+from verification.known_misses import KnownMiss
 from verification.stability.balances import broken, lacking
-from verification.stability.cases import Case, Knob, Known
+from verification.stability.cases import Case, Knob
 from verification.stability.drive import courant
 from verification.stability.judges import closure_error, front, mirrored, same_motion
 from verification.stability.keys import KEYS, SEVERAL_SEEDS
@@ -96,7 +97,7 @@ def test_a_wrong_answer_fails_unless_it_is_known_and_no_worse_than_that():
         return 0.3
 
     cases = [Case("s", number, hole(), judge, 0.1, known) for number, known in
-             enumerate((None, Known("so it is", 0.4), Known("so it was", 0.2)))]  # fmt: skip
+             enumerate((None, KnownMiss("so it is", 0.4), KnownMiss("so it was", 0.2)))]  # fmt: skip
     points = points_of(*cases)
     assert [point.kind for point in points] == [WRONG] * 3
     assert [point.fails for point in points] == [True, False, True]

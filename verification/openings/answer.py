@@ -122,7 +122,8 @@ def slots(results: Results) -> list[Row]:
             told = f"{share:.2f} of it in whole cells" + (": refused unless volume_error is 1" if refused else "")
             value = float(variant.elastic.attrs["energy_motion"])
             bound = None if refused else allowed[f"slots_{size}"]
-            rows.append(Row.relative(f"slot, dip {dip}, {size} cells across: energy, J", true, value, bound, told))
+            across = f"{size} cell{'' if size == 'one' else 's'} across"
+            rows.append(Row.relative(f"slot, dip {dip}, {across}: energy, J", true, value, bound, told))
     return rows
 
 

@@ -10,7 +10,7 @@ TABLES = (
     ),
     Pivot(
         "Energy of slots against fine cells (%)",
-        r"slot, (?P<row>dip \d+), (?P<column>\w+ cells across): energy, J",
+        r"slot, (?P<row>dip \d+), (?P<column>\w+ cells? across): energy, J",
         "change, %",
     ),
 )

@@ -10,7 +10,7 @@ from verification.peers.log_spiral import Slope
 from verification.peers.roof import lowering
 from verification.peers.slope import limits, rests
 from verification.plastic.answer import Run
-from verification.plastic.figure import BLOCK_HEIGHT, PER_ROW, draw_block
+from verification.plastic.figure import BLOCK_HEIGHT, blocks_of, draw_block
 from verification.results import Results, Variant
 
 LAST = 3.6  # inches: height of the row of roof and slope
@@ -24,7 +24,7 @@ def draw(results: Results, runs: list[Run]) -> Figure:
     """Blocks of holes, and a row of what else was run."""
     settings = results.settings
     columns = [(run.name, [run]) for run in runs]
-    blocks = [columns[start : start + PER_ROW] for start in range(0, len(columns), PER_ROW)]
+    blocks = blocks_of(columns)
     roofs = {name: printed for name, printed in settings["roof"].items() if name in results.variants}
     slopes = [name for name in settings["slope"]["factors"] if name in results.variants]
     panels = len(roofs) + 2 * bool(slopes)

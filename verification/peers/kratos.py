@@ -13,6 +13,7 @@ import numpy as np
 from mpm_core.constitutive.arrays import make_return_particles
 from mpm_core.constitutive.laws import coulomb
 from mpm_core.constitutive.strength import DILATION_FACTOR, strength_row
+from mpm_core.settings import lame_parameters
 
 FRICTION, COHESION, YOUNGS_MODULUS = 35.0, 10.0, 1e6
 
@@ -52,8 +53,7 @@ AS_STATED = tuple(replace(case, poisson_ratio=0.25) for case in CASES if case.re
 
 def ours(case: Return) -> np.ndarray:
     """Where the law `coulomb` returns a trial stress to, principal values (3,) as they were given."""
-    shear = YOUNGS_MODULUS / (2.0 * (1.0 + case.poisson_ratio))
-    lame = 2.0 * shear * case.poisson_ratio / (1.0 - 2.0 * case.poisson_ratio)
+    lame, shear = lame_parameters(YOUNGS_MODULUS, case.poisson_ratio)
     stress = np.array([[*case.trial, 0.0, 0.0, 0.0]], float)
     row = strength_row(FRICTION, case.dilation, COHESION, case.cutoff)
     one, strain = np.zeros(1, np.int64), np.zeros((1, 6))

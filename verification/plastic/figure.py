@@ -11,7 +11,7 @@ MPA = 1e-6
 REACH = 1.7  # plastic radii that profiles and maps show
 COLOURS = (style.MODELLED, style.RECORDED, style.BOTH)
 STRESSES = {2: ("radial", "hoop", "axial"), 3: ("radial", "hoop")}
-PER_ROW = 4  # columns of profile and map
+MAX_PER_ROW = 4  # Columns of profile and map beside each other.
 BLOCK_HEIGHT = 5.4  # inches, of both
 SHOWN = 1500  # particles of a profile, so that the file stays small
 
@@ -20,7 +20,7 @@ def draw(perfect: list, groups: dict[str, list]) -> Figure:
     """Profiles above, maps of the same runs below, spread of the members last; runs are answers.plastic.Run."""
     columns = [(run.name, [run]) for run in perfect]
     columns += [(f"{name}, first of {len(runs)}", runs) for name, runs in groups.items()]
-    blocks = [columns[start : start + PER_ROW] for start in range(0, len(columns), PER_ROW)]
+    blocks = blocks_of(columns)
     heights = [BLOCK_HEIGHT] * len(blocks) + [2.2] * bool(groups)
     figure = style.new_figure(height=sum(heights))
     parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
@@ -29,6 +29,13 @@ def draw(perfect: list, groups: dict[str, list]) -> Figure:
     if groups:
         spread(parts[-1].subplots(1, 3), groups)
     return figure
+
+
+def blocks_of(columns: list) -> list[list]:
+    """Columns in as few blocks of MAX_PER_ROW as hold them, all as long as the first but for the last."""
+    number = max(1, -(-len(columns) // MAX_PER_ROW))
+    per_row = max(1, -(-len(columns) // number))
+    return [columns[start : start + per_row] for start in range(0, len(columns), per_row)]
 
 
 def draw_block(part, block: list[tuple[str, list]]) -> None:

@@ -37,6 +37,7 @@ def draw(elastic: dict[str, dict[str, Variant]], brittle: dict[str, Pairs]) -> F
         panels = rows[0].subplots(1, len(elastic), squeeze=False)[0]
         for axes, (scene, schemes) in zip(panels, elastic.items(), strict=True):
             convergence(axes, scene, schemes)
+        rows[0].legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=len(NAMES))
     for row, (scene, pairs) in zip(rows[len(rows) - len(brittle) :], brittle.items(), strict=True):
         for axes, quantity in zip(row.subplots(1, len(LABELS)), LABELS, strict=True):
             compare(axes, quantity, pairs)
@@ -53,7 +54,6 @@ def convergence(axes: Axes, scene: str, schemes: dict[str, Variant]) -> None:
         axes.plot(np.maximum(iteration, 1), ratio, label=NAMES[way], **WAYS[way])
     axes.axhline(solver["tolerance"], color=style.OUTLINE, linewidth=0.6, linestyle=":")
     axes.set(xscale="log", yscale="log", title=f"{scene}, elastic", xlabel="iterations", ylabel="unbalanced force")
-    axes.legend(loc="lower left")
 
 
 def compare(axes: Axes, quantity: str, pairs: Pairs) -> None:

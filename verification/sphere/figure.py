@@ -28,6 +28,7 @@ def draw(fields: dict[str, tuple[Cavity, SphericalInclusion]], outer_radii: floa
         section(figure, axes[2:], cavity, exact)
     for axes in grid[-1, :2]:
         axes.set_xlabel("distance from the centre (m)")
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
     return figure
 
 
@@ -52,7 +53,6 @@ def profile(axes, name: str, cavity: Cavity, exact: SphericalInclusion, title: s
         )
     axes.axvline(cavity.radius, color=style.OUTLINE, linewidth=0.6, linestyle=":")
     axes.set(title=f"{name}, {title}", ylabel="stress (MPa)")
-    axes.legend(ncols=2)
 
 
 def section(figure: Figure, both, cavity: Cavity, exact: SphericalInclusion) -> None:

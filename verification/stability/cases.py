@@ -4,15 +4,8 @@ from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 
+from verification.known_misses import KnownMiss
 from verification.stability.judges import Judge
-
-
-@dataclass(frozen=True)
-class Known:
-    """A case that is converged and wrong, is known, and stays listed. at_most: its error may not grow beyond."""
-
-    reason: str
-    at_most: float
 
 
 @dataclass(frozen=True)
@@ -20,6 +13,7 @@ class Case:
     """value: of the knob, a number or in words; series: which scene, scheme or kind of rock, in words.
 
     judge: None where a sound state and its balances are all that can be asked (the page counts these by themselves).
+    known: why the case is converged and wrong all the same, and the error up to which it may be.
     under: what is driven within the process while it runs (drive.py). refused: how the line begins, and what else it
     says, that a mistake must be refused with; the mine is then read only.
     """
@@ -29,7 +23,7 @@ class Case:
     values: dict
     judge: Judge | None
     allowed: float
-    known: Known | None = None
+    known: KnownMiss | None = None
     under: Callable[[], AbstractContextManager] = nullcontext
     refused: tuple[str, str] | None = None
 

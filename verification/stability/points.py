@@ -142,7 +142,7 @@ def balances_of(outcome: Outcome) -> dict[str, float]:
 
 
 def _point(knob: Knob, case: Case, kind: str, error: float, message: str, facts: dict, seconds: float) -> Point:
-    known = case.known.reason if case.known and kind == WRONG else ""
+    known = case.known.cause if case.known and kind == WRONG else ""
     fails = kind == FAULT or (kind == WRONG and not (case.known and error <= case.known.at_most))
     facts = {name: facts.get(name, math.nan) for name in ("mass", "momentum_error", "net_force", "energy_left_share")}
     return Point(

@@ -8,7 +8,7 @@ equal increments. Its elements carry a water pressure, held at zero here. The pl
 did not converge on this block, and MPMApplication's material points step in time. Linear solver: elastic, conjugate
 gradients with AMGCL; Coulomb, sparse LU, which the quasi-Newton strategy takes whatever it is told.
 
-Run by equilibrium/measuring.py in an environment with kratos.txt; takes the file of a case, prints JSON. Seconds and
+Run by benchmarks/measuring.py in an environment with kratos.txt; takes the file of a case, prints JSON. Seconds and
 processor time are those of initialisation and solution, once nodes and elements are in memory.
 """
 

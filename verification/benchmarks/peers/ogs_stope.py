@@ -6,7 +6,7 @@ MohrCoulombAbboSloan; what held the walls up is taken away in equal increments. 
 iteration that brought it there). Eigen's conjugate gradients, for the unsymmetric matrices of non-associated flow
 BiCGSTAB, with a diagonal preconditioner: its ILUT took ten times as long.
 
-Run by equilibrium/measuring.py in an environment with ogs.txt; takes the file of a case, prints JSON. Seconds, memory
+Run by benchmarks/measuring.py in an environment with ogs.txt; takes the file of a case, prints JSON. Seconds, memory
 and processor time are those of the process `ogs`, from reading the mesh to the written result.
 """
 

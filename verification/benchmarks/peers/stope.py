@@ -3,7 +3,7 @@
 All codes stand on one mesh of equal cubes, the stope's cells left out. Needs numpy only: the peers run in environments
 of their own, from this folder.
 
-A case is the JSON that equilibrium/settings.py writes: `cells` of the block, `stope_lower`, `stope_upper` (first cell
+A case is the JSON that benchmarks/settings.py writes: `cells` of the block, `stope_lower`, `stope_upper` (first cell
 inside, first beyond) along x, y and z; `cell` m; `stress` xx, yy, zz Pa, tension positive; `youngs_modulus` Pa,
 `poisson_ratio`; for Coulomb rock `cohesion` Pa, `friction_angle`, `dilation_angle` degrees and `increments`;
 `tolerance`; `threads`.
