@@ -8,16 +8,17 @@ from common.setting_types import Length, Settings, real_number, refusal
 
 
 class Frame(Settings):
-    """Place of x east, y north, z up (m): latitude and longitude of the origin, or crs, or none (local only)."""
+    """Where the mine's coordinates (x east, y north, z up, m) lie on Earth. Give latitude and longitude of the origin,
+    or crs. Without either, results are in mine coordinates only."""
 
     latitude: real_number(ge=-90, le=90) = None
-    """of the frame's origin, degrees (WGS 84)"""
+    """Latitude of the origin of the coordinates, degrees (WGS 84)."""
     longitude: real_number(ge=-180, le=180) = None
-    """of the frame's origin, degrees (WGS 84)"""
+    """Longitude of the origin of the coordinates, degrees (WGS 84)."""
     crs: str = None
-    """instead: EPSG code, PROJ text or WKT of a projected system in metres"""
+    """Projected coordinate system in metres, instead of latitude and longitude: EPSG code, PROJ text or WKT."""
     surface: Length
-    """elevation of the ground, from which the depth of in-situ stress counts"""
+    """Elevation of the ground. The depth of in-situ stress counts from it."""
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:

@@ -28,57 +28,88 @@ TEXT_COLUMNS = ("time", MAGNITUDE_TYPE, "step", EVENT_TYPE, STATUS)
 
 
 class ColumnSettings(Settings):
-    """What the columns of a CSV file hold: kind of column, its name in the file."""
+    """Names of the columns of a CSV file, by what they hold. Units are these unless the file or record.units states
+    others."""
 
     time: choose(is_list, Annotated[tuple[str, ...], Field(min_length=1, max_length=3), AsTuple], str) = None
-    """Column of the time, or a list of up to three: date, time of day, offset. record.time_format, if it holds
-    numbers."""
+    """Column of the time, or a list of up to three: date, time of day, offset from UTC. If it holds numbers,
+    record.time_format says what they are."""
     year: str = None
-    """Instead of time: columns of year, month, day, and of hour, minute and second, as far as there are such
-    columns."""
+    """Column of the year. year, month and day, and hour, minute and second as far as there are such columns, stand in
+    place of time."""
     month: str = None
+    """Column of the month, 1 to 12."""
     day: str = None
+    """Column of the day of the month."""
     hour: str = None
+    """Column of the hour."""
     minute: str = None
+    """Column of the minute."""
     second: str = None
+    """Column of the second; it may have decimals."""
     x: str = None
+    """Column of x, east, in mine coordinates (m)."""
     y: str = None
+    """Column of y, north, in mine coordinates (m)."""
     z: str = None
+    """Column of z, up, in mine coordinates (m)."""
     latitude: str = None
+    """Column of the latitude, degrees (WGS 84)."""
     longitude: str = None
+    """Column of the longitude, degrees (WGS 84)."""
     depth: str = None
-    """Depth in m below sea level."""
+    """Column of the depth below sea level (m)."""
     potency: str = None
+    """Column of the scalar potency (m3)."""
     log_potency: str = None
+    """Column of the logarithm to base 10 of the potency."""
     moment: str = None
+    """Column of the scalar moment (N m)."""
     log_moment: str = None
-    """log_*: logarithm to base 10."""
+    """Column of the logarithm to base 10 of the moment."""
     mw: str = None
+    """Column of the moment magnitude."""
     energy: str = None
-    """Radiated energy. record.energy_conversion converts it."""
+    """Column of the radiated energy (J). record.energy_conversion converts it."""
     log_energy: str = None
+    """Column of the logarithm to base 10 of the energy."""
     magnitude: str = None
+    """Column of magnitudes of any type. record.conversions converts them."""
     magnitude_type: str = None
+    """Column of the type of each magnitude."""
     potency_xx: str = None
-    """potency_*, moment_*: six components of a tensor."""
+    """Column of component xx of the potency tensor (m3). A tensor needs all six."""
     potency_yy: str = None
+    """Column of component yy of the potency tensor (m3). A tensor needs all six."""
     potency_zz: str = None
+    """Column of component zz of the potency tensor (m3). A tensor needs all six."""
     potency_yz: str = None
+    """Column of component yz of the potency tensor (m3). A tensor needs all six."""
     potency_xz: str = None
+    """Column of component xz of the potency tensor (m3). A tensor needs all six."""
     potency_xy: str = None
+    """Column of component xy of the potency tensor (m3). A tensor needs all six."""
     moment_xx: str = None
+    """Column of component xx of the moment tensor (N m). A tensor needs all six."""
     moment_yy: str = None
+    """Column of component yy of the moment tensor (N m). A tensor needs all six."""
     moment_zz: str = None
+    """Column of component zz of the moment tensor (N m). A tensor needs all six."""
     moment_yz: str = None
+    """Column of component yz of the moment tensor (N m). A tensor needs all six."""
     moment_xz: str = None
+    """Column of component xz of the moment tensor (N m). A tensor needs all six."""
     moment_xy: str = None
+    """Column of component xy of the moment tensor (N m). A tensor needs all six."""
     time_uncertainty: str = None
+    """Column of the uncertainty of the time (s)."""
     step: str = None
+    """Column of the step to which the event belongs."""
     event_type: str = None
-    """Events that are not seismic (quarry blast, explosion, noise, not existing) are left out; see
-    record.filter.keep."""
+    """Column of the event type. Events that are not seismic (quarry blast, explosion, noise, not existing) are left
+    out; see record.filter.keep."""
     evaluation_status: str = None
-    """Rejected and deleted events are left out."""
+    """Column of the evaluation status. Rejected and deleted events are left out."""
 
     @model_validator(mode="after")
     def _enough(self) -> Self:
