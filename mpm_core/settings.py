@@ -25,6 +25,9 @@ from mpm_core.geometry.shapes import SHAPES
 from mpm_core.geometry.shapes.prism import DrawnPrism
 
 FACES = ("x_lower", "x_upper", "y_lower", "y_upper", "z_lower", "z_upper")
+MAX_LEVELS = 12  # sizes of cell
+DEFAULT_COARSE_CELL = 10.0  # m; of a mine that gives no size of cell, with this number of levels
+DEFAULT_LEVELS = 4
 Condition = Literal["fixed", "roller", "traction", "free"]
 Stress = Annotated[float, Unit("Pa", ge=-1e13, le=1e13)]
 Gradient = Annotated[float, Unit("Pa/m", ge=-1e12, le=1e12)]
@@ -80,7 +83,7 @@ class GridSettings(Settings):
     coarse_cell: Size = None
     """Edge of the largest cells. The sides of the domain are whole multiples of it. Default without finest_cell: 10 m,
     or 5, 2.5 or 1.25 m with fewer levels where that divides the domain and 10 m does not."""
-    levels: whole_number(ge=1, le=12) = None
+    levels: whole_number(ge=1, le=MAX_LEVELS) = None
     """Number of cell sizes, each half the one before: 10, 5, 2.5, 1.25 m. Default without finest_cell: 4."""
     buffer_cells: whole_number(ge=0, le=100) = 3
     """Number of rings of cells, on each level, that are refined around an excavation."""
@@ -308,8 +311,8 @@ RESIZED = {
 class GridCells(GridSettings):
     """Cells as the grid's slice has them: sizes are known."""
 
-    coarse_cell: Size = 10.0
-    levels: whole_number(ge=1, le=12) = 4
+    coarse_cell: Size = DEFAULT_COARSE_CELL
+    levels: whole_number(ge=1, le=MAX_LEVELS) = DEFAULT_LEVELS
     resized_by: Literal["draft", "fine", "grid_convergence"] | None = None
     """what has made the finest cells larger or smaller than the mine's file says"""
 

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 from common.errors import InputError
-from mpm_core.scene.far_field import MOST_LEVELS
+from mpm_core.settings import MAX_LEVELS
 from workflow.plan import Plan
 
 LOOSEST = {"tolerance": 1e-2, "cascade_tolerance": 0.05}  # looser, rock is not at rest when its failure is looked for
@@ -45,10 +45,10 @@ def apply_accuracy(mine: Plan) -> None:
             f"accuracy: {name}: leaves out the finest cells, but all cells are of {coarse:g} m; {larger}, or leave "
             "accuracy out"
         )
-    if levels > MOST_LEVELS:
+    if levels > MAX_LEVELS:
         fewer = "fewer grid.levels" if "levels" in mine.written_cells else "a smaller grid.coarse_cell"
         raise InputError(
-            f"accuracy: {name}: halves the finest cells, but there are {MOST_LEVELS} sizes of cell, the most that "
+            f"accuracy: {name}: halves the finest cells, but there are {MAX_LEVELS} sizes of cell, the most that "
             f"there can be; leave accuracy out, or take {fewer}"
         )
     grid |= {"levels": levels, "resized_by": name}

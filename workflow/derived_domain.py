@@ -13,16 +13,15 @@ from mpm_core.constitutive.laws import Materials
 from mpm_core.geometry.shapes import Shape, shape_of
 from mpm_core.geometry.shapes.shape import Opening
 from mpm_core.grid.domain import base_cells
-from mpm_core.scene.far_field import LARGEST_ERROR, MOST_LEVELS, STRENGTH, FarField, bounds, derive_domain
+from mpm_core.scene.far_field import LARGEST_ERROR, STRENGTH, FarField, bounds, derive_domain
 from mpm_core.scene.insitu_stress import InsituStress
 from mpm_core.scene.scene import FACES, PLANES, virgin_excess
 from mpm_core.scene.scene_solids import prisms_of
-from mpm_core.settings import FileSettings, SolidSettings
+from mpm_core.settings import DEFAULT_COARSE_CELL, DEFAULT_LEVELS, MAX_LEVELS, FileSettings, SolidSettings
 from workflow.accuracy import PRESETS
 from workflow.mine import Mine, shape_keys
 from workflow.shapes import check_form
 
-COARSE_CELL, LEVELS = 10.0, 4  # of a mine that names neither these nor its finest cell; fewer where its domain asks
 DEEPEST = 1e5  # m from the openings: virgin rock is not looked at further away
 SAME = 1e-9  # share by which sizes differ that are the same
 
@@ -43,12 +42,12 @@ def complete(mine: Mine) -> None:
     if missing:
         _derive(mine, finest)
     elif finest is None and "coarse_cell" not in grid:
-        levels = grid.get("levels", LEVELS)
-        _divide(mine, COARSE_CELL / 2 ** (levels - 1), range(levels, levels - 1 if "levels" in grid else 0, -1))
+        levels = grid.get("levels", DEFAULT_LEVELS)
+        _divide(mine, DEFAULT_COARSE_CELL / 2 ** (levels - 1), range(levels, levels - 1 if "levels" in grid else 0, -1))
     elif "coarse_cell" not in grid:
         _divide(mine, finest, range(_levels(mine)[1], 0, -1))
-    grid.setdefault("coarse_cell", COARSE_CELL)
-    grid.setdefault("levels", LEVELS)
+    grid.setdefault("coarse_cell", DEFAULT_COARSE_CELL)
+    grid.setdefault("levels", DEFAULT_LEVELS)
     domain.setdefault("boundary", "fixed")
 
 
@@ -56,9 +55,9 @@ def _check_sizes(grid: dict, finest: float) -> None:
     """Raise InputError for sizes of cells that contradict each other; what follows from two of them is filled in."""
     if "coarse_cell" in grid:
         coarse, doubled = grid["coarse_cell"], round(np.log2(grid["coarse_cell"] / finest))
-        if not 0 <= doubled < MOST_LEVELS or abs(coarse - finest * 2**doubled) > SAME * coarse:
+        if not 0 <= doubled < MAX_LEVELS or abs(coarse - finest * 2**doubled) > SAME * coarse:
             raise InputError(
-                f"grid.finest_cell: {finest:.15g} m doubled up to {MOST_LEVELS - 1} times does not make "
+                f"grid.finest_cell: {finest:.15g} m doubled up to {MAX_LEVELS - 1} times does not make "
                 f"grid.coarse_cell, {coarse:.15g} m; leave one of the two out"
             )
         if grid.setdefault("levels", doubled + 1) != doubled + 1:
@@ -80,7 +79,7 @@ def largest_cell_name(mine: Mine) -> str:
 def _levels(mine: Mine) -> tuple[int, int]:
     """Fewest and most levels of cells that leave the preset of accuracy a level to take away or to add."""
     more = PRESETS[mine.values["accuracy"]].levels
-    return 1 + max(-more, 0), MOST_LEVELS - max(more, 0)
+    return 1 + max(-more, 0), MAX_LEVELS - max(more, 0)
 
 
 def _divide(mine: Mine, finest: float, choices: range) -> None:

@@ -17,11 +17,11 @@ import numpy as np
 
 from mpm_core.geometry.shapes.shape import Opening
 from mpm_core.grid.domain import marks_memory
+from mpm_core.settings import MAX_LEVELS
 
 MOST_ERROR = 0.005  # share of the largest wall stress
 LARGEST_ERROR = 0.05  # the same where virgin rock bears its own stress no further: more is no domain
 LEAST_BASE_CELLS = 4  # along the shortest side, where levels are free
-MOST_LEVELS = 12
 LARGEST_MARKS = 2e9  # bytes for marking splits (domain.marks_memory); the domain ends where they are reached
 RASTER = 64  # cells across the largest face of the box of openings, on which the part that they cover is counted
 MEMORY, STRENGTH = "memory", "strength"
@@ -184,7 +184,7 @@ def derive_domain(
     finest_cell: float,
     poisson_ratios: Sequence[float],
     conditions: Sequence[str] = ("fixed",),
-    levels: tuple[int, int] = (1, MOST_LEVELS),
+    levels: tuple[int, int] = (1, MAX_LEVELS),
     ground: float | None = None,
     sound: tuple[float, float] = (-math.inf, math.inf),
 ) -> FarField:

@@ -10,7 +10,6 @@ from mpm_core.scene.far_field import (
     LARGEST_MARKS,
     MEMORY,
     MOST_ERROR,
-    MOST_LEVELS,
     STRENGTH,
     Opening,
     bounds,
@@ -22,6 +21,7 @@ from mpm_core.scene.far_field import (
     reach_of,
     worst_coefficient,
 )
+from mpm_core.settings import MAX_LEVELS
 from verification.kirsch.closed_form import BoxedPlate, InfinitePlate
 
 RATIOS = (0.0, 0.1, 0.25, 0.4, 0.49)
@@ -186,13 +186,13 @@ def corners(dimension: int):
 )
 def test_a_derived_domain_is_whole_base_cells_around_all_openings(openings, finest, nu, levels):
     """With the distance on every side, about in the middle; the same elsewhere, and mirrored."""
-    chosen = (levels, levels) if levels else (1, MOST_LEVELS)
+    chosen = (levels, levels) if levels else (1, MAX_LEVELS)
     found = derive_domain(openings, finest, [nu], levels=chosen)
     shape = base_cells(found.lower, found.upper, found.coarse_cell)
-    assert found.levels <= MOST_LEVELS
+    assert found.levels <= MAX_LEVELS
     assert found.coarse_cell == finest * 2 ** (found.levels - 1)
     assert (shape >= 4).all() or levels or found.levels == 1
-    assert levels or shape.min() < 8 or found.levels == MOST_LEVELS
+    assert levels or shape.min() < 8 or found.levels == MAX_LEVELS
     lower, upper = bounds(openings)
     assert min((lower - found.lower).min(), (found.upper - upper).min()) >= found.distance - 1e-6
     needed = reach_of(openings, [nu], ["fixed"]).distance(MOST_ERROR) - 0.5 * min(one.sides.min() for one in openings)
