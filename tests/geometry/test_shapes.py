@@ -7,7 +7,7 @@ import pytest
 
 from common.errors import InputError
 from mpm_core.geometry import Solid, build_shape, contains
-from mpm_core.geometry.shapes import solid_of
+from mpm_core.geometry.shapes import SHAPES, shape_of, solid_of
 from mpm_core.geometry.shapes.prism import Prism
 
 RAMP = [[0, 0, 0], [40, 0, 0], [70, 30, 0], [70, 80, 0]]
@@ -43,6 +43,25 @@ def test_shape_has_the_closed_form_volume_here_and_in_mine_coordinates(specifica
     assert solid.volume == pytest.approx(volume, rel=1e-12 if offset == 0 else 1e-8)
     assert solid.signed_volume > 0
     assert solid.is_closed
+
+
+@pytest.mark.parametrize(("specification", "volume"), BEND_3D)
+def test_openings_and_extent_hold_the_surface(specification, volume):
+    """A tunnel's openings are its stretches, and rectangular."""
+    shape = shape_of(specification, 3, "x")
+    solid = solid_of(shape, 3, "x")
+    lower, upper = shape.extent(3)
+    slack = 1e-3 * (upper - lower)  # facets of curved surfaces reach beyond them
+    assert ((solid.bounds[0] >= lower - slack) & (solid.bounds[1] <= upper + slack)).all()
+    openings = list(shape.openings(3))
+    assert len(openings) == len(specification.get("path", [0, 0])) - 1
+    exact = specification.get("profile") != "arched"
+    assert sum(one.volume for one in openings) == pytest.approx(volume, rel=1e-9 if exact else 0.3)
+    assert all(np.prod(one.sides) >= (1 - 1e-9) * one.volume for one in openings)
+
+
+def test_every_shape_is_tried():
+    assert {keys["shape"] for keys, _ in BEND_3D} == set(SHAPES[3])
 
 
 @pytest.mark.parametrize(
