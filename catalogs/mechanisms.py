@@ -217,7 +217,7 @@ def _pairs(first: int, second: int, generator: np.random.Generator) -> tuple[NDA
     """Indices of all pairs, or of MAX_KAGAN_PAIRS of them."""
     if first * second <= MAX_KAGAN_PAIRS:
         row, column = np.indices((first, second))
-    return row.ravel(), column.ravel()
+        return row.ravel(), column.ravel()
     return generator.integers(first, size=MAX_KAGAN_PAIRS), generator.integers(second, size=MAX_KAGAN_PAIRS)
 
 
