@@ -6,9 +6,8 @@ import json
 import logging
 from pathlib import Path
 
-from common.command_line import CommandLine
 from common.errors import InputError
-from common.stage import run_stage
+from verification.command_line import Stage, run_command
 
 
 def answer(arguments: argparse.Namespace) -> None:
@@ -56,29 +55,11 @@ def verdict(arguments: argparse.Namespace) -> None:
     logging.info("no row of %d fails%s", len(rows), beside)
 
 
-def main() -> None:
-    """Parse the command line and run the stage."""
-    parser = CommandLine(prog="python -m verification", description=__doc__)
-    stages = parser.add_subparsers(dest="stage", required=True)
-    takes = {
-        "answer": ("study", "default", "results", "logs", "rows", "figure"),
-        "report": ("default", "results", "logs", "page", "summary"),
-        "verdict": ("summary", "page"),
-    }
-    for name, options in takes.items():
-        stage = stages.add_parser(name)
-        for option in options:
-            stage.add_argument(f"--{option}", required=True)
-        if name == "report":
-            stage.add_argument("--studies", required=True, nargs="+")
-        stage.add_argument("--log")
-    arguments = parser.parse_args()
-    run = {"answer": answer, "report": report, "verdict": verdict}[arguments.stage]
-    made = {"answer": "rows", "report": "page", "verdict": "summary"}[arguments.stage]
-    run_stage(
-        f"{arguments.stage} {getattr(arguments, made)}", arguments.log, lambda: run(arguments), run.__doc__.rstrip(".")
-    )
-
-
 if __name__ == "__main__":
-    main()
+    run_command(
+        "verification",
+        __doc__,
+        Stage(answer, ("study", "default", "results", "logs", "rows", "figure"), made="rows"),
+        Stage(report, ("studies+", "default", "results", "logs", "page", "summary"), made="page"),
+        Stage(verdict, ("summary", "page"), made="summary"),
+    )

@@ -11,11 +11,9 @@ import xarray as xr
 
 from common.sources import source_hash
 from mpm_core.kernels.threads import use_threads
-from mpm_core.scene.scene import parse_scene
-from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
-from mpm_core.stages.grid_stage import make_grid
 from verification.benchmarks.peers.stope import announce, closure, peak_memory
 from verification.benchmarks.settings import Case, Settings
+from verification.computed_stages import computed_stages
 from workflow.mine import Mine
 
 WARM_UP = 2  # cells across: as small as it gets; kernels are compiled and in memory before the clock starts
@@ -38,21 +36,16 @@ def solve(settings: Settings, case: Case, threads: int) -> None:
 
 def run(mine: Mine, begin=lambda: None) -> tuple[dict, xr.Dataset, xr.Dataset]:
     """Grid and stages of a case: what is reported, the last stage's dataset, the grid. `begin` is called in between."""
-    start = time.perf_counter()
-    grid = make_grid(mine.grid_slice(), {})
-    grid_seconds = time.perf_counter() - start
     with tempfile.TemporaryDirectory() as folder:
-        failed = Path(folder) / "failed.npz"
-        stages = [lambda state: elastic_stage(parse_scene(mine.scene_slice(0)), grid, failed)]
-        for step in mine.mined_steps:
-            scene = parse_scene(mine.step_slice(step))
-            stages.append(lambda state, scene=scene: mining_step(scene, grid, state, failed))
-        state = None
-        for stage in stages[:-1]:
-            state, _ = stage(state)
+        stages = computed_stages(mine, Path(folder) / "failed.npz")
+        start = time.perf_counter()
+        _, grid, _ = next(stages)
+        grid_seconds = time.perf_counter() - start
+        for _ in mine.mined_steps:  # all stages but the last
+            next(stages)
         begin()
         start, processor = time.perf_counter(), time.process_time()
-        state, facts = stages[-1](state)
+        _, state, facts = next(stages)
         seconds, processor = time.perf_counter() - start, time.process_time() - processor
     logging.info("%s: grid %.2f s, stage %.2f s", mine.name, grid_seconds, seconds)
     return (

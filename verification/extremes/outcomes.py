@@ -14,9 +14,7 @@ import yaml
 from common.errors import InputError
 from mpm_core.files.state_datasets import read_grid, read_pieces
 from mpm_core.grid.adjacency import holding_cells
-from mpm_core.scene.scene import parse_scene
-from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
-from mpm_core.stages.grid_stage import make_grid
+from verification.computed_stages import computed_stages
 from workflow.configuration import load
 
 DEFAULT = yaml.safe_load((Path(__file__).parents[2] / "config" / "default.yaml").read_text())
@@ -65,12 +63,8 @@ def run(values: dict, folder: Path, seconds: int = SECONDS) -> Outcome:
     try:
         with _limit(seconds):
             mine = load(_over(DEFAULT, values), folder / "mine.yaml", DEFAULT)
-            stored["grid"] = make_grid(mine.grid_slice(), {})
-            scene = parse_scene(mine.scene_slice(0))
-            state = stored["elastic"] = elastic_stage(scene, stored["grid"], failed)[0]
-            for name in mine.mined_steps:
-                scene = parse_scene(mine.step_slice(name))
-                state = stored[name] = mining_step(scene, stored["grid"], state, failed)[0]
+            for name, dataset, _ in computed_stages(mine, failed):
+                stored[name] = dataset
         wrong = [fault for name in list(stored)[1:] for fault in faults(values, stored["grid"], stored[name])]
         kind, message = (WRONG, wrong[0]) if wrong else (RESTS, "")
     except InputError as error:

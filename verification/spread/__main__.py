@@ -4,8 +4,7 @@ import argparse
 import json
 from pathlib import Path
 
-from common.command_line import CommandLine
-from common.stage import run_stage
+from verification.command_line import Stage, run_command
 
 
 def report(arguments: argparse.Namespace) -> None:
@@ -20,16 +19,9 @@ def report(arguments: argparse.Namespace) -> None:
     write_report(scenes, Path(arguments.table), Path(arguments.page))
 
 
-def main() -> None:
-    """Parse the command line and run the stage."""
-    parser = CommandLine(prog="python -m verification.spread", description=__doc__)
-    stage = parser.add_subparsers(dest="stage", required=True).add_parser("report")
-    stage.add_argument("--studies", required=True, nargs="+")
-    for option in ("default", "results", "logs", "table", "page", "log"):
-        stage.add_argument(f"--{option}", required=option != "log")
-    arguments = parser.parse_args()
-    run_stage(f"report {arguments.page}", arguments.log, lambda: report(arguments), report.__doc__.rstrip("."))
-
-
 if __name__ == "__main__":
-    main()
+    run_command(
+        "verification.spread",
+        __doc__,
+        Stage(report, ("studies+", "default", "results", "logs", "table", "page"), made="page"),
+    )

@@ -3,8 +3,7 @@
 import argparse
 from pathlib import Path
 
-from common.command_line import CommandLine
-from common.stage import run_stage
+from verification.command_line import Stage, run_command
 
 
 def points(arguments: argparse.Namespace) -> None:
@@ -33,21 +32,11 @@ def verdict(arguments: argparse.Namespace) -> None:
     check_table(Path(arguments.table), arguments.page)
 
 
-def main() -> None:
-    """Parse the command line and run the stage."""
-    parser = CommandLine(prog="python -m verification.stability", description=__doc__)
-    stages = parser.add_subparsers(dest="stage", required=True)
-    options = {"points": ("knob", "points"), "report": ("points", "table", "page"), "verdict": ("table", "page")}
-    for name, own in options.items():
-        stage = stages.add_parser(name)
-        for option in (*own, "log"):
-            many = {"nargs": "+"} if (name, option) == ("report", "points") else {}
-            stage.add_argument(f"--{option}", required=option != "log", **many)
-    arguments = parser.parse_args()
-    run = {"points": points, "report": report, "verdict": verdict}[arguments.stage]
-    made = arguments.points if arguments.stage == "points" else arguments.page
-    run_stage(f"{arguments.stage} {made}", arguments.log, lambda: run(arguments), run.__doc__.rstrip("."))
-
-
 if __name__ == "__main__":
-    main()
+    run_command(
+        "verification.stability",
+        __doc__,
+        Stage(points, ("knob", "points"), made="points"),
+        Stage(report, ("points+", "table", "page"), made="page"),
+        Stage(verdict, ("table", "page"), made="page"),
+    )

@@ -4,8 +4,7 @@ import argparse
 import json
 from pathlib import Path
 
-from common.command_line import CommandLine
-from common.stage import run_stage
+from verification.command_line import Stage, run_command
 
 
 def points(arguments: argparse.Namespace) -> None:
@@ -31,23 +30,10 @@ def report(arguments: argparse.Namespace) -> None:
     write_report(scenes, Path(arguments.table), Path(arguments.page))
 
 
-def main() -> None:
-    """Parse the command line and run the stage."""
-    parser = CommandLine(prog="python -m verification.tradeoff", description=__doc__)
-    stages = parser.add_subparsers(dest="stage", required=True)
-    one = stages.add_parser("points")
-    for option in ("study", "default", "results", "logs", "points", "log"):
-        one.add_argument(f"--{option}", required=option != "log")
-    every = stages.add_parser("report")
-    for option in ("studies", "points"):
-        every.add_argument(f"--{option}", required=True, nargs="+")
-    for option in ("default", "table", "page", "log"):
-        every.add_argument(f"--{option}", required=option != "log")
-    arguments = parser.parse_args()
-    run = {"points": points, "report": report}[arguments.stage]
-    made = arguments.points if arguments.stage == "points" else arguments.page
-    run_stage(f"{arguments.stage} {made}", arguments.log, lambda: run(arguments), run.__doc__.rstrip("."))
-
-
 if __name__ == "__main__":
-    main()
+    run_command(
+        "verification.tradeoff",
+        __doc__,
+        Stage(points, ("study", "default", "results", "logs", "points"), made="points"),
+        Stage(report, ("studies+", "points+", "default", "table", "page"), made="page"),
+    )
