@@ -143,7 +143,7 @@ def test_the_report_shows_the_spread_in_its_section_and_beside_the_headline(mine
     top = text[text.index('<section id="headline">') : text.index('<section id="scene">')]
     assert (tmp_path / "figures/spread.svg").stat().st_size > 10_000
     assert "figures/spread.svg" in section
-    assert "rock bears up to 3.0 % of its cohesion more" in section
+    assert "strength is larger by up to 3.0 % of the cohesion" in section
     assert "in 3 perturbed members of its ensemble" in top
     assert "141 to 147 events are of enough particles (here 150)" in top
     _, _, least, largest = found["potency_statistics"].sel(period="all").values
@@ -156,5 +156,5 @@ def test_the_report_shows_the_spread_in_its_section_and_beside_the_headline(mine
 def test_without_an_ensemble_the_report_says_that_one_run_is_one_realisation(mine, tmp_path):
     text = page(mine, tmp_path, record=None, comparison=None)
     assert text.count("One run is one realisation") == 2
-    assert "<code>ensemble</code> in the configuration" in text
+    assert "<code>ensemble</code> in the mine file" in text
     assert not (tmp_path / "figures/spread.svg").exists()
