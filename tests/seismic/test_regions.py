@@ -230,7 +230,7 @@ def test_small_regions_that_join_at_once_are_those_of_the_plain_definition(seed)
     position, spacing, potency, order = smooth_field(seed, 5, 4, 3)
     potency = potency / np.linalg.norm(potency, axis=1)[:, None] + SHEAR
     order *= 0
-    tensor = potency * regions.NINE_NORM
+    tensor = potency * regions.NINE_COMPONENT_WEIGHTS
     sorted_by_place = np.lexsort(position.T)  # as find_regions sorts
     pairs = regions.links(position[sorted_by_place], spacing, tensor[sorted_by_place], order, 0.9)
     arguments = (tensor[sorted_by_place], regions.lots(position[sorted_by_place]), *pairs, 0.9)
