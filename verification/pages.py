@@ -143,7 +143,12 @@ def _measured(name: str, table: pd.DataFrame) -> tuple[str, str, list[str]]:
     """Title, counts and tables of a measuring study."""
     lines = []
     for declared in tables_of(MEASURING[name].package):
-        lines += [*declared.lines(table), ""]
+        try:
+            lines += [*declared.lines(table), ""]
+        except KeyError as error:
+            raise InputError(
+                f"table.csv of {name}: has no column {error.args[0]}; an earlier version made it: run the target again"
+            ) from error
     return f"Results of {name}", f"{len(table)} rows.", lines
 
 

@@ -172,6 +172,9 @@ def read_evidence(
     found = [(read(path, names=CONVERGENCE_VARIABLES), path) for path in paths]  # a state may take gigabytes
     found.sort(key=lambda stage: _order(stage[0]))
     stages = [stage for stage, _ in found]
+    for stage, path in found:
+        if "overshoot_share" not in stage.attrs:
+            raise InputError(f"{path}: was made by an earlier version; delete it and run again")
     state = read(found[-1][1], names=STATE_VARIABLES) if found else None
     if state is not None:
         found_grid = on_cells_of(found_grid, state)
