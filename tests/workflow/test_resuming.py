@@ -17,7 +17,8 @@ ROOT = Path(__file__).parents[2]
 # A stage that keeps every generation and is killed as it has kept the second: what a stage of hours comes to.
 KILLED_WITHIN = """
 import os, signal
-from mpm_core import __main__, checkpoint
+from mpm_core import __main__
+from mpm_core.stages import checkpoint
 from common.costs import CLOCK
 save = checkpoint.Checkpoint.save
 def save_and_die(self, state, history, *rest):
