@@ -198,7 +198,7 @@ class SolverSettings(Settings):
     """Number of equal increments in which a step is unloaded. 0: as many as max_overshoot asks for."""
     max_overshoot: real_number(ge=0.001, le=1) = 0.2
     """Where increments is 0: largest overshoot of the rock that fails first in an increment, relative to its drop of
-    strength. A step's potency is too large by about this share at most."""
+    strength. A step's potency is too large by roughly this share."""
     max_iterations: Many = 40000
     """Largest number of iterations to one equilibrium; more is an error."""
     max_generations: Many = 2000
