@@ -74,6 +74,7 @@ class Body:
         """Take over changed particle volumes: mass, time step and hourglass stiffness follow."""
         model, particles = self.model, self.model.particles
         self.volume = volume
+        self.pattern_row = particles.distorted.rows(np.arange(len(model.cell_nodes)))
         lame, shear = model.elastic_constants[particles.material].T
         size = model.grid.cell_size[particles.cell]
         density, limit = density_and_limit(model, volume)
@@ -143,7 +144,7 @@ class Body:
             particles.cell_groups,
             particles.group_start,
             particles.group_table,
-            model.mode_values,
+            model.slopes,
             time_step,
             state.velocity,
             self.volume,
@@ -153,6 +154,8 @@ class Body:
             self.failed,
             model.insitu,
             self.hourglass,
+            self.pattern_row,
+            model.hourglass_patterns,
             state.stress,
             state.later_strain,
             state.hourglass_force,
@@ -206,19 +209,19 @@ class Body:
         """
         self.update(0.0)
         self.way.strain(self)
-        position = self.model.grid.node_index * self.model.grid.fine_cell
+        position = self.model.node_position - self.model.grid.origin
         self.displace(np.sum(position[:, None, :] * strain, axis=2))
 
     def come_to_rest(self) -> None:
         """Take the rigid motions that nothing holds out of the displacement: the body is at rest."""
         if self.free.count:
-            self.free.remove_from(self.state.displacement, self.model.grid.node_position, self.mass)
+            self.free.remove_from(self.state.displacement, self.model.node_position, self.mass)
         spread_to_hanging(self.hanging, self.model.grid.node_parents, self.state.displacement)
 
     def stop_drift(self) -> None:
         """Take them out of the velocity: damping by component pushes a body along what nothing holds."""
         if self.free.count:
-            self.free.remove_from(self.state.velocity, self.model.grid.node_position, self.mass)
+            self.free.remove_from(self.state.velocity, self.model.node_position, self.mass)
 
     def check_reach(self, ratio: float) -> None:
         """Raise NoRest if a node has moved farther than a finest cell; ratio: the unbalanced force that is left."""
@@ -249,7 +252,8 @@ def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, flo
     own = np.flatnonzero(particles.group_table >= particles.shared_rows)
     first = particles.group_start[own]
     hourglass = model.scene.solver.hourglass * hourglass_modulus(lame[first], shear[first]) / stiffness[first]
-    stiffness[first] *= own_stiffening(particles.modes[particles.group_table[own]], hourglass)
+    rows = particles.group_table[own]
+    stiffness[first] *= own_stiffening(particles.modes[rows], particles.slopes[rows], hourglass)
     size = model.grid.cell_size[particles.cell]
     if model.scene.solver.density_scaling:
         return stiffness / size**2, 1.0  # the limit is 1 s everywhere
@@ -258,16 +262,17 @@ def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, flo
     return density, float((size * np.sqrt(density / stiffness))[present].min()) if present.any() else 1.0
 
 
-def own_stiffening(modes: np.ndarray, hourglass: np.ndarray) -> np.ndarray:
+def own_stiffening(modes: np.ndarray, slopes: np.ndarray, hourglass: np.ndarray) -> np.ndarray:
     """By what the square of a lone particle's largest frequency may exceed that of one at its cell's centre, (k,).
 
-    The particle's shape functions N and gradients g are means over samples, of modes (k, 2^d). Its strain adds at most
+    The particle's shape functions N and gradients g are means over samples, of modes (k, 2^d) and slopes (k, 2^d, d).
+    Its strain adds at most
     the largest eigenvalue of sum g g^T / N over the corners, which is 4 / h^2 at the centre. Its hourglass stiffness
     acts on all corners alike, and adds the share `hourglass` (k,) of that times the largest eigenvalue of
     sum s s^T / N, with the signs s of the hourglass modes, over its value at the centre: off the centre the patterns
     of both overlap.
     """
-    shape, slope = shapes_of(modes)
+    shape, slope = shapes_of(modes, slopes)
     bits = np.arange(modes.shape[1])
     signs = (-1.0) ** np.bitwise_count(~bits[:, None] & bits[np.bitwise_count(bits) > 1])  # (corner, mode)
     strain = np.einsum("kci,kcj,kc->kij", slope, slope, 1.0 / shape)

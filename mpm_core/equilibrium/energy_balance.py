@@ -83,7 +83,7 @@ def virgin_work(body: Counted, moved: np.ndarray) -> float:
     """Work of the virgin stress of a body's rock on a nodal motion (node, d) m, J: G . du of the balance."""
     model, particles = body.model, body.model.particles
     return work_of_stress(
-        model.cell_nodes, model.grid.cell_size, particles.cell, particles.row, particles.modes, body.volume,
+        model.cell_nodes, model.grid.cell_size, particles.cell, particles.row, particles.slopes, body.volume,
         model.insitu, moved,
     )  # fmt: skip
 

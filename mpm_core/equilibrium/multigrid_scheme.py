@@ -100,7 +100,11 @@ class MultigridScheme:
         failed[self.model.particles.cell[self.body.flowing]] = True
         # Those that a return to an earlier state makes whole, too; others hold no lone particle.
         changed = np.flatnonzero((failed != self.softened) & (self.body.hourglass > 0.0))
-        self.solver.operator.set_hourglass(changed, self.body.hourglass[changed] / (1 << self.model.dimension) ** 2)
+        constants = self.body.hourglass / (1 << self.model.dimension) ** 2
+        bent = self.body.pattern_row[changed] >= 0
+        self.solver.operator.set_hourglass(changed[~bent], constants[changed[~bent]])
+        if bent.any():
+            self.solver.operator.set_patterns(constants[self.model.particles.distorted.cell])
         self.softened = failed
 
     def go_back(self, rest: dict[str, np.ndarray]) -> None:

@@ -145,7 +145,9 @@ def _crop_particles(particles: Particles, chosen: np.ndarray, number: np.ndarray
         cell_groups_start=np.append(0, np.cumsum(counts)),
         cell_groups=np.argsort(group_cell, kind="stable").astype(np.int32),
         modes=particles.modes,
+        slopes=particles.slopes,
         shared_rows=particles.shared_rows,
+        distorted=particles.distorted.of(chosen, number),
     ), indices
 
 

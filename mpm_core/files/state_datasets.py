@@ -9,6 +9,7 @@ from common.errors import InputError
 from common.voigt import NAMES
 from mpm_core.constitutive.laws import plane_normals
 from mpm_core.files.field_table import FIELDS, variable
+from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodal_operations import interpolate
 from mpm_core.model.model import Model
@@ -83,7 +84,12 @@ def _mesh(dimension: int) -> xr.Variable:
 
 
 def grid_dataset(
-    grid: MultiLevelGrid, body: np.ndarray, pieces: Places, plane: str | None, attributes: dict
+    grid: MultiLevelGrid,
+    body: np.ndarray,
+    pieces: Places,
+    edge_nodes: EdgeNodes,
+    plane: str | None,
+    attributes: dict,
 ) -> xr.Dataset:
     """The dataset of grid.nc. attributes: excavation names and volumes, thickness, provenance."""
     axes = PLANES[plane]
@@ -92,6 +98,8 @@ def grid_dataset(
         "piece_excavation": pieces.excavation,
         "piece_samples": pieces.samples,
         "piece_fraction": np.bitwise_count(pieces.samples) / SAMPLES,
+        "edge_node_place": embed(grid.origin + edge_nodes.place * grid.fine_cell, axes),
+        "edge_node_shift": embed(edge_nodes.shift * grid.fine_cell, axes),
     }
     dataset = xr.Dataset({name: variable(name, array) for name, array in values.items()})
     dataset.attrs = CONVENTIONS | {"plane": plane or "none", **_of_domain(grid, axes), **attributes}
@@ -126,6 +134,12 @@ def read_origin(dataset: xr.Dataset) -> tuple[np.ndarray, float]:
 def read_pieces(dataset: xr.Dataset) -> Places:
     """What excavations take of finest cells, from the dataset of grid.nc."""
     return Places(_index(dataset, "piece_origin"), dataset.piece_excavation.values, dataset.piece_samples.values)
+
+
+def read_edge_nodes(dataset: xr.Dataset) -> EdgeNodes:
+    """Nodes that lie on edges of excavations, from the dataset of grid.nc."""
+    shift = dataset.edge_node_shift.values[:, _axes(dataset)] / read_origin(dataset)[1]
+    return EdgeNodes(_index(dataset, "edge_node_place"), shift)
 
 
 def _axes(dataset: xr.Dataset) -> list[int]:

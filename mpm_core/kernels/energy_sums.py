@@ -55,7 +55,7 @@ def stored_energy(stress, insitu, volume, material, elastic_constants) -> float:
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def _work_of_stress(cell_nodes, cell_size, cell, row, modes, volume, stress, motion, sums):
+def _work_of_stress(cell_nodes, cell_size, cell, row, slopes, volume, stress, motion, sums):
     corners, dimension = cell_nodes.shape[1], motion.shape[1]
     component = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
     for chunk in prange(len(sums)):
@@ -72,22 +72,21 @@ def _work_of_stress(cell_nodes, cell_size, cell, row, modes, volume, stress, mot
                 to_modes(moved, j, dimension)
                 for k in range(dimension):
                     slope = 0.0
-                    for mode in range(corners):
-                        if (mode >> k) & 1:
-                            slope += moved[j, mode] * modes[row[p], mode ^ (1 << k)]
+                    for mode in range(1, corners):
+                        slope += moved[j, mode] * slopes[row[p], mode, k]
                     work += stress[p, component[j, k]] * slope
             total += work * volume[p] * 2.0 / corners / cell_size[c]
         sums[chunk] = total
 
 
-def work_of_stress(cell_nodes, cell_size, cell, row, modes, volume, stress, motion) -> float:
+def work_of_stress(cell_nodes, cell_size, cell, row, slopes, volume, stress, motion) -> float:
     """Work of stresses (particle, 6) Pa on the strain of a nodal motion (node, d) m, J: the sum of V stress : B motion.
 
-    cell_nodes (cell, 2^d) in bit order; cell, volume (particle,); row (particle,): of modes (row, 2^d). Hanging nodes
-    have their motion.
+    cell_nodes (cell, 2^d) in bit order; cell, volume (particle,); row (particle,): of slopes (row, 2^d, d). Hanging
+    nodes have their motion.
     """
     sums = np.empty(_chunks(volume))
-    _work_of_stress(cell_nodes, cell_size, cell, row, modes, volume, stress, motion, sums)
+    _work_of_stress(cell_nodes, cell_size, cell, row, slopes, volume, stress, motion, sums)
     return float(sums.sum())
 
 

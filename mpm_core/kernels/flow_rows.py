@@ -58,7 +58,7 @@ def make_add_flow_forces(law, dimension):
     width, corners = POINT_WIDTH[dimension], 1 << dimension
     # First elements of the parts of `work`, in rows of LANES numbers; before them values at corners, then by mode.
     shape = corners * dimension * W
-    gradient = shape + corners * W
+    gradient = shape + corners * dimension * W
     trial = gradient + 9 * W
     held = trial + 6 * W
     stress = held + 6 * W
@@ -73,7 +73,7 @@ def make_add_flow_forces(law, dimension):
         corner_rows,
         slope,
         table_row,
-        mode_values,
+        slopes,
         values,
         volume,
         material,
@@ -86,8 +86,8 @@ def make_add_flow_forces(law, dimension):
         """Add the forces B^T (elastic - true change of stress) V of failed particles: forces (row * width,), in place.
 
         block_start (block + 1,): first entry of each block; by entry (k,): particles, indices; corner_rows (k, 2^d);
-        slope 1/m: 2 / 2^d over the cell's edge; table_row: of mode_values (point row, 2^d); carried (k, 6) Pa: total
-        stress at values 0; trial_stress (k, 6) Pa: the same had nothing flowed since it last counts. values
+        slope 1/m: 2 / 2^d over the cell's edge; table_row: of slopes (point row, 2^d, d); carried (k, 6) Pa:
+        total stress at values 0; trial_stress (k, 6) Pa: the same had nothing flowed since it last counts. values
         (row * width,) m: displacement, copies filled in. volume, material (particle,); elastic_constants (material, 2)
         Pa; residual_rows (material, column).
         """
@@ -103,7 +103,7 @@ def make_add_flow_forces(law, dimension):
                         place = corner_rows[entry, corner] * width
                         for j in range(dimension):
                             work[(dimension * corner + j) * W + lane] = values[place + j]
-                        work[shape + corner * W + lane] = mode_values[table_row[entry], corner]
+                            work[shape + (dimension * corner + j) * W + lane] = slopes[table_row[entry], corner, j]
                     for k in range(6):
                         work[trial + k * W + lane] = trial_stress[entry, k]
                         work[held + k * W + lane] = carried[entry, k]
@@ -118,10 +118,9 @@ def make_add_flow_forces(law, dimension):
                 for j in range(dimension):
                     for k in range(dimension):
                         total = fill(work, 0.0)
-                        for mode in range(corners):
-                            if (mode >> k) & 1:
-                                derivative = load(work, shape + (mode ^ (1 << k)) * W)
-                                total += load(work, (dimension * mode + j) * W) * derivative
+                        for mode in range(1, corners):
+                            derivative = load(work, shape + (dimension * mode + k) * W)
+                            total += load(work, (dimension * mode + j) * W) * derivative
                         store(work, gradient + (3 * j + k) * W, total * load(work, constant + 2 * W))
                 lame, shear = load(work, constant), load(work, constant + W)
                 dilation = load(work, gradient) + load(work, gradient + 4 * W) + load(work, gradient + 8 * W)
@@ -152,9 +151,8 @@ def make_add_flow_forces(law, dimension):
                     for j in range(dimension):
                         total = fill(work, 0.0)
                         for k in range(dimension):
-                            if (mode >> k) & 1:
-                                derivative = load(work, shape + (mode ^ (1 << k)) * W)
-                                total += derivative * load(work, stress + VOIGT[j][k] * W)
+                            derivative = load(work, shape + (dimension * mode + k) * W)
+                            total += derivative * load(work, stress + VOIGT[j][k] * W)
                         store(work, (dimension * mode + j) * W, total)
                 sum_corners(work, dimension)
                 for lane in range(min(W, end - start)):

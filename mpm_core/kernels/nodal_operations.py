@@ -136,11 +136,11 @@ def spread_to_hanging(hanging, node_parents, values):
 
 
 @njit(error_model="numpy", cache=True)
-def particle_loads(cell_nodes, cell_size, cell, modes, stress_volume, force, load):
+def particle_loads(cell_nodes, cell_size, cell, modes, slopes, stress_volume, force, load):
     """Add B^T (sigma V) + N^T f of every particle to load (node, d); hanging nodes keep their own part.
 
-    cell_nodes (cell, 2^d) in bit order; cell (particle,); modes (particle, 2^d) at its place; stress_volume
-    (particle, 6) N m, components in the computation's axes; force (particle, d) N.
+    cell_nodes (cell, 2^d) in bit order; cell (particle,); modes (particle, 2^d), slopes (particle, 2^d, d) at its
+    place; stress_volume (particle, 6) N m, components in the computation's axes; force (particle, d) N.
     """
     corners, dimension = cell_nodes.shape[1], force.shape[1]
     component = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
@@ -152,9 +152,7 @@ def particle_loads(cell_nodes, cell_size, cell, modes, stress_volume, force, loa
             for mode in range(corners):
                 total = modes[particle, mode] * force[particle, j]
                 for k in range(dimension):
-                    if (mode >> k) & 1:
-                        share = modes[particle, mode ^ (1 << k)] * slope
-                        total += stress_volume[particle, component[j, k]] * share
+                    total += stress_volume[particle, component[j, k]] * slopes[particle, mode, k] * slope
                 work[j, mode] = total
             to_corners(work, j, dimension)
             for corner in range(corners):

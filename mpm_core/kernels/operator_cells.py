@@ -7,14 +7,14 @@ from mpm_core.kernels.modes import to_corners
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def sum_cell_stiffness(particle_start, particles, cell_size, row, modes, lame_volume, shear_volume, stiffness):
+def sum_cell_stiffness(particle_start, particles, cell_size, row, slopes, lame_volume, shear_volume, stiffness):
     """Stiffness sum B^T C B V over the particles of each cell: stiffness (cell, 2^d d, 2^d d), written.
 
-    particle_start (cell + 1,), particles: indices; cell_size (cell,) m; row (particle,): of modes (row, 2^d);
+    particle_start (cell + 1,), particles: indices; cell_size (cell,) m; row (particle,): of slopes (row, 2^d, d);
     lame_volume, shear_volume (particle,) lambda V and mu V. Row and column: corner * d + component, corners in bit
     order.
     """
-    corners = modes.shape[1]
+    corners = slopes.shape[1]
     dimension = stiffness.shape[1] // corners
     for cell in prange(len(cell_size)):
         gradient = np.empty((dimension, corners))
@@ -26,9 +26,7 @@ def sum_cell_stiffness(particle_start, particles, cell_size, row, modes, lame_vo
                 continue
             for k in range(dimension):
                 for mode in range(corners):
-                    there = (mode >> k) & 1
-                    slope = 2.0 / cell_size[cell] / corners
-                    gradient[k, mode] = slope * modes[row[p], mode ^ (1 << k)] if there else 0.0
+                    gradient[k, mode] = 2.0 / cell_size[cell] / corners * slopes[row[p], mode, k]
                 to_corners(gradient, k, dimension)
             for a in range(corners):
                 for b in range(corners):

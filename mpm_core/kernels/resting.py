@@ -69,7 +69,7 @@ def make_update(law, dimension: int):
         cell_groups,
         group_start,
         group_table,
-        mode_values,
+        slopes,
         time_step,
         velocity,
         volume,
@@ -79,6 +79,8 @@ def make_update(law, dimension: int):
         failed,
         insitu,
         hourglass_stiffness,
+        pattern_row,
+        patterns,
         stress,
         later_strain,
         hourglass_force,
@@ -88,11 +90,11 @@ def make_update(law, dimension: int):
 
         blocks (k,): which are updated; block_start, slot_start, cell_slots: see block_scatter.Scatter; cell_nodes,
         cell_slots (cell, 2^d) in bit order (bit k of the corner: side along axis k); cell_size (cell,) m;
-        cell_groups_start, cell_groups, group_start, group_table: see particles.Particles; mode_values (point row, 2^d);
+        cell_groups_start, cell_groups, group_start, group_table: see particles.Particles; slopes (point row, 2^d, d);
         velocity (node, d) m/s; volume, material (particle,); elastic_constants (material, 2) lambda and mu, Pa;
         residual_rows (material, column); failed (particle,) bool; insitu (particle, 6) Pa; hourglass_stiffness (cell,)
-        N/m. In place: stress, later_strain (particle, 6), hourglass_force (cell, 2^d - 1 - d, d) N, slot_force (slot,
-        d) N.
+        N/m; pattern_row (cell,): of patterns (row, 2^d - 1 - d, 2^d) in a distorted cell, -1 in a cube. In place:
+        stress, later_strain (particle, 6), hourglass_force (cell, 2^d - 1 - d, d) N, slot_force (slot, d) N.
         """
         for which in prange(len(blocks)):
             block = blocks[which]
@@ -138,10 +140,10 @@ def make_update(law, dimension: int):
                                     gradient[j, k] = amplitude[1 << k, j]
                         else:
                             for k in range(dimension):
-                                for m in range(modes):
-                                    if (m >> k) & 1:
+                                for m in range(1, modes):
+                                    if slopes[row, m, k] != 0.0:
                                         for j in range(dimension):
-                                            gradient[j, k] += amplitude[m, j] * mode_values[row, m ^ (1 << k)]
+                                            gradient[j, k] += amplitude[m, j] * slopes[row, m, k]
                         lame = elastic_constants[material[particle], 0]
                         shear = elastic_constants[material[particle], 1]
                         double = 2.0 * shear * step
@@ -182,8 +184,8 @@ def make_update(law, dimension: int):
                             if points == 1 and row == 0 and (m & (m - 1)) != 0:
                                 continue  # at the centre only the linear modes have a gradient
                             for k in range(dimension):
-                                if (m >> k) & 1:
-                                    share = mode_values[row, m ^ (1 << k)]
+                                share = slopes[row, m, k]
+                                if share != 0.0:
                                     if dimension == 2:
                                         if k == 0:
                                             force[m, 0] += share * s0
@@ -204,7 +206,18 @@ def make_update(law, dimension: int):
                                         force[m, 1] += share * s3
                                         force[m, 2] += share * s2
 
-                if hourglass_stiffness[cell] > 0.0:
+                if hourglass_stiffness[cell] > 0.0 and pattern_row[cell] >= 0:
+                    gain = hourglass_stiffness[cell] * time_step / modes
+                    for mode in range(patterns.shape[1]):
+                        for j in range(dimension):
+                            total = 0.0
+                            for m in range(modes):
+                                total += patterns[pattern_row[cell], mode, m] * amplitude[m, j]
+                            held = hourglass_force[cell, mode, j] + gain * total
+                            hourglass_force[cell, mode, j] = held
+                            for m in range(modes):
+                                force[m, j] += patterns[pattern_row[cell], mode, m] * held / modes
+                elif hourglass_stiffness[cell] > 0.0:
                     gain = hourglass_stiffness[cell] * time_step / modes
                     mode = 0
                     for m in range(1, modes):

@@ -36,7 +36,7 @@ def make_measure_tangents(law, dimension):
         corner_rows,
         slope,
         table_row,
-        mode_values,
+        slopes,
         values,
         volume,
         material,
@@ -59,13 +59,12 @@ def make_measure_tangents(law, dimension):
                 place = corner_rows[entry, corner] * width
                 for k in range(dimension):
                     derivative = 0.0  # of the corner's shape function, in modal sums
-                    for mode in range(corners):
-                        if (mode >> k) & 1:
-                            negative = False  # where the corner lies on the low side of an odd number of its axes
-                            for axis in range(dimension):
-                                negative ^= bool((mode >> axis) & 1) and not (corner >> axis) & 1
-                            value = mode_values[table_row[entry], mode ^ (1 << k)]
-                            derivative += -value if negative else value
+                    for mode in range(1, corners):
+                        negative = False  # where the corner lies on the low side of an odd number of its axes
+                        for axis in range(dimension):
+                            negative ^= bool((mode >> axis) & 1) and not (corner >> axis) & 1
+                        value = slopes[table_row[entry], mode, k]
+                        derivative += -value if negative else value
                     for j in range(dimension):
                         gradient[j, k] += slope[entry] * derivative * values[place + j]
             dilation = lame * (gradient[0, 0] + gradient[1, 1] + gradient[2, 2])
@@ -124,11 +123,12 @@ def make_take_tangents_off(dimension):
     size = stress + 6 * W
 
     @njit(parallel=True, error_model="numpy", cache=True)
-    def take_tangents_off(batch_start, places, shapes, matrices, values, forces):
+    def take_tangents_off(batch_start, places, slopes, matrices, values, forces):
         """forces -= B^T D B values of all entries, eight at a time: flat nodal arrays, copies filled in.
 
-        batch_start (block + 1,): first batch of each block; places (batch * 2^d * LANES,) rows of the corners; shapes,
-        the same length: the modes at the entry's place; matrices (batch * 36 * LANES,). One precision throughout.
+        batch_start (block + 1,): first batch of each block; places (batch * 2^d * LANES,) rows of the corners; slopes
+        (batch * 2^d * d * LANES,) of the modes at the entry's place; matrices (batch * 36 * LANES,). One
+        precision throughout.
         """
         for block in prange(len(batch_start) - 1):
             work = np.zeros(size, values.dtype)
@@ -139,10 +139,9 @@ def make_take_tangents_off(dimension):
                 for j in range(dimension):
                     for k in range(dimension):
                         total = fill(work, 0.0)
-                        for mode in range(corners):
-                            if (mode >> k) & 1:
-                                derivative = load(shapes, start + (mode ^ (1 << k)) * W)
-                                total += load(work, (dimension * mode + j) * W) * derivative
+                        for mode in range(1, corners):
+                            derivative = load(slopes, dimension * start + (dimension * mode + k) * W)
+                            total += load(work, (dimension * mode + j) * W) * derivative
                         store(work, gradient + (3 * j + k) * W, total)
                 for j in range(3):
                     one, other = (j + 1) % 3, (j + 2) % 3
@@ -158,9 +157,8 @@ def make_take_tangents_off(dimension):
                     for j in range(dimension):
                         total = fill(work, 0.0)
                         for k in range(dimension):
-                            if (mode >> k) & 1:
-                                derivative = load(shapes, start + (mode ^ (1 << k)) * W)
-                                total += derivative * load(work, stress + VOIGT[j][k] * W)
+                            derivative = load(slopes, dimension * start + (dimension * mode + k) * W)
+                            total += derivative * load(work, stress + VOIGT[j][k] * W)
                         store(work, (dimension * mode + j) * W, total)
                 sum_corners(work, dimension)
                 _give(work, forces, places, start, dimension)

@@ -1,17 +1,19 @@
 """A scene on its grid: everything that stays the same while equilibrium is sought; state.py has what does not."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import ModuleType
 
 import numpy as np
 
 from mpm_core.constitutive.laws import can_fail, law_of_all, rows_of_all
+from mpm_core.grid.distorted_cells import DistortedCells, corner_offsets
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.grid.splitting import with_leaves
 from mpm_core.kernels.block_scatter import Scatter, build_scatter
 from mpm_core.kernels.nodal_operations import mark_nodes
 from mpm_core.model.occupancy import FULL, NOTHING, SAMPLES, Changes, Loose, Pieces, changes_of
-from mpm_core.model.particles import Particles, at_step, seed, volumes
+from mpm_core.model.particles import Particles, at_step, seed, shares_of_volume, volumes
 from mpm_core.model.phantom_nodes import Parting, part
 from mpm_core.model.rigid_motions import RigidMotions, free_motions
 from mpm_core.model.state import State
@@ -57,9 +59,37 @@ class Model:
     """see phantom_nodes.Parting"""
 
     @property
-    def mode_values(self) -> np.ndarray:
-        """(point row, 2^d) value of each mode at each point of the particles' tables, or its mean over samples."""
-        return self.particles.modes
+    def slopes(self) -> np.ndarray:
+        """(point row, 2^d, d) slopes of the modes at each point of the particles' tables, or means over samples."""
+        return self.particles.slopes
+
+    @cached_property
+    def hourglass_patterns(self) -> np.ndarray:
+        """Modal sums that each hourglass pattern of the distorted cells takes: (k, 2^d - 1 - d, 2^d).
+
+        In a cube they are the higher modes. In a distorted cell a uniform strain has a part in those, which is taken
+        off by the mean gradient of the cell's rock (Flanagan and Belytschko 1981).
+        """
+        particles, corners = self.particles, 1 << self.dimension
+        distorted, bits = particles.distorted, np.arange(corners)
+        higher = np.flatnonzero(np.bitwise_count(bits) > 1)
+        sign = (-1.0) ** np.bitwise_count(bits & ~bits[:, None])  # (corner, mode)
+        position = np.einsum("cm,kcj->kmj", sign[:, higher], distorted.corners)
+        slopes = particles.slopes[particles.group_table[distorted.cell]]  # the first groups are those of rock
+        linear = np.einsum("kmj,knj->kmn", position, slopes) * 2.0 / corners
+        return (bits == higher[:, None]) - linear
+
+    @cached_property
+    def node_position(self) -> np.ndarray:
+        """(node, d) m: where nodes are, those that lie on edges of openings, too."""
+        return self.grid.node_position + self.node_shift * self.grid.fine_cell
+
+    @cached_property
+    def node_shift(self) -> np.ndarray:
+        """(node, d) in finest cells: from each node's place in the lattice to where it is."""
+        distorted, shift = self.particles.distorted, np.zeros((len(self.grid.node_index), self.dimension))
+        shift[self.cell_nodes[distorted.cell]] = distorted.corners - corner_offsets(self.dimension)
+        return shift
 
     @property
     def dimension(self) -> int:
@@ -125,8 +155,11 @@ class Model:
         return filled[self.plain.vtk_nodes].any(axis=1)
 
     def rock_share(self, step: int) -> np.ndarray:
-        """Share of each cell that is rock once `step` is mined, (cell,)."""
-        return np.bitwise_count(self.changes.rock_samples(len(self.cell_nodes), step)) / SAMPLES
+        """Share of each cell's volume that is rock once `step` is mined, (cell,)."""
+        rock, distorted = self.changes.rock_samples(len(self.cell_nodes), step), self.particles.distorted
+        share = np.bitwise_count(rock) / SAMPLES
+        share[distorted.cell] = shares_of_volume(distorted, np.arange(len(distorted.cell)), rock[distorted.cell])
+        return share
 
     def can_fail(self) -> np.ndarray:
         """(particle,) bool: rock whose material can fail."""
@@ -150,7 +183,7 @@ class Model:
         nodes = np.flatnonzero(touched & self.held.any(axis=1))
         if not len(nodes):
             nodes = np.flatnonzero(touched)
-        return free_motions(self.grid.origin + self.grid.node_index[nodes] * self.grid.fine_cell, self.held[nodes])
+        return free_motions(self.node_position[nodes], self.held[nodes])
 
 
 def held_faces(scene: Scene) -> dict[tuple[int, int], list[int]]:
@@ -189,9 +222,11 @@ def build_model(
     pieces: Pieces,
     loose: Loose | None = None,
     all_fallen: bool = False,
+    distorted: DistortedCells | None = None,
 ) -> Model:
     """Seed the particles of a stage and tabulate what the kernels need. `pieces` as stored with the grid.
 
+    distorted: cells that are no cubes.
     loose: what has fallen in the steps before; what comes loose in the last step of the scene falls here, unless
     all_fallen says that it is among them.
     """
@@ -203,7 +238,7 @@ def build_model(
         loose = loose.and_then(fallen)
         if len(fallen.cell):
             changes = changes_of(pieces, scene.excavations, loose)
-    particles = seed(grid, body, changes, scene, pieces)
+    particles = seed(grid, body, changes, scene, pieces, distorted or DistortedCells.none(grid.dimension))
     if grid.phantoms:  # of the step before
         grid = with_leaves(grid, grid.cell_index, grid.cell_level)
     parting = Parting(grid, np.empty((0, 3), np.int64), 0)

@@ -5,15 +5,17 @@ after all rock groups, in the order of filling, so the particles of one mining s
 
 With `cut_cells: mean` each material of a cut cell has one particle, which stands for the samples that it holds. Shape
 functions and their gradients are means over these samples, and its place is their centroid: at the cell's centre it
-would act up to half a cell too far into the opening, and rock would carry too little.
+would act up to half a cell too far into the opening, and rock would carry too little. So has each material of a
+distorted cell (grid/distorted_cells.py), cut or not.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mpm_core.grid.distorted_cells import SAMPLES, DistortedCells, part_integrals, sample_volumes
 from mpm_core.grid.mesh import MultiLevelGrid
-from mpm_core.model.occupancy import FULL, NOTHING, ROCK, SAMPLES, Changes, Pieces
+from mpm_core.model.occupancy import FULL, NOTHING, ROCK, Changes, Pieces
 from mpm_core.scene.scene import Scene
 
 
@@ -27,8 +29,9 @@ class Particles:
     cell's samples that the particle stands for, -1 for a share of all;
     group_start (group + 1,) first particle of each group, group_table (group,) first row of its points in `modes`;
     cell_groups_start (cell + 1,), cell_groups: groups of each cell; modes (row, 2^d): value of each mode
-    (kernels/modes.py) at a point, or its mean over samples; the first shared_rows of them are points of many groups,
-    each of the others is one group's own.
+    (kernels/modes.py) at a point, or its mean over samples; slopes (row, 2^d, d): what a field's modal sums are
+    multiplied by to give its derivative along each axis (`slopes_of`); the first shared_rows of both are points of many
+    groups, each of the others is one group's own. distorted: cells that are no cubes.
     """
 
     cell: np.ndarray
@@ -44,7 +47,9 @@ class Particles:
     cell_groups_start: np.ndarray
     cell_groups: np.ndarray
     modes: np.ndarray
+    slopes: np.ndarray
     shared_rows: int
+    distorted: DistortedCells
 
     @property
     def count(self) -> int:
@@ -89,19 +94,47 @@ def centroids(modes: np.ndarray) -> np.ndarray:
     return modes[:, [1 << k for k in range(modes.shape[1].bit_length() - 1)]]
 
 
-def shapes_of(modes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shape functions (k, 2^d) and their derivatives (k, 2^d, d) along local coordinates, of modes (k, 2^d)."""
-    corners = modes.shape[1]
+def slopes_of(modes: np.ndarray) -> np.ndarray:
+    """Derivatives (k, 2^d, d) of each mode along the axes of a cubic cell, of values or means (k, 2^d) of the modes.
+
+    The derivative of mode m along axis k is the mode without k. In units of 2 over the cell's edge.
+    """
+    bits = np.arange(modes.shape[1])
+    axes = range(modes.shape[1].bit_length() - 1)
+    return np.stack([np.where(bits >> k & 1, modes[:, bits ^ 1 << k], 0.0) for k in axes], axis=2)
+
+
+def _signs(corners: int) -> np.ndarray:
+    """(corner, mode): sign of each mode at each corner."""
     bits = np.arange(corners)
-    sign = (-1.0) ** np.bitwise_count(bits & ~bits[:, None])  # (corner, mode)
-    derivatives = []
-    for k in range(corners.bit_length() - 1):
-        along = np.where(bits >> k & 1, modes[:, bits ^ 1 << k], 0.0)
-        derivatives.append(along @ sign.T / corners)
-    return modes @ sign.T / corners, np.stack(derivatives, axis=2)
+    return (-1.0) ** np.bitwise_count(bits & ~bits[:, None])
 
 
-def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene, ever: Pieces) -> Particles:
+def shapes_of(modes: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shape functions (k, 2^d) and their derivatives (k, 2^d, d), of modes (k, 2^d) and their slopes (k, 2^d, d)."""
+    sign = _signs(modes.shape[1])
+    return modes @ sign.T / len(sign), np.einsum("cm,kmj->kcj", sign, slopes) / len(sign)
+
+
+def part_means(
+    samples: np.ndarray, cells: np.ndarray, distorted: DistortedCells, dimension: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of parts of cells (k,), samples (k,) uint64, none empty: means of the modes (k, 2^d), their slopes (k, 2^d, d),
+    and the centroid's place (k, d) across the cell, -1 to 1."""
+    modes = mean_modes(samples, dimension)
+    slopes, place = slopes_of(modes), centroids(modes)
+    row = distorted.rows(cells)
+    bent = np.flatnonzero(row >= 0)
+    if len(bent):
+        found = part_integrals(distorted.corners[row[bent]], samples[bent])
+        modes[bent], place[bent] = found.modes, found.place
+        slopes[bent] = np.einsum("cm,kcj->kmj", _signs(modes.shape[1]), found.gradients)
+    return modes, slopes, place
+
+
+def seed(
+    grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene, ever: Pieces, distorted: DistortedCells
+) -> Particles:
     """Particles of all rock, and of all fill placed up to this stage; before any of it is mined, see `at_step`.
 
     body (cell,): index of the rock body, -1 host.
@@ -130,6 +163,7 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene,
 
     cut = np.zeros(cells, bool)
     cut[ever.cell[ever.samples != FULL]] = True
+    cut[distorted.cell] = True
     per_edge = np.where(cut, of_cut, whole)[group_cell]
     size = per_edge**dimension
     start = np.append(0, np.cumsum(size)).astype(np.int64)
@@ -141,6 +175,8 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene,
     cell_groups = np.argsort(group_cell, kind="stable").astype(np.int32)
     cell_size = grid.cell_size[group_cell]
     xi = points[table[group] + place]
+    modes, full_volume = mode_table(points), cell_size**dimension / size
+    full_volume *= distorted.volumes(group_cell)
     return Particles(
         cell=group_cell[group],
         excavation=group_excavation[group],
@@ -148,14 +184,16 @@ def seed(grid: MultiLevelGrid, body: np.ndarray, changes: Changes, scene: Scene,
         xi=xi,
         position=grid.cell_center[group_cell[group]] + 0.5 * cell_size[group][:, None] * xi,
         spacing=(cell_size / per_edge)[group],
-        full_volume=(cell_size**dimension / size)[group],
+        full_volume=full_volume[group],
         sample=np.where(is_sample[group], place, -1).astype(np.int8),
         group_start=start,
         group_table=table,
         cell_groups_start=np.searchsorted(group_cell[cell_groups], np.arange(cells + 1)).astype(np.int64),
         cell_groups=cell_groups,
-        modes=mode_table(points),
+        modes=modes,
+        slopes=slopes_of(modes),
         shared_rows=len(points),
+        distorted=distorted,
     )
 
 
@@ -176,26 +214,48 @@ def owned_samples(particles: Particles, changes: Changes, step: int) -> np.ndarr
 def at_step(particles: Particles, changes: Changes, step: int, grid: MultiLevelGrid) -> Particles:
     """These particles with those that are alone in their group at what their material holds once `step` is mined."""
     owned = owned_samples(particles, changes, step)
-    own = np.flatnonzero((np.diff(particles.group_start) == 1) & (owned != NOTHING) & (owned != FULL))
+    group_cell = particles.cell[particles.group_start[:-1]]
+    row = particles.distorted.rows(group_cell)
+    alone = np.diff(particles.group_start) == 1
+    own = np.flatnonzero(alone & ((row >= 0) | (owned != NOTHING) & (owned != FULL)))
     table, first = particles.group_table.copy(), particles.shared_rows
     moved = np.union1d(np.flatnonzero(table >= first), own)
     table[moved] = 0
     table[own] = first + np.arange(len(own), dtype=np.int32)
-    modes = np.concatenate([particles.modes[:first], mean_modes(owned[own], grid.dimension)])
-    particle = particles.group_start[moved]
-    cell = particles.cell[particle]
+    held = np.where(owned[own] == NOTHING, FULL, owned[own])  # where nothing is left: as before it was mined
+    modes, slopes, place = part_means(held, group_cell[own], particles.distorted, grid.dimension)
+    particle, cell = particles.group_start[moved], group_cell[moved]
     xi, position = particles.xi.copy(), particles.position.copy()
-    xi[particle] = centroids(modes[table[moved]])
+    xi[particle] = 0.0
+    xi[particles.group_start[own]] = place
     position[particle] = grid.cell_center[cell] + 0.5 * grid.cell_size[cell][:, None] * xi[particle]
-    return replace(particles, xi=xi, position=position, group_table=table, modes=modes)
+    return replace(
+        particles,
+        xi=xi,
+        position=position,
+        group_table=table,
+        modes=np.concatenate([particles.modes[:first], modes]),
+        slopes=np.concatenate([particles.slopes[:first], slopes]),
+    )
 
 
 def volumes(particles: Particles, changes: Changes, step: int) -> np.ndarray:
     """Volume of each particle's own material once `step` is mined and filled: (particle,) m3, 0 where there is none."""
     owned = owned_samples(particles, changes, step)
     group = np.repeat(np.arange(len(owned)), np.diff(particles.group_start))
-    owned = owned[group]
-    share = np.bitwise_count(owned) / SAMPLES
+    shares = np.bitwise_count(owned) / SAMPLES
+    row = particles.distorted.rows(particles.cell[particles.group_start[:-1]])
+    bent = np.flatnonzero(row >= 0)
+    shares[bent] = shares_of_volume(particles.distorted, row[bent], owned[bent])
+    owned, share = owned[group], shares[group]
     single = particles.sample >= 0
     share[single] = (owned[single] >> particles.sample[single].astype(np.uint64)) & np.uint64(1)
     return particles.full_volume * share
+
+
+def shares_of_volume(distorted: DistortedCells, row: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Share (k,) of the volume of distorted cells, rows (k,) of them, that samples (k,) uint64 have; 1 of all."""
+    volume = sample_volumes(distorted.corners)[row]
+    held = (samples[:, None] >> np.arange(SAMPLES, dtype=np.uint64)) & np.uint64(1)
+    share = np.sum(volume * held, axis=1) / volume.sum(axis=1)
+    return np.where(samples == FULL, 1.0, share)

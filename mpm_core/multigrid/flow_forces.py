@@ -63,7 +63,7 @@ class FlowForces:
                 self.corner_rows,
                 self.slope,
                 self.table_row,
-                model.mode_values,
+                model.slopes,
                 values,
                 self.volume,
                 model.particles.material,

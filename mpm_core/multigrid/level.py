@@ -81,6 +81,23 @@ def _invert(node_row, node_parents, held, sums, inverse_diagonal):
             inverse_diagonal[row * width + k] = 0.0 if held[node, k] else 1.0 / diagonal
 
 
+def with_patterns(cells: ElasticCells) -> np.ndarray:
+    """Stiffness of the irregular cells, with what their hourglass patterns add where they are distorted."""
+    place = np.minimum(np.searchsorted(cells.irregular, cells.distorted), max(len(cells.irregular) - 1, 0))
+    own = np.flatnonzero(cells.irregular[place] == cells.distorted) if len(cells.irregular) else np.empty(0, int)
+    if not len(own):
+        return cells.stiffness
+    corners = cells.patterns.shape[2]
+    dimension, bits = cells.stiffness.shape[1] // corners, np.arange(corners)
+    sign = (-1.0) ** np.bitwise_count(bits & ~bits[:, None])  # (corner, mode)
+    patterns = cells.patterns[own] @ sign.T
+    added = np.einsum("kmc,kmd,k->kcd", patterns, patterns, cells.constants[cells.distorted[own], 2])
+    stiffness = cells.stiffness.copy()
+    for k in range(dimension):
+        stiffness[place[own], k::dimension, k::dimension] += added
+    return stiffness
+
+
 class Operator:
     """C^T K C of a level in one precision, on flat nodal arrays of its rows."""
 
@@ -93,6 +110,9 @@ class Operator:
         self.cell_rows = np.empty((0, 1 << dimension), np.int32)
         self.row_sums = np.empty((0, 1 << dimension))  # of irregular cells, see add_row_sums
         self.stiffness = np.empty((0, dimension << dimension, dimension << dimension), precision)
+        self.distorted = np.empty(0, np.int32)
+        self.pattern_slopes = np.empty((0, 1 << dimension, dimension))
+        self.patterns: Tangents | None = None  # of distorted cells, with the sign of what is lacking
         self.averaged: Tangents | None = None  # irregular cells in place of stiffness, with the sign of what is lacking
         self.tangents: Tangents | None = None  # of rock that flows: the operator is then that of flow
 
@@ -111,15 +131,29 @@ class Operator:
         order = np.argsort(slot, kind="stable")
         self.cell_rows = siblings.corner_rows(cells.irregular[order])
         self.block_cells = np.searchsorted(slot[order] // corners, siblings.batch_start)
-        self.row_sums = largest_row_sums(cells.stiffness, corners)[order]
+        self.row_sums = largest_row_sums(with_patterns(cells), corners)[order]
+        self.distorted = cells.distorted
+        self.pattern_slopes = np.repeat(cells.patterns.reshape(-1, corners, 1), self.dimension, axis=2)
+        self.set_patterns(cells.constants[cells.distorted, 2])
         if cells.averaged is None:
             self.stiffness = cells.stiffness[order].astype(self.precision)
         else:
-            cell, modes, matrices = cells.averaged
-            self.averaged = pack(siblings, cell, modes, -matrices, self.precision)
+            cell, slopes, matrices = cells.averaged
+            self.averaged = pack(siblings, cell, slopes, -matrices, self.precision)
+
+    def set_patterns(self, constants: np.ndarray) -> None:
+        """Take over g (n,) of the distorted cells."""
+        place = self.siblings.cell_place[self.distorted]
+        self.constants[place // LANES, 2, place % LANES] = 0.0
+        each = len(self.pattern_slopes) // max(len(self.distorted), 1)
+        matrices = np.zeros((len(self.pattern_slopes), 36))
+        matrices[:, [0, 7, 14][: self.dimension]] = -np.repeat(constants, each)[:, None]
+        if len(matrices):
+            cells = np.repeat(self.distorted, each)
+            self.patterns = pack(self.siblings, cells, self.pattern_slopes, matrices, self.precision)
 
     def set_hourglass(self, cells: np.ndarray, constants: np.ndarray) -> None:
-        """Take over g (k,) of some cells (k,), regular ones."""
+        """Take over g (k,) of some cells (k,), none of them distorted."""
         place = self.siblings.cell_place[cells]
         self.constants[place // LANES, 2, place % LANES] = constants
 
@@ -130,6 +164,8 @@ class Operator:
         other.block_cells, other.cell_rows = self.block_cells, self.cell_rows
         other.row_sums, other.stiffness = self.row_sums, self.stiffness.astype(np.float64)
         other.averaged = self.averaged and self.averaged.in_double_precision()
+        other.patterns = self.patterns and self.patterns.in_double_precision()
+        other.distorted, other.pattern_slopes = self.distorted, self.pattern_slopes
         other.tangents = self.tangents and self.tangents.in_double_precision()
         return other
 
@@ -154,7 +190,7 @@ class Operator:
         APPLY[self.dimension](f.batch_start, f.row_start, self.places, self.constants.reshape(-1), values, forces)
         if len(self.stiffness):
             apply_cells(self.block_cells, self.cell_rows, self.stiffness, self.width, values, forces)
-        for entries in (self.averaged, self.tangents):
+        for entries in (self.averaged, self.patterns, self.tangents):
             if entries is not None:
                 entries.take_off(values, forces)
         self.collect(forces)

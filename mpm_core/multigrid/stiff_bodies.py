@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 from threadpoolctl import ThreadpoolController
 
 from mpm_core.kernels.operator_cells import sum_cell_stiffness
-from mpm_core.model.particles import mode_table
+from mpm_core.model.particles import mode_table, slopes_of
 from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.dissection import dissect
 from mpm_core.multigrid.level import Level
@@ -72,7 +72,7 @@ def _unit_matrices(spread: float, dimension: int) -> tuple[np.ndarray, np.ndarra
     both, shear = np.empty((2, 1, corners * dimension, corners * dimension))
     for lame, matrix in ((ones, both), (0.0 * ones, shear)):
         sum_cell_stiffness(
-            np.array([0, corners]), bits, np.array([2.0 / corners]), bits, mode_table(xi), lame, ones, matrix
+            np.array([0, corners]), bits, np.array([2.0 / corners]), bits, slopes_of(mode_table(xi)), lame, ones, matrix
         )
     return both[0], shear[0]
 

@@ -14,13 +14,17 @@ class ElasticCells:
 
     constants (cell, 4): l, m, g (N/m) and s of kernels.operator_3; 0 where nothing is left. irregular (k,) cells whose
     particles are single samples or means over some: stiffness (k, 2^d d, 2^d d) N/m stands for that of l and m, which
-    their constants hold all the same; g counts besides. averaged: the same stiffness particle by particle where each
-    stands for a mean over samples: cells (n,), modes (n, 2^d), matrices (n, 36) as in kernels.tangent_rows.
+    their constants hold all the same; g counts besides. distorted (n,) cells in which g acts on the modal sums that
+    patterns (n, 2^d - 1 - d, 2^d) take, not on the higher modes (Model.hourglass_patterns). averaged: the same
+    stiffness particle by particle where each stands for a mean over samples: cells (n,), slopes (n, 2^d, d), matrices
+    (n, 36) as in kernels.tangent_rows.
     """
 
     constants: np.ndarray
     irregular: np.ndarray
     stiffness: np.ndarray
+    distorted: np.ndarray
+    patterns: np.ndarray
     averaged: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
     @property
@@ -53,14 +57,14 @@ def elastic_cells(model: Model, volume: np.ndarray, hourglass: np.ndarray) -> El
     irregular, start = np.unique(particles.cell[single], return_index=True)
     stiffness = np.empty((len(irregular), corners * dimension, corners * dimension))
     sum_cell_stiffness(
-        np.append(start, len(single)), single, grid.cell_size[irregular], row, particles.modes, lame, shear, stiffness
+        np.append(start, len(single)), single, grid.cell_size[irregular], row, particles.slopes, lame, shear, stiffness
     )
     averaged = None
     if not (particles.sample[single] >= 0).any():
         cell = particles.cell[single]
         matrices = _matrices(lame[single] * slope[cell] ** 2, shear[single] * slope[cell] ** 2)
-        averaged = cell, particles.modes[row[single]], matrices
-    return ElasticCells(constants, irregular, stiffness, averaged)
+        averaged = cell, particles.slopes[row[single]], matrices
+    return ElasticCells(constants, irregular, stiffness, particles.distorted.cell, model.hourglass_patterns, averaged)
 
 
 def _matrices(lame: np.ndarray, shear: np.ndarray) -> np.ndarray:

@@ -21,17 +21,17 @@ STIFFENING = 0.01  # share of what flow takes off the stiffness that the V-cycle
 
 
 def measure(model: Model, flow: FlowForces, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rock that flows at displacement `values` (a flat array, copies filled in): cells (k,), shapes, matrices."""
+    """Rock that flows at displacement `values` (a flat array, copies filled in): cells (k,), slopes, matrices."""
     count = len(flow.particles)
     matrices, yields = np.empty((count, 36), np.float32), np.empty(count, bool)
     make_measure_tangents(model.law, model.dimension)(
-        flow.particles, flow.corner_rows, flow.slope, flow.table_row, model.mode_values, values, flow.volume,
+        flow.particles, flow.corner_rows, flow.slope, flow.table_row, model.slopes, values, flow.volume,
         model.particles.material, model.elastic_constants, model.residual_rows, flow.trial_stress, matrices, yields,
     )  # fmt: skip
     if not yields.all():
         matrices = matrices[yields]
     matrices *= np.float32(1.0 - STIFFENING)
-    return model.particles.cell[flow.particles[yields]], model.mode_values[flow.table_row[yields]], matrices
+    return model.particles.cell[flow.particles[yields]], model.slopes[flow.table_row[yields]], matrices
 
 
 def merge(cells: np.ndarray, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -45,13 +45,13 @@ def merge(cells: np.ndarray, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def set_tangents(levels: list[Level], model: Model, flow: FlowForces, values: np.ndarray) -> None:
     """Take the tangents at displacement `values` over on all levels, finest first."""
     corners = 1 << model.dimension
-    cells, shapes, matrices = measure(model, flow, values)
-    levels[0].operator.tangents = pack(levels[0].siblings, cells, shapes, matrices, levels[0].operator.precision)
+    cells, slopes, matrices = measure(model, flow, values)
+    levels[0].operator.tangents = pack(levels[0].siblings, cells, slopes, matrices, levels[0].operator.precision)
     for fine, coarse in pairwise(levels):
         cells, matrices = merge(fine.coarse_of_cell[cells], matrices)
         matrices *= fine.kept[cells, None]
-        centre = np.zeros((len(cells), corners))
-        centre[:, 0] = 1.0
+        centre = np.zeros((len(cells), corners, model.dimension))
+        centre[:, 1 << np.arange(model.dimension), np.arange(model.dimension)] = 1.0
         coarse.operator.tangents = pack(coarse.siblings, cells, centre, matrices, coarse.operator.precision)
 
 

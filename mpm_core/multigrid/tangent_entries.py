@@ -16,26 +16,26 @@ class Tangents:
     dimension: int
     batch_start: np.ndarray
     places: np.ndarray
-    shapes: np.ndarray
+    slopes: np.ndarray
     matrices: np.ndarray
 
     def take_off(self, values: np.ndarray, forces: np.ndarray) -> None:
         """Take their part out of elastic forces at displacement `values`, copies filled in; flat arrays."""
         TAKE_TANGENTS_OFF[self.dimension](
-            self.batch_start, self.places, self.shapes, self.matrices, values, forces
+            self.batch_start, self.places, self.slopes, self.matrices, values, forces
         )  # fmt: skip
 
     def in_double_precision(self) -> "Tangents":
         """The same in float64."""
-        shapes, matrices = self.shapes.astype(np.float64), self.matrices.astype(np.float64)
-        return Tangents(self.dimension, self.batch_start, self.places, shapes, matrices)
+        slopes, matrices = self.slopes.astype(np.float64), self.matrices.astype(np.float64)
+        return Tangents(self.dimension, self.batch_start, self.places, slopes, matrices)
 
 
 def pack(
-    siblings: Siblings, cells: np.ndarray, shapes: np.ndarray, matrices: np.ndarray, precision=np.float32
+    siblings: Siblings, cells: np.ndarray, slopes: np.ndarray, matrices: np.ndarray, precision=np.float32
 ) -> Tangents:
-    """Tangents of entries in any order: cells (k,), shapes (k, 2^d) modes at their places, matrices (k, 36)."""
-    corners = shapes.shape[1]
+    """Tangents of entries in any order: cells (k,), slopes (k, 2^d, d) of the modes, matrices (k, 36)."""
+    corners = slopes.shape[1]
     block = np.searchsorted(siblings.batch_start, siblings.cell_place[cells] // (corners * LANES), side="right") - 1
     order = np.argsort(block, kind="stable")
     block = block[order]
@@ -48,7 +48,7 @@ def pack(
     places[:] = np.repeat(siblings.row_start[:-1], batches)[:, None, None]  # rows that hold nothing
     places[batch, :, lane] = siblings.corner_rows(cells[order])
     packed = []
-    for values in (shapes, matrices):
+    for values in (slopes.reshape(len(slopes), slopes.shape[1] * slopes.shape[2]), matrices):
         lanes = np.zeros((batch_start[-1], values.shape[1], LANES), precision)
         lanes[batch, :, lane] = values[order]
         packed.append(lanes.reshape(-1))

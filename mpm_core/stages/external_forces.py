@@ -9,7 +9,8 @@ from mpm_core.geometry.inside import contains
 from mpm_core.geometry.shapes import build_shape
 from mpm_core.kernels.nodal_operations import collect_to_parents, particle_loads
 from mpm_core.model.model import Model
-from mpm_core.model.particles import centroids, mean_modes
+from mpm_core.model.occupancy import FULL
+from mpm_core.model.particles import part_means, shapes_of
 from mpm_core.scene.scene import FACES, Load, Scene
 from mpm_core.scene.virgin_stress import virgin_body_force, virgin_stress
 from mpm_core.stages.wall_pressure import wall_pressure
@@ -46,15 +47,16 @@ def external_force(model: Model, step: int) -> np.ndarray:
             force += load_force(model, load, np.where(rock, volume, 0.0))
             acting = np.flatnonzero(force.any(axis=1))
     nodal = np.zeros((len(model.grid.node_index), model.dimension))
-    modes = particles.modes[particles.row[acting]]
-    _spread(model, particles.cell[acting], modes, np.zeros((len(acting), 6)), force[acting], nodal)
+    row = particles.row[acting]
+    shapes = particles.modes[row], particles.slopes[row]
+    _spread(model, particles.cell[acting], shapes, np.zeros((len(acting), 6)), force[acting], nodal)
     mined = np.flatnonzero(missing)  # a small part of the mine
-    modes, virgin = _of_missing_rock(model, mined, step)
+    shapes, virgin = _of_missing_rock(model, mined, step)
     stress_volume = virgin * missing[mined, None]
     inside, cell_pressure = wall_pressure(model, step, mined)
     if len(inside):
         stress_volume[:, :3] += (inside * missing[mined])[:, None]
-    _spread(model, particles.cell[mined], modes, stress_volume, -missing[mined, None] * body_force, nodal)
+    _spread(model, particles.cell[mined], shapes, stress_volume, -missing[mined, None] * body_force, nodal)
     _add_severed(model, nodal, body_force, cell_pressure, 1.0 - model.rock_share(step))
     _add_lost_traction(model, nodal, 1.0 - model.rock_share(step), cell_pressure)
     collect_to_parents(model.grid.node_parents, nodal)
@@ -90,22 +92,23 @@ def load_force(model: Model, load: Load, rock_volume: np.ndarray) -> np.ndarray:
     return (share * load.force / np.where(distance > 0.0, distance, 1.0))[:, None] * way
 
 
-def _of_missing_rock(model: Model, chosen: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
-    """Modes (k, 2^d) and virgin stress (k, 6) Pa of what is mined of chosen rock particles (k,) after a step.
+def _of_missing_rock(model: Model, chosen: np.ndarray, step: int) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """Modes (k, 2^d), slopes (k, 2^d, d) and virgin stress (k, 6) Pa of what is mined of chosen rock particles (k,)
+    after a step.
 
     They are those of the particle itself, but for one that stands for some of its cell's samples: the others are
     mined.
     """
     particles, grid = model.particles, model.grid
     row = particles.row[chosen]
-    modes, virgin = particles.modes[row], model.insitu[chosen]
+    modes, slopes, virgin = particles.modes[row], particles.slopes[row], model.insitu[chosen]
     own = np.flatnonzero(row >= particles.shared_rows)
     if len(own):
         cell = particles.cell[chosen[own]]
-        modes[own] = mean_modes(~model.changes.rock_samples(len(model.cell_nodes), step)[cell], model.dimension)
-        place = grid.cell_center[cell] + 0.5 * grid.cell_size[cell][:, None] * centroids(modes[own])
-        virgin[own] = virgin_stress(model.scene, place)
-    return modes, virgin
+        gone = ~model.changes.rock_samples(len(model.cell_nodes), step)[cell]
+        modes[own], slopes[own], place = part_means(gone, cell, particles.distorted, model.dimension)
+        virgin[own] = virgin_stress(model.scene, grid.cell_center[cell] + 0.5 * grid.cell_size[cell][:, None] * place)
+    return (modes, slopes), virgin
 
 
 def _add_severed(
@@ -129,15 +132,18 @@ def _add_severed(
         np.maximum.at(highest, model.cell_nodes[there], inside[:, None])
         np.maximum.at(highest, node, of_cell[cell])
         tensor = tensor + highest[node][:, None, None] * np.eye(dimension)
-    side = 2.0 * (corner[:, None] >> np.arange(dimension) & 1) - 1.0
-    size = grid.cell_size[cell][:, None]
-    force = np.einsum("kj,kji->ki", side, tensor) * size ** (dimension - 1) / 2.0 ** (dimension - 1)
-    np.add.at(nodal, node, force - body_force * size**dimension / 2.0**dimension)
+    modes, slopes, _ = part_means(np.full(len(cell), FULL), cell, model.particles.distorted, dimension)
+    shape, gradient = (values[np.arange(len(cell)), corner] for values in shapes_of(modes, slopes))
+    size = grid.cell_size[cell]
+    volume = size**dimension * model.particles.distorted.volumes(cell)
+    force = np.einsum("kj,kji->ki", gradient, tensor) * (2.0 / size * volume)[:, None]
+    np.add.at(nodal, node, force - body_force * (shape * volume)[:, None])
 
 
-def _spread(model: Model, cell, modes, stress_volume: np.ndarray, force: np.ndarray, nodal: np.ndarray) -> None:
-    """Add B^T (sigma V) + N^T f to nodal (node, d) N: cell (k,), modes (k, 2^d), sigma V (k, 6) N m, f (k, d) N."""
-    particle_loads(model.cell_nodes, model.grid.cell_size, cell, modes, stress_volume, force, nodal)
+def _spread(model: Model, cell, shapes, stress_volume: np.ndarray, force: np.ndarray, nodal: np.ndarray) -> None:
+    """Add B^T (sigma V) + N^T f to nodal (node, d) N: cell (k,), shapes: modes (k, 2^d) and slopes (k, 2^d, d), sigma V
+    (k, 6) N m, f (k, d) N."""
+    particle_loads(model.cell_nodes, model.grid.cell_size, cell, *shapes, stress_volume, force, nodal)
 
 
 def _require_balance(model: Model, volume: np.ndarray, force: np.ndarray, step: int) -> None:
@@ -149,7 +155,7 @@ def _require_balance(model: Model, volume: np.ndarray, force: np.ndarray, step: 
             f"steps.{name}: nothing is left of the model, all rock is mined; mine less, or fill in this step"
         )
     motions = model.free_motions(volume)
-    if motions.driven_by(force, model.grid.node_position):
+    if motions.driven_by(force, model.node_position):
         raise InputError(
             f"domain.boundary: in step {name} nothing keeps the model where it is "
             f"({motions.describe(model.scene.axes)}), and the forces on it (loads, excavations, pressure, lost "
@@ -216,7 +222,8 @@ def strain_reaction(model: Model, strain: np.ndarray, step: int) -> np.ndarray:
         stress[:, :3] += (lame * np.trace(tensor))[:, None]
         volume, particles = model.volumes(step), model.particles
         none = np.zeros((particles.count, model.dimension))
-        _spread(model, particles.cell, particles.modes[particles.row], stress * volume[:, None], none, nodal)
+        shapes = particles.modes[particles.row], particles.slopes[particles.row]
+        _spread(model, particles.cell, shapes, stress * volume[:, None], none, nodal)
         collect_to_parents(model.grid.node_parents, nodal)
         nodal[~model.held] = 0.0
     return nodal

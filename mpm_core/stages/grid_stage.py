@@ -8,11 +8,14 @@ import xarray as xr
 
 from common.errors import InputError
 from mpm_core.files.state_datasets import grid_dataset
-from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, sample_mask
+from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, contains, sample_mask
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.building import GridCount, build_grid
+from mpm_core.grid.distorted_cells import distorted_shapes, part_integrals, sample_places
 from mpm_core.grid.domain import Domain, base_cells
+from mpm_core.grid.edge_nodes import EdgeNodes, choose_edge_nodes
 from mpm_core.grid.octree import all_cells, children, morton_codes
+from mpm_core.grid.splitting import code_of
 from mpm_core.model.occupancy import FULL, SAMPLES, SLIVER, Places
 from mpm_core.scene.scene_solids import bodies_at, read_solids
 from mpm_core.settings import GridCells, GridSlice
@@ -36,8 +39,11 @@ def cut_pieces(
     solids: list[Solid | Outside],
     chosen: np.ndarray,
     cells: GridCells,
+    edge_nodes: EdgeNodes,
 ) -> Places:
     """Parts of finest cells inside chosen excavations (k,), numbers of solids, by excavation and cell.
+
+    edge_nodes: which move corners of the cells.
 
     index (n, d): lower corners of the finest cells that may be, fine units, in Morton order. With `cut_cells: whole`
     cells are in or out by the half.
@@ -48,11 +54,13 @@ def cut_pieces(
     base = index >> halvings
     start = np.flatnonzero(np.append(True, (base[1:] != base[:-1]).any(axis=1))) if len(base) else np.empty(0, int)
     end, base = np.append(start[1:], len(index)), base[start]
+    bent_place, corners = distorted_shapes(edge_nodes.place, edge_nodes.shift)
+    bent_code = code_of(bent_place, domain.base_shape << halvings)
     parts = []
     for number in chosen:
         solid = solids[number]
-        lower = (solid.bounds[0] - domain.lower) / fine - 1
-        upper = (solid.bounds[1] - domain.lower) / fine
+        lower = (solid.bounds[0] - domain.lower) / fine - 2  # a distorted cell may reach a cell beyond its place
+        upper = (solid.bounds[1] - domain.lower) / fine + 1
         first, last = np.floor(lower / 2**halvings), np.floor(upper / 2**halvings)
         blocks = np.flatnonzero(((base >= first) & (base <= last)).all(axis=1))
         near = np.concatenate([np.arange(start[block], end[block]) for block in blocks] or [np.empty(0, int)])
@@ -61,11 +69,24 @@ def cut_pieces(
         samples = np.where(kind == INSIDE, FULL, np.uint64(0))
         crossed = (kind != INSIDE) & (kind != OUTSIDE)
         samples[crossed] = sample_mask(solid, domain.lower, fine, index[near][crossed])
+        if len(bent_code):
+            place = np.searchsorted(bent_code, code_of(index[near], domain.base_shape << halvings))
+            place = np.minimum(place, len(bent_code) - 1)
+            bent = np.flatnonzero((bent_place[place] == index[near]).all(axis=1))
+            samples[bent] = _samples_inside(solid, domain, index[near][bent], corners[place[bent]])
         if cells.cut_cells == "whole":
             samples = np.where(np.bitwise_count(samples) >= SAMPLES // 2, FULL, np.uint64(0))
         keep = np.bitwise_count(samples) >= SLIVER
         parts.append(Places(index[near][keep], np.full(keep.sum(), number, np.int16), samples[keep]))
     return Places.all_of(parts, len(domain.lower))
+
+
+def _samples_inside(solid: Solid | Outside, domain: Domain, index: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Samples (k,) uint64 inside a solid of distorted finest cells at places (k, d), with corners (k, 2^d, d)."""
+    points = index[:, None, :] + sample_places(corners)
+    points = domain.lower + points.reshape(-1, index.shape[1]) * domain.cell(domain.levels - 1)
+    inside = contains(solid, points).reshape(-1, SAMPLES)
+    return np.packbits(inside, axis=1, bitorder="little").view("<u8")[:, 0].astype(np.uint64)
 
 
 def miss(solid: Solid | Outside, cells: GridCells) -> None:
@@ -147,7 +168,10 @@ def cells_of_draft(values: GridSlice, solids: list[Solid | Outside], later: np.n
 
     def shares(choice: GridSlice) -> np.ndarray:
         domain = domain_of(choice)
-        pieces = cut_pieces(touched_cells(solids, domain), domain, solids, np.arange(len(solids)), choice.grid)
+        pieces = cut_pieces(
+            touched_cells(solids, domain), domain, solids, np.arange(len(solids)), choice.grid,
+            edge_nodes_of(choice, solids, domain),
+        )  # fmt: skip
         return whole_shares(pieces, domain.base_shape << domain.levels - 1, later)
 
     lost = np.flatnonzero(shares(values) < NEARLY_NONE)
@@ -160,6 +184,27 @@ def cells_of_draft(values: GridSlice, solids: list[Solid | Outside], later: np.n
         kept.grid.told(), names, f" and {more} more" if more > 0 else "",
     )  # fmt: skip
     return kept, lost
+
+
+def volumes_of(pieces: Places, edge_nodes: EdgeNodes, domain: Domain) -> np.ndarray:
+    """Volume of each part, in finest cells, (piece,)."""
+    place, corners = distorted_shapes(edge_nodes.place, edge_nodes.shift)
+    volume, shape = np.bitwise_count(pieces.samples) / SAMPLES, domain.base_shape << domain.levels - 1
+    if not len(place):
+        return volume
+    code, own = code_of(place, shape), code_of(pieces.place, shape)
+    row = np.minimum(np.searchsorted(code, own), len(code) - 1)
+    bent = np.flatnonzero(code[row] == own)
+    volume[bent] = part_integrals(corners[row[bent]], pieces.samples[bent]).volume
+    return volume
+
+
+def edge_nodes_of(values: GridSlice, solids: list[Solid | Outside], domain: Domain) -> EdgeNodes:
+    """Nodes that are moved onto edges of excavations: with `cut_cells: mean`."""
+    if values.grid.cut_cells != "mean":
+        return EdgeNodes.none(len(domain.lower))
+    fine = domain.cell(domain.levels - 1)
+    return choose_edge_nodes(solids, domain.lower, fine, domain.base_shape << domain.levels - 1)
 
 
 def require_memory(count: GridCount, dimension: int, cells: GridCells) -> None:
@@ -204,14 +249,16 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
         before_allocation=lambda count: require_memory(count, dimension, values.grid),
     )
     finest = grid.cell_index[grid.cell_level == grid.levels - 1]
-    pieces = cut_pieces(finest, domain, solids, np.flatnonzero(~later), values.grid)
+    edge_nodes = edge_nodes_of(values, solids, domain)
+    pieces = cut_pieces(finest, domain, solids, np.flatnonzero(~later), values.grid, edge_nodes)
     if later.any():
         touched = touched_cells(after, domain)
-        pieces = pieces.and_then(cut_pieces(touched, domain, solids, np.flatnonzero(later), values.grid))
+        of_later = cut_pieces(touched, domain, solids, np.flatnonzero(later), values.grid, edge_nodes)
+        pieces = pieces.and_then(of_later)
     for number in np.setdiff1d(np.arange(len(solids)), pieces.excavation):
         miss(solids[number], values.grid)
     thickness = values.thickness if dimension == 2 else 1.0
-    on_grid = np.bincount(pieces.excavation, np.bitwise_count(pieces.samples) / 64, minlength=len(solids))
+    on_grid = np.bincount(pieces.excavation, volumes_of(pieces, edge_nodes, domain), minlength=len(solids))
     on_grid = on_grid * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
     volume = [solid.volume_within(domain.lower, domain.upper) * thickness for solid in solids]
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
@@ -222,6 +269,7 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
         grid,
         bodies_at(bodies, grid.cell_center),
         pieces,
+        edge_nodes,
         values.plane,
         attributes
         | {

@@ -10,9 +10,11 @@ import numpy as np
 import xarray as xr
 
 from common.errors import InputError
-from mpm_core.files.state_datasets import read_origin, read_pieces
+from mpm_core.files.state_datasets import read_edge_nodes, read_origin, read_pieces
 from mpm_core.grid.adjacency import holding_cells
+from mpm_core.grid.distorted_cells import distorted_cells
 from mpm_core.grid.domain import Domain
+from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import split
 from mpm_core.model.model import Model, build_model
@@ -24,22 +26,24 @@ from mpm_core.stages.state_transfer import carry_loose
 
 @dataclass(frozen=True)
 class Ground:
-    """A scene, the parts of finest cells inside its excavations, and which cells those are: lower corner of the domain
-    (d,) m, edge of a finest cell m."""
+    """A scene, the parts of finest cells inside its excavations, the nodes that lie on edges of these, and which cells
+    those are: lower corner of the domain (d,) m, edge of a finest cell m."""
 
     scene: Scene
     parts: Places
+    edge_nodes: EdgeNodes
     origin: np.ndarray
     fine_cell: float
 
     @classmethod
     def of(cls, scene: Scene, grid: xr.Dataset) -> "Ground":
         """Of a scene and the dataset of its grid."""
-        return cls(scene, read_pieces(grid), *read_origin(grid))
+        return cls(scene, read_pieces(grid), read_edge_nodes(grid), *read_origin(grid))
 
     def model(self, grid: MultiLevelGrid, body: np.ndarray, loose: Loose, all_fallen: bool = False) -> Model:
         """The scene on a grid; body (cell,): rock body of each cell; loose, all_fallen: see build_model."""
-        return build_model(self.scene, grid, body, self.pieces(grid), loose, all_fallen)
+        distorted = distorted_cells(grid, self.edge_nodes.place, self.edge_nodes.shift)
+        return build_model(self.scene, grid, body, self.pieces(grid), loose, all_fallen, distorted)
 
     def pieces(self, grid: MultiLevelGrid) -> Pieces:
         """Parts of the cells of a grid inside excavations: of finest cells, as no other is mined."""

@@ -13,6 +13,7 @@ from numba import njit
 
 from mpm_core.equilibrium.body import hourglass_modulus
 from mpm_core.grid.adjacency import holding_cells
+from mpm_core.grid.distorted_cells import corner_offsets
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodal_operations import spread_to_hanging
 from mpm_core.model.model import Model
@@ -24,15 +25,17 @@ NOWHERE = -1
 
 @dataclass(frozen=True)
 class Cells:
-    """Of a model its grid and the corners of its cells, in bit order: what nodal values are carried over from."""
+    """Of a model its grid, the corners of its cells in bit order, and by how much its nodes are moved (node, d), finest
+    cells: what nodal values are carried over from."""
 
     grid: MultiLevelGrid
     cell_nodes: np.ndarray
+    node_shift: np.ndarray
 
     @classmethod
     def of(cls, model: Model) -> "Cells":
         """Of a model, which they do not keep alive."""
-        return cls(model.grid, model.cell_nodes)
+        return cls(model.grid, model.cell_nodes, model.node_shift)
 
 
 def carry(old: Model, state: State, new: Model) -> State:
@@ -69,8 +72,35 @@ def carry_nodes(old: Model | Cells, values: np.ndarray, new: Model, origin: np.n
     place = (new.grid.cell_index - old.grid.cell_index[origin]) / old.grid.cell_width[origin][:, None]
     share = new.grid.cell_width / old.grid.cell_width[origin]
     _interpolate_corners(old.cell_nodes, new.cell_nodes, origin, place, share, values, result)
+    shifted = np.flatnonzero(new.node_shift.any(axis=1))
+    if len(shifted):
+        _carry_shifted(old, values, new, shifted, result)
     spread_to_hanging(new.hanging, new.grid.node_parents, result)
     return result
+
+
+def _carry_shifted(old: Model | Cells, values: np.ndarray, new: Model, nodes: np.ndarray, result: np.ndarray) -> None:
+    """Values of the old grid where nodes (k,) of the new one that are moved lie: result (node, component), there.
+
+    One that was moved there before has its value; where the old grid has a cube, that is trilinear between its corners.
+    """
+    place = new.grid.node_index[nodes] + new.node_shift[nodes]
+    first = np.full(len(new.grid.node_index), len(new.cell_nodes), np.int64)
+    np.minimum.at(first, new.cell_nodes, np.arange(len(new.cell_nodes))[:, None])
+    same = holding_cells(old.grid, new.grid.cell_index[first[nodes]])
+    was = np.zeros(len(nodes), bool)
+    corners = old.cell_nodes[same]
+    there = (old.grid.node_index[corners] == new.grid.node_index[nodes][:, None]).all(axis=2)
+    held = there.any(axis=1)
+    corner = corners[np.arange(len(nodes)), there.argmax(axis=1)]
+    was[held] = old.node_shift[corner[held]].any(axis=1)
+    moved = np.flatnonzero(~was)
+    cell = holding_cells(old.grid, np.floor(place[moved]).astype(np.int32))
+    moved, cell = moved[cell >= 0], cell[cell >= 0]
+    within = (place[moved] - old.grid.cell_index[cell]) / old.grid.cell_width[cell][:, None]
+    bits = corner_offsets(old.grid.dimension)
+    shape = np.prod(np.where(bits == 1, within[:, None, :], 1.0 - within[:, None, :]), axis=2)
+    result[nodes[moved]] = np.einsum("kc,kcj->kj", shape, values[old.cell_nodes[cell]])
 
 
 def carry_forces(old: Model | Cells, forces: np.ndarray, new: Model) -> np.ndarray:
@@ -143,6 +173,8 @@ def _sources(old: Model, new: Model, origin: np.ndarray) -> tuple[np.ndarray, np
     there = keys[0][group] == keys[1]
     new_cell = new.particles.cell[groups[1][:-1]]
     whole = new.grid.cell_level[new_cell] == old.grid.cell_level[origin[new_cell]]
+    bent = new.particles.distorted.rows(new_cell) >= 0
+    whole &= bent == (old.particles.distorted.rows(origin[new_cell]) >= 0)
     same = there & whole & (counts[0][group] == counts[1])
     source = np.full(new.particles.count, NOWHERE, np.int64)
     of_particle = np.repeat(np.arange(len(group)), counts[1])
@@ -226,12 +258,7 @@ def elastic_stress(model: Model, displacement: np.ndarray, particles: np.ndarray
     """Stress (k, 6) Pa of intact particles (k,) whose nodes have moved by displacement (node, d) since virgin."""
     cells, place = np.unique(model.particles.cell[particles], return_inverse=True)
     sums = _modal_sums(model, displacement, cells)[place]
-    modes = model.mode_values[model.particles.row[particles]]
-    gradient = np.zeros((len(particles), model.dimension, model.dimension))
-    for axis in range(model.dimension):
-        for mode in range(1 << model.dimension):
-            if mode >> axis & 1:
-                gradient[:, :, axis] += sums[:, mode] * modes[:, mode ^ 1 << axis, None]
+    gradient = np.einsum("kmj,kma->kja", sums, model.slopes[model.particles.row[particles]])
     size = model.grid.cell_size[model.particles.cell[particles]]
     gradient *= (2.0 / size / (1 << model.dimension))[:, None, None]
     lame, shear = model.elastic_constants[model.particles.material[particles]].T
@@ -255,5 +282,8 @@ def elastic_hourglass(model: Model, displacement: np.ndarray, cells: np.ndarray)
     size = model.grid.cell_size[cells]
     modulus = hourglass_modulus(lame, shear)
     stiffness = 4.0 * model.scene.solver.hourglass * modulus * size ** (model.dimension - 2)
-    amplitude = _modal_sums(model, displacement, cells)[:, modes]
+    sums = _modal_sums(model, displacement, cells)
+    amplitude, row = sums[:, modes], model.particles.distorted.rows(cells)
+    bent = np.flatnonzero(row >= 0)
+    amplitude[bent] = np.einsum("kmn,knj->kmj", model.hourglass_patterns[row[bent]], sums[bent])
     return amplitude * np.where(alone, stiffness / corners, 0.0)[:, None, None]

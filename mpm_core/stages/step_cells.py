@@ -245,7 +245,7 @@ def follow_walls(old: Model, new: Model, state: State) -> None:
     part_nodes(old, state, new)
     state.position = new.particles.position
     rows = old.particles.row, new.particles.row
-    moved = np.flatnonzero((old.mode_values[rows[0]] != new.mode_values[rows[1]]).any(axis=1))
+    moved = np.flatnonzero((old.slopes[rows[0]] != new.slopes[rows[1]]).any(axis=(1, 2)))
     state.stress[moved] += old.insitu[moved] - new.insitu[moved]
     intact = moved[(state.failed[moved] < 0) & new.particles.is_rock[moved]]
     state.stress[intact] = elastic_stress(new, state.displacement, intact)

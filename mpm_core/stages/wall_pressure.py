@@ -14,7 +14,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from mpm_core.model.model import Model
-from mpm_core.model.occupancy import SAMPLES
 
 
 def wall_pressure(model: Model, step: int, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -37,7 +36,7 @@ def wall_pressure(model: Model, step: int, chosen: np.ndarray) -> tuple[np.ndarr
             of_samples[(of_cell[cell[single]] & bit) != 0] = pressure
     of_particles = mean[cell]
     of_particles[single] = of_samples
-    return of_particles, mean * (gone / SAMPLES)
+    return of_particles, mean * (1.0 - model.rock_share(step))
 
 
 def _open_parts(model: Model, step: int, inside: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:

@@ -130,7 +130,8 @@ def uniform_rock(grid) -> ElasticCells:
     constants = np.stack(
         [LAME * scale_of, SHEAR * scale_of, HOURGLASS * (LAME + 2 * SHEAR) * scale_of, 0.0 * size], axis=1
     )
-    return ElasticCells(constants, np.empty(0, np.int64), np.empty((0, 24, 24)))
+    none = np.empty(0, np.int64)
+    return ElasticCells(constants, none, np.empty((0, 24, 24)), none, np.empty((0, 4, 8)))
 
 
 def yielding_particles(count: int):

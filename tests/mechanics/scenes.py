@@ -152,7 +152,7 @@ def make_dataset(scene: Scene, grid: MultiLevelGrid, shapes=(), body=None):
     body = host_everywhere(grid) if body is None else body
     pieces = pieces_of(grid, shapes)
     places = Places(grid.cell_index[pieces.cell], pieces.excavation.astype(np.int16), pieces.samples)
-    return grid_dataset(grid, body, places, scene.plane, {"mine": scene.mine})
+    return grid_dataset(grid, body, places, EdgeNodes.none(grid.dimension), scene.plane, {"mine": scene.mine})
 
 
 def solve(model: Model, tolerance: float = 1e-6, step: int = 0) -> tuple[ExplicitScheme, History]:

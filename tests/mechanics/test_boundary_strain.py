@@ -60,7 +60,7 @@ def test_fixed_faces_strain_a_grid_with_hanging_nodes_linearly(plane, seed, per_
     components = np.zeros(6)
     components[IN_PLANE[plane]] = random.normal(size=len(IN_PLANE[plane])) * 1e-4
     scene = make_scene(plane, strains=[strain_entry(components)], particles_per_cell=per_edge)
-    dataset = grid_dataset(grid, host_everywhere(grid), Places.all_of([], grid.dimension), plane, {"mine": "test"})
+    dataset = grid_dataset(grid, host_everywhere(grid), Places.all_of([], grid.dimension), EdgeNodes.none(grid.dimension), plane, {"mine": "test"})
     state, facts = elastic_stage(scene, dataset, Path("unused.npz"))
     for _ in range(2):
         expected = dataset.node_position.values @ tensor(components)

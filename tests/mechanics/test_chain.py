@@ -212,7 +212,7 @@ def test_samples_change_hands_as_rock_is_mined_and_filled_and_fill_is_mined(seed
         ]
         scene = make_scene("xz", excavations=entries, steps=last + 1, cut_cells=cut_cells)
         changes = changes_of(raw, scene.excavations, Loose.none())
-        particles = seed(grid, host_everywhere(grid), changes, scene, raw)
+        particles = seed(grid, host_everywhere(grid), changes, scene, raw, DistortedCells.none(grid.dimension))
         for step in range(last + 1):
             volume = volumes(particles, changes, step)
             found = np.zeros((6, 6))

@@ -42,7 +42,7 @@ def test_means_of_a_mirrored_set_are_mirrored(samples, dimension, axis):
 def test_all_samples_stand_for_the_centre(dimension):
     modes = mean_modes(np.array([FULL]), dimension)
     np.testing.assert_array_equal(modes, mode_table(np.zeros((1, dimension))))
-    assert own_stiffening(modes, np.array([0.3])) == pytest.approx(1.3)
+    assert own_stiffening(modes, slopes_of(modes), np.array([0.3])) == pytest.approx(1.3)
 
 
 @given(SAMPLE_SETS, st.sampled_from([2, 3]))
@@ -51,7 +51,7 @@ def test_shape_functions_are_means_that_add_up_to_one(samples, dimension):
     points = point_table(round(SAMPLES ** (1 / dimension)), dimension)
     points = points[[bit for bit in range(SAMPLES) if samples >> bit & 1]]
     modes = mean_modes(np.array([samples], np.uint64), dimension)
-    shape, slope = shapes_of(modes)
+    shape, slope = shapes_of(modes, slopes_of(modes))
     corners = np.array([[1 if c >> k & 1 else -1 for k in range(dimension)] for c in range(1 << dimension)])
     plain = np.mean([np.prod(0.5 * (1 + corners * point), axis=1) for point in points], axis=0)
     np.testing.assert_allclose(shape[0], plain, atol=1e-14)

@@ -149,8 +149,8 @@ def solve_smooth(variant: Variant, smooth: dict, particles_per_edge: int) -> Sol
     force = np.zeros((len(grid.node_index), d))
     body = field.body_force(particles.position, rock) * volume[:, None]
     none = np.zeros((particles.count, 6))
-    modes = particles.modes[particles.row]
-    particle_loads(model.cell_nodes, grid.cell_size, particles.cell, modes, none, body, force)
+    modes, slopes = particles.modes[particles.row], particles.slopes[particles.row]
+    particle_loads(model.cell_nodes, grid.cell_size, particles.cell, modes, slopes, none, body, force)
     collect_to_parents(grid.node_parents, force)
     force[model.held] = 0.0
     scheme = scheme_of(model)
