@@ -65,7 +65,7 @@ class MultigridScheme:
     def __init__(self, model: Model, state: State, volume: np.ndarray):
         self.body = Body(model, state, volume)
         self.model, self.state = model, state
-        self.solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
+        self.solver = ElasticSolver(model.grid, model.cell_nodes, model.held, model.node_position)
         self.anderson: Anderson | None = None
         self.flow: FlowForces | None = None
         self.stale = np.ones(len(model.scatter.blocks), bool)  # blocks whose forces are not those of their stress

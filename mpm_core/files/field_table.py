@@ -32,7 +32,7 @@ FIELDS = _table(
     Field("piece_origin", ("piece", "xyz"), np.float64, "m", "lower corner of each finest cell inside an excavation"),
     Field("piece_excavation", ("piece",), np.int16, "1", "index of that excavation"),
     Field("piece_samples", ("piece",), np.uint64, "1", "64 points of the cell, one bit each: inside or not"),
-    Field("piece_fraction", ("piece",), np.float64, "1", "share of the cell inside that excavation"),
+    Field("piece_fraction", ("piece",), np.float64, "1", "share of these points that are inside"),
     Field("edge_node_place", ("edge_node", "xyz"), np.float64, "m", "place of each node that is moved onto an edge"),
     Field("edge_node_shift", ("edge_node", "xyz"), np.float64, "m", "how far it is moved"),
     # elastic.nc and steps/<step>.nc

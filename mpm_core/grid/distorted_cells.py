@@ -6,17 +6,21 @@ sub-cell are by Gauss points, two along each axis, which is exact for volumes an
 share a node vanish where they should, and a patch of distorted cells takes a uniform strain exactly.
 """
 
+import functools
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.geometry.sampling import sample_points
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.mesh import MultiLevelGrid
 
 SAMPLES = 64
 GAUSS = 1.0 / np.sqrt(3.0)
+ORDER_2D = np.array([0, 4, 2, 6, 1, 5, 3, 7])
+ORDER_3D = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
+"""ordered dither (Bayer 1973): how far outward a point is moved, by its place along the other axes from the middle"""
 
 
 @dataclass(frozen=True)
@@ -43,8 +47,13 @@ class DistortedCells:
         """Volume of each of some cells (n,), in cubes of its size: (n,)."""
         volume, row = np.ones(len(cells)), self.rows(cells)
         bent = np.flatnonzero(row >= 0)
-        volume[bent] = sample_volumes(self.corners[row[bent]]).sum(axis=1)
+        volume[bent] = self.sample_volumes[row[bent]].sum(axis=1)
         return volume
+
+    @cached_property
+    def sample_volumes(self) -> np.ndarray:
+        """Volume (k, 64) of each sample, in cubes."""
+        return sample_volumes(self.corners)
 
     def of(self, chosen: np.ndarray, number: np.ndarray) -> "DistortedCells":
         """Those among chosen cells of the grid (cell,) bool; number (cell,) int32: what they are called there."""
@@ -105,12 +114,47 @@ def distorted_cells(grid: MultiLevelGrid, place: np.ndarray, shift: np.ndarray) 
     return DistortedCells(cell[there], corners[there])
 
 
-def sample_places(corners: np.ndarray) -> np.ndarray:
-    """Where the sample points of cells with these corners (k, 2^d, d) lie, (k, 64, d), in the corners' units."""
-    points = sample_points(corners.shape[2]).T  # 0 to 1
+def points_with_volume(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points at which cells with corners (k, 2^d, d) are asked what they hold, 2^d in each sample: places
+    (k, 64, 2^d, d), in the corners' units, and the volumes (k, 64, 2^d) that they stand for, in cubes."""
+    points = points_of_samples(corners.shape[2])
     bits = corner_offsets(corners.shape[2])
-    shape = np.prod(np.where(bits == 1, points[:, None, :], 1.0 - points[:, None, :]), axis=2)  # (sample, corner)
-    return np.einsum("sc,kcj->ksj", shape, corners)
+    shape = np.where(bits == 1, points[:, :, None, :], 1.0 - points[:, :, None, :])  # (sample, point, corner, axis)
+    slopes = []
+    for axis in range(corners.shape[2]):
+        along = shape.copy()
+        along[..., axis] = np.where(bits[:, axis] == 1, 1.0, -1.0)
+        slopes.append(np.prod(along, axis=3))
+    places = np.einsum("sgc,kcj->ksgj", np.prod(shape, axis=3), corners)
+    jacobian = np.einsum("asgc,kcj->ksgja", np.stack(slopes), corners)
+    return places, np.linalg.det(jacobian) / (SAMPLES * len(bits))
+
+
+def points_of_samples(dimension: int) -> np.ndarray:
+    """Points (64, 2^d, d) in the unit cube, 2^d in each sample's sub-cell.
+
+    Twice as many along each edge as geometry.sampling has, in a pattern of the same kind: each is moved within its
+    part of the sub-cell, by an amount that hangs on its place along the other axes, so that a flat wall meets few of
+    them at a time; the pattern is its own image in mirrors across the axes.
+    """
+    per_edge = 2 * round(SAMPLES ** (1 / dimension))
+    along = np.meshgrid(*[np.arange(per_edge)] * dimension, indexing="ij")
+    side = [np.where(2 * i < per_edge, -1, 1) for i in along]
+    ring = [np.abs(2 * i + 1 - per_edge) // 2 for i in along]
+    outward = [
+        ORDER_2D[ring[1 - axis]] if dimension == 2 else ORDER_3D[ring[(axis + 1) % 3], ring[(axis + 2) % 3]]
+        for axis in range(dimension)
+    ]
+    steps = ORDER_2D.size if dimension == 2 else ORDER_3D.size
+    places = np.stack(
+        [0.5 + side[axis] * (ring[axis] + (outward[axis] + 0.5) / steps) / per_edge for axis in range(dimension)],
+        axis=-1,
+    )
+    sample = sum((i // 2) * (per_edge // 2) ** axis for axis, i in enumerate(along))
+    child = sum((i % 2) << axis for axis, i in enumerate(along))
+    points = np.empty((SAMPLES, 1 << dimension, dimension))
+    points[sample, child] = places
+    return points
 
 
 def part_integrals(corners: np.ndarray, samples: np.ndarray) -> PartIntegrals:
@@ -118,94 +162,112 @@ def part_integrals(corners: np.ndarray, samples: np.ndarray) -> PartIntegrals:
     count, corner_count, dimension = len(corners), corners.shape[1], corners.shape[2]
     volume, place = np.zeros(count), np.zeros((count, dimension))
     modes, gradients = np.zeros((count, corner_count)), np.zeros((count, corner_count, dimension))
-    _integrate(corners, samples, volume, place, modes, gradients)
+    _integrate(corners, samples, *_tables(dimension), volume, place, modes, gradients)
     place = 2.0 * place / volume[:, None] - 1.0
     return PartIntegrals(volume, place, modes / volume[:, None], 0.5 * gradients / volume[:, None, None])
 
 
 def sample_volumes(corners: np.ndarray) -> np.ndarray:
     """Volume (k, 64) of each sample of cells with corners (k, 2^d, d), in cubes."""
-    count, corner_count, dimension = len(corners), corners.shape[1], corners.shape[2]
-    bits = np.tile(np.uint64(1) << np.arange(SAMPLES, dtype=np.uint64), count)
-    each = np.repeat(corners, SAMPLES, axis=0)
-    volume = np.zeros(len(each))
-    _integrate(
-        each, bits, volume, np.zeros((len(each), dimension)), np.zeros((len(each), corner_count)),
-        np.zeros((len(each), corner_count, dimension)),
-    )  # fmt: skip
-    return volume.reshape(count, SAMPLES)
+    volume = np.zeros((len(corners), SAMPLES))
+    _sum_volumes(corners, _tables(corners.shape[2])[1], volume)
+    return volume
 
 
-def smallest_volume_ratio(corners: np.ndarray) -> float:
-    """The smallest ratio of a cell's volume element to a cube's, at the middle of any sub-cell of cells with corners
-    (k, 2^d, d)."""
-    bits = corner_offsets(corners.shape[2])
-    places = sub_cell_middles(corners.shape[2])
+@functools.cache
+def _tables(dimension: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """At the Gauss points of all samples: shape functions (64, 2^d, 2^d), their slopes (64, 2^d, 2^d, d) in the unit
+    cube, and values of the modes (64, 2^d, 2^d)."""
+    bits = corner_offsets(dimension)
+    per_edge = round(SAMPLES ** (1 / dimension))
+    points = sub_cell_middles(dimension)[:, None, :] + GAUSS * (bits - 0.5) / per_edge
+    shape = np.where(bits == 1, points[:, :, None, :], 1.0 - points[:, :, None, :])
     slopes = []
-    for axis in range(corners.shape[2]):
-        shape = np.where(bits == 1, places[:, None, :], 1.0 - places[:, None, :])
-        shape[:, :, axis] = np.where(bits[:, axis] == 1, 1.0, -1.0)
-        slopes.append(np.prod(shape, axis=2))
-    jacobian = np.einsum("apc,kcj->kpja", np.stack(slopes), corners)
-    return float(np.linalg.det(jacobian).min())
+    for axis in range(dimension):
+        along = shape.copy()
+        along[..., axis] = np.where(bits[:, axis] == 1, 1.0, -1.0)
+        slopes.append(np.prod(along, axis=3))
+    modes = np.prod(np.where(bits == 1, 2.0 * points[:, :, None, :] - 1.0, 1.0), axis=3)
+    return np.prod(shape, axis=3), np.ascontiguousarray(np.stack(slopes, axis=3)), modes
+
+
+@njit(error_model="numpy", cache=True)
+def smallest_element(corners, points):
+    """The smallest ratio of a cell's volume element to a cube's at points (n, d) of the unit cube; corners (2^d, d)."""
+    count, dimension = corners.shape
+    smallest = np.inf
+    jacobian = np.eye(3)
+    for point in points:
+        for j in range(dimension):
+            for k in range(dimension):
+                jacobian[j, k] = 0.0
+                for c in range(count):
+                    slope = corners[c, j]
+                    for axis in range(dimension):
+                        high = (c >> axis) & 1
+                        if axis == k:
+                            slope *= 1.0 if high else -1.0
+                        else:
+                            slope *= point[axis] if high else 1.0 - point[axis]
+                    jacobian[j, k] += slope
+        element = jacobian[0, 0] * (jacobian[1, 1] * jacobian[2, 2] - jacobian[1, 2] * jacobian[2, 1])
+        element -= jacobian[0, 1] * (jacobian[1, 0] * jacobian[2, 2] - jacobian[1, 2] * jacobian[2, 0])
+        element += jacobian[0, 2] * (jacobian[1, 0] * jacobian[2, 1] - jacobian[1, 1] * jacobian[2, 0])
+        smallest = min(smallest, element)
+    return smallest
+
+
+@njit(inline="always", error_model="numpy")
+def _set_jacobian(corners, cell, slopes, sample, gauss, jacobian, cofactor):
+    """Derivatives (3, 3) of places by the unit cube's coordinates and their cofactors, written; returns their
+    determinant."""
+    count, dimension = corners.shape[1], corners.shape[2]
+    for j in range(dimension):
+        for k in range(dimension):
+            total = 0.0
+            for c in range(count):
+                total += corners[cell, c, j] * slopes[sample, gauss, c, k]
+            jacobian[j, k] = total
+    for j in range(3):
+        a, b = (j + 1) % 3, (j + 2) % 3
+        for k in range(3):
+            m, n = (k + 1) % 3, (k + 2) % 3
+            cofactor[j, k] = jacobian[a, m] * jacobian[b, n] - jacobian[a, n] * jacobian[b, m]
+    return jacobian[0, 0] * cofactor[0, 0] + jacobian[0, 1] * cofactor[0, 1] + jacobian[0, 2] * cofactor[0, 2]
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def _integrate(corners, samples, volume, place, modes, gradients):
-    """Sums over the Gauss points of the samples held: volume (k,), place (k, d), modes (k, 2^d), gradients
-    (k, 2^d, d), written."""
-    count, dimension = corners.shape[1], corners.shape[2]
-    per_edge = 4 if dimension == 3 else 8
-    half = 1.0 / per_edge
+def _sum_volumes(corners, slopes, volume):
+    """Volumes (k, 64) of the samples, written."""
+    weight = 1.0 / (SAMPLES * corners.shape[1])
     for cell in prange(len(corners)):
-        shape = np.empty(count)
-        slope = np.empty((count, dimension))
-        jacobian = np.zeros((3, 3))
-        cofactor = np.zeros((3, 3))
-        xi = np.zeros(3)
-        for sample in range(64):
+        jacobian, cofactor = np.eye(3), np.empty((3, 3))
+        for sample in range(SAMPLES):
+            for gauss in range(corners.shape[1]):
+                element = _set_jacobian(corners, cell, slopes, sample, gauss, jacobian, cofactor)
+                volume[cell, sample] += weight * element
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def _integrate(corners, samples, shapes, slopes, values, volume, place, modes, gradients):
+    """Sums over the Gauss points of the samples held: volume (k,), place (k, d), modes (k, 2^d), gradients
+    (k, 2^d, d), written. shapes, slopes, values: see `_tables`."""
+    count, dimension = corners.shape[1], corners.shape[2]
+    weight = 1.0 / (SAMPLES * count)
+    for cell in prange(len(corners)):
+        jacobian, cofactor = np.eye(3), np.empty((3, 3))
+        for sample in range(SAMPLES):
             if not (samples[cell] >> np.uint64(sample)) & np.uint64(1):
                 continue
             for gauss in range(count):
-                rest = sample
-                for axis in range(dimension):
-                    middle = (2 * (rest % per_edge) + 1) * half - 1.0
-                    rest //= per_edge
-                    xi[axis] = middle + (GAUSS if (gauss >> axis) & 1 else -GAUSS) * half
-                for c in range(count):
-                    shape[c] = 1.0
-                    for axis in range(dimension):
-                        sign = 1.0 if (c >> axis) & 1 else -1.0
-                        shape[c] *= 0.5 * (1.0 + sign * xi[axis])
-                    for k in range(dimension):
-                        slope[c, k] = 1.0
-                        for axis in range(dimension):
-                            sign = 1.0 if (c >> axis) & 1 else -1.0
-                            slope[c, k] *= 0.5 * sign if axis == k else 0.5 * (1.0 + sign * xi[axis])
-                for j in range(dimension):
-                    for k in range(dimension):
-                        jacobian[j, k] = 0.0
-                        for c in range(count):
-                            jacobian[j, k] += corners[cell, c, j] * slope[c, k]
-                if dimension == 2:
-                    jacobian[2, 2] = 1.0
-                for j in range(3):
-                    for k in range(3):
-                        a, b = (j + 1) % 3, (j + 2) % 3
-                        m, n = (k + 1) % 3, (k + 2) % 3
-                        cofactor[j, k] = jacobian[a, m] * jacobian[b, n] - jacobian[a, n] * jacobian[b, m]
-                weight = half**dimension
-                element = jacobian[0, 0] * cofactor[0, 0] + jacobian[0, 1] * cofactor[0, 1]
-                element = (element + jacobian[0, 2] * cofactor[0, 2]) * weight
+                element = weight * _set_jacobian(corners, cell, slopes, sample, gauss, jacobian, cofactor)
                 volume[cell] += element
                 for c in range(count):
+                    share = shapes[sample, gauss, c] * element
+                    modes[cell, c] += values[sample, gauss, c] * element
                     for j in range(dimension):
-                        place[cell, j] += shape[c] * corners[cell, c, j] * element
+                        place[cell, j] += share * corners[cell, c, j]
+                        total = 0.0
                         for k in range(dimension):
-                            gradients[cell, c, j] += cofactor[j, k] * slope[c, k] * weight
-                for mode in range(count):
-                    value = 1.0
-                    for axis in range(dimension):
-                        if (mode >> axis) & 1:
-                            value *= xi[axis]
-                    modes[cell, mode] += value * element
+                            total += cofactor[j, k] * slopes[sample, gauss, c, k]
+                        gradients[cell, c, j] += weight * total

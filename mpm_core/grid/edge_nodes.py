@@ -8,14 +8,18 @@ it are distorted (distorted_cells.py), all others stay as they are.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
+from scipy.spatial import cKDTree
 
 from mpm_core.geometry.inside import contains
 from mpm_core.geometry.sharp_edges import sharp_edges
 from mpm_core.geometry.solids import Outside, Solid
-from mpm_core.grid.distorted_cells import corner_offsets, smallest_volume_ratio
+from mpm_core.grid.distorted_cells import corner_offsets, smallest_element, sub_cell_middles
 from mpm_core.grid.octree import all_cells
+from mpm_core.grid.splitting import code_of
 
 MAX_REACH = 1.42  # cells: a node farther from an edge than a square cell's diagonal is not moved onto it
 ON_LATTICE = 1e-6  # cells: a node as near as that to an edge lies on it
@@ -41,51 +45,106 @@ class EdgeNodes:
         return EdgeNodes(self.place[chosen], self.shift[chosen])
 
 
+class Wishes(NamedTuple):
+    """Nodes that may move, in the order in which they are asked: place (n, d), and where each would go, goal (n, d), in
+    finest cells from the origin; batch (n,): corners and edges of one excavation after another."""
+
+    place: np.ndarray
+    goal: np.ndarray
+    batch: np.ndarray
+
+
 def choose_edge_nodes(
     solids: list[Solid | Outside], origin: np.ndarray, fine_cell: float, shape: np.ndarray
 ) -> EdgeNodes:
     """The nodes that edges of these excavations ask for; shape (d,) finest cells of the domain.
 
-    Corners come first, then edges, the nearest node first. A node moves once, and no cell gets smaller than
-    MIN_VOLUME_RATIO; if it would, the node goes a part of the way.
+    Corners come first, then edges, the nearest node first. A node moves once, no two go to one place, and no cell gets
+    smaller than MIN_VOLUME_RATIO; if it would, the node goes a part of the way.
     """
-    moved: dict[tuple, np.ndarray] = {}
+    wishes = _wishes(solids, origin, fine_cell, shape)
+    if not len(wishes.place):
+        return EdgeNodes.none(len(shape))
+    around = all_cells((3,) * len(shape)) - 1
+    known = code_of((wishes.place[:, None, :] + around).reshape(-1, len(shape)), shape + 1)
+    codes, number = np.unique(known, return_inverse=True)
+    number = number.reshape(len(wishes.place), -1)
+    close = cKDTree(wishes.goal).query_pairs(APART, output_type="ndarray")
+    close = np.concatenate([close, close[:, ::-1]])
+    close = close[np.lexsort(close.T[::-1])]
+    first = np.searchsorted(close[:, 0], np.arange(len(wishes.place) + 1))
+    batches = np.flatnonzero(np.diff(wishes.batch, prepend=-1, append=-1))
+    shift, moved = np.zeros((len(codes), len(shape))), np.zeros(len(codes), bool)
+    _move(
+        batches, wishes.place.astype(float), wishes.goal, number, first, close[:, 1].copy(), np.array(SHARES),
+        corner_offsets(len(shape)), sub_cell_middles(len(shape)), shift, moved,
+    )  # fmt: skip
+    place = np.stack(np.unravel_index(codes[moved], tuple(shape + 1)), axis=1).astype(np.int32)
+    return EdgeNodes(place, shift[moved])
+
+
+def _wishes(solids, origin: np.ndarray, fine_cell: float, shape: np.ndarray) -> Wishes:
+    places, goals, batches = [], [], []
     for solid in solids:
         edges = sharp_edges(solid.solid if isinstance(solid, Outside) else solid)
-        to_cells = [(points - origin) / fine_cell for points in edges]
-        for segments in (np.repeat(to_cells[1][:, None], 2, axis=1), to_cells[0]):
-            _move(solid, segments, origin, fine_cell, shape, moved)
-    if not moved:
-        return EdgeNodes.none(len(shape))
-    place = np.array(list(moved), np.int32)
-    order = np.lexsort(place.T)
-    return EdgeNodes(place[order], np.array(list(moved.values()))[order])
+        corners, segments = ((points - origin) / fine_cell for points in (edges.corners, edges.segments))
+        for wanted in (np.repeat(corners[:, None], 2, axis=1), segments):
+            place, goal = _nearest_goals(wanted, shape)
+            place, goal = _inside(solid, place, goal, origin, fine_cell)
+            order = np.lexsort((*place.T, np.round(np.linalg.norm(goal - place, axis=1), 9)))
+            places.append(place[order])
+            goals.append(goal[order])
+            batches.append(np.full(len(order), len(batches)))
+    none = np.empty((0, len(shape)))
+    return Wishes(
+        np.concatenate([none.astype(np.int64), *places]),
+        np.concatenate([none, *goals]),
+        np.concatenate([none[:, 0].astype(np.int64), *batches]),
+    )
 
 
-def _move(solid, segments: np.ndarray, origin, fine_cell: float, shape, moved: dict[tuple, np.ndarray]) -> None:
-    """Move nodes inside a solid onto segments (k, 2, d), in finest cells from the origin: into `moved`, by place."""
-    place, goal = _nearest_goals(segments, shape)
-    if not len(place):
-        return
-    place, goal = _inside(solid, place, goal, origin, fine_cell)
-    distance = np.linalg.norm(goal - place, axis=1)
-    goals: dict[tuple, list[np.ndarray]] = {}
-    order = np.lexsort((*place.T, np.round(distance, 9)))
-    for share in SHARES:
-        for i in order:
-            key = tuple(place[i].tolist())
-            bin_of = np.floor(goal[i]).astype(int)
-            near = [g for b in all_cells((3,) * len(shape)) - 1 for g in goals.get(tuple((bin_of + b).tolist()), ())]
-            if any(np.sum((g - goal[i]) ** 2) < APART**2 for g in near):
-                continue
-            if distance[i] > ON_LATTICE:
-                if key in moved:
+@njit(error_model="numpy", cache=True)
+def _move(batches, place, goal, number, first, close, shares, offsets, points, shift, moved):
+    """Fulfil wishes: shift (node, d) and moved (node,) of the nodes numbered in number (n, 3^d), C order, in place.
+
+    batches: first wish of each batch, and their end; first (n + 1,), close: wishes whose goals are close to each one's;
+    offsets (2^d, d), points (64, d): see distorted_cells.
+    """
+    dimension, corners = place.shape[1], len(offsets)
+    done = np.zeros(len(place), np.bool_)
+    cell = np.empty((corners, dimension))
+    for batch in range(len(batches) - 1):
+        for share in shares:
+            for i in range(batches[batch], batches[batch + 1]):
+                taken = done[i]
+                for other in range(first[i], first[i + 1]):
+                    taken |= done[close[other]]
+                if taken:
                     continue
-                moved[key] = share * (goal[i] - place[i])
-                if _smallest_around(place[i], moved) < MIN_VOLUME_RATIO:
-                    del moved[key]
-                    continue
-            goals.setdefault(tuple(bin_of.tolist()), []).append(goal[i])
+                node = number[i, number.shape[1] // 2]
+                distance = 0.0
+                for axis in range(dimension):
+                    distance += (goal[i, axis] - place[i, axis]) ** 2
+                if distance > ON_LATTICE**2:
+                    if moved[node]:
+                        continue
+                    for axis in range(dimension):
+                        shift[node, axis] = share * (goal[i, axis] - place[i, axis])
+                    smallest = 1.0
+                    for c in range(corners):  # the cell whose corner c the node is
+                        for corner in range(corners):
+                            at = 0
+                            for axis in range(dimension):
+                                at = 3 * at + 1 + offsets[corner, axis] - offsets[c, axis]
+                            for axis in range(dimension):
+                                cell[corner, axis] = offsets[corner, axis] + shift[number[i, at], axis]
+                        smallest = min(smallest, smallest_element(cell, points))
+                    if smallest < MIN_VOLUME_RATIO:
+                        for axis in range(dimension):
+                            shift[node, axis] = 0.0
+                        continue
+                    moved[node] = True
+                done[i] = True
 
 
 def _nearest_goals(segments: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -124,13 +183,3 @@ def _inside(solid, place: np.ndarray, goal: np.ndarray, origin, fine_cell: float
     inside = contains(solid, points.reshape(-1, place.shape[1])).reshape(len(place), -1).all(axis=1)
     kept = inside | (np.linalg.norm(goal - place, axis=1) <= ON_LATTICE)
     return place[kept], goal[kept]
-
-
-def _smallest_around(node: np.ndarray, moved: dict[tuple, np.ndarray]) -> float:
-    """The smallest volume ratio of the cells around a node (d,)."""
-    offsets = corner_offsets(len(node))
-    corners = (node - offsets)[:, None, :] + offsets
-    shifted = offsets.astype(float) + np.array(
-        [[moved.get(tuple(corner.tolist()), np.zeros(len(node))) for corner in cell] for cell in corners]
-    )
-    return smallest_volume_ratio(shifted)

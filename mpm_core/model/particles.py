@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpm_core.grid.distorted_cells import SAMPLES, DistortedCells, part_integrals, sample_volumes
+from mpm_core.grid.distorted_cells import SAMPLES, DistortedCells, part_integrals
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.model.occupancy import FULL, NOTHING, ROCK, Changes, Pieces
 from mpm_core.scene.scene import Scene
@@ -255,7 +255,7 @@ def volumes(particles: Particles, changes: Changes, step: int) -> np.ndarray:
 
 def shares_of_volume(distorted: DistortedCells, row: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Share (k,) of the volume of distorted cells, rows (k,) of them, that samples (k,) uint64 have; 1 of all."""
-    volume = sample_volumes(distorted.corners)[row]
+    volume = distorted.sample_volumes[row]
     held = (samples[:, None] >> np.arange(SAMPLES, dtype=np.uint64)) & np.uint64(1)
     share = np.sum(volume * held, axis=1) / volume.sum(axis=1)
     return np.where(samples == FULL, 1.0, share)

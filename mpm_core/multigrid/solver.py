@@ -39,9 +39,11 @@ class ElasticSolver:
     Vectors between its methods are flat nodal arrays of rows (multigrid.siblings), float64.
     """
 
-    def __init__(self, grid: MultiLevelGrid, cell_nodes: np.ndarray, held: np.ndarray):
-        """cell_nodes (cell, 2^d) in bit order; held (node, d) bool."""
-        self.grid = grid
+    def __init__(
+        self, grid: MultiLevelGrid, cell_nodes: np.ndarray, held: np.ndarray, node_position: np.ndarray | None = None
+    ):
+        """cell_nodes (cell, 2^d) in bit order; held (node, d) bool; node_position (node, d) m, if not the grid's."""
+        self.node_position = grid.node_position if node_position is None else node_position
         self.hierarchy = Hierarchy(grid, cell_nodes, held)
         self.finest = self.hierarchy.levels[0]
         self.operator = Operator(self.finest.siblings, grid.dimension, np.float64)
@@ -133,7 +135,7 @@ class ElasticSolver:
     def _orthonormal(self, motions: RigidMotions) -> list[np.ndarray]:
         """Rigid motions as orthonormal flat arrays."""
         found: list[np.ndarray] = []
-        for motion in motions.at(self.grid.node_position) if motions.count else ():
+        for motion in motions.at(self.node_position) if motions.count else ():
             rows = self.to_rows(motion)
             for _ in range(2):  # once more against round-off
                 for other in found:

@@ -37,7 +37,9 @@ class Ground:
 
     @classmethod
     def of(cls, scene: Scene, grid: xr.Dataset) -> "Ground":
-        """Of a scene and the dataset of its grid."""
+        """Of a scene and the dataset of its grid. Raises InputError for one that an earlier version made."""
+        if "edge_node_place" not in grid:
+            raise InputError("grid.nc was made by an earlier version; run the pipeline from the grid")
         return cls(scene, read_pieces(grid), read_edge_nodes(grid), *read_origin(grid))
 
     def model(self, grid: MultiLevelGrid, body: np.ndarray, loose: Loose, all_fallen: bool = False) -> Model:

@@ -19,6 +19,9 @@ from mpm_core.equilibrium.cascade import asks_the_whole
 from mpm_core.equilibrium.refinement import RINGS, Refinement
 from mpm_core.equilibrium.scheme import SchemeInParts
 from mpm_core.equilibrium.surroundings import Cubes, Surroundings
+from mpm_core.grid.adjacency import holding_cells
+from mpm_core.grid.distorted_cells import corner_offsets
+from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.octree import parents
 from mpm_core.grid.splitting import split, with_leaves
@@ -94,7 +97,11 @@ class District:
     def __init__(self, whole: StepCells, blocks: Blocks):
         model, state, ramp = whole.model, whole.scheme.body.state, whole.ramp
         inside = blocks.hold(model.grid.cell_index)
-        ground = replace(whole.ground, parts=_inside(whole.ground.parts, blocks))
+        ground = replace(
+            whole.ground,
+            parts=_inside(whole.ground.parts, blocks),
+            edge_nodes=_moved_as_in(model.grid, whole.ground.edge_nodes, blocks),
+        )
         self.whole, self.blocks, self.waits = whole, blocks, False
         own = ground.model(blocks.of(model.grid), model.body[inside], _loose_inside(model.loose, inside), True)
         places = _places(model, own, inside)
@@ -179,6 +186,15 @@ def _inside(parts: Places, blocks: Blocks) -> Places:
     """Parts of finest cells that the blocks hold."""
     chosen = blocks.hold(parts.place)
     return Places(**{name: column[chosen] for name, column in vars(parts).items()})
+
+
+def _moved_as_in(grid: MultiLevelGrid, nodes: EdgeNodes, blocks: Blocks) -> EdgeNodes:
+    """Edge nodes but for those around which the grid has coarser cells outside the blocks: it does not move them."""
+    if not len(nodes.place):
+        return nodes
+    around = (nodes.place[:, None, :] - corner_offsets(grid.dimension)).reshape(-1, grid.dimension)
+    finest = grid.cell_level[holding_cells(grid, around)] == grid.levels - 1
+    return nodes.of((finest | blocks.hold(around)).reshape(len(nodes.place), -1).all(axis=1))
 
 
 def _loose_inside(loose: Loose, inside: np.ndarray) -> Loose:

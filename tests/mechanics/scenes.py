@@ -6,6 +6,7 @@ from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
 from mpm_core.files.state_datasets import grid_dataset
 from mpm_core.grid import MultiLevelGrid, build_grid
+from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.model.model import Model, build_model
 from mpm_core.model.occupancy import SAMPLES, Pieces, Places
 from mpm_core.model.particles import point_table

@@ -22,6 +22,7 @@ from mechanics.scenes import (
     uniform,
 )
 from mpm_core.files.state_datasets import grid_dataset
+from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.model.occupancy import Places
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
@@ -60,7 +61,14 @@ def test_fixed_faces_strain_a_grid_with_hanging_nodes_linearly(plane, seed, per_
     components = np.zeros(6)
     components[IN_PLANE[plane]] = random.normal(size=len(IN_PLANE[plane])) * 1e-4
     scene = make_scene(plane, strains=[strain_entry(components)], particles_per_cell=per_edge)
-    dataset = grid_dataset(grid, host_everywhere(grid), Places.all_of([], grid.dimension), EdgeNodes.none(grid.dimension), plane, {"mine": "test"})
+    dataset = grid_dataset(
+        grid,
+        host_everywhere(grid),
+        Places.all_of([], grid.dimension),
+        EdgeNodes.none(grid.dimension),
+        plane,
+        {"mine": "test"},
+    )
     state, facts = elastic_stage(scene, dataset, Path("unused.npz"))
     for _ in range(2):
         expected = dataset.node_position.values @ tensor(components)

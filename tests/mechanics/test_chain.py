@@ -20,6 +20,7 @@ from mechanics.scenes import (
     uniform,
 )
 from mpm_core.equilibrium.cascade import run_cascade
+from mpm_core.grid.distorted_cells import DistortedCells
 from mpm_core.model.occupancy import FULL, ROCK, SAMPLES, SLIVER, Loose, Pieces, changes_of
 from mpm_core.model.particles import seed, volumes
 from mpm_core.stages import equilibrium_stages

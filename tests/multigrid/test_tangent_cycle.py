@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
+from mpm_core.model.particles import slopes_of
 from mpm_core.multigrid.tangent_entries import pack
 from tests.mechanics.scenes import COULOMB, grid_around, make_model, make_scene, uniform
 from tests.multigrid.test_operator import scene_with_everything
