@@ -180,6 +180,6 @@ def _inside(solid, place: np.ndarray, goal: np.ndarray, origin, fine_cell: float
     """Those nodes of which all around lies inside the solid; and those that lie on an edge as they are."""
     corners = ON_LATTICE * 1e3 * (2 * all_cells((2,) * place.shape[1]) - 1)
     points = origin + (place[:, None, :] + corners) * fine_cell
-    inside = contains(solid, points.reshape(-1, place.shape[1])).reshape(len(place), -1).all(axis=1)
+    inside = contains(solid, points.reshape(-1, place.shape[1])).reshape(points.shape[:2]).all(axis=1)
     kept = inside | (np.linalg.norm(goal - place, axis=1) <= ON_LATTICE)
     return place[kept], goal[kept]

@@ -1,0 +1,63 @@
+"""Nodes moved onto the edges of boxes that lie anywhere."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mpm_core.geometry.shapes import build_shape
+from mpm_core.grid.distorted_cells import distorted_shapes, smallest_element, sub_cell_middles
+from mpm_core.grid.edge_nodes import MIN_VOLUME_RATIO, choose_edge_nodes
+
+SHAPE = np.array([16, 16, 16])
+
+
+def box(lower, edge, dimension=3):
+    lower = np.broadcast_to(np.asarray(lower, float), dimension)
+    return build_shape(
+        {"name": "a", "shape": "box", "lower": lower.tolist(), "upper": (lower + edge).tolist()}, dimension
+    )
+
+
+def chosen(*solids, dimension=3):
+    return choose_edge_nodes(list(solids), np.zeros(dimension), 1.0, SHAPE[:dimension])
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_walls_on_faces_of_cells_move_nothing(dimension):
+    assert not len(chosen(box(4.0, 6.0, dimension), dimension=dimension).place)
+
+
+@given(st.tuples(*[st.floats(4.0, 5.0)] * 3), st.sampled_from([2, 3]))
+@settings(max_examples=25, deadline=None)
+def test_moved_nodes_are_of_the_opening_and_no_cell_gets_thin(lower, dimension):
+    lower = np.array(lower[:dimension])
+    nodes = chosen(box(lower, 5.3, dimension), dimension=dimension)
+    inside = (nodes.place > lower).all(axis=1) & (nodes.place < lower + 5.3).all(axis=1)
+    assert inside.all()
+    assert len(np.unique(nodes.place, axis=0)) == len(nodes.place)
+    moved = nodes.place + nodes.shift
+    assert ((moved >= lower - 1e-9) & (moved <= lower + 5.3 + 1e-9)).all()
+    for corners in distorted_shapes(nodes.place, nodes.shift)[1]:
+        assert smallest_element(corners, sub_cell_middles(dimension)) >= MIN_VOLUME_RATIO
+
+
+def test_a_node_half_a_cell_from_an_edge_goes_onto_it():
+    """Walls half way through their cells on all axes: each edge has a node at every cell along it."""
+    nodes = chosen(box(4.5, 6.0))
+    moved = nodes.place + nodes.shift
+    on = (np.abs(moved - 4.5) < 1e-9) | (np.abs(moved - 10.5) < 1e-9)
+    assert (on.sum(axis=1) >= 2).mean() > 0.5
+
+
+def test_the_order_of_excavations_that_do_not_touch_does_not_matter():
+    one, other = box(2.3, 3.1), box(8.6, 4.2)
+    first, second = chosen(one, other), chosen(other, one)
+    np.testing.assert_array_equal(first.place, second.place)
+    np.testing.assert_array_equal(first.shift, second.shift)
+
+
+def test_a_shift_by_whole_cells_shifts_the_nodes():
+    one, other = chosen(box(3.4, 4.7)), chosen(box(5.4, 4.7))
+    np.testing.assert_array_equal(one.place + 2, other.place)
+    np.testing.assert_allclose(one.shift, other.shift, atol=1e-9)
