@@ -157,6 +157,27 @@ def points_of_samples(dimension: int) -> np.ndarray:
     return points
 
 
+def fullest_samples(filled: np.ndarray, volume: np.ndarray, dimension: int) -> np.ndarray:
+    """The samples (k,) uint64 that are filled most, as many as have the volume filled of their cell.
+
+    filled, volume (k, 64): of each sample, cubes. Samples that are filled alike, such as mirror images of each other,
+    are taken together: so mirrored openings have mirrored samples.
+    """
+    total = filled.sum(axis=1)[:, None]
+    from_middle = np.abs(sub_cell_middles(dimension) - 0.5).sum(axis=1)
+    rank = np.round(1.0 - filled / volume, 6) + 1e-7 * from_middle
+    order = np.argsort(rank, axis=1, kind="stable")
+    rank, ordered = np.take_along_axis(rank, order, axis=1), np.take_along_axis(volume, order, axis=1)
+    after = np.cumsum(ordered, axis=1)
+    differ = np.diff(rank, axis=1) >= 1e-9
+    first, last = (np.pad(differ, ((0, 0), side), constant_values=True) for side in ((1, 0), (0, 1)))
+    low = np.maximum.accumulate(np.where(first, after - ordered, 0.0), axis=1)
+    high = np.minimum.accumulate(np.where(last, after, np.inf)[:, ::-1], axis=1)[:, ::-1]
+    inside = np.zeros(volume.shape, bool)
+    np.put_along_axis(inside, order, (0.5 * (low + high) <= total + 1e-9) & (total > 0.0), axis=1)
+    return np.packbits(inside, axis=1, bitorder="little").view("<u8")[:, 0].astype(np.uint64)
+
+
 def part_integrals(corners: np.ndarray, samples: np.ndarray) -> PartIntegrals:
     """Integrals over sets of samples (k,) uint64, none of them empty, of cells with corners (k, 2^d, d)."""
     count, corner_count, dimension = len(corners), corners.shape[1], corners.shape[2]

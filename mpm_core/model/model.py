@@ -13,7 +13,7 @@ from mpm_core.grid.splitting import with_leaves
 from mpm_core.kernels.block_scatter import Scatter, build_scatter
 from mpm_core.kernels.nodal_operations import mark_nodes
 from mpm_core.model.occupancy import FULL, NOTHING, SAMPLES, Changes, Loose, Pieces, changes_of
-from mpm_core.model.particles import Particles, at_step, seed, shares_of_volume, volumes
+from mpm_core.model.particles import Particles, at_step, part_means, seed, shares_of_volume, volumes
 from mpm_core.model.phantom_nodes import Parting, part
 from mpm_core.model.rigid_motions import RigidMotions, free_motions
 from mpm_core.model.state import State
@@ -68,14 +68,16 @@ class Model:
         """Modal sums that each hourglass pattern of the distorted cells takes: (k, 2^d - 1 - d, 2^d).
 
         In a cube they are the higher modes. In a distorted cell a uniform strain has a part in those, which is taken
-        off by the mean gradient of the cell's rock (Flanagan and Belytschko 1981).
+        off by the mean gradient of the whole cell (Flanagan and Belytschko 1981): whatever of it is mined, the patterns
+        stay, and so do the forces that they have built up.
         """
-        particles, corners = self.particles, 1 << self.dimension
-        distorted, bits = particles.distorted, np.arange(corners)
+        corners, distorted = 1 << self.dimension, self.particles.distorted
+        bits = np.arange(corners)
         higher = np.flatnonzero(np.bitwise_count(bits) > 1)
         sign = (-1.0) ** np.bitwise_count(bits & ~bits[:, None])  # (corner, mode)
         position = np.einsum("cm,kcj->kmj", sign[:, higher], distorted.corners)
-        slopes = particles.slopes[particles.group_table[distorted.cell]]  # the first groups are those of rock
+        whole = np.full(len(distorted.cell), FULL)
+        slopes = part_means(whole, distorted.cell, distorted, self.dimension)[1]
         linear = np.einsum("kmj,knj->kmn", position, slopes) * 2.0 / corners
         return (bits == higher[:, None]) - linear
 

@@ -11,7 +11,7 @@ from mpm_core.files.state_datasets import grid_dataset
 from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, contains, sample_mask
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.building import GridCount, build_grid
-from mpm_core.grid.distorted_cells import distorted_shapes, part_integrals, points_with_volume
+from mpm_core.grid.distorted_cells import distorted_shapes, fullest_samples, part_integrals, points_with_volume
 from mpm_core.grid.domain import Domain, base_cells
 from mpm_core.grid.edge_nodes import EdgeNodes, choose_edge_nodes
 from mpm_core.grid.octree import all_cells, children, morton_codes
@@ -84,20 +84,13 @@ def cut_pieces(
 def _samples_inside(solid: Solid | Outside, domain: Domain, index: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Samples (k,) uint64 inside a solid of distorted finest cells at places (k, d), with corners (k, 2^d, d).
 
-    They are the samples that the solid fills most, as many as have the volume that it fills of the cell: one point a
-    sample would meet walls along the sides of distorted cells all at once, or not at all.
+    One point a sample would meet walls along the sides of distorted cells all at once, or not at all.
     """
     places, volume = points_with_volume(corners)
     points = index[:, None, None, :] + places
     points = domain.lower + points.reshape(-1, index.shape[1]) * domain.cell(domain.levels - 1)
-    filled = np.where(contains(solid, points).reshape(volume.shape), volume, 0.0).sum(axis=2)
-    volume = volume.sum(axis=2)
-    order = np.argsort(-filled / volume, axis=1, kind="stable")
-    ordered = np.take_along_axis(volume, order, axis=1)
-    taken = np.cumsum(ordered, axis=1) - 0.5 * ordered <= filled.sum(axis=1)[:, None]
-    inside = np.zeros(taken.shape, bool)
-    np.put_along_axis(inside, order, taken & (filled.sum(axis=1) > 0.0)[:, None], axis=1)
-    return np.packbits(inside, axis=1, bitorder="little").view("<u8")[:, 0].astype(np.uint64)
+    filled = np.where(contains(solid, points).reshape(volume.shape), volume, 0.0)
+    return fullest_samples(filled.sum(axis=2), volume.sum(axis=2), index.shape[1])
 
 
 def miss(solid: Solid | Outside, cells: GridCells) -> None:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from mpm_core.grid.distorted_cells import (
     SAMPLES,
     corner_offsets,
+    fullest_samples,
     part_integrals,
     points_of_samples,
     sample_volumes,
@@ -95,3 +96,33 @@ def test_the_smallest_element_of_a_cube_is_one_and_of_a_turned_cell_negative(dim
     folded = cube.copy()
     folded[-1] = -0.6
     assert smallest_element(folded, points) < 0.0
+
+
+@given(st.sampled_from([2, 3]), st.integers(0, 999))
+@settings(deadline=None)
+def test_fullest_samples_have_the_volume_filled_and_are_mirrored_with_it(dimension, seed):
+    """Half a sample's volume, as no two are filled alike."""
+    random = np.random.default_rng(seed)
+    volume = random.uniform(0.5, 1.5, (1, SAMPLES)) / SAMPLES
+    filled = volume * random.uniform(0.0, 1.0, (1, SAMPLES))
+    per_edge = round(SAMPLES ** (1 / dimension))
+    held = [fullest_samples(filled, volume, dimension)]
+    for axis in range(dimension):
+        shape = (per_edge,) * dimension
+        one, other = (np.flip(values.reshape(shape), axis).reshape(1, -1) for values in (filled, volume))
+        held.append(fullest_samples(one, other, dimension))
+        bits = np.unpackbits(held[-1].view(np.uint8), bitorder="little").reshape(shape)
+        own = np.unpackbits(held[0].view(np.uint8), bitorder="little").reshape(shape)
+        np.testing.assert_array_equal(np.flip(bits, axis), own)
+    chosen = np.unpackbits(held[0].view(np.uint8), bitorder="little").astype(bool)
+    assert abs(volume[0, chosen].sum() - filled.sum()) <= 0.5 * volume.max() + 1e-9
+
+
+def test_mirror_images_within_a_cell_are_taken_together():
+    """A layer of 16 samples, a little fuller near the middle: its middle four come or stay away as one."""
+    volume = np.full((1, SAMPLES), 1.0 / SAMPLES)
+    layer = np.zeros((4, 4, 4))
+    for taken in (0.3, 0.7):
+        layer[0, 1:3, 1:3] = taken
+        held = fullest_samples(layer.reshape(1, -1) / SAMPLES, volume, 3)[0]
+        assert np.bitwise_count(held) == (4 if taken > 0.5 else 0)

@@ -79,7 +79,7 @@ def test_volume_on_the_grid_is_that_of_a_box_along_its_samples(plane):
 
 @pytest.mark.parametrize("plane", [None, "xz"])
 @given(offset=st.floats(0.0, 4.0), edge=st.floats(9.0, 12.0))
-@settings(max_examples=10)
+@settings(max_examples=10, deadline=None)
 def test_volume_of_a_box_is_kept_where_cells_are_distorted(plane, offset, edge):
     """A box two to three cells wide at any place: 3 %, what its samples can tell."""
     d = 2 if plane else 3
