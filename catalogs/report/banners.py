@@ -96,8 +96,8 @@ def narrow(evidence: Evidence) -> str:
     more = f" and {len(rows) - MAX_NAMED} more" if len(rows) > MAX_NAMED else ""
     return (
         f"Narrow for cells of {number(float(evidence.grid.attrs['fine_cell']))} m: {named}{more} of the volume lies in "
-        "whole cells. In such an opening partly mined cells round off its edges and connect its walls: the walls close "
-        "too little, and far too little rock fails. Use smaller cells there."
+        "whole cells. In such an opening partly mined cells connect opposite walls: the walls close too little, and "
+        "far too little rock fails. Use smaller cells there."
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from mpm_core.geometry.edges import unique_rows
 from mpm_core.geometry.solids import Solid
 
-MIN_TURN = np.radians(50.0)  # between the normals of two facets that meet in a sharp edge
+MIN_TURN = np.radians(55.0)  # between the normals of two facets that meet in a sharp edge
 MIN_BEND = np.radians(30.0)  # between two sharp edges that meet in a corner
 
 

@@ -24,6 +24,7 @@ from mpm_core.stages.under_resolved import NARROW, NEARLY_NONE, whole_shares
 
 NOTHING = 1e-9  # of a solid's box: round-off
 NAMED = 5  # excavations in one message
+CELLS_AT_ONCE = 2048  # distorted cells whose points are looked at in one go: each takes some 50 kB
 
 
 def domain_of(values: GridSlice) -> Domain:
@@ -86,11 +87,15 @@ def _samples_inside(solid: Solid | Outside, domain: Domain, index: np.ndarray, c
 
     One point a sample would meet walls along the sides of distorted cells all at once, or not at all.
     """
-    places, volume = points_with_volume(corners)
-    points = index[:, None, None, :] + places
-    points = domain.lower + points.reshape(-1, index.shape[1]) * domain.cell(domain.levels - 1)
-    filled = np.where(contains(solid, points).reshape(volume.shape), volume, 0.0)
-    return fullest_samples(filled.sum(axis=2), volume.sum(axis=2), index.shape[1])
+    samples = np.empty(len(index), np.uint64)
+    for first in range(0, len(index), CELLS_AT_ONCE):
+        chunk = slice(first, first + CELLS_AT_ONCE)
+        places, volume = points_with_volume(corners[chunk])
+        points = index[chunk, None, None, :] + places
+        points = domain.lower + points.reshape(-1, index.shape[1]) * domain.cell(domain.levels - 1)
+        filled = np.where(contains(solid, points).reshape(volume.shape), volume, 0.0)
+        samples[chunk] = fullest_samples(filled.sum(axis=2), volume.sum(axis=2), index.shape[1])
+    return samples
 
 
 def miss(solid: Solid | Outside, cells: GridCells) -> None:

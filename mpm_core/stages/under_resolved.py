@@ -1,8 +1,8 @@
 """Openings that are narrow for their cells: their walls close too little, as if something propped them.
 
 Walls in different cells have nodes of their own (model/phantom_nodes.py). But rock on both sides of an opening within
-one cell is tied together, and edges within cells are rounded off. What tells is how much of an opening's volume stands
-in cells that are mined wholly; study openings has what that share costs.
+one cell is tied together, and an edge without a node of its own (grid/edge_nodes.py) ties two walls. The share of an
+opening's volume in cells that are mined wholly shows it; study openings has what that share costs.
 """
 
 import numpy as np

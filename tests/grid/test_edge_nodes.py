@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpm_core.geometry.shapes import build_shape
+from mpm_core.geometry.sharp_edges import sharp_edges
+from mpm_core.geometry.solids import Solid
 from mpm_core.grid.distorted_cells import distorted_shapes, smallest_element, sub_cell_middles
 from mpm_core.grid.edge_nodes import MIN_VOLUME_RATIO, choose_edge_nodes
 
@@ -61,3 +64,35 @@ def test_a_shift_by_whole_cells_shifts_the_nodes():
     one, other = chosen(box(3.4, 4.7)), chosen(box(5.4, 4.7))
     np.testing.assert_array_equal(one.place + 2, other.place)
     np.testing.assert_allclose(one.shift, other.shift, atol=1e-9)
+
+
+def rough_box(lower, edge, noise, per_edge=24):
+    """A box whose faces are many triangles with vertices moved at random by up to `noise` along each axis."""
+    mesh = trimesh.creation.box(extents=[edge] * 3)
+    while mesh.edges_unique_length.max() > edge / per_edge:
+        mesh = mesh.subdivide()
+    random = np.random.default_rng(3)
+    vertices = mesh.vertices + random.uniform(-noise, noise, mesh.vertices.shape) + np.asarray(lower) + edge / 2
+    return Solid("rough", vertices, mesh.faces)
+
+
+def test_a_rough_surface_moves_nodes_at_its_edges_only():
+    """Roughness of a seventh of a cell makes sharp edges all over. As many nodes are moved as at a smooth box, none far
+    from its own edges."""
+    lower, edge = np.array([4.4, 4.5, 4.6]), 5.3
+    solid = rough_box(lower, edge, 0.15)
+    assert len(sharp_edges(solid).segments) > 500
+    nodes = chosen(solid)
+    goal = nodes.place + nodes.shift
+    from_wall = np.minimum(np.abs(goal - lower), np.abs(goal - lower - edge))
+    assert len(nodes.place) >= len(chosen(box(lower, edge)).place) > 30
+    assert (np.sort(from_wall, axis=1)[:, 1] < 1.5).all()
+
+
+def test_a_rough_ball_moves_no_node():
+    mesh = trimesh.creation.icosphere(subdivisions=5, radius=5.0)
+    random = np.random.default_rng(5)
+    vertices = mesh.vertices * (1.0 + random.normal(0.0, 0.01, len(mesh.vertices)))[:, None] + 8.0
+    solid = Solid("rough", vertices, mesh.faces)
+    assert len(sharp_edges(solid).segments) > 1000
+    assert not len(chosen(solid).place)
