@@ -8,6 +8,7 @@ import os
 import re
 import threading
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -93,7 +94,7 @@ class Clock:
         )
         return wall, processor, compiling
 
-    def go_on(self, taken: tuple[float, float, float]) -> None:
+    def go_on(self, taken: Iterable[float]) -> None:
         """An earlier process had taken so much up to where this one goes on from."""
         wall, processor, compiling = taken
         self._earlier = float(wall), float(processor), float(compiling)

@@ -1,7 +1,7 @@
 """The order of a symmetric tensor's six components: xx, yy, zz, yz, xz, xy, with tensor (not engineering) shear."""
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 COMPONENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
 NAMES = tuple(COMPONENTS)
@@ -9,7 +9,7 @@ ROW, COLUMN = np.array(list(COMPONENTS.values())).T
 INDEX = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # of each of the nine components among the six
 
 
-def tensor_from_voigt(voigt: NDArray) -> NDArray:
+def tensor_from_voigt(voigt: ArrayLike) -> NDArray:
     """Symmetric tensors (..., 3, 3) of six components (..., 6) with tensor shear."""
     return np.asarray(voigt)[..., INDEX]
 

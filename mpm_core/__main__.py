@@ -103,7 +103,7 @@ def main() -> None:
         stage.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()
     run = {"grid": grid, "elastic": elastic, "step": step, "vtk": vtk, "solids": solids}[arguments.stage]
-    run_stage(f"{arguments.stage} {arguments.output}", arguments.log, lambda: run(arguments), run.__doc__)
+    run_stage(f"{arguments.stage} {arguments.output}", arguments.log, lambda: run(arguments), run.__doc__ or "")
 
 
 if __name__ == "__main__":

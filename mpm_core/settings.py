@@ -254,7 +254,7 @@ def _keys_of_shapes() -> dict[str, Any]:
         for key, field in model.model_fields.items():
             types.setdefault(key, [])
             types[key] += [annotations[key]] if annotations[key] not in types[key] else []
-            users.setdefault(key, {}).setdefault(field.description, []).append(name)
+            users.setdefault(key, {}).setdefault(field.description or "", []).append(name)
     told = {
         key: " ".join(f"{', '.join(some).capitalize()}: {' '.join(text.split())}." for text, some in meanings.items())
         for key, meanings in users.items()
@@ -265,17 +265,21 @@ def _keys_of_shapes() -> dict[str, Any]:
     }
 
 
-ShapeSettings = create_model(
-    "ShapeSettings",
-    __base__=Settings,
-    __doc__="A solid: a shape with its own keys, or a file. A key says which shapes take it.",
-    __module__=__name__,
-    shape=(Literal[tuple(dict.fromkeys(name for shapes in SHAPES.values() for name in shapes))], None),
+_KEYS: dict[str, Any] = {
+    "shape": (Literal[tuple(dict.fromkeys(name for shapes in SHAPES.values() for name in shapes))], None),
     **{
         key: (inspect.get_annotations(FileSettings)[key], Field(None, description=field.description))
         for key, field in FileSettings.model_fields.items()
     },
     **_keys_of_shapes(),
+}
+# Any: its keys are found as the program runs
+ShapeSettings: Any = create_model(
+    "ShapeSettings",
+    __base__=Settings,
+    __doc__="A solid: a shape with its own keys, or a file. A key says which shapes take it.",
+    __module__=__name__,
+    **_KEYS,
 )
 
 

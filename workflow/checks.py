@@ -110,7 +110,7 @@ def _check_step(mine: Mine, index: int) -> None:
     if "start" not in step and any("start" in earlier for earlier in mine.steps[:index]):
         raise InputError(f"{where}: an undated step is history and must stand before the first dated one")
     start, end = (read_date(f"{where}.{key}", step[key]) if key in step else None for key in ("start", "end"))
-    if start and start >= end:
+    if start and end and start >= end:
         raise InputError(f"{where}.end: {step['end']} is not after start {step['start']}")
     earlier = [other["end"] for other in mine.steps[:index] if "end" in other]
     if start and earlier and is_date(earlier[-1]) and start < read_date(where, earlier[-1]):

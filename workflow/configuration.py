@@ -22,7 +22,8 @@ def load(
     overrides: what of it --config says. Raises InputErrors: a line for each mistake, in the order of the file, with the
     file (or --config) and the key.
     """
-    mine_file, mistakes, odd = Path(mine_file), Mistakes(), {}
+    mine_file, mistakes = Path(mine_file), Mistakes()
+    odd: dict[str, str] = {}
     text = with_yaml_habits(config, odd)
     settings = None
     with mistakes.gather():

@@ -161,9 +161,12 @@ def _sound(mine: Mine, heights: np.ndarray) -> tuple[float, float]:
     """
     values = mine.values
     host = Materials.of({"materials": {"host": values["materials"]["host"]}}).materials["host"]
-    parts = [values["insitu_stress"].get(key, {}) for key in ("constant", "gradient")]
+    constant, gradient = (
+        np.array([values["insitu_stress"].get(key, {}).get(name, 0.0) for name in NAMES])
+        for key in ("constant", "gradient")
+    )
     surface = values["frame"]["surface"]
-    insitu = InsituStress(*(np.array([part.get(name, 0.0) for name in NAMES]) for part in parts), surface)
+    insitu = InsituStress(constant, gradient, surface)
     for place, elevation in zip(("lower", "upper"), np.minimum(heights, surface), strict=True):
         if (excess := virgin_excess(host, insitu, elevation)) > 0.0:
             raise InputError(

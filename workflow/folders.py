@@ -52,12 +52,14 @@ class Folders:
 
     def parts(self, folder: str) -> tuple[str, str]:
         """Folder of the whole mine, and the part of it that is meant: ensemble/<number>, coarse, or "" for itself."""
-        return re.fullmatch(f"({self.places})/?({ENSEMBLE}/[0-9]+|{COARSE}|)", folder).groups()
+        found = re.fullmatch(f"({self.places})/?({ENSEMBLE}/[0-9]+|{COARSE}|)", folder)
+        assert found, f"{folder} is no folder of a mine"  # the wildcard `mine` matches no other
+        return found[1], found[2]
 
     def _mine_at(self, folder: str) -> Mine:
         """Configuration behind results/<folder>."""
         place, part = self.parts(folder)
-        mine = self.mine if place == self.mine.name else self.others.mine_at(place)
+        mine = self.mine if self.others is None or place == self.mine.name else self.others.mine_at(place)
         if part == COARSE:
             return mine.coarser()
         return mine.member(int(part.split("/")[1])) if part else mine
@@ -70,4 +72,4 @@ class Folders:
     def threads(self, folder: str) -> int:
         """Threads of a stage of the mechanics: all that there are, unless the folder's mine is small."""
         place, _ = self.parts(folder)
-        return ALL_CORES if place == self.mine.name else self.others.threads_at(place)
+        return ALL_CORES if self.others is None or place == self.mine.name else self.others.threads_at(place)

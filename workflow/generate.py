@@ -62,7 +62,8 @@ strains:
   - {name: squeezed, step: test, strain: {zz: -1.0e-4}}
 """
 DEMO, ELK_CREEK, RENISON = (f"config/mines/{name}.yaml" for name in ("demo", "elk_creek", "renison_scale"))
-TASKS = {  # heading: keys of the first level and sections that it has; its examples: a text, or a file and a key in it
+# heading: keys of the first level and sections that it has; its examples: a text, or a file and a key in it
+TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Place, domain and cells": (
         ("frame", "domain", "grid"),
         ((DEMO, "frame"), (DEMO, "grid"), (ELK_CREEK, "domain")),
@@ -130,8 +131,10 @@ def default_text() -> str:
 def _default_lines(model: type[Settings], depth: int) -> Iterator[str]:
     for name, field in model.model_fields.items():
         key = f"{'  ' * depth}{name}:"
-        if section_of(field.annotation) is field.annotation:
-            if field.default is not None and (lines := list(_default_lines(field.annotation, depth + 1))):
+        section = section_of(field.annotation)
+        is_section = section is field.annotation
+        if section is not None and is_section:
+            if field.default is not None and (lines := list(_default_lines(section, depth + 1))):
                 yield from ([key, *lines] if depth else ["", key, *lines])
         elif isinstance(default := default_of(field), str | int | float):
             line = f"{key} {as_yaml(default)}"
@@ -183,7 +186,7 @@ def _example(example: str | tuple[str, str]) -> str:
 def _sections() -> Iterator[tuple[str, str]]:
     """Path and table of each section, those within it after it."""
     told: set[type[Settings]] = set()
-    queue = [("", "", MineSettings)]
+    queue: list[tuple[str, str, type[Settings]]] = [("", "", MineSettings)]
     while queue:
         path, choice, model = queue.pop(0)
         rows = []
@@ -233,7 +236,7 @@ def _words(part: dict, model: type[Settings]) -> str:
     if "$ref" in part:
         return "section"
     if "oneOf" in part or "anyOf" in part:
-        return " or ".join(dict.fromkeys(_words(choice, model) for choice in part.get("oneOf", part.get("anyOf"))))
+        return " or ".join(dict.fromkeys(_words(choice, model) for choice in part.get("oneOf", part.get("anyOf", []))))
     if "enum" in part:
         return ", ".join(str(value) for value in part["enum"])
     if "const" in part:
@@ -243,12 +246,12 @@ def _words(part: dict, model: type[Settings]) -> str:
         count = f"{least}" if least == most else f"{least} to {most}" if most else f"{least} or more" if least else ""
         return f"list of {count} ({_words(part.get('items', {}), model)})".replace("of  ", "of ")
     if part.get("type") == "object":
-        inner = part.get("additionalProperties") or next(iter(part.get("patternProperties", {}).values()), {})
+        inner: dict = part.get("additionalProperties") or next(iter(part.get("patternProperties", {}).values()), {})
         return f"by name: {_words(inner, model)}"
     kind = {"string": "text", "number": "number", "integer": "whole number", "boolean": "true or false"}
-    words = part["unit"] if "unit" in part else kind.get(part.get("type"), "")
+    words = part["unit"] if "unit" in part else kind.get(part.get("type", ""), "")
     if "unit" in part and part.get("maximum", 0) >= SLIP:
-        least = part.get("minimum", part.get("exclusiveMinimum"))
+        least = part["minimum"] if "minimum" in part else part["exclusiveMinimum"]
         return f"{words}, above 0" if least >= 0 and part.get("minimum") != 0 else words
     low = f"{part['minimum']:g}" if "minimum" in part else ""
     low = f"above {part['exclusiveMinimum']:g}" if "exclusiveMinimum" in part else low

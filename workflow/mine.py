@@ -137,7 +137,7 @@ class Mine(Plan):
 
     def picture_slice(self) -> dict:
         """What the picture of the scene depends on: name, whether it has dates, and excavations of every step."""
-        mined = {step["name"]: [] for step in self.steps}
+        mined: dict[str, list[str]] = {step["name"]: [] for step in self.steps}
         for entry in self.excavations:
             if entry["step"] in mined:
                 mined[entry["step"]].append(entry["name"])

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from catalogs.records import READERS
 from common.errors import InputError, Mistakes
 from workflow.dates import read_date
@@ -76,7 +78,7 @@ def check_frame(mine: Mine, _: Mistakes) -> None:
     from catalogs.geographic_frame import MineFrame  # takes a fifth of a second
 
     system = MineFrame(frame)
-    latitude, longitude, _ = system.to_globe([[*corner, 0.0] for corner in corners])
+    latitude, longitude = system.to_globe(np.array([[*corner, 0.0] for corner in corners]))[:2]
     use = system.area_of_use
     if use is None:
         return

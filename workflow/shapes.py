@@ -79,7 +79,7 @@ def check_repeated(mine: Mine, mistakes: Mistakes) -> None:
         filled, mined = mine.step_index(first.get("filled", first["step"])), mine.step_index(second["step"])
         return first.get("fill", "none") != "none" and 0 <= filled and (filled < mined or mined < 0)
 
-    by_solid = {}
+    by_solid: dict[str, list[dict]] = {}
     for entry in mine.excavations:
         by_solid.setdefault(repr(sorted(shape_keys(entry).items())) + str(entry.get("outside", False)), []).append(
             entry

@@ -23,7 +23,8 @@ def sound_part(text: dict, keys: Iterable[str]) -> tuple[dict, MineSettings | No
 
     A step or a material keeps its name, which others refer to.
     """
-    sound, entries = dict(text), {name: set() for name in LISTS}
+    sound = dict(text)
+    entries: dict[str, set[int]] = {name: set() for name in LISTS}
     for section, *rest in map(parts_of, keys):
         if section in LISTS and rest and isinstance(rest[0], int) and isinstance(text.get(section), list):
             entries[section].add(rest[0])

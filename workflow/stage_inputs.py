@@ -64,7 +64,7 @@ class StageInputs:
 
         def inputs(wildcards: Wildcards) -> dict[str, Paths]:
             found = {name: _filled(given, wildcards) for name, given in files.items()}
-            made = _filled(stage, wildcards)
+            made = stage.format(**wildcards)
             output = f"results/{wildcards.mine}/{result or f'{made}.nc'}"
             paths = [path for one in found.values() for path in ([one] if isinstance(one, str) else one)]
             if all(map(os.path.exists, [output, *paths])):

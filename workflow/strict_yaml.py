@@ -7,6 +7,7 @@ so once more, for a run with another profile.
 
 import re
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -104,7 +105,8 @@ def _check_structure(path: str | Path, text: str, loader: type) -> None:
     def refuse(event: yaml.Event, problem: str) -> InputError:
         return InputError(f"{path}: line {event.start_mark.line + 1}: {problem}")
 
-    open_nodes = []  # of each level: [keys seen or None for a list, whether a key comes next, anchor, values before it]
+    # of each level: [keys seen or None for a list, whether a key comes next, anchor, values before it]
+    open_nodes: list[list[Any]] = []
     values, aliased, size_of = 0, 0, {}  # values so far; those by aliases; how many an anchored node has
     for event in yaml.parse(text, Loader=loader):
         if isinstance(event, yaml.CollectionEndEvent):

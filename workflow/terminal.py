@@ -94,7 +94,7 @@ class LogHandler(LogHandlerBase):
         self.text = ColorizingTextHandler(nocolor=self.common_settings.nocolor, stream=stream)
         self.addFilter(OneLine())
 
-    def setFormatter(self, formatter: logging.Formatter) -> None:
+    def setFormatter(self, formatter: logging.Formatter | None) -> None:
         """Hand it on to what writes."""
         self.text.setFormatter(formatter)
 

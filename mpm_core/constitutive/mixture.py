@@ -6,6 +6,7 @@ neither on threads nor on which laws others have.
 
 import sys
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -26,7 +27,7 @@ def mix(first: ModuleType, second: ModuleType) -> ModuleType:
         return sys.modules[name]
     end_1, end_2 = 1 + first.ROW_LENGTH, 1 + second.ROW_LENGTH
     mixture = ModuleType(name, f"{first.NAME} and {second.NAME}")
-    mixture.NAME, mixture.ROW_LENGTH = f"{first.NAME}+{second.NAME}", max(end_1, end_2)
+    vars(mixture).update(NAME=f"{first.NAME}+{second.NAME}", ROW_LENGTH=max(end_1, end_2))
 
     def row_of(law, row):
         which = SECOND if law is second else FIRST
@@ -88,10 +89,11 @@ def mix(first: ModuleType, second: ModuleType) -> ModuleType:
     def gains_energy(row):
         return first.gains_energy(row[1:end_1]) if row[0] == FIRST else second.gains_energy(row[1:end_2])
 
-    for function in (
+    functions: tuple[Any, ...] = (
         row_of, surely_admissible, overstress, strength_factor, excess_shear_stress, return_to_surface, return_lanes,
         fallen_stiffness, strength_size, gains_energy,
-    ):  # fmt: skip
+    )  # fmt: skip
+    for function in functions:
         setattr(mixture, function.__name__, function)
     sys.modules[name] = mixture  # numba keeps what it compiles by this name
     return mixture

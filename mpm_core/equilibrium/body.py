@@ -55,6 +55,9 @@ class Body:
     displacement is counted from when a run away is looked for; time_step s: stable, with damping.
     """
 
+    way: Way
+    flowing: np.ndarray
+
     def __init__(self, model: Model, state: State, volume: np.ndarray):
         self.model = model
         self.state = state

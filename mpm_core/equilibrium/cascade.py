@@ -138,7 +138,7 @@ def relax_and_fail(
     that the scheme is for. Returns the places (k, d) that need finer cells before any more fails; none at its end.
     """
     solver = scheme.body.model.scene.solver
-    in_parts = isinstance(scheme, SchemeInParts) and not asks_the_whole(solver)
+    in_parts = scheme if isinstance(scheme, SchemeInParts) and not asks_the_whole(solver) else None
     while True:
         scheme.relax(external, tolerance, reference, history)
         fresh = next_failures(scheme, brittle, part_of_mine)
@@ -150,16 +150,16 @@ def relax_and_fail(
         let_fail(scheme, fresh, step, history)
         if not len(fresh):
             return np.empty((0, scheme.body.model.dimension), int)
-        part = scheme.part_around(brittle, fresh) if in_parts else None
-        if part is not None:
-            own = scheme.scheme_of(part)
+        part = None if in_parts is None else in_parts.part_around(brittle, fresh)
+        if in_parts is not None and part is not None:
+            own = in_parts.scheme_of(part)
             share = len(part.cells) / len(scheme.body.model.cell_nodes)  # of what may be unbalanced
             relax_and_fail(
                 own, part.brittle, external[part.nodes], tolerance * np.sqrt(share), reference, step, history, part,
                 cells=cells,
             )  # fmt: skip
             own.body.settle()
-            scheme.take_back(part)
+            in_parts.take_back(part)
             del part, own  # before the whole needs its memory again
         save(scheme.body.state, history)
 

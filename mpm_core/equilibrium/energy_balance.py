@@ -91,6 +91,11 @@ def virgin_work(body: Counted, moved: np.ndarray) -> float:
 class Way:
     """The way from the last settled state on: what forces have done on it is counted when it ends."""
 
+    external: np.ndarray | None
+    residual: np.ndarray | None
+    start: np.ndarray | None
+    carried: np.ndarray | None
+
     def __init__(self):
         self.forget()
 
@@ -119,6 +124,8 @@ class Way:
         what is unbalanced now (body.unbalanced) is taken as none."""
         if self.external is None:
             return
+        assert self.start is not None  # set with the external forces
+        assert self.residual is not None
         state, held = body.state, body.model.held
         moved = state.displacement - self.start
         state.energy[FORCES] += work_of_forces(self.external, moved)
@@ -221,6 +228,6 @@ class Balance:
         values = {"work": work, **terms, "gained": gained, "refined": refined, "left": left, "mined": self.mined}
         values |= {"released": released, "dissipated": dissipated, "elastic": elastic, "round_off": round_off}
         scale = model.scene.thickness
-        facts = {f"energy_{name}": float(value) * scale for name, value in values.items()}
+        facts: dict[str, float | str] = {f"energy_{name}": float(value) * scale for name, value in values.items()}
         share = abs(left) / largest if largest > round_off else 0.0 * counted  # nothing happened
         return facts | {"energy_left_share": float(share), "energy_balance": BALANCE}

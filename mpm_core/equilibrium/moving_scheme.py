@@ -88,7 +88,7 @@ class MovingBody(Body):
         self._weigh()
         self.cell_start, self.cell_particles = sort_by_cell(self.state.cell, len(self.cell_size))
 
-    def update(self, time_step: float) -> None:
+    def update(self, time_step: float) -> None:  # type: ignore[override]  # of all blocks, always
         """One cycle of time_step; particles that have left their cell find the next."""
         self._cycle(time_step)
         if self.leavers.any():

@@ -136,7 +136,8 @@ class MultigridScheme:
     def drop_work_arrays(self) -> None:
         """Nothing more is to be relaxed."""
         self.body.drop_work_arrays()
-        self.solver = self.anderson = self.flow = self.cubes = None
+        self.anderson = self.flow = self.cubes = None
+        self.solver = None  # type: ignore[assignment]  # nothing asks for it any more
         self.rows = []
 
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
@@ -204,7 +205,8 @@ class MultigridScheme:
     def _flow_to_rest(self, ratio: float, tolerance: float, reference: float, history: History) -> np.ndarray | None:
         """Displacement (element,) to where residuals are at most tolerance * reference; None where it is not found."""
         solver, free = self.solver, self.solver.finest.inverse_diagonal
-        self._flow_forces().begin(self.state, self.body.take_back_flow)
+        flow = self._flow_forces()
+        flow.begin(self.state, self.body.take_back_flow)
         displacement, step, force, residual, elastic = self._row_arrays()
         displacement[:], force[:], step[:] = 0.0, 0.0, 0.0
         solver.to_rows(self.body.unbalanced, elastic)
@@ -219,7 +221,7 @@ class MultigridScheme:
                     anderson.forget()
                     smallest, since = ratio, [ratio]
                     if cycle >= first:
-                        solver.set_tangents(self.model, self.flow, displacement)
+                        solver.set_tangents(self.model, flow, displacement)
                         follows, taken_over = cycle + TANGENT_CYCLES, True
                 anderson.turn(residual, solver.precondition(residual, size), size, step, not taken_over)
                 before = size
@@ -245,7 +247,7 @@ class MultigridScheme:
         displacement, step, force, residual, elastic = self.rows
         solver.operator.apply(step, force)
         take_step(free, step, displacement, force, elastic)
-        self.flow.add(displacement, force)
+        self._flow_forces().add(displacement, force)
         solver.operator.collect(force)
         return balance(free, elastic, force, residual)
 

@@ -38,7 +38,9 @@ class Scheme(Protocol):
 class Excerpt(Protocol):
     """Some cells of a mine, (k,) indices, where something has happened."""
 
-    cells: np.ndarray
+    @property
+    def cells(self) -> np.ndarray:
+        """Their indices (k,)."""
 
     def give_back(self, state: State) -> None:
         """Write it into the state of the whole mine."""

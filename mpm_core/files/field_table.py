@@ -14,7 +14,7 @@ STORED = {array.field.name: array.field for array in ARRAYS.values() if array.st
 
 def _table(*entries: Field | str) -> dict[str, Field]:
     """Fields by name, in the order of the files; a name: of a state's, of which those that are not named come last."""
-    table = {}
+    table: dict[str, Field] = {}
     for entry in entries:
         table |= {entry: STORED[entry]} if isinstance(entry, str) else {entry.name: entry}
     return table | {name: entry for name, entry in STORED.items() if name not in table}

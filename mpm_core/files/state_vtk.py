@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -104,7 +105,7 @@ def principal(stress: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def write_solids(
-    groups: dict[str, list[Solid | Outside]], plane: str | None, mined: list[int], path: str | os.PathLike
+    groups: dict[str, list[Solid | Outside]], plane: str | None, mined: Sequence[int], path: str | os.PathLike
 ) -> None:
     """Write the surfaces of solids as one VTU each, and `path`, a VTM that names them, in groups, for ParaView.
 

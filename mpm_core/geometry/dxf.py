@@ -9,12 +9,13 @@ import math
 from collections import Counter
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 import ezdxf
 import numpy as np
 from ezdxf.disassemble import recursive_decompose
 from ezdxf.document import Drawing
-from ezdxf.entities import DXFEntity
+from ezdxf.entities import LWPolyline, Polyline
 from ezdxf.path import make_path
 from ezdxf.render import MeshBuilder
 
@@ -48,7 +49,7 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
     outlines = 0
     smoothed: Counter[str] = Counter()
     for kind, on_layer, entity in entities:
-        found = None
+        found: tuple[Any, list] | None = None
         wanted = layer is None or EVERYTHING in layer or on_layer == layer
         if kind == "3DFACE":
             corners = entity.wcs_vertices()
@@ -137,15 +138,15 @@ def read_outlines(path: Path, layer: str | None) -> tuple[dict[str, list[np.ndar
     return _without_hidden(path, outlines, layer, hidden), unit
 
 
-def _is_closed(polyline: DXFEntity) -> bool:
+def _is_closed(polyline: LWPolyline | Polyline) -> bool:
     """By its flag, or because it ends where it starts."""
     if polyline.is_closed:
         return True
-    points = list(polyline.vertices() if polyline.dxftype() == "LWPOLYLINE" else polyline.points())
+    points = list(polyline.vertices() if isinstance(polyline, LWPolyline) else polyline.points())
     return len(points) > 3 and tuple(points[0]) == tuple(points[-1])
 
 
-def _open(path: Path) -> tuple[list[tuple[str, str, DXFEntity]], float | None, dict[str, str]]:
+def _open(path: Path) -> tuple[list[tuple[str, str, Any]], float | None, dict[str, str]]:
     """Kind, layer and entity of all of the drawing, metres of its unit (None if it names none, NaN if that is not
     known), and its hidden layers with how they are hidden. Raises InputError."""
     stamp = path.stat()
@@ -160,7 +161,7 @@ def _open(path: Path) -> tuple[list[tuple[str, str, DXFEntity]], float | None, d
 
 
 @functools.lru_cache(maxsize=1)  # hundreds of stopes are layers of one drawing
-def _parsed(path: Path, modified: int, size: int) -> tuple[list[tuple[str, str, DXFEntity]], int, dict[str, str]]:
+def _parsed(path: Path, modified: int, size: int) -> tuple[list[tuple[str, str, Any]], int, dict[str, str]]:
     """Kind, layer and entity of all of a drawing as it is at this time, blocks unfolded, its $INSUNITS, and its layers
     that are off or frozen."""
     raw = path.read_bytes()

@@ -10,7 +10,7 @@ class Edges(NamedTuple):
 
     of_facet: np.ndarray
     """(facet, 3) int64: number of the edge from each corner to the next"""
-    count: np.ndarray
+    count: np.ndarray  # type: ignore[assignment]  # hides the method of tuples, which nothing calls
     """(edge,) int64: how often it is passed"""
     balance: np.ndarray
     """(edge,) int64: passages one way less those the other; 0 everywhere in a closed surface"""

@@ -45,7 +45,8 @@ def _binary_stl(raw: bytes, counted: int, element: str | None) -> Mesh:
 
 def read_obj(path: Path, element: str | None = None) -> Mesh:
     """Every body of an OBJ file together, or those of one object (`o`) or group (`g`). Faces may have many corners."""
-    vertices, bodies, named = [], {}, ["", ""]
+    vertices, named = [], ["", ""]
+    bodies: dict[tuple[str, ...], list] = {}
     faces = bodies.setdefault(("", ""), [])
     with path.open(encoding="utf-8", errors="replace") as lines:
         rest = ""

@@ -115,10 +115,10 @@ def _points_of_a_cell(dimension: int) -> np.ndarray:
     a volume needs none.
     """
     if dimension == 2:
-        i, j = np.meshgrid(np.arange(8), np.arange(8), indexing="ij")
+        i, j = np.indices((8, 8))
         places = [(i + (PLACES_2D[j] + 0.5) / 8) / 8, (j + (PLACES_2D[i] + 0.5) / 8) / 8]
     else:
-        i, j, k = np.meshgrid(np.arange(4), np.arange(4), np.arange(4), indexing="ij")
+        i, j, k = np.indices((4, 4, 4))
         places = [(a + (PLACES_3D[b, c] + 0.5) / 16) / 4 for a, b, c in ((i, j, k), (j, k, i), (k, i, j))]
     return np.stack([place.ravel() for place in places], axis=1)
 

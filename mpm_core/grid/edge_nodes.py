@@ -87,8 +87,10 @@ def choose_edge_nodes(
     return EdgeNodes(place, shift[moved])
 
 
-def _wishes(solids, origin: np.ndarray, fine_cell: float, shape: np.ndarray) -> Wishes:
-    places, goals, batches = [], [], []
+def _wishes(solids: list[Solid | Outside], origin: np.ndarray, fine_cell: float, shape: np.ndarray) -> Wishes:
+    places: list[np.ndarray] = []
+    goals: list[np.ndarray] = []
+    batches: list[np.ndarray] = []
     for solid in solids:
         edges = sharp_edges(solid.solid if isinstance(solid, Outside) else solid)
         corners, segments = ((points - origin) / fine_cell for points in (edges.corners, edges.segments))
@@ -206,7 +208,9 @@ def _nearest_of_each(place: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, n
     return place[first], goal[first]
 
 
-def _inside(solid, place: np.ndarray, goal: np.ndarray, origin, fine_cell: float) -> tuple[np.ndarray, np.ndarray]:
+def _inside(
+    solid: Solid | Outside, place: np.ndarray, goal: np.ndarray, origin: np.ndarray, fine_cell: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Those nodes of which all around lies inside the solid; and those that lie on an edge as they are."""
     corners = ON_LATTICE * 1e3 * (2 * all_cells((2,) * place.shape[1]) - 1)
     points = origin + (place[:, None, :] + corners) * fine_cell

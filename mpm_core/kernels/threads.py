@@ -10,7 +10,7 @@ FEW_CELLS = 4000  # a kernel over as many takes 20 to 50 us, a thread that sleep
 
 def use_threads(threads: int) -> None:
     """Let numba use so many threads, or all there are if fewer."""
-    numba.set_num_threads(max(1, min(threads, numba.config.NUMBA_NUM_THREADS)))
+    numba.set_num_threads(max(1, min(threads, numba.config.NUMBA_NUM_THREADS)))  # type: ignore[attr-defined]  # set as numba starts
 
 
 @contextmanager

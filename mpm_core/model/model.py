@@ -202,7 +202,7 @@ def held_faces(scene: Scene) -> dict[tuple[int, int], list[int]]:
 def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
     held = np.zeros((len(grid.node_index), grid.dimension), bool)
     for (axis, side), components in held_faces(scene).items():
-        held[np.ix_(grid.boundary_nodes(axis, side), components)] = True
+        held[np.ix_(grid.boundary_nodes(axis, side), np.array(components))] = True
     held[grid.border_nodes()] = True
     return held
 

@@ -8,7 +8,7 @@ if its file holds something else than the array.
 
 from dataclasses import dataclass, fields
 from enum import Enum, auto
-from typing import Annotated, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 
@@ -152,7 +152,8 @@ class State:
             shape, dtype = [sizes[dim] for dim in array.dims], array.field.dtype
             return np.full(shape, array.start, dtype) if array.start else np.zeros(shape, dtype)
 
-        return cls(**{name: begin(name, array) for name, array in ARRAYS.items()})
+        arrays: dict[str, Any] = {name: begin(name, array) for name, array in ARRAYS.items()}
+        return cls(**arrays)
 
 
 _HINTS = get_type_hints(State, include_extras=True)

@@ -72,9 +72,9 @@ def hang_together(samples: np.ndarray, dimension: int) -> tuple[np.ndarray, np.n
         parts.append(grown)
         rows.append(row)
         rest = rest & ~grown
-    parts, rows = np.concatenate(parts), np.concatenate(rows)
-    order = np.argsort(rows, kind="stable")
-    return parts[order], rows[order]
+    row = np.concatenate(rows)
+    order = np.argsort(row, kind="stable")
+    return np.concatenate(parts)[order], row[order]
 
 
 def find_parts(grid: MultiLevelGrid, solid: np.ndarray) -> Parts:
@@ -91,9 +91,9 @@ def find_parts(grid: MultiLevelGrid, solid: np.ndarray) -> Parts:
     start = np.searchsorted(cell, np.arange(cells + 1))
     own, other = _pairs(grid, near, solid, body)
     simple = (solid[own] == FULL) & (solid[other] == FULL)
-    links = [_nodes(own[simple], body, bodies, start), _nodes(other[simple], body, bodies, start)]
+    full_links = np.stack([_nodes(own[simple], body, bodies, start), _nodes(other[simple], body, bodies, start)])
     links = np.concatenate(
-        [np.stack(links), _cut_links(grid, own[~simple], other[~simple], body, bodies, start, samples)], axis=1
+        [full_links, _cut_links(grid, own[~simple], other[~simple], body, bodies, start, samples)], axis=1
     )
     count = bodies + len(cell)
     graph = coo_array((np.ones(links.shape[1], np.int8), (links[0], links[1])), shape=(count, count))
@@ -154,7 +154,7 @@ def _cut_links(grid: MultiLevelGrid, own, other, body, bodies, start, samples) -
 def _motions_left(grid: MultiLevelGrid, faces: dict[tuple[int, int], list[int]], solid, parts: Parts) -> np.ndarray:
     """How many rigid motions held faces leave to each piece, (piece,). faces: components held, by axis and side."""
     dimension, count = grid.dimension, parts.piece.max() + 1
-    points, held, piece = [np.empty((0, dimension))], [np.empty((0, dimension), bool)], [np.empty(0, np.int64)]
+    at = [np.empty((0, dimension))], [np.empty((0, dimension), bool)], [np.empty(0, np.int64)]
     corners = CORNERS[dimension]
     for (axis, side), components in faces.items():
         edge = grid.cell_index[:, axis] + side * grid.cell_width
@@ -167,10 +167,10 @@ def _motions_left(grid: MultiLevelGrid, faces: dict[tuple[int, int], list[int]],
         touching = (bits & side_samples(dimension, axis, side)) != 0
         cell, node = cell[touching], node[touching]
         for corner in corners[corners[:, axis] == side]:
-            points.append((grid.cell_index[cell] + corner * grid.cell_width[cell, None]).astype(float))
-            held.append(np.tile(np.isin(np.arange(dimension), components), (len(cell), 1)))
-            piece.append(parts.piece[node])
-    points, held, piece = (np.concatenate(column) for column in (points, held, piece))
+            at[0].append((grid.cell_index[cell] + corner * grid.cell_width[cell, None]).astype(float))
+            at[1].append(np.tile(np.isin(np.arange(dimension), components), (len(cell), 1)))
+            at[2].append(parts.piece[node])
+    points, held, piece = (np.concatenate(column) for column in at)
     order = np.argsort(piece, kind="stable")
     left = np.full(count, dimension * (dimension + 1) // 2)
     touching, first = np.unique(piece[order], return_index=True)

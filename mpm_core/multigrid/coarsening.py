@@ -129,11 +129,11 @@ def coarsen(fine: LevelGrid) -> tuple[LevelGrid, np.ndarray]:
     extent = fine.extent / 2
     merged = np.count_nonzero(fine.cell_width == 1)
     if merged == (merged - cells + count) << dimension:
-        nodes = _inherit_nodes(
+        coarse_nodes, node_index, node_parents = _inherit_nodes(
             fine.cell_width, fine.cell_index, fine.cell_nodes, fine.node_index, fine.node_parents, coarse_of_cell, count
         )
     else:  # parts are missing: some corners are new
         shape = (coarse_index + coarse_width[:, None]).max(axis=0)
         vtk_nodes, node_index, node_parents = number_nodes(coarse_index, coarse_width, shape)
-        nodes = np.ascontiguousarray(vtk_nodes[:, BIT_ORDER[dimension]]), node_index, node_parents
-    return LevelGrid(coarse_index, coarse_width, *nodes, extent), coarse_of_cell
+        coarse_nodes = np.ascontiguousarray(vtk_nodes[:, BIT_ORDER[dimension]])
+    return LevelGrid(coarse_index, coarse_width, coarse_nodes, node_index, node_parents, extent), coarse_of_cell

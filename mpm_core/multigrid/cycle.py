@@ -137,6 +137,7 @@ class Cycle:
                 self._smooth(level, self.long_steps)
             return
         coarse, transfer, dimension = self.levels[index + 1], level.transfer, level.grid.dimension
+        assert transfer is not None  # only the coarsest level has none
         bodies = None if index else self.bodies
         self._smooth(level, self.steps)
         self._update_residual(level)

@@ -24,7 +24,7 @@ def dissect(graph, place: np.ndarray) -> tuple[np.ndarray, float]:
     def eliminate(nodes: np.ndarray) -> np.ndarray:
         """Put nodes into the order; those around them that are left."""
         nonlocal entries
-        around = []
+        halves: list[np.ndarray] = []
         last = nodes
         if len(nodes) > LEAF:
             spread = np.ptp(place[nodes], axis=0)
@@ -36,8 +36,8 @@ def dissect(graph, place: np.ndarray) -> tuple[np.ndarray, float]:
             divides[of[on_the_other_side[neighbour]]] = True
             on_the_other_side[high] = False
             last = low[divides]
-            around = [eliminate(half) for half in (low[~divides], high) if len(half)]
-        around = np.setdiff1d(np.concatenate([neighbours(last)[0], *around]), nodes)
+            halves = [eliminate(half) for half in (low[~divides], high) if len(half)]
+        around = np.setdiff1d(np.concatenate([neighbours(last)[0], *halves]), nodes)
         entries += len(last) * (0.5 * (len(last) + 1) + len(around))
         order.append(last)
         return around

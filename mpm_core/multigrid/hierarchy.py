@@ -164,6 +164,7 @@ class Hierarchy:
         self.levels[0].operator.set_cells(cells)
         self.levels[0].set_diagonal()
         for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
+            assert fine.coarse_of_cell is not None  # only the coarsest level has none
             width = fine.grid.cell_width.astype(float) ** (coarse.grid.dimension - 2)
             fine.transfer = build_transfer(
                 fine.grid, fine.siblings, coarse.grid, coarse.siblings, fine.coarse_of_cell,
@@ -184,5 +185,5 @@ class Hierarchy:
         if not (grid.extent % 1.0).any():
             return constants
         filled = constants.copy()
-        filled[:, :3] /= grid.inside_share(self.faces[:, 1].any(axis=1))[:, None] ** 2
+        filled[:, :3] /= grid.inside_share(np.asarray(self.faces[:, 1].any(axis=1)))[:, None] ** 2
         return filled

@@ -48,6 +48,8 @@ def set_tangents(levels: list[Level], model: Model, flow: FlowForces, values: np
     cells, slopes, matrices = measure(model, flow, values)
     levels[0].operator.tangents = pack(levels[0].siblings, cells, slopes, matrices, levels[0].operator.precision)
     for fine, coarse in pairwise(levels):
+        assert fine.coarse_of_cell is not None  # only the coarsest level has none
+        assert fine.kept is not None
         cells, matrices = merge(fine.coarse_of_cell[cells], matrices)
         matrices *= fine.kept[cells, None]
         centre = np.zeros((len(cells), corners, model.dimension))

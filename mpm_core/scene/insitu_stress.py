@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
@@ -16,7 +17,7 @@ class InsituStress:
     gradient: np.ndarray
     surface: float
 
-    def at(self, elevation: np.ndarray) -> np.ndarray:
+    def at(self, elevation: ArrayLike) -> np.ndarray:
         """Virgin stress (..., 6) Pa at elevations z (...) m."""
         depth = self.surface - np.asarray(elevation, float)
         stress = self.gradient * depth[..., None]

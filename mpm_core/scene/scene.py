@@ -100,7 +100,8 @@ class Scene:
     @property
     def frame_axes(self) -> tuple[int, int, int]:
         """Axis of the mine's frame along each axis of the computation, whose third is out of the plane in 2-D."""
-        return (*self.axes, *({0, 1, 2} - set(self.axes)))
+        first, second, third = (*self.axes, *({0, 1, 2} - set(self.axes)))
+        return first, second, third
 
     @property
     def voigt(self) -> list[int]:
@@ -190,7 +191,7 @@ def check_strains(scene: Scene) -> None:
         moves = False
         for axis in scene.axes:
             for side, face in enumerate(FACES[2 * axis : 2 * axis + 2]):
-                condition = scene.boundary.get(face)
+                condition = scene.boundary.get(face, "")
                 held = {"fixed": list(scene.axes), "roller": [axis]}.get(condition, [])
                 # on a lower face x - lower has no component along its normal
                 along = [other for other in scene.axes if side == 1 or other != axis]

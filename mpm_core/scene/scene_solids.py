@@ -26,18 +26,17 @@ def read_solids(
     Raises InputError naming the entry, also for one that lies outside the domain.
     """
     dimension = len(domain.lower)
-    solids = []
+    solids: list[Solid | Outside] = []
     for entry in (SolidSettings.of(one, section) for one in entries):
         where = f"{section}.{entry.name}"
         try:
-            solids.append(_read(entry, dimension, where))
+            solid = _read(entry, dimension, where)
         except InputError as error:
             if str(error).startswith((f"{where}.", f"{where}: ")):
                 raise
             raise InputError(f"{where}: {str(error).removeprefix(entry.name + ': ')}") from error
-        check_inside(solids[-1], domain, section, bool(entry.file), may_miss)
-        if entry.outside:
-            solids[-1] = Outside(solids[-1], domain.lower, domain.upper)
+        check_inside(solid, domain, section, bool(entry.file), may_miss)
+        solids.append(Outside(solid, domain.lower, domain.upper) if entry.outside else solid)
     return solids
 
 

@@ -11,6 +11,7 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -71,10 +72,10 @@ class Checkpoint:
             failed = np.flatnonzero(state.failed >= 0)
             of_failed = {name: getattr(state, name)[failed] for name in OF_FAILED}
             others = {name: value for name, value in vars(state).items() if name not in (*OF_FAILED, *UNCHANGED)}
-            places = np.concatenate([np.empty((0, grid.dimension), np.int64), *places])
-            cells = {"cells_index": grid.cell_index, "cells_level": grid.cell_level}
-            cells |= {"in_district": in_district, "places": places, "full": full}
-            np.savez(file, key=self.key, taken=CLOCK.taken(), **counters, **cells, **others, **of_failed, **beside)
+            split = np.concatenate([np.empty((0, grid.dimension), np.int64), *places])
+            cells: dict[str, Any] = {"cells_index": grid.cell_index, "cells_level": grid.cell_level}
+            cells |= {"in_district": in_district, "places": split, "full": full}
+            np.savez(file, key=self.key, taken=CLOCK.taken(), **counters | cells | others | of_failed | beside)
         self.last = time.perf_counter()
         self.cost = self.last - now
 

@@ -95,7 +95,7 @@ def mining_step(
             at_work = district.cells
         if saved:
             at_work.resume(saved)
-            checkpoint.restore(saved, at_work.scheme.body.state, history)
+            Checkpoint.restore(saved, at_work.scheme.body.state, history)
             at_work.renew()
 
         def save(state: State, history: History) -> None:
@@ -126,15 +126,15 @@ class following:
         self.name, self.state, self.path = f"{scene.mine} {name}", state, failed_state
 
     def __enter__(self) -> History:
-        self.history.bar = tqdm(desc=self.name, unit="it", disable=not sys.stderr.isatty(), leave=False)
+        self.bar = self.history.bar = tqdm(desc=self.name, unit="it", disable=not sys.stderr.isatty(), leave=False)
         return self.history
 
     def __exit__(self, kind, error, traceback) -> None:
-        self.history.bar.close()
+        self.bar.close()
         if isinstance(error, InputError) and self.state is not None:
             try:
                 with atomic_path(self.path) as temporary, temporary.open("wb") as file:
-                    np.savez(file, **vars(self.state()), **self.history.table())
+                    np.savez(file, **vars(self.state()) | self.history.table())
                 logging.info("last state in %s", self.path)
             except InputError as full:  # the user is to read why the stage failed, not this
                 logging.warning("the last state is not kept: %s", full)

@@ -140,10 +140,18 @@ def _add_severed(
     np.add.at(nodal, node, force - body_force * (shape * volume)[:, None])
 
 
-def _spread(model: Model, cell, shapes, stress_volume: np.ndarray, force: np.ndarray, nodal: np.ndarray) -> None:
+def _spread(
+    model: Model,
+    cell: np.ndarray,
+    shapes: tuple[np.ndarray, np.ndarray],
+    stress_volume: np.ndarray,
+    force: np.ndarray,
+    nodal: np.ndarray,
+) -> None:
     """Add B^T (sigma V) + N^T f to nodal (node, d) N: cell (k,), shapes: modes (k, 2^d) and slopes (k, 2^d, d), sigma V
     (k, 6) N m, f (k, d) N."""
-    particle_loads(model.cell_nodes, model.grid.cell_size, cell, *shapes, stress_volume, force, nodal)
+    modes, slopes = shapes
+    particle_loads(model.cell_nodes, model.grid.cell_size, cell, modes, slopes, stress_volume, force, nodal)
 
 
 def _require_balance(model: Model, volume: np.ndarray, force: np.ndarray, step: int) -> None:
@@ -203,7 +211,7 @@ def _add_lost_traction(model: Model, nodal: np.ndarray, mined_share: np.ndarray,
 
 def boundary_strain(scene: Scene, step: int) -> np.ndarray:
     """Strain of the domain's boundary from virgin rock up to `step`, (d, d) in the computation's axes."""
-    total = np.sum([entry.strain for entry in scene.strains if entry.since <= step] or [np.zeros(6)], axis=0)
+    total = np.sum([entry.strain for entry in scene.strains if entry.since <= step] or [(0.0,) * 6], axis=0)
     return tensor_from_voigt(total)[np.ix_(scene.axes, scene.axes)]
 
 

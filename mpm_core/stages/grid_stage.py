@@ -172,8 +172,8 @@ def cells_of_draft(values: GridSlice, solids: list[Solid | Outside], later: np.n
     """
     if values.grid.resized_by != "draft" or values.grid.volume_error >= 1.0:
         return values, np.empty(0, int)
-    kept = values.grid.model_copy(update={"levels": values.grid.levels + 1, "resized_by": None})
-    kept = values.model_copy(update={"grid": kept})
+    finer = values.grid.model_copy(update={"levels": values.grid.levels + 1, "resized_by": None})
+    kept = values.model_copy(update={"grid": finer})
 
     def shares(choice: GridSlice) -> np.ndarray:
         domain = domain_of(choice)
@@ -225,7 +225,7 @@ def require_memory(count: GridCount, dimension: int, cells: GridCells) -> None:
     )
 
 
-def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
+def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
     """The dataset of grid.nc from the grid's configuration slice, or its values; attributes: provenance.
 
     Cells are fine around what the first step mines; of what is mined later it has the parts of finest cells alone.
@@ -267,8 +267,8 @@ def make_grid(values: GridSlice, attributes: dict) -> xr.Dataset:
     for number in np.setdiff1d(np.arange(len(solids)), pieces.excavation):
         miss(solids[number], values.grid)
     thickness = values.thickness if dimension == 2 else 1.0
-    on_grid = np.bincount(pieces.excavation, volumes_of(pieces, edge_nodes, domain), minlength=len(solids))
-    on_grid = on_grid * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
+    sampled = np.bincount(pieces.excavation, volumes_of(pieces, edge_nodes, domain), minlength=len(solids))
+    on_grid = sampled * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
     volume = [solid.volume_within(domain.lower, domain.upper) * thickness for solid in solids]
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
         compare_volumes(solid.name, true, float(gridded), values.grid)

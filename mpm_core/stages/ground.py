@@ -19,7 +19,7 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import split
 from mpm_core.model.model import Model, build_model
 from mpm_core.model.occupancy import Loose, Pieces, Places
-from mpm_core.scene.scene import Scene
+from mpm_core.scene.scene import Refinement, Scene
 from mpm_core.scene.scene_solids import bodies_at, read_solids
 from mpm_core.stages.state_transfer import carry_loose
 
@@ -41,6 +41,12 @@ class Ground:
         if "edge_node_place" not in grid:
             raise InputError("grid.nc was made by an earlier version; run the pipeline from the grid")
         return cls(scene, read_pieces(grid), read_edge_nodes(grid), *read_origin(grid))
+
+    @property
+    def refinement(self) -> Refinement:
+        """How cells are split in a step: only a scene that says so has its cells split."""
+        assert self.scene.refinement is not None
+        return self.scene.refinement
 
     def model(self, grid: MultiLevelGrid, body: np.ndarray, loose: Loose, all_fallen: bool = False) -> Model:
         """The scene on a grid; body (cell,): rock body of each cell; loose, all_fallen: see build_model."""
@@ -69,7 +75,7 @@ class Ground:
     def opened(self, grid: MultiLevelGrid, step: int) -> MultiLevelGrid:
         """The grid with finest cells, and rings of them, around all that is mined up to a step."""
         places = np.unique(self.parts.place[self._mined(step)] >> 1, axis=0)
-        rings = self.scene.refinement.rings
+        rings = self.refinement.rings
         return split(grid, places, rings, rings) if len(places) else grid
 
     def on(self, grid: MultiLevelGrid, model: Model, all_fallen: bool = True) -> Model:
@@ -81,10 +87,10 @@ class Ground:
         origin = holding_cells(model.grid, grid.cell_index)
         body = model.body[origin]
         parts = np.flatnonzero(grid.cell_level != model.grid.cell_level[origin])
-        if len(parts) and self.scene.refinement.bodies:
+        if len(parts) and self.refinement.bodies:
             finest = grid.levels - 1
             domain = Domain(grid.origin, grid.shape >> finest, grid.fine_cell * 2**finest, grid.levels)
             body[parts] = bodies_at(
-                read_solids(self.scene.refinement.bodies, "rock_bodies", domain, may_miss=True), grid.cell_center[parts]
+                read_solids(self.refinement.bodies, "rock_bodies", domain, may_miss=True), grid.cell_center[parts]
             )
         return body

@@ -36,13 +36,14 @@ from mpm_core.stages.state_transfer import (
     part_nodes,
 )
 
-SCHEMES = {"explicit": ExplicitScheme, "multigrid": MultigridScheme}  # by solver.scheme
+SchemeMaker = Callable[[Model, State, np.ndarray], Scheme]
+SCHEMES: dict[str, SchemeMaker] = {"explicit": ExplicitScheme, "multigrid": MultigridScheme}  # by solver.scheme
 
 
 def make_scheme(model: Model, state: State, volume: np.ndarray) -> Scheme:
     """The scheme that the scene asks for; explicit steps for particles at rest in their cells or moving."""
     solver = model.scene.solver
-    kind = MovingScheme if solver.move else SCHEMES[solver.scheme]
+    kind: SchemeMaker = MovingScheme if solver.move else SCHEMES[solver.scheme]
     return kind(model, state, volume)
 
 
@@ -96,7 +97,7 @@ class StepCells:
     def split(self, places: np.ndarray) -> tuple[Scheme, Brittle, Ramp] | None:
         """Split cells at places (k, d), at rest: what goes on from there; None where there would be too many."""
         grid = split(self.model.grid, places, RINGS, 1)
-        most = self.ground.scene.refinement.max_cells
+        most = self.ground.refinement.max_cells
         if (cells := len(grid.cell_level) + self.elsewhere) > most:
             logging.warning("%d cells would be more than grid.max_cells, %d: no more are split", cells, most)
             self.full = True

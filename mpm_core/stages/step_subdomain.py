@@ -124,7 +124,7 @@ class District:
         model, state = self.cells.model, self.cells.scheme.body.state
         near = self.surroundings.reach_beyond(model.grid.cell_index[model.particles.cell[fresh]], self.blocks.margin)
         failed = np.count_nonzero(state.failed == self.cells.step) + len(fresh)
-        self.waits = self.cells.full or np.count_nonzero(near) > WAITING * failed
+        self.waits = self.cells.full or bool(np.count_nonzero(near) > WAITING * failed)
         return fresh[~near]
 
     def give_back(self) -> None:
@@ -138,6 +138,7 @@ class District:
         else:
             whole.renew()
         inside = self.blocks.hold(whole.model.grid.cell_index)
+        assert isinstance(whole.scheme, SchemeInParts)  # asked by district_of
         whole.scheme.take_back(_Excerpt(own.scheme.body.state, _places(whole.model, own.model, inside)))
 
 

@@ -8,13 +8,16 @@ monthly advances 2010-09 to 2010-12 are steps of that name.
 """
 
 import logging
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import ezdxf
 import numpy as np
 import pandas as pd
 import yaml
+from ezdxf.entities import LWPolyline
 
 from catalogs.records.elk_creek_reader import data_folder, data_path
 from common.command_line import CommandLine
@@ -118,7 +121,8 @@ def read_panels(folder: Path) -> list[tuple[np.ndarray, float]]:
         outlines = ezdxf.readfile(path).modelspace().query("LWPOLYLINE")
     except (OSError, ezdxf.DXFError) as error:
         raise InputError(f"{path}: not a readable DXF file ({error}); copy it again") from error
-    panels = [(np.array(line.get_points("xy"), float), float(line.dxf.elevation)) for line in outlines]
+    lines = cast("Iterable[LWPolyline]", outlines)
+    panels = [(np.array(line.get_points("xy"), float), float(line.dxf.elevation)) for line in lines]
     return [(outline[:-1] if np.allclose(outline[0], outline[-1]) else outline, z) for outline, z in panels]
 
 

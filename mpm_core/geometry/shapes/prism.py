@@ -181,8 +181,8 @@ def _triangulate(rings: list[np.ndarray]) -> np.ndarray:
     local = places - places.mean(axis=0)
     outline, *holes = (part.tolist() for part in np.split(local, np.cumsum([len(ring) for ring in rings])[:-1]))
     row = {tuple(point): number for number, point in enumerate(local.tolist())}
-    triangles = [[row[point.x, point.y] for point in triangle] for triangle in mapbox_earcut_2d(outline, holes)]
-    triangles = np.array(triangles, dtype=np.int64).reshape(-1, 3)
+    corners = [[row[point.x, point.y] for point in triangle] for triangle in mapbox_earcut_2d(outline, holes)]
+    triangles = np.array(corners, dtype=np.int64).reshape(-1, 3)
     wrong = np.linalg.det(np.dstack([local[triangles], np.ones(triangles.shape)])) < 0
     triangles[wrong] = triangles[wrong, ::-1]
     return triangles
