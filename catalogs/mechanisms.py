@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from catalogs.jackknife import INTERVAL_95, Scatter
 from catalogs.mean_axes import AxesSample, describe_axes
 from common.fields import TEXT
-from common.source_tensors import HORIZONTAL, point_down
+from common.source_tensors import MAX_HORIZONTAL_COMPONENT, point_down
 
 AXIS_NAMES = ("P", "B", "T")
 KAGAN_PAIRS = ("model_record", "nearest", "record_record", "uniform")
@@ -58,7 +58,9 @@ def nodal_planes(p_axis: NDArray, t_axis: NDArray) -> NDArray:
     upward = np.where(normal[..., 2:] < 0.0, -1.0, 1.0)  # the hanging wall lies above
     normal, slip = upward * normal, upward * slip
     level = np.hypot(normal[..., 0], normal[..., 1])
-    towards = np.where(level > HORIZONTAL, np.arctan2(normal[..., 0], normal[..., 1]), np.pi / 2.0)  # dips to there
+    towards = np.where(
+        level > MAX_HORIZONTAL_COMPONENT, np.arctan2(normal[..., 0], normal[..., 1]), np.pi / 2.0
+    )  # dips to there
     dip = np.arctan2(level, normal[..., 2])
     east, north = np.sin(towards), np.cos(towards)
     along = np.stack([-north, east, np.zeros_like(east)], axis=-1)  # the strike: its dip is to the right

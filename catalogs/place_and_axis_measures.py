@@ -31,7 +31,7 @@ from catalogs.mechanisms import (
     trend_plunge,
 )
 from common.fields import TEXT
-from common.source_tensors import APART, clear_axes, principal_axes, scalar_potency, source_shares
+from common.source_tensors import MIN_PRINCIPAL_GAP, clear_axes, principal_axes, scalar_potency, source_shares
 
 # Events of each catalogue whose places are compared. Of more events so many are drawn, since memory grows as the
 # square.
@@ -224,8 +224,9 @@ def _left_out(clear: NDArray, of: str) -> str:
         for row in clear
     ]
     return (
-        f"; left out where two principal values are within {100 * APART:g} % of the largest: of the model's potency "
-        f"{shares[0]}, of the record's {of} {shares[1]}; Kagan angles take sources with three clear axes"
+        f"; left out where two principal values are within {100 * MIN_PRINCIPAL_GAP:g} % of the largest: of the "
+        f"model's potency {shares[0]}, of the record's {of} {shares[1]}; Kagan angles take "
+        "sources with three clear axes"
     )
 
 

@@ -21,13 +21,14 @@ import xarray as xr
 from common.disk import no_room
 from common.errors import InputError
 
-PART = ".part"  # ending of a file that is being written
-COMPRESS_ABOVE = 4096  # values; smaller arrays grow when compressed
-WORTH_IT = 0.7  # compressed over plain size of a sample; stresses and forces shrink to 0.9 only, at 50 MB/s
-SAMPLE = 1 << 16  # values of a sample, in runs of RUN all over the array
-RUN = 1 << 10
-MAX_CHUNK_ROWS = 1 << 16  # whole rows: reading is a third faster than in the library's chunks of one component each
-NANOSECONDS = np.dtype("datetime64[ns]")
+PART_ENDING = ".part"  # Ending of a file that is being written.
+MIN_VALUES_COMPRESSED = 4096  # Arrays of fewer values grow when compressed.
+# Arrays are stored compressed if a sample of them shrinks to this share of its size or less.
+MAX_COMPRESSED_SHARE = 0.7
+SAMPLE_VALUES = 1 << 16  # Values of a sample, in runs of VALUES_PER_RUN all over the array.
+VALUES_PER_RUN = 1 << 10
+MAX_CHUNK_ROWS = 1 << 16  # Chunks of whole rows are read faster than the library's chunks of one component each.
+TIME_TYPE = np.dtype("datetime64[ns]")
 CHECKSUM = "checksum"  # attribute of a file: digest of what fletcher32 does not cover
 RUN_AGAIN = "delete it and run the same command again"
 
@@ -40,7 +41,7 @@ def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
     """
     path = Path(path)
     clear_parts(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}{PART}")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{PART_ENDING}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
@@ -59,8 +60,8 @@ def clear_parts(path: str | os.PathLike) -> None:
     One process writes a file at a time (Snakemake locks it); what belongs to a process that lives is left alone.
     """
     path = Path(path)
-    for part in path.parent.glob(f".{glob.escape(path.name)}.*{PART}"):
-        writer = part.name.removeprefix(f".{path.name}.").removesuffix(PART)
+    for part in path.parent.glob(f".{glob.escape(path.name)}.*{PART_ENDING}"):
+        writer = part.name.removeprefix(f".{path.name}.").removesuffix(PART_ENDING)
         if writer.isdigit() and not psutil.pid_exists(int(writer)):
             part.unlink(missing_ok=True)
 
@@ -70,10 +71,8 @@ def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:
     encoding: dict[Hashable, dict[str, Any]] = {}
     # text as text: an empty column of Python objects would be stored as numbers
     text = {name: variable.astype(str) for name, variable in dataset.variables.items() if variable.dtype == object}
-    coarse = {
-        name: one for name, one in dataset.variables.items() if one.dtype.kind == "M" and one.dtype != NANOSECONDS
-    }
-    times = {name: one.astype(NANOSECONDS) for name, one in coarse.items()}  # as they are read again
+    coarse = {name: one for name, one in dataset.variables.items() if one.dtype.kind == "M" and one.dtype != TIME_TYPE}
+    times = {name: one.astype(TIME_TYPE) for name, one in coarse.items()}  # as they are read again
     dataset = dataset.assign(text | times)
     dataset = dataset.assign_attrs({CHECKSUM: checksum(dataset)})
     for name, variable in dataset.variables.items():
@@ -93,10 +92,10 @@ def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:
 def is_compressible(values: np.ndarray) -> bool:
     """Whether a sample of the array shrinks enough, its bytes shuffled as netCDF does it."""
     flat = values.reshape(-1)
-    starts = np.arange(0, len(flat), max(RUN, len(flat) // (SAMPLE // RUN)))
-    sample = np.concatenate([flat[start : start + RUN] for start in starts])
+    starts = np.arange(0, len(flat), max(VALUES_PER_RUN, len(flat) // (SAMPLE_VALUES // VALUES_PER_RUN)))
+    sample = np.concatenate([flat[start : start + VALUES_PER_RUN] for start in starts])
     shuffled = np.ascontiguousarray(sample.view(np.uint8).reshape(-1, sample.itemsize).T)
-    return len(zlib.compress(shuffled.tobytes(), 1)) < WORTH_IT * shuffled.size
+    return len(zlib.compress(shuffled.tobytes(), 1)) < MAX_COMPRESSED_SHARE * shuffled.size
 
 
 def rows_of_chunk(rows: int) -> int:
@@ -106,7 +105,7 @@ def rows_of_chunk(rows: int) -> int:
 
 def has_fletcher32(variable: xr.Variable) -> bool:
     """Whether the variable is stored with netCDF's own checksum: numbers, and enough of them to be compressed."""
-    return np.issubdtype(variable.dtype, np.number) and variable.size > COMPRESS_ABOVE
+    return np.issubdtype(variable.dtype, np.number) and variable.size > MIN_VALUES_COMPRESSED
 
 
 def checksum(dataset: xr.Dataset) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from common.errors import InputError
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # disk full, quota used up, larger than `ulimit -f` lets a file be
-PROBE = 1 << 20  # bytes; a library that has failed has filled the disk to its last block
+PROBE_BYTES = 1 << 20  # Bytes that the probe writes. A library that has failed has filled the disk to its last block.
 
 
 def no_room(error: BaseException, folder: str | os.PathLike, half: Path | None = None) -> InputError | None:
@@ -22,7 +22,7 @@ def no_room(error: BaseException, folder: str | os.PathLike, half: Path | None =
     if reason is None and half is not None and half.exists() and not isinstance(error, InputError):
         try:
             with half.open("ab") as file:
-                file.write(bytes(PROBE))
+                file.write(bytes(PROBE_BYTES))
         except OSError as refusal:
             reason = refusal if refusal.errno in NO_ROOM else None
     return InputError(disk_full(os.strerror(reason.errno or 0), folder)) if reason else None
@@ -33,7 +33,7 @@ def full_one(folders: Sequence[str | Path]) -> Path:
     for folder in folders:
         try:
             with tempfile.TemporaryFile(dir=Path(folder)) as file:
-                file.write(bytes(PROBE))
+                file.write(bytes(PROBE_BYTES))
         except OSError as refusal:
             if refusal.errno in NO_ROOM:
                 return Path(folder)

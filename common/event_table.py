@@ -14,12 +14,12 @@ from numpy.typing import DTypeLike, NDArray
 
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
-from common.fields import REMEDY, TEXT, Field
+from common.fields import FILE_REMEDY, TEXT, Field
 
-KINDS = ("synthetic", "recorded", "twin")
-SIZES = {"xyz": 3, "axis": 3}
+CATALOG_KINDS = ("synthetic", "recorded", "twin")
+DIMENSION_SIZES = {"xyz": 3, "axis": 3}
 REQUIRED_ATTRIBUTES = ("mine", "kind")
-MISSING = {"f": np.nan, "i": -1, "M": np.datetime64("NaT", "ns"), TEXT.kind: ""}
+MISSING_VALUES = {"f": np.nan, "i": -1, "M": np.datetime64("NaT", "ns"), TEXT.kind: ""}
 TIME_ENCODING = {  # xarray would choose the unit by the values, and one that may be coarser
     "units": "nanoseconds since 1970-01-01",
     "calendar": "proleptic_gregorian",
@@ -63,7 +63,7 @@ ON_PLANES = _field(
 LOCATION_UNCERTAINTY = _field(
     "location_uncertainty", "event", "f8", "m", "root mean square location error of the event, where a record states it"
 )
-OPTIONAL = (ON_PLANES, LOCATION_UNCERTAINTY)
+OPTIONAL_FIELDS = (ON_PLANES, LOCATION_UNCERTAINTY)
 
 
 def event_dataset(values: Mapping[str, NDArray], attributes: Mapping) -> xr.Dataset:
@@ -73,7 +73,7 @@ def event_dataset(values: Mapping[str, NDArray], attributes: Mapping) -> xr.Data
     data = {}
     for field in FIELDS:
         array = np.asarray(values[field.name]).astype(field.dtype)
-        expected = (len(values[NAMES[0]]), *(SIZES[dim] for dim in field.dims[1:]))
+        expected = (len(values[NAMES[0]]), *(DIMENSION_SIZES[dim] for dim in field.dims[1:]))
         if array.shape != expected:
             raise InputError(f"events: {field.name} has shape {array.shape}, not {expected}")
         data[field.name] = (field.dims, array, field.attributes)
@@ -87,8 +87,8 @@ def new_catalog(count: int, attributes: Mapping, **values) -> xr.Dataset:
     """
     absent = {}
     for field in FIELDS:
-        missing = 1 if field.name == "resolved" else MISSING[field.dtype.kind]
-        absent[field.name] = np.full((count, *(SIZES[dim] for dim in field.dims[1:])), missing, field.dtype)
+        missing = 1 if field.name == "resolved" else MISSING_VALUES[field.dtype.kind]
+        absent[field.name] = np.full((count, *(DIMENSION_SIZES[dim] for dim in field.dims[1:])), missing, field.dtype)
     return event_dataset(absent | values, attributes)
 
 
@@ -99,20 +99,22 @@ def check_events(dataset: xr.Dataset, source: str) -> xr.Dataset:
     """
     for name in REQUIRED_ATTRIBUTES:
         if name not in dataset.attrs:
-            raise InputError(f"{source}: attribute {name} is missing; {REMEDY}")
-    if dataset.attrs["kind"] not in KINDS:
-        raise InputError(f"{source}: attribute kind is {dataset.attrs['kind']!r}, none of {', '.join(KINDS)}; {REMEDY}")
+            raise InputError(f"{source}: attribute {name} is missing; {FILE_REMEDY}")
+    if dataset.attrs["kind"] not in CATALOG_KINDS:
+        raise InputError(
+            f"{source}: attribute kind is {dataset.attrs['kind']!r}, none of {', '.join(CATALOG_KINDS)}; {FILE_REMEDY}"
+        )
     dataset = dataset.copy()
     for field in FIELDS:
         field.check(dataset, source)
         if field.dtype == TEXT:
             dataset[field.name] = dataset[field.name].astype(TEXT)
-    for field in OPTIONAL:
+    for field in OPTIONAL_FIELDS:
         if field.name in dataset:
             field.check(dataset, source)
-    for dim, size in SIZES.items():
+    for dim, size in DIMENSION_SIZES.items():
         if dataset.sizes[dim] != size:
-            raise InputError(f"{source}: dimension {dim} has length {dataset.sizes[dim]}, not {size}; {REMEDY}")
+            raise InputError(f"{source}: dimension {dim} has length {dataset.sizes[dim]}, not {size}; {FILE_REMEDY}")
     dataset["time"].encoding = dict(TIME_ENCODING)
     return dataset
 

@@ -9,7 +9,7 @@ import xarray as xr
 from common.errors import InputError
 
 TEXT = np.dtype(object)
-REMEDY = "not a file of this version: delete it and run again"
+FILE_REMEDY = "not a file of this version: delete it and run again"
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Field:
     def check(self, dataset: xr.Dataset, source: str) -> None:
         """Raise InputError, one line that names `source`, if the dataset has no such variable or another one."""
         if self.name not in dataset.variables:
-            raise InputError(f"{source}: {self.name} is missing; {REMEDY}")
+            raise InputError(f"{source}: {self.name} is missing; {FILE_REMEDY}")
         found = dataset.variables[self.name]
         for what, has, wanted in (
             ("dimensions", ", ".join(map(str, found.dims)), ", ".join(self.dims)),
@@ -41,7 +41,9 @@ class Field:
             ("unit", found.attrs.get("units", ""), self.unit),
         ):
             if has != wanted:
-                raise InputError(f"{source}: {self.name}: {what} {has or 'none'}, not {wanted or 'none'}; {REMEDY}")
+                raise InputError(
+                    f"{source}: {self.name}: {what} {has or 'none'}, not {wanted or 'none'}; {FILE_REMEDY}"
+                )
 
 
 def _name(dtype: np.dtype) -> str:

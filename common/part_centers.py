@@ -3,7 +3,8 @@
 import numpy as np
 import xarray as xr
 
-PLACES = ("position", "spacing", "cell", "cell_origin", "cell_size")  # of a state: what part_centers needs
+# Variables of a state that part_centers needs.
+PLACE_VARIABLES = ("position", "spacing", "cell", "cell_origin", "cell_size")
 
 
 def part_centers(state: xr.Dataset) -> np.ndarray:

@@ -11,8 +11,8 @@ from tqdm import tqdm
 from common.costs import COMPILING
 from common.provenance import KERNEL_PACKAGES
 
-FIRST = 1.0  # s until a stage says what it does: one that is done by then says only that
-PAUSE = 30.0  # s between two words of where it stands
+SECONDS_TO_FIRST_LINE = 1.0  # A stage that ends sooner says only that it has ended.
+SECONDS_BETWEEN_LINES = 30.0  # Seconds between two lines on where a stage stands.
 COMPILER = "numba.core.dispatcher"  # the module that says what it compiles
 
 
@@ -41,9 +41,9 @@ class Progress(logging.Handler):
         self.latest = record.getMessage().partition("\n")[0]
 
     def _tell(self) -> None:
-        if not self.ended.wait(FIRST):
+        if not self.ended.wait(SECONDS_TO_FIRST_LINE):
             self._say(self.does)
-        while not self.ended.wait(PAUSE):
+        while not self.ended.wait(SECONDS_BETWEEN_LINES):
             if not sys.stderr.isatty():
                 self._say(f"{self.latest} ({time.perf_counter() - self.started:.0f} s)")
 

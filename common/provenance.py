@@ -26,7 +26,7 @@ KERNEL_PACKAGES = ("mpm_core", "seismic")
 CACHES_KEPT = 3
 MADE_FROM = "made_from"
 AS_WRITTEN = {"config", "default"}  # keys of the report's slice
-TAIL = 200  # bytes at the end of a page in which its comment is looked for
+COMMENT_BYTES = 200  # Bytes at the end of a page in which its comment is looked for.
 
 
 def config_hash(slice_: dict) -> str:
@@ -110,7 +110,7 @@ def read_made_from(path: str | os.PathLike) -> str | None:
             with netCDF4.Dataset(path) as dataset:
                 return str(getattr(dataset, MADE_FROM, "")) or None
         with path.open("rb") as file:
-            file.seek(-min(TAIL, path.stat().st_size), os.SEEK_END)
+            file.seek(-min(COMMENT_BYTES, path.stat().st_size), os.SEEK_END)
             found = re.search(comment("([0-9a-f]{16})"), file.read().decode(errors="replace"))
     except OSError:
         return None

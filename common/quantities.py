@@ -4,10 +4,11 @@ import math
 import re
 from functools import cache
 
-QUANTITY = re.compile(r"(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>[^\d\s].*)?")
-POWER = r"(?:[^\W\d]\w*|°)(?:(?:\^|\*\*)[-+]?\d)?"  # m, m^3, s**-1
-UNIT = re.compile(rf"{POWER}(?:(?:\s*[*/·]\s*|\s+){POWER})*")  # pint evaluates all it is given, 9**9**9 too
-LONGEST = 100  # characters of a quantity
+QUANTITY_PATTERN = re.compile(r"(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>[^\d\s].*)?")
+POWER_PATTERN = r"(?:[^\W\d]\w*|°)(?:(?:\^|\*\*)[-+]?\d)?"  # m, m^3, s**-1
+# Only what matches is handed to pint, which would also evaluate 9**9**9.
+UNIT_PATTERN = re.compile(rf"{POWER_PATTERN}(?:(?:\s*[*/·]\s*|\s+){POWER_PATTERN})*")
+MAX_QUANTITY_LENGTH = 100  # Characters of a quantity.
 
 
 @cache
@@ -40,14 +41,14 @@ def parse_quantity(text: str, unit: str) -> float:
     Traceback (most recent call last):
     ValueError: '57' has no unit; write it as text with one, for example '57 Pa'
     """
-    if len(text) > LONGEST:
+    if len(text) > MAX_QUANTITY_LENGTH:
         raise ValueError(f"{text[:30]!r}... is not a number with a unit: it has {len(text):,} characters")
-    parts = QUANTITY.fullmatch(text.strip())
+    parts = QUANTITY_PATTERN.fullmatch(text.strip())
     if not parts:
         raise ValueError(f"{text!r} is not a number with a unit, for example '1.5 {unit}'")
     if not parts["unit"]:
         raise ValueError(f"{text!r} has no unit; write it as text with one, for example '{text} {unit}'")
-    if not UNIT.fullmatch(parts["unit"]):
+    if not UNIT_PATTERN.fullmatch(parts["unit"]):
         raise ValueError(f"{text!r} has no unit that is known; expected one like {unit}, without arithmetic")
     try:
         number = float(parts["number"]) * factor(parts["unit"], unit)

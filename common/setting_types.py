@@ -30,7 +30,7 @@ from common.quantities import parse_quantity
 
 SI = "SI"  # context of a validation: quantities are numbers already
 TAG = "="  # begins the tag of a choice, which is no key of the user's
-SHOWN = 60  # characters of a wrong value that its message shows
+MAX_LENGTH_SHOWN = 60  # Characters of a wrong value that its message shows.
 LARGEST_INTEGER = 2**63 - 1
 EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")  # a number that YAML 1.1 may take for text
 BOUNDS = {"minimum": "ge", "exclusiveMinimum": "gt", "maximum": "le", "exclusiveMaximum": "lt"}  # JSON's name, ours
@@ -246,12 +246,14 @@ def short(value) -> str:
     if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
         return "an integer of 20 digits or more"  # of thousands of digits Python makes no text
     text = repr(value)
-    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
+    return text if len(text) <= MAX_LENGTH_SHOWN else f"{text[:MAX_LENGTH_SHOWN]}..."
 
 
 def key_of(path) -> str:
     """A place in a configuration as a message names it: excavations[2].lower."""
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{str(part)[:SHOWN]}" for part in path).lstrip(".")
+    return "".join(
+        f"[{part}]" if isinstance(part, int) else f".{str(part)[:MAX_LENGTH_SHOWN]}" for part in path
+    ).lstrip(".")
 
 
 TYPES = {

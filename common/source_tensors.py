@@ -7,9 +7,11 @@ value (departures.md, correction 5), T to the largest, B to the one between.
 import numpy as np
 from numpy.typing import NDArray
 
-HORIZONTAL = 1e-9  # of a unit vector's component: far above round-off, far below any angle that can be measured
-APART = 0.1  # of the largest principal value: nearer ones leave their axes to chance, half a tensor's error turns them
-TIE = 1e-9  # of the largest principal value: equal ones differ by 1e-15 in the demo, others by 1e-4 and more
+# Largest vertical component of a horizontal unit vector. It is far above round-off and far below any measured angle.
+MAX_HORIZONTAL_COMPONENT = 1e-9
+# Principal values that differ by less than this share of the largest leave their axes to chance.
+MIN_PRINCIPAL_GAP = 0.1
+MAX_PRINCIPAL_TIE = 1e-9  # Principal values that differ by at most this share of the largest are equal.
 DOWN_NORTH_EAST = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
@@ -57,18 +59,20 @@ def moment_of_magnitude(magnitude: NDArray) -> NDArray:
 def principal_axes(tensor: NDArray) -> NDArray:
     """Principal axes (..., 3, 3), rows P, B, T, of symmetric tensors (..., 3, 3): unit vectors, see point_down.
 
-    Where two principal values are equal to TIE of the largest, as of rock that has merely opened, any two axes of their
-    plane would do. Given are its steepest line, then its level one (of a level plane north, then east); where all three
-    are equal: down, north, east. So neither round-off nor a library decides.
+    Where two principal values are equal to MAX_PRINCIPAL_TIE of the largest, as of rock that has merely opened, any two
+    axes of their plane would do. Given are its steepest line, then its level one (of a level plane north, then east);
+    where all three are equal: down, north, east. So neither round-off nor a library decides.
     """
     values, vectors = np.linalg.eigh(np.asarray(tensor, float))
     axes = np.swapaxes(vectors, -1, -2)
-    tied = np.diff(values, axis=-1) <= TIE * np.max(np.abs(values), axis=-1, keepdims=True)
+    tied = np.diff(values, axis=-1) <= MAX_PRINCIPAL_TIE * np.max(np.abs(values), axis=-1, keepdims=True)
     for row, across in ((0, 2), (1, 0)):  # P and B lie across T, B and T across P
         normal = axes[tied[..., row], across]
         level = np.stack([-normal[:, 1], normal[:, 0], np.zeros(len(normal))], axis=-1)
         length = np.linalg.norm(level, axis=-1, keepdims=True)
-        level = np.where(length > HORIZONTAL, level / np.maximum(length, HORIZONTAL), [1.0, 0.0, 0.0])
+        level = np.where(
+            length > MAX_HORIZONTAL_COMPONENT, level / np.maximum(length, MAX_HORIZONTAL_COMPONENT), [1.0, 0.0, 0.0]
+        )
         axes[tied[..., row], row] = np.cross(level, normal)
         axes[tied[..., row], row + 1] = level
     axes[tied.all(axis=-1)] = DOWN_NORTH_EAST
@@ -76,13 +80,15 @@ def principal_axes(tensor: NDArray) -> NDArray:
 
 
 def clear_axes(tensor: NDArray) -> NDArray:
-    """Principal axes (..., 3, 3), rows P, B, T, NaN where the principal value is within APART of another.
+    """Principal axes (..., 3, 3), rows P, B, T, NaN where the principal value is within MIN_PRINCIPAL_GAP of another.
 
     A crack that opens has a T axis, and any two lines across it are as good a P and B axis: none is given.
     """
     axes = principal_axes(tensor)
     values = np.linalg.eigvalsh(np.asarray(tensor, float))
-    near = np.diff(values, axis=-1) <= APART * np.max(np.abs(values), axis=-1, keepdims=True)  # P to B, B to T
+    near = np.diff(values, axis=-1) <= MIN_PRINCIPAL_GAP * np.max(
+        np.abs(values), axis=-1, keepdims=True
+    )  # P to B, B to T
     unclear = np.stack([near[..., 0], near[..., 0] | near[..., 1], near[..., 1]], axis=-1)
     return np.where(unclear[..., None], np.nan, axes)
 
@@ -90,11 +96,11 @@ def clear_axes(tensor: NDArray) -> NDArray:
 def point_down(axes: NDArray) -> NDArray:
     """The same axes (..., 3), unit vectors, in the one sense that all files have: an axis and its opposite are one.
 
-    Down: z < 0. Within HORIZONTAL of the horizontal z is 0, and the axis points north: y > 0. One that runs east and
-    west within the same points east: x > 0. So round-off does not decide.
+    Down: z < 0. Within MAX_HORIZONTAL_COMPONENT of the horizontal z is 0, and the axis points north: y > 0. One that
+    runs east and west within the same points east: x > 0. So round-off does not decide.
     """
     axes = np.asarray(axes, float)
-    x, y, z = (np.where(np.abs(axes[..., row]) <= HORIZONTAL, 0.0, axes[..., row]) for row in range(3))
+    x, y, z = (np.where(np.abs(axes[..., row]) <= MAX_HORIZONTAL_COMPONENT, 0.0, axes[..., row]) for row in range(3))
     opposite = (z > 0) | ((z == 0) & ((y < 0) | ((y == 0) & (x < 0))))
     axes = np.where(opposite[..., None], -axes, axes)
     axes[..., 2] = np.where(z == 0, 0.0, axes[..., 2])

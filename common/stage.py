@@ -21,7 +21,7 @@ from common.warnings import ToTerminal
 
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
 PIPELINE_PROCESS = "PIPELINE_PROCESS"  # environment variable: the process that starts the stages
-BESIDE = {  # folders of runs beside the mine's own (workflow/folders.py), and what they are
+COMPANION_FOLDERS = {  # folders of runs beside the mine's own (workflow/folders.py), and what they are
     r"results/[^/]+/coarse/": "the mine on cells of twice the size; grid_convergence: false leaves it out",
     r"results/[^/]+/ensemble/[0-9]+/": "a perturbed member; ensemble: 0 leaves all of them out",
 }
@@ -77,7 +77,7 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     die_with_parent()
     CLOCK.start()
     progress = Progress(name, f"{does.strip().splitlines()[0].rstrip('.')}; log: {log}")
-    whose = name + "".join(f" ({note})" for folder, note in BESIDE.items() if re.search(folder, name))
+    whose = name + "".join(f" ({note})" for folder, note in COMPANION_FOLDERS.items() if re.search(folder, name))
     file = None
     try:
         file = start_log(log, progress)

@@ -46,11 +46,11 @@ def main(arguments: list[str] | None = None) -> None:
 def events(chosen: argparse.Namespace) -> None:
     """Events of one mining step."""
     # here: the catalogue need not wait for numba and scikit-learn, nor be made again when they are used otherwise
-    from common.part_centers import PLACES
+    from common.part_centers import PLACE_VARIABLES
     from seismic.events import STEP_VARIABLES, extract_events
 
     settings = read_slice(chosen.settings)
-    step = read_dataset(chosen.step, {*STEP_VARIABLES, *PLACES})
+    step = read_dataset(chosen.step, {*STEP_VARIABLES, *PLACE_VARIABLES})
     try:
         dataset, _ = extract_events(step, EventSettings.of(settings, "seismic"))
     except InputError as error:
@@ -60,12 +60,12 @@ def events(chosen: argparse.Namespace) -> None:
 
 def closeness(chosen: argparse.Namespace) -> None:
     """Sizes of events at several values of closeness, and with shorter links."""
-    from common.part_centers import PLACES
+    from common.part_centers import PLACE_VARIABLES
     from seismic.closeness import sizes_by_closeness
     from seismic.events import STEP_VARIABLES
 
     settings = read_slice(chosen.settings)
-    steps = (read_dataset(path, {*STEP_VARIABLES, *PLACES}) for path in chosen.steps)
+    steps = (read_dataset(path, {*STEP_VARIABLES, *PLACE_VARIABLES}) for path in chosen.steps)
     sizes = sizes_by_closeness(steps, EventSettings.of(settings, "seismic"))
     write_dataset(sizes.assign_attrs(provenance(settings, "seismic closeness", chosen.steps)), chosen.output)
 

@@ -13,7 +13,7 @@ from mpm_core.constitutive.laws import Materials
 from mpm_core.geometry.shapes import Shape, shape_of
 from mpm_core.geometry.shapes.shape import Opening
 from mpm_core.grid.domain import base_cells
-from mpm_core.scene.far_field import LARGEST_ERROR, STRENGTH, FarField, bounds, derive_domain
+from mpm_core.scene.far_field import MAX_LIMITED_BOUNDARY_ERROR, STRENGTH, FarField, bounds, derive_domain
 from mpm_core.scene.insitu_stress import InsituStress
 from mpm_core.scene.scene import FACES, PLANES, virgin_excess
 from mpm_core.scene.scene_solids import prisms_of
@@ -132,7 +132,7 @@ def _derive(mine: Mine, finest: float) -> None:
         ground=values["frame"]["surface"] if 2 in mined else None,
         sound=sound,
     )
-    if found.limited == STRENGTH and found.error > LARGEST_ERROR:
+    if found.limited == STRENGTH and found.error > MAX_LIMITED_BOUNDARY_ERROR:
         raise InputError(_no_room(mine, found, heights, sound))
     top, surface = float(found.upper[-1]), values["frame"]["surface"]
     at_surface = 2 in mined and top == surface
@@ -197,8 +197,8 @@ def _no_room(mine: Mine, found: FarField, heights: np.ndarray, sound: tuple[floa
     return (
         f"insitu_stress: virgin stress reaches the intact strength of materials.host at elevation {end:.6g} m, "
         f"{gap:.3g} m from the excavations: a domain that ends before{cells} {expected} "
-        f"({100 * LARGEST_ERROR:g} % are allowed); check stress, depth and strength, or give domain.lower and "
-        "domain.upper"
+        f"({100 * MAX_LIMITED_BOUNDARY_ERROR:g} % are allowed); check stress, depth and strength, or give domain.lower "
+        "and domain.upper"
     )
 
 

@@ -6,7 +6,7 @@ that month.
 """
 
 from common.voigt import NAMES
-from mpm_core.equilibrium.perturbation import LARGEST_OVERSTRESS
+from mpm_core.equilibrium.perturbation import MAX_STRENGTH_PERTURBATION
 from mpm_core.scene.scene import parse_scene
 from mpm_core.settings import ShapeSettings
 from workflow.plan import Plan
@@ -157,7 +157,7 @@ class Mine(Plan):
         return {
             "mine": self.name,
             "members": self.members,
-            "largest_overstress": LARGEST_OVERSTRESS,
+            "largest_overstress": MAX_STRENGTH_PERTURBATION,
             "steps": self.dated_steps,
         }
 

@@ -9,7 +9,7 @@ from mpm_core.constitutive.elastic import strain_from_stress, stress_increment
 from mpm_core.constitutive.return_regions import ELASTIC
 from mpm_core.simd.lanes import LANES
 
-STEP = 1e-6  # of the stress: between two returns
+TANGENT_DIFFERENCE_STEP = 1e-6  # Difference of stress between two returns for the tangent, as a share of the stress.
 
 
 @intrinsic(prefer_literal=True)
@@ -131,7 +131,7 @@ def tangent_by_differences(return_to_surface):
         size = 0.0
         for a in range(6):
             size = max(size, abs(trial[a]))
-        step = STEP * size / shear_modulus
+        step = TANGENT_DIFFERENCE_STEP * size / shear_modulus
         for b in range(6):
             change = stress_increment(
                 lame_lambda,

@@ -22,9 +22,9 @@ from mpm_core.simd.choices import choose
 ROOT_START = (0.86606633, 0.16533035, -0.0406912, 0.00931968)
 SQRT3 = math.sqrt(3.0)
 
-# Error of the values from `extreme_stresses` where two of them repeat, as a share of the deviator's size: the
-# square root of a few round-offs (3e-8 measured), with room to spare.
-FAST_ERROR = 2e-7
+# Bound of the error of the values from `extreme_stresses`, as a share of the deviator's size. Where two values repeat
+# the error is the square root of a few round-offs.
+MAX_FAST_ERROR = 2e-7
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -81,12 +81,12 @@ def scaled_deviator(dx, dy, dz, yz, xz, xy, j2):
 def extreme_stresses(mean, size, root):
     """Largest and smallest principal value, and a bound of their error: (s1, s3, error), from `scaled_deviator`.
 
-    No directions are computed. The bound is loose (FAST_ERROR of the deviator), for tests that may err on one side.
+    No directions are computed. The bound is loose (MAX_FAST_ERROR of the deviator), for tests that may err on one side.
     """
     half_gap = SQRT3 * math.sqrt(max(0.0, 1.0 - 0.25 * root * root))
     if root > 0.0:
-        return mean + size * root, mean - size * (0.5 * root + half_gap), size * FAST_ERROR
-    return mean + size * (half_gap - 0.5 * root), mean + size * root, size * FAST_ERROR
+        return mean + size * root, mean - size * (0.5 * root + half_gap), size * MAX_FAST_ERROR
+    return mean + size * (half_gap - 0.5 * root), mean + size * root, size * MAX_FAST_ERROR
 
 
 @njit(cache=True, error_model="numpy")

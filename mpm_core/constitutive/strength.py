@@ -25,7 +25,7 @@ from common.errors import InputError
 FRICTION_FACTOR, DILATION_FACTOR, UNCONFINED_STRENGTH, TENSILE_STRENGTH, APEX = range(5)
 ROW_LENGTH = 5
 
-ROUND_OFF = 1e-12  # relative; how much two strengths may differ and still count as equal
+STRENGTH_ROUND_OFF = 1e-12  # Strengths that differ by at most this share count as equal.
 
 
 def strength_row(
@@ -66,20 +66,20 @@ def residual_outside_intact(intact: np.ndarray, residual: np.ndarray) -> str:
     """
     n_intact, _, c_intact, t_intact, _ = (float(value) for value in intact)
     n_residual, _, c_residual, t_residual, _ = (float(value) for value in residual)
-    if n_residual > n_intact * (1.0 + ROUND_OFF):
+    if n_residual > n_intact * (1.0 + STRENGTH_ROUND_OFF):
         return (
             "residual friction_angle is above the intact one: residual rock would be the stronger at high confinement"
         )
-    if t_residual > t_intact * (1.0 + ROUND_OFF):
+    if t_residual > t_intact * (1.0 + STRENGTH_ROUND_OFF):
         limits = f"{t_residual:.6g} Pa above {t_intact:.6g} Pa"
         return f"residual tensile strength (cut-off or apex c / tan phi) is above the intact one: {limits}"
     slope = max(0.0, n_intact - n_residual)
-    if slope <= n_intact * ROUND_OFF:
+    if slope <= n_intact * STRENGTH_ROUND_OFF:
         slope = 0.0
     if slope > 0.0 and math.isinf(t_residual):
         return "residual rock has neither friction nor tension_cutoff: in tension it would be stronger than intact rock"
     needed = c_residual + (slope * t_residual if slope > 0.0 else 0.0)
-    if needed > c_intact * (1.0 + ROUND_OFF):
+    if needed > c_intact * (1.0 + STRENGTH_ROUND_OFF):
         strengths = f"{needed:.6g} Pa needed, {c_intact:.6g} Pa given"
         return (
             "residual rock is stronger than intact rock at its own tensile strength: lower the residual cohesion or "

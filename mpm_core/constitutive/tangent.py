@@ -15,8 +15,8 @@ from numba import njit
 from mpm_core.constitutive.principal import principal_directions
 from mpm_core.constitutive.return_regions import ELASTIC
 
-STEP = 1e-6  # of the stress: between two returns
-APART = 1e-8  # of the stress: principal values closer than this are one
+PRINCIPAL_DIFFERENCE_STEP = 1e-6  # Difference of principal stress between two returns, as a share of the stress.
+MIN_PRINCIPAL_DIFFERENCE = 1e-8  # Principal values that differ by less than this share of the stress count as equal.
 
 
 @njit(cache=True, error_model="numpy")
@@ -55,7 +55,7 @@ def isotropic_tangent(return_principal):
         if region == ELASTIC:
             return False
         size = max(abs(s1), abs(s3))
-        step = STEP * size
+        step = PRINCIPAL_DIFFERENCE_STEP * size
         middle = step if s1 - s2 > s2 - s3 else -step
         a1, a2, a3, _ = return_principal(s1 + step, s2, s3, lame_lambda, shear_modulus, row)
         b1, b2, b3, _ = return_principal(s1, s2 + middle, s3, lame_lambda, shear_modulus, row)
@@ -81,7 +81,7 @@ def isotropic_tangent(return_principal):
             for m in range(3):
                 weight = lame_lambda * rest + 2.0 * shear_modulus * ((1.0 if m == k else 0.0) - slopes[k][m])
                 _add_dyad(matrix, weight, directions[k], directions[k], directions[m], directions[m], 1.0)
-        s, t, least = (s1, s2, s3), (t1, t2, t3), APART * size
+        s, t, least = (s1, s2, s3), (t1, t2, t3), MIN_PRINCIPAL_DIFFERENCE * size
         for i, j in ((0, 1), (1, 2), (0, 2)):
             weight = shear_modulus * (1.0 - _turning(t, s, i, j, slopes, least))
             _add_dyad(matrix, weight, directions[i], directions[j], directions[i], directions[j], 2.0)

@@ -38,11 +38,12 @@ from mpm_core.model.model import Model
 from mpm_core.model.particles import shapes_of
 from mpm_core.model.state import State, put_back
 
-TIME_STEP_SHARE = 0.98  # of the damped limit, 1 / sqrt(1 + c) of the undamped one
-FAILED_HOURGLASS = 0.01  # of the intact hourglass stiffness: a stiff one props failed rock up, as eight particles do.
-# Closure of a stope in cells of 4, 2, 1 m: 11.3, 13.7, 13.5 mm; at 0.1 8.4, 11.6, 12.3; eight particles 6.5, 9.9, 12.0
-HOURGLASS_LAME = 9.0  # of mu, that of Poisson's ratio 0.45: lambda counts up to this in the hourglass stiffness. All of
-# it holds the bending that rock needs to move without a change of volume: at 0.4999 a hole closed by 41 % too little
+TIME_STEP_SHARE = 0.98  # The time step is this share of the damped limit, which is 1 / sqrt(1 + c) of the undamped one.
+# Failed rock keeps this share of the intact hourglass stiffness. More of it would hold failed rock up.
+FAILED_HOURGLASS_SHARE = 0.01
+# The hourglass stiffness counts lambda up to this multiple of mu, its value at Poisson's ratio 0.45. All of lambda
+# would hold the bending that nearly incompressible rock needs to move.
+MAX_HOURGLASS_LAME = 9.0
 
 
 class Body:
@@ -97,7 +98,7 @@ class Body:
         self.settle()
         cell = self.model.particles.cell[self.flowing]
         self.hourglass = self.intact_hourglass.copy()
-        np.subtract.at(self.hourglass, cell, (1.0 - FAILED_HOURGLASS) * self.particle_hourglass[self.flowing])
+        np.subtract.at(self.hourglass, cell, (1.0 - FAILED_HOURGLASS_SHARE) * self.particle_hourglass[self.flowing])
 
     def settle(self, at_rest: bool = True) -> None:
         """What has flowed so far stays; from here on flow is counted anew."""
@@ -241,8 +242,8 @@ class Body:
 
 
 def hourglass_modulus(lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
-    """What hourglass stiffness is in proportion to, Pa: lambda + 2 mu (k,), Pa, but for HOURGLASS_LAME."""
-    return np.minimum(lame, HOURGLASS_LAME * shear) + 2.0 * shear
+    """What hourglass stiffness is in proportion to, Pa: lambda + 2 mu (k,), Pa, but for MAX_HOURGLASS_LAME."""
+    return np.minimum(lame, MAX_HOURGLASS_LAME * shear) + 2.0 * shear
 
 
 def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, float]:

@@ -29,8 +29,9 @@ from mpm_core.model.model import Model
 from mpm_core.model.state import MOTION, REFINED, UNBALANCED, State, keep
 from mpm_core.settings import SolverSettings
 
-TIGHTER = 4.0  # between two tolerances of the last increment
-PLASTIC_LOOSER, PLASTIC_TOLERANCE = 50.0, 0.05  # times the given one, to so much: where no rock loses strength
+TOLERANCE_DIVISOR = 4.0  # In the last increment each tolerance is the one before, divided by this.
+# Where no rock loses strength, the loose tolerance is the given one times the factor, up to the largest one.
+PLASTIC_TOLERANCE_FACTOR, MAX_PLASTIC_TOLERANCE = 50.0, 0.05
 
 
 @dataclass(frozen=True)
@@ -184,7 +185,7 @@ def loose_tolerance(model: Model) -> float:
     solver = model.scene.solver
     given = max(solver.cascade_tolerance, solver.tolerance)
     plastic = model.can_fail().any() and not model.is_brittle() and solver.collapse != "keep"
-    return max(given, min(PLASTIC_LOOSER * given, PLASTIC_TOLERANCE)) if plastic else given
+    return max(given, min(PLASTIC_TOLERANCE_FACTOR * given, MAX_PLASTIC_TOLERANCE)) if plastic else given
 
 
 def put_on_load(
@@ -240,7 +241,7 @@ def run_cascade(
         external, last = ramp.at(history.load), history.load == 1.0
         try:
             while True:
-                tolerance = share * max(loose / TIGHTER**history.tightened, solver.tolerance)
+                tolerance = share * max(loose / TOLERANCE_DIVISOR**history.tightened, solver.tolerance)
                 places = relax_and_fail(
                     scheme, brittle, external, tolerance, ramp.reference, step, history, district, save, cells
                 )

@@ -9,8 +9,9 @@ from tqdm import tqdm
 
 from common.errors import InputError
 
-PAUSE = 20.0  # s between two lines of the log on where a relaxation stands; the terminal shows the latest of them
-COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
+# Seconds between two lines of the log on where a relaxation stands. The terminal shows the latest of them.
+SECONDS_BETWEEN_RESIDUALS = 20.0
+HISTORY_COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 
 
 class NoRest(InputError):
@@ -24,7 +25,8 @@ def norm(values: np.ndarray) -> float:
 
 @dataclass
 class History:
-    """The convergence table of a stage, one row per check: see COLUMNS. Iterations count through the whole stage."""
+    """The convergence table of a stage, one row per check: see HISTORY_COLUMNS. Iterations count through the whole
+    stage."""
 
     tolerance: float
     rows: list[tuple] = field(default_factory=list)
@@ -53,7 +55,7 @@ class History:
         where = f"increment {self.increment}, generation {self.generation}, unbalanced {ratio:.1e}{self._left(ratio)}"
         if self.bar is not None:
             self.bar.set_postfix_str(where, refresh=False)
-        if time.perf_counter() - self.logged > PAUSE:
+        if time.perf_counter() - self.logged > SECONDS_BETWEEN_RESIDUALS:
             logging.info(where)
             self.logged = time.perf_counter()
 
@@ -76,6 +78,8 @@ class History:
 
     def table(self) -> dict[str, np.ndarray]:
         """Columns as arrays, by name."""
-        columns = list(zip(*self.rows, strict=True)) or [()] * len(COLUMNS)
+        columns = list(zip(*self.rows, strict=True)) or [()] * len(HISTORY_COLUMNS)
         types = (np.int32, np.int32, np.int32, float, float, np.int32, np.int32)
-        return {name: np.array(column, kind) for name, column, kind in zip(COLUMNS, columns, types, strict=True)}
+        return {
+            name: np.array(column, kind) for name, column, kind in zip(HISTORY_COLUMNS, columns, types, strict=True)
+        }

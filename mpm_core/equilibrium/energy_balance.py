@@ -54,7 +54,7 @@ from mpm_core.model.state import (
     State,
 )
 
-BALANCE = (
+BALANCE_EQUATION = (
     "energy_work = energy_support + energy_stored + energy_hourglass + energy_hourglass_released + energy_seismic + "
     "energy_overshoot + energy_flow - energy_gained + energy_motion + energy_unbalanced + energy_refined + "
     "energy_left, J, of the rock that stays; "
@@ -62,7 +62,7 @@ BALANCE = (
     "left; "
     "energies below energy_round_off are round-off"
 )
-ROUND_OFF = 1e-12  # of the elastic energy that rock holds: what is less is none
+MIN_ENERGY_SHARE = 1e-12  # Energies below this share of the rock's elastic energy are round-off.
 
 
 class Counted(Protocol):
@@ -197,7 +197,7 @@ class Balance:
         return cls(stored, hourglass, before - stored + mined_hourglass)
 
     def facts(self, body: Counted, target: np.ndarray, moved: np.ndarray) -> dict[str, float | str]:
-        """Every term of the balance at the stage's end, J, see BALANCE.
+        """Every term of the balance at the stage's end, J, see BALANCE_EQUATION.
 
         target (node, d) N: forces that act for good; moved (node, d) m: motion of the stage. Particles that move do so
         by velocities of their own: their forces' work is not counted.
@@ -224,10 +224,10 @@ class Balance:
         dissipated = terms["seismic"] + terms["overshoot"] + terms["flow"]
         motion = terms["motion"] + terms["unbalanced"]
         released = self.mined + dissipated - gained + terms["hourglass_released"] + motion
-        round_off = ROUND_OFF * max(elastic, self.stored + self.mined)
+        round_off = MIN_ENERGY_SHARE * max(elastic, self.stored + self.mined)
         values = {"work": work, **terms, "gained": gained, "refined": refined, "left": left, "mined": self.mined}
         values |= {"released": released, "dissipated": dissipated, "elastic": elastic, "round_off": round_off}
         scale = model.scene.thickness
         facts: dict[str, float | str] = {f"energy_{name}": float(value) * scale for name, value in values.items()}
         share = abs(left) / largest if largest > round_off else 0.0 * counted  # nothing happened
-        return facts | {"energy_left_share": float(share), "energy_balance": BALANCE}
+        return facts | {"energy_left_share": float(share), "energy_balance": BALANCE_EQUATION}

@@ -3,10 +3,10 @@
 Particles rest in their cells, so nodes keep their velocity from step to step: the grid is never reset, and the particle
 velocities of Eqs (1) and (5), which would only filter it, are not needed. moving_scheme.py is the full cycle.
 
-Where a relaxation does not end, flow is counted anew every FLOW_FROM iterations, too (body.py): it lets non-associated
-flow settle that would else circle (a tunnel did, at an unbalanced force of 3e-4). No sooner: what flows by parts, on a
-way that is none of the rock's, is another flow. With every 200 iterations the demo's history dissipated 1.5 % less than
-with one return (and than scheme `multigrid`), and 0.5 % more rock failed.
+Where a relaxation does not end, flow is counted anew every ITERATIONS_PER_FLOW_COUNT iterations, too (body.py): it lets
+non-associated flow settle that would else circle (a tunnel did, at an unbalanced force of 3e-4). No sooner: what flows
+by parts, on a way that is none of the rock's, is another flow. With every 200 iterations the demo's history dissipated
+1.5 % less than with one return (and than scheme `multigrid`), and 0.5 % more rock failed.
 """
 
 import numpy as np
@@ -17,8 +17,8 @@ from mpm_core.kernels.nodal_operations import sizes
 from mpm_core.model.model import Model
 from mpm_core.model.state import State
 
-CHECK_EVERY = 20  # iterations between two looks at the unbalanced force
-FLOW_FROM = 2000  # iterations; a relaxation that ends takes up to 1,200 (the demo, to 3e-5)
+ITERATIONS_PER_CHECK = 20  # Iterations between two checks of the unbalanced force.
+ITERATIONS_PER_FLOW_COUNT = 2000  # Iterations after which a relaxation counts flow again from its present state.
 
 
 class ExplicitScheme:
@@ -70,7 +70,7 @@ def step_to_rest(body: Body, external: np.ndarray, tolerance: float, reference: 
     history.cells = len(body.model.cell_nodes)
     body.update(0.0)
     for iteration in range(solver.max_iterations + 1):
-        if iteration % CHECK_EVERY == 0:
+        if iteration % ITERATIONS_PER_CHECK == 0:
             body.advance(external, 0.0)
             body.way.begin(body, external)
             ratio, largest = (size / reference for size in sizes(body.unbalanced))
@@ -79,7 +79,7 @@ def step_to_rest(body: Body, external: np.ndarray, tolerance: float, reference: 
                 break
             body.stop_drift()
             body.check_reach(ratio)
-            if iteration > 0 and iteration % FLOW_FROM == 0:
+            if iteration > 0 and iteration % ITERATIONS_PER_FLOW_COUNT == 0:
                 body.settle(at_rest=False)
                 body.way.begin(body, external)
         take_time_step(body, external)

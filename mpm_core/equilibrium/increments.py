@@ -28,9 +28,11 @@ from mpm_core.kernels.failure import make_drop
 from mpm_core.model.model import Model
 from mpm_core.model.state import State
 
-WITHOUT_DROP = 4  # increments where no rock loses strength, or where particles move and cannot go back
-SMALLEST = 1.0 / 256.0  # of the load: never less
-LEAST, MOST, SAFE = 0.1, 2.0, 0.8  # how much smaller or larger the next increment is at most; of what would just do
+# Number of increments where no rock loses strength, or where particles move and cannot go back.
+INCREMENTS_WITHOUT_DROP = 4
+MIN_INCREMENT = 1.0 / 256.0  # No increment is smaller than this share of the load.
+MIN_SIZE_FACTOR, MAX_SIZE_FACTOR = 0.1, 2.0  # Bounds of the ratio of an increment's size to that of the one before.
+SIZE_SAFETY = 0.8  # An increment gets this share of the size that would just meet its error.
 
 
 class Increments:
@@ -43,7 +45,7 @@ class Increments:
         solver = model.scene.solver
         self.scene, self.step = model.scene, step
         self.chosen = solver.increments == 0 and model.is_brittle() and not solver.move
-        self.count = solver.increments or WITHOUT_DROP
+        self.count = solver.increments or INCREMENTS_WITHOUT_DROP
         self.delay = delays(self.scene, step, self.count)
 
     def begin(self, history: History) -> None:
@@ -66,16 +68,20 @@ class Increments:
 
     def follow(self, ratio: float, history: History) -> bool:
         """As `take`, of an increment whose error is so many times the one that may stand."""
-        return self._resize(np.clip(SAFE / ratio, LEAST, MOST) if ratio > 0.0 else MOST, ratio <= 1.0, history)
+        return self._resize(
+            np.clip(SIZE_SAFETY / ratio, MIN_SIZE_FACTOR, MAX_SIZE_FACTOR) if ratio > 0.0 else MAX_SIZE_FACTOR,
+            ratio <= 1.0,
+            history,
+        )
 
     def shrink(self, history: History) -> bool:
         """As `take`, of an increment that has found no rest."""
-        return self._resize(LEAST, False, history)
+        return self._resize(MIN_SIZE_FACTOR, False, history)
 
     def _resize(self, factor: float, stands: bool, history: History) -> bool:
         taken, asked = history.load - history.load_before, history.size
-        history.size = max(2.0 ** np.floor(np.log2(taken * factor)), SMALLEST)
-        if stands or min(taken, asked) <= SMALLEST:  # a member's may be larger than what was asked for
+        history.size = max(2.0 ** np.floor(np.log2(taken * factor)), MIN_INCREMENT)
+        if stands or min(taken, asked) <= MIN_INCREMENT:  # a member's may be larger than what was asked for
             return True
         history.size = min(history.size, 0.5 * asked)  # whatever round-off makes of it: the next try is another
         history.load, history.increment = history.load_before, history.increment - 1
@@ -83,9 +89,9 @@ class Increments:
 
 
 def _block(load: float) -> float:
-    """The largest halving of the load that a multiple of SMALLEST is a multiple of."""
-    count = round(load / SMALLEST)
-    return (count & -count) * SMALLEST if count else 1.0
+    """The largest halving of the load that a multiple of MIN_INCREMENT is a multiple of."""
+    count = round(load / MIN_INCREMENT)
+    return (count & -count) * MIN_INCREMENT if count else 1.0
 
 
 def overshoot_of_next(body: Body, brittle: Brittle) -> float:

@@ -7,15 +7,16 @@ With failed rock the unbalanced force depends on the displacement through the re
 state in which flow was last counted anew (Body.settle), whatever the way. Its zero is sought by Anderson
 acceleration with the same V-cycle, whose stiffness is elastic at first.
 
-Where much rock flows that is far too stiff. After TANGENT_FROM cycles, in perfectly plastic rock earlier, the V-cycle
-has the consistent tangent (multigrid/tangent_cycle.py) of the displacement found so far, made anew every
-TANGENT_CYCLES; Anderson acceleration goes on with it, forgetting what was before, and a step after which the residual
-has grown is halved. To 1e-5, a tunnel of 12 of 32 m in failed rock (friction 30 degrees, cohesion 5 MPa, 2-D, no
-tension cut-off), cycles, in brackets without: 54 (67) at 40 cells across, 138 (271) at 80; with associated flow 68 (96)
-and 129 (more than 400); with a cut-off of zero 125 (353) and 347 (more than 400). Newton's method proper, GMRES to a
-tenth of the linear residual and a line search, took 50 and 87 where a prototype of this took 33 and 55, both from cycle
-20 on: its linear residual is not the true one. Without dilation and with hardly any cohesion neither finds rest, and
-explicit steps take over. Such a cycle takes about twice the time: in scenes this small there is little gain in seconds.
+Where much rock flows that is far too stiff. After FIRST_TANGENT_CYCLE cycles, in perfectly plastic rock earlier, the
+V-cycle has the consistent tangent (multigrid/tangent_cycle.py) of the displacement found so far, made anew every
+CYCLES_PER_TANGENT; Anderson acceleration goes on with it, forgetting what was before, and a step after which the
+residual has grown is halved. To 1e-5, a tunnel of 12 of 32 m in failed rock (friction 30 degrees, cohesion 5 MPa, 2-D,
+no tension cut-off), cycles, in brackets without: 54 (67) at 40 cells across, 138 (271) at 80; with associated flow 68
+(96) and 129 (more than 400); with a cut-off of zero 125 (353) and 347 (more than 400). Newton's method proper, GMRES to
+a tenth of the linear residual and a line search, took 50 and 87 where a prototype of this took 33 and 55, both from
+cycle 20 on: its linear residual is not the true one. Without dilation and with hardly any cohesion neither finds rest,
+and explicit steps take over. Such a cycle takes about twice the time: in scenes this small there is little gain in
+seconds.
 """
 
 import logging
@@ -39,24 +40,27 @@ from mpm_core.multigrid.flow_forces import FlowForces
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import elastic_cells
 
-CYCLES = 100  # V-cycles of one elastic solution; 12 are usual at most
-SOLUTIONS = 5  # elastic solutions, each for what round-off of the one before has left
-SHARE = 0.5  # of the tolerance that a solution is asked for: its residual is not the last word
-DEPTH = 8  # of Anderson acceleration; 4 takes a third more cycles, 16 a tenth fewer
-REMEMBERED = 1e9  # bytes at most for it, but for a depth of 4: 5 million cells have 8
-FLOW_CYCLES = 400  # V-cycles of one relaxation with flow, before explicit steps take over
-SAFE = 1.0 - 1e-6  # of the tolerance: the forces of the stress that follows differ by round-off
-WORSE = 10.0  # times the smallest residual so far: forget the way there
-STALL = 16  # cycles without progress: forget, too. In 10 million perfectly plastic cells the steps had shrunk to a
-# hundredth while the residual stayed at 1.07 times the tolerance, 60 cycles long and to the last allowed
-STALLED = 0.97  # of the residual so many cycles ago: no progress
-TANGENT_FROM = 40  # cycles, from which on the V-cycle has the tangent. Where rock fails brittly most relaxations end
-# before, and from cycle 12 on the demo's first month takes a fifth longer.
-TANGENT_FROM_PLASTIC = 6  # where no rock loses strength: it gains by the tangent from the start
-TANGENT_CYCLES = 8  # with one tangent
-GROWTH = 2.0  # of the residual in a step with the tangent; a step that leads to more is halved
-HALVINGS = 6  # at most
-RUNAWAY = 1e6  # times the residual that the way began with, or no number: nothing leads back from there
+MAX_ELASTIC_CYCLES = 100  # V-cycles that one elastic solution may take.
+MAX_SOLUTIONS = 5  # Solutions that a relaxation may take, each for the round-off that the one before has left.
+# A solution has this share of the tolerance, since stress adds round-off to its residual.
+SOLUTION_TOLERANCE_SHARE = 0.5
+ANDERSON_DEPTH = 8  # Differences that Anderson acceleration keeps.
+# Anderson acceleration keeps fewer differences where they take more memory, but at least four.
+MAX_ANDERSON_BYTES = 1e9
+MAX_FLOW_CYCLES = 400  # After this many V-cycles of one relaxation with flow, explicit steps take over.
+# Flow ends at this share of the tolerance, since the forces of the stress differ by round-off.
+FLOW_TOLERANCE_SHARE = 1.0 - 1e-6
+# Anderson acceleration restarts where the residual exceeds the smallest one so far by this factor.
+MAX_RESIDUAL_GROWTH = 10.0
+STALL_CYCLES = 16  # Anderson acceleration restarts after this many cycles without progress.
+STALL_RATIO = 0.97  # There is no progress where the residual is above this share of the one STALL_CYCLES before.
+# The V-cycle has the tangent from this cycle on. Where rock fails brittly most relaxations end before.
+FIRST_TANGENT_CYCLE = 40
+FIRST_PLASTIC_TANGENT_CYCLE = 6  # As FIRST_TANGENT_CYCLE, where no rock loses strength.
+CYCLES_PER_TANGENT = 8  # The tangent is computed again after this many cycles.
+MAX_TANGENT_STEP_GROWTH = 2.0  # A step with the tangent is halved if the residual grows by a larger factor.
+MAX_STEP_HALVINGS = 6  # A step is halved at most this many times.
+MAX_DIVERGENCE = 1e6  # The search ends where the residual exceeds its first value by this factor.
 
 
 class MultigridScheme:
@@ -174,9 +178,11 @@ class MultigridScheme:
 
     def _solve(self, external, ratio: float, tolerance: float, reference: float, history: History) -> bool:
         """Elastic rock: solve for the displacement. Whether the tolerance (ratio) is reached."""
-        for _ in range(SOLUTIONS):
-            share = SHARE * tolerance / ratio
-            solution = self.solver.solve(self.body.unbalanced, share, CYCLES, lambda _: self._count(history))
+        for _ in range(MAX_SOLUTIONS):
+            share = SOLUTION_TOLERANCE_SHARE * tolerance / ratio
+            solution = self.solver.solve(
+                self.body.unbalanced, share, MAX_ELASTIC_CYCLES, lambda _: self._count(history)
+            )
             if not solution.ratio < 1.0:  # diverged: a step away from rest, or no number
                 return False
             self._move(solution.displacement)
@@ -191,7 +197,7 @@ class MultigridScheme:
         On the way only displacement and forces are kept, on the operator's rows: elastic ones, and what failed rock
         does not carry of them. Stress is updated at the end.
         """
-        for _ in range(SOLUTIONS):
+        for _ in range(MAX_SOLUTIONS):
             displacement = self._flow_to_rest(ratio, tolerance, reference, history)
             if displacement is None:
                 self.body.update(0.0)
@@ -212,17 +218,17 @@ class MultigridScheme:
         solver.to_rows(self.body.unbalanced, elastic)
         size, _ = balance(free, elastic, force, residual)
         anderson = self._anderson(free)
-        first = TANGENT_FROM if self.model.is_brittle() else TANGENT_FROM_PLASTIC
-        smallest, since, follows, taken_over, most = ratio, [ratio], first, False, RUNAWAY * ratio
+        first = FIRST_TANGENT_CYCLE if self.model.is_brittle() else FIRST_PLASTIC_TANGENT_CYCLE
+        smallest, since, follows, taken_over, most = ratio, [ratio], first, False, MAX_DIVERGENCE * ratio
         try:
-            for cycle in range(FLOW_CYCLES):
-                stands = len(since) > STALL and ratio > STALLED * since[-1 - STALL]
-                if cycle == follows or ratio > WORSE * smallest or stands:
+            for cycle in range(MAX_FLOW_CYCLES):
+                stands = len(since) > STALL_CYCLES and ratio > STALL_RATIO * since[-1 - STALL_CYCLES]
+                if cycle == follows or ratio > MAX_RESIDUAL_GROWTH * smallest or stands:
                     anderson.forget()
                     smallest, since = ratio, [ratio]
                     if cycle >= first:
                         solver.set_tangents(self.model, flow, displacement)
-                        follows, taken_over = cycle + TANGENT_CYCLES, True
+                        follows, taken_over = cycle + CYCLES_PER_TANGENT, True
                 anderson.turn(residual, solver.precondition(residual, size), size, step, not taken_over)
                 before = size
                 size, largest = self._make_step()
@@ -235,7 +241,7 @@ class MultigridScheme:
                 history.check(ratio, largest / reference)
                 smallest = min(smallest, ratio)
                 since.append(ratio)
-                if ratio <= SAFE * tolerance:
+                if ratio <= FLOW_TOLERANCE_SHARE * tolerance:
                     return displacement
             return None
         finally:
@@ -255,7 +261,7 @@ class MultigridScheme:
         """Halve the step just made while its residual is well above that before, N; what `_make_step` then gives."""
         step = self.rows[1]
         halved = 0
-        while not size <= GROWTH * before and halved < HALVINGS:
+        while not size <= MAX_TANGENT_STEP_GROWTH * before and halved < MAX_STEP_HALVINGS:
             step *= 0.5 if halved else -0.5
             size, largest = self._make_step()
             halved += 1
@@ -279,7 +285,7 @@ class MultigridScheme:
     def _anderson(self, inverse_diagonal: np.ndarray) -> Anderson:
         if self.anderson is None:
             free = np.flatnonzero(inverse_diagonal).astype(np.int32)
-            depth = np.clip(REMEMBERED / (8 * max(1, len(free))), DEPTH // 2, DEPTH)
+            depth = np.clip(MAX_ANDERSON_BYTES / (8 * max(1, len(free))), ANDERSON_DEPTH // 2, ANDERSON_DEPTH)
             self.anderson = Anderson(free, int(depth))
         self.anderson.forget()
         return self.anderson

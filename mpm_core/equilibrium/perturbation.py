@@ -13,16 +13,17 @@ from mpm_core.constitutive.laws import can_fail, law_of
 from mpm_core.model.model import Model
 from mpm_core.scene.scene import Scene
 
-LARGEST_OVERSTRESS = 0.01  # of cohesion, as the law of the rock has it: far less than is known of any rock's strength
-LARGEST_DELAY = 0.5  # of an increment: their order stays
+# Largest strength perturbation as a share of the law's cohesion. No rock's strength is known as well.
+MAX_STRENGTH_PERTURBATION = 0.01
+MAX_INCREMENT_DELAY = 0.5  # Largest delay of an increment's end as a share of the increment; their order stays.
 
 
 def borne_overstress(model: Model) -> np.ndarray:
     """Overstress that each particle bears in this member before it fails, beside the margin: (particle,) Pa; else 0.
 
-    Uniform between 0 and LARGEST_OVERSTRESS of intact cohesion: never less than in the mine's own run, so virgin rock
-    stands. The number is a hash of member and place: the same on whatever grid the particle is found. The place of rock
-    that is alone in its cell is the cell's centre, which no later wall moves.
+    Uniform between 0 and MAX_STRENGTH_PERTURBATION of intact cohesion: never less than in the mine's own run, so virgin
+    rock stands. The number is a hash of member and place: the same on whatever grid the particle is found. The place of
+    rock that is alone in its cell is the cell's centre, which no later wall moves.
     """
     scene, particles = model.scene, model.particles
     result = np.zeros(particles.count)
@@ -34,7 +35,7 @@ def borne_overstress(model: Model) -> np.ndarray:
         size = np.diff(particles.group_start)
         alone = np.repeat(size == 1, size)[rock, None]
         places = np.where(alone, model.grid.cell_center[particles.cell[rock]], particles.position[rock])
-        share = LARGEST_OVERSTRESS * uniform_at(places, scene.perturbation)
+        share = MAX_STRENGTH_PERTURBATION * uniform_at(places, scene.perturbation)
         result[rock] = share * cohesion[particles.material[rock]]
     return result
 
@@ -59,7 +60,7 @@ def delays(scene: Scene, step: int, increments: int) -> np.ndarray:
     result = np.zeros(increments + 1)
     if scene.perturbation:
         random = np.random.default_rng([scene.perturbation, 1 + step])
-        result[1:-1] = LARGEST_DELAY * random.uniform(-1.0, 1.0, increments - 1)
+        result[1:-1] = MAX_INCREMENT_DELAY * random.uniform(-1.0, 1.0, increments - 1)
     return result
 
 
@@ -68,4 +69,4 @@ def pace(scene: Scene, step: int, increment: int) -> float:
     if not scene.perturbation:
         return 1.0
     random = np.random.default_rng([scene.perturbation, 1 + step, increment])
-    return 1.0 + 0.5 * LARGEST_DELAY * random.uniform(-1.0, 1.0)
+    return 1.0 + 0.5 * MAX_INCREMENT_DELAY * random.uniform(-1.0, 1.0)

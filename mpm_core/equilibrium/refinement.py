@@ -2,8 +2,8 @@
 
 Rock in coarse cells is elastic by definition, so one can be split at any time: its displacement is known everywhere in
 it, and stress follows from that. Rock is near its strength if it would break were its stress changed by mining more
-than it is, by the share NEAR: what a coarse cell averages over, and what the next failures beside it will add, is in
-proportion to that change. Virgin rock is never near, however close to its strength it stands.
+than it is, by the share NEAR_STRENGTH_SHARE: what a coarse cell averages over, and what the next failures beside it
+will add, is in proportion to that change. Virgin rock is never near, however close to its strength it stands.
 """
 
 from dataclasses import dataclass
@@ -17,13 +17,16 @@ from mpm_core.kernels.failure import make_overstress_of
 from mpm_core.model.model import Model
 from mpm_core.model.state import State
 
-NEAR = 0.25
-WORTH = 0.02  # of all cells: so many new ones are split at once; fewer wait until no other rock fails any more. A split
-# sets up the whole grid anew
-PATIENCE = 1e-3  # of the rock that has failed in the step: while no more asks for a split of the whole mine, and a look
-# at a tighter tolerance follows, it waits: one split then serves all that asks until there
-BESIDE = 1  # rings of split cells of the last level but one that rock has around it when it fails
-RINGS = 2  # of them that are split at once around what asks for it: so a crack does not ask again with every cell
+NEAR_STRENGTH_SHARE = 0.25  # Rock is near its strength if it would break under this much more change of its stress.
+# Cells are split at once if the new ones are more than this share of all cells. Fewer wait until no other rock fails,
+# since a split sets up the whole grid again.
+MIN_SPLIT_SHARE = 0.02
+# Cells of the whole mine wait for a later split while they are no more than this share of the rock that has failed in
+# the step, and failure is checked again at a smaller tolerance.
+MAX_WAITING_SHARE = 1e-3
+REFINED_RINGS_AROUND_FAILURE = 1  # Rings of refined cells required around a particle before it may fail.
+# Rings around a flagged cell that are split with it, so that a crack asks for a split less often.
+RINGS_SPLIT_AT_ONCE = 2
 
 
 @dataclass(frozen=True)
@@ -61,8 +64,8 @@ class Refinement:
         if waiting <= patience:  # also where nothing asks
             return places[:0], fresh[~exposed]
         asking = np.concatenate([middles(model.grid, cell), places[exposed]])
-        missing = self._missing(around(np.unique(asking, axis=0), RINGS, self.shape))
-        at_once = len(missing) << len(self.shape) > WORTH * cells
+        missing = self._missing(around(np.unique(asking, axis=0), RINGS_SPLIT_AT_ONCE, self.shape))
+        at_once = len(missing) << len(self.shape) > MIN_SPLIT_SHARE * cells
         return asking, fresh[:0] if at_once else fresh[~exposed]
 
     def _missing(self, places: np.ndarray) -> np.ndarray:
@@ -75,19 +78,21 @@ class Refinement:
         return places[self.codes[np.minimum(np.searchsorted(self.codes, code), len(self.codes) - 1)] != code]
 
     def _exposed(self, places: np.ndarray) -> np.ndarray:
-        """(k,) bool: whether a cell within BESIDE rings of a place (k, d) is not split."""
-        missing = self._missing(around(np.unique(places, axis=0), BESIDE, self.shape))
+        """(k,) bool: whether a cell within REFINED_RINGS_AROUND_FAILURE rings of a place (k, d) is not split."""
+        missing = self._missing(around(np.unique(places, axis=0), REFINED_RINGS_AROUND_FAILURE, self.shape))
         if not len(missing):
             return np.zeros(len(places), bool)
-        return np.isin(code_of(places, self.shape), code_of(around(missing, BESIDE, self.shape), self.shape))
+        return np.isin(
+            code_of(places, self.shape), code_of(around(missing, REFINED_RINGS_AROUND_FAILURE, self.shape), self.shape)
+        )
 
 
 def near_strength(model: Model, state: State, candidates: np.ndarray) -> np.ndarray:
-    """(k,) bool: whether candidates (particle indices), intact ones, would break under 1 + NEAR times their change of
-    stress since virgin."""
+    """(k,) bool: whether candidates (particle indices), intact ones, would break under 1 + NEAR_STRENGTH_SHARE times
+    their change of stress since virgin."""
     excess = np.zeros(len(candidates))
     if len(candidates):
-        changed = (1.0 + NEAR) * state.stress[candidates]
+        changed = (1.0 + NEAR_STRENGTH_SHARE) * state.stress[candidates]
         make_overstress_of(model.law)(
             np.arange(len(candidates)), changed, model.insitu[candidates], model.particles.material[candidates],
             model.intact_rows, excess,

@@ -12,29 +12,28 @@ from scipy import ndimage
 
 from mpm_core.grid.mesh import MultiLevelGrid
 
-CUBE = {2: 2, 3: 1}
-"""halvings, by dimension: cells are taken by cubes of four or two finest cells, and larger ones that hold such cubes.
-Failed cells in cubes that touch, if only at corners, are one patch. In 2-D, where a patch is felt farther off, cubes
-of two cells took 1.4 +- 1.0 % of the potency (32 tunnels). In 3-D failures are scattered all over a mine, and cubes of
-four cells take a tenth longer (renison_scale)."""
-BORDER = 0.02  # (a / R)^d at most, for every patch: potency -0.2 +- 0.2, 0.1 +- 0.2 (tunnels), -0.4 +- 0.1 % (sphere)
-REACHES = (40, 24, 16, 10, 6, 4)  # finest cells, in whole cubes, around failed rock: the widest that is not too much
-LARGEST = 0.25  # of all cells: with 0.1 of them the demo's history takes a fifth longer
-MOST = 300_000  # cells: a month of renison_scale took as long with 600,000, and 0.6 GB more
+CUBE_HALVINGS = {2: 2, 3: 1}
+"""By dimension, a subdomain consists of cubes whose edge is a finest cell's, doubled this many times, and of larger
+cells that hold such cubes. Failed cells in cubes that touch, if only at corners, are one patch."""
+MAX_BORDER_SHARE = 0.02  # A border held still may carry this share, (a / R)^d, of what a patch changes.
+# Distances from failed rock to the border, in finest cells. The subdomain has the largest that leaves it small enough.
+REACH_CELLS = (40, 24, 16, 10, 6, 4)
+MAX_SURROUNDINGS_SHARE = 0.25  # Largest share of the grid's cells in the subdomain around failed rock.
+MAX_SURROUNDINGS_CELLS = 300_000  # Largest number of cells in the subdomain around failed rock.
 
 
 class Cubes:
     """Which cells lie in, or hold, each cube of a box around a grid; where the domain goes on, the box has a margin.
 
-    lower (d,): the box's first cube; present (cubes along each axis) bool: those of the grid; reaches: see REACHES;
+    lower (d,): the box's first cube; present (cubes along each axis) bool: those of the grid; reaches: see REACH_CELLS;
     levels: for cells of a cube's size and smaller, then for those of each larger size, their indices and (flat) in
     which cube, or which group of 2^d, 4^d, ... cubes, they stand.
     """
 
     def __init__(self, grid: MultiLevelGrid):
         finest = grid.levels - 1
-        self.halvings = min(CUBE[grid.dimension], finest)
-        self.reaches = sorted({cells >> self.halvings for cells in REACHES}, reverse=True)
+        self.halvings = min(CUBE_HALVINGS[grid.dimension], finest)
+        self.reaches = sorted({cells >> self.halvings for cells in REACH_CELLS}, reverse=True)
         larger = finest - self.halvings
         first, last = grid.cell_index.min(axis=0) >> finest, grid.cell_index.max(axis=0) >> finest
         self.lower = np.maximum(first - 1, 0) << larger
@@ -68,7 +67,7 @@ class Cubes:
         of_cells = self._of_cells(within)
         for number in range(1, len(self.reaches) + 1):
             chosen = np.flatnonzero(of_cells >= number)
-            if len(chosen) <= min(LARGEST * self.cells, MOST):
+            if len(chosen) <= min(MAX_SURROUNDINGS_SHARE * self.cells, MAX_SURROUNDINGS_CELLS):
                 return Surroundings(self, within >= number, chosen)
         return None
 
@@ -89,7 +88,7 @@ class Cubes:
             for along in failed.T
         ]
         half = 0.5 * (np.max(widths, axis=0) + 1) / (1 << self.halvings)
-        reach = np.ceil(half * (BORDER ** (-1.0 / failed.shape[1]) - 1.0)).astype(int)
+        reach = np.ceil(half * (MAX_BORDER_SHARE ** (-1.0 / failed.shape[1]) - 1.0)).astype(int)
         return places, cube, patch, reach
 
     def _of_cells(self, value: np.ndarray) -> np.ndarray:
@@ -118,7 +117,8 @@ class Surroundings:
         return ~inner[tuple(((places >> self.cubes.halvings) - self.cubes.lower).T)]
 
     def are_wide(self, failed: np.ndarray) -> np.ndarray:
-        """(k,) bool: whether a border held still carries at most the share BORDER of what each one's patch changes.
+        """(k,) bool: whether a border held still carries at most the share MAX_BORDER_SHARE of what each one's patch
+        changes.
 
         failed (k, d): cell_index of finest cells, all of them in these.
         """

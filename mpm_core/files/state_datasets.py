@@ -9,11 +9,12 @@ from common.errors import InputError
 from common.voigt import NAMES
 from mpm_core.constitutive.laws import plane_normals
 from mpm_core.files.field_table import FIELDS, variable
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodal_operations import interpolate
 from mpm_core.model.model import Model
-from mpm_core.model.occupancy import SAMPLES, Loose, Places
+from mpm_core.model.occupancy import Loose, Places
 from mpm_core.model.state import ARRAYS, State
 from mpm_core.scene.scene import PLANES, Scene
 
@@ -97,7 +98,7 @@ def grid_dataset(
         "piece_origin": embed(grid.origin + pieces.place * grid.fine_cell, axes),
         "piece_excavation": pieces.excavation,
         "piece_samples": pieces.samples,
-        "piece_fraction": np.bitwise_count(pieces.samples) / SAMPLES,
+        "piece_fraction": np.bitwise_count(pieces.samples) / SAMPLES_PER_CELL,
         "edge_node_place": embed(grid.origin + edge_nodes.place * grid.fine_cell, axes),
         "edge_node_shift": embed(edge_nodes.shift * grid.fine_cell, axes),
     }

@@ -18,7 +18,7 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.model.occupancy import Places
 from mpm_core.scene.scene import PLANES
 
-CHUNK = 1 << 18  # tensors whose principal directions are found at once
+TENSORS_PER_CHUNK = 1 << 18  # Tensors whose principal directions are computed at once.
 CELL_FIELDS = {  # of the rock in a cell, by volume: field, its name with its unit
     "stress": "stress_Pa",
     "plastic_strain": "plastic_strain",
@@ -95,8 +95,8 @@ def principal(stress: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Directions are unit vectors that do not point up; those of a tensor of zeros are zero.
     """
     size, direction = np.empty((len(stress), 3)), np.empty((len(stress), 3, 3))
-    for start in range(0, len(stress), CHUNK):
-        part = slice(start, start + CHUNK)
+    for start in range(0, len(stress), TENSORS_PER_CHUNK):
+        part = slice(start, start + TENSORS_PER_CHUNK)
         size[part], vectors = np.linalg.eigh(stress[part][:, [0, 5, 4, 5, 1, 3, 4, 3, 2]].reshape(-1, 3, 3))
         direction[part] = vectors.transpose(0, 2, 1)
     direction *= np.where(direction[:, :, 2:] > 0.0, -1.0, 1.0)

@@ -7,8 +7,8 @@ import numpy as np
 
 from common.errors import InputError
 
-EVERYTHING = "*"  # as element or layer: all of them, together one solid
-NAMES_SHOWN = 20
+ALL_NAMES = "*"  # As element or layer it stands for all of them, which are one solid together.
+MAX_NAMES_SHOWN = 20
 Part = TypeVar("Part")
 Mesh = tuple[np.ndarray, np.ndarray]  # vertices (v, 3), triangles (f, 3)
 
@@ -21,7 +21,7 @@ def choose(parts: dict[str, list[Part]], wanted: str | None, what: str) -> list[
     if not parts:
         raise InputError("holds no triangulated surface: export the solid as one")
     if wanted is None and len(parts) > 1:
-        raise InputError(f'has {len(parts)} {what}s: name one by `{what}`, or "{EVERYTHING}" for all: {_shown(parts)}')
+        raise InputError(f'has {len(parts)} {what}s: name one by `{what}`, or "{ALL_NAMES}" for all: {_shown(parts)}')
     if wanted in parts:
         return parts[wanted]
     found = [part for name, some in parts.items() if wanted is None or fnmatchcase(name, wanted) for part in some]
@@ -32,8 +32,8 @@ def choose(parts: dict[str, list[Part]], wanted: str | None, what: str) -> list[
 
 def _shown(names) -> str:
     names = list(names)
-    more = f" and {len(names) - NAMES_SHOWN} more" if len(names) > NAMES_SHOWN else ""
-    return ", ".join(names[:NAMES_SHOWN]) + more
+    more = f" and {len(names) - MAX_NAMES_SHOWN} more" if len(names) > MAX_NAMES_SHOWN else ""
+    return ", ".join(names[:MAX_NAMES_SHOWN]) + more
 
 
 def join(meshes: list[Mesh]) -> Mesh:

@@ -1,16 +1,18 @@
 """Which cells the facets of a solid pass through (numba, plain arrays; lengths in cells from the grid's origin).
 
 Cell i covers i .. i + 1 per axis. A facet crosses a cell if it meets the open cell: one that lies in a face does not,
-so that a box aligned with the grid crosses nothing. Open means shrunk by TOLERANCE on each side.
+so that a box aligned with the grid crosses nothing. Open means shrunk by CROSSING_TOLERANCE on each side.
 2-D: a segment is a triangle with a repeated corner at height 1/2, in a grid one cell high.
 """
 
 import numpy as np
 from numba import njit, prange
 
-TOLERANCE = 1e-6  # of a cell; mine coordinates of 1e7 m in float64 are good to 2e-9 m
-PLANE_SLACK = 1e-3  # of a cell, when picking candidates from the facet's plane; each is tested after
-SLIVER = 1e-9  # area over product of edges below which a facet's normal is round-off and is not used
+# Cells are shrunk on each side by this share when crossed with facets, far above the round-off of a mine's coordinates.
+CROSSING_TOLERANCE = 1e-6
+PLANE_SLACK = 1e-3  # Candidates from a facet's plane may be off by this share of a cell; each is tested after.
+# A facet whose area over the product of two edges is smaller has a normal that is round-off, which is not used.
+MIN_FACET_SHAPE = 1e-9
 
 
 @njit(cache=True, error_model="numpy")
@@ -51,21 +53,21 @@ def _facet_cells(corner, lower, upper, keys, first):
     Walks the columns of cells along the axis nearest to the facet's normal and tests only the few cells of a column
     that the facet's plane can reach: the work grows with the facet's area, not with the volume of its bounding box.
     """
-    half = 0.5 - TOLERANCE
+    half = 0.5 - CROSSING_TOLERANCE
     low = np.empty(3, np.int64)
     high = np.empty(3, np.int64)
     for axis in range(3):
         values = (corner[0, axis], corner[1, axis], corner[2, axis])
         # clip before the cast: a facet may reach far beyond what an integer holds
-        low[axis] = int(max(np.floor(min(values) + TOLERANCE), float(lower[axis])))
-        high[axis] = int(min(np.floor(max(values) - TOLERANCE), float(upper[axis] - 1)))
+        low[axis] = int(max(np.floor(min(values) + CROSSING_TOLERANCE), float(lower[axis])))
+        high[axis] = int(min(np.floor(max(values) - CROSSING_TOLERANCE), float(upper[axis] - 1)))
         if high[axis] < low[axis]:  # beside the box of cells, or in a face
             return 0
     ex, ey, ez = corner[1, 0] - corner[0, 0], corner[1, 1] - corner[0, 1], corner[1, 2] - corner[0, 2]
     ox, oy, oz = corner[2, 0] - corner[0, 0], corner[2, 1] - corner[0, 1], corner[2, 2] - corner[0, 2]
     normal = (ey * oz - ez * oy, ez * ox - ex * oz, ex * oy - ey * ox)  # by hand: numpy's takes seconds to compile
     area = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-    has_plane = area > SLIVER * np.sqrt((ex * ex + ey * ey + ez * ez) * (ox * ox + oy * oy + oz * oz))
+    has_plane = area > MIN_FACET_SHAPE * np.sqrt((ex * ex + ey * ey + ez * ez) * (ox * ox + oy * oy + oz * oz))
     along = 2
     if has_plane:
         along = 0
@@ -186,6 +188,6 @@ def cell_box(corners: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.nda
         return np.zeros(corners.shape[2], dtype=np.int64), np.zeros(corners.shape[2], dtype=np.int64)
     places = corners.reshape(-1, corners.shape[2])
     first, last = index.min(axis=0), index.max(axis=0)
-    lower = np.clip(np.floor(places.min(axis=0) + TOLERANCE), first, last + 1.0).astype(np.int64)
-    upper = np.clip(np.ceil(places.max(axis=0) - TOLERANCE), first, last + 1.0).astype(np.int64)
+    lower = np.clip(np.floor(places.min(axis=0) + CROSSING_TOLERANCE), first, last + 1.0).astype(np.int64)
+    upper = np.clip(np.ceil(places.max(axis=0) - CROSSING_TOLERANCE), first, last + 1.0).astype(np.int64)
     return lower, upper

@@ -20,21 +20,21 @@ from ezdxf.path import make_path
 from ezdxf.render import MeshBuilder
 
 from common.errors import InputError
-from mpm_core.geometry.bodies import EVERYTHING, Mesh, Part, triangles
+from mpm_core.geometry.bodies import ALL_NAMES, Mesh, Part, triangles
 
 # $INSUNITS: metres of each unit that a mine could be drawn in
-UNITS = {
+METRES_PER_DXF_UNIT = {
     1: 0.0254, 2: 0.3048, 3: 1609.344, 4: 0.001, 5: 0.01, 6: 1.0, 7: 1000.0, 10: 0.9144, 14: 0.1, 15: 10.0, 16: 100.0,
     21: 1200 / 3937, 22: 100 / 3937, 23: 3600 / 3937, 24: 5280 * 1200 / 3937,
 }  # fmt: skip
-ACIS = {
+ACIS_ENTITIES = {
     "3DSOLID", "BODY", "REGION", "SURFACE", "PLANESURFACE", "EXTRUDEDSURFACE", "REVOLVEDSURFACE", "LOFTEDSURFACE",
     "SWEPTSURFACE", "NURBSURFACE",
 }  # fmt: skip
-FLAT = {"SOLID", "TRACE", "HATCH"}
-OUTLINES = ("LWPOLYLINE", "POLYLINE")
-MOST_INSERTED = 300_000  # entities that blocks unfold to: half a minute
-CHORD = 1e-3  # of an outline's size: the greatest distance of an arc from its chords
+FLAT_ENTITIES = {"SOLID", "TRACE", "HATCH"}
+OUTLINE_ENTITIES = ("LWPOLYLINE", "POLYLINE")
+MAX_INSERTED_ENTITIES = 300_000  # Entities to which a drawing's blocks may unfold.
+MAX_CHORD_ERROR = 1e-3  # Largest distance of an arc from its chords, as a share of the outline's size.
 
 
 def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], float | None]:
@@ -50,7 +50,7 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
     smoothed: Counter[str] = Counter()
     for kind, on_layer, entity in entities:
         found: tuple[Any, list] | None = None
-        wanted = layer is None or EVERYTHING in layer or on_layer == layer
+        wanted = layer is None or ALL_NAMES in layer or on_layer == layer
         if kind == "3DFACE":
             corners = entity.wcs_vertices()
             found = corners, [range(len(corners))]
@@ -61,9 +61,9 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
         elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
             builder = MeshBuilder.from_polyface(entity)
             found = builder.vertices, builder.faces
-        elif kind in OUTLINES:
+        elif kind in OUTLINE_ENTITIES:
             outlines += wanted and _is_closed(entity)
-        elif kind in ACIS | FLAT:
+        elif kind in ACIS_ENTITIES | FLAT_ENTITIES:
             others[kind] += wanted
         if found is not None:
             on_it = faces.setdefault(on_layer, [])
@@ -89,7 +89,7 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
 def _without_hidden(path: Path, parts: dict[str, Part], layer: str | None, hidden: dict[str, str]) -> dict[str, Part]:
     """What is on layers less what is on hidden ones, unless `layer` names one or there is no other; both are said."""
     chosen = [name for name in parts if name == layer] or list(parts)
-    here = {name: hidden[name] for name in chosen if name in hidden and fnmatchcase(name, layer or EVERYTHING)}
+    here = {name: hidden[name] for name in chosen if name in hidden and fnmatchcase(name, layer or ALL_NAMES)}
     if not here:
         return parts
     named = ", ".join(f"{name} ({how})" for name, how in here.items())
@@ -107,7 +107,7 @@ def _without_hidden(path: Path, parts: dict[str, Part], layer: str | None, hidde
 
 def _refuse(others: Counter[str], outlines: int) -> None:
     """Say what the drawing holds instead of faces."""
-    for kinds, what in ((ACIS, "ACIS bodies"), (FLAT, "flat faces that bound no volume")):
+    for kinds, what in ((ACIS_ENTITIES, "ACIS_ENTITIES bodies"), (FLAT_ENTITIES, "flat faces that bound no volume")):
         here = {kind: others[kind] for kind in sorted(kinds) if others[kind]}
         if here:
             named = ", ".join(f"{count} {kind}" for kind, count in here.items())
@@ -126,12 +126,12 @@ def read_outlines(path: Path, layer: str | None) -> tuple[dict[str, list[np.ndar
     entities, unit, hidden = _open(path)
     outlines: dict[str, list[np.ndarray]] = {}
     for kind, on_layer, entity in entities:
-        is_outline = kind in OUTLINES and not getattr(entity, "is_poly_face_mesh", False)
+        is_outline = kind in OUTLINE_ENTITIES and not getattr(entity, "is_poly_face_mesh", False)
         if is_outline and not getattr(entity, "is_polygon_mesh", False) and _is_closed(entity):
             line = make_path(entity)
             corners = np.array([tuple(point) for point in line.control_vertices()])
             size = np.ptp(corners, axis=0).max(initial=0.0)
-            points = np.array([tuple(point) for point in line.flattening(max(CHORD * size, 1e-9))])
+            points = np.array([tuple(point) for point in line.flattening(max(MAX_CHORD_ERROR * size, 1e-9))])
             outlines.setdefault(on_layer, []).append(points[:-1])
     if not outlines:
         raise InputError("holds no closed polyline: close the outline, or give the prism its polygon")
@@ -154,7 +154,7 @@ def _open(path: Path) -> tuple[list[tuple[str, str, Any]], float | None, dict[st
     if code == 0:
         logging.info("%s: names no unit ($INSUNITS): metres, unless `units` says otherwise", path)
         return entities, None, hidden
-    unit = UNITS.get(code, math.nan)
+    unit = METRES_PER_DXF_UNIT.get(code, math.nan)
     if unit != 1.0:
         logging.warning("%s: drawn in units of %g m ($INSUNITS %d), and read so", path, unit, code)
     return entities, unit, hidden
@@ -165,14 +165,16 @@ def _parsed(path: Path, modified: int, size: int) -> tuple[list[tuple[str, str, 
     """Kind, layer and entity of all of a drawing as it is at this time, blocks unfolded, its $INSUNITS, and its layers
     that are off or frozen."""
     raw = path.read_bytes()
-    if raw.count(b"\nINSERT\r\n") + raw.count(b"\nINSERT\n") > MOST_INSERTED:
-        raise InputError(f"inserts blocks more than {MOST_INSERTED:,} times: export the solid alone, as plain faces")
+    if raw.count(b"\nINSERT\r\n") + raw.count(b"\nINSERT\n") > MAX_INSERTED_ENTITIES:
+        raise InputError(
+            f"inserts blocks more than {MAX_INSERTED_ENTITIES:,} times: export the solid alone, as plain faces"
+        )
     drawing = ezdxf.readfile(path)
     unfolded = _unfolded(drawing, drawing.modelspace(), {})
-    if unfolded > MOST_INSERTED:
+    if unfolded > MAX_INSERTED_ENTITIES:
         raise InputError(
-            f"its inserted blocks unfold to {unfolded:.3g} entities, more than {MOST_INSERTED:,}: export the solid "
-            "alone, as plain faces"
+            f"its inserted blocks unfold to {unfolded:.3g} entities, more than {MAX_INSERTED_ENTITIES:,}: export the "
+            "solid alone, as plain faces"
         )
     entities = recursive_decompose(drawing.modelspace())
     listed = [(entity.dxftype(), entity.dxf.get("layer", "0"), entity) for entity in entities]

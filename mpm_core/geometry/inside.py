@@ -12,18 +12,24 @@ from mpm_core.geometry.crossing import cell_box, cross_cells
 from mpm_core.geometry.nearby import sample_cells_nearby
 from mpm_core.geometry.sampling import sample_points
 from mpm_core.geometry.solids import Outside, Solid
-from mpm_core.geometry.winding import BLOCK, EXACT_FACETS, inside_points, sample_cells, winding_number_by_tree
+from mpm_core.geometry.winding import (
+    MAX_EXACT_FACETS,
+    POINTS_PER_BLOCK,
+    inside_points,
+    sample_cells,
+    winding_number_by_tree,
+)
 
 OUTSIDE, CROSSED, INSIDE = 0, 1, 2
 
-TREE_POINTS = 1 << 21  # points handed to the tree at once, 48 MiB
+MAX_TREE_POINTS = 1 << 21  # Points handed to the tree at once.
 
 
 def contains(solid: Solid | Outside, points: np.ndarray) -> np.ndarray:
     """Whether each point (point, dimension) m lies inside the solid: (point,) bool. On the surface it may be either.
 
-    Exact up to EXACT_FACETS facets and in 2-D; beyond, in 3-D, W by libigl's tree (Barill et al. 2018) is good to 0.5 %
-    and coordinates to 1e-7 of the solid's size. Deterministic, whatever the number of threads.
+    Exact up to MAX_EXACT_FACETS facets and in 2-D; beyond, in 3-D, W by libigl's tree (Barill et al. 2018) is good to
+    0.5 % and coordinates to 1e-7 of the solid's size. Deterministic, whatever the number of threads.
     """
     if isinstance(solid, Outside):
         return ~contains(solid.solid, points)
@@ -38,12 +44,12 @@ def contains(solid: Solid | Outside, points: np.ndarray) -> np.ndarray:
 def _contains(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     """`contains` for corners (facet, corner, dimension) and points (point, dimension) near one local origin."""
     inside = np.zeros(len(points), dtype=bool)
-    if corners.shape[2] == 2 or len(corners) <= EXACT_FACETS:
+    if corners.shape[2] == 2 or len(corners) <= MAX_EXACT_FACETS:
         inside_points(corners, np.ascontiguousarray(points), inside)
         return inside
     winding_number = winding_number_by_tree(corners)
-    for first in range(0, len(points), TREE_POINTS):
-        chunk = slice(first, first + TREE_POINTS)
+    for first in range(0, len(points), MAX_TREE_POINTS):
+        chunk = slice(first, first + MAX_TREE_POINTS)
         inside[chunk] = np.abs(winding_number(points[chunk])) > 0.5
     return inside
 
@@ -84,7 +90,7 @@ def sample_mask(solid: Solid | Outside, origin: np.ndarray, cell_size: float, in
     lower, upper = cell_box(corners, index)
     near = np.flatnonzero(((index >= lower) & (index < upper)).all(axis=1))
     samples = sample_points(solid.dimension)
-    if solid.dimension == 2 or len(corners) <= EXACT_FACETS:
+    if solid.dimension == 2 or len(corners) <= MAX_EXACT_FACETS:
         found = np.zeros(len(near), dtype=np.uint64)
         sample_cells(corners, index[near], samples, found)
         mask[near] = found
@@ -96,10 +102,10 @@ def sample_mask(solid: Solid | Outside, origin: np.ndarray, cell_size: float, in
             corners, index[near], samples, lambda points: winding_number(points - center)
         )
         near = near[~done]
-    for first in range(0, len(near), TREE_POINTS // BLOCK):
-        cells = near[first : first + TREE_POINTS // BLOCK]
+    for first in range(0, len(near), MAX_TREE_POINTS // POINTS_PER_BLOCK):
+        cells = near[first : first + MAX_TREE_POINTS // POINTS_PER_BLOCK]
         points = (index[cells] - center)[:, None, :] + samples.T
-        inside = (np.abs(winding_number(points.reshape(-1, 3))) > 0.5).reshape(-1, BLOCK)
+        inside = (np.abs(winding_number(points.reshape(-1, 3))) > 0.5).reshape(-1, POINTS_PER_BLOCK)
         mask[cells] = np.packbits(inside, axis=1, bitorder="little").view("<u8")[:, 0]
     return mask
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import InputError
-from mpm_core.geometry.bodies import EVERYTHING, Mesh, choose, join, triangles
+from mpm_core.geometry.bodies import ALL_NAMES, Mesh, choose, join, triangles
 
 STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 STL_HEADER = 84  # bytes: 80 of text, then the number of triangles
@@ -26,7 +26,7 @@ def read_stl(path: Path, element: str | None = None) -> Mesh:
     if len(bodies) == 1:  # trimesh names a lone one after its file
         first = raw[:512].split(b"\n")[0].decode(errors="replace").strip()
         bodies = {first[len("solid") :].strip(): next(iter(bodies.values()))}
-    return join(choose(bodies, element or EVERYTHING, "element"))
+    return join(choose(bodies, element or ALL_NAMES, "element"))
 
 
 def _binary_stl(raw: bytes, counted: int, element: str | None) -> Mesh:

@@ -13,13 +13,14 @@ from common.errors import InputError
 from mpm_core.geometry.edges import Edges, edges_of, unique_rows
 from mpm_core.geometry.winding import winding_number_of
 
-DOUBT = 0.4  # of a patch's area that looks the other way: which of the two is meant cannot be told
-AROUND = 0.01  # of the solid's size: how far around its bounding box nothing may be inside
-MOST_OUTSIDE = 0.02  # of the points there
-MOST_ASKED = 20_000  # triangles, when bodies are looked at for overlaps
-BESIDE = 1e-3  # of a triangle's size (root of its area): how far beside it a point is asked
-LEAST_BESIDE = 1e-5  # of the solid's size, ten times what libigl's tree resolves
-REMEDY = "export it again as one closed surface whose triangles all look outward"
+MAX_REVERSED_SHARE = 0.4  # A patch is refused if a larger share of its area looks the other way than the rest.
+PROBE_BOX_MARGIN = 0.01  # Nothing may be inside on a box this share of the solid's size outside its bounding box.
+MAX_INSIDE_AROUND = 0.02  # A solid bounds no volume if a larger share of the points on that box is inside it.
+MAX_TRIANGLES_PROBED = 20_000  # Triangles that are probed for overlaps of bodies.
+TRIANGLE_PROBE_DISTANCE = 1e-3  # Distance of a probe from its triangle, as a share of the root of the triangle's area.
+# Smallest distance of a probe from its triangle as a share of the solid's size, well above what libigl's tree resolves.
+MIN_PROBE_DISTANCE = 1e-5
+SURFACE_REMEDY = "export it again as one closed surface whose triangles all look outward"
 
 
 def agree(vertices: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, int]:
@@ -62,12 +63,12 @@ def _turn_patches(vertices: np.ndarray, facets: np.ndarray) -> np.ndarray:
     agreeing, patch = igl.bfs_orient(np.ascontiguousarray(facets, dtype=np.int64))
     edges = edges_of(agreeing)
     if ((edges.count == 2) & (edges.balance != 0)).any():
-        raise InputError(f"has a surface of one side only, like a Moebius strip: {REMEDY}")
+        raise InputError(f"has a surface of one side only, like a Moebius strip: {SURFACE_REMEDY}")
     turned = (agreeing != facets).any(axis=1)
     area = _areas(vertices[facets])
     share = np.bincount(patch, area * turned) / np.maximum(np.bincount(patch, area), np.finfo(float).tiny)
     agreeing = np.where((share > 0.5)[patch][:, None], agreeing[:, ::-1], agreeing)
-    doubtful = np.flatnonzero(np.minimum(share, 1.0 - share) > DOUBT)
+    doubtful = np.flatnonzero(np.minimum(share, 1.0 - share) > MAX_REVERSED_SHARE)
     if len(doubtful) and len(share) > 1:
         lower, upper = _patch_bounds(vertices, agreeing, patch, len(share))
         key, passed = np.unique(edges.of_facet * len(share) + patch[:, None], return_counts=True)
@@ -79,7 +80,7 @@ def _turn_patches(vertices: np.ndarray, facets: np.ndarray) -> np.ndarray:
             if (within | around | (beside & has_border[one])).sum() > 1:  # alone it may look either way
                 raise InputError(
                     f"{np.minimum(share, 1 - share)[one]:.0%} of a body's surface look the other way, and whether that "
-                    f"body is rock or a hole in the one around it cannot be told: {REMEDY}"
+                    f"body is rock or a hole in the one around it cannot be told: {SURFACE_REMEDY}"
                 )
     return agreeing
 
@@ -108,7 +109,7 @@ def _turn_overlapping(vertices: np.ndarray, facets: np.ndarray, edges: Edges) ->
         return facets
     order = np.argsort(body, kind="stable")
     first = np.flatnonzero(np.diff(body[order], prepend=-1))
-    chosen = order[np.union1d(first, np.arange(0, len(order), -(-len(order) // MOST_ASKED)))]
+    chosen = order[np.union1d(first, np.arange(0, len(order), -(-len(order) // MAX_TRIANGLES_PROBED)))]
     outward, inward = _both_sides(corners, corners[chosen].mean(axis=1), chosen)
     outward, inward = np.rint(outward), np.rint(inward)
     solid = np.bincount(body[chosen], (outward == 0) & (inward != 0), minlength=count) > 0
@@ -133,17 +134,21 @@ def check_bounds_volume(vertices: np.ndarray, facets: np.ndarray) -> None:
     center, half = (lower + upper) / 2, (upper - lower) / 2
     ring = np.linspace(-1.0, 1.0, 17)
     box = np.stack(np.meshgrid(ring, ring, ring, indexing="ij"), axis=-1).reshape(-1, 3)
-    box = box[(np.abs(box) == 1.0).any(axis=1)] * (half + AROUND * size)
+    box = box[(np.abs(box) == 1.0).any(axis=1)] * (half + PROBE_BOX_MARGIN * size)
     outside = np.abs(winding_number_of((vertices - center)[facets])(box)) > 0.5
-    if outside.mean() > MOST_OUTSIDE:
-        raise InputError(f"bounds no volume: two sheets that look the same way have their inside around them: {REMEDY}")
+    if outside.mean() > MAX_INSIDE_AROUND:
+        raise InputError(
+            f"bounds no volume: two sheets that look the same way have their inside around them: {SURFACE_REMEDY}"
+        )
 
 
 def _both_sides(corners: np.ndarray, points: np.ndarray, facet: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Winding numbers just before and just behind points (point, 3) on facets (point,) of `corners` (facet, 3, 3)."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[facet]
     length = np.linalg.norm(normal, axis=1)
-    beside = np.maximum(BESIDE * np.sqrt(length / 2), LEAST_BESIDE * np.ptp(corners.reshape(-1, 3), axis=0).max())
+    beside = np.maximum(
+        TRIANGLE_PROBE_DISTANCE * np.sqrt(length / 2), MIN_PROBE_DISTANCE * np.ptp(corners.reshape(-1, 3), axis=0).max()
+    )
     step = normal * (beside / np.maximum(length, np.finfo(float).tiny))[:, None]
     winding_number = winding_number_of(corners)
     return winding_number(points + step), winding_number(points - step)

@@ -12,9 +12,10 @@ import numpy as np
 
 from common.errors import InputError
 
-BESIDE = 1e-6  # of the size of all lines: how far beside a piece one looks. What is thinner is not seen
+# Distance from a piece at which its side is probed, as a share of the size of all lines. Thinner parts are not seen.
+PROBE_DISTANCE_SHARE = 1e-6
 MAX_BOX_DIRECTIONS = 60  # edges of a line along which a box around it is laid
-CHUNK = 1 << 22  # pairs of edges, or of a place and an edge, at once
+MAX_PAIRS_AT_ONCE = 1 << 22  # Pairs of edges, or of a point and an edge, that are compared at once.
 
 
 @dataclass(frozen=True)
@@ -126,9 +127,9 @@ def _pieces(lines: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     length = np.hypot(*edge.T)
     start, end, edge, length = (values[length > 0] for values in (start, end, edge, length))
     lower, upper = np.minimum(start, end), np.maximum(start, end)
-    slack = BESIDE * np.ptp(start, axis=0).max(initial=0.0)
+    slack = PROBE_DISTANCE_SHARE * np.ptp(start, axis=0).max(initial=0.0)
     rows, shares = [np.arange(len(edge))], [np.ones(len(edge))]
-    step = max(CHUNK // max(len(edge), 1), 1)
+    step = max(MAX_PAIRS_AT_ONCE // max(len(edge), 1), 1)
     for first in range(0, len(edge), step):
         some = slice(first, first + step)
         near = lower[some, None, 0] <= upper[:, 0] + slack
@@ -141,8 +142,8 @@ def _pieces(lines: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         across = _cross(edge[one], edge[other])
         with np.errstate(divide="ignore", invalid="ignore"):
             share, share_of_other = _cross(to, edge[other]) / across, _cross(to, edge[one]) / across
-        met = np.abs(across) > BESIDE * length[one] * length[other]
-        met &= (share_of_other >= -BESIDE) & (share_of_other <= 1 + BESIDE)
+        met = np.abs(across) > PROBE_DISTANCE_SHARE * length[one] * length[other]
+        met &= (share_of_other >= -PROBE_DISTANCE_SHARE) & (share_of_other <= 1 + PROBE_DISTANCE_SHARE)
         # of edges along each other: where the other one starts
         beside = np.abs(_cross(to, edge[one])) <= slack * length[one]
         share = np.where(met, share, (to * edge[one]).sum(axis=1) / length[one] ** 2)
@@ -153,7 +154,7 @@ def _pieces(lines: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     order = np.lexsort((share, row))
     row, share = row[order], share[order]
     before = np.where(np.append(True, row[1:] != row[:-1]), 0.0, np.append(0.0, share[:-1]))
-    keep = share - before > 4 * BESIDE
+    keep = share - before > 4 * PROBE_DISTANCE_SHARE
     row, middle = row[keep], (0.5 * (share + before))[keep]
     return origin + start[row] + middle[:, None] * edge[row], edge[row] / length[row, None]
 
@@ -164,7 +165,9 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _probes(middle: np.ndarray, along: np.ndarray) -> np.ndarray:
     """Places (place, 2) m on both sides of pieces."""
-    beside = BESIDE * np.ptp(middle, axis=0).max(initial=0.0) * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    beside = (
+        PROBE_DISTANCE_SHARE * np.ptp(middle, axis=0).max(initial=0.0) * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    )
     return np.concatenate([middle + beside, middle - beside])
 
 
@@ -172,7 +175,7 @@ def _winding(line: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Winding number (place,) int of a closed line (point, 2) around places (place, 2): crossings of a ray along +x."""
     number = np.zeros(len(places), np.int64)
     (x, y), (x_next, y_next) = line.T, np.roll(line, -1, axis=0).T
-    step = max(CHUNK // len(line), 1)
+    step = max(MAX_PAIRS_AT_ONCE // len(line), 1)
     for first in range(0, len(places), step):
         px, py = places[first : first + step].T
         below, below_next = y <= py[:, None], y_next <= py[:, None]

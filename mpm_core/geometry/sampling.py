@@ -2,12 +2,15 @@
 
 import numpy as np
 
-from mpm_core.geometry.crossing import TOLERANCE
+from mpm_core.geometry.crossing import CROSSING_TOLERANCE
+
+# 4 x 4 x 4 in 3-D, 8 x 8 in 2-D; a set of them is the bits of one integer.
+SAMPLES_PER_CELL = 64
 
 # Sample points are moved outward from the cell's middle by this much of a cell, so that of two solids sharing a face on
 # a plane of sample points one and only one owns them. The components differ (powers of a golden ratio), else points
 # would stay on diagonal planes.
-NUDGE = TOLERANCE * np.array([1.0, 0.8191725, 0.6710436])
+SAMPLE_OFFSET = CROSSING_TOLERANCE * np.array([1.0, 0.8191725, 0.6710436])
 
 # How far from the cell's middle a sub-cell's point lies within the sub-cell, along one axis, in quarters of the
 # sub-cell's edge: 0 nearest. It depends on the sub-cell's place along the other axes, counted from the middle, too. The
@@ -35,7 +38,7 @@ def sample_points(dimension: int) -> np.ndarray:
     else:
         outward = [OUTWARD_3D[ring[(axis + 1) % 3], ring[(axis + 2) % 3]] for axis in range(3)]
     places = [
-        0.5 + side[axis] * ((ring[axis] + (outward[axis] + 0.5) / 4) / per_edge + NUDGE[axis])
+        0.5 + side[axis] * ((ring[axis] + (outward[axis] + 0.5) / 4) / per_edge + SAMPLE_OFFSET[axis])
         for axis in range(dimension)
     ]
     # bit i + 4 j + 16 k: the first axis runs fastest

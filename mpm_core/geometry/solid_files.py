@@ -14,13 +14,15 @@ from common.errors import InputError
 from mpm_core.geometry.bodies import Mesh, choose, join
 from mpm_core.geometry.edges import unique_rows
 from mpm_core.geometry.meshes import read_obj, read_omf, read_ply, read_stl
-from mpm_core.geometry.orientation import REMEDY, agree, check_bounds_volume, without_partitions
+from mpm_core.geometry.orientation import SURFACE_REMEDY, agree, check_bounds_volume, without_partitions
 from mpm_core.geometry.outlines import Outline, check_simple, nest
 from mpm_core.geometry.solids import Solid
 
-METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": 0.3048, "us_ft": 1200 / 3937, "inch": 0.0254}
-NAMED_OPEN, MOST_OPEN = 0.05, 0.3  # share of the volume that hangs on how an open surface is closed: named, refused
-FARTHEST = 1e8  # m: no mine's coordinates are beyond, and float64 keeps 1e-8 m there
+METRES_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": 0.3048, "us_ft": 1200 / 3937, "inch": 0.0254}
+# Shares of the volume that depend on how an open surface is closed. Above the first there is a warning, above the
+# second the file is refused.
+OPEN_SHARE_WARNED, MAX_OPEN_SHARE_ACCEPTED = 0.05, 0.3
+MAX_VERTEX_COORDINATE = 1e8  # No mine has larger coordinates (m), and float64 resolves 1e-8 m there.
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Picked:
     element: str | None = None
     """surface of an OMF project, object or group of an OBJ file, solid of a text STL file"""
     units: str | None = None
-    """one of METRES; None: what a DXF says of itself, else metres"""
+    """one of METRES_PER_UNIT; None: what a DXF says of itself, else metres"""
     scale: float = 1.0
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     """m"""
@@ -47,9 +49,11 @@ class Picked:
 
         Raises InputError for a unit that is not known.
         """
-        unit = METRES[self.units] if self.units else own_unit or 1.0
+        unit = METRES_PER_UNIT[self.units] if self.units else own_unit or 1.0
         if np.isnan(unit):
-            raise InputError(f"is drawn in a unit that no mine is drawn in: say `units`, one of {', '.join(METRES)}")
+            raise InputError(
+                f"is drawn in a unit that no mine is drawn in: say `units`, one of {', '.join(METRES_PER_UNIT)}"
+            )
         if self.units and own_unit and not np.isclose(unit, own_unit, rtol=1e-9):
             logging.warning("the file says that its unit is %g m; taken as %s", own_unit, self.units)
         return vertices * (unit * self.scale) + np.asarray(self.offset, dtype=np.float64)
@@ -85,7 +89,7 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
     vertices = _placed(path, name, picked, vertices, own_unit)
     if not np.isfinite(vertices).all():
         raise InputError(f"{path}: {name}: holds coordinates that are not finite: export it again")
-    if np.abs(vertices).max(initial=0.0) > FARTHEST:
+    if np.abs(vertices).max(initial=0.0) > MAX_VERTEX_COORDINATE:
         raise InputError(f"{path}: {name}: coordinates up to {np.abs(vertices).max():.3g} m are no mine's: see `units`")
     vertices, facets = _tidy(vertices, facets)
     if len(facets) == 0:
@@ -98,15 +102,15 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
     if turned:
         logging.warning("%s: %s: %d of %d triangles looked the other way; turned", path, name, turned, len(facets))
     solid = Solid(name, vertices, facets)
-    if solid.open_share > NAMED_OPEN:
+    if solid.open_share > OPEN_SHARE_WARNED:
         least, _, most = solid.open_volumes
         said = (
             f"{path}: {name}: its surface has large holes, or triangles that look the other way: {least:.4g} to "
             f"{most:.4g} m3 are within, {100 * solid.open_share:.0f} % apart, as one closes it"
         )
-        if solid.open_share > MOST_OPEN:
-            raise InputError(f"{said}; more than {100 * MOST_OPEN:.0f} % is no volume: {REMEDY}")
-        logging.warning("%s; %.4g m3 are taken: %s", said, solid.volume, REMEDY)
+        if solid.open_share > MAX_OPEN_SHARE_ACCEPTED:
+            raise InputError(f"{said}; more than {100 * MAX_OPEN_SHARE_ACCEPTED:.0f} % is no volume: {SURFACE_REMEDY}")
+        logging.warning("%s; %.4g m3 are taken: %s", said, solid.volume, SURFACE_REMEDY)
     return solid
 
 

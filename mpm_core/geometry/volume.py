@@ -13,17 +13,20 @@ import numpy as np
 from mpm_core.geometry.crossing import cross_cells
 from mpm_core.geometry.winding import winding_number_of
 
-ROOT_CELLS = 4  # along the longest side
-ENOUGH_CELLS = 1000  # to be halved no more: the volume of a smooth open body is good to 1e-3
-ENOUGH_CLOSED = 300  # of a closed body, of which only what overlaps is added up
-MOST_HALVINGS = 20
-ROUND_OFF = 1e-12  # of the solid's size: how far a corner may lie beyond the plane of a facet of its hull
-MANY_CORNERS = 512  # each is held against each facet
+ROOT_CELLS = 4  # Cells along the longest side of a solid's box before any is halved.
+MAX_CELLS_HALVED = 1000  # More cells on the surface of an open body are not halved further.
+MAX_CLOSED_CELLS_HALVED = 300  # As MAX_CELLS_HALVED for a closed body, of which only overlaps are added up.
+MAX_HALVINGS = 20
+# A corner may be beyond the plane of a facet of its hull by this share of the solid's size.
+HULL_ROUND_OFF = 1e-12
+# Solids with more corners are not compared with their hull, since each is tested with each facet.
+MAX_HULL_CORNERS = 512
 # A sub-cell's point along one axis, in 8ths (16ths) of the sub-cell, by the sub-cell's place along the other axes. The
 # best of the point-symmetric patterns of this form by the error of a half-space's share; in 2-D, bit reversal.
-PLACES_2D = np.array([0, 4, 2, 6, 1, 5, 3, 7])
-PLACES_3D = 4 * np.array([2, 0, 3, 1])[:, None] + np.array([0, 2, 1, 3])
-UNDECIDED = 0.3  # of W from 1/2, beyond which a cell without any surface lies on one side: W changes slowly there
+SUBCELL_POINTS_2D = np.array([0, 4, 2, 6, 1, 5, 3, 7])
+SUBCELL_POINTS_3D = 4 * np.array([2, 0, 3, 1])[:, None] + np.array([0, 2, 1, 3])
+# A cell without any surface is undecided if its W is within this of 1/2. W changes slowly there.
+MAX_UNDECIDED_WINDING = 0.3
 
 
 def volume_within(corners: np.ndarray, is_closed: bool, lower: np.ndarray, upper: np.ndarray) -> float:
@@ -70,12 +73,12 @@ def is_on_its_hull(corners: np.ndarray) -> bool:
     W is then the same everywhere within it, and 0 without if the surface is closed. False where corners are many.
     """
     places = corners.reshape(-1, corners.shape[2])
-    if len(places) > MANY_CORNERS:
+    if len(places) > MAX_HULL_CORNERS:
         return False
     edge = corners[:, 1] - corners[:, 0]
     normal = np.cross(edge, corners[:, 2] - corners[:, 0]) if corners.shape[2] == 3 else edge[:, ::-1] * [1, -1]
     height = normal @ places.T - (normal * corners[:, 0]).sum(axis=1)[:, None]
-    slack = ROUND_OFF * np.ptp(places, axis=0).max() * np.linalg.norm(normal, axis=1)
+    slack = HULL_ROUND_OFF * np.ptp(places, axis=0).max() * np.linalg.norm(normal, axis=1)
     return bool(((height.max(axis=1) <= slack) | (height.min(axis=1) >= -slack)).all())
 
 
@@ -87,17 +90,17 @@ def _sum_over_cells(corners, is_closed, lower, upper, winding_number, value):
     counts = np.ceil((upper - lower) / cell).astype(int).clip(1)
     index = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, dimension)
     children = np.stack(np.meshgrid(*[[0, 1]] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
-    total, enough = 0.0, ENOUGH_CLOSED if is_closed else ENOUGH_CELLS
-    for halving in range(MOST_HALVINGS):
+    total, enough = 0.0, MAX_CLOSED_CELLS_HALVED if is_closed else MAX_CELLS_HALVED
+    for halving in range(MAX_HALVINGS):
         crossed, _ = cross_cells((corners - lower) / cell, index.astype(np.int32))
         middle = lower + (index + 0.5) * cell
         if not is_closed:
             free = np.flatnonzero(~crossed)
-            crossed[free] = np.abs(np.abs(winding_number(middle[free])) - 0.5) < UNDECIDED
+            crossed[free] = np.abs(np.abs(winding_number(middle[free])) - 0.5) < MAX_UNDECIDED_WINDING
         shared = np.minimum((index[~crossed] + 1) * cell, upper - lower) - index[~crossed] * cell
         total = total + np.prod(shared.clip(0.0), axis=1) @ value(middle[~crossed])
         index = index[crossed]
-        if len(index) > enough or len(index) == 0 or halving == MOST_HALVINGS - 1:
+        if len(index) > enough or len(index) == 0 or halving == MAX_HALVINGS - 1:
             break
         index = (2 * index[:, None, :] + children).reshape(-1, dimension)
         cell /= 2
@@ -116,10 +119,10 @@ def _points_of_a_cell(dimension: int) -> np.ndarray:
     """
     if dimension == 2:
         i, j = np.indices((8, 8))
-        places = [(i + (PLACES_2D[j] + 0.5) / 8) / 8, (j + (PLACES_2D[i] + 0.5) / 8) / 8]
+        places = [(i + (SUBCELL_POINTS_2D[j] + 0.5) / 8) / 8, (j + (SUBCELL_POINTS_2D[i] + 0.5) / 8) / 8]
     else:
         i, j, k = np.indices((4, 4, 4))
-        places = [(a + (PLACES_3D[b, c] + 0.5) / 16) / 4 for a, b, c in ((i, j, k), (j, k, i), (k, i, j))]
+        places = [(a + (SUBCELL_POINTS_3D[b, c] + 0.5) / 16) / 4 for a, b, c in ((i, j, k), (j, k, i), (k, i, j))]
     return np.stack([place.ravel() for place in places], axis=1)
 
 

@@ -17,10 +17,8 @@ import igl
 import numpy as np
 from numba import njit, prange
 
-# Measured on 2 cores: summed exactly 1.1 to 2.3 ns per point and facet; libigl's tree, for any number of facets, 1.3 us
-# per point, up to 7 us beside a surface of slender triangles.
-EXACT_FACETS = 1000
-BLOCK = 64  # points taken together: the inner loops run over them and become vector instructions
+MAX_EXACT_FACETS = 1000  # Up to so many facets the exact sum takes less time than libigl's tree.
+POINTS_PER_BLOCK = 64  # Points of a block are summed together, so that inner loops become vector instructions.
 
 
 @njit(inline="always")
@@ -40,18 +38,18 @@ def _turn(z_real, z_imaginary, real, imaginary, turns, s):
 
 @njit(cache=True, error_model="numpy")
 def inside_block(corners, points, real, imaginary, turns):
-    """Count the turns of BLOCK points: `turns` is not zero where a point is inside.
+    """Count the turns of POINTS_PER_BLOCK points: `turns` is not zero where a point is inside.
 
-    corners (facet, corner, dimension) float64; points (dimension, BLOCK) float64, same origin and unit;
-    real, imaginary (BLOCK,) float64 scratch; turns (BLOCK,) float64, written in place.
+    corners (facet, corner, dimension) float64; points (dimension, POINTS_PER_BLOCK) float64, same origin and unit;
+    real, imaginary (POINTS_PER_BLOCK,) float64 scratch; turns (POINTS_PER_BLOCK,) float64, written in place.
     """
-    for s in range(BLOCK):
+    for s in range(POINTS_PER_BLOCK):
         real[s] = 1.0
         imaginary[s] = 0.0
         turns[s] = 0.0
     if corners.shape[2] == 2:
         for f in range(corners.shape[0]):
-            for s in range(BLOCK):
+            for s in range(POINTS_PER_BLOCK):
                 ax = corners[f, 0, 0] - points[0, s]
                 ay = corners[f, 0, 1] - points[1, s]
                 bx = corners[f, 1, 0] - points[0, s]
@@ -59,7 +57,7 @@ def inside_block(corners, points, real, imaginary, turns):
                 _turn(ax * bx + ay * by, ax * by - ay * bx, real, imaginary, turns, s)
         return
     for f in range(corners.shape[0]):
-        for s in range(BLOCK):
+        for s in range(POINTS_PER_BLOCK):
             ax = corners[f, 0, 0] - points[0, s]
             ay = corners[f, 0, 1] - points[1, s]
             az = corners[f, 0, 2] - points[2, s]
@@ -90,15 +88,15 @@ def inside_points(corners, points, inside):
     place. Each block of points is one thread's, facets in their order: the result does not depend on the thread count.
     """
     count, dimension = points.shape
-    for block in prange((count + BLOCK - 1) // BLOCK):
-        first = block * BLOCK
-        here = min(BLOCK, count - first)
-        gathered = np.zeros((dimension, BLOCK))
+    for block in prange((count + POINTS_PER_BLOCK - 1) // POINTS_PER_BLOCK):
+        first = block * POINTS_PER_BLOCK
+        here = min(POINTS_PER_BLOCK, count - first)
+        gathered = np.zeros((dimension, POINTS_PER_BLOCK))
         for s in range(here):
             for axis in range(dimension):
                 gathered[axis, s] = points[first + s, axis]
-        turns = np.empty(BLOCK)
-        inside_block(corners, gathered, np.empty(BLOCK), np.empty(BLOCK), turns)
+        turns = np.empty(POINTS_PER_BLOCK)
+        inside_block(corners, gathered, np.empty(POINTS_PER_BLOCK), np.empty(POINTS_PER_BLOCK), turns)
         for s in range(here):
             inside[first + s] = turns[s] != 0.0
 
@@ -108,19 +106,19 @@ def sample_cells(corners, index, samples, mask):
     """Bit s of mask[n]: whether sample s of cell n is inside, by summing over all facets.
 
     corners (facet, corner, dimension) float64 in cells from the grid's origin; index (cell, dimension) int32;
-    samples (dimension, BLOCK) float64, offsets in cells from a cell's lower corner; mask (cell,) uint64, written in
-    place.
+    samples (dimension, POINTS_PER_BLOCK) float64, offsets in cells from a cell's lower corner; mask (cell,) uint64,
+    written in place.
     """
     dimension = index.shape[1]
     for n in prange(index.shape[0]):
-        points = np.empty((dimension, BLOCK))
+        points = np.empty((dimension, POINTS_PER_BLOCK))
         for axis in range(dimension):
-            for s in range(BLOCK):
+            for s in range(POINTS_PER_BLOCK):
                 points[axis, s] = index[n, axis] + samples[axis, s]
-        turns = np.empty(BLOCK)
-        inside_block(corners, points, np.empty(BLOCK), np.empty(BLOCK), turns)
+        turns = np.empty(POINTS_PER_BLOCK)
+        inside_block(corners, points, np.empty(POINTS_PER_BLOCK), np.empty(POINTS_PER_BLOCK), turns)
         bits = np.uint64(0)
-        for s in range(BLOCK):
+        for s in range(POINTS_PER_BLOCK):
             if turns[s] != 0.0:
                 bits |= np.uint64(1) << np.uint64(s)
         mask[n] = bits
@@ -130,14 +128,14 @@ def sample_cells(corners, index, samples, mask):
 def sum_winding_number(corners, points, number):
     """W at each point, by summing over all facets; arguments as in inside_points, number (point,) float64."""
     count, dimension = points.shape
-    for block in prange((count + BLOCK - 1) // BLOCK):
-        first = block * BLOCK
-        here = min(BLOCK, count - first)
-        gathered = np.zeros((dimension, BLOCK))
+    for block in prange((count + POINTS_PER_BLOCK - 1) // POINTS_PER_BLOCK):
+        first = block * POINTS_PER_BLOCK
+        here = min(POINTS_PER_BLOCK, count - first)
+        gathered = np.zeros((dimension, POINTS_PER_BLOCK))
         for s in range(here):
             for axis in range(dimension):
                 gathered[axis, s] = points[first + s, axis]
-        real, imaginary, turns = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+        real, imaginary, turns = np.empty(POINTS_PER_BLOCK), np.empty(POINTS_PER_BLOCK), np.empty(POINTS_PER_BLOCK)
         inside_block(corners, gathered, real, imaginary, turns)
         for s in range(here):
             number[first + s] = turns[s] + np.arctan2(imaginary[s], real[s]) / (2.0 * np.pi)
@@ -154,7 +152,7 @@ def winding_number_of(corners: np.ndarray) -> Callable[[np.ndarray], np.ndarray]
         sum_winding_number(corners, np.ascontiguousarray(points), number)
         return number
 
-    return by_sum if corners.shape[2] == 2 or len(corners) <= EXACT_FACETS else winding_number_by_tree(corners)
+    return by_sum if corners.shape[2] == 2 or len(corners) <= MAX_EXACT_FACETS else winding_number_by_tree(corners)
 
 
 def winding_number_by_tree(corners: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:

@@ -3,12 +3,12 @@
 
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.building import GridCount, GridMemory, build_grid, count_cells, estimate_memory
-from mpm_core.grid.mesh import CORNERS, MultiLevelGrid
+from mpm_core.grid.mesh import CORNER_OFFSETS, MultiLevelGrid
 from mpm_core.grid.nodes import number_nodes
 from mpm_core.grid.octree import refine
 
 __all__ = [
-    "CORNERS",
+    "CORNER_OFFSETS",
     "GridCount",
     "GridMemory",
     "MultiLevelGrid",

@@ -12,11 +12,11 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.nodes import number_nodes
 from mpm_core.grid.octree import Classify, SplitMarks, leaves, mark_splits
 
-WORK_PER_CELL = 16
-"""bytes per cell while nodes are numbered: levels and widths as int32, first cells of blocks"""
-WORK_PER_NODE = 8
-"""bytes per node while nodes are numbered: hash table of the nodes on block surfaces; measured 1 to 7"""
-REMEDY = "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.buffer_cells or a smaller domain"
+WORK_BYTES_PER_CELL = 16
+"""Bytes per cell while nodes are numbered: levels and widths as int32, first cells of blocks."""
+WORK_BYTES_PER_NODE = 8
+"""Bytes per node while nodes are numbered: the hash table of the nodes on block surfaces."""
+GRID_REMEDY = "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.buffer_cells or a smaller domain"
 
 
 class GridCount(NamedTuple):
@@ -57,7 +57,7 @@ def estimate_memory(cells: int, nodes: int, dimension: int = 3) -> GridMemory:
     per_cell = int32 * (dimension + (1 << dimension)) + 1
     per_node = int32 * (dimension + (1 << (dimension - 1)))
     arrays = cells * per_cell + nodes * per_node
-    return GridMemory(arrays, arrays + cells * WORK_PER_CELL + nodes * WORK_PER_NODE)
+    return GridMemory(arrays, arrays + cells * WORK_BYTES_PER_CELL + nodes * WORK_BYTES_PER_NODE)
 
 
 def build_grid(
@@ -86,7 +86,7 @@ def build_grid(
     if before_allocation is not None:
         before_allocation(count)
     if max(count.cells, count.nodes) > np.iinfo(np.int32).max:
-        raise InputError(f"grid: {count.cells:,} cells are more than 32-bit numbers can name: {REMEDY}")
+        raise InputError(f"grid: {count.cells:,} cells are more than 32-bit numbers can name: {GRID_REMEDY}")
     _require_memory(
         estimate_memory(count.cells, count.nodes, len(base_shape)).building,
         f"{count.cells:,} cells and {count.nodes:,} nodes",
@@ -114,5 +114,5 @@ def _require_memory(needed: int, what: str) -> None:
     available = psutil.virtual_memory().available
     if needed > available:
         raise InputError(
-            f"grid: {what} take {needed / 1e9:.1f} GB of memory, {available / 1e9:.1f} GB are free: {REMEDY}"
+            f"grid: {what} take {needed / 1e9:.1f} GB of memory, {available / 1e9:.1f} GB are free: {GRID_REMEDY}"
         )

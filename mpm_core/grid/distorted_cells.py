@@ -13,14 +13,14 @@ from functools import cached_property
 import numpy as np
 from numba import njit, prange
 
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.mesh import MultiLevelGrid
 
-SAMPLES = 64
-GAUSS = 1.0 / np.sqrt(3.0)
+GAUSS_POINT = 1.0 / np.sqrt(3.0)  # Of the rule with two points along each axis, -1 to 1.
 ORDER_2D = np.array([0, 4, 2, 6, 1, 5, 3, 7])
 ORDER_3D = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
-"""ordered dither (Bayer 1973): how far outward a point is moved, by its place along the other axes from the middle"""
+"""Ordered dither (Bayer 1973): how far outward a point is moved, by its place along the other axes from the middle."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ def corner_offsets(dimension: int) -> np.ndarray:
 
 def sub_cell_middles(dimension: int) -> np.ndarray:
     """Middles (64, d) of the samples' sub-cells in the unit cube, in bit order."""
-    per_edge = round(SAMPLES ** (1 / dimension))
-    number = np.arange(SAMPLES)[:, None] // per_edge ** np.arange(dimension) % per_edge
+    per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
+    number = np.arange(SAMPLES_PER_CELL)[:, None] // per_edge ** np.arange(dimension) % per_edge
     return (number + 0.5) / per_edge
 
 
@@ -127,7 +127,7 @@ def points_with_volume(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         slopes.append(np.prod(along, axis=3))
     places = np.einsum("sgc,kcj->ksgj", np.prod(shape, axis=3), corners)
     jacobian = np.einsum("asgc,kcj->ksgja", np.stack(slopes), corners)
-    return places, np.linalg.det(jacobian) / (SAMPLES * len(bits))
+    return places, np.linalg.det(jacobian) / (SAMPLES_PER_CELL * len(bits))
 
 
 def points_of_samples(dimension: int) -> np.ndarray:
@@ -137,7 +137,7 @@ def points_of_samples(dimension: int) -> np.ndarray:
     part of the sub-cell, by an amount that hangs on its place along the other axes, so that a flat wall meets few of
     them at a time; the pattern is its own image in mirrors across the axes.
     """
-    per_edge = 2 * round(SAMPLES ** (1 / dimension))
+    per_edge = 2 * round(SAMPLES_PER_CELL ** (1 / dimension))
     along = np.meshgrid(*[np.arange(per_edge)] * dimension, indexing="ij")
     side = [np.where(2 * i < per_edge, -1, 1) for i in along]
     ring = [np.abs(2 * i + 1 - per_edge) // 2 for i in along]
@@ -152,7 +152,7 @@ def points_of_samples(dimension: int) -> np.ndarray:
     )
     sample = sum((i // 2) * (per_edge // 2) ** axis for axis, i in enumerate(along))
     child = sum((i % 2) << axis for axis, i in enumerate(along))
-    points = np.empty((SAMPLES, 1 << dimension, dimension))
+    points = np.empty((SAMPLES_PER_CELL, 1 << dimension, dimension))
     points[sample, child] = places
     return points
 
@@ -190,7 +190,7 @@ def part_integrals(corners: np.ndarray, samples: np.ndarray) -> PartIntegrals:
 
 def sample_volumes(corners: np.ndarray) -> np.ndarray:
     """Volume (k, 64) of each sample of cells with corners (k, 2^d, d), in cubes."""
-    volume = np.zeros((len(corners), SAMPLES))
+    volume = np.zeros((len(corners), SAMPLES_PER_CELL))
     _sum_volumes(corners, _tables(corners.shape[2])[1], volume)
     return volume
 
@@ -200,8 +200,8 @@ def _tables(dimension: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """At the Gauss points of all samples: shape functions (64, 2^d, 2^d), their slopes (64, 2^d, 2^d, d) in the unit
     cube, and values of the modes (64, 2^d, 2^d)."""
     bits = corner_offsets(dimension)
-    per_edge = round(SAMPLES ** (1 / dimension))
-    points = sub_cell_middles(dimension)[:, None, :] + GAUSS * (bits - 0.5) / per_edge
+    per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
+    points = sub_cell_middles(dimension)[:, None, :] + GAUSS_POINT * (bits - 0.5) / per_edge
     shape = np.where(bits == 1, points[:, :, None, :], 1.0 - points[:, :, None, :])
     slopes = []
     for axis in range(dimension):
@@ -260,10 +260,10 @@ def _set_jacobian(corners, cell, slopes, sample, gauss, jacobian, cofactor):
 @njit(parallel=True, error_model="numpy", cache=True)
 def _sum_volumes(corners, slopes, volume):
     """Volumes (k, 64) of the samples, written."""
-    weight = 1.0 / (SAMPLES * corners.shape[1])
+    weight = 1.0 / (SAMPLES_PER_CELL * corners.shape[1])
     for cell in prange(len(corners)):
         jacobian, cofactor = np.eye(3), np.empty((3, 3))
-        for sample in range(SAMPLES):
+        for sample in range(SAMPLES_PER_CELL):
             for gauss in range(corners.shape[1]):
                 element = _set_jacobian(corners, cell, slopes, sample, gauss, jacobian, cofactor)
                 volume[cell, sample] += weight * element
@@ -274,10 +274,10 @@ def _integrate(corners, samples, shapes, slopes, values, volume, place, modes, g
     """Sums over the Gauss points of the samples held: volume (k,), place (k, d), modes (k, 2^d), gradients
     (k, 2^d, d), written. shapes, slopes, values: see `_tables`."""
     count, dimension = corners.shape[1], corners.shape[2]
-    weight = 1.0 / (SAMPLES * count)
+    weight = 1.0 / (SAMPLES_PER_CELL * count)
     for cell in prange(len(corners)):
         jacobian, cofactor = np.eye(3), np.empty((3, 3))
-        for sample in range(SAMPLES):
+        for sample in range(SAMPLES_PER_CELL):
             if not (samples[cell] >> np.uint64(sample)) & np.uint64(1):
                 continue
             for gauss in range(count):

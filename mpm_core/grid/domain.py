@@ -6,7 +6,8 @@ import numpy as np
 
 from common.errors import InputError
 
-ROUND_OFF = 4 * np.finfo(np.float64).eps  # of a coordinate: from text to SI, and in a difference of two
+# Relative round-off of a coordinate: from text to SI, and in a difference of two.
+COORDINATE_ROUND_OFF = 4 * np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ def base_cells(lower, upper, coarse_cell: float, name: str = "grid.coarse_cell")
     lower, upper = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     side = upper - lower
     count = np.rint(side / coarse_cell)
-    round_off = ROUND_OFF * np.maximum(np.maximum(np.abs(lower), np.abs(upper)), side)
+    round_off = COORDINATE_ROUND_OFF * np.maximum(np.maximum(np.abs(lower), np.abs(upper)), side)
     for axis in np.flatnonzero((count < 1) | (np.abs(side - count * coarse_cell) > round_off)):
         tiled = max(int(count[axis]), 1)
         raise InputError(

@@ -22,14 +22,16 @@ from mpm_core.grid.distorted_cells import corner_offsets, smallest_element, sub_
 from mpm_core.grid.octree import all_cells
 from mpm_core.grid.splitting import code_of
 
-MAX_REACH = 1.42  # cells: a node farther from an edge than a square cell's diagonal is not moved onto it
-ON_LATTICE = 1e-6  # cells: a node as near as that to an edge lies on it
-MIN_VOLUME_RATIO = 0.1  # of a distorted cell's volume to a cube's, at each of its samples
-SHARES = (1.0, 0.8, 0.6, 0.4)  # of the way to the edge that a node may go where it cannot go all of it
-APART = 0.5  # cells: nodes do not go to one place of an edge
-AROUND = 1.5  # cells: radius of the ball around a place on an edge in which the solid must be as narrow as at an edge
-MAX_SHARE = 0.345  # of this ball that is inside the solid: 0.5 at a flat wall, 0.25 at an edge of 90 degrees
-POINTS_AT_ONCE = 20000
+# Lengths are in finest cells.
+MAX_REACH = 1.42  # A node is moved at most by the diagonal of a cell's face.
+MAX_DISTANCE_ON_LATTICE = 1e-6  # A node as near to an edge as this lies on it.
+MIN_VOLUME_RATIO = 0.1  # Smallest ratio of a distorted cell's volume element to a cube's, at each of its samples.
+PATH_SHARES = (1.0, 0.8, 0.6, 0.4)  # A node that cannot go all the way to the edge goes the next smaller share.
+MIN_GOAL_DISTANCE = 0.5  # Two nodes do not go to places of an edge nearer to each other than this.
+# At an edge, at most this share of a ball around it is inside the solid: 0.5 at a flat wall, 0.25 at 90 degrees.
+MAX_BALL_SHARE = 0.345
+BALL_RADIUS = 1.5
+POINTS_PER_CHUNK = 20000  # Points, or places, whose neighbourhood is held in memory.
 
 
 @dataclass(frozen=True)
@@ -73,14 +75,14 @@ def choose_edge_nodes(
     known = code_of((wishes.place[:, None, :] + around).reshape(-1, len(shape)), shape + 1)
     codes, number = np.unique(known, return_inverse=True)
     number = number.reshape(len(wishes.place), -1)
-    close = cKDTree(wishes.goal).query_pairs(APART, output_type="ndarray")
+    close = cKDTree(wishes.goal).query_pairs(MIN_GOAL_DISTANCE, output_type="ndarray")
     close = np.concatenate([close, close[:, ::-1]])
     close = close[np.lexsort(close.T[::-1])]
     first = np.searchsorted(close[:, 0], np.arange(len(wishes.place) + 1))
     batches = np.flatnonzero(np.diff(wishes.batch, prepend=-1, append=-1))
     shift, moved = np.zeros((len(codes), len(shape))), np.zeros(len(codes), bool)
     _move(
-        batches, wishes.place.astype(float), wishes.goal, number, first, close[:, 1].copy(), np.array(SHARES),
+        batches, wishes.place.astype(float), wishes.goal, number, first, close[:, 1].copy(), np.array(PATH_SHARES),
         corner_offsets(len(shape)), sub_cell_middles(len(shape)), shift, moved,
     )  # fmt: skip
     place = np.stack(np.unravel_index(codes[moved], tuple(shape + 1)), axis=1).astype(np.int32)
@@ -132,7 +134,7 @@ def _move(batches, place, goal, number, first, close, shares, offsets, points, s
                 distance = 0.0
                 for axis in range(dimension):
                     distance += (goal[i, axis] - place[i, axis]) ** 2
-                if distance > ON_LATTICE**2:
+                if distance > MAX_DISTANCE_ON_LATTICE**2:
                     if moved[node]:
                         continue
                     for axis in range(dimension):
@@ -157,16 +159,16 @@ def _move(batches, place, goal, number, first, close, shares, offsets, points, s
 def _is_edge(solid: Solid | Outside, place: np.ndarray, origin: np.ndarray, fine_cell: float) -> np.ndarray:
     """Whether a solid has an edge at places (k, d), finest cells, at the size of the cells: (k,) bool; not where its
     surface is only rough."""
-    lattice = (all_cells((6,) * place.shape[1]) - 2.5) / 3.0 * AROUND
-    ball, convex = lattice[np.linalg.norm(lattice, axis=1) <= AROUND], solid
+    lattice = (all_cells((6,) * place.shape[1]) - 2.5) / 3.0 * BALL_RADIUS
+    ball, convex = lattice[np.linalg.norm(lattice, axis=1) <= BALL_RADIUS], solid
     if isinstance(solid, Outside):
         convex = solid.solid
     share = np.empty(len(place))
-    for first in range(0, len(place), POINTS_AT_ONCE):
-        chunk = slice(first, first + POINTS_AT_ONCE)
+    for first in range(0, len(place), POINTS_PER_CHUNK):
+        chunk = slice(first, first + POINTS_PER_CHUNK)
         points = origin + (place[chunk, None, :] + ball) * fine_cell
         share[chunk] = contains(convex, points.reshape(-1, place.shape[1])).reshape(points.shape[:2]).mean(axis=1)
-    return share <= MAX_SHARE
+    return share <= MAX_BALL_SHARE
 
 
 def _nearest_goals(segments: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -194,8 +196,8 @@ def _nearest_goals(segments: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray,
 
 
 def _chunks(sizes: np.ndarray) -> Iterator[tuple[int, int]]:
-    """First and last + 1 of runs of items (k,), of sizes (k,), that have some POINTS_AT_ONCE together."""
-    chunk = np.cumsum(sizes) // POINTS_AT_ONCE
+    """First and last + 1 of runs of items (k,), of sizes (k,), that have some POINTS_PER_CHUNK together."""
+    chunk = np.cumsum(sizes) // POINTS_PER_CHUNK
     bounds = np.flatnonzero(np.diff(chunk, prepend=-1, append=-1))
     yield from zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True)
 
@@ -212,8 +214,8 @@ def _inside(
     solid: Solid | Outside, place: np.ndarray, goal: np.ndarray, origin: np.ndarray, fine_cell: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Those nodes of which all around lies inside the solid; and those that lie on an edge as they are."""
-    corners = ON_LATTICE * 1e3 * (2 * all_cells((2,) * place.shape[1]) - 1)
+    corners = MAX_DISTANCE_ON_LATTICE * 1e3 * (2 * all_cells((2,) * place.shape[1]) - 1)
     points = origin + (place[:, None, :] + corners) * fine_cell
     inside = contains(solid, points.reshape(-1, place.shape[1])).reshape(points.shape[:2]).all(axis=1)
-    kept = inside | (np.linalg.norm(goal - place, axis=1) <= ON_LATTICE)
+    kept = inside | (np.linalg.norm(goal - place, axis=1) <= MAX_DISTANCE_ON_LATTICE)
     return place[kept], goal[kept]

@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-CORNERS = {
+CORNER_OFFSETS = {
     2: np.array([[0, 0], [1, 0], [1, 1], [0, 1]]),
     3: np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]),
 }
@@ -29,7 +29,7 @@ BIT_ORDER = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}
 """by dimension: VTK corner at each bit-ordered place, and the other way round: cell_nodes = vtk_nodes[:, BIT_ORDER[d]]
 """
 
-EDGES = {
+EDGE_CORNERS = {
     2: np.array([[0, 1], [3, 2], [0, 3], [1, 2]]),
     3: np.array(
         [[0, 1], [3, 2], [4, 5], [7, 6], [0, 3], [1, 2], [4, 7], [5, 6], [0, 4], [1, 5], [2, 6], [3, 7]],
@@ -38,7 +38,7 @@ EDGES = {
 """by dimension: (edge, 2) the corners at an edge's ends, lower one first: cells that share an edge name its ends
 alike"""
 
-FACES = {
+FACE_CORNERS = {
     2: np.empty((0, 2), dtype=np.int64),
     3: np.array([[0, 3, 7, 4], [1, 2, 6, 5], [0, 1, 5, 4], [3, 2, 6, 7], [0, 1, 2, 3], [4, 5, 6, 7]]),
 }
@@ -137,7 +137,7 @@ class MultiLevelGrid:
         result = np.zeros(len(self.node_index), bool)
         if self.present.all():
             return result
-        corners = CORNERS[self.dimension]
+        corners = CORNER_OFFSETS[self.dimension]
         for axis in range(self.dimension):
             for side in range(2):
                 beyond = self.cell_index.copy()

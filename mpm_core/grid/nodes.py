@@ -10,17 +10,16 @@ import math
 import numpy as np
 from numba import get_num_threads, njit, prange
 
-from mpm_core.grid.mesh import CORNERS, EDGES, FACES
+from mpm_core.grid.mesh import CORNER_OFFSETS, EDGE_CORNERS, FACE_CORNERS
 from mpm_core.grid.octree import morton_code
 
 BLOCK_WIDTH = {2: 512, 3: 64}
-"""by dimension, fine units: width of a block unless a cell is wider; 64 took half the time of 16 (4.2 M cells), and
-the table, 2 MB, stays in the cache"""
-FIRST_SLOTS = 1 << 16
-"""slots of the hash table at first, a power of two; it doubles when half full"""
-EMPTY = -1
-"""no entry in the hash table; no parent"""
-GOLDEN = np.int64(-7046029254386353131)
+"""Width of a block in fine units by dimension, unless a cell is wider. The block's table fits into the cache."""
+INITIAL_SLOTS = 1 << 16
+"""Initial slots of the hash table, a power of two. Their number doubles when half are full."""
+NO_ENTRY = -1
+"""Value of an empty slot of the hash table, and of a missing parent."""
+GOLDEN_MULTIPLIER = np.int64(-7046029254386353131)
 """2^64 / golden ratio, as a signed number: multiplying by it spreads neighbouring keys (Knuth 6.4)"""
 
 
@@ -41,15 +40,15 @@ def number_nodes(cell_index, cell_size, shape):
     block = max(BLOCK_WIDTH[dimension], int(cell_size.max()))
     cell_nodes = np.empty((len(cell_index), 1 << dimension), dtype=np.int32)
     stride = (block + 1) ** np.arange(dimension)
-    corners = CORNERS[dimension]
+    corners = CORNER_OFFSETS[dimension]
     nodes, block_start, keys, ids = _number(
-        cell_index, cell_size, places, block, stride, corners, corners @ stride, FIRST_SLOTS, cell_nodes
+        cell_index, cell_size, places, block, stride, corners, corners @ stride, INITIAL_SLOTS, cell_nodes
     )
     if nodes < 0:
         raise ValueError("cell_index: the cells are not in Morton order")
     node_index = np.empty((nodes, dimension), dtype=np.int32)
     _place(cell_index, cell_size, corners, cell_nodes, node_index)
-    node_parents = np.full((nodes, 1 << (dimension - 1)), EMPTY, dtype=np.int32)
+    node_parents = np.full((nodes, 1 << (dimension - 1)), NO_ENTRY, dtype=np.int32)
     sides = _edges_and_faces(dimension)
     middle = _middles(sides, corners)
     _find_parents(
@@ -61,8 +60,8 @@ def number_nodes(cell_index, cell_size, shape):
 
 def _edges_and_faces(dimension: int) -> np.ndarray:
     """(edge or face, 2^(d-1)): the corners of all edges, then of all faces, padded with -1."""
-    edges, faces = EDGES[dimension], FACES[dimension]
-    corners = np.full((len(edges) + len(faces), 1 << (dimension - 1)), EMPTY)
+    edges, faces = EDGE_CORNERS[dimension], FACE_CORNERS[dimension]
+    corners = np.full((len(edges) + len(faces), 1 << (dimension - 1)), NO_ENTRY)
     corners[: len(edges), :2] = edges
     corners[len(edges) :] = faces
     return corners
@@ -72,8 +71,8 @@ def _edges_and_faces(dimension: int) -> np.ndarray:
 def _slot(keys, key):
     """Where a key is in the hash table, or the empty slot where it belongs (open addressing, linear probing)."""
     mask = len(keys) - 1
-    slot = ((key * GOLDEN) >> 24) & mask
-    while keys[slot] != EMPTY and keys[slot] != key:
+    slot = ((key * GOLDEN_MULTIPLIER) >> 24) & mask
+    while keys[slot] != NO_ENTRY and keys[slot] != key:
         slot = (slot + 1) & mask
     return slot
 
@@ -81,10 +80,10 @@ def _slot(keys, key):
 @njit(cache=True)
 def _doubled(keys, ids):
     """The same hash table with twice the room."""
-    new_keys = np.full(2 * len(keys), EMPTY, np.int64)
+    new_keys = np.full(2 * len(keys), NO_ENTRY, np.int64)
     new_ids = np.empty(2 * len(keys), np.int32)
     for old in range(len(keys)):
-        if keys[old] != EMPTY:
+        if keys[old] != NO_ENTRY:
             slot = _slot(new_keys, keys[old])
             new_keys[slot] = keys[old]
             new_ids[slot] = ids[old]
@@ -105,7 +104,7 @@ def _number(cell_index, cell_size, places, block, stride, corners, corner_slot, 
     written = np.full((block + 1) ** dimension, -1, np.int32)  # the block that wrote this entry of the table
     block_start = np.empty(cells + 1, np.int32)
     blocks = 0
-    keys = np.full(slots, EMPTY, np.int64)
+    keys = np.full(slots, NO_ENTRY, np.int64)
     ids = np.empty(slots, np.int32)
     shared = 0
     here = np.full(dimension, -1, np.int64)
@@ -145,7 +144,7 @@ def _number(cell_index, cell_size, places, block, stride, corners, corner_slot, 
                     if 2 * shared >= len(keys):
                         keys, ids = _doubled(keys, ids)
                     slot = _slot(keys, key)
-                    if keys[slot] == EMPTY:
+                    if keys[slot] == NO_ENTRY:
                         keys[slot] = key
                         ids[slot] = nodes
                         shared += 1
@@ -209,7 +208,7 @@ def _find_parents(
                         node = np.int64(table[entry])
                     else:
                         node = _node_on_surface(cell_index, cell, half, middle, side, lower, block, places, keys, ids)
-                    if node != EMPTY:
+                    if node != NO_ENTRY:
                         for end in range(sides.shape[1]):
                             if sides[side, end] >= 0:
                                 node_parents[node, end] = cell_nodes[cell, sides[side, end]]
@@ -250,4 +249,4 @@ def _node_on_surface(cell_index, cell, half, middle, side, lower, block, places,
         slot = _slot(keys, key)
         if keys[slot] == key:
             return np.int64(ids[slot])
-    return np.int64(EMPTY)
+    return np.int64(NO_ENTRY)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-CELLS_PER_BLOCK = 2048  # forces of one block (about 2,500 nodes, 60 kB) stay in a core's second-level cache
+CELLS_PER_BLOCK = 2048  # The forces of one block fit into a core's second-level cache.
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from mpm_core.constitutive.general import strength_of
 from mpm_core.constitutive.return_regions import ELASTIC
 from mpm_core.kernels.modes import to_modes
 
-CHUNK = 8192  # entries summed one after the other; the sums of chunks are then added in order
-PARTS = 8  # of a way with flow: 4, 8, 16, 64 of them dissipate 186, 193, 196, 198 kJ around a tunnel without residual
-# strength, 351.5, 352.0, 352.2, 352.3 kJ in perfectly plastic rock
+ENTRIES_PER_CHUNK = 8192  # Entries are summed one after the other within chunks, whose sums are then added in order.
+FLOW_PATH_PARTS = 8  # The strain of a path with flow is applied in this many parts.
 
 
 @njit(inline="always")
@@ -32,7 +31,7 @@ def total_stress(stress, insitu, entry, particle):
 def _stored(stress, insitu, volume, material, elastic_constants, sums):
     for chunk in prange(len(sums)):
         total = 0.0
-        for p in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(volume))):
+        for p in range(chunk * ENTRIES_PER_CHUNK, min((chunk + 1) * ENTRIES_PER_CHUNK, len(volume))):
             if volume[p] != 0.0:
                 total += volume[p] * energy_density(
                     elastic_constants[material[p], 0],
@@ -61,7 +60,7 @@ def _work_of_stress(cell_nodes, cell_size, cell, row, slopes, volume, stress, mo
     for chunk in prange(len(sums)):
         total = 0.0
         moved = np.empty((dimension, corners))
-        for p in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(volume))):
+        for p in range(chunk * ENTRIES_PER_CHUNK, min((chunk + 1) * ENTRIES_PER_CHUNK, len(volume))):
             if volume[p] == 0.0:
                 continue
             c = cell[p]
@@ -94,7 +93,7 @@ def work_of_stress(cell_nodes, cell_size, cell, row, slopes, volume, stress, mot
 def _work_of_forces(force, motion, sums):
     for chunk in prange(len(sums)):
         total = 0.0
-        for node in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(force))):
+        for node in range(chunk * ENTRIES_PER_CHUNK, min((chunk + 1) * ENTRIES_PER_CHUNK, len(force))):
             for j in range(force.shape[1]):
                 total += force[node, j] * motion[node, j]
         sums[chunk] = total
@@ -108,7 +107,7 @@ def work_of_forces(force: np.ndarray, motion: np.ndarray) -> float:
 
 
 def _chunks(values: np.ndarray) -> int:
-    return -(-len(values) // CHUNK)
+    return -(-len(values) // ENTRIES_PER_CHUNK)
 
 
 @functools.cache
@@ -123,10 +122,10 @@ def make_flow_energy(law):
         """Energy of the flow since the start: energy (k, 2) J/m3, written: dissipated, and how much more than mean
         stress.
 
-        The strain since then is taken in PARTS, each returned to the surface. A part dissipates the mean stress of its
-        ends times its flow; that of its end where that of its start is negative: rock that unloads and opens does so at
-        its end, and not at half the pressure before it. (All in one part, that was -425 MJ in one mine.) Only rock
-        whose law says so (Coulomb: that dilates above its friction) gains energy.
+        The strain since then is taken in FLOW_PATH_PARTS, each returned to the surface. A part dissipates the mean
+        stress of its ends times its flow; that of its end where that of its start is negative: rock that unloads and
+        opens does so at its end, and not at half the pressure before it. (All in one part, that was -425 MJ in one
+        mine.) Only rock whose law says so (Coulomb: that dilates above its friction) gains energy.
         Mean stress: that of start and end of the whole, times its flow.
         particles (k,) indices; stress_before, flow (k, 6): stress (change since virgin, Pa) and later_strain at the
         start; insitu, stress, later_strain (particle, 6); material (particle,); elastic_constants (material, 2) Pa;
@@ -155,12 +154,20 @@ def make_flow_energy(law):
                 xx + dxx, yy + dyy, zz + dzz, yz + dyz, xz + dxz, xy + dxy, exx, eyy, ezz, eyz, exz, exy
             )
             fxx, fyy, fzz, fyz, fxz, fxy = stress_increment(lame, shear, exx, eyy, ezz, eyz, exz, exy)
-            dxx, dyy, dzz = (dxx - xx + fxx) / PARTS, (dyy - yy + fyy) / PARTS, (dzz - zz + fzz) / PARTS
-            dyz, dxz, dxy = (dyz - yz + fyz) / PARTS, (dxz - xz + fxz) / PARTS, (dxy - xy + fxy) / PARTS
+            dxx, dyy, dzz = (
+                (dxx - xx + fxx) / FLOW_PATH_PARTS,
+                (dyy - yy + fyy) / FLOW_PATH_PARTS,
+                (dzz - zz + fzz) / FLOW_PATH_PARTS,
+            )
+            dyz, dxz, dxy = (
+                (dyz - yz + fyz) / FLOW_PATH_PARTS,
+                (dxz - xz + fxz) / FLOW_PATH_PARTS,
+                (dxy - xy + fxy) / FLOW_PATH_PARTS,
+            )
             row = strength_of(residual_rows, m, length)
             gains = law.gains_energy(row)
             dissipated = 0.0
-            for _ in range(PARTS):
+            for _ in range(FLOW_PATH_PARTS):
                 bxx, byy, bzz, byz, bxz, bxy = xx, yy, zz, yz, xz, xy
                 txx, tyy, tzz, tyz, txz, txy = xx + dxx, yy + dyy, zz + dzz, yz + dyz, xz + dxz, xy + dxy
                 xx, yy, zz, yz, xz, xy, region = law.return_to_surface(txx, tyy, tzz, tyz, txz, txy, lame, shear, row)

@@ -7,7 +7,8 @@ from numba import njit, prange
 
 from mpm_core.constitutive.general import brittle_drop, strength_of
 
-STRENGTH_MARGIN = 1e-5  # of strength and stress: how far above strength rock may stand, as its rest is no exact one
+# Equilibrium is never exact, so rock may be above its strength by this share of strength and stress.
+STRENGTH_MARGIN = 1e-5
 
 
 @njit(cache=True)

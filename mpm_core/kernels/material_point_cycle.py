@@ -18,7 +18,7 @@ from numba import njit, prange
 from mpm_core.constitutive.general import strength_of
 from mpm_core.kernels import modes_2, modes_3
 from mpm_core.kernels.modes import to_corners, to_modes
-from mpm_core.kernels.relocation import LOWEST
+from mpm_core.kernels.relocation import MIN_LOCAL_COORDINATE
 from mpm_core.kernels.resting import flow_at_residual
 
 
@@ -143,7 +143,7 @@ def make_cycle(law, dimension: int):
                                 stress,
                                 later_strain,
                             )
-                        if min(x, y, z) < LOWEST or max(x, y, z) >= 1.0:
+                        if min(x, y, z) < MIN_LOCAL_COORDINATE or max(x, y, z) >= 1.0:
                             left += 1
                             continue
 

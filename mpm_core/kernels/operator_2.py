@@ -14,8 +14,8 @@ from numba import njit, prange
 from mpm_core.simd.lanes import LANES as W
 from mpm_core.simd.lanes import add_to_points_2, gather_points_2, load, store
 
-NODES = 9  # of a group, place x + 3 y
-ROWS = 24  # of the scratch: sums along y by layer, x, component, then differences
+GROUP_NODES_2 = 9  # Nodes of a group in 2-D; x + 3 y is the number of each.
+SCRATCH_ROWS_2 = 24  # Rows of the scratch: sums along y by layer, x and component, then differences.
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
@@ -27,12 +27,12 @@ def apply_siblings_2(batch_start, row_start, places, constants, values, forces):
     and force of each row. float64 or float32 throughout. Copies of a node hold their own part of the force.
     """
     for block in prange(len(batch_start) - 1):
-        work = np.empty(ROWS * W, values.dtype)
-        back = np.empty(ROWS * W, values.dtype)
+        work = np.empty(SCRATCH_ROWS_2 * W, values.dtype)
+        back = np.empty(SCRATCH_ROWS_2 * W, values.dtype)
         for element in range(2 * row_start[block], 2 * row_start[block + 1]):
             forces[element] = 0.0
         for batch in range(batch_start[block], batch_start[block + 1]):
-            start = batch * NODES * W
+            start = batch * GROUP_NODES_2 * W
             for j in range(3):
                 ax, ay = gather_points_2(values, places, start + j * W)
                 bx, by = gather_points_2(values, places, start + (3 + j) * W)

@@ -20,9 +20,10 @@ from numba import njit, prange
 from mpm_core.simd.lanes import LANES as W
 from mpm_core.simd.lanes import add_to_points_3, gather_points_3, load, prefetch, store
 
-NODES = 27  # of a group, place x + 3 y + 9 z
-Y = 144  # first row of the half of the scratch that holds sums along z and y; forces use them the other way round
-ROWS = 288
+GROUP_NODES_3 = 27  # Nodes of a group in 3-D; x + 3 y + 9 z is the number of each.
+# First row of the half of the scratch that holds sums along z and y. Forces use the halves the other way round.
+FIRST_Y_ROW = 144
+SCRATCH_ROWS_3 = 288
 
 
 @njit(inline="always", error_model="numpy")
@@ -49,13 +50,14 @@ def _sum_along_z(values, places, start, work):
 
 @njit(inline="always", error_model="numpy")
 def _sum_along_y(work):
-    """Rows Y...: four parts of 36 rows (sums or differences along z; then along y) by layer z, y, x, component."""
+    """Rows FIRST_Y_ROW...: four parts of 36 rows (sums or differences along z; then along y) by layer z, y, x,
+    component."""
     for part in range(2):
         for layer in range(2):
             for j in range(9):
                 row = (54 * part + 27 * layer + j) * W
                 a, b, c = load(work, row), load(work, row + 9 * W), load(work, row + 18 * W)
-                row = (Y + 72 * part + 18 * layer + j) * W
+                row = (FIRST_Y_ROW + 72 * part + 18 * layer + j) * W
                 store(work, row, a + b)
                 store(work, row + 9 * W, b + c)
                 store(work, row + 36 * W, b - a)
@@ -138,14 +140,15 @@ def _cell_forces(work, source, target, first, lame, shear, stiffness, s):
 
 @njit(inline="always", error_model="numpy")
 def _undo_along_y(work):
-    """Rows 0..143, four parts, to rows Y...: two parts (sums, differences along z) of 54 rows by layer, y, x."""
+    """Rows 0..143, four parts, to rows FIRST_Y_ROW...: two parts (sums, differences along z) of 54 rows by layer, y,
+    x."""
     for part in range(2):
         for layer in range(2):
             for j in range(9):
                 row = (72 * part + 18 * layer + j) * W
                 a, b = load(work, row), load(work, row + 9 * W)
                 c, d = load(work, row + 36 * W), load(work, row + 45 * W)
-                row = (Y + 54 * part + 27 * layer + j) * W
+                row = (FIRST_Y_ROW + 54 * part + 27 * layer + j) * W
                 store(work, row, a - c)
                 store(work, row + 9 * W, (a + c) + (b - d))
                 store(work, row + 18 * W, b + d)
@@ -153,9 +156,9 @@ def _undo_along_y(work):
 
 @njit(inline="always", error_model="numpy")
 def _undo_along_z(work, places, start, forces):
-    """Add forces to the nodes from rows Y...: sums along z, and 54 rows on differences."""
+    """Add forces to the nodes from rows FIRST_Y_ROW...: sums along z, and 54 rows on differences."""
     for j in range(9):
-        row = (Y + 3 * j) * W
+        row = (FIRST_Y_ROW + 3 * j) * W
         ax, ay, az = load(work, row), load(work, row + W), load(work, row + 2 * W)
         bx, by, bz = load(work, row + 27 * W), load(work, row + 28 * W), load(work, row + 29 * W)
         cx, cy, cz = load(work, row + 54 * W), load(work, row + 55 * W), load(work, row + 56 * W)
@@ -176,13 +179,13 @@ def apply_siblings_3(batch_start, row_start, places, constants, values, forces):
     and force of each row. float64 or float32 throughout. Copies of a node hold their own part of the force.
     """
     for block in prange(len(batch_start) - 1):
-        work = np.empty(ROWS * W, values.dtype)
+        work = np.empty(SCRATCH_ROWS_3 * W, values.dtype)
         for element in range(4 * row_start[block], 4 * row_start[block + 1]):
             forces[element] = 0.0
         for batch in range(batch_start[block], batch_start[block + 1]):
-            start = batch * NODES * W
+            start = batch * GROUP_NODES_3 * W
             if batch + 1 < batch_start[block + 1]:  # without this the processor waits for memory half of the time
-                for place in range(start + NODES * W, start + 2 * NODES * W):
+                for place in range(start + GROUP_NODES_3 * W, start + 2 * GROUP_NODES_3 * W):
                     prefetch(values, places[place] * 4)
             _sum_along_z(values, places, start, work)
             _sum_along_y(work)
@@ -191,7 +194,7 @@ def apply_siblings_3(batch_start, row_start, places, constants, values, forces):
                     cell = (8 * batch + 2 * row + along) * 4 * W
                     _cell_forces(
                         work,
-                        (Y + 9 * row + 3 * along) * W,
+                        (FIRST_Y_ROW + 9 * row + 3 * along) * W,
                         (9 * row + 3 * along) * W,
                         along == 0,
                         load(constants, cell),

@@ -9,8 +9,8 @@ from numba import njit, prange
 
 from mpm_core.simd.lanes import POINT_WIDTH, prefetch
 
-AHEAD = 128  # links: the rows of copies lie anywhere; waiting for each takes twice (float64) to three times the time
-CHUNK = 8192  # elements summed one after the other; the sums of chunks are then added in order
+PREFETCH_LINKS = 128  # Rows are fetched into the cache this many links before their use, since they may be anywhere.
+ELEMENTS_PER_CHUNK = 8192  # Elements are summed one after the other within chunks, whose sums are then added in order.
 
 
 def make_spread(width: int):
@@ -44,7 +44,7 @@ def make_collect(width: int):
         for target in prange(len(targets)):
             here = targets[target] * width
             for link in range(target_start[target], target_start[target + 1]):
-                prefetch(values, sources[min(link + AHEAD, last)] * width)
+                prefetch(values, sources[min(link + PREFETCH_LINKS, last)] * width)
                 weight = values.dtype.type(source_weights[link])
                 there = sources[link] * width
                 for k in range(width):
@@ -70,7 +70,7 @@ def make_restrict(width: int):
             node = row_node[row]
             if node >= 0:
                 for link in range(link_start[node], link_start[node + 1]):
-                    prefetch(fine, links[min(link + AHEAD, last)] * width)
+                    prefetch(fine, links[min(link + PREFETCH_LINKS, last)] * width)
                     weight = fine_weights[links[link]]
                     there = links[link] * width
                     for k in range(width):
@@ -195,7 +195,7 @@ def add_scaled(factor, change, values):
 def _chunk_products(first, second, sums):
     for chunk in prange(len(sums)):
         total = 0.0
-        for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(first))):
+        for i in range(chunk * ELEMENTS_PER_CHUNK, min((chunk + 1) * ELEMENTS_PER_CHUNK, len(first))):
             total += first[i] * second[i]
         sums[chunk] = total
 
@@ -215,7 +215,7 @@ def _balance(inverse_diagonal, elastic, flow, residual, sums, largest):
     """residual = elastic + flow, 0 where D^-1 is 0; by chunk: its square, summed, and its largest size."""
     for chunk in prange(len(sums)):
         total, size = 0.0, 0.0
-        for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(residual))):
+        for i in range(chunk * ELEMENTS_PER_CHUNK, min((chunk + 1) * ELEMENTS_PER_CHUNK, len(residual))):
             force = elastic[i] + flow[i] if inverse_diagonal[i] != 0.0 else 0.0
             residual[i] = force
             total += force * force
@@ -225,7 +225,7 @@ def _balance(inverse_diagonal, elastic, flow, residual, sums, largest):
 
 def balance(inverse_diagonal, elastic: np.ndarray, flow: np.ndarray, residual: np.ndarray) -> tuple[float, float]:
     """residual (element,) = elastic + flow, 0 where D^-1 is 0, written; its 2-norm and its largest size."""
-    sums = np.empty(-(-len(residual) // CHUNK))
+    sums = np.empty(-(-len(residual) // ELEMENTS_PER_CHUNK))
     largest = np.empty_like(sums)
     _balance(inverse_diagonal, elastic, flow, residual, sums, largest)
     return float(np.sqrt(sums.sum())), float(largest.max())
@@ -233,6 +233,6 @@ def balance(inverse_diagonal, elastic: np.ndarray, flow: np.ndarray, residual: n
 
 def product(first: np.ndarray, second: np.ndarray) -> float:
     """Scalar product of two flat arrays, the same bits with any number of threads."""
-    sums = np.empty(-(-len(first) // CHUNK))
+    sums = np.empty(-(-len(first) // ELEMENTS_PER_CHUNK))
     _chunk_products(first, second, sums)
     return float(sums.sum())

@@ -5,8 +5,9 @@ from numba import njit
 
 from mpm_core.grid.adjacency import NO_CELL, cell_at
 
-LOWEST = -1.0 + 1e-12
-"""least local coordinate: on a side itself a particle gives the far nodes no mass, but strains with their velocity"""
+MIN_LOCAL_COORDINATE = -1.0 + 1e-12
+"""Least local coordinate of a particle. On a side itself it would give the far nodes no mass, but strain with their
+velocity."""
 
 
 @njit(error_model="numpy", cache=True)
@@ -14,7 +15,8 @@ def relocate(cell_index, cell_width, code, halvings, base_shape, first, count, v
     """Give particles that left their cells the leaves they are in now: (how many changed, how many left the domain).
 
     cell_index (cell, d), cell_width (cell,) fine units; code to count: see adjacency.leaf_lookup; volume (particle,).
-    In place: cell (particle,), xi (particle, d) from LOWEST to below 1. A particle outside the domain keeps both.
+    In place: cell (particle,), xi (particle, d) from MIN_LOCAL_COORDINATE to below 1. A particle outside the domain
+    keeps both.
     """
     dimension = xi.shape[1]
     place = np.empty(dimension, np.int32)
@@ -24,7 +26,7 @@ def relocate(cell_index, cell_width, code, halvings, base_shape, first, count, v
     for particle in range(len(cell)):
         outside = False
         for k in range(dimension):
-            outside |= not (LOWEST <= xi[particle, k] < 1.0)
+            outside |= not (MIN_LOCAL_COORDINATE <= xi[particle, k] < 1.0)
         if not outside or volume[particle] == 0.0:
             continue
         old = cell[particle]
@@ -38,7 +40,7 @@ def relocate(cell_index, cell_width, code, halvings, base_shape, first, count, v
             lost += 1
             continue
         for k in range(dimension):
-            xi[particle, k] = max(2.0 * (exact[k] - cell_index[new, k]) / cell_width[new] - 1.0, LOWEST)
+            xi[particle, k] = max(2.0 * (exact[k] - cell_index[new, k]) / cell_width[new] - 1.0, MIN_LOCAL_COORDINATE)
         changed += new != old
         cell[particle] = new
     return changed, lost

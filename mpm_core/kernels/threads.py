@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import numba
 
-FEW_CELLS = 4000  # a kernel over as many takes 20 to 50 us, a thread that sleeps 50 us to wake
+MAX_CELLS_ON_ONE_THREAD = 4000  # For kernels over so few cells, waking a thread takes as long as the work.
 
 
 def use_threads(threads: int) -> None:
@@ -17,7 +17,7 @@ def use_threads(threads: int) -> None:
 def threads_for(cells: int) -> Iterator[None]:
     """One thread while kernels go over few cells. No result depends on it (see siblings.py, block_scatter.py)."""
     before = numba.get_num_threads()
-    if before == 1 or cells > FEW_CELLS:
+    if before == 1 or cells > MAX_CELLS_ON_ONE_THREAD:
         yield
         return
     numba.set_num_threads(1)

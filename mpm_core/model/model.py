@@ -7,12 +7,13 @@ from types import ModuleType
 import numpy as np
 
 from mpm_core.constitutive.laws import can_fail, law_of_all, rows_of_all
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import DistortedCells, corner_offsets
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.grid.splitting import with_leaves
 from mpm_core.kernels.block_scatter import Scatter, build_scatter
 from mpm_core.kernels.nodal_operations import mark_nodes
-from mpm_core.model.occupancy import FULL, NOTHING, SAMPLES, Changes, Loose, Pieces, changes_of
+from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Changes, Loose, Pieces, changes_of
 from mpm_core.model.particles import Particles, at_step, part_means, seed, shares_of_volume, volumes
 from mpm_core.model.phantom_nodes import Parting, part
 from mpm_core.model.rigid_motions import RigidMotions, free_motions
@@ -76,7 +77,7 @@ class Model:
         higher = np.flatnonzero(np.bitwise_count(bits) > 1)
         sign = (-1.0) ** np.bitwise_count(bits & ~bits[:, None])  # (corner, mode)
         position = np.einsum("cm,kcj->kmj", sign[:, higher], distorted.corners)
-        whole = np.full(len(distorted.cell), FULL)
+        whole = np.full(len(distorted.cell), ALL_SAMPLES)
         slopes = part_means(whole, distorted.cell, distorted, self.dimension)[1]
         linear = np.einsum("kmj,knj->kmn", position, slopes) * 2.0 / corners
         return (bits == higher[:, None]) - linear
@@ -141,7 +142,7 @@ class Model:
         rock = self.changes.rock_samples(cells, step)
         shear = self.elastic_constants[particles.material, 1]
         of_rock = shear[particles.group_start[:cells]]  # the first groups are those of rock, one for each cell
-        found = ~particles.is_rock & (rock != NOTHING)[particles.cell] & (shear < of_rock[particles.cell])
+        found = ~particles.is_rock & (rock != NO_SAMPLES)[particles.cell] & (shear < of_rock[particles.cell])
         placed = np.array([excavation.filled for excavation in self.scene.excavations])[particles.excavation]
         for first in np.unique(placed[found]):
             chosen = np.flatnonzero(found & (placed == first))
@@ -153,13 +154,13 @@ class Model:
         cells = len(self.cell_nodes)
         rock, solid = self.changes.rock_samples(cells, step), self.changes.solid_samples(cells, step)
         filled = np.zeros(len(self.plain.node_index), bool)
-        filled[self.plain.vtk_nodes[(rock == NOTHING) & (solid == FULL)]] = True
+        filled[self.plain.vtk_nodes[(rock == NO_SAMPLES) & (solid == ALL_SAMPLES)]] = True
         return filled[self.plain.vtk_nodes].any(axis=1)
 
     def rock_share(self, step: int) -> np.ndarray:
         """Share of each cell's volume that is rock once `step` is mined, (cell,)."""
         rock, distorted = self.changes.rock_samples(len(self.cell_nodes), step), self.particles.distorted
-        share = np.bitwise_count(rock) / SAMPLES
+        share = np.bitwise_count(rock) / SAMPLES_PER_CELL
         share[distorted.cell] = shares_of_volume(distorted, np.arange(len(distorted.cell)), rock[distorted.cell])
         return share
 

@@ -11,11 +11,10 @@ from numba import njit
 
 from mpm_core.scene.scene import Excavation
 
-SAMPLES = 64  # inside tests per cell, one bit each: 4 x 4 x 4 in 3-D, 8 x 8 in 2-D (geometry/inside.py)
-SLIVER = 2  # samples: a share of fewer than 2 / 64 is dropped
-FULL = np.uint64(2**64 - 1)
-NOTHING = np.uint64(0)
-ROCK = -1  # owner of what no excavation has mined
+MIN_SAMPLES_KEPT = 2  # Parts of a cell with fewer samples are dropped.
+ALL_SAMPLES = np.uint64(2**64 - 1)
+NO_SAMPLES = np.uint64(0)
+ROCK_OWNER = -1  # Owner of samples that no excavation has mined.
 DIG, PLACE, FALL = range(3)  # kinds of events, in their order within a step
 
 
@@ -80,8 +79,8 @@ class Loose:
 class Changes:
     """Samples that change hands, in the order of steps: cell, owner, step (change,) indices, samples (change,) uint64.
 
-    The owner, ROCK or the excavation whose fill it is, loses samples that it holds and gains those that it does not:
-    what it holds after a step is the exclusive or of all that it has had until then. Rock starts with all.
+    The owner, ROCK_OWNER or the excavation whose fill it is, loses samples that it holds and gains those that it does
+    not: what it holds after a step is the exclusive or of all that it has had until then. Rock starts with all.
     """
 
     cell: np.ndarray
@@ -91,18 +90,18 @@ class Changes:
 
     def until(self, step: int, owned_by_rock: bool) -> np.ndarray:
         """Indices of the changes of rock, or of fill, up to and including a step."""
-        return np.flatnonzero(((self.owner == ROCK) == owned_by_rock) & (self.step <= step))
+        return np.flatnonzero(((self.owner == ROCK_OWNER) == owned_by_rock) & (self.step <= step))
 
     def rock_samples(self, cells: int, step: int) -> np.ndarray:
         """Samples of each cell that are rock once `step` is mined: (cell,) uint64."""
-        result = np.full(cells, FULL)
+        result = np.full(cells, ALL_SAMPLES)
         now = self.until(step, owned_by_rock=True)
         np.bitwise_xor.at(result, self.cell[now], self.samples[now])
         return result
 
     def solid_samples(self, cells: int, step: int) -> np.ndarray:
         """Samples of each cell that are rock or fill once `step` is mined and filled: (cell,) uint64."""
-        result = np.full(cells, FULL)
+        result = np.full(cells, ALL_SAMPLES)
         now = np.flatnonzero(self.step <= step)  # no two owners hold a sample: their exclusive or is all that is held
         np.bitwise_xor.at(result, self.cell[now], self.samples[now])
         return result
@@ -121,7 +120,10 @@ def changes_of(pieces: Pieces, excavations: tuple[Excavation, ...], loose: Loose
     piece = np.concatenate([digs, fills])
     kind = np.repeat([DIG, PLACE, FALL], [len(digs), len(fills), len(loose.cell)])
     step = np.concatenate([mined[excavation[digs]], filled[excavation[fills]], loose.step])
-    cell, excavation = np.append(cell[piece], loose.cell), np.append(excavation[piece], np.full(len(loose.cell), ROCK))
+    cell, excavation = (
+        np.append(cell[piece], loose.cell),
+        np.append(excavation[piece], np.full(len(loose.cell), ROCK_OWNER)),
+    )
     samples = np.append(samples[piece], loose.samples)
     order = np.lexsort((excavation, kind, step, cell))
     cell, kind, step, excavation, samples = (column[order] for column in (cell, kind, step, excavation, samples))
@@ -153,8 +155,8 @@ def _take(wanted, held, least):
     sliver."""
     gone = wanted & held
     if _count(gone) < least:
-        return NOTHING
-    return held if _count(held & ~gone) < SLIVER else gone
+        return NO_SAMPLES
+    return held if _count(held & ~gone) < MIN_SAMPLES_KEPT else gone
 
 
 @njit(cache=True)
@@ -166,11 +168,11 @@ def _follow(cells, start, kind, step, excavation, samples, held, where, owner, w
     """
     count = 0
     for i in range(len(cells)):
-        rock, void = FULL, NOTHING
+        rock, void = ALL_SAMPLES, NO_SAMPLES
         for event in range(start[i], start[i + 1]):
             inside = samples[event]
             if kind[event] == PLACE:
-                placed = _take(inside, void, SLIVER)
+                placed = _take(inside, void, MIN_SAMPLES_KEPT)
                 held[event] = placed
                 void &= ~placed
                 if placed:
@@ -182,12 +184,12 @@ def _follow(cells, start, kind, step, excavation, samples, held, where, owner, w
                     )
                     count += 1
                 continue
-            least = 1 if kind[event] == FALL else SLIVER
+            least = 1 if kind[event] == FALL else MIN_SAMPLES_KEPT
             gone = _take(inside, rock, least)
             rock &= ~gone
             void |= gone
             if gone:
-                where[count], owner[count], when[count], what[count] = cells[i], ROCK, step[event], gone
+                where[count], owner[count], when[count], what[count] = cells[i], ROCK_OWNER, step[event], gone
                 count += 1
             for before in range(start[i], event):
                 gone = _take(inside, held[before], least)

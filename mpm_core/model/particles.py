@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpm_core.grid.distorted_cells import SAMPLES, DistortedCells, part_integrals
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.grid.distorted_cells import DistortedCells, part_integrals
 from mpm_core.grid.mesh import MultiLevelGrid
-from mpm_core.model.occupancy import FULL, NOTHING, ROCK, Changes, Pieces
+from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, ROCK_OWNER, Changes, Pieces
 from mpm_core.scene.scene import Scene
 
 
@@ -84,8 +85,8 @@ def mode_table(points: np.ndarray) -> np.ndarray:
 
 def mean_modes(samples: np.ndarray, dimension: int) -> np.ndarray:
     """Mean (k, 2^d) of each mode over sets of samples (k,) uint64, none of them empty."""
-    table = mode_table(point_table(round(SAMPLES ** (1 / dimension)), dimension))
-    held = (samples[:, None] >> np.arange(SAMPLES, dtype=np.uint64)) & np.uint64(1)
+    table = mode_table(point_table(round(SAMPLES_PER_CELL ** (1 / dimension)), dimension))
+    held = (samples[:, None] >> np.arange(SAMPLES_PER_CELL, dtype=np.uint64)) & np.uint64(1)
     return held.astype(float) @ table / np.bitwise_count(samples)[:, None]
 
 
@@ -145,16 +146,16 @@ def seed(
     dimension, cells = grid.dimension, len(grid.cell_level)
     names = list(scene.materials)
     whole = scene.particles_per_cell
-    of_cut = {"mean": 1, "subdivide": round(SAMPLES ** (1 / dimension))}.get(scene.cut_cells, whole)
+    of_cut = {"mean": 1, "subdivide": round(SAMPLES_PER_CELL ** (1 / dimension))}.get(scene.cut_cells, whole)
     edges = np.unique([1, whole, of_cut])
     points = np.concatenate([point_table(edge, dimension) for edge in edges])  # the centre first
 
-    fills = np.flatnonzero(changes.owner != ROCK)
+    fills = np.flatnonzero(changes.owner != ROCK_OWNER)
     _, first = np.unique(changes.owner[fills].astype(np.int64) * cells + changes.cell[fills], return_index=True)
     fills = fills[first]  # where it is placed, not mined again
     fills = fills[np.lexsort((changes.cell[fills], changes.owner[fills], changes.step[fills]))]
     group_cell = np.concatenate([np.arange(cells), changes.cell[fills]]).astype(np.int32)
-    group_excavation = np.concatenate([np.full(cells, ROCK), changes.owner[fills]]).astype(np.int16)
+    group_excavation = np.concatenate([np.full(cells, ROCK_OWNER), changes.owner[fills]]).astype(np.int16)
     body_material = np.array([names.index(name) for name in (*scene.rock_bodies, "host")])
     fill_material = np.array(
         [names.index(excavation.fill) if excavation.fill else 0 for excavation in scene.excavations] or [0]
@@ -162,7 +163,7 @@ def seed(
     group_material = np.where(group_excavation < 0, body_material[body[group_cell]], fill_material[group_excavation])
 
     cut = np.zeros(cells, bool)
-    cut[ever.cell[ever.samples != FULL]] = True
+    cut[ever.cell[ever.samples != ALL_SAMPLES]] = True
     cut[distorted.cell] = True
     per_edge = np.where(cut, of_cut, whole)[group_cell]
     size = per_edge**dimension
@@ -217,12 +218,12 @@ def at_step(particles: Particles, changes: Changes, step: int, grid: MultiLevelG
     group_cell = particles.cell[particles.group_start[:-1]]
     row = particles.distorted.rows(group_cell)
     alone = np.diff(particles.group_start) == 1
-    own = np.flatnonzero(alone & ((row >= 0) | (owned != NOTHING) & (owned != FULL)))
+    own = np.flatnonzero(alone & ((row >= 0) | (owned != NO_SAMPLES) & (owned != ALL_SAMPLES)))
     table, first = particles.group_table.copy(), particles.shared_rows
     moved = np.union1d(np.flatnonzero(table >= first), own)
     table[moved] = 0
     table[own] = first + np.arange(len(own), dtype=np.int32)
-    held = np.where(owned[own] == NOTHING, FULL, owned[own])  # where nothing is left: as before it was mined
+    held = np.where(owned[own] == NO_SAMPLES, ALL_SAMPLES, owned[own])  # where nothing is left: as before it was mined
     modes, slopes, place = part_means(held, group_cell[own], particles.distorted, grid.dimension)
     particle, cell = particles.group_start[moved], group_cell[moved]
     xi, position = particles.xi.copy(), particles.position.copy()
@@ -243,7 +244,7 @@ def volumes(particles: Particles, changes: Changes, step: int) -> np.ndarray:
     """Volume of each particle's own material once `step` is mined and filled: (particle,) m3, 0 where there is none."""
     owned = owned_samples(particles, changes, step)
     group = np.repeat(np.arange(len(owned)), np.diff(particles.group_start))
-    shares = np.bitwise_count(owned) / SAMPLES
+    shares = np.bitwise_count(owned) / SAMPLES_PER_CELL
     row = particles.distorted.rows(particles.cell[particles.group_start[:-1]])
     bent = np.flatnonzero(row >= 0)
     shares[bent] = shares_of_volume(particles.distorted, row[bent], owned[bent])
@@ -256,6 +257,6 @@ def volumes(particles: Particles, changes: Changes, step: int) -> np.ndarray:
 def shares_of_volume(distorted: DistortedCells, row: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Share (k,) of the volume of distorted cells, rows (k,) of them, that samples (k,) uint64 have; 1 of all."""
     volume = distorted.sample_volumes[row]
-    held = (samples[:, None] >> np.arange(SAMPLES, dtype=np.uint64)) & np.uint64(1)
+    held = (samples[:, None] >> np.arange(SAMPLES_PER_CELL, dtype=np.uint64)) & np.uint64(1)
     share = np.sum(volume * held, axis=1) / volume.sum(axis=1)
-    return np.where(samples == FULL, 1.0, share)
+    return np.where(samples == ALL_SAMPLES, 1.0, share)

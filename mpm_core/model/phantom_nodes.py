@@ -19,8 +19,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
-from mpm_core.model.occupancy import SAMPLES, Changes
+from mpm_core.model.occupancy import Changes
 
 NO_CELL = -1
 
@@ -148,7 +149,7 @@ def _groups_of(solid, per_edge, group):
 def _groups(solid: np.ndarray) -> np.ndarray:
     """As `_groups_of`, (node, 2^d) int8."""
     group = np.empty(solid.shape, np.int8)
-    _groups_of(solid, round(SAMPLES ** (1 / np.log2(solid.shape[1]))), group)
+    _groups_of(solid, round(SAMPLES_PER_CELL ** (1 / np.log2(solid.shape[1]))), group)
     return group
 
 

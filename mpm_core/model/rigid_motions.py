@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-NONE_LEFT = 1e-9  # of the largest eigenvalue: what a motion's square sum at held components may be if it is free there
-BALANCE = 1e-6  # of the sum of all forces: what may be left of them along a motion that is free
+# A motion is free if its square sum at held components is at most this share of the largest eigenvalue.
+MAX_HELD_SHARE = 1e-9
+# Forces balance along a free motion if what is left of them is at most this share of the sum of all forces.
+MAX_RESULTANT_SHARE = 1e-6
 
 
 def unit_motions(offset: np.ndarray) -> np.ndarray:
@@ -57,12 +59,13 @@ class RigidMotions:
         motion -= np.einsum("k,kpi->pi", shares, own)
 
     def driven_by(self, force: np.ndarray, position: np.ndarray) -> bool:
-        """Whether forces (point, d) N at positions do work on one of them: beyond BALANCE, they do not balance."""
+        """Whether forces (point, d) N at positions do work on one of them: beyond MAX_RESULTANT_SHARE, they do not
+        balance."""
         if not self.count:
             return False
         work = np.abs(np.einsum("kpi,pi->k", self.at(position), force))
         farthest = max(1.0, float(np.abs(position - self.center).max()) / self.reach)
-        return bool((work > BALANCE * farthest * np.abs(force).sum()).any())
+        return bool((work > MAX_RESULTANT_SHARE * farthest * np.abs(force).sum()).any())
 
     def describe(self, axes: tuple[int, ...]) -> str:
         """In words: "it may shift along x, shift along z, turn about y"; axes (d,) of the mine's frame."""
@@ -90,4 +93,4 @@ def free_motions(position: np.ndarray, held: np.ndarray) -> RigidMotions:
             here = motions[:, held[some, axis], axis]
             gram += np.einsum("kp,lp->kl", here, here)
     sizes, vectors = np.linalg.eigh(gram)
-    return RigidMotions(center, reach, vectors.T[sizes <= NONE_LEFT * max(sizes[-1], NONE_LEFT)])
+    return RigidMotions(center, reach, vectors.T[sizes <= MAX_HELD_SHARE * max(sizes[-1], MAX_HELD_SHARE)])

@@ -19,12 +19,13 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import face_neighbors
-from mpm_core.grid.mesh import CORNERS, MultiLevelGrid
-from mpm_core.model.occupancy import FULL, NOTHING, SAMPLES, Loose
+from mpm_core.grid.mesh import CORNER_OFFSETS, MultiLevelGrid
+from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Loose
 from mpm_core.model.rigid_motions import free_motions
 
-NAMED = 20  # pieces that the log names, largest first
+MAX_PIECES_LOGGED = 20  # The log lists this many unsupported pieces, the largest first.
 
 
 @dataclass(frozen=True)
@@ -45,13 +46,13 @@ class Parts:
 
 def side_samples(dimension: int, axis: int, side: int) -> np.uint64:
     """Samples of a cell that lie at its lower (side 0) or upper (side 1) face across an axis."""
-    per_edge = round(SAMPLES ** (1 / dimension))
-    at = (np.arange(SAMPLES) // per_edge**axis) % per_edge == side * (per_edge - 1)
+    per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
+    at = (np.arange(SAMPLES_PER_CELL) // per_edge**axis) % per_edge == side * (per_edge - 1)
     return np.bitwise_or.reduce(np.uint64(1) << np.flatnonzero(at).astype(np.uint64))
 
 
 def _stride(dimension: int, axis: int) -> np.uint64:
-    return np.uint64(round(SAMPLES ** (axis / dimension)))
+    return np.uint64(round(SAMPLES_PER_CELL ** (axis / dimension)))
 
 
 def hang_together(samples: np.ndarray, dimension: int) -> tuple[np.ndarray, np.ndarray]:
@@ -63,7 +64,7 @@ def hang_together(samples: np.ndarray, dimension: int) -> tuple[np.ndarray, np.n
         row, rest = row[rest != 0], rest[rest != 0]
         if not len(row):
             break
-        grown, before = rest & (~rest + np.uint64(1)), NOTHING  # from the lowest sample on
+        grown, before = rest & (~rest + np.uint64(1)), NO_SAMPLES  # from the lowest sample on
         while np.any(grown != before):
             before = grown
             for axis, (low, high) in enumerate(sides):
@@ -82,7 +83,7 @@ def find_parts(grid: MultiLevelGrid, solid: np.ndarray) -> Parts:
     halvings, cells = grid.levels - 1, len(solid)
     base = np.ravel_multi_index(tuple((grid.cell_index >> halvings).T), grid.shape >> halvings)
     full = np.ones(grid.shape >> halvings, bool)
-    full.reshape(-1)[base[solid != FULL]] = False
+    full.reshape(-1)[base[solid != ALL_SAMPLES]] = False
     labels, bodies = ndimage.label(full)
     body = labels.reshape(-1)[base].astype(np.int64) - 1
     near = np.flatnonzero(body < 0)
@@ -90,7 +91,7 @@ def find_parts(grid: MultiLevelGrid, solid: np.ndarray) -> Parts:
     cell = near[row]
     start = np.searchsorted(cell, np.arange(cells + 1))
     own, other = _pairs(grid, near, solid, body)
-    simple = (solid[own] == FULL) & (solid[other] == FULL)
+    simple = (solid[own] == ALL_SAMPLES) & (solid[other] == ALL_SAMPLES)
     full_links = np.stack([_nodes(own[simple], body, bodies, start), _nodes(other[simple], body, bodies, start)])
     links = np.concatenate(
         [full_links, _cut_links(grid, own[~simple], other[~simple], body, bodies, start, samples)], axis=1
@@ -108,7 +109,7 @@ def _nodes(cell, body, bodies, start):
 
 def _samples(node, bodies, samples):
     """Samples of bodies, full, and of parts."""
-    return np.append(FULL, samples)[np.maximum(node - bodies + 1, 0)]
+    return np.append(ALL_SAMPLES, samples)[np.maximum(node - bodies + 1, 0)]
 
 
 def _pairs(grid: MultiLevelGrid, near, solid, body) -> tuple[np.ndarray, np.ndarray]:
@@ -141,7 +142,7 @@ def _cut_links(grid: MultiLevelGrid, own, other, body, bodies, start, samples) -
         found = np.zeros(len(pair), np.uint64)
         for across in range(dimension):
             low, high = (side_samples(dimension, across, end) for end in range(2))
-            shift = _stride(dimension, across) * np.uint64(round(SAMPLES ** (1 / dimension)) - 1)
+            shift = _stride(dimension, across) * np.uint64(round(SAMPLES_PER_CELL ** (1 / dimension)) - 1)
             here = axis[pair] == across
             upper = here & (facing[pair] == 1)
             found[here] = bits[here] & low
@@ -155,7 +156,7 @@ def _motions_left(grid: MultiLevelGrid, faces: dict[tuple[int, int], list[int]],
     """How many rigid motions held faces leave to each piece, (piece,). faces: components held, by axis and side."""
     dimension, count = grid.dimension, parts.piece.max() + 1
     at = [np.empty((0, dimension))], [np.empty((0, dimension), bool)], [np.empty(0, np.int64)]
-    corners = CORNERS[dimension]
+    corners = CORNER_OFFSETS[dimension]
     for (axis, side), components in faces.items():
         edge = grid.cell_index[:, axis] + side * grid.cell_width
         cell = np.flatnonzero((edge == side * grid.shape[axis]) & (solid != 0))
@@ -185,16 +186,16 @@ def find_loose(grid: MultiLevelGrid, solid: np.ndarray, faces: dict[tuple[int, i
 
     faces: the components (of the computation's axes) that a face of the domain holds, by its axis and side.
     """
-    if not solid.any() or (solid == FULL).all():
+    if not solid.any() or (solid == ALL_SAMPLES).all():
         return Loose.none()
     parts = find_parts(grid, solid)
     left = _motions_left(grid, faces, solid, parts)
     # of every cell's parts: those of full base cells are one each
     whole = np.flatnonzero(parts.body >= 0)
     cell = np.concatenate([whole, parts.cell])
-    samples = np.concatenate([np.full(len(whole), FULL), parts.samples])
+    samples = np.concatenate([np.full(len(whole), ALL_SAMPLES), parts.samples])
     piece = np.concatenate([parts.piece[parts.body[whole]], parts.piece[parts.bodies :]])
-    volume = np.bitwise_count(samples) / SAMPLES * grid.cell_size[cell] ** grid.dimension
+    volume = np.bitwise_count(samples) / SAMPLES_PER_CELL * grid.cell_size[cell] ** grid.dimension
     size = np.bincount(piece, volume)
     held = left == left.min()
     if left.min() > 0:
@@ -220,11 +221,11 @@ def describe_loose(grid: MultiLevelGrid, loose: Loose, step: int, thickness: flo
     if not len(now):
         return {"loose_pieces": 0, "loose_volume": 0.0, "loose_where": ""}
     cell, piece = loose.cell[now], loose.piece[now]
-    volume = np.bitwise_count(loose.samples[now]) / SAMPLES * grid.cell_size[cell] ** grid.dimension
+    volume = np.bitwise_count(loose.samples[now]) / SAMPLES_PER_CELL * grid.cell_size[cell] ** grid.dimension
     size = np.bincount(piece, volume)
     center = np.stack([np.bincount(piece, volume * along) / size for along in grid.cell_center[cell].T], axis=1)
     names = ", ".join("xyz"[axis] for axis in axes)
-    places = [f"({names}) = ({', '.join(f'{value:.1f}' for value in place)}) m" for place in center[:NAMED]]
+    places = [f"({names}) = ({', '.join(f'{value:.1f}' for value in place)}) m" for place in center[:MAX_PIECES_LOGGED]]
     for volume_of, place in zip(size * thickness, places, strict=False):
         logging.info("loose: %.3g m3 at %s", volume_of, place)
     where = f"largest {size[0] * thickness:.3g} m3 at {places[0]}"

@@ -9,9 +9,10 @@ linear symmetric problem that is preconditioned MINRES, restarted. Differences, 
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.kernels.operator_rows import CHUNK
+from mpm_core.kernels.operator_rows import ELEMENTS_PER_CHUNK
 
-SMALLEST = 1e-7  # share of the largest: combinations of differences that are smaller than their rounding are left out
+# Combinations of differences below this share of the largest one are smaller than their round-off and are left out.
+MIN_SINGULAR_SHARE = 1e-7
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
@@ -44,7 +45,7 @@ def _note(free, residual, correction, size, step, residual_before, difference, c
 def _products(changes, difference, residual, sums):
     """Sums (chunk, 2, m): of changes (m, k) times the residual's change, and times the residual, both (k,)."""
     for chunk in prange(len(sums)):
-        first, last = chunk * CHUNK, min((chunk + 1) * CHUNK, len(residual))
+        first, last = chunk * ELEMENTS_PER_CHUNK, min((chunk + 1) * ELEMENTS_PER_CHUNK, len(residual))
         for m in range(len(changes)):
             with_difference, with_residual = 0.0, 0.0
             for i in range(first, last):
@@ -101,7 +102,7 @@ class Anderson:
             )  # fmt: skip
         else:
             _begin(self.free, residual, correction, size, self.residual, self.correction)
-        sums = np.empty((-(-len(self.free) // CHUNK), 2, known))
+        sums = np.empty((-(-len(self.free) // ELEMENTS_PER_CHUNK), 2, known))
         if symmetric:
             _products(self.changes[:known], self.difference, self.residual, sums)
         else:
@@ -120,4 +121,4 @@ class Anderson:
         size = np.sqrt(np.maximum(np.diag(self.gram)[:known], 0.0))
         size = np.where(size > 0.0, size, 1.0)
         gram = self.gram[:known, :known] / size[:, None] / size
-        return np.linalg.lstsq(gram, shares / size, rcond=SMALLEST)[0] / size
+        return np.linalg.lstsq(gram, shares / size, rcond=MIN_SINGULAR_SHARE)[0] / size

@@ -17,32 +17,32 @@ from mpm_core.kernels.threads import threads_for
 from mpm_core.multigrid.level import Level
 from mpm_core.multigrid.stiff_bodies import StiffBodies
 
-DEGREE = {2: 2.4, 3: 1.2}
-"""by dimension: degree of the polynomial over sqrt(c)"""
-SPREAD = 5.0  # the smoother works on eigenvalues down to 1 / (SPREAD c)
-MARGIN = 1.05  # over the largest eigenvalue of a uniform grid
-SLOW_HOURGLASS = 0.15
-FLOW = 3.0  # times c where rock flows, which is softer still
-MOST_UNKNOWNS = 400  # that are solved for directly
-SHIFT = {True: 1e-7, False: 1e-3}
-"""by whether anything holds the body: what is added to the diagonal of the coarsest level, as a share of it"""
-DOUBLE_SHIFT = 1e-11  # the same in double precision: stiff bodies in it move freely in soft rock
+DEGREE_FACTOR = {2: 2.4, 3: 1.2}
+"""Degree of the smoother's polynomial over sqrt(c), by dimension."""
+EIGENVALUE_SPREAD = 5.0  # The smoother works on eigenvalues down to 1 / (EIGENVALUE_SPREAD c).
+MAX_EIGENVALUE = 1.05  # The smoother works on eigenvalues up to this multiple of the largest one of a uniform grid.
+MIN_HOURGLASS_RATIO = 0.15  # c is at least this over the share kappa of the hourglass stiffness.
+FLOW_STIFFNESS_FACTOR = 3.0  # Factor on c where rock flows, which is softer still.
+MAX_DIRECT_UNKNOWNS = 400  # Coarsest levels with at most this many unknowns are solved directly.
+DIAGONAL_SHIFT = {True: 1e-7, False: 1e-3}
+"""Share by which the diagonal of the coarsest level is enlarged, by whether anything holds the body."""
+DIAGONAL_SHIFT_DOUBLE = 1e-11  # As DIAGONAL_SHIFT in double precision, in which stiff bodies move freely in soft rock.
 
 
 def stiffness_ratio(wave_over_shear: float, hourglass: float) -> float:
     """c above: from the largest (l + 2 m) / m and the share kappa of the hourglass stiffness (inf where none acts)."""
-    return max(wave_over_shear, SLOW_HOURGLASS / hourglass)
+    return max(wave_over_shear, MIN_HOURGLASS_RATIO / hourglass)
 
 
 def chebyshev(slow: float, dimension: int) -> list[tuple[float, float]]:
     """Steps of the smoother as (keep, factor): step <- keep step + factor D^-1 residual (Saad 2003, section 12.3)."""
-    high = MARGIN
-    low = high / (SPREAD * slow)
+    high = MAX_EIGENVALUE
+    low = high / (EIGENVALUE_SPREAD * slow)
     centre, half = 0.5 * (high + low), 0.5 * (high - low)
     sigma = centre / half
     rho = 1.0 / sigma
     steps = [(0.0, 1.0 / centre)]
-    for _ in range(1, max(2, round(DEGREE[dimension] * math.sqrt(slow)))):
+    for _ in range(1, max(2, round(DEGREE_FACTOR[dimension] * math.sqrt(slow)))):
         following = 1.0 / (2.0 * sigma - rho)
         steps.append((following * rho, 2.0 * following / half))
         rho = following
@@ -96,7 +96,7 @@ class DirectSolution:
             self.factors[:, column] = forces[self.free]
         diagonal = np.arange(len(self.free))
         single = level.operator.precision == np.float32
-        self.factors[diagonal, diagonal] *= 1.0 + (SHIFT[held] if single else DOUBLE_SHIFT)
+        self.factors[diagonal, diagonal] *= 1.0 + (DIAGONAL_SHIFT[held] if single else DIAGONAL_SHIFT_DOUBLE)
         _factorise(self.factors)
 
     def solve(self, level: Level) -> None:
@@ -113,7 +113,7 @@ class Cycle:
         dimension = levels[0].grid.dimension
         self.steps = [(np.float32(keep), np.float32(factor)) for keep, factor in chebyshev(slow, dimension)]
         coarsest = levels[-1]
-        few = np.count_nonzero(coarsest.inverse_diagonal) <= MOST_UNKNOWNS
+        few = np.count_nonzero(coarsest.inverse_diagonal) <= MAX_DIRECT_UNKNOWNS
         self.direct = DirectSolution(coarsest, held) if few else None
         if not few:  # too thin to be halved again, hence easy: no wave on it is longer than a few cells
             long = chebyshev(100.0 * slow, dimension)
@@ -121,7 +121,7 @@ class Cycle:
 
     def of_flow(self) -> "Cycle":
         """The V-cycle of the same levels as they are now, with tangents of rock that flows."""
-        return Cycle(self.levels, FLOW * self.slow, self.held, self.bodies)
+        return Cycle(self.levels, FLOW_STIFFNESS_FACTOR * self.slow, self.held, self.bodies)
 
     def run(self, index: int = 0) -> None:
         """Solution of level `index` from its residual (0 where D^-1 is 0); the residual is used up."""

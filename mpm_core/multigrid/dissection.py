@@ -2,7 +2,7 @@
 
 import numpy as np
 
-LEAF = 32  # nodes that are not divided further
+MAX_LEAF_NODES = 32  # So few nodes are not divided further.
 
 
 def dissect(graph, place: np.ndarray) -> tuple[np.ndarray, float]:
@@ -26,7 +26,7 @@ def dissect(graph, place: np.ndarray) -> tuple[np.ndarray, float]:
         nonlocal entries
         halves: list[np.ndarray] = []
         last = nodes
-        if len(nodes) > LEAF:
+        if len(nodes) > MAX_LEAF_NODES:
             spread = np.ptp(place[nodes], axis=0)
             nodes = nodes[np.argsort(place[nodes, int(np.argmax(spread))], kind="stable")]
             low, high = np.split(nodes, [len(nodes) // 2])

@@ -21,16 +21,15 @@ from numba import njit
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import code_of
 from mpm_core.multigrid.coarsening import LevelGrid, coarsen, finest_grid
-from mpm_core.multigrid.cycle import MOST_UNKNOWNS, Cycle, stiffness_ratio
+from mpm_core.multigrid.cycle import MAX_DIRECT_UNKNOWNS, Cycle, stiffness_ratio
 from mpm_core.multigrid.level import Level
 from mpm_core.multigrid.stiff_bodies import StiffBodies, host_shear
 from mpm_core.multigrid.stiffness import ElasticCells
-from mpm_core.multigrid.transfer import VOID, build_transfer
+from mpm_core.multigrid.transfer import MAX_VOID_STIFFNESS, build_transfer
 
-SOFTEST = 1e-9  # share of the stiffest part; what has less is empty
-BRIDGE = {2: 6, 3: 3}
-"""by dimension: power of the share of a coarse cell's parts that are not void; with 3 in 2-D a slot of 308 takes 15
-iterations for 8, with 1 in 3-D a slab of 38 by 38 takes 13 for 11"""
+MIN_STIFFNESS_SHARE = 1e-9  # Parts with less than this share of the stiffest part's stiffness count as empty.
+BRIDGE_POWER = {2: 6, 3: 3}
+"""Power of the share of a coarse cell's parts that are not void, by dimension."""
 
 
 def held_faces(grid: MultiLevelGrid, held: np.ndarray) -> np.ndarray:
@@ -88,13 +87,13 @@ def unbridged(shear: np.ndarray, power: int, most: float) -> float:
     stiffest = min(largest, most)
     solid = 0.0
     for part in shear:
-        solid += part >= VOID * stiffest
+        solid += part >= MAX_VOID_STIFFNESS * stiffest
     if solid == len(shear):
         return 1.0
     softness, stiffness = 0.0, 0.0
     for part in shear:
         relative = min(part / stiffest, 1.0)
-        softness += 1.0 / max(relative, SOFTEST)
+        softness += 1.0 / max(relative, MIN_STIFFNESS_SHARE)
         stiffness += relative
     in_series = 1.0 / (softness / len(shear)) / (stiffness / len(shear))
     floor = (solid / len(shear)) ** power
@@ -131,7 +130,7 @@ def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray, most
     constants (cell, 4) of the finer level; most: m of the rock at large in its cells of width 1, see `unbridged`.
     """
     result = np.empty((len(coarse.cell_index), 4))
-    _merge_constants(fine.coarse_of_cell, fine.grid.cell_width, constants, BRIDGE[coarse.dimension], most, result)
+    _merge_constants(fine.coarse_of_cell, fine.grid.cell_width, constants, BRIDGE_POWER[coarse.dimension], most, result)
     return result
 
 
@@ -143,7 +142,7 @@ class Hierarchy:
         self.faces = held_faces(grid, held)
         self.levels = [Level(finest_grid(grid, cell_nodes), held)]
         complete = None if fills_box(self.levels[0].grid) else np.ones(len(cell_nodes), bool)
-        while self.levels[-1].unknowns > MOST_UNKNOWNS:
+        while self.levels[-1].unknowns > MAX_DIRECT_UNKNOWNS:
             fine = self.levels[-1]
             coarse_grid, coarse_of_cell = coarsen(fine.grid)
             if complete is not None:

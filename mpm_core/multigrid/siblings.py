@@ -19,8 +19,9 @@ from numba import njit, prange
 
 from mpm_core.simd.lanes import LANES
 
-GROUPS_PER_BLOCK = (64, 4096)  # fewest and most: large blocks have few copies, many blocks keep all threads busy
-BLOCKS = 32  # wanted if groups per block allow
+# Fewest and most groups of a block: large blocks have few copies, many blocks keep all threads busy.
+GROUPS_PER_BLOCK = (64, 4096)
+BLOCKS_WANTED = 32  # Number of blocks if the groups per block allow it.
 
 
 @dataclass(frozen=True)
@@ -254,7 +255,7 @@ def build_siblings(cell_index, cell_width, cell_nodes, node_parents) -> Siblings
     """
     groups, group, place = _gather_groups(cell_index, cell_width, cell_nodes)
     fewest, most = GROUPS_PER_BLOCK
-    per_block = min(max(-(-groups // BLOCKS), fewest), most)
+    per_block = min(max(-(-groups // BLOCKS_WANTED), fewest), most)
     per_block = -(-per_block // LANES) * LANES
     block_start = np.append(np.arange(0, groups, per_block), groups)
     group_nodes = _group_nodes(groups, group, place, cell_nodes)

@@ -21,11 +21,12 @@ from mpm_core.multigrid.dissection import dissect
 from mpm_core.multigrid.level import Level
 from mpm_core.multigrid.stiffness import ElasticCells
 
-STIFF = 8.0  # times the host's stiffness; at 10 the V-cycle alone takes 6 to 10 iterations for 5 to 9, at 100 up to 68
-MOST_ENTRIES = 4_000_000  # of the factor: a second to make, a hundredth of that for each solution
-CELLS_AT_ONCE = 20_000  # whose stiffness matrices are held in memory
-SHIFT = 1e-12  # added to the diagonal, as a share: motions of a block that are none, two nodes turned about each other
-FINENESS = 2.0  # ratio of stiffnesses that are counted as one kind of rock
+MIN_STIFFNESS_RATIO = 8.0  # Rock is a stiff body if it is stiffer than its host by a larger factor.
+MAX_FACTOR_ENTRIES = 4_000_000  # Entries of the factor of a stiff body's matrix.
+MAX_CELLS_AT_ONCE = 20_000  # Cells whose stiffness matrices are held in memory.
+# Share by which the diagonal of a block is enlarged. Some of its motions, two nodes turned about each other, are none.
+BLOCK_SHIFT = 1e-12
+STIFFNESS_CLASS_RATIO = 2.0  # Stiffnesses that differ by less than this factor count as one kind of rock.
 
 
 def host_shear(grid: LevelGrid, shear: np.ndarray) -> float:
@@ -36,12 +37,12 @@ def host_shear(grid: LevelGrid, shear: np.ndarray) -> float:
     per_width = shear / grid.cell_width.astype(float) ** (grid.dimension - 2)
     present = per_width > 0.0
     largest = per_width.max(initial=0.0)
-    if not present.any() or largest <= STIFF * per_width[present].min():
+    if not present.any() or largest <= MIN_STIFFNESS_RATIO * per_width[present].min():
         return np.inf
-    kind = np.floor(np.log(largest / per_width[present]) / np.log(FINENESS)).astype(np.int64)
+    kind = np.floor(np.log(largest / per_width[present]) / np.log(STIFFNESS_CLASS_RATIO)).astype(np.int64)
     volume = np.bincount(kind, grid.cell_width[present].astype(float) ** grid.dimension)
-    host = largest / FINENESS ** int(np.searchsorted(np.cumsum(volume), 0.5 * volume.sum()))
-    return host if largest > STIFF * host else np.inf
+    host = largest / STIFFNESS_CLASS_RATIO ** int(np.searchsorted(np.cumsum(volume), 0.5 * volume.sum()))
+    return host if largest > MIN_STIFFNESS_RATIO * host else np.inf
 
 
 def cell_matrices(cells: ElasticCells, chosen: np.ndarray, dimension: int) -> np.ndarray:
@@ -107,7 +108,7 @@ class StiffBodies:
         self.grid, self.dimension = grid, grid.dimension
         width = grid.cell_width.astype(float)
         self.relative = cells.constants[:, 1] / (host * width ** (self.dimension - 2))
-        self.stiff = np.flatnonzero(self.relative > STIFF)
+        self.stiff = np.flatnonzero(self.relative > MIN_STIFFNESS_RATIO)
         self.hanging = grid.node_parents[:, 0] >= 0
         self.free = finest.inverse_diagonal[
             finest.siblings.node_row[:, None] * finest.operator.width + np.arange(self.dimension)
@@ -122,7 +123,7 @@ class StiffBodies:
         self.blas = ThreadpoolController()
         matrix = self._stiffness(motions, cells)
         diagonal = matrix.diagonal()
-        shift = np.where(diagonal > 0.0, SHIFT * diagonal, 1.0)
+        shift = np.where(diagonal > 0.0, BLOCK_SHIFT * diagonal, 1.0)
         with self.blas.limit(limits=1):  # threads would add up in another order
             self.factors = splu(
                 (matrix + sparse.diags_array(shift)).tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0,
@@ -173,11 +174,11 @@ class StiffBodies:
             )
             order, entries = dissect((beside.T @ beside).tocsr(), centre)
             each = self.dimension if len(node) == count else self.dimension * (self.dimension + 1) // 2
-            if entries * each**2 <= MOST_ENTRIES:
+            if entries * each**2 <= MAX_FACTOR_ENTRIES:
                 break
         else:  # more bodies than can be afforded: those of most nodes
             chosen = np.argsort(-np.bincount(block), kind="stable")
-            most = int(count * MOST_ENTRIES / (entries * each**2))
+            most = int(count * MAX_FACTOR_ENTRIES / (entries * each**2))
             order = order[np.isin(order, chosen[: max(1, most)])]
         weight = blocks[-1]
         number = np.full(count, -1)
@@ -209,7 +210,7 @@ class StiffBodies:
         weight = 1.0 / np.bincount(node)[node]
         kind = np.zeros(len(self.hanging), np.int64)
         smallest = np.zeros(len(self.hanging), np.int64)
-        decade = np.log10(self.relative[self.stiff] / STIFF).astype(np.int64)
+        decade = np.log10(self.relative[self.stiff] / MIN_STIFFNESS_RATIO).astype(np.int64)
         np.maximum.at(kind, corners.indices, np.repeat(decade, count))
         np.maximum.at(smallest, corners.indices, np.repeat(self.grid.cell_width[self.stiff], count))
         place = self.grid.node_index[node]
@@ -239,8 +240,8 @@ class StiffBodies:
         )
         motions = motions + sparse.kron(mean, np.eye(dimension), format="csr") @ motions
         total = sparse.csr_array((motions.shape[1],) * 2)
-        for first in range(0, len(self.touched), CELLS_AT_ONCE):
-            some = self.touched[first : first + CELLS_AT_ONCE]
+        for first in range(0, len(self.touched), MAX_CELLS_AT_ONCE):
+            some = self.touched[first : first + MAX_CELLS_AT_ONCE]
             elements = self.grid.cell_nodes[some].astype(np.int64)[:, :, None] * dimension + np.arange(dimension)
             elements, local = np.unique(elements, return_inverse=True)
             local = local.reshape(len(some), -1)

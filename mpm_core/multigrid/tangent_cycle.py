@@ -3,8 +3,8 @@
 Where much rock flows the elastic V-cycle is far too stiff, and Anderson acceleration needs hundreds of cycles. On the
 finest level each particle takes off its own tangent (kernels.tangent_rows), on a coarser one each cell the mean of its
 parts', as far as its centre feels it. They are not symmetric unless flow is associated: symmetric parts, which have
-negative eigenvalues, took two to three times the iterations of GMRES. STIFFENING keeps rock that lost all stiffness
-from being torn.
+negative eigenvalues, took two to three times the iterations of GMRES. STIFFNESS_SHARE_KEPT keeps rock that lost all
+stiffness from being torn.
 """
 
 from itertools import pairwise
@@ -17,7 +17,7 @@ from mpm_core.multigrid.flow_forces import FlowForces
 from mpm_core.multigrid.level import Level
 from mpm_core.multigrid.tangent_entries import pack
 
-STIFFENING = 0.01  # share of what flow takes off the stiffness that the V-cycle leaves
+STIFFNESS_SHARE_KEPT = 0.01  # The V-cycle keeps this share of the stiffness that flow takes off.
 
 
 def measure(model: Model, flow: FlowForces, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -30,7 +30,7 @@ def measure(model: Model, flow: FlowForces, values: np.ndarray) -> tuple[np.ndar
     )  # fmt: skip
     if not yields.all():
         matrices = matrices[yields]
-    matrices *= np.float32(1.0 - STIFFENING)
+    matrices *= np.float32(1.0 - STIFFNESS_SHARE_KEPT)
     return model.particles.cell[flow.particles[yields]], model.slopes[flow.table_row[yields]], matrices
 
 

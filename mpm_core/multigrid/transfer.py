@@ -13,9 +13,9 @@ from numba import njit, prange
 from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.siblings import Siblings
 
-VOID = 0.1  # of the stiffest cell near by: a cell with less is void
-SHARES = (0.5 ** np.bitwise_count(np.arange(8))).astype(np.float32)
-"""weight of a node in each of its parents, by bits of the axes along which it is half-way"""
+MAX_VOID_STIFFNESS = 0.1  # A cell with less than this share of the stiffness of the stiffest cell nearby is void.
+PARENT_WEIGHTS = (0.5 ** np.bitwise_count(np.arange(8))).astype(np.float32)
+"""Weight of a node in each of its parents, by bits of the axes along which it is half-way."""
 
 
 @njit(cache=True)
@@ -62,7 +62,7 @@ def _lean_on_rock(cell_nodes, shear, upper, between):
     for cell in range(len(cell_nodes)):
         for corner in range(corners):
             node = cell_nodes[cell, corner]
-            if between[node] and shear[cell] >= VOID * stiffest[node]:
+            if between[node] and shear[cell] >= MAX_VOID_STIFFNESS * stiffest[node]:
                 solid[node] |= (~corner & 7) << 4 | corner  # a cell is on the low side of its high corners
     for node in range(len(between)):
         for axis in range(dimension):
@@ -149,7 +149,7 @@ def build_transfer(
     parent_start = np.zeros(nodes + 1, np.int32)
     home, upper, between = np.empty(nodes, np.int32), np.zeros(nodes, np.int8), np.zeros(nodes, np.int8)
     _find_homes(fine.cell_index, fine.cell_width, fine.cell_nodes, fine.node_parents, home, upper, between)
-    if shear.min() < VOID * shear.max() or (fine.extent % 2.0).any():
+    if shear.min() < MAX_VOID_STIFFNESS * shear.max() or (fine.extent % 2.0).any():
         _lean_on_rock(fine.cell_nodes, shear, upper, between)
     _count_parents(home, between, parent_start)
     parents = np.empty(parent_start[-1], np.int32)
@@ -157,5 +157,5 @@ def build_transfer(
     link_start, links = np.zeros(len(coarse.node_parents) + 1, np.int32), np.empty(len(parents), np.int32)
     _transpose(parent_start, parents, fine_siblings.node_row, coarse_siblings.node_row, link_start, links)
     weights = np.zeros(fine_siblings.rows, np.float32)
-    weights[fine_siblings.node_row] = SHARES[between]
+    weights[fine_siblings.node_row] = PARENT_WEIGHTS[between]
     return Transfer(parent_start, parents, link_start, links, weights)

@@ -1,4 +1,4 @@
-"""How far a domain has to reach: until its boundary moves no wall stress by more than MOST_ERROR.
+"""How far a domain has to reach: until its boundary moves no wall stress by more than MAX_BOUNDARY_ERROR.
 
 Far from it an opening is a dipole. A boundary at distance R answers the dipole's displacement by a field that is smooth
 inside, at the opening a uniform stress of opposite sign or the same: the opening sees a share 1 - k (a / R)^d of the
@@ -19,15 +19,17 @@ from mpm_core.geometry.shapes.shape import Opening
 from mpm_core.grid.domain import marks_memory
 from mpm_core.settings import MAX_LEVELS
 
-MOST_ERROR = 0.005  # share of the largest wall stress
-LARGEST_ERROR = 0.05  # the same where virgin rock bears its own stress no further: more is no domain
-LEAST_BASE_CELLS = 4  # along the shortest side, where levels are free
-LARGEST_MARKS = 2e9  # bytes for marking splits (domain.marks_memory); the domain ends where they are reached
-RASTER = 64  # cells across the largest face of the box of openings, on which the part that they cover is counted
+MAX_BOUNDARY_ERROR = 0.005  # Largest change of wall stress by the boundary, as a share of the largest wall stress.
+# As MAX_BOUNDARY_ERROR, where the domain ends since virgin rock bears its own stress no further. More is refused.
+MAX_LIMITED_BOUNDARY_ERROR = 0.05
+MIN_BASE_CELLS = 4  # Base cells along the shortest side, where levels are free.
+MAX_MARKS_BYTES = 2e9  # The domain ends where marking splits (domain.marks_memory) takes this much memory.
+RASTER_CELLS = 64  # Cells across the largest face of the openings' box, on which the covered part of it is counted.
 MEMORY, STRENGTH = "memory", "strength"
-HIGHEST = 1e9  # m: elevations that bound nothing
-FILLED = 0.9  # least share of the height in which rock bears its stress that whole base cells make use of
-SNAP = 1e-6  # of a cell: round-off of coordinates makes no further cell
+MAX_ELEVATION = 1e9  # Elevations (m) beyond this bound nothing.
+# Whole base cells make use of at least this share of the height in which rock bears its stress.
+MIN_FILLED_SHARE = 0.9
+CELL_ROUND_OFF = 1e-6  # Round-off of coordinates, as a share of a cell, makes no further cell.
 
 
 @dataclass(frozen=True)
@@ -45,8 +47,8 @@ class FarField:
     radius: float
     """m, of the round opening that disturbs as much as all of them"""
     limited: str
-    """MEMORY: the domain ends where the split marks of its grid take LARGEST_MARKS; STRENGTH: above or below it virgin
-    rock does not bear its stress; else empty"""
+    """MEMORY: the domain ends where the split marks of its grid take MAX_MARKS_BYTES; STRENGTH: above or below it
+    virgin rock does not bear its stress; else empty"""
 
 
 def coefficients(dimension: int, poisson_ratio: float, condition: str) -> tuple[float, float]:
@@ -137,14 +139,14 @@ def covered(openings: Sequence[Opening]) -> float:
     """Part of the largest face of the openings' box (in 2-D of its longest side) that their parts cover, at most 1."""
     lower, upper = bounds(openings)
     axes = np.delete(np.arange(len(lower)), np.argmin(upper - lower))
-    scale = RASTER / (upper - lower)[axes]
-    mask = np.zeros((RASTER,) * len(axes))
+    scale = RASTER_CELLS / (upper - lower)[axes]
+    mask = np.zeros((RASTER_CELLS,) * len(axes))
     for low, high in np.concatenate([one.parts for one in openings]):
         first, last = (low[axes] - lower[axes]) * scale, (high[axes] - lower[axes]) * scale
         window, shares = [], []
-        for a, b in zip(np.clip(first, 0, RASTER), np.clip(last, 0, RASTER), strict=True):
-            cells = np.arange(int(a), min(int(b) + 1, RASTER))
-            window.append(slice(int(a), min(int(b) + 1, RASTER)))
+        for a, b in zip(np.clip(first, 0, RASTER_CELLS), np.clip(last, 0, RASTER_CELLS), strict=True):
+            cells = np.arange(int(a), min(int(b) + 1, RASTER_CELLS))
+            window.append(slice(int(a), min(int(b) + 1, RASTER_CELLS)))
             shares.append(np.clip(np.minimum(cells + 1, b) - np.maximum(cells, a), 0, 1))
         part = shares[0] if len(axes) == 1 else shares[0][:, None] * shares[1]
         mask[tuple(window)] += part
@@ -188,7 +190,7 @@ def derive_domain(
     ground: float | None = None,
     sound: tuple[float, float] = (-math.inf, math.inf),
 ) -> FarField:
-    """The domain around openings whose boundary moves no wall stress by more than MOST_ERROR.
+    """The domain around openings whose boundary moves no wall stress by more than MAX_BOUNDARY_ERROR.
 
     finest_cell m; conditions: of the faces that are no ground surface; levels: fewest and most of cells; ground:
     elevation m at which the domain ends if it reaches so high (None: it does not matter); sound: elevations m, around
@@ -198,26 +200,26 @@ def derive_domain(
     """
     reach = reach_of(openings, poisson_ratios, conditions)
     axis_depth = 0.5 * min(float(np.min(one.sides)) for one in openings)
-    wanted = max(reach.distance(MOST_ERROR) - axis_depth, finest_cell)
+    wanted = max(reach.distance(MAX_BOUNDARY_ERROR) - axis_depth, finest_cell)
     box, ground = bounds(openings), math.inf if ground is None else ground
     low, high = sound[0], min(sound[1], ground)
     distance = wanted
     while True:
         lower, shape, used = _tile(box, distance, finest_cell, levels, (low, high), high == ground)
-        if marks_memory(shape, used) <= LARGEST_MARKS or distance <= finest_cell:
+        if marks_memory(shape, used) <= MAX_MARKS_BYTES or distance <= finest_cell:
             break
         distance = 0.97 * distance
     coarse = finest_cell * 2 ** (used - 1)
     upper = lower + shape * coarse
     gaps = np.array([box[0] - lower, upper - box[1]])
-    if upper[-1] >= ground - SNAP * finest_cell:
+    if upper[-1] >= ground - CELL_ROUND_OFF * finest_cell:
         upper[-1] = ground
         gaps[1, -1] = np.inf
     nearest = float(gaps.min())
     error = float(reach.error(nearest + axis_depth)) if nearest > 0 else math.inf
     if lower[-1] < low or upper[-1] > high:  # its largest cell is larger
         nearest, error = min(nearest, 0.0), math.inf
-    is_cut = nearest < distance - SNAP * finest_cell
+    is_cut = nearest < distance - CELL_ROUND_OFF * finest_cell
     limited = STRENGTH if is_cut else MEMORY if distance < wanted else ""
     return FarField(lower, upper, coarse, used, nearest, error, float(reach.terms[0][1]), limited)
 
@@ -234,16 +236,18 @@ def _tile(
 
     heights: elevations m that it stays between; where it reaches the upper one and ends_at_ground, it ends there.
     """
-    low, high = np.clip(heights, -HIGHEST, HIGHEST)
+    low, high = np.clip(heights, -MAX_ELEVATION, MAX_ELEVATION)
     lower, upper = box[0] - distance, box[1] + distance
     lower[-1], upper[-1] = max(lower[-1], low), min(upper[-1], high)
     # one finest cell to spare: the corner moves to a whole one
-    sides = (upper - lower) / finest + 1 - SNAP
+    sides = (upper - lower) / finest + 1 - CELL_ROUND_OFF
     used = levels[0]
-    while used < levels[1] and math.ceil(sides.min() / 2**used) >= LEAST_BASE_CELLS:
+    while used < levels[1] and math.ceil(sides.min() / 2**used) >= MIN_BASE_CELLS:
         used += 1
     room = (high - low) / finest - 1
-    while used > levels[0] and math.floor(room / 2 ** (used - 1)) * 2 ** (used - 1) < min(FILLED * room, sides[-1]):
+    while used > levels[0] and math.floor(room / 2 ** (used - 1)) * 2 ** (used - 1) < min(
+        MIN_FILLED_SHARE * room, sides[-1]
+    ):
         used -= 1
     width = 2 ** (used - 1)
     shape = np.maximum(np.ceil(sides / width), 1).astype(np.int64)

@@ -17,12 +17,12 @@ import numpy as np
 
 from common.costs import CLOCK
 from common.datasets import atomic_path, clear_parts
-from mpm_core.equilibrium.convergence import COLUMNS, History
+from mpm_core.equilibrium.convergence import HISTORY_COLUMNS, History
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.model.state import Extent, State, changed_in
 
-PAUSE = 30.0  # s at least between two checkpoints
-SHARE = 0.015  # of the time that writing them may take
+MIN_SECONDS_BETWEEN_CHECKPOINTS = 30.0  # A checkpoint is written at least this long after the one before.
+MAX_WRITING_SHARE = 0.015  # Largest share of a stage's time that writing checkpoints may take.
 OF_FAILED, UNCHANGED = changed_in(Extent.FAILED), changed_in(Extent.NONE)
 COUNTERS = ("increment", "generation", "iteration", "tightened", "splits", "load", "load_before", "size")  # of history
 
@@ -45,7 +45,7 @@ class Checkpoint:
 
     path: Path
     key: str
-    pause: float = PAUSE
+    pause: float = MIN_SECONDS_BETWEEN_CHECKPOINTS
     last: float = field(default_factory=time.perf_counter)
     cost: float = 0.0
 
@@ -64,7 +64,7 @@ class Checkpoint:
         whether no more may be (step_cells.py).
         """
         now = time.perf_counter()
-        if now - self.last < max(self.pause, self.cost / SHARE):
+        if now - self.last < max(self.pause, self.cost / MAX_WRITING_SHARE):
             return
         counters = {name: getattr(history, name) for name in COUNTERS}
         with atomic_path(self.path) as temporary, temporary.open("wb") as file:
@@ -110,7 +110,7 @@ class Checkpoint:
         for name in COUNTERS:
             setattr(history, name, values[name].item())
         history.rest = {name: values[f"rest_{name}"] for name in vars(state) if f"rest_{name}" in values}
-        columns = [values[f"table_{name}"].tolist() for name in COLUMNS]
+        columns = [values[f"table_{name}"].tolist() for name in HISTORY_COLUMNS]
         history.rows = list(zip(*columns, strict=True))
         logging.info(
             "going on from increment %d, generation %d, iteration %d",

@@ -33,8 +33,8 @@ from mpm_core.stages.stage_memory import require_cells
 from mpm_core.stages.step_cells import begin_step, make_scheme
 from mpm_core.stages.step_subdomain import District, district_of
 
-REMEDY = {True: "more grid.max_cells", False: "more grid.buffer_cells, or grid.refinement: adaptive,"}
-LEAST_STAYS = 1e-5  # of virgin stress: what is less counts as this much; the default tolerance then asks for 1e-8
+TRUNCATION_REMEDY = {True: "more grid.max_cells", False: "more grid.buffer_cells, or grid.refinement: adaptive,"}
+MIN_STRESS_SHARE = 1e-5  # Less of the virgin stress than this share counts as this share.
 
 
 def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[xr.Dataset, dict]:
@@ -62,11 +62,12 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
 
 
 def share_that_stays(model: Model, state: State, volume: np.ndarray) -> float:
-    """Stress over virgin stress, root mean squares over the rock of these volumes (particle,); LEAST_STAYS to 1."""
+    """Stress over virgin stress, root mean squares over the rock of these volumes (particle,); MIN_STRESS_SHARE to
+    1."""
     rock = model.particles.is_rock & (volume > 0.0)
     virgin = np.sum(model.insitu[rock] ** 2 * volume[rock, None])
     now = np.sum((model.insitu[rock] + state.stress[rock]) ** 2 * volume[rock, None])
-    return float(np.sqrt(np.clip(now / virgin, LEAST_STAYS**2, 1.0))) if virgin > 0.0 else 1.0
+    return float(np.sqrt(np.clip(now / virgin, MIN_STRESS_SHARE**2, 1.0))) if virgin > 0.0 else 1.0
 
 
 def mining_step(
@@ -262,7 +263,7 @@ def truncation(model: Model, state: State, volume: np.ndarray, stage: str) -> di
         "truncated": 1,
         "truncated_share": float(share),
         "truncated_volume": float(volume[coarse].sum() * model.scene.thickness),
-        "truncated_where": f"{where}; {REMEDY[adaptive]} would let it fail",
+        "truncated_where": f"{where}; {TRUNCATION_REMEDY[adaptive]} would let it fail",
     }
 
 

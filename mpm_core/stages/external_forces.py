@@ -9,13 +9,13 @@ from mpm_core.geometry.inside import contains
 from mpm_core.geometry.shapes import build_shape
 from mpm_core.kernels.nodal_operations import collect_to_parents, particle_loads
 from mpm_core.model.model import Model
-from mpm_core.model.occupancy import FULL
+from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.model.particles import part_means, shapes_of
 from mpm_core.scene.scene import FACES, Load, Scene
 from mpm_core.scene.virgin_stress import virgin_body_force, virgin_stress
 from mpm_core.stages.wall_pressure import wall_pressure
 
-ROUND_OFF = 1e-12  # of all forces since virgin rock: unbalanced force that is none
+MIN_UNBALANCED_SHARE = 1e-12  # Unbalanced force below this share of all forces since virgin rock is round-off.
 
 
 def external_force(model: Model, step: int) -> np.ndarray:
@@ -132,7 +132,7 @@ def _add_severed(
         np.maximum.at(highest, model.cell_nodes[there], inside[:, None])
         np.maximum.at(highest, node, of_cell[cell])
         tensor = tensor + highest[node][:, None, None] * np.eye(dimension)
-    modes, slopes, _ = part_means(np.full(len(cell), FULL), cell, model.particles.distorted, dimension)
+    modes, slopes, _ = part_means(np.full(len(cell), ALL_SAMPLES), cell, model.particles.distorted, dimension)
     shape, gradient = (values[np.arange(len(cell)), corner] for values in shapes_of(modes, slopes))
     size = grid.cell_size[cell]
     volume = size**dimension * model.particles.distorted.volumes(cell)
@@ -241,7 +241,7 @@ def measure(change: float, whole: float, tolerance: float) -> float:
     """What unbalanced forces of a stage are measured by, N: the load size of what it changes, however much has acted
     since virgin rock (whole); that, where nothing changes. Never so little that the tolerance is the whole's round-off.
     """
-    return max(change, ROUND_OFF * whole / tolerance) if change > ROUND_OFF * whole else whole
+    return max(change, MIN_UNBALANCED_SHARE * whole / tolerance) if change > MIN_UNBALANCED_SHARE * whole else whole
 
 
 def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) -> float:

@@ -9,6 +9,7 @@ import xarray as xr
 from common.errors import InputError
 from mpm_core.files.state_datasets import grid_dataset
 from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, contains, sample_mask
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.building import GridCount, build_grid
 from mpm_core.grid.distorted_cells import distorted_shapes, fullest_samples, part_integrals, points_with_volume
@@ -16,15 +17,15 @@ from mpm_core.grid.domain import Domain, base_cells
 from mpm_core.grid.edge_nodes import EdgeNodes, choose_edge_nodes
 from mpm_core.grid.octree import all_cells, children, morton_codes
 from mpm_core.grid.splitting import code_of
-from mpm_core.model.occupancy import FULL, SAMPLES, SLIVER, Places
+from mpm_core.model.occupancy import ALL_SAMPLES, MIN_SAMPLES_KEPT, Places
 from mpm_core.scene.scene_solids import bodies_at, read_solids
 from mpm_core.settings import GridCells, GridSlice
 from mpm_core.stages.stage_memory import require, stage_bytes
-from mpm_core.stages.under_resolved import NARROW, NEARLY_NONE, whole_shares
+from mpm_core.stages.under_resolved import MIN_WHOLE_CELL_SHARE, MIN_WHOLE_CELL_SHARE_ACCEPTED, whole_shares
 
-NOTHING = 1e-9  # of a solid's box: round-off
-NAMED = 5  # excavations in one message
-CELLS_AT_ONCE = 2048  # distorted cells whose points are looked at in one go: each takes some 50 kB
+BOX_ROUND_OFF = 1e-9  # Round-off of a solid's bounding box, as a share of its size.
+MAX_EXCAVATIONS_LISTED = 5  # Excavations that one message lists.
+CELLS_PER_CHUNK = 2048  # The points of distorted cells take some 50 kB each, and are held for this many cells.
 
 
 def domain_of(values: GridSlice) -> Domain:
@@ -67,7 +68,7 @@ def cut_pieces(
         near = np.concatenate([np.arange(start[block], end[block]) for block in blocks] or [np.empty(0, int)])
         near = near[((index[near] >= lower) & (index[near] <= upper)).all(axis=1)]
         kind = classify_cells(solid, domain.lower, fine, index[near])
-        samples = np.where(kind == INSIDE, FULL, np.uint64(0))
+        samples = np.where(kind == INSIDE, ALL_SAMPLES, np.uint64(0))
         crossed = (kind != INSIDE) & (kind != OUTSIDE)
         samples[crossed] = sample_mask(solid, domain.lower, fine, index[near][crossed])
         if len(bent_code):
@@ -76,8 +77,8 @@ def cut_pieces(
             bent = np.flatnonzero((bent_place[place] == index[near]).all(axis=1))
             samples[bent] = _samples_inside(solid, domain, index[near][bent], corners[place[bent]])
         if cells.cut_cells == "whole":
-            samples = np.where(np.bitwise_count(samples) >= SAMPLES // 2, FULL, np.uint64(0))
-        keep = np.bitwise_count(samples) >= SLIVER
+            samples = np.where(np.bitwise_count(samples) >= SAMPLES_PER_CELL // 2, ALL_SAMPLES, np.uint64(0))
+        keep = np.bitwise_count(samples) >= MIN_SAMPLES_KEPT
         parts.append(Places(index[near][keep], np.full(keep.sum(), number, np.int16), samples[keep]))
     return Places.all_of(parts, len(domain.lower))
 
@@ -88,8 +89,8 @@ def _samples_inside(solid: Solid | Outside, domain: Domain, index: np.ndarray, c
     One point a sample would meet walls along the sides of distorted cells all at once, or not at all.
     """
     samples = np.empty(len(index), np.uint64)
-    for first in range(0, len(index), CELLS_AT_ONCE):
-        chunk = slice(first, first + CELLS_AT_ONCE)
+    for first in range(0, len(index), CELLS_PER_CHUNK):
+        chunk = slice(first, first + CELLS_PER_CHUNK)
         places, volume = points_with_volume(corners[chunk])
         points = index[chunk, None, None, :] + places
         points = domain.lower + points.reshape(-1, index.shape[1]) * domain.cell(domain.levels - 1)
@@ -102,7 +103,7 @@ def miss(solid: Solid | Outside, cells: GridCells) -> None:
     """Raise InputError for an excavation that no cell has a part of; where all of it may be missed (volume_error) only
     warn. A surface that stands twice, once turned inward, encloses nothing."""
     where = f"excavations.{solid.name}: adds no volume"
-    if solid.volume <= NOTHING * np.prod(np.ptp(solid.bounds, axis=0)):
+    if solid.volume <= BOX_ROUND_OFF * np.prod(np.ptp(solid.bounds, axis=0)):
         raise InputError(
             f"{where}: its surface encloses nothing; where it stands twice, once turned inward, the two cancel: delete "
             "one of them, or leave it out"
@@ -151,11 +152,11 @@ def refuse_propped(names: list[str], share: np.ndarray, size: np.ndarray, cells:
     share (k,): of each one's volume in wholly mined cells, size (k,) m3. From a volume_error of 1 on anything goes.
     """
     for name, whole, volume in zip(names, share, size, strict=True):
-        if whole < NARROW and volume > 0.0:
+        if whole < MIN_WHOLE_CELL_SHARE and volume > 0.0:
             logging.warning(
                 "%s: narrow for cells of %s: %.0f %% of it fills whole ones", name, cells.told(), 100 * whole
             )
-    if size.sum() > 0.0 and share @ size < NEARLY_NONE * size.sum() and cells.volume_error < 1.0:
+    if size.sum() > 0.0 and share @ size < MIN_WHOLE_CELL_SHARE_ACCEPTED * size.sum() and cells.volume_error < 1.0:
         raise InputError(
             f"excavations: too narrow for cells of {cells.told()}: {100 * (share @ size) / size.sum():.0f} % of their "
             "volume fills whole ones, and the rock in the others would prop them; take cells of half their width or "
@@ -183,11 +184,14 @@ def cells_of_draft(values: GridSlice, solids: list[Solid | Outside], later: np.n
         )  # fmt: skip
         return whole_shares(pieces, domain.base_shape << domain.levels - 1, later)
 
-    lost = np.flatnonzero(shares(values) < NEARLY_NONE)
-    lost = lost[shares(kept)[lost] >= NEARLY_NONE] if len(lost) else lost
+    lost = np.flatnonzero(shares(values) < MIN_WHOLE_CELL_SHARE_ACCEPTED)
+    lost = lost[shares(kept)[lost] >= MIN_WHOLE_CELL_SHARE_ACCEPTED] if len(lost) else lost
     if not len(lost):
         return values, lost
-    names, more = ", ".join(solids[number].name for number in lost[:NAMED]), len(lost) - NAMED
+    names, more = (
+        ", ".join(solids[number].name for number in lost[:MAX_EXCAVATIONS_LISTED]),
+        len(lost) - MAX_EXCAVATIONS_LISTED,
+    )
     logging.warning(
         "accuracy: draft keeps cells of %s: hardly any cell of twice that size would lie wholly in %s%s",
         kept.grid.told(), names, f" and {more} more" if more > 0 else "",
@@ -198,7 +202,7 @@ def cells_of_draft(values: GridSlice, solids: list[Solid | Outside], later: np.n
 def volumes_of(pieces: Places, edge_nodes: EdgeNodes, domain: Domain) -> np.ndarray:
     """Volume of each part, in finest cells, (piece,)."""
     place, corners = distorted_shapes(edge_nodes.place, edge_nodes.shift)
-    volume, shape = np.bitwise_count(pieces.samples) / SAMPLES, domain.base_shape << domain.levels - 1
+    volume, shape = np.bitwise_count(pieces.samples) / SAMPLES_PER_CELL, domain.base_shape << domain.levels - 1
     if not len(place):
         return volume
     code, own = code_of(place, shape), code_of(pieces.place, shape)
@@ -289,7 +293,7 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
             "excavation_volume_grid": json.dumps([float(value) for value in on_grid]),
             "excavation_open_share": json.dumps([solid.open_share for solid in solids]),
             "excavation_whole_share": json.dumps([float(value) for value in share]),
-            "narrow_whole_share": NARROW,
+            "narrow_whole_share": MIN_WHOLE_CELL_SHARE,
             "draft_would_lose": json.dumps([names[number] for number in lost]),
             "rock_body_names": json.dumps([solid.name for solid in bodies]),
         }

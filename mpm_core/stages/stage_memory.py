@@ -12,16 +12,17 @@ from common.errors import InputError
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.scene.scene import Scene
 
-LARGEST = "multigrid"  # of the schemes measured: another one counts as this
-BASE = {"explicit": 0.35e9, "multigrid": 0.45e9}  # libraries and compiled kernels, bytes
-PER_CELL = {"explicit": 1160.0, "multigrid": 1640.0}
-PER_PARTICLE = 360.0
-ELASTIC_SAVES = {"explicit": 0.0, "multigrid": 700.0}  # per cell: nothing flows, no steps are remembered
-SMALLER = "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.particles_per_cell, or free some"
-FOLLOWS = 1.9
-"""times as much in a step whose cells follow the rock: while cells are split it has those before, too; and a cell that
-a wall cuts takes more than another, which tells where there is little else (drives of study openings)"""
-SHARE_2D = 0.6  # of the cells' part: fewer corners and components
+LARGEST_SCHEME = "multigrid"  # Schemes that were not measured count as this one, which takes the most memory.
+BASE_BYTES = {"explicit": 0.35e9, "multigrid": 0.45e9}  # Memory of libraries and compiled kernels.
+BYTES_PER_CELL = {"explicit": 1160.0, "multigrid": 1640.0}
+BYTES_PER_PARTICLE = 360.0
+# The elastic stage has no flow and keeps no differences.
+ELASTIC_BYTES_SAVED_PER_CELL = {"explicit": 0.0, "multigrid": 700.0}
+MEMORY_REMEDY = "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.particles_per_cell, or free some"
+REFINEMENT_MEMORY_FACTOR = 1.9
+"""Factor on the memory of a step with adaptive refinement. While cells are split it holds the cells before, too, and a
+cell that a wall cuts takes more memory than another."""
+CELL_SHARE_2D = 0.6  # Memory of a cell in 2-D over that in 3-D. A cell in 2-D has fewer corners and components.
 
 
 def stage_bytes(
@@ -29,10 +30,10 @@ def stage_bytes(
 ) -> float:
     """Peak memory of a stage of the mechanics, bytes; `elastic`: of the elastic history, not of a mining step;
     `follows`: of a step whose cells follow the rock."""
-    scheme = scheme if scheme in BASE else LARGEST
-    per_cell = PER_CELL[scheme] - (ELASTIC_SAVES[scheme] if elastic else 0.0)
-    size = cells * per_cell * (SHARE_2D if dimension == 2 else 1.0) + particles * PER_PARTICLE
-    return BASE[scheme] + size * (FOLLOWS if follows and not elastic else 1.0)
+    scheme = scheme if scheme in BASE_BYTES else LARGEST_SCHEME
+    per_cell = BYTES_PER_CELL[scheme] - (ELASTIC_BYTES_SAVED_PER_CELL[scheme] if elastic else 0.0)
+    size = cells * per_cell * (CELL_SHARE_2D if dimension == 2 else 1.0) + particles * BYTES_PER_PARTICLE
+    return BASE_BYTES[scheme] + size * (REFINEMENT_MEMORY_FACTOR if follows and not elastic else 1.0)
 
 
 def usable() -> float:
@@ -55,4 +56,4 @@ def require_cells(scene: Scene, grid: MultiLevelGrid, elastic: bool = False) -> 
     cells, follows = len(grid.cell_level), scene.refinement is not None
     particles = cells * scene.particles_per_cell
     needed = stage_bytes(scene.solver.scheme, grid.dimension, cells, particles, elastic, follows)
-    require(needed, f"{cells:,} cells", SMALLER)
+    require(needed, f"{cells:,} cells", MEMORY_REMEDY)

@@ -20,7 +20,7 @@ from mpm_core.model.model import Model
 from mpm_core.model.occupancy import Loose
 from mpm_core.model.state import ARRAYS, Extent, State
 
-NOWHERE = -1
+NO_SOURCE = -1  # Particle without a source among the old ones.
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ def carry_loose(old: Model, new_index: np.ndarray) -> Loose:
 
 
 def _sources(old: Model, new: Model, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The old particle (particle,) that each new one continues, the nearest of its cell and material, or NOWHERE; and
+    """The old particle (particle,) that each new one continues, the nearest of its cell and material, or NO_SOURCE; and
     whether it is the same (particle,) bool: of a cell with the same points."""
     groups = [model.particles.group_start for model in (old, new)]
     counts = [np.diff(start) for start in groups]
@@ -176,7 +176,7 @@ def _sources(old: Model, new: Model, origin: np.ndarray) -> tuple[np.ndarray, np
     bent = new.particles.distorted.rows(new_cell) >= 0
     whole &= bent == (old.particles.distorted.rows(origin[new_cell]) >= 0)
     same = there & whole & (counts[0][group] == counts[1])
-    source = np.full(new.particles.count, NOWHERE, np.int64)
+    source = np.full(new.particles.count, NO_SOURCE, np.int64)
     of_particle = np.repeat(np.arange(len(group)), counts[1])
     within = np.arange(new.particles.count) - groups[1][of_particle]
     as_before = same[of_particle]

@@ -15,7 +15,7 @@ from mpm_core.equilibrium.energy_balance import Balance, elastic_energy, hourgla
 from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
 from mpm_core.equilibrium.moving_scheme import MovingScheme
 from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
-from mpm_core.equilibrium.refinement import PATIENCE, RINGS, Refinement
+from mpm_core.equilibrium.refinement import MAX_WAITING_SHARE, RINGS_SPLIT_AT_ONCE, Refinement
 from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.files.state_datasets import read_grid, read_loose, read_state
 from mpm_core.grid.adjacency import face_neighbors
@@ -91,12 +91,12 @@ class StepCells:
             return np.empty((0, model.dimension), int), fresh
         patience = 0.0
         if loosely and not self.elsewhere:  # a split of a district costs little
-            patience = PATIENCE * np.count_nonzero(state.failed == self.step)
+            patience = MAX_WAITING_SHARE * np.count_nonzero(state.failed == self.step)
         return self.refinement.asked(model, state, brittle, fresh, len(self.model.cell_nodes), patience)
 
     def split(self, places: np.ndarray) -> tuple[Scheme, Brittle, Ramp] | None:
         """Split cells at places (k, d), at rest: what goes on from there; None where there would be too many."""
-        grid = split(self.model.grid, places, RINGS, 1)
+        grid = split(self.model.grid, places, RINGS_SPLIT_AT_ONCE, 1)
         most = self.ground.refinement.max_cells
         if (cells := len(grid.cell_level) + self.elsewhere) > most:
             logging.warning("%d cells would be more than grid.max_cells, %d: no more are split", cells, most)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mpm_core.equilibrium.cascade import asks_the_whole
-from mpm_core.equilibrium.refinement import RINGS, Refinement
+from mpm_core.equilibrium.refinement import RINGS_SPLIT_AT_ONCE, Refinement
 from mpm_core.equilibrium.scheme import SchemeInParts
 from mpm_core.equilibrium.surroundings import Cubes, Surroundings
 from mpm_core.grid.adjacency import holding_cells
@@ -31,15 +31,15 @@ from mpm_core.model.state import State, give_back, take
 from mpm_core.stages.state_transfer import Cells
 from mpm_core.stages.step_cells import StepCells, brittle_of, make_scheme
 
-WIDER = {2: 8, 3: 2}
-"""by dimension: times as far as a border must be from what is mined, as rock that fails makes the patch wider. Potency
-of a month of three stopes in 1.1 million cells, a third of them in the district, is 0.4 % less than in the whole; in
-plane strain, where less decays, one of a hole by 7, 4, 2 and 0 % with 2, 3, 4 and 8"""
-WAITING = 0.05  # of the rock that fails in the step: if more waits near the border, the whole goes on
-MOST = 0.5  # of the whole mine's cells: more are not worth it
-LEAST = 50_000  # cells of a mine that has districts
-CHANGED = 1e-9  # of the largest change of a node's force: less is none
-SMALLEST = 3  # halvings of a block, at least: eight finest cells
+BORDER_DISTANCE_FACTOR = {2: 8, 3: 2}
+"""By dimension, the distance of the border from what is mined, over the distance that a failed patch of that size
+needs. Rock that fails makes the patch wider."""
+# The step goes on in the whole mine if more than this share of the failing rock is near the border.
+MAX_NEAR_BORDER_SHARE = 0.05
+MAX_SUBDOMAIN_SHARE = 0.5  # Above this share of the mine's cells a subdomain saves nothing.
+MIN_MINE_CELLS = 50_000  # A mine of fewer cells has no subdomains.
+MIN_FORCE_CHANGE_SHARE = 1e-9  # A node's force is unchanged if its change is below this share of the largest change.
+MIN_BLOCK_HALVINGS = 3  # A block's edge is at least a finest cell's, doubled this many times.
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ def blocks_around(grid: MultiLevelGrid, changed: np.ndarray) -> Blocks:
     """Blocks with a border far enough from changed cells (k,), indices; they cut no cell of the grid."""
     cubes = Cubes(grid)
     places, _, patch, reach = cubes.patches(grid.cell_index[changed])
-    far = (WIDER[grid.dimension] * reach)[patch]
-    for halvings in range(min(max(SMALLEST, cubes.halvings), grid.levels - 1), grid.levels):
+    far = (BORDER_DISTANCE_FACTOR[grid.dimension] * reach)[patch]
+    for halvings in range(min(max(MIN_BLOCK_HALVINGS, cubes.halvings), grid.levels - 1), grid.levels):
         chosen = np.zeros(grid.shape >> halvings, bool)
         size = halvings - cubes.halvings
         for place, most in zip(places + cubes.lower, far, strict=True):
@@ -124,7 +124,7 @@ class District:
         model, state = self.cells.model, self.cells.scheme.body.state
         near = self.surroundings.reach_beyond(model.grid.cell_index[model.particles.cell[fresh]], self.blocks.margin)
         failed = np.count_nonzero(state.failed == self.cells.step) + len(fresh)
-        self.waits = self.cells.full or bool(np.count_nonzero(near) > WAITING * failed)
+        self.waits = self.cells.full or bool(np.count_nonzero(near) > MAX_NEAR_BORDER_SHARE * failed)
         return fresh[~near]
 
     def give_back(self) -> None:
@@ -133,7 +133,7 @@ class District:
         own.scheme.body.settle()
         own.scheme.drop_work_arrays()
         if own.places:
-            grid = split(whole.model.grid, np.concatenate(own.places), RINGS, 1)
+            grid = split(whole.model.grid, np.concatenate(own.places), RINGS_SPLIT_AT_ONCE, 1)
             whole.onto(grid, lambda model: ~self.blocks.hold(model.grid.cell_index))
         else:
             whole.renew()
@@ -167,16 +167,16 @@ def district_of(whole: StepCells) -> District | None:
     """
     model, scene = whole.model, whole.ground.scene
     in_parts = isinstance(whole.scheme, SchemeInParts) and not asks_the_whole(scene.solver)
-    if not in_parts or scene.loads or scene.strains or whole.step == 0 or len(model.cell_nodes) < LEAST:
+    if not in_parts or scene.loads or scene.strains or whole.step == 0 or len(model.cell_nodes) < MIN_MINE_CELLS:
         return None
     change = np.abs(whole.ramp.target - whole.ramp.start).max(axis=1)
-    nodes = change > CHANGED * change.max(initial=0.0)
+    nodes = change > MIN_FORCE_CHANGE_SHARE * change.max(initial=0.0)
     if not nodes.any():
         return None
     changed = np.flatnonzero(nodes[model.cell_nodes].any(axis=1))
     blocks = blocks_around(model.grid, changed)
     share = np.count_nonzero(blocks.hold(model.grid.cell_index)) / len(model.cell_nodes)
-    if share > MOST:
+    if share > MAX_SUBDOMAIN_SHARE:
         return None
     cells = len(model.cell_nodes)
     logging.info("the step begins in the district that it changes: %.0f %% of %d cells", 100 * share, cells)

@@ -8,10 +8,13 @@ opening's volume in cells that are mined wholly shows it; study openings has wha
 import numpy as np
 
 from mpm_core.grid.splitting import code_of
-from mpm_core.model.occupancy import FULL, Places
+from mpm_core.model.occupancy import ALL_SAMPLES, Places
 
-NARROW = 0.3  # of an opening's volume in whole cells: below it far too little rock fails around it (study openings)
-NEARLY_NONE = 0.05  # of all openings, or of one: where rock would break is then decided by props that are not there
+# An opening is under-resolved if a smaller share of its volume is in whole cells. Too little rock then fails around it.
+MIN_WHOLE_CELL_SHARE = 0.3
+# A scene is refused if a smaller share of the volume of all openings, or of one, is in whole cells. Rock in partly
+# mined cells then decides where the other rock breaks.
+MIN_WHOLE_CELL_SHARE_ACCEPTED = 0.05
 
 
 def whole_shares(parts: Places, shape: np.ndarray, later: np.ndarray) -> np.ndarray:
@@ -29,7 +32,7 @@ def whole_shares(parts: Places, shape: np.ndarray, later: np.ndarray) -> np.ndar
         first = np.flatnonzero(np.diff(code[order], prepend=-1))
         if not len(own):
             continue
-        whole = code[order][first[np.bitwise_or.reduceat(parts.samples[order], first) == FULL]]
+        whole = code[order][first[np.bitwise_or.reduceat(parts.samples[order], first) == ALL_SAMPLES]]
         size, in_whole = (
             np.bincount(parts.excavation[own], value, minlength=len(later))
             for value in (mined[own], mined[own] * np.isin(code[own], whole))

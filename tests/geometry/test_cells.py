@@ -152,8 +152,8 @@ def test_masks_are_contains_at_the_sample_points_by_sum_and_by_tree(monkeypatch)
     np.testing.assert_array_equal(bits.ravel().astype(bool), contains(ball, points))
     few = build_shape({"name": "c", "shape": "cylinder", "start": [1, 1, 1], "end": [5, 5, 5], "radius": 1}, 3)
     by_sum = sample_mask(few, ORIGIN, 1.0, index)
-    monkeypatch.setattr(inside_module, "EXACT_FACETS", 1)
-    monkeypatch.setattr(inside_module, "TREE_POINTS", 64 * 7)
+    monkeypatch.setattr(inside_module, "MAX_EXACT_FACETS", 1)
+    monkeypatch.setattr(inside_module, "MAX_TREE_POINTS", 64 * 7)
     np.testing.assert_array_equal(sample_mask(few, ORIGIN, 1.0, index), by_sum)
 
 
@@ -181,7 +181,7 @@ def test_summing_only_near_facets_changes_no_bit(monkeypatch, inverted):
     monkeypatch.setattr(inside_module, "sample_cells_nearby", spy)
     mask = sample_mask(solid, ORIGIN, 1.0, index)
     assert settled[0] > 0.99
-    monkeypatch.setattr(inside_module, "EXACT_FACETS", len(solid.facets))
+    monkeypatch.setattr(inside_module, "MAX_EXACT_FACETS", len(solid.facets))
     np.testing.assert_array_equal(sample_mask(solid, ORIGIN, 1.0, index), mask)
 
 
@@ -193,14 +193,14 @@ def test_reference_sample_on_the_surface_spoils_no_other(monkeypatch):
     mask = sample_mask(solid, ORIGIN, 1.0, index)
     in_plane = np.flatnonzero(points[0] == points[0, 21]).astype(np.uint64)
     clear = ~np.bitwise_or.reduce(np.uint64(1) << in_plane)
-    monkeypatch.setattr(inside_module, "EXACT_FACETS", len(solid.facets))
+    monkeypatch.setattr(inside_module, "MAX_EXACT_FACETS", len(solid.facets))
     np.testing.assert_array_equal(sample_mask(solid, ORIGIN, 1.0, index) & clear, mask & clear)
 
 
 def test_sample_points_are_their_own_image_in_mirrors_and_exchanges_of_axes():
     """One in each sub-cell; along each axis at 32 (3-D: 16) evenly spaced places, as many at each."""
     for dimension, per_edge in ((2, 8), (3, 4)):
-        nudge = np.where(sampling.sample_points(dimension) > 0.5, 1, -1) * sampling.NUDGE[:dimension, None]
+        nudge = np.where(sampling.sample_points(dimension) > 0.5, 1, -1) * sampling.SAMPLE_OFFSET[:dimension, None]
         points = sampling.sample_points(dimension) - nudge
         places = {2: 32, 3: 16}[dimension]
         for axis in points:
@@ -238,7 +238,7 @@ def test_mirrored_solids_have_mirrored_cells(specification, middle, exact, monke
     dimension = 2 if specification["shape"] in ("circle", "polygon") else 3
     solid = build_shape({"name": "s", **specification}, dimension)
     if not exact:
-        monkeypatch.setattr(inside_module, "EXACT_FACETS", 0)
+        monkeypatch.setattr(inside_module, "MAX_EXACT_FACETS", 0)
     count = int(2 * middle)
     index, origin = cells(*[count] * dimension), np.zeros(dimension)
 

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from mpm_core.grid import build_grid, nodes
-from mpm_core.grid.mesh import CORNERS
+from mpm_core.grid.mesh import CORNER_OFFSETS
 
 
 class Boxes:
@@ -54,7 +54,7 @@ def build(scene):
 @contextmanager
 def small_blocks(width: int = 4):
     """Blocks of a few cells and a hash table that must grow, so that small grids use both."""
-    with mock.patch.dict(nodes.BLOCK_WIDTH, {2: width, 3: width}), mock.patch.object(nodes, "FIRST_SLOTS", 4):
+    with mock.patch.dict(nodes.BLOCK_WIDTH, {2: width, 3: width}), mock.patch.object(nodes, "INITIAL_SLOTS", 4):
         yield
 
 
@@ -128,7 +128,7 @@ def slow_parents(grid) -> dict[int, set[int]]:
 def interpolate(grid, cell: int, place: np.ndarray, node_value: np.ndarray) -> float:
     """Multilinear interpolation of node values (node,) at a place (d,), fine units, as that cell sees it."""
     local = (place - grid.cell_index[cell]) / grid.cell_width[cell]
-    weights = np.prod(np.where(CORNERS[grid.dimension] == 1, local, 1 - local), axis=1)
+    weights = np.prod(np.where(CORNER_OFFSETS[grid.dimension] == 1, local, 1 - local), axis=1)
     return float(weights @ node_value[grid.vtk_nodes[cell]])
 
 

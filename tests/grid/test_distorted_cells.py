@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import (
-    SAMPLES,
     corner_offsets,
     fullest_samples,
     part_integrals,
@@ -32,7 +32,7 @@ def bent(dimension, seed, most=0.25):
 def test_a_cube_has_the_means_of_its_samples(dimension, samples):
     found = part_integrals(corner_offsets(dimension)[None].astype(float), np.array([samples]))
     modes = mean_modes(np.array([samples]), dimension)
-    assert found.volume[0] == pytest.approx(np.bitwise_count(samples) / SAMPLES)
+    assert found.volume[0] == pytest.approx(np.bitwise_count(samples) / SAMPLES_PER_CELL)
     np.testing.assert_allclose(found.modes, modes, atol=1e-14)
     np.testing.assert_allclose(found.place, centroids(modes), atol=1e-13)
     np.testing.assert_allclose(found.gradients, shapes_of(modes, slopes_of(modes))[1], atol=1e-14)
@@ -78,11 +78,11 @@ def test_cells_around_a_moved_node_balance_there(dimension):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_points_lie_in_their_sub_cells_and_are_their_own_mirror_image(dimension):
-    points, per_edge = points_of_samples(dimension), round(SAMPLES ** (1 / dimension))
+    points, per_edge = points_of_samples(dimension), round(SAMPLES_PER_CELL ** (1 / dimension))
     middles = sub_cell_middles(dimension)[:, None, :]
     assert (np.abs(points - middles) <= 0.5 / per_edge).all()
     known = {tuple(p) for p in np.round(points.reshape(-1, dimension), 9).tolist()}
-    assert len(known) == SAMPLES << dimension
+    assert len(known) == SAMPLES_PER_CELL << dimension
     for axis in range(dimension):
         mirrored = points.reshape(-1, dimension).copy()
         mirrored[:, axis] = 1.0 - mirrored[:, axis]
@@ -103,9 +103,9 @@ def test_the_smallest_element_of_a_cube_is_one_and_of_a_turned_cell_negative(dim
 def test_fullest_samples_have_the_volume_filled_and_are_mirrored_with_it(dimension, seed):
     """Half a sample's volume, as no two are filled alike."""
     random = np.random.default_rng(seed)
-    volume = random.uniform(0.5, 1.5, (1, SAMPLES)) / SAMPLES
-    filled = volume * random.uniform(0.0, 1.0, (1, SAMPLES))
-    per_edge = round(SAMPLES ** (1 / dimension))
+    volume = random.uniform(0.5, 1.5, (1, SAMPLES_PER_CELL)) / SAMPLES_PER_CELL
+    filled = volume * random.uniform(0.0, 1.0, (1, SAMPLES_PER_CELL))
+    per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
     held = [fullest_samples(filled, volume, dimension)]
     for axis in range(dimension):
         shape = (per_edge,) * dimension
@@ -120,9 +120,9 @@ def test_fullest_samples_have_the_volume_filled_and_are_mirrored_with_it(dimensi
 
 def test_mirror_images_within_a_cell_are_taken_together():
     """A layer of 16 samples, a little fuller near the middle: its middle four come or stay away as one."""
-    volume = np.full((1, SAMPLES), 1.0 / SAMPLES)
+    volume = np.full((1, SAMPLES_PER_CELL), 1.0 / SAMPLES_PER_CELL)
     layer = np.zeros((4, 4, 4))
     for taken in (0.3, 0.7):
         layer[0, 1:3, 1:3] = taken
-        held = fullest_samples(layer.reshape(1, -1) / SAMPLES, volume, 3)[0]
+        held = fullest_samples(layer.reshape(1, -1) / SAMPLES_PER_CELL, volume, 3)[0]
         assert np.bitwise_count(held) == (4 if taken > 0.5 else 0)

@@ -5,8 +5,8 @@ import pytest
 from slow_grid import Boxes
 
 from common.errors import InputError
-from mpm_core.grid import CORNERS, build_grid, building, estimate_memory
-from mpm_core.grid.mesh import EDGES, FACES
+from mpm_core.grid import CORNER_OFFSETS, build_grid, building, estimate_memory
+from mpm_core.grid.mesh import EDGE_CORNERS, FACE_CORNERS
 
 ORIGIN = np.array([100.0, -40.0, 12.5])
 
@@ -52,16 +52,16 @@ def test_a_face_that_does_not_exist_is_refused(grid, axis, side):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_corner_edge_and_face_numbering_fit_together(dimension):
     """VTK: the bottom quadrilateral runs counter-clockwise seen from above, the top repeats it."""
-    corners = CORNERS[dimension]
+    corners = CORNER_OFFSETS[dimension]
     x, y = corners[:4, 0], corners[:4, 1]
     assert np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2 == 1
     if dimension == 3:
         assert (corners[4:] == corners[:4] + np.array([0, 0, 1])).all()
-    along = corners[EDGES[dimension][:, 1]] - corners[EDGES[dimension][:, 0]]
+    along = corners[EDGE_CORNERS[dimension][:, 1]] - corners[EDGE_CORNERS[dimension][:, 0]]
     assert (along.sum(axis=1) == 1).all()
     assert (along >= 0).all()
-    assert len({tuple(edge) for edge in EDGES[dimension]}) == dimension * 2 ** (dimension - 1)
-    across = [np.ptp(corners[face], axis=0).tolist().count(0) for face in FACES[dimension]]
+    assert len({tuple(edge) for edge in EDGE_CORNERS[dimension]}) == dimension * 2 ** (dimension - 1)
+    across = [np.ptp(corners[face], axis=0).tolist().count(0) for face in FACE_CORNERS[dimension]]
     assert across == [1] * (6 if dimension == 3 else 0)
 
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from slow_grid import build, constrain, interpolate, overlap, scenes, slow_parents, small_blocks
 
-from mpm_core.grid import CORNERS, number_nodes
+from mpm_core.grid import CORNER_OFFSETS, number_nodes
 
 BLOCKS = st.sampled_from([1, 2, 8])
 """width of the blocks that share a table, fine units: several blocks even in a small scene"""
@@ -18,7 +18,7 @@ BLOCKS = st.sampled_from([1, 2, 8])
 def test_every_corner_has_one_node_numbered_by_first_touch(scene, block):
     with small_blocks(block):
         grid = build(scene)
-    corners = grid.cell_index[:, None] + CORNERS[grid.dimension] * grid.cell_width[:, None, None]
+    corners = grid.cell_index[:, None] + CORNER_OFFSETS[grid.dimension] * grid.cell_width[:, None, None]
     assert (grid.node_index[grid.vtk_nodes] == corners).all()
     assert len(grid.node_index) == len(np.unique(corners.reshape(-1, grid.dimension), axis=0))
     _, first = np.unique(grid.vtk_nodes, return_index=True)

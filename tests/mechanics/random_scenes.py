@@ -15,7 +15,7 @@ import numpy as np
 
 from common.errors import InputError
 from mpm_core.scene.scene import FACES, Scene
-from mpm_core.stages.equilibrium_stages import LEAST_STAYS, elastic_stage, mining_step
+from mpm_core.stages.equilibrium_stages import MIN_STRESS_SHARE, elastic_stage, mining_step
 from tests.mechanics.scenes import COULOMB, HOST, ball, box, excavation, grid_around, make_dataset, make_scene, uniform
 
 CONDITIONS = ("fixed", "roller", "traction", "free")
@@ -157,7 +157,7 @@ def outcome(seed: int, folder: Path) -> tuple[str, str]:
 
 def elastic_difference(seed: int, folder: Path) -> float | None:
     """Largest difference in stress between this scene's elastic stage by its own scheme at the default tolerance and by
-    the other at 1e-9, share of the largest stress, or of LEAST_STAYS of the virgin one; None if it is refused."""
+    the other at 1e-9, share of the largest stress, or of MIN_STRESS_SHARE of the virgin one; None if it is refused."""
     made = replace(make(seed), steps=0)
     other = {"explicit": "multigrid", "multigrid": "explicit"}[made.keywords["solver"]["scheme"]]
     try:
@@ -167,7 +167,7 @@ def elastic_difference(seed: int, folder: Path) -> float | None:
     present = one.volume.values > 0.0
     gap = np.abs(one.stress.values - two.stress.values)[present].max()
     virgin = made.scene(0).insitu.at(np.linspace(0.0, SIZE, 2))
-    return float(gap / max(np.abs(two.stress.values).max(), LEAST_STAYS * np.abs(virgin).max()))
+    return float(gap / max(np.abs(two.stress.values).max(), MIN_STRESS_SHARE * np.abs(virgin).max()))
 
 
 def main() -> None:

@@ -5,10 +5,11 @@ import numpy as np
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
 from mpm_core.files.state_datasets import grid_dataset
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid import MultiLevelGrid, build_grid
 from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.model.model import Model, build_model
-from mpm_core.model.occupancy import SAMPLES, Pieces, Places
+from mpm_core.model.occupancy import Pieces, Places
 from mpm_core.model.particles import point_table
 from mpm_core.scene.scene import FACES, Scene, parse_scene
 from mpm_core.stages.external_forces import external_force
@@ -120,10 +121,10 @@ def grid_around(shapes, base_shape, levels: int, coarse: float, origin=None, rin
 
 def pieces_of(grid: MultiLevelGrid, shapes) -> Pieces:
     """Share of every finest cell in each shape, by 64 samples at sub-cell centres, bits with the first axis fastest."""
-    table = point_table(round(SAMPLES ** (1 / grid.dimension)), grid.dimension)
+    table = point_table(round(SAMPLES_PER_CELL ** (1 / grid.dimension)), grid.dimension)
     finest = np.flatnonzero(grid.cell_level == grid.levels - 1)
     points = grid.cell_center[finest][:, None, :] + 0.5 * grid.fine_cell * table
-    bit = np.uint64(1) << np.arange(SAMPLES, dtype=np.uint64)
+    bit = np.uint64(1) << np.arange(SAMPLES_PER_CELL, dtype=np.uint64)
     cells, numbers, samples = [], [], []
     for number, shape in enumerate(shapes):
         bits = (shape(points) * bit).sum(axis=1, dtype=np.uint64)

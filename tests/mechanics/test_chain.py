@@ -20,8 +20,9 @@ from mechanics.scenes import (
     uniform,
 )
 from mpm_core.equilibrium.cascade import run_cascade
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import DistortedCells
-from mpm_core.model.occupancy import FULL, ROCK, SAMPLES, SLIVER, Loose, Pieces, changes_of
+from mpm_core.model.occupancy import ALL_SAMPLES, MIN_SAMPLES_KEPT, ROCK_OWNER, Loose, Pieces, changes_of
 from mpm_core.model.particles import seed, volumes
 from mpm_core.stages import equilibrium_stages
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
@@ -162,15 +163,15 @@ def test_a_step_restarts_from_a_file_to_the_bit(tmp_path):
 def slow_occupancy(parts, mined, filled, last):
     """What holds each sample of each of 6 cells after each step, by the rule, one sample at a time: -1 rock, -2 void,
     else the excavation whose fill it is. parts: (cell, excavation, set of samples)."""
-    held = {cell: [-1] * SAMPLES for cell in range(6)}
+    held = {cell: [-1] * SAMPLES_PER_CELL for cell in range(6)}
     after = []
 
     def take(cell, wanted, owner, new):
-        have = [i for i in range(SAMPLES) if held[cell][i] == owner]
+        have = [i for i in range(SAMPLES_PER_CELL) if held[cell][i] == owner]
         gone = [i for i in have if i in wanted]
-        if len(gone) < SLIVER:
+        if len(gone) < MIN_SAMPLES_KEPT:
             return
-        for i in have if len(have) - len(gone) < SLIVER else gone:
+        for i in have if len(have) - len(gone) < MIN_SAMPLES_KEPT else gone:
             held[cell][i] = new
 
     for step in range(last + 1):
@@ -201,7 +202,7 @@ def test_samples_change_hands_as_rock_is_mined_and_filled_and_fill_is_mined(seed
     for number in range(5):
         for cell in random.choice(6, 4, replace=False):
             some = random.choice([2, 3, 20, 62, 63, 64])
-            sets.append((int(cell), number, set(random.choice(SAMPLES, some, replace=False).tolist())))
+            sets.append((int(cell), number, set(random.choice(SAMPLES_PER_CELL, some, replace=False).tolist())))
     cell, number, bits = zip(*((c, n, sum(1 << i for i in samples)) for c, n, samples in sets), strict=True)
     raw = Pieces(np.array(cell, np.int32), np.array(number, np.int16), np.array(bits, np.uint64))
     twin = slow_occupancy(sets, mined, filled, 3)
@@ -218,7 +219,9 @@ def test_samples_change_hands_as_rock_is_mined_and_filled_and_fill_is_mined(seed
             volume = volumes(particles, changes, step)
             found = np.zeros((6, 6))
             np.add.at(found, (particles.cell, particles.excavation), volume)
-            expected = [[twin[step][cell].count(owner) / SAMPLES for owner in (0, 1, 2, 3, 4, -1)] for cell in range(6)]
+            expected = [
+                [twin[step][cell].count(owner) / SAMPLES_PER_CELL for owner in (0, 1, 2, 3, 4, -1)] for cell in range(6)
+            ]
             np.testing.assert_allclose(found, expected, rtol=1e-12)
             if previous is not None and step < last:
                 assert np.array_equal(volume[: previous.count], volumes(previous, changes_before, step))
@@ -236,12 +239,12 @@ def test_the_earliest_step_mines_an_overlap():
     for mined, counts in (((0, 1), [48, 16]), ((1, 0), [48, 16]), ((0, 0), [64])):
         entries = [excavation(m, name=f"e{i}") for i, m in enumerate(mined)]
         changes = changes_of(raw, make_scene("xz", excavations=entries, steps=2).excavations, Loose.none())
-        assert (changes.owner == ROCK).all()
+        assert (changes.owner == ROCK_OWNER).all()
         by_step = np.bincount(changes.step, np.bitwise_count(changes.samples))
         assert by_step.tolist() == counts
     model = make_model(make_scene("xz", excavations=[excavation(), excavation(name="b")]), grid, shapes)
     assert (model.volumes(0) == 0.0).all()
-    assert FULL == np.bitwise_xor.reduce(model.changes.samples)
+    assert ALL_SAMPLES == np.bitwise_xor.reduce(model.changes.samples)
 
 
 def test_a_step_starts_from_the_rest_of_the_step_before(tmp_path, monkeypatch):

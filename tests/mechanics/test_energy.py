@@ -139,7 +139,7 @@ def test_a_relaxation_that_is_settled_on_its_way_counts_what_its_forces_do(strai
     """Long relaxations by time steps count flow anew before they are at rest. What is unbalanced there does work, too:
     without it 2 to 20 % of the balance were open."""
     options = ROCK | {"scheme": "explicit", "strain": strain}
-    monkeypatch.setattr(explicit_scheme, "FLOW_FROM", 40)
+    monkeypatch.setattr(explicit_scheme, "ITERATIONS_PER_FLOW_COUNT", 40)
     facts = facts_of(tmp_path, **options)
     assert facts["iterations"] > 10 * 40
     assert facts["energy_left_share"] < CLOSED

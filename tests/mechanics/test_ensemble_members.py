@@ -24,7 +24,7 @@ from mechanics.scenes import (
 )
 from mpm_core.constitutive.laws.coulomb import overstress
 from mpm_core.equilibrium.brittle import above_strength, find_brittle, new_failures, weakest
-from mpm_core.equilibrium.perturbation import LARGEST_OVERSTRESS, borne_overstress, delays
+from mpm_core.equilibrium.perturbation import MAX_STRENGTH_PERTURBATION, borne_overstress, delays
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels import block_scatter
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
@@ -57,8 +57,8 @@ def test_numbers_are_one_sided_bounded_and_of_the_place_alone(cut_cells):
         names = np.array(list(scene.materials))[model.particles.material]
         for name, cohesion in (("host", 2e6), ("weak", 1e6)):
             share = first[model.particles.is_rock & (names == name)] / cohesion
-            assert ((share >= 0.0) & (share < LARGEST_OVERSTRESS)).all()
-            assert share.mean() == pytest.approx(0.5 * LARGEST_OVERSTRESS, rel=0.15)
+            assert ((share >= 0.0) & (share < MAX_STRENGTH_PERTURBATION)).all()
+            assert share.mean() == pytest.approx(0.5 * MAX_STRENGTH_PERTURBATION, rel=0.15)
         assert (first[(names == "stiff") | (names == "fill")] == 0.0).all()
         assert (first != second).any()
         found.append((first[model.particles.is_rock], second[model.particles.is_rock], model.particles.count))
@@ -193,4 +193,4 @@ def test_a_slice_without_the_key_is_the_mines_own_run():
 
 def test_the_method_page_states_the_largest_overstress():
     page = (ROOT / "docs/explanation/failure-and-increments.md").read_text(encoding="utf-8")
-    assert f"bears up to {100 * LARGEST_OVERSTRESS:g} % of its cohesion more" in " ".join(page.split())
+    assert f"bears up to {100 * MAX_STRENGTH_PERTURBATION:g} % of its cohesion more" in " ".join(page.split())

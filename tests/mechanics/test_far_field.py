@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from mpm_core.grid.domain import base_cells, marks_memory
 from mpm_core.scene.far_field import (
-    LARGEST_MARKS,
+    MAX_BOUNDARY_ERROR,
+    MAX_MARKS_BYTES,
     MEMORY,
-    MOST_ERROR,
     STRENGTH,
     Opening,
     bounds,
@@ -119,15 +119,17 @@ def test_the_distance_of_a_hole_and_a_sphere():
     """26.5 and 7.6 radii in rock of Poisson's ratio 0.25; a sphere has the volume of a sphere."""
     sides = np.full(3, 2.0)
     sphere = Opening(-sides / 2, sides / 2, sides, 4 / 3 * np.pi, np.stack([-sides / 2, sides / 2])[None])
-    assert reach_of([sphere], [0.25], ["fixed"]).distance(MOST_ERROR) == pytest.approx(7.57, abs=0.01)
+    assert reach_of([sphere], [0.25], ["fixed"]).distance(MAX_BOUNDARY_ERROR) == pytest.approx(7.57, abs=0.01)
     hole = Opening(-sides[:2] / 2, sides[:2] / 2, sides[:2], np.pi, np.stack([-sides[:2] / 2, sides[:2] / 2])[None])
-    assert reach_of([hole], [0.25], ["fixed"]).distance(MOST_ERROR) == pytest.approx(np.sqrt(3.5 / 0.005), rel=1e-6)
+    assert reach_of([hole], [0.25], ["fixed"]).distance(MAX_BOUNDARY_ERROR) == pytest.approx(
+        np.sqrt(3.5 / 0.005), rel=1e-6
+    )
 
 
 def test_a_long_tunnel_is_no_cavern():
     """A kilometre of a 5 m tunnel needs no more than a hole in plane strain does, not a cavern of 500 m."""
     tunnel = box([0, 0, 0], [1000, 5, 5])
-    distance = reach_of([tunnel], [0.25], ["fixed"]).distance(MOST_ERROR)
+    distance = reach_of([tunnel], [0.25], ["fixed"]).distance(MAX_BOUNDARY_ERROR)
     assert distance == pytest.approx(np.sqrt(4 / 0.005 * 3.5 / 4) * 5 / np.sqrt(np.pi), rel=1e-6)
     found = derive_domain([tunnel], 1.25, [0.25])
     assert (found.upper - found.lower)[1:].max() < 250.0
@@ -153,8 +155,8 @@ def test_a_domain_too_large_for_its_split_marks_ends_where_they_do_and_says_so()
     found = derive_domain([box([0, 0, 0], [2000, 2000, 800])], 1.0, [0.25])
     shape = base_cells(found.lower, found.upper, found.coarse_cell)
     assert found.limited == MEMORY
-    assert found.error > MOST_ERROR
-    assert marks_memory(shape, found.levels) > 0.3 * LARGEST_MARKS or found.distance <= 1.0
+    assert found.error > MAX_BOUNDARY_ERROR
+    assert marks_memory(shape, found.levels) > 0.3 * MAX_MARKS_BYTES or found.distance <= 1.0
 
 
 def test_ground_ends_the_domain():
@@ -163,7 +165,7 @@ def test_ground_ends_the_domain():
     deep, shallow = (derive_domain(opening, 1.0, [0.25], ground=ground) for ground in (1000.0, -10.5))
     assert deep.upper[2] < 1000.0
     assert shallow.upper[2] == -10.5
-    assert shallow.distance >= reach_of(opening, [0.25], ["fixed"]).distance(MOST_ERROR) - 10.0 - 1e-6
+    assert shallow.distance >= reach_of(opening, [0.25], ["fixed"]).distance(MAX_BOUNDARY_ERROR) - 10.0 - 1e-6
     base_cells(shallow.lower, shallow.upper, shallow.coarse_cell)
 
 
@@ -195,10 +197,12 @@ def test_a_derived_domain_is_whole_base_cells_around_all_openings(openings, fine
     assert levels or shape.min() < 8 or found.levels == MAX_LEVELS
     lower, upper = bounds(openings)
     assert min((lower - found.lower).min(), (found.upper - upper).min()) >= found.distance - 1e-6
-    needed = reach_of(openings, [nu], ["fixed"]).distance(MOST_ERROR) - 0.5 * min(one.sides.min() for one in openings)
+    needed = reach_of(openings, [nu], ["fixed"]).distance(MAX_BOUNDARY_ERROR) - 0.5 * min(
+        one.sides.min() for one in openings
+    )
     if not found.limited:
         assert found.distance >= min(needed, 1e9) - 1e-6 * finest
-        assert found.error <= MOST_ERROR
+        assert found.error <= MAX_BOUNDARY_ERROR
     assert (np.abs(0.5 * (found.lower + found.upper) - 0.5 * (lower + upper)) <= finest).all()
 
     shift = np.array([1e6, -2e6, 3e6][: len(lower)])
@@ -238,7 +242,7 @@ def test_a_domain_stays_between_the_elevations_where_rock_bears_its_stress(openi
     sound = (heights[0], np.inf) if is_ground else heights
     found = derive_domain(openings, finest, [0.25], **ground, sound=sound)
     base_cells(found.lower, found.upper, found.coarse_cell)
-    assert found.error <= MOST_ERROR or found.limited
+    assert found.error <= MAX_BOUNDARY_ERROR or found.limited
     if heights[1] - heights[0] > 2 * finest:
         assert heights[0] - 1e-9 <= found.lower[2]
         assert found.upper[2] <= heights[1] + 1e-9

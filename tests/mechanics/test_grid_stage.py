@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from common.errors import InputError
 from mechanics.scenes import ball, excavation, grid_around, make_dataset, make_scene
 from mpm_core.files.state_datasets import grid_dataset, read_edge_nodes, read_grid, read_pieces
-from mpm_core.model.occupancy import FULL
+from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.stages import stage_memory
 from mpm_core.stages.equilibrium_stages import elastic_stage
 from mpm_core.stages.grid_stage import make_grid
@@ -91,7 +91,7 @@ def test_volume_of_a_box_is_kept_where_cells_are_distorted(plane, offset, edge):
 def test_whole_cells_are_in_or_out():
     """By the half of a cell: 3/4 along two axes (36/64) is in, 3/4 along all three (27/64) is out, so is 1/4."""
     dataset = make_grid(grid_slice(block([5.0] * 3, [13.0, 12.0, 12.0]), cut_cells="whole"), {})
-    assert (dataset.piece_samples.values == FULL).all()
+    assert (dataset.piece_samples.values == ALL_SAMPLES).all()
     both = (4.0, 8.0)
     expected = {(x, y, z) for x in both for y in both for z in both} - {(4.0, 4.0, 4.0)}
     assert places_of_pieces(dataset) == expected

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from mechanics.scenes import FILL, HOST, box, excavation, grid_around, make_dataset, make_model, make_scene, uniform
 from mpm_core.equilibrium.body import Body, own_stiffening
-from mpm_core.model.occupancy import FULL, SAMPLES
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.model.particles import centroids, mean_modes, mode_table, point_table, shapes_of, slopes_of
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from mpm_core.stages.external_forces import external_force
@@ -19,9 +20,9 @@ SAMPLE_SETS = st.integers(1, 2**64 - 1)
 
 def mirrored(samples: int, axis: int, dimension: int) -> int:
     """The samples of a cell mirrored across its middle along an axis."""
-    per_edge = round(SAMPLES ** (1 / dimension))
+    per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
     result = 0
-    for bit in range(SAMPLES):
+    for bit in range(SAMPLES_PER_CELL):
         place = bit // per_edge**axis % per_edge
         other = bit + (per_edge - 1 - 2 * place) * per_edge**axis
         result |= (samples >> bit & 1) << other
@@ -40,7 +41,7 @@ def test_means_of_a_mirrored_set_are_mirrored(samples, dimension, axis):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_all_samples_stand_for_the_centre(dimension):
-    modes = mean_modes(np.array([FULL]), dimension)
+    modes = mean_modes(np.array([ALL_SAMPLES]), dimension)
     np.testing.assert_array_equal(modes, mode_table(np.zeros((1, dimension))))
     assert own_stiffening(modes, slopes_of(modes), np.array([0.3])) == pytest.approx(1.3)
 
@@ -48,8 +49,8 @@ def test_all_samples_stand_for_the_centre(dimension):
 @given(SAMPLE_SETS, st.sampled_from([2, 3]))
 def test_shape_functions_are_means_that_add_up_to_one(samples, dimension):
     """Beside a plain sum over the samples; a linear field has its value at the centroid, and its gradient."""
-    points = point_table(round(SAMPLES ** (1 / dimension)), dimension)
-    points = points[[bit for bit in range(SAMPLES) if samples >> bit & 1]]
+    points = point_table(round(SAMPLES_PER_CELL ** (1 / dimension)), dimension)
+    points = points[[bit for bit in range(SAMPLES_PER_CELL) if samples >> bit & 1]]
     modes = mean_modes(np.array([samples], np.uint64), dimension)
     shape, slope = shapes_of(modes, slopes_of(modes))
     corners = np.array([[1 if c >> k & 1 else -1 for k in range(dimension)] for c in range(1 << dimension)])

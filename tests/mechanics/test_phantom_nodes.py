@@ -20,8 +20,9 @@ from mechanics.scenes import (
 )
 from mpm_core.equilibrium.body import Body
 from mpm_core.files.state_datasets import read_grid
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.model import phantom_nodes
-from mpm_core.model.occupancy import FULL, SAMPLES
+from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.model.phantom_nodes import Parting
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from mpm_core.stages.external_forces import external_force
@@ -60,19 +61,19 @@ def grid_of(shapes, dimension=2):
 def test_groups_are_those_of_an_image_of_the_samples(kinds, seed, dimension):
     """Beside labels of the whole image: here cells are one piece each, there each cell's samples are filled to one."""
     random = np.random.default_rng(seed)
-    octants, edge = 1 << dimension, round(SAMPLES ** (1 / dimension))
-    layers = [0, int(FULL), None, None]
+    octants, edge = 1 << dimension, round(SAMPLES_PER_CELL ** (1 / dimension))
+    layers = [0, int(ALL_SAMPLES), None, None]
     solid = np.zeros((1, octants), np.uint64)
     for octant in range(octants):
         kind = layers[kinds[octant]]
         if kind is None:  # a half space of samples, cut across an axis
             axis, at, low = random.integers(dimension), random.integers(1, edge), random.integers(2)
-            place = (np.arange(SAMPLES) // edge**axis) % edge
+            place = (np.arange(SAMPLES_PER_CELL) // edge**axis) % edge
             kind = sum(1 << int(bit) for bit in np.flatnonzero((place < at) == low))
         solid[0, octant] = kind
     groups = phantom_nodes._groups(solid)[0]
     image = np.zeros([2 * edge] * dimension, bool)
-    bits = np.array([[int(cell) >> bit & 1 for bit in range(SAMPLES)] for cell in solid[0]], bool)
+    bits = np.array([[int(cell) >> bit & 1 for bit in range(SAMPLES_PER_CELL)] for cell in solid[0]], bool)
     for octant in range(octants):
         place = tuple(slice(edge * (octant >> k & 1), edge * (1 + (octant >> k & 1))) for k in range(dimension))
         image[place] = bits[octant].reshape([edge] * dimension, order="F")

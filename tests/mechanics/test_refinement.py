@@ -19,7 +19,7 @@ from mechanics.scenes import (
 from mpm_core.equilibrium import cascade
 from mpm_core.equilibrium.brittle import above_strength, find_brittle
 from mpm_core.equilibrium.convergence import NoRest
-from mpm_core.equilibrium.refinement import RINGS, Refinement
+from mpm_core.equilibrium.refinement import RINGS_SPLIT_AT_ONCE, Refinement
 from mpm_core.grid import build_grid
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.splitting import split
@@ -241,7 +241,7 @@ def test_little_rock_waits_without_a_split_while_another_look_follows(tmp_path, 
 
     results = []
     for patience in (0.0, 0.1):
-        monkeypatch.setattr(step_cells, "PATIENCE", patience)
+        monkeypatch.setattr(step_cells, "MAX_WAITING_SHARE", patience)
         results.append(run(adaptive_scene(solver=BRITTLE), grid_of(HOLES[:1], rings=0), tmp_path)[1])
     impatient, patient = results
     assert patient["cell_splits"] < impatient["cell_splits"]
@@ -258,7 +258,7 @@ def test_a_grid_without_fine_cells_gets_them_where_rock_is_near_its_strength():
     cell = np.flatnonzero((grid.cell_index == 8).all(axis=1))[0]
     state.stress[cell, 0] = -100e6
     places, _ = Refinement.of(grid).asked(model, state, brittle, np.empty(0, np.int64), len(grid.cell_level))
-    finer = split(grid, places, RINGS, 1)
+    finer = split(grid, places, RINGS_SPLIT_AT_ONCE, 1)
     inside = ((finer.cell_index >= 8) & (finer.cell_index < 16)).all(axis=1)
     assert (finer.cell_level[inside] == 3).all()
     # mirrored in its middle the grid is itself: no side of the cell is favoured

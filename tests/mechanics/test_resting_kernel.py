@@ -15,7 +15,7 @@ from mechanics.scenes import (
     random_grid,
 )
 from mpm_core.equilibrium.body import Body
-from mpm_core.model.occupancy import SAMPLES
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.model.particles import owned_samples, point_table
 
 PLANES = {2: "xz", 3: None}
@@ -36,8 +36,8 @@ def sample_places(model, particle):
     """Places (k, d) of the middles of the parts of a cell that a lone particle's material holds."""
     group = np.searchsorted(model.particles.group_start, particle)
     samples = owned_samples(model.particles, model.changes, 0)[group]
-    points = point_table(round(SAMPLES ** (1 / model.dimension)), model.dimension)
-    return points[[bit for bit in range(SAMPLES) if int(samples) >> bit & 1]]
+    points = point_table(round(SAMPLES_PER_CELL ** (1 / model.dimension)), model.dimension)
+    return points[[bit for bit in range(SAMPLES_PER_CELL) if int(samples) >> bit & 1]]
 
 
 def cut_model(dimension, per_edge, cut_cells):

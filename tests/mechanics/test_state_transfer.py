@@ -14,7 +14,7 @@ from mpm_core.grid import build_grid
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.splitting import split
 from mpm_core.model.model import build_model
-from mpm_core.model.occupancy import FULL, Loose
+from mpm_core.model.occupancy import ALL_SAMPLES, Loose
 from mpm_core.stages.state_transfer import carry, carry_forces, carry_loose, carry_nodes
 from mpm_core.stages.step_cells import stored
 
@@ -125,11 +125,11 @@ def test_nodes_that_stay_keep_value_and_force(seed, dimension, per_edge):
 def test_fallen_cells_stay_fallen_with_all_their_parts():
     grid = build_grid(np.zeros(2), 4.0, np.array([2, 2]), 3, lambda level, index: np.zeros(len(index), bool), 0)
     scene = make_scene("xz")
-    loose = Loose(np.array([1], np.int32), np.array([FULL]), np.array([0], np.int32), np.array([0], np.int32))
+    loose = Loose(np.array([1], np.int32), np.array([ALL_SAMPLES]), np.array([0], np.int32), np.array([0], np.int32))
     model = build_model(scene, grid, host_everywhere(grid), make_model(scene, grid).pieces, loose, all_fallen=True)
     finer = split(grid, np.array([[2, 0]]), 0, 1)
     carried = carry_loose(model, finer.cell_index)
     origin = holding_cells(grid, finer.cell_index)
     assert np.array_equal(carried.cell, np.flatnonzero(origin == 1))
     assert len(carried.cell) > 1
-    assert (carried.samples == FULL).all()
+    assert (carried.samples == ALL_SAMPLES).all()

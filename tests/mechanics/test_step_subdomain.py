@@ -38,7 +38,7 @@ HOLES = [ball(place, 4.0) for place in CENTERS]
 @pytest.fixture
 def small(monkeypatch):
     """Districts in scenes of any size."""
-    monkeypatch.setattr(step_subdomain, "LEAST", 0)
+    monkeypatch.setattr(step_subdomain, "MIN_MINE_CELLS", 0)
 
 
 def month(folder, checkpoint=None, holes=HOLES, entries=(), body=None, **changes):
@@ -78,7 +78,7 @@ def test_rock_fails_as_in_the_whole_mine(offset, refinement, tmp_path, small, mo
     holes = [ball(np.array(place) + offset, 4.0) for place in CENTERS]
     state, facts = month(tmp_path, holes=holes, refinement=refinement)
     assert "the step begins in the district that it changes" in caplog.text
-    monkeypatch.setattr(step_subdomain, "MOST", 0.0)
+    monkeypatch.setattr(step_subdomain, "MAX_SUBDOMAIN_SHARE", 0.0)
     caplog.clear()
     whole, expected = month(tmp_path, holes=holes, refinement=refinement)
     assert "district" not in caplog.text
@@ -153,11 +153,11 @@ def test_a_district_has_what_the_whole_mine_has(case, tmp_path, small, monkeypat
     """Loose rock, rock bodies, pressure and fill. Perfectly plastic rock, which does not scatter: in brittle rock the
     whole mine's potency alone differs by 18 % between tolerances of 3e-6 and 1e-5 where the core comes loose."""
     caplog.set_level("INFO")
-    monkeypatch.setattr(step_subdomain, "MOST", 1.0)  # whose pressure falls far away is nearly the whole
+    monkeypatch.setattr(step_subdomain, "MAX_SUBDOMAIN_SHARE", 1.0)  # whose pressure falls far away is nearly the whole
     changes = {"host": PLASTIC} | CASES[case]
     state, facts = month(tmp_path, **changes)
     assert "the step begins in the district that it changes" in caplog.text
-    monkeypatch.setattr(step_subdomain, "MOST", 0.0)
+    monkeypatch.setattr(step_subdomain, "MAX_SUBDOMAIN_SHARE", 0.0)
     whole, expected = month(tmp_path, **changes)
     assert facts["failed_particles"] > 10
     if "slot" in case:
@@ -204,7 +204,7 @@ def test_any_number_of_threads_gives_the_same_bits(holes, tmp_path, small):
 
 def test_rock_near_the_border_waits_for_the_whole(tmp_path, small, monkeypatch):
     """With a border so near that most of the rock waits the district is left after its first increment."""
-    monkeypatch.setattr(step_subdomain, "WIDER", {2: 1})
+    monkeypatch.setattr(step_subdomain, "BORDER_DISTANCE_FACTOR", {2: 1})
     monkeypatch.setattr(
         step_subdomain.District, "far_from_border", lambda self, fresh: setattr(self, "waits", True) or fresh[:0]
     )

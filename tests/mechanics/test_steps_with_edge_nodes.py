@@ -183,7 +183,7 @@ def test_any_number_of_threads_gives_the_same_bits(tmp_path):
 
 def test_a_step_in_its_subdomain_has_what_the_whole_mine_has(tmp_path, monkeypatch):
     """Three openings far apart, then one beside the third, in perfectly plastic rock; 2 %."""
-    monkeypatch.setattr(step_subdomain, "LEAST", 0)
+    monkeypatch.setattr(step_subdomain, "MIN_MINE_CELLS", 0)
     plastic = COULOMB | {
         "friction_angle": {"intact": 30.0, "residual": 30.0},
         "cohesion": {"intact": 2e6, "residual": 2e6},
@@ -193,8 +193,8 @@ def test_a_step_in_its_subdomain_has_what_the_whole_mine_has(tmp_path, monkeypat
     boxes = [([x, 0.0, z], [x + 8.4, 0.0, z + 7.3]) for x, z in places]
     grid = grid_of(*boxes, later=[3], domain=960.0, coarse_cell=16.0, levels=5)
     outcomes = []
-    for largest in (step_subdomain.MOST, 0.0):
-        monkeypatch.setattr(step_subdomain, "MOST", largest)
+    for largest in (step_subdomain.MAX_SUBDOMAIN_SHARE, 0.0):
+        monkeypatch.setattr(step_subdomain, "MAX_SUBDOMAIN_SHARE", largest)
         options = {"host": plastic, "stress": uniform(-12e6, -9e6, -8e6, 0.0, 1.2e6), "refinement": ADAPTIVE}
         outcomes.append(states_of(tmp_path, grid, (0, 0, 0, 1), solver=BRITTLE, **options)[-1])
     (state, facts), (whole, expected) = outcomes

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from common.errors import InputError
 from mechanics.test_grid_stage import block, grid_slice
-from mpm_core.model.occupancy import FULL, Places
+from mpm_core.model.occupancy import ALL_SAMPLES, Places
 from mpm_core.stages.grid_stage import make_grid
 from mpm_core.stages.under_resolved import whole_shares
 
@@ -23,7 +23,7 @@ def mined(draw):
     """Parts of a few cells in a few excavations, each cell at most once in each, and which of these come later."""
     count = draw(st.integers(1, 4))
     rows = [
-        (place, excavation, draw(st.sampled_from([FULL, LEFT, RIGHT, np.uint64(7)])))
+        (place, excavation, draw(st.sampled_from([ALL_SAMPLES, LEFT, RIGHT, np.uint64(7)])))
         for excavation in range(count)
         for place in sorted(draw(st.sets(st.sampled_from([(0, 0), (0, 1), (2, 3), (1, 2)]))))
     ]
@@ -45,7 +45,7 @@ def test_share_in_whole_cells_is_that_of_a_count_sample_by_sample(drawn, random)
             for other, excavation, others in rows:
                 if other == place and (later[number] or not later[excavation]):
                     union |= int(others)
-            inside += int(samples).bit_count() if union == int(FULL) else 0
+            inside += int(samples).bit_count() if union == int(ALL_SAMPLES) else 0
         size = sum(int(samples).bit_count() for _, samples in own)
         expected[number] = inside / size if size else 0.0
     random.shuffle(rows)

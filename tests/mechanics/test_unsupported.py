@@ -7,7 +7,8 @@ import pytest
 from scipy import ndimage
 
 from common.datasets import read_dataset, write_dataset
-from mpm_core.model.occupancy import FULL, SAMPLES
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.model.unsupported import find_loose, hang_together
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from tests.mechanics.scenes import (
@@ -29,10 +30,10 @@ WEIGHT = {"constant": [0.0] * 6, "gradient": [-0.02e6, -0.02e6, -0.028e6, 0, 0, 
 def test_samples_of_a_cell_hang_together_through_faces(dimension):
     """Against scipy's labels, for random masks of all densities."""
     random = np.random.default_rng(dimension)
-    bits = random.random((300, SAMPLES)) < random.random((300, 1))
-    mask = (bits * (np.uint64(1) << np.arange(SAMPLES, dtype=np.uint64))).sum(axis=1, dtype=np.uint64)
+    bits = random.random((300, SAMPLES_PER_CELL)) < random.random((300, 1))
+    mask = (bits * (np.uint64(1) << np.arange(SAMPLES_PER_CELL, dtype=np.uint64))).sum(axis=1, dtype=np.uint64)
     parts, rows = hang_together(mask, dimension)
-    per_edge = round(SAMPLES ** (1 / dimension))
+    per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
     for row, dense in enumerate(bits):
         labels, count = ndimage.label(dense.reshape((per_edge,) * dimension))  # last axis fastest: faces all the same
         expected = sorted(int(sum(1 << int(k) for k in np.flatnonzero(labels == n))) for n in range(1, count + 1))
@@ -41,7 +42,7 @@ def test_samples_of_a_cell_hang_together_through_faces(dimension):
 
 def lattice(grid, values):
     """Values (cell, 64) on the lattice of finest cells' samples, axes in order; one per cell counts for all of it."""
-    per_edge = round(SAMPLES ** (1 / grid.dimension))
+    per_edge = round(SAMPLES_PER_CELL ** (1 / grid.dimension))
     dense = np.zeros(grid.shape * per_edge, values.dtype)
     for cell, (index, width) in enumerate(zip(grid.cell_index, grid.cell_width, strict=True)):
         own = values[cell].reshape((per_edge,) * grid.dimension).T  # first axis fastest
@@ -73,27 +74,29 @@ def test_loose_pieces_are_those_of_the_dense_lattice(dimension):
         random = np.random.default_rng([dimension, seed])
         zone, holes = random_holes(random, dimension)
         grid = grid_around([zone], (4,) * dimension, 3 if dimension == 2 else 2, 4.0, rings=0)
-        solid = np.full(len(grid.cell_level), FULL)
+        solid = np.full(len(grid.cell_level), ALL_SAMPLES)
         pieces = pieces_of(grid, [holes])
         np.bitwise_and.at(solid, pieces.cell, ~pieces.samples)
         faces = {(axis, side): list(range(dimension)) for axis in range(dimension) for side in range(2)}
         del faces[0, 1]
-        bits = (solid[:, None] >> np.arange(SAMPLES, dtype=np.uint64)) & np.uint64(1) == 1
+        bits = (solid[:, None] >> np.arange(SAMPLES_PER_CELL, dtype=np.uint64)) & np.uint64(1) == 1
         dense = lattice(grid, bits)
         labels, _ = ndimage.label(dense)
         held = set(np.unique(labels[0])) | {
             label for axis in range(1, dimension) for side in (0, -1) for label in np.unique(labels.take(side, axis))
         }
-        per_edge = round(SAMPLES ** (1 / dimension))
+        per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
         sizes = np.bincount(labels.ravel()) / per_edge**dimension  # in finest cells
-        own = lattice(grid, np.tile(np.arange(len(solid))[:, None], SAMPLES))
+        own = lattice(grid, np.tile(np.arange(len(solid))[:, None], SAMPLES_PER_CELL))
         with_held = np.unique(own[np.isin(labels, sorted(held - {0}))])
         expected = []
         for label in set(range(1, len(sizes))) - held:
             crumb = sizes[label] < 1.0 and np.isin(np.unique(own[labels == label]), with_held).all()
             expected += [] if crumb else [sizes[label]]
         loose = find_loose(grid, solid, faces, 3)
-        volume = np.bitwise_count(loose.samples) / SAMPLES * grid.cell_width[loose.cell].astype(float) ** dimension
+        volume = (
+            np.bitwise_count(loose.samples) / SAMPLES_PER_CELL * grid.cell_width[loose.cell].astype(float) ** dimension
+        )
         assert (loose.step == 3).all()
         assert (loose.samples & ~solid[loose.cell] == 0).all()
         np.testing.assert_allclose(np.bincount(loose.piece, volume), sorted(expected, reverse=True))
@@ -106,7 +109,7 @@ def test_few_parts_beside_many_bodies(rows):
     """Full base cells in a checkerboard, each a body of its own, and one cell of half material: all loose but one row
     at the held face."""
     grid = grid_around([], (8, 8), 1, 1.0)
-    solid = np.where(grid.cell_index.sum(axis=1) % 2 == 0, FULL, np.uint64(0))
+    solid = np.where(grid.cell_index.sum(axis=1) % 2 == 0, ALL_SAMPLES, np.uint64(0))
     half = np.flatnonzero((grid.cell_index == [3, rows]).all(axis=1))
     solid[half] &= np.uint64(2**32 - 1)
     loose = find_loose(grid, solid, {(1, 0): [0, 1]}, 0)

@@ -7,7 +7,7 @@ import numpy as np
 from mpm_core.constitutive.elastic import strain_from_stress, stress_increment
 from mpm_core.constitutive.laws.coulomb import return_to_surface
 from mpm_core.grid import MultiLevelGrid
-from mpm_core.grid.mesh import CORNERS
+from mpm_core.grid.mesh import CORNER_OFFSETS
 
 VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
@@ -38,7 +38,7 @@ def shape_functions(grid: MultiLevelGrid, position: np.ndarray):
     cell = cell_of(grid, position)
     size = grid.cell_size[cell]
     local = (position - grid.cell_origin[cell]) / size
-    corners = CORNERS[grid.dimension]
+    corners = CORNER_OFFSETS[grid.dimension]
     factor = np.where(corners == 1, local, 1.0 - local)
     slope = np.where(corners == 1, 1.0, -1.0) / size
     gradient = np.stack(

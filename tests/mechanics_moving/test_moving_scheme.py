@@ -40,11 +40,11 @@ def test_a_long_relaxation_is_settled_on_its_way(monkeypatch):
     scene = make_scene("xz", stress=uniform(-1e3, -2e3, -1.5e3, 0.0, 3e2), excavations=[excavation()])
     model = make_model(scene, grid, [shape])
     force, stresses = external_force(model, 0), []
-    for often in (explicit_scheme.FLOW_FROM, explicit_scheme.CHECK_EVERY):
-        monkeypatch.setattr(explicit_scheme, "FLOW_FROM", often)
+    for often in (explicit_scheme.ITERATIONS_PER_FLOW_COUNT, explicit_scheme.ITERATIONS_PER_CHECK):
+        monkeypatch.setattr(explicit_scheme, "ITERATIONS_PER_FLOW_COUNT", often)
         scheme, history = MovingScheme(model, model.virgin_state(), model.volumes(0)), History(1e-6)
         scheme.relax(force, 1e-6, norm(force), history)
-        assert history.iteration > explicit_scheme.CHECK_EVERY
+        assert history.iteration > explicit_scheme.ITERATIONS_PER_CHECK
         stresses.append(scheme.body.state.stress)
     np.testing.assert_array_equal(*stresses)
 

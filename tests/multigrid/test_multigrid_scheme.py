@@ -88,7 +88,7 @@ def test_plastic_equilibrium_is_that_of_the_explicit_scheme(dimension):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_threads_change_no_bit(dimension, monkeypatch):
     """Elastic solution and flow, with the tangent from the fourth cycle on, on one thread and on two."""
-    for name in ("TANGENT_FROM", "TANGENT_FROM_PLASTIC"):
+    for name in ("FIRST_TANGENT_CYCLE", "FIRST_PLASTIC_TANGENT_CYCLE"):
         monkeypatch.setattr(multigrid_scheme, name, 3)
     before = numba.get_num_threads()
     states = []
@@ -107,7 +107,7 @@ def test_threads_change_no_bit(dimension, monkeypatch):
 
 def test_explicit_steps_take_over_where_cycles_are_not_enough(monkeypatch, caplog):
     """The state returned is at rest all the same, and the log says how."""
-    monkeypatch.setattr(multigrid_scheme, "FLOW_CYCLES", 3)
+    monkeypatch.setattr(multigrid_scheme, "MAX_FLOW_CYCLES", 3)
     model, volume, state = plastic_model(2)
     with caplog.at_level(logging.WARNING):
         _, history = at_rest(MultigridScheme, model, volume, state, tolerance=1e-5)

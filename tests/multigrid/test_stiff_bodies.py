@@ -61,7 +61,7 @@ def test_cycles_do_not_grow_with_stiffness(dimension, kind):
 def test_blocks_of_nodes_where_single_ones_are_too_many(kind, monkeypatch):
     """Larger bodies: a block of nodes moves as one, still within the bound."""
     grid, stiff = bodies_2_or_3(kind, 3)
-    monkeypatch.setattr(stiff_bodies, "MOST_ENTRIES", 30_000)
+    monkeypatch.setattr(stiff_bodies, "MAX_FACTOR_ENTRIES", 30_000)
     tried, dissect = [], stiff_bodies.dissect
     monkeypatch.setattr(stiff_bodies, "dissect", lambda *of: tried.append(len(of[1])) or dissect(*of))
     for ratio in (1e2, 1e8):

@@ -12,7 +12,7 @@ from mpm_core.equilibrium.brittle import fail, find_brittle, new_failures
 from mpm_core.equilibrium.cascade import relax_and_fail
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
-from mpm_core.equilibrium.surroundings import CUBE
+from mpm_core.equilibrium.surroundings import CUBE_HALVINGS
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.model.state import ARRAYS
 from mpm_core.stages.checkpoint import Checkpoint
@@ -35,8 +35,8 @@ STRESS = uniform(-20e6, -14e6, -16e6)
 @pytest.fixture(autouse=True)
 def small_scenes(monkeypatch):
     """A part may be half of them, its border near; one thread, whatever another test left."""
-    monkeypatch.setattr(surroundings, "LARGEST", 0.5)
-    monkeypatch.setattr(surroundings, "BORDER", 1.0)
+    monkeypatch.setattr(surroundings, "MAX_SURROUNDINGS_SHARE", 0.5)
+    monkeypatch.setattr(surroundings, "MAX_BORDER_SHARE", 1.0)
     before = numba.get_num_threads()
     numba.set_num_threads(1)
     yield
@@ -142,13 +142,13 @@ def test_rock_near_the_border_of_a_part_waits_for_the_whole(monkeypatch):
 
     With nothing else to fail the cascade in the part ends, and what waits has not failed.
     """
-    monkeypatch.setattr(surroundings, "BORDER", 0.02)
-    monkeypatch.setattr(surroundings, "REACHES", (8,))
+    monkeypatch.setattr(surroundings, "MAX_BORDER_SHARE", 0.02)
+    monkeypatch.setattr(surroundings, "REACH_CELLS", (8,))
     scheme, brittle, fresh, force = with_failure(2)
     part = scheme.part_around(brittle, fresh[:1])
-    index, cell = part.model.grid.cell_index >> CUBE[2], part.model.particles.cell
+    index, cell = part.model.grid.cell_index >> CUBE_HALVINGS[2], part.model.particles.cell
     whole = scheme.body.model
-    away = np.abs(index - (whole.grid.cell_index[whole.particles.cell[fresh[0]]] >> CUBE[2])).max(axis=1)
+    away = np.abs(index - (whole.grid.cell_index[whole.particles.cell[fresh[0]]] >> CUBE_HALVINGS[2])).max(axis=1)
     intact = part.state.failed < 0
     here = whole.grid.cell_center[whole.particles.cell[fresh[0]]]
     distance = np.linalg.norm(part.model.grid.cell_center[cell] - here, axis=1)
@@ -163,7 +163,7 @@ def test_rock_near_the_border_of_a_part_waits_for_the_whole(monkeypatch):
 
 def test_no_part_with_a_border_beside_a_ring_that_fails(monkeypatch):
     """Rock all round a void, 10 cells wide: 2-D asks for a border 30 cells away."""
-    monkeypatch.setattr(surroundings, "BORDER", 0.02)
+    monkeypatch.setattr(surroundings, "MAX_BORDER_SHARE", 0.02)
     scheme, brittle, _, _ = with_failure(2)
     ring = brittle.sound[scheme.body.model.particles.position[brittle.sound, 0] < 20.0]
     assert scheme.part_around(brittle, ring) is None
@@ -178,7 +178,7 @@ def test_failure_spreads_alike_with_and_without_parts(dimension, monkeypatch, tm
     elastic, _ = elastic_stage(scene, grid, tmp_path / "state.npz")
     volumes = []
     for largest in (0.5, 0.0):
-        monkeypatch.setattr(surroundings, "LARGEST", largest)
+        monkeypatch.setattr(surroundings, "MAX_SURROUNDINGS_SHARE", largest)
         caplog.clear()
         _, facts = mining_step(scene, grid, elastic, tmp_path / "state.npz")
         assert ("in a part of" in caplog.text) == (largest > 0.0)

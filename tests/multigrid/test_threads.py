@@ -3,7 +3,7 @@
 import numba
 import pytest
 
-from mpm_core.kernels.threads import FEW_CELLS, threads_for, use_threads
+from mpm_core.kernels.threads import MAX_CELLS_ON_ONE_THREAD, threads_for, use_threads
 
 
 @pytest.fixture
@@ -19,13 +19,13 @@ def two_threads():
 
 def _work(cells: int, fail: bool) -> int:
     """Threads that large work inside work on so many cells has."""
-    with threads_for(cells), threads_for(FEW_CELLS + 1):
+    with threads_for(cells), threads_for(MAX_CELLS_ON_ONE_THREAD + 1):
         if fail:
             raise ZeroDivisionError
         return numba.get_num_threads()
 
 
-@pytest.mark.parametrize(("cells", "threads"), [(FEW_CELLS, 1), (FEW_CELLS + 1, 2)])
+@pytest.mark.parametrize(("cells", "threads"), [(MAX_CELLS_ON_ONE_THREAD, 1), (MAX_CELLS_ON_ONE_THREAD + 1, 2)])
 def test_few_cells_are_one_threads_work(two_threads, cells, threads):
     """Larger work inside, too; afterwards, whatever has happened, there are as many threads as before."""
     assert _work(cells, fail=False) == threads

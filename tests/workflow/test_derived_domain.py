@@ -15,7 +15,7 @@ from tiny_mines import FLAT, TINY, box, changed, merged, snakemake, write_mine
 
 from common.errors import InputError
 from mpm_core.grid.domain import base_cells
-from mpm_core.scene.far_field import LARGEST_ERROR, MOST_ERROR
+from mpm_core.scene.far_field import MAX_BOUNDARY_ERROR, MAX_LIMITED_BOUNDARY_ERROR
 from mpm_core.stages.grid_stage import make_grid
 from workflow.configuration import load
 from workflow.derived_domain import _of_file
@@ -42,7 +42,7 @@ def test_a_domain_follows_from_openings_and_finest_cell(accept, mine):
     base_cells(lower, upper, grid["coarse_cell"])
     assert grid["coarse_cell"] / 2 ** (grid["levels"] - 1) == 2.5
     assert made.boundary()["z_upper"] == "fixed"
-    assert 0 < made.far_field.error <= MOST_ERROR
+    assert 0 < made.far_field.error <= MAX_BOUNDARY_ERROR
     boxes = [np.array([made.excavations[1][key] for key in ("lower", "upper")])]
     assert min((boxes[0][0] - lower).min(), (upper - boxes[0][1]).min()) >= made.far_field.distance
     dataset = make_grid(made.grid_slice(), {})
@@ -262,7 +262,7 @@ def test_a_deep_domain_ends_before_virgin_rock_stands_above_its_strength(accept,
     assert (whole.far_field.limited, cut.far_field.limited) == ("", "strength")
     assert corners(whole)[0][2] < corners(cut)[0][2] < 25.0
     assert corners(cut)[0][0] == pytest.approx(corners(whole)[0][0], abs=20.0)
-    assert MOST_ERROR < cut.far_field.error <= LARGEST_ERROR
+    assert MAX_BOUNDARY_ERROR < cut.far_field.error <= MAX_LIMITED_BOUNDARY_ERROR
     attributes = make_grid(cut.grid_slice(), {}).attrs
     assert attributes["far_field_limited"] == "strength"
     assert attributes["far_field_error"] == pytest.approx(100 * cut.far_field.error)

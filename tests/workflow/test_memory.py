@@ -10,7 +10,7 @@ from tiny_mines import TINY, snakemake
 
 from common.datasets import write_dataset
 from mpm_core.settings import SolverSettings
-from mpm_core.stages.stage_memory import BASE, stage_bytes
+from mpm_core.stages.stage_memory import BASE_BYTES, stage_bytes
 from mpm_core.stages.step_cells import SCHEMES
 from workflow.rule_memory import COMPILING, mechanics_mb, reading_mb
 
@@ -38,7 +38,7 @@ def test_a_scheme_needs_no_figures_of_its_own():
     """Until it is measured it counts as the largest; those there are have theirs, and can be made."""
     new = stage_bytes("new", 3, 10**6, 10**6)
     assert new == max(stage_bytes(scheme, 3, 10**6, 10**6) for scheme in SCHEMES)
-    assert SCHEMES.keys() == BASE.keys() == set(get_args(SolverSettings.model_fields["scheme"].annotation))
+    assert SCHEMES.keys() == BASE_BYTES.keys() == set(get_args(SolverSettings.model_fields["scheme"].annotation))
 
 
 def test_a_grid_that_is_made_anew_is_looked_at_again(accept, grid):

@@ -11,7 +11,7 @@ from catalogs.figures import style
 from catalogs.grid_convergence import share_off
 from common.voigt import tensor_from_voigt
 from mpm_core.equilibrium.increments import potency
-from mpm_core.stages.under_resolved import NEARLY_NONE
+from mpm_core.stages.under_resolved import MIN_WHOLE_CELL_SHARE_ACCEPTED
 from verification.results import Results, Variant
 from verification.rows import Row
 from verification.sphere.closed_form import Elastic, SphericalInclusion
@@ -118,7 +118,7 @@ def slots(results: Results) -> list[Row]:
         for size in settings["judged"]:
             variant = results[f"slot_{dip}_{size}"]
             share = min(json.loads(variant.grid.attrs["excavation_whole_share"]))
-            refused = share < NEARLY_NONE
+            refused = share < MIN_WHOLE_CELL_SHARE_ACCEPTED
             told = f"{share:.2f} of it in whole cells" + (": refused unless volume_error is 1" if refused else "")
             value = float(variant.elastic.attrs["energy_motion"])
             bound = None if refused else allowed[f"slots_{size}"]

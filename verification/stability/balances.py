@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 
 from mpm_core.files.state_datasets import read_pieces
-from mpm_core.model.occupancy import SAMPLES, SLIVER
+from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.model.occupancy import MIN_SAMPLES_KEPT
 from verification.extremes.outcomes import Outcome
 from verification.stability.judges import number
 
@@ -79,9 +80,9 @@ def _gone(grid: xr.Dataset, mined: list[bool]) -> tuple[float, float]:
     _, cell = np.unique(pieces.place[chosen], axis=0, return_inverse=True)
     samples = np.zeros(cell.max(initial=-1) + 1, np.uint64)
     np.bitwise_or.at(samples, cell.reshape(-1), pieces.samples[chosen])
-    one = float(grid.attrs["fine_cell"]) ** grid.attrs["dimension"] * float(grid.attrs["thickness"]) / SAMPLES
+    one = float(grid.attrs["fine_cell"]) ** grid.attrs["dimension"] * float(grid.attrs["thickness"]) / SAMPLES_PER_CELL
     count = np.bitwise_count(samples)
-    return float(count.sum()) * one, float((count < SAMPLES).sum()) * (SLIVER - 1) * one
+    return float(count.sum()) * one, float((count < SAMPLES_PER_CELL).sum()) * (MIN_SAMPLES_KEPT - 1) * one
 
 
 def _momentum(state: xr.Dataset):

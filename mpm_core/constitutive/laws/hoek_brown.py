@@ -43,10 +43,12 @@ NAME = "hoek_brown"
 ROW_LENGTH = 7
 SIGMA_CI, MB, EXPONENT, APEX, TENSILE_STRENGTH, DILATION_FACTOR, UNCONFINED_STRENGTH = range(ROW_LENGTH)
 Stress = Annotated[float, Unit("Pa", ge=1.0, le=1e13)]
-MOST_STEPS = 60  # of Newton's method; it takes 4 to 8
-STEEPEST = 13.928203230275509  # friction factor of 60 degrees: towards the apex a tangent's friction goes to 90
-DEEPEST = 1e4  # sigma_ci: confinement up to which residual rock must be no stronger than intact rock
-DEPTHS = 400
+MAX_NEWTON_STEPS = 60  # Steps of Newton's method for one root.
+# Friction factor of 60 degrees bounds that of a tangent, which would go to 90 degrees towards the apex.
+MAX_FRICTION_FACTOR = 13.928203230275509
+# Confinement over sigma_ci up to which residual rock must be no stronger than intact rock.
+MAX_CONFINEMENT = 1e4
+CONFINEMENTS_COMPARED = 400
 
 
 class StressPair(Settings):
@@ -129,7 +131,7 @@ class Material(MaterialSettings):
                 f"residual tensile strength {low:.6g} Pa (cut-off or apex) is above intact {high:.6g} Pa; rock gains "
                 "no strength by failing"
             )
-        depths = np.append(0.0, np.geomspace(1e-6, DEEPEST, DEPTHS)) * intact[SIGMA_CI]
+        depths = np.append(0.0, np.geomspace(1e-6, MAX_CONFINEMENT, CONFINEMENTS_COMPARED)) * intact[SIGMA_CI]
         room = _room.py_func  # nothing is compiled for a check of a configuration
         over = [x for x in low - depths if room(x, residual) > room(x, intact) * (1.0 + 1e-12)]
         if over:
@@ -217,7 +219,7 @@ def _root(k, c, power):
     if size == 0.0:
         return 0.0
     u = min(size, (size / k) ** (1.0 / power))
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_NEWTON_STEPS):
         steep = k * u ** (power - 1.0)
         following = u - (steep * u + u - size) / (power * steep + 1.0)
         if not following < u:
@@ -371,7 +373,7 @@ def excess_shear_stress(xx, yy, zz, yz, xz, xy, row):
     at_failure, u = _radius_at_failure(0.5 * (s1 + s3), row)
     a = row[EXPONENT]
     steep = a * row[MB] * u ** (1.0 - 1.0 / a) if u > 0.0 else math.inf  # -h', of the curve in u
-    friction = min(1.0 + steep, STEEPEST)
+    friction = min(1.0 + steep, MAX_FRICTION_FACTOR)
     return (0.5 * (s1 - s3) - at_failure) * (friction + 1.0) / (2.0 * math.sqrt(friction))
 
 

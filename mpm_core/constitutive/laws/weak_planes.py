@@ -43,10 +43,12 @@ ROW_LENGTH = ROCK_LENGTH + 8
 NX, NY, NZ, COHESION, FRICTION, DILATION, TENSION, CORNER = range(ROCK_LENGTH, ROW_LENGTH)
 SLIP, OPENING, BOTH = range(5, 8)
 """where a return ended, beside the regions of the rock alone: on the plane in shear, in tension, on plane and rock"""
-MOST_ROUNDS = 1000  # some three are usual; rock and planes that hardly bear anything, far above it, take 100 to 10,000
-MOST_TURNS = 8  # of rock and plane, for what is above strength by round-off; and of all that again. One is usual
-CLOSE = 1e-14  # of the stress: traction that two rounds differ by
-STEP = 1e-7  # of the stress: between two returns
+# Rounds between rock and planes that one return may take. Rock and planes that hardly bear anything need many.
+MAX_ROUNDS = 1000
+# Returns to rock and plane that may follow, for stress that round-off leaves above strength; and repeats of all that.
+MAX_RETURNS = 8
+TRACTION_TOLERANCE = 1e-14  # Rounds end when the traction changes by at most this share of the stress.
+SLIP_DIFFERENCE_STEP = 1e-7  # Difference of stress between two returns for the slope of slip, as a share of the stress.
 
 
 class Planes(Settings):
@@ -257,12 +259,12 @@ def _solved(a, b, c, r):
 def _slip_beside_rock(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row):
     """Slip of the plane where rock and plane both act (times G, Pa), from a first guess g."""
     size = _size(xx, yy, zz, yz, xz, xy)
-    step = STEP * size
+    step = SLIP_DIFFERENCE_STEP * size
     px, py, pz = _next_slip(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         rest = (px - gx, py - gy, pz - gz)
         left = max(abs(rest[0]), abs(rest[1]), abs(rest[2]))
-        if left <= CLOSE * size:
+        if left <= TRACTION_TOLERANCE * size:
             break
         ax, ay, az = _next_slip(xx, yy, zz, yz, xz, xy, gx + step, gy, gz, lame_lambda, shear_modulus, row)
         bx, by, bz = _next_slip(xx, yy, zz, yz, xz, xy, gx, gy + step, gz, lame_lambda, shear_modulus, row)
@@ -299,7 +301,7 @@ def _return_once(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
         region = BOTH
         gx, gy, gz = _slip_beside_rock(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row)
         txx, tyy, tzz, tyz, txz, txy = _relieved(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row)
-    for _ in range(MOST_TURNS):
+    for _ in range(MAX_RETURNS):
         txx, tyy, tzz, tyz, txz, txy, more = coulomb.return_to_surface(
             txx, tyy, tzz, tyz, txz, txy, lame_lambda, shear_modulus, rock
         )
@@ -324,7 +326,7 @@ def return_to_surface(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
     txx, tyy, tzz, tyz, txz, txy, region = _return_once(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row)
     if region == ELASTIC:
         return txx, tyy, tzz, tyz, txz, txy, region
-    for _ in range(MOST_TURNS):
+    for _ in range(MAX_RETURNS):
         txx, tyy, tzz, tyz, txz, txy, more = _return_once(txx, tyy, tzz, tyz, txz, txy, lame_lambda, shear_modulus, row)
         if more == ELASTIC:
             break

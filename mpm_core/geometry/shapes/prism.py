@@ -11,7 +11,8 @@ from mpm_core.geometry.outlines import Outline, box_around
 from mpm_core.geometry.shapes.shape import Shape, ShapeError, check_above, check_outline, closed_line
 from mpm_core.geometry.solids import Solid
 
-COLLINEAR = 1e-9  # twice the area of a corner over its squared size below which the corner is none
+# A corner whose doubled area over its squared size is smaller is none.
+MIN_CORNER_SHAPE = 1e-9
 
 
 def _single(value: Any) -> Any:
@@ -170,7 +171,7 @@ def _straight(polygon: np.ndarray) -> np.ndarray:
     """Whether each corner (point,) lies on the line through its neighbours."""
     before, after = polygon - np.roll(polygon, 1, axis=0), np.roll(polygon, -1, axis=0) - polygon
     turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    return np.abs(turn) <= COLLINEAR * ((before**2).sum(axis=1) + (after**2).sum(axis=1))
+    return np.abs(turn) <= MIN_CORNER_SHAPE * ((before**2).sum(axis=1) + (after**2).sum(axis=1))
 
 
 def _triangulate(rings: list[np.ndarray]) -> np.ndarray:

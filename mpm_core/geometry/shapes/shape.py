@@ -12,7 +12,7 @@ from common.errors import InputError
 from common.setting_types import Settings, is_list
 from mpm_core.geometry.outlines import check_simple
 
-FLAT = 1e-9  # of an outline's length: what is narrower has no area
+MIN_WIDTH_SHARE = 1e-9  # An outline narrower than this share of its length has no area.
 
 
 class ShapeError(Exception):
@@ -84,7 +84,7 @@ def check_outline(key: str, outline: np.ndarray) -> None:
     """Raise ShapeError naming `key` for an outline (point, 2) m whose points all lie on one line, or that crosses
     itself."""
     edges = outline[1:] - outline[0]
-    if len(edges) < 2 or np.linalg.matrix_rank(edges, tol=FLAT * np.abs(edges).max()) < 2:
+    if len(edges) < 2 or np.linalg.matrix_rank(edges, tol=MIN_WIDTH_SHARE * np.abs(edges).max()) < 2:
         raise ShapeError("needs three points or more that are not on one line", key)
     try:
         check_simple(outline)

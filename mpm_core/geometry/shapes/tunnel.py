@@ -19,10 +19,11 @@ from common.setting_types import AsTuple, Point, Size
 from mpm_core.geometry.shapes.shape import Opening, Shape, ShapeError, around
 
 ARCH_SEGMENTS = 24  # of the semicircular roof
-STEEPEST = np.radians(85)  # beyond it the heading that keeps the profile level is hardly defined
-SAME_RING = 1e-3  # of the width: rings that differ by less become one, the end of the stretch before
+MAX_INCLINATION = np.radians(85)  # In steeper drives the heading that keeps the profile level is hardly defined.
+# Rings that differ by less than this share of the width become one, the end of the stretch before.
+MIN_RING_DISTANCE = 1e-3
 MAX_PIECES = 16  # boxes that cover a stretch
-SHARPEST_MITRE = np.radians(120)  # a mitre's tip reaches 2 half widths out there
+MAX_MITRE_ANGLE = np.radians(120)  # The tip of a mitre at this angle is two half widths out.
 
 
 class Tunnel(Shape):
@@ -46,7 +47,7 @@ class Tunnel(Shape):
         if len(path) < 2:
             raise ShapeError("the same point as where it starts", "path")
         along, _ = _stretches(path)
-        steep = np.flatnonzero(np.abs(along[:, 2]) > np.sin(STEEPEST))
+        steep = np.flatnonzero(np.abs(along[:, 2]) > np.sin(MAX_INCLINATION))
         if len(steep):
             raise ShapeError(
                 f"stretch {steep[0] + 1} is too steep for a level floor; use cylinder, box or prism for a shaft", "path"
@@ -104,7 +105,7 @@ class Tunnel(Shape):
             rings.append(local[stretch + 1] + _end(stretch, 1, mitred, along, profiles, width))
             if stretch < len(along) - 1 and mitred[stretch]:
                 ahead = local[stretch + 1] + _end(stretch + 1, -1, mitred, along, profiles, width)
-                if np.abs(ahead - rings[-1]).max() < SAME_RING * width:
+                if np.abs(ahead - rings[-1]).max() < MIN_RING_DISTANCE * width:
                     rings.pop()  # the next stretch's start is this one's end
                     continue
             vertices.append(np.concatenate(rings))
@@ -162,7 +163,7 @@ def _mitre(stretch: int, joint: int, along: np.ndarray, profiles: np.ndarray) ->
 
 def _mitred(along: np.ndarray, length: np.ndarray, profiles: np.ndarray) -> np.ndarray:
     """Whether each inner point (point - 2,) gets a mitre: not too sharp, and the cuts of one stretch do not cross."""
-    mitred = np.arccos(np.clip((along[:-1] * along[1:]).sum(axis=1), -1.0, 1.0)) <= SHARPEST_MITRE
+    mitred = np.arccos(np.clip((along[:-1] * along[1:]).sum(axis=1), -1.0, 1.0)) <= MAX_MITRE_ANGLE
     for stretch in range(len(along)):
         # how far each corner's edge begins after the stretch's start and ends before its end
         begins = ends = np.zeros(profiles.shape[1])
