@@ -18,7 +18,7 @@ Flow. On its way to rest the model swings past it, a cell that has just failed m
 with every step, the strain of each swing would stay: a single cell under 10 MPa came to rest 13 to 36 % below its
 residual strength, however short the time step. So what has flowed since a state near rest is taken back before each
 step, and all strain since then gets one return to the surface (backward Euler): only what lies between states near rest
-counts. Those are the ends of increments and generations (`settle`).
+counts. Those are the ends of increments and generations (`commit`).
 """
 
 import numpy as np
@@ -65,7 +65,7 @@ class Body:
         self.hanging = model.hanging
         self.start = state.displacement.copy()
         self.unbalanced = np.zeros_like(state.displacement)
-        self.count_flow_anew()
+        self.restart_flow_count()
         self.slot_force = np.zeros((model.scatter.slots, model.dimension))
         self.set_volume(volume)
 
@@ -95,12 +95,12 @@ class Body:
     def set_failed(self) -> None:
         """Take over which particles have failed."""
         self.failed = self.state.failed >= 0
-        self.settle()
+        self.commit()
         cell = self.model.particles.cell[self.flowing]
         self.hourglass = self.intact_hourglass.copy()
         np.subtract.at(self.hourglass, cell, (1.0 - FAILED_HOURGLASS_SHARE) * self.particle_hourglass[self.flowing])
 
-    def settle(self, at_rest: bool = True) -> None:
+    def commit(self, at_rest: bool = True) -> None:
         """What has flowed so far stays; from here on flow is counted anew."""
         state = self.state
         self.way.end(self, count_flow(self), at_rest)
@@ -112,10 +112,10 @@ class Body:
     def go_back(self, rest: dict[str, np.ndarray]) -> None:
         """Return to a settled state kept earlier (state.keep); what has flowed since then is forgotten."""
         put_back(rest, self.state)
-        self.count_flow_anew()
+        self.restart_flow_count()
         self.set_failed()
 
-    def count_flow_anew(self) -> None:
+    def restart_flow_count(self) -> None:
         """Nothing has flowed on the way to the present state."""
         self.flowing = np.empty(0, np.int64)
         self.flow_start = (np.empty((0, 6)), np.empty((0, 6)))
@@ -216,7 +216,7 @@ class Body:
         position = self.model.node_position - self.model.grid.origin
         self.displace(np.sum(position[:, None, :] * strain, axis=2))
 
-    def come_to_rest(self) -> None:
+    def remove_rigid_motions(self) -> None:
         """Take the rigid motions that nothing holds out of the displacement: the body is at rest."""
         if self.free.count:
             self.free.remove_from(self.state.displacement, self.model.node_position, self.mass)

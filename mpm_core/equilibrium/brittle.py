@@ -6,7 +6,7 @@ import numpy as np
 
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.energy_balance import dissipate, hourglass_energies
-from mpm_core.equilibrium.perturbation import borne_overstress
+from mpm_core.equilibrium.perturbation import strength_perturbation
 from mpm_core.kernels.failure import any_neighbor, make_drop, make_overstress_of, make_stands_above
 from mpm_core.model.model import Model
 from mpm_core.model.state import HOURGLASS, OVERSHOOT, SEISMIC, State
@@ -17,9 +17,9 @@ class Brittle:
     """Which particles may fail: on their own stress (`sound`), or once a neighbouring cell has failed (`sliver`).
 
     present (particle,) bool: not mined; sound, sliver: particle indices; coarse: of those that could in finest cells;
-    borne (particle,) Pa: overstress without failure, in a member of an ensemble (perturbation.borne_overstress). A cut
-    cell that is less than half rock fails only beside failed rock: the smaller its share, the more wrong is its stress
-    (beside Kirsch's hole from a quarter down). Kept elastic it would line the wall with steel for ever.
+    borne (particle,) Pa: overstress without failure, in a member of an ensemble (perturbation.strength_perturbation). A
+    cut cell that is less than half rock fails only beside failed rock: the smaller its share, the more wrong is its
+    stress (beside Kirsch's hole from a quarter down). Kept elastic it would line the wall with steel for ever.
     """
 
     present: np.ndarray
@@ -39,7 +39,7 @@ def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, ne
     may_fail = rock & small
     half = (model.rock_share(step)[particles.cell] >= 0.5) | (particles.sample >= 0)
     sound, sliver = np.flatnonzero(may_fail & half), np.flatnonzero(may_fail & ~half)
-    borne = borne_overstress(model) if model.scene.perturbation else None
+    borne = strength_perturbation(model) if model.scene.perturbation else None
     return Brittle(volume > 0.0, sound, sliver, np.flatnonzero(rock & ~small), neighbor_start, neighbors, borne)
 
 

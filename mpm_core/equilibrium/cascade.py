@@ -65,8 +65,8 @@ class Refining(Protocol):
         """Split cells at places, at rest: what goes on from there; None where no more cells may be."""
 
 
-class InDistrict(Protocol):
-    """The district that a step begins in (stages/step_subdomain.py).
+class InStepSubdomain(Protocol):
+    """The subdomain that a step begins in (stages/step_subdomain.py).
 
     share: of the whole mine's cells; waits: whether it is left, as too much rock near its border stands above strength.
     """
@@ -75,22 +75,22 @@ class InDistrict(Protocol):
     waits: bool
 
     def far_from_border(self, fresh: np.ndarray) -> np.ndarray:
-        """Those of fresh particles (k,) that may fail in the district."""
+        """Those of fresh particles (k,) that may fail in the subdomain."""
 
 
-def asks_the_whole(solver: SolverSettings) -> bool:
+def needs_whole_mine(solver: SolverSettings) -> bool:
     """Whether each generation asks the whole mine: for its last state of rest, or its weakest rock."""
     return solver.collapse == "keep" or solver.weakest_first > 0.0
 
 
 def keep_rest(scheme: Scheme, history: History) -> None:
     """Remember the state as one of rest."""
-    scheme.body.settle()
+    scheme.body.commit()
     body = scheme.body
     history.rest = keep(body.state, body.model.scene.solver.move, history.rest)
 
 
-def next_failures(scheme: Scheme, brittle: Brittle, part: Part | InDistrict | None = None) -> np.ndarray:
+def next_failures(scheme: Scheme, brittle: Brittle, part: Part | InStepSubdomain | None = None) -> np.ndarray:
     """Rock that stands above strength at rest, particles (k,), ascending; none if the cascade is at its end.
 
     In a part of the mine rock near its border waits for the whole.
@@ -128,7 +128,7 @@ def relax_and_fail(
     reference: float,
     step: int,
     history: History,
-    part_of_mine: Part | InDistrict | None = None,
+    part_of_mine: Part | InStepSubdomain | None = None,
     save: Callable[[State, History], None] = lambda state, history: None,
     cells: Refining | None = None,
 ) -> np.ndarray:
@@ -139,7 +139,7 @@ def relax_and_fail(
     that the scheme is for. Returns the places (k, d) that need finer cells before any more fails; none at its end.
     """
     solver = scheme.body.model.scene.solver
-    in_parts = scheme if isinstance(scheme, SchemeInParts) and not asks_the_whole(solver) else None
+    in_parts = scheme if isinstance(scheme, SchemeInParts) and not needs_whole_mine(solver) else None
     while True:
         scheme.relax(external, tolerance, reference, history)
         fresh = next_failures(scheme, brittle, part_of_mine)
@@ -159,19 +159,19 @@ def relax_and_fail(
                 own, part.brittle, external[part.nodes], tolerance * np.sqrt(share), reference, step, history, part,
                 cells=cells,
             )  # fmt: skip
-            own.body.settle()
+            own.body.commit()
             in_parts.take_back(part)
             del part, own  # before the whole needs its memory again
         save(scheme.body.state, history)
 
 
-def come_to_rest_on(scheme: Scheme, external: np.ndarray, tolerance, reference: float, history: History) -> None:
+def reach_equilibrium(scheme: Scheme, external: np.ndarray, tolerance, reference: float, history: History) -> None:
     """Bring cells that have just been split to rest: what they set in motion is theirs, not the rock's."""
     energy = scheme.body.state.energy
     own = [MOTION, UNBALANCED]
     before = energy[own]
     scheme.relax(external, tolerance, reference, history)
-    scheme.body.settle()
+    scheme.body.commit()
     energy[REFINED] -= float(np.sum(energy[own] - before))
     energy[own] = before
 
@@ -218,20 +218,20 @@ def run_cascade(
     history: History,
     save: Callable[[State, History], None] = lambda state, history: None,
     cells: Refining | None = None,
-    district: InDistrict | None = None,
+    step_subdomain: InStepSubdomain | None = None,
 ) -> tuple[Scheme, bool]:
     """Ramp external force and boundary strain, with a cascade at each increment.
 
     Returns the scheme, another one where cells have been split, and whether it ended in collapse. `save` is called
     where the whole mine is between two generations; a history that stands within an increment (a saved one) goes on
-    from there. In a district of the mine it ends loosely, or with the increment in which much rock near the border
+    from there. In a subdomain of the mine it ends loosely, or with the increment in which much rock near the border
     waits; the whole goes on from there.
     Collapse: after rock has failed it finds no rest, or fails on after solver.max_generations. That is an error
     (NoRest), or (solver.collapse "keep") the last state of rest is the result, at cascade_tolerance, with rock above
     strength that would fail next.
     """
     solver, loose = scheme.body.model.scene.solver, loose_tolerance(scheme.body.model)
-    share = np.sqrt(district.share) if district else 1.0  # of what may be unbalanced
+    share = np.sqrt(step_subdomain.share) if step_subdomain else 1.0  # of what may be unbalanced
     increments = Increments(scheme.body.model, step)
     under_way = history.increment > 0  # a saved history
     while under_way or history.load < 1.0:
@@ -243,7 +243,7 @@ def run_cascade(
             while True:
                 tolerance = share * max(loose / TOLERANCE_DIVISOR**history.tightened, solver.tolerance)
                 places = relax_and_fail(
-                    scheme, brittle, external, tolerance, ramp.reference, step, history, district, save, cells
+                    scheme, brittle, external, tolerance, ramp.reference, step, history, step_subdomain, save, cells
                 )
                 if cells is not None and len(places):
                     finer = cells.split(places)
@@ -255,9 +255,9 @@ def run_cascade(
                         external = ramp.at(history.load)
                         if history.rest:  # what there is to go back to has these cells, too, if it finds no rest now
                             keep_rest(scheme, history)
-                        come_to_rest_on(scheme, external, tolerance, ramp.reference, history)
+                        reach_equilibrium(scheme, external, tolerance, ramp.reference, history)
                     continue
-                if not last or district or tolerance == solver.tolerance:
+                if not last or step_subdomain or tolerance == solver.tolerance:
                     break
                 history.tightened += 1
         except NoRest:
@@ -268,8 +268,8 @@ def run_cascade(
                 history.increment, external = history.increment - 1, ramp.at(history.load_before)
             scheme.relax(external, loose, ramp.reference, history)  # is at rest: this notes it
             return scheme, True
-        scheme.body.settle()
-        if district and district.waits:
+        scheme.body.commit()
+        if step_subdomain and step_subdomain.waits:
             break
         if history.rest:
             keep_rest(scheme, history)

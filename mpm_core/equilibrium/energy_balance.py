@@ -97,9 +97,9 @@ class Way:
     carried: np.ndarray | None
 
     def __init__(self):
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Nothing is under way."""
         self.external = self.residual = self.start = self.carried = None
 
@@ -136,7 +136,7 @@ class Way:
         else:
             reaction = np.where(held, -0.5 * (self.carried + nodal_forces(body)), 0.0)
             state.energy[BOUNDARY] += work_of_forces(reaction, moved) + beyond
-        self.forget()
+        self.reset()
 
 
 def nodal_forces(body: Counted) -> np.ndarray:

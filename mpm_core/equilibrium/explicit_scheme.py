@@ -80,7 +80,7 @@ def step_to_rest(body: Body, external: np.ndarray, tolerance: float, reference: 
             body.stop_drift()
             body.check_reach(ratio)
             if iteration > 0 and iteration % ITERATIONS_PER_FLOW_COUNT == 0:
-                body.settle(at_rest=False)
+                body.commit(at_rest=False)
                 body.way.begin(body, external)
         take_time_step(body, external)
         history.iteration += 1
@@ -91,4 +91,4 @@ def step_to_rest(body: Body, external: np.ndarray, tolerance: float, reference: 
             f"no convergence: unbalanced ratio {ratio:.3g} after {solver.max_iterations} iterations, tolerance "
             f"{tolerance:g}; raise solver.max_iterations or solver.tolerance, or mine in smaller steps"
         )
-    body.come_to_rest()
+    body.remove_rigid_motions()

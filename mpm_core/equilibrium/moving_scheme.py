@@ -146,10 +146,10 @@ class MovingBody(Body):
         for values in (state.velocity, self.acceleration):
             spread_to_hanging(self.hanging, model.grid.node_parents, values)
 
-    def settle(self, at_rest: bool = True) -> None:
+    def commit(self, at_rest: bool = True) -> None:
         """Count what particles that move have dissipated: they flow as they go, in every step. No work of forces is
         counted, at rest or not: nodes are new in each."""
-        self.way.forget()
+        self.way.reset()
         dissipate(self.state, FLOW, self.dissipated * self.volume)
         self.dissipated[:] = 0.0
 
@@ -166,9 +166,9 @@ class MovingBody(Body):
         cell = self.state.cell
         return self.model.grid.cell_center[cell] + 0.5 * self.cell_size[cell][:, None] * self.xi
 
-    def come_to_rest(self) -> None:
+    def remove_rigid_motions(self) -> None:
         """The body is at rest: particles are where they have got to."""
-        super().come_to_rest()
+        super().remove_rigid_motions()
         self.state.position[:] = self._position()
 
 

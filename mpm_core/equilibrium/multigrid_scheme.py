@@ -4,7 +4,7 @@ Without failed rock: conjugate gradients with a V-cycle over the grid's levels (
 update by the kernel of `explicit`, so that stress and hourglass forces are exactly what that scheme would hold.
 
 With failed rock the unbalanced force depends on the displacement through the return to the strength surface, from the
-state in which flow was last counted anew (Body.settle), whatever the way. Its zero is sought by Anderson
+state in which flow was last counted anew (Body.commit), whatever the way. Its zero is sought by Anderson
 acceleration with the same V-cycle, whose stiffness is elastic at first.
 
 Where much rock flows that is far too stiff. After FIRST_TANGENT_CYCLE cycles, in perfectly plastic rock earlier, the
@@ -134,7 +134,7 @@ class MultigridScheme:
         """Take over what has happened in a part, which is at rest and settled."""
         part.give_back(self.state)
         self.stale[self.model.scatter.blocks_of(part.cells)] = True
-        self.body.count_flow_anew()
+        self.body.restart_flow_count()
         self.set_failed()
 
     def drop_work_arrays(self) -> None:
@@ -174,7 +174,7 @@ class MultigridScheme:
                 self.state.velocity[:] = 0.0
                 return
         self.body.check_reach(ratio)
-        self.body.come_to_rest()
+        self.body.remove_rigid_motions()
 
     def _solve(self, external, ratio: float, tolerance: float, reference: float, history: History) -> bool:
         """Elastic rock: solve for the displacement. Whether the tolerance (ratio) is reached."""
@@ -224,12 +224,12 @@ class MultigridScheme:
             for cycle in range(MAX_FLOW_CYCLES):
                 stands = len(since) > STALL_CYCLES and ratio > STALL_RATIO * since[-1 - STALL_CYCLES]
                 if cycle == follows or ratio > MAX_RESIDUAL_GROWTH * smallest or stands:
-                    anderson.forget()
+                    anderson.reset()
                     smallest, since = ratio, [ratio]
                     if cycle >= first:
                         solver.set_tangents(self.model, flow, displacement)
                         follows, taken_over = cycle + CYCLES_PER_TANGENT, True
-                anderson.turn(residual, solver.precondition(residual, size), size, step, not taken_over)
+                anderson.next_step(residual, solver.precondition(residual, size), size, step, not taken_over)
                 before = size
                 size, largest = self._make_step()
                 if taken_over:
@@ -287,7 +287,7 @@ class MultigridScheme:
             free = np.flatnonzero(inverse_diagonal).astype(np.int32)
             depth = np.clip(MAX_ANDERSON_BYTES / (8 * max(1, len(free))), ANDERSON_DEPTH // 2, ANDERSON_DEPTH)
             self.anderson = Anderson(free, int(depth))
-        self.anderson.forget()
+        self.anderson.reset()
         return self.anderson
 
     def _count(self, history: History) -> None:

@@ -69,7 +69,7 @@ class Refinement:
         return asking, fresh[:0] if at_once else fresh[~exposed]
 
     def _missing(self, places: np.ndarray) -> np.ndarray:
-        """Those of the places (k, d) that are not split, of a district its own."""
+        """Those of the places (k, d) that are not split, of a subdomain its own."""
         if not self.present.all():
             places = places[self.present[tuple((places >> self.halvings).T)]]
         if not len(self.codes) or not len(places):

@@ -14,7 +14,7 @@ from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodal_operations import interpolate
 from mpm_core.model.model import Model
-from mpm_core.model.occupancy import Loose, Places
+from mpm_core.model.occupancy import FinestPieces, Unsupported
 from mpm_core.model.state import ARRAYS, State
 from mpm_core.scene.scene import PLANES, Scene
 
@@ -87,7 +87,7 @@ def _mesh(dimension: int) -> xr.Variable:
 def grid_dataset(
     grid: MultiLevelGrid,
     body: np.ndarray,
-    pieces: Places,
+    pieces: FinestPieces,
     edge_nodes: EdgeNodes,
     plane: str | None,
     attributes: dict,
@@ -132,9 +132,9 @@ def read_origin(dataset: xr.Dataset) -> tuple[np.ndarray, float]:
     return np.asarray(dataset.attrs["domain_lower"])[_axes(dataset)], float(dataset.attrs["fine_cell"])
 
 
-def read_pieces(dataset: xr.Dataset) -> Places:
+def read_pieces(dataset: xr.Dataset) -> FinestPieces:
     """What excavations take of finest cells, from the dataset of grid.nc."""
-    return Places(_index(dataset, "piece_origin"), dataset.piece_excavation.values, dataset.piece_samples.values)
+    return FinestPieces(_index(dataset, "piece_origin"), dataset.piece_excavation.values, dataset.piece_samples.values)
 
 
 def read_edge_nodes(dataset: xr.Dataset) -> EdgeNodes:
@@ -183,7 +183,7 @@ def state_dataset(
         "displacement": displacement,
         "strength_factor": rating[0],
         "excess_shear_stress": rating[1],
-        **{f"loose_{name}": column for name, column in vars(model.loose).items()},
+        **{f"loose_{name}": column for name, column in vars(model.unsupported).items()},
         **{f"convergence_{name}": column for name, column in table.items()},
     }
     values = {name: _to_file(array, FIELDS[name].dims, scene) for name, array in values.items()}
@@ -209,9 +209,9 @@ def state_dataset(
     return dataset
 
 
-def read_loose(dataset: xr.Dataset) -> Loose:
-    """What has come loose until the end of a stage, from its dataset."""
-    return Loose(**{name: dataset[f"loose_{name}"].values for name in vars(Loose.none())})
+def read_unsupported(dataset: xr.Dataset) -> Unsupported:
+    """What has lost its support until the end of a stage, from its dataset."""
+    return Unsupported(**{name: dataset[f"loose_{name}"].values for name in vars(Unsupported.none())})
 
 
 def read_state(dataset: xr.Dataset, model: Model) -> State:

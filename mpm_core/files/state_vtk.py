@@ -15,7 +15,7 @@ from mpm_core.files.state_datasets import embed
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.mesh import MultiLevelGrid
-from mpm_core.model.occupancy import Places
+from mpm_core.model.occupancy import FinestPieces
 from mpm_core.scene.scene import PLANES
 
 TENSORS_PER_CHUNK = 1 << 18  # Tensors whose principal directions are computed at once.
@@ -28,7 +28,7 @@ CELL_FIELDS = {  # of the rock in a cell, by volume: field, its name with its un
 INDEX = {"excavations": "excavation", "rock_bodies": "rock_body"}  # groups of solids: array of a solid's number
 
 
-def write_vtu(grid: MultiLevelGrid, pieces: Places, state: xr.Dataset, path: str | os.PathLike) -> None:
+def write_vtu(grid: MultiLevelGrid, pieces: FinestPieces, state: xr.Dataset, path: str | os.PathLike) -> None:
     """Write cells with the mean of their rock's fields and the step of its failure, and nodal displacement, as VTU.
 
     fraction_of_<material>: share of a cell that this rock or fill takes; material: number, in the order of these
@@ -77,7 +77,7 @@ def write_vtu(grid: MultiLevelGrid, pieces: Places, state: xr.Dataset, path: str
     )
 
 
-def main_excavation(pieces: Places, grid: MultiLevelGrid) -> np.ndarray:
+def main_excavation(pieces: FinestPieces, grid: MultiLevelGrid) -> np.ndarray:
     """Excavation, mined or planned, that takes most of each cell: (cell,) int32, -1 none; the first of equal ones.
 
     A coarse cell is that of the part in it that is taken most.

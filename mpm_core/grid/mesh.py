@@ -49,7 +49,7 @@ FACE_CORNERS = {
 class MultiLevelGrid:
     """Square or cubic cells of several sizes that tile a box, 2:1 balanced over faces, edges and corners.
 
-    A district (stages/step_subdomain.py) tiles some of the box's base cells only, and is held still where the box goes
+    A subdomain (stages/step_subdomain.py) tiles some of the box's base cells only, and is held still where the box goes
     on.
 
     Arrays in "fine units" count finest cells from the lower corner of the domain: exact, and the basis of every
@@ -116,7 +116,7 @@ class MultiLevelGrid:
 
     @cached_property
     def present(self) -> np.ndarray:
-        """(base cells along each axis) bool: those that the grid has; all of them, but in a district of a mine"""
+        """(base cells along each axis) bool: those that the grid has; all of them, but in a subdomain of a mine"""
         found = np.zeros(self.shape >> self.levels - 1, bool)
         found[tuple((self.cell_index >> self.levels - 1).T)] = True
         return found
@@ -133,7 +133,7 @@ class MultiLevelGrid:
         return self.node_index[:, axis] == side * self.shape[axis]
 
     def border_nodes(self) -> np.ndarray:
-        """(node,) bool: corners of faces beyond which the domain goes on, but not the grid; none but in a district."""
+        """(node,) bool: corners of faces beyond which the domain goes on, but not the grid; none but in a subdomain."""
         result = np.zeros(len(self.node_index), bool)
         if self.present.all():
             return result

@@ -104,7 +104,7 @@ def with_leaves(grid: MultiLevelGrid, cell_index: np.ndarray, cell_level: np.nda
 def _not_split(grid: MultiLevelGrid, level: int, codes: np.ndarray) -> np.ndarray:
     """Those of the codes of cells of a level that are not split in the grid, all of them in no finer cell."""
     halvings = grid.levels - 1 - level
-    if not grid.present.all():  # cells of a district's surroundings are not its own
+    if not grid.present.all():  # cells of a subdomain's surroundings are not its own
         place = np.stack(np.unravel_index(codes, tuple(grid.shape >> halvings)))
         codes = codes[grid.present[tuple(place >> level)]]
     deeper = np.flatnonzero(grid.cell_level > level)

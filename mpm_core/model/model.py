@@ -13,12 +13,12 @@ from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.grid.splitting import with_leaves
 from mpm_core.kernels.block_scatter import Scatter, build_scatter
 from mpm_core.kernels.nodal_operations import mark_nodes
-from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Changes, Loose, Pieces, changes_of
+from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Changes, Pieces, Unsupported, changes_of
 from mpm_core.model.particles import Particles, at_step, part_means, seed, shares_of_volume, volumes
 from mpm_core.model.phantom_nodes import Parting, part
 from mpm_core.model.rigid_motions import RigidMotions, free_motions
 from mpm_core.model.state import State
-from mpm_core.model.unsupported import find_loose
+from mpm_core.model.unsupported import find_unsupported
 from mpm_core.scene.scene import FACES, Scene
 from mpm_core.scene.virgin_stress import virgin_stress
 
@@ -49,7 +49,7 @@ class Model:
     """(material, column) strength rows of the law"""
     held: np.ndarray
     """(node, d) bool: fixed or on a roller"""
-    loose: Loose
+    unsupported: Unsupported
     """what has fallen so far"""
     step: int
     """once it is mined the particles are where they are; -1 virgin rock"""
@@ -223,24 +223,24 @@ def build_model(
     grid: MultiLevelGrid,
     body: np.ndarray,
     pieces: Pieces,
-    loose: Loose | None = None,
+    unsupported: Unsupported | None = None,
     all_fallen: bool = False,
     distorted: DistortedCells | None = None,
 ) -> Model:
     """Seed the particles of a stage and tabulate what the kernels need. `pieces` as stored with the grid.
 
     distorted: cells that are no cubes.
-    loose: what has fallen in the steps before; what comes loose in the last step of the scene falls here, unless
-    all_fallen says that it is among them.
+    unsupported: what has fallen in the steps before; what loses its support in the last step of the scene falls here,
+    unless all_fallen says that it is among them.
     """
     step = len(scene.steps) - 1
-    loose = loose or Loose.none()
-    changes = changes_of(pieces, scene.excavations, loose)
+    unsupported = unsupported or Unsupported.none()
+    changes = changes_of(pieces, scene.excavations, unsupported)
     if not all_fallen:
-        fallen = find_loose(grid, changes.solid_samples(len(grid.cell_level), step), held_faces(scene), step)
-        loose = loose.and_then(fallen)
+        fallen = find_unsupported(grid, changes.solid_samples(len(grid.cell_level), step), held_faces(scene), step)
+        unsupported = unsupported.and_then(fallen)
         if len(fallen.cell):
-            changes = changes_of(pieces, scene.excavations, loose)
+            changes = changes_of(pieces, scene.excavations, unsupported)
     particles = seed(grid, body, changes, scene, pieces, distorted or DistortedCells.none(grid.dimension))
     if grid.phantoms:  # of the step before
         grid = with_leaves(grid, grid.cell_index, grid.cell_level)
@@ -264,7 +264,7 @@ def build_model(
         law=law,
         intact_rows=intact_rows,
         residual_rows=residual_rows,
-        loose=loose,
+        unsupported=unsupported,
         step=step,
         plain=grid,
         **parting._asdict(),

@@ -1,7 +1,8 @@
 """What holds each part of a cell, step by step: rock, then void, fill, and void again where fill is mined.
 
 A cell's parts are its 64 samples (geometry/inside.py). In each step rock and fill are mined first; then fill is placed
-in all that stands open within its excavation's solid, whichever excavation opened it; last, what is loose then falls.
+in all that stands open within its excavation's solid, whichever excavation opened it; last, what is unsupported then
+falls.
 """
 
 from dataclasses import dataclass
@@ -32,7 +33,7 @@ class Pieces:
 
 
 @dataclass(frozen=True)
-class Places:
+class FinestPieces:
     """The same whatever the cells of a grid are: place (piece, d) int32, lower corners of finest cells, fine units."""
 
     place: np.ndarray
@@ -40,20 +41,20 @@ class Places:
     samples: np.ndarray
 
     @classmethod
-    def all_of(cls, parts: list["Places"], dimension: int) -> "Places":
+    def all_of(cls, parts: list["FinestPieces"], dimension: int) -> "FinestPieces":
         """These, one after another."""
         none = cls(np.empty((0, dimension), np.int32), np.empty(0, np.int16), np.empty(0, np.uint64))
         return cls(**{name: np.concatenate([getattr(part, name) for part in (none, *parts)]) for name in vars(none)})
 
-    def and_then(self, other: "Places") -> "Places":
+    def and_then(self, other: "FinestPieces") -> "FinestPieces":
         """These, and others behind them, in the order of excavations."""
-        both = Places.all_of([self, other], self.place.shape[1])
+        both = FinestPieces.all_of([self, other], self.place.shape[1])
         order = np.argsort(both.excavation, kind="stable")
-        return Places(both.place[order], both.excavation[order], both.samples[order])
+        return FinestPieces(both.place[order], both.excavation[order], both.samples[order])
 
 
 @dataclass(frozen=True)
-class Loose:
+class Unsupported:
     """Parts of cells that nothing holds from a step on, rock and fill (unsupported.py): they are void from then on.
 
     cell, step (part,) indices, samples (part,) uint64; piece (part,): number of the piece among those of its step,
@@ -66,13 +67,13 @@ class Loose:
     piece: np.ndarray
 
     @classmethod
-    def none(cls) -> "Loose":
-        """Nothing is loose."""
+    def none(cls) -> "Unsupported":
+        """Nothing is unsupported."""
         return cls(np.empty(0, np.int32), np.empty(0, np.uint64), np.empty(0, np.int32), np.empty(0, np.int32))
 
-    def and_then(self, other: "Loose") -> "Loose":
+    def and_then(self, other: "Unsupported") -> "Unsupported":
         """These and those of a later step."""
-        return Loose(**{name: np.concatenate([own, getattr(other, name)]) for name, own in vars(self).items()})
+        return Unsupported(**{name: np.concatenate([own, getattr(other, name)]) for name, own in vars(self).items()})
 
 
 @dataclass(frozen=True)
@@ -107,8 +108,9 @@ class Changes:
         return result
 
 
-def changes_of(pieces: Pieces, excavations: tuple[Excavation, ...], loose: Loose) -> Changes:
-    """How the samples of all cells change hands while these excavations are mined and filled, and loose parts fall.
+def changes_of(pieces: Pieces, excavations: tuple[Excavation, ...], unsupported: Unsupported) -> Changes:
+    """How the samples of all cells change hands while these excavations are mined and filled, and unsupported parts
+    fall.
 
     Rock that two solids share goes to the one that mines it first. Slivers are dropped; so is a remainder thinner than
     that: its samples go with what leaves it. No later excavation alters the changes of those before it.
@@ -118,13 +120,13 @@ def changes_of(pieces: Pieces, excavations: tuple[Excavation, ...], loose: Loose
     cell, excavation, samples = pieces.cell, pieces.excavation.astype(np.int64), pieces.samples
     digs, fills = np.flatnonzero(mined[excavation] >= 0), np.flatnonzero(filled[excavation] >= 0)
     piece = np.concatenate([digs, fills])
-    kind = np.repeat([DIG, PLACE, FALL], [len(digs), len(fills), len(loose.cell)])
-    step = np.concatenate([mined[excavation[digs]], filled[excavation[fills]], loose.step])
+    kind = np.repeat([DIG, PLACE, FALL], [len(digs), len(fills), len(unsupported.cell)])
+    step = np.concatenate([mined[excavation[digs]], filled[excavation[fills]], unsupported.step])
     cell, excavation = (
-        np.append(cell[piece], loose.cell),
-        np.append(excavation[piece], np.full(len(loose.cell), ROCK_OWNER)),
+        np.append(cell[piece], unsupported.cell),
+        np.append(excavation[piece], np.full(len(unsupported.cell), ROCK_OWNER)),
     )
-    samples = np.append(samples[piece], loose.samples)
+    samples = np.append(samples[piece], unsupported.samples)
     order = np.lexsort((excavation, kind, step, cell))
     cell, kind, step, excavation, samples = (column[order] for column in (cell, kind, step, excavation, samples))
     cells, start = np.unique(cell, return_index=True)

@@ -22,7 +22,7 @@ from scipy.sparse.csgraph import connected_components
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.mesh import CORNER_OFFSETS, MultiLevelGrid
-from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Loose
+from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Unsupported
 from mpm_core.model.rigid_motions import free_motions
 
 MAX_PIECES_LOGGED = 20  # The log lists this many unsupported pieces, the largest first.
@@ -181,13 +181,15 @@ def _motions_left(grid: MultiLevelGrid, faces: dict[tuple[int, int], list[int]],
     return left
 
 
-def find_loose(grid: MultiLevelGrid, solid: np.ndarray, faces: dict[tuple[int, int], list[int]], step: int) -> Loose:
+def find_unsupported(
+    grid: MultiLevelGrid, solid: np.ndarray, faces: dict[tuple[int, int], list[int]], step: int
+) -> Unsupported:
     """Loose pieces in cells whose samples `solid` (cell,) uint64 are rock or fill after a step, largest first.
 
     faces: the components (of the computation's axes) that a face of the domain holds, by its axis and side.
     """
     if not solid.any() or (solid == ALL_SAMPLES).all():
-        return Loose.none()
+        return Unsupported.none()
     parts = find_parts(grid, solid)
     left = _motions_left(grid, faces, solid, parts)
     # of every cell's parts: those of full base cells are one each
@@ -209,19 +211,21 @@ def find_loose(grid: MultiLevelGrid, solid: np.ndarray, faces: dict[tuple[int, i
     _, rank[loose] = np.unique(rank[loose], return_inverse=True)
     chosen = np.flatnonzero(loose[piece])
     chosen = chosen[np.lexsort((cell[chosen], rank[piece[chosen]]))]
-    return Loose(
+    return Unsupported(
         cell[chosen].astype(np.int32), samples[chosen], np.full(len(chosen), step, np.int32),
         rank[piece[chosen]].astype(np.int32),
     )  # fmt: skip
 
 
-def describe_loose(grid: MultiLevelGrid, loose: Loose, step: int, thickness: float, axes: tuple[int, ...]) -> dict:
+def describe_unsupported(
+    grid: MultiLevelGrid, unsupported: Unsupported, step: int, thickness: float, axes: tuple[int, ...]
+) -> dict:
     """Facts of the pieces that have come loose in a step: how many, volume m3, and where the largest is."""
-    now = np.flatnonzero(loose.step == step)
+    now = np.flatnonzero(unsupported.step == step)
     if not len(now):
         return {"loose_pieces": 0, "loose_volume": 0.0, "loose_where": ""}
-    cell, piece = loose.cell[now], loose.piece[now]
-    volume = np.bitwise_count(loose.samples[now]) / SAMPLES_PER_CELL * grid.cell_size[cell] ** grid.dimension
+    cell, piece = unsupported.cell[now], unsupported.piece[now]
+    volume = np.bitwise_count(unsupported.samples[now]) / SAMPLES_PER_CELL * grid.cell_size[cell] ** grid.dimension
     size = np.bincount(piece, volume)
     center = np.stack([np.bincount(piece, volume * along) / size for along in grid.cell_center[cell].T], axis=1)
     names = ", ".join("xyz"[axis] for axis in axes)

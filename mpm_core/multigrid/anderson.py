@@ -78,19 +78,19 @@ class Anderson:
         self.residual, self.difference = np.zeros((2, len(free)))
         self.correction = np.zeros(len(free), np.float32)
         self.gram = np.zeros((depth, depth))
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Begin anew."""
         self.count = 0
 
-    def turn(
+    def next_step(
         self, residual: np.ndarray, correction: np.ndarray, size: float, step: np.ndarray, symmetric: bool = True
     ) -> None:
-        """Replace the last step by the next one; what the first one after `forget` replaces does not matter.
+        """Replace the last step by the next one; what the first one after `reset` replaces does not matter.
 
         All flat arrays (element,). residual: where the last step has led; correction times size: M residual; step: only
-        its unknowns are read and written. symmetric: whether M is, always since `forget`; where it is not, r is
+        its unknowns are read and written. symmetric: whether M is, always since `reset`; where it is not, r is
         measured by the 2-norm of M r.
         """
         depth = len(self.moves)

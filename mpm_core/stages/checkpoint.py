@@ -60,7 +60,7 @@ class Checkpoint:
     ) -> None:
         """Write state, the cells that it has, and the convergence table, if it is time to.
 
-        in_district: whether they are those of the step's district; places (k, d) each: what was split, full:
+        in_district: whether they are those of the step's subdomain; places (k, d) each: what was split, full:
         whether no more may be (step_cells.py).
         """
         now = time.perf_counter()

@@ -22,16 +22,16 @@ from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.files.state_datasets import read_grid, state_dataset
 from mpm_core.kernels.failure import make_rate_strength
 from mpm_core.model.model import Model
-from mpm_core.model.occupancy import Loose
+from mpm_core.model.occupancy import Unsupported
 from mpm_core.model.state import State
-from mpm_core.model.unsupported import describe_loose
+from mpm_core.model.unsupported import describe_unsupported
 from mpm_core.scene.scene import FACES, Scene
 from mpm_core.stages.checkpoint import Checkpoint
 from mpm_core.stages.external_forces import boundary_strain, external_force, load_size
 from mpm_core.stages.ground import Ground
 from mpm_core.stages.stage_memory import require_cells
 from mpm_core.stages.step_cells import begin_step, make_scheme
-from mpm_core.stages.step_subdomain import District, district_of
+from mpm_core.stages.step_subdomain import StepSubdomain, step_subdomain_of
 
 TRUNCATION_REMEDY = {True: "more grid.max_cells", False: "more grid.buffer_cells, or grid.refinement: adaptive,"}
 MIN_STRESS_SHARE = 1e-5  # Less of the virgin stress than this share counts as this share.
@@ -41,7 +41,7 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
     """Elastic equilibrium of the history: everything mined, loaded and strained in step 0, nothing fails."""
     cells, body = read_grid(grid)
     require_cells(scene, cells, elastic=True)
-    model = Ground.of(scene, grid).model(cells, body, Loose.none()).at(0)
+    model = Ground.of(scene, grid).model(cells, body, Unsupported.none()).at(0)
     refuse_overstressed_virgin(model)
     state = model.virgin_state()
     volume = model.volumes(0)
@@ -91,9 +91,9 @@ def mining_step(
         cells, balance = begin_step(Ground.of(scene, grid), previous, step, history)
         at_work = cells
         watched.state = lambda: at_work.scheme.body.state
-        district = district_of(cells) if not saved or saved["in_district"] else None
-        if district is not None:
-            at_work = district.cells
+        step_subdomain = step_subdomain_of(cells) if not saved or saved["in_district"] else None
+        if step_subdomain is not None:
+            at_work = step_subdomain.cells
         if saved:
             at_work.resume(saved)
             Checkpoint.restore(saved, at_work.scheme.body.state, history)
@@ -104,14 +104,16 @@ def mining_step(
                 in_district = at_work is not cells
                 checkpoint.save(state, history, at_work.model.grid, in_district, at_work.places, at_work.full)
 
-        def run(district: District | None) -> tuple[Scheme, bool]:
+        def run(step_subdomain: StepSubdomain | None) -> tuple[Scheme, bool]:
             asked = at_work if scene.refinement else None
-            return run_cascade(at_work.scheme, at_work.brittle, at_work.ramp, step, history, save, asked, district)
+            return run_cascade(
+                at_work.scheme, at_work.brittle, at_work.ramp, step, history, save, asked, step_subdomain
+            )
 
-        if district is not None:
-            run(district)
-            district.give_back()
-            at_work, district = cells, None
+        if step_subdomain is not None:
+            run(step_subdomain)
+            step_subdomain.give_back()
+            at_work, step_subdomain = cells, None
         scheme, collapsed = run(None)
         if checkpoint is not None:
             checkpoint.remove()
@@ -162,7 +164,7 @@ def finish(
     """
     body = scheme.body
     model, state, volume = body.model, body.state, body.volume
-    body.settle()
+    body.commit()
     energy = balance.facts(body, target, moved)
     conserved = mass_and_momentum(body)
     scheme.drop_work_arrays()  # as large as what is written now
@@ -192,7 +194,7 @@ def finish(
         "collapsed": int(collapsed),
         **truncation(model, state, volume, stage),
         **failed_at_boundary(model, state, volume),
-        **describe_loose(model.grid, model.loose, step, scene.thickness, scene.axes),
+        **describe_unsupported(model.grid, model.unsupported, step, scene.thickness, scene.axes),
     }
     return state_dataset(model, state, model.material_volumes(step), rating, table, facts), facts
 

@@ -17,7 +17,7 @@ from mpm_core.grid.domain import Domain, base_cells
 from mpm_core.grid.edge_nodes import EdgeNodes, choose_edge_nodes
 from mpm_core.grid.octree import all_cells, children, morton_codes
 from mpm_core.grid.splitting import code_of
-from mpm_core.model.occupancy import ALL_SAMPLES, MIN_SAMPLES_KEPT, Places
+from mpm_core.model.occupancy import ALL_SAMPLES, MIN_SAMPLES_KEPT, FinestPieces
 from mpm_core.scene.scene_solids import bodies_at, read_solids
 from mpm_core.settings import GridCells, GridSlice
 from mpm_core.stages.stage_memory import require, stage_bytes
@@ -42,7 +42,7 @@ def cut_pieces(
     chosen: np.ndarray,
     cells: GridCells,
     edge_nodes: EdgeNodes,
-) -> Places:
+) -> FinestPieces:
     """Parts of finest cells inside chosen excavations (k,), numbers of solids, by excavation and cell.
 
     edge_nodes: which move corners of the cells.
@@ -79,8 +79,8 @@ def cut_pieces(
         if cells.cut_cells == "whole":
             samples = np.where(np.bitwise_count(samples) >= SAMPLES_PER_CELL // 2, ALL_SAMPLES, np.uint64(0))
         keep = np.bitwise_count(samples) >= MIN_SAMPLES_KEPT
-        parts.append(Places(index[near][keep], np.full(keep.sum(), number, np.int16), samples[keep]))
-    return Places.all_of(parts, len(domain.lower))
+        parts.append(FinestPieces(index[near][keep], np.full(keep.sum(), number, np.int16), samples[keep]))
+    return FinestPieces.all_of(parts, len(domain.lower))
 
 
 def _samples_inside(solid: Solid | Outside, domain: Domain, index: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -146,7 +146,7 @@ def compare_volumes(name: str, solid: float, gridded: float, cells: GridCells) -
         )
 
 
-def refuse_propped(names: list[str], share: np.ndarray, size: np.ndarray, cells: GridCells) -> None:
+def refuse_under_resolved(names: list[str], share: np.ndarray, size: np.ndarray, cells: GridCells) -> None:
     """Name excavations that the rock of their cut cells props; raise InputError if hardly any cell is mined wholly.
 
     share (k,): of each one's volume in wholly mined cells, size (k,) m3. From a volume_error of 1 on anything goes.
@@ -199,7 +199,7 @@ def cells_of_draft(values: GridSlice, solids: list[Solid | Outside], later: np.n
     return kept, lost
 
 
-def volumes_of(pieces: Places, edge_nodes: EdgeNodes, domain: Domain) -> np.ndarray:
+def volumes_of(pieces: FinestPieces, edge_nodes: EdgeNodes, domain: Domain) -> np.ndarray:
     """Volume of each part, in finest cells, (piece,)."""
     place, corners = distorted_shapes(edge_nodes.place, edge_nodes.shift)
     volume, shape = np.bitwise_count(pieces.samples) / SAMPLES_PER_CELL, domain.base_shape << domain.levels - 1
@@ -277,7 +277,7 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
         compare_volumes(solid.name, true, float(gridded), values.grid)
     share, names = whole_shares(pieces, grid.shape, later), [solid.name for solid in solids]
-    refuse_propped(names, share, on_grid, values.grid)
+    refuse_under_resolved(names, share, on_grid, values.grid)
     return grid_dataset(
         grid,
         bodies_at(bodies, grid.cell_center),

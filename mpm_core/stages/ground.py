@@ -18,10 +18,10 @@ from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import split
 from mpm_core.model.model import Model, build_model
-from mpm_core.model.occupancy import Loose, Pieces, Places
+from mpm_core.model.occupancy import FinestPieces, Pieces, Unsupported
 from mpm_core.scene.scene import Refinement, Scene
 from mpm_core.scene.scene_solids import bodies_at, read_solids
-from mpm_core.stages.state_transfer import carry_loose
+from mpm_core.stages.state_transfer import transfer_unsupported
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Ground:
     those are: lower corner of the domain (d,) m, edge of a finest cell m."""
 
     scene: Scene
-    parts: Places
+    parts: FinestPieces
     edge_nodes: EdgeNodes
     origin: np.ndarray
     fine_cell: float
@@ -48,10 +48,12 @@ class Ground:
         assert self.scene.refinement is not None
         return self.scene.refinement
 
-    def model(self, grid: MultiLevelGrid, body: np.ndarray, loose: Loose, all_fallen: bool = False) -> Model:
-        """The scene on a grid; body (cell,): rock body of each cell; loose, all_fallen: see build_model."""
+    def model(
+        self, grid: MultiLevelGrid, body: np.ndarray, unsupported: Unsupported, all_fallen: bool = False
+    ) -> Model:
+        """The scene on a grid; body (cell,): rock body of each cell; unsupported, all_fallen: see build_model."""
         distorted = distorted_cells(grid, self.edge_nodes.place, self.edge_nodes.shift)
-        return build_model(self.scene, grid, body, self.pieces(grid), loose, all_fallen, distorted)
+        return build_model(self.scene, grid, body, self.pieces(grid), unsupported, all_fallen, distorted)
 
     def pieces(self, grid: MultiLevelGrid) -> Pieces:
         """Parts of the cells of a grid inside excavations: of finest cells, as no other is mined."""
@@ -80,7 +82,7 @@ class Ground:
 
     def on(self, grid: MultiLevelGrid, model: Model, all_fallen: bool = True) -> Model:
         """The scene on another grid, whose cells are those of a model or parts of them."""
-        return self.model(grid, self._bodies(grid, model), carry_loose(model, grid.cell_index), all_fallen)
+        return self.model(grid, self._bodies(grid, model), transfer_unsupported(model, grid.cell_index), all_fallen)
 
     def _bodies(self, grid: MultiLevelGrid, model: Model) -> np.ndarray:
         """Rock body of each cell: of those that stay theirs, of parts that which holds their centre."""

@@ -17,7 +17,7 @@ from mpm_core.grid.distorted_cells import corner_offsets
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodal_operations import spread_to_hanging
 from mpm_core.model.model import Model
-from mpm_core.model.occupancy import Loose
+from mpm_core.model.occupancy import Unsupported
 from mpm_core.model.state import ARRAYS, Extent, State
 
 NO_SOURCE = -1  # Particle without a source among the old ones.
@@ -38,7 +38,7 @@ class Cells:
         return cls(model.grid, model.cell_nodes, model.node_shift)
 
 
-def carry(old: Model, state: State, new: Model) -> State:
+def transfer(old: Model, state: State, new: Model) -> State:
     """The state of a model as that of another of the same scene, whose cells are the old ones or parts of them."""
     origin = holding_cells(old.grid, new.grid.cell_index)
     result = new.virgin_state()
@@ -53,7 +53,7 @@ def carry(old: Model, state: State, new: Model) -> State:
     split = new.grid.cell_level != old.grid.cell_level[origin]
     kept = np.flatnonzero(~split)
     result.hourglass_force[kept] = state.hourglass_force[origin[kept]]
-    result.displacement[:] = carry_nodes(old, state.displacement, new, origin)
+    result.displacement[:] = transfer_nodes(old, state.displacement, new, origin)
     result.energy[:] = state.energy
     anew = np.flatnonzero((source >= 0) & ~as_before & (result.failed < 0) & new.particles.is_rock)
     result.stress[anew] = elastic_stress(new, result.displacement, anew)
@@ -62,7 +62,7 @@ def carry(old: Model, state: State, new: Model) -> State:
     return result
 
 
-def carry_nodes(old: Model | Cells, values: np.ndarray, new: Model, origin: np.ndarray | None = None) -> np.ndarray:
+def transfer_nodes(old: Model | Cells, values: np.ndarray, new: Model, origin: np.ndarray | None = None) -> np.ndarray:
     """Nodal values (node, component) of the old grid at the nodes of the new one, trilinear between corners.
 
     origin (new cell,): the old cell that holds each.
@@ -74,12 +74,14 @@ def carry_nodes(old: Model | Cells, values: np.ndarray, new: Model, origin: np.n
     _interpolate_corners(old.cell_nodes, new.cell_nodes, origin, place, share, values, result)
     shifted = np.flatnonzero(new.node_shift.any(axis=1))
     if len(shifted):
-        _carry_shifted(old, values, new, shifted, result)
+        _transfer_shifted(old, values, new, shifted, result)
     spread_to_hanging(new.hanging, new.grid.node_parents, result)
     return result
 
 
-def _carry_shifted(old: Model | Cells, values: np.ndarray, new: Model, nodes: np.ndarray, result: np.ndarray) -> None:
+def _transfer_shifted(
+    old: Model | Cells, values: np.ndarray, new: Model, nodes: np.ndarray, result: np.ndarray
+) -> None:
     """Values of the old grid where nodes (k,) of the new one that are moved lie: result (node, component), there.
 
     One that was moved there before has its value; where the old grid has a cube, that is trilinear between its corners.
@@ -103,7 +105,7 @@ def _carry_shifted(old: Model | Cells, values: np.ndarray, new: Model, nodes: np
     result[nodes[moved]] = np.einsum("kc,kcj->kj", shape, values[old.cell_nodes[cell]])
 
 
-def carry_forces(old: Model | Cells, forces: np.ndarray, new: Model) -> np.ndarray:
+def transfer_forces(old: Model | Cells, forces: np.ndarray, new: Model) -> np.ndarray:
     """Nodal forces (node, d) N of the old grid, which stay at their nodes; new nodes have none."""
     origin = holding_cells(old.grid, new.grid.cell_index)
     place = new.grid.cell_index - old.grid.cell_index[origin]
@@ -144,17 +146,21 @@ def part_forces(old: Model, forces: np.ndarray, new: Model) -> np.ndarray:
     return result
 
 
-def carry_loose(old: Model, new_index: np.ndarray) -> Loose:
-    """What has come loose, in cells with these lower corners (cell, d), fine units, in Morton order."""
-    loose = old.loose
-    if not len(loose.cell):
-        return loose
+def transfer_unsupported(old: Model, new_index: np.ndarray) -> Unsupported:
+    """What has lost its support, in cells with these lower corners (cell, d), fine units, in Morton order."""
+    unsupported = old.unsupported
+    if not len(unsupported.cell):
+        return unsupported
     origin = holding_cells(old.grid, new_index)  # ascending, as both grids are in Morton order
-    first, end = np.searchsorted(origin, loose.cell), np.searchsorted(origin, loose.cell, side="right")
+    first, end = np.searchsorted(origin, unsupported.cell), np.searchsorted(origin, unsupported.cell, side="right")
     part = np.repeat(np.arange(len(first)), end - first)
     cell = np.arange(len(part)) - np.repeat(np.cumsum(end - first) - (end - first), end - first) + first[part]
     return replace(
-        loose, cell=cell.astype(np.int32), samples=loose.samples[part], step=loose.step[part], piece=loose.piece[part]
+        unsupported,
+        cell=cell.astype(np.int32),
+        samples=unsupported.samples[part],
+        step=unsupported.step[part],
+        piece=unsupported.piece[part],
     )
 
 

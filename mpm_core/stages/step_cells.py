@@ -17,7 +17,7 @@ from mpm_core.equilibrium.moving_scheme import MovingScheme
 from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
 from mpm_core.equilibrium.refinement import MAX_WAITING_SHARE, RINGS_SPLIT_AT_ONCE, Refinement
 from mpm_core.equilibrium.scheme import Scheme
-from mpm_core.files.state_datasets import read_grid, read_loose, read_state
+from mpm_core.files.state_datasets import read_grid, read_state, read_unsupported
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import split, with_leaves
@@ -28,12 +28,12 @@ from mpm_core.stages.ground import Ground
 from mpm_core.stages.stage_memory import require_cells
 from mpm_core.stages.state_transfer import (
     Cells,
-    carry,
-    carry_forces,
-    carry_nodes,
     elastic_stress,
     part_forces,
     part_nodes,
+    transfer,
+    transfer_forces,
+    transfer_nodes,
 )
 
 SchemeMaker = Callable[[Model, State, np.ndarray], Scheme]
@@ -60,7 +60,7 @@ class StepCells:
     start_cells, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
     held_up (node, d) N, on start_cells: what the ramp starts with beyond the lasting forces of the step before, which
     is what the mined rock held up;
-    full: as many cells as there may be; elsewhere: cells of the mine beyond these, where they are a district's;
+    full: as many cells as there may be; elsewhere: cells of the mine beyond these, where they are a subdomain's;
     places: what was split, (k, d) each, see `split`.
     """
 
@@ -90,7 +90,7 @@ class StepCells:
         if self.full:
             return np.empty((0, model.dimension), int), fresh
         patience = 0.0
-        if loosely and not self.elsewhere:  # a split of a district costs little
+        if loosely and not self.elsewhere:  # a split of a subdomain costs little
             patience = MAX_WAITING_SHARE * np.count_nonzero(state.failed == self.step)
         return self.refinement.asked(model, state, brittle, fresh, len(self.model.cell_nodes), patience)
 
@@ -119,14 +119,14 @@ class StepCells:
         if grid is self.model.grid:
             return
         body = self.scheme.body
-        body.settle()
+        body.commit()
         require_cells(self.ground.scene, grid)
         old, was = body.model, stored(body, counted)
         virgin_was = virgin_work(body, self.moved())
         model = self.ground.on(grid, old)
-        state = carry(old, body.state, model)
+        state = transfer(old, body.state, model)
         volume = model.volumes(self.step)
-        start = lasting_force(model, max(self.step - 1, 0)) + carry_forces(self.start_cells, self.held_up, model)
+        start = lasting_force(model, max(self.step - 1, 0)) + transfer_forces(self.start_cells, self.held_up, model)
         target = external_force(model, self.step)
         reference = measured_by(model, start, target, self.ramp.strain, self.step)
         self.ramp = replace(self.ramp, start=start, target=target, reference=reference)
@@ -153,7 +153,7 @@ class StepCells:
         """How far nodes (node, d) have moved in this step, m."""
         start = self.start_displacement
         if self.start_cells.grid is not self.model.grid:
-            start = carry_nodes(self.start_cells, start, self.model)
+            start = transfer_nodes(self.start_cells, start, self.model)
         return self.scheme.body.state.displacement - start
 
 
@@ -221,18 +221,18 @@ def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History
     ground.refuse_other(was, before)
     grid = ground.opened(was, step) if scene.refinement and step > before else was
     require_cells(scene, grid)
-    loose = read_loose(previous)
+    unsupported = read_unsupported(previous)
     if grid is was:
-        model = ground.model(was, body, loose).at(before)
+        model = ground.model(was, body, unsupported).at(before)
         state = read_state(previous, model)
         return make_scheme(model, state, model.volumes(before))
-    old = ground.model(was, body, loose, all_fallen=True).at(before)
+    old = ground.model(was, body, unsupported, all_fallen=True).at(before)
     model = ground.on(grid, old, all_fallen=False).at(before)
-    state = carry(old, read_state(previous, old), model)
+    state = transfer(old, read_state(previous, old), model)
     scheme = make_scheme(model, state, model.volumes(before))
     force, strain = external_force(model, before), boundary_strain(scene, before)
     scheme.relax(force, scene.solver.tolerance, load_size(model, force, strain, before), history)
-    scheme.body.settle()
+    scheme.body.commit()
     state.energy[:] = 0.0  # of cells that are other ones now: no part of what the step does
     return scheme
 

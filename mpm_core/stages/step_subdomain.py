@@ -1,13 +1,13 @@
-"""The district of a mine that a step changes: blocks of space around what it mines, held still at their border.
+"""The subdomain of a mine that a step changes: blocks of space around what it mines, held still at their border.
 
 A month's mining is felt some widths away. There its load is put on, increment by increment, and there rock fails and
 cells are split, at the cost of that rock; what is beyond stays as it is. Then the whole mine comes to rest, with the
 border free again, and what it lets fail then fails as ever: so the whole has the last word on rest and on failure, and
-the district, like a part of the mine (equilibrium/subdomain.py), only says on which way they are come to. The whole is
+the subdomain, like a part of the mine (equilibrium/subdomain.py), only says on which way they are come to. The whole is
 set up at a step's start, and once more where cells were split.
 
 What a patch of half-width a changes decays as (a / distance)^d. Rock near the border waits for
-the whole. Where much of it waits the district is too small, and the step goes on in the whole after that increment.
+the whole. Where much of it waits the subdomain is too small, and the step goes on in the whole after that increment.
 """
 
 import logging
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpm_core.equilibrium.cascade import asks_the_whole
+from mpm_core.equilibrium.cascade import needs_whole_mine
 from mpm_core.equilibrium.refinement import RINGS_SPLIT_AT_ONCE, Refinement
 from mpm_core.equilibrium.scheme import SchemeInParts
 from mpm_core.equilibrium.surroundings import Cubes, Surroundings
@@ -26,7 +26,7 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.octree import parents
 from mpm_core.grid.splitting import split, with_leaves
 from mpm_core.model.model import Model
-from mpm_core.model.occupancy import Loose, Places
+from mpm_core.model.occupancy import FinestPieces, Unsupported
 from mpm_core.model.state import State, give_back, take
 from mpm_core.stages.state_transfer import Cells
 from mpm_core.stages.step_cells import StepCells, brittle_of, make_scheme
@@ -44,8 +44,8 @@ MIN_BLOCK_HALVINGS = 3  # A block's edge is at least a finest cell's, doubled th
 
 @dataclass(frozen=True)
 class Blocks:
-    """Which blocks of space a district has: chosen (blocks along each axis) bool, of 2^halvings finest cells; within so
-    many cubes (Cubes), margin, of their border rock does not fail."""
+    """Which blocks of space a subdomain has: chosen (blocks along each axis) bool, of 2^halvings finest cells; within
+    so many cubes (Cubes), margin, of their border rock does not fail."""
 
     chosen: np.ndarray
     halvings: int
@@ -90,8 +90,8 @@ def _cuts_cells(grid: MultiLevelGrid, chosen: np.ndarray, halvings: int) -> bool
     return False
 
 
-class District:
-    """A step in its district. cells: what it has there; waits: whether much rock near the border stands above its
+class StepSubdomain:
+    """A step in its subdomain. cells: what it has there; waits: whether much rock near the border stands above its
     strength, or no more cells may be: then the step goes on in the whole mine."""
 
     def __init__(self, whole: StepCells, blocks: Blocks):
@@ -103,7 +103,9 @@ class District:
             edge_nodes=_moved_as_in(model.grid, whole.ground.edge_nodes, blocks),
         )
         self.whole, self.blocks, self.waits = whole, blocks, False
-        own = ground.model(blocks.of(model.grid), model.body[inside], _loose_inside(model.loose, inside), True)
+        own = ground.model(
+            blocks.of(model.grid), model.body[inside], _unsupported_inside(model.unsupported, inside), True
+        )
         places = _places(model, own, inside)
         whole.scheme.drop_work_arrays()  # the memory is needed; it is set up anew in the end
         at_start = own.virgin_state()
@@ -120,7 +122,7 @@ class District:
         self.surroundings = Surroundings(cubes, cubes.present, np.arange(cubes.cells))
 
     def far_from_border(self, fresh: np.ndarray) -> np.ndarray:
-        """Those of the district's particles (k,) that do not lie near its border."""
+        """Those of the subdomain's particles (k,) that do not lie near its border."""
         model, state = self.cells.model, self.cells.scheme.body.state
         near = self.surroundings.reach_beyond(model.grid.cell_index[model.particles.cell[fresh]], self.blocks.margin)
         failed = np.count_nonzero(state.failed == self.cells.step) + len(fresh)
@@ -128,9 +130,9 @@ class District:
         return fresh[~near]
 
     def give_back(self) -> None:
-        """Take over into the whole mine what has happened in the district, which is at rest."""
+        """Take over into the whole mine what has happened in the subdomain, which is at rest."""
         own, whole = self.cells, self.whole
-        own.scheme.body.settle()
+        own.scheme.body.commit()
         own.scheme.drop_work_arrays()
         if own.places:
             grid = split(whole.model.grid, np.concatenate(own.places), RINGS_SPLIT_AT_ONCE, 1)
@@ -138,13 +140,13 @@ class District:
         else:
             whole.renew()
         inside = self.blocks.hold(whole.model.grid.cell_index)
-        assert isinstance(whole.scheme, SchemeInParts)  # asked by district_of
+        assert isinstance(whole.scheme, SchemeInParts)  # asked by step_subdomain_of
         whole.scheme.take_back(_Excerpt(own.scheme.body.state, _places(whole.model, own.model, inside)))
 
 
 @dataclass(frozen=True)
 class _Excerpt:
-    """The state of a district as the whole mine takes it over; places: see `_places`."""
+    """The state of a subdomain as the whole mine takes it over; places: see `_places`."""
 
     state: State
     places: dict[str, np.ndarray]
@@ -159,14 +161,14 @@ class _Excerpt:
         give_back(self.state, state, self.places)
 
 
-def district_of(whole: StepCells) -> District | None:
-    """The district of a step that has begun, at rest; None where the whole mine is the better place for it.
+def step_subdomain_of(whole: StepCells) -> StepSubdomain | None:
+    """The subdomain of a step that has begun, at rest; None where the whole mine is the better place for it.
 
     That is where it is small or the step changes much of it, for a scheme that has no parts, where all of the mine is
     asked (the last state of rest, the weakest rock), and where loads or strains act on what may be beyond.
     """
     model, scene = whole.model, whole.ground.scene
-    in_parts = isinstance(whole.scheme, SchemeInParts) and not asks_the_whole(scene.solver)
+    in_parts = isinstance(whole.scheme, SchemeInParts) and not needs_whole_mine(scene.solver)
     if not in_parts or scene.loads or scene.strains or whole.step == 0 or len(model.cell_nodes) < MIN_MINE_CELLS:
         return None
     change = np.abs(whole.ramp.target - whole.ramp.start).max(axis=1)
@@ -179,14 +181,14 @@ def district_of(whole: StepCells) -> District | None:
     if share > MAX_SUBDOMAIN_SHARE:
         return None
     cells = len(model.cell_nodes)
-    logging.info("the step begins in the district that it changes: %.0f %% of %d cells", 100 * share, cells)
-    return District(whole, blocks)
+    logging.info("the step begins in the subdomain that it changes: %.0f %% of %d cells", 100 * share, cells)
+    return StepSubdomain(whole, blocks)
 
 
-def _inside(parts: Places, blocks: Blocks) -> Places:
+def _inside(parts: FinestPieces, blocks: Blocks) -> FinestPieces:
     """Parts of finest cells that the blocks hold."""
     chosen = blocks.hold(parts.place)
-    return Places(**{name: column[chosen] for name, column in vars(parts).items()})
+    return FinestPieces(**{name: column[chosen] for name, column in vars(parts).items()})
 
 
 def _moved_as_in(grid: MultiLevelGrid, nodes: EdgeNodes, blocks: Blocks) -> EdgeNodes:
@@ -198,22 +200,22 @@ def _moved_as_in(grid: MultiLevelGrid, nodes: EdgeNodes, blocks: Blocks) -> Edge
     return nodes.of((finest | blocks.hold(around)).reshape(len(nodes.place), -1).all(axis=1))
 
 
-def _loose_inside(loose: Loose, inside: np.ndarray) -> Loose:
-    """What has come loose in some cells (cell,) bool, numbered among them."""
-    chosen = inside[loose.cell]
+def _unsupported_inside(unsupported: Unsupported, inside: np.ndarray) -> Unsupported:
+    """What has lost its support in some cells (cell,) bool, numbered among them."""
+    chosen = inside[unsupported.cell]
     number = np.cumsum(inside) - 1
-    own = {name: column[chosen] for name, column in vars(loose).items()}
-    return Loose(**own | {"cell": number[loose.cell[chosen]].astype(np.int32)})
+    own = {name: column[chosen] for name, column in vars(unsupported).items()}
+    return Unsupported(**own | {"cell": number[unsupported.cell[chosen]].astype(np.int32)})
 
 
 def _places(whole: Model, own: Model, inside: np.ndarray) -> dict[str, np.ndarray]:
-    """What cells, nodes and particles of the whole the district has, by dimension; inside (cell,) bool: its cells.
+    """What cells, nodes and particles of the whole the subdomain has, by dimension; inside (cell,) bool: its cells.
 
     Both are in Morton order, and particles in that of cells and excavations.
     """
     cells, particles = np.flatnonzero(inside), np.flatnonzero(inside[whole.particles.cell])
     if len(cells) != len(own.cell_nodes) or len(particles) != own.particles.count:
-        raise RuntimeError("a district has other cells than the mine that it is of")
+        raise RuntimeError("a subdomain has other cells than the mine that it is of")
     nodes = np.empty(len(own.grid.node_index), np.int64)
     nodes[own.cell_nodes] = whole.cell_nodes[cells]
     return {"cell": cells, "node": nodes, "particle": particles}

@@ -8,7 +8,7 @@ opening's volume in cells that are mined wholly shows it; study openings has wha
 import numpy as np
 
 from mpm_core.grid.splitting import code_of
-from mpm_core.model.occupancy import ALL_SAMPLES, Places
+from mpm_core.model.occupancy import ALL_SAMPLES, FinestPieces
 
 # An opening is under-resolved if a smaller share of its volume is in whole cells. Too little rock then fails around it.
 MIN_WHOLE_CELL_SHARE = 0.3
@@ -17,7 +17,7 @@ MIN_WHOLE_CELL_SHARE = 0.3
 MIN_WHOLE_CELL_SHARE_ACCEPTED = 0.05
 
 
-def whole_shares(parts: Places, shape: np.ndarray, later: np.ndarray) -> np.ndarray:
+def whole_shares(parts: FinestPieces, shape: np.ndarray, later: np.ndarray) -> np.ndarray:
     """Share of each excavation's volume (k,) in finest cells that are mined wholly, by it and others; 0 without parts.
 
     shape (d,): finest cells along each axis; later (k,) bool: those mined after the first step, which make no cell

@@ -223,7 +223,7 @@ def main() -> None:
         Kernel("operator, float32", apply(finest.operator, np.float32), cells, OPERATOR_OPERATIONS / 2,
                traffic(finest.operator, 4)),
         Kernel("one V-cycle", lambda: solver.precondition(values[np.float64], 1.0), cells),
-        Kernel("Anderson, one step", lambda: anderson.turn(values[np.float64], values[np.float32], 1.0,
+        Kernel("Anderson, one step", lambda: anderson.next_step(values[np.float64], values[np.float32], 1.0,
                forces[np.float64]), cells, 4 * 6 * 3, len(unknowns) / cells * (6 * 4 * 3 + 8 * 10)),
         Kernel("return mapping, all yield", yielding_particles(yielding), yielding, RETURN_OPERATIONS, 6 * 8 * 6 + 41),
         Kernel("forces of failed rock, all yields", *flowing_rock(solver, grid.cell_size, yielding), FLOW_OPERATIONS,

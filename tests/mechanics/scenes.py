@@ -9,7 +9,7 @@ from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid import MultiLevelGrid, build_grid
 from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.model.model import Model, build_model
-from mpm_core.model.occupancy import Pieces, Places
+from mpm_core.model.occupancy import FinestPieces, Pieces
 from mpm_core.model.particles import point_table
 from mpm_core.scene.scene import FACES, Scene, parse_scene
 from mpm_core.stages.external_forces import external_force
@@ -153,7 +153,7 @@ def make_dataset(scene: Scene, grid: MultiLevelGrid, shapes=(), body=None):
     """The grid's dataset, as a stage reads it."""
     body = host_everywhere(grid) if body is None else body
     pieces = pieces_of(grid, shapes)
-    places = Places(grid.cell_index[pieces.cell], pieces.excavation.astype(np.int16), pieces.samples)
+    places = FinestPieces(grid.cell_index[pieces.cell], pieces.excavation.astype(np.int16), pieces.samples)
     return grid_dataset(grid, body, places, EdgeNodes.none(grid.dimension), scene.plane, {"mine": scene.mine})
 
 

@@ -23,7 +23,7 @@ from mechanics.scenes import (
 )
 from mpm_core.files.state_datasets import grid_dataset
 from mpm_core.grid.edge_nodes import EdgeNodes
-from mpm_core.model.occupancy import Places
+from mpm_core.model.occupancy import FinestPieces
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
 AXES = {"xz": [0, 2], "xy": [0, 1], None: [0, 1, 2]}
@@ -64,7 +64,7 @@ def test_fixed_faces_strain_a_grid_with_hanging_nodes_linearly(plane, seed, per_
     dataset = grid_dataset(
         grid,
         host_everywhere(grid),
-        Places.all_of([], grid.dimension),
+        FinestPieces.all_of([], grid.dimension),
         EdgeNodes.none(grid.dimension),
         plane,
         {"mine": "test"},

@@ -22,7 +22,7 @@ from mechanics.scenes import (
 from mpm_core.equilibrium.cascade import run_cascade
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import DistortedCells
-from mpm_core.model.occupancy import ALL_SAMPLES, MIN_SAMPLES_KEPT, ROCK_OWNER, Loose, Pieces, changes_of
+from mpm_core.model.occupancy import ALL_SAMPLES, MIN_SAMPLES_KEPT, ROCK_OWNER, Pieces, Unsupported, changes_of
 from mpm_core.model.particles import seed, volumes
 from mpm_core.stages import equilibrium_stages
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
@@ -213,7 +213,7 @@ def test_samples_change_hands_as_rock_is_mined_and_filled_and_fill_is_mined(seed
             for i, (m, f) in enumerate(zip(mined, filled, strict=True))
         ]
         scene = make_scene("xz", excavations=entries, steps=last + 1, cut_cells=cut_cells)
-        changes = changes_of(raw, scene.excavations, Loose.none())
+        changes = changes_of(raw, scene.excavations, Unsupported.none())
         particles = seed(grid, host_everywhere(grid), changes, scene, raw, DistortedCells.none(grid.dimension))
         for step in range(last + 1):
             volume = volumes(particles, changes, step)
@@ -238,7 +238,7 @@ def test_the_earliest_step_mines_an_overlap():
     raw = pieces_of(grid, shapes)
     for mined, counts in (((0, 1), [48, 16]), ((1, 0), [48, 16]), ((0, 0), [64])):
         entries = [excavation(m, name=f"e{i}") for i, m in enumerate(mined)]
-        changes = changes_of(raw, make_scene("xz", excavations=entries, steps=2).excavations, Loose.none())
+        changes = changes_of(raw, make_scene("xz", excavations=entries, steps=2).excavations, Unsupported.none())
         assert (changes.owner == ROCK_OWNER).all()
         by_step = np.bincount(changes.step, np.bitwise_count(changes.samples))
         assert by_step.tolist() == counts

@@ -86,15 +86,15 @@ def test_the_balance_closes_where_rock_fails_and_flows(scheme, host, strain, tmp
 def test_nothing_is_left_over_however_loosely_rock_rests_between_generations(name, tmp_path):
     """Every kind of rock, wall, load and cell: only round-off at 1e-2 and 1e-4. What was left over of the loose one, up
     to 1.5 % here, is the work of the forces still unbalanced there: it has its term, and goes with the tolerance."""
-    loose, tight = (facts_of(tmp_path, **ROCK | {"host": COULOMB} | SCENES[name], cascade_tolerance=tolerance)
+    unsupported, tight = (facts_of(tmp_path, **ROCK | {"host": COULOMB} | SCENES[name], cascade_tolerance=tolerance)
                     for tolerance in (1e-2, 1e-4))  # fmt: skip
-    for facts in [*loose, *tight] if isinstance(loose, list) else [loose, tight]:
+    for facts in [*unsupported, *tight] if isinstance(unsupported, list) else [unsupported, tight]:
         assert facts["failed_particles"] > 0
         assert facts["energy_left_share"] < CLOSED
         lost = facts["energy_mined"] + facts["energy_work"] - facts["energy_support"] - facts["energy_stored"]
         lost -= facts["energy_hourglass"] + facts["energy_refined"]
         assert facts["energy_released"] == pytest.approx(lost, rel=1e-9)
-    first, last = (facts[0] if isinstance(facts, list) else facts for facts in (loose, tight))
+    first, last = (facts[0] if isinstance(facts, list) else facts for facts in (unsupported, tight))
     assert 0.0 < abs(share(last, "unbalanced")) < 3e-3
     assert abs(share(last, "unbalanced")) < 0.5 * abs(share(first, "unbalanced"))
 

@@ -24,7 +24,7 @@ from mechanics.scenes import (
 )
 from mpm_core.constitutive.laws.coulomb import overstress
 from mpm_core.equilibrium.brittle import above_strength, find_brittle, new_failures, weakest
-from mpm_core.equilibrium.perturbation import MAX_STRENGTH_PERTURBATION, borne_overstress, delays
+from mpm_core.equilibrium.perturbation import MAX_STRENGTH_PERTURBATION, delays, strength_perturbation
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.kernels import block_scatter
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
@@ -52,8 +52,8 @@ def test_numbers_are_one_sided_bounded_and_of_the_place_alone(cut_cells):
             cut_cells=cut_cells,
         )
         model = make_model(scene, grid, shapes, body)
-        assert (borne_overstress(model) == 0.0).all()
-        first, second = (borne_overstress(replace(model, scene=replace(scene, perturbation=k))) for k in (1, 2))
+        assert (strength_perturbation(model) == 0.0).all()
+        first, second = (strength_perturbation(replace(model, scene=replace(scene, perturbation=k))) for k in (1, 2))
         names = np.array(list(scene.materials))[model.particles.material]
         for name, cohesion in (("host", 2e6), ("weak", 1e6)):
             share = first[model.particles.is_rock & (names == name)] / cohesion

@@ -21,7 +21,7 @@ from mechanics.scenes import (
 from mpm_core.constitutive import laws
 from mpm_core.constitutive.laws import coulomb
 from mpm_core.files.state_datasets import read_grid, read_state
-from mpm_core.model.occupancy import Loose
+from mpm_core.model.occupancy import Unsupported
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from mpm_core.stages.ground import Ground
 
@@ -56,7 +56,7 @@ def mined(folder, scheme, host=None, body=None):
     scene, grid = tunnel(scheme, host, body)
     before, _ = elastic_stage(scene, grid, folder / "failed.npz")
     after, _ = mining_step(scene, grid, before, folder / "failed.npz")
-    model = Ground.of(scene, grid).model(*read_grid(grid), Loose.none())
+    model = Ground.of(scene, grid).model(*read_grid(grid), Unsupported.none())
     return model, read_state(after, model), after
 
 

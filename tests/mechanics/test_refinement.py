@@ -23,7 +23,7 @@ from mpm_core.equilibrium.refinement import RINGS_SPLIT_AT_ONCE, Refinement
 from mpm_core.grid import build_grid
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.splitting import split
-from mpm_core.model.occupancy import Loose
+from mpm_core.model.occupancy import Unsupported
 from mpm_core.stages import step_cells
 from mpm_core.stages.checkpoint import Checkpoint
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
@@ -176,7 +176,7 @@ def test_parts_of_a_coarse_cell_are_of_the_rock_body_they_lie_in(tmp_path):
     centre = grid.cell_center[:, 0]
     of_cell = np.where((centre > 36.7) & (centre < 44.5), 0, -1).astype(np.int16)
     ground = Ground.of(scene, make_dataset(scene, grid, HOLES[:1], of_cell))
-    model = ground.model(grid, of_cell, Loose.none())
+    model = ground.model(grid, of_cell, Unsupported.none())
     finer = split(grid, np.array([[20, 30]]), 2, 1)
     new = ground.on(finer, model)
     parts = new.grid.cell_level != grid.cell_level[holding_cells(grid, finer.cell_index)]
@@ -278,8 +278,8 @@ def test_a_collapse_right_after_a_split_goes_back_to_the_cells_of_now(tmp_path, 
             raise NoRest("never")
         return real(scheme, external, tolerance, reference, history)
 
-    real = cascade.come_to_rest_on
-    monkeypatch.setattr(cascade, "come_to_rest_on", no_rest)
+    real = cascade.reach_equilibrium
+    monkeypatch.setattr(cascade, "reach_equilibrium", no_rest)
     scene = adaptive_scene(solver=BRITTLE | {"collapse": "keep"})
     state, facts = run(scene, grid_of(HOLES[:1], rings=0), tmp_path)
     assert facts["collapsed"] == 1

@@ -1,4 +1,4 @@
-"""What a split carries over: stress, displacement, forces, hourglass forces and loose rock on finer cells."""
+"""What a split carries over: stress, displacement, forces, hourglass forces and unsupported rock on finer cells."""
 
 from dataclasses import replace
 
@@ -14,8 +14,8 @@ from mpm_core.grid import build_grid
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.splitting import split
 from mpm_core.model.model import build_model
-from mpm_core.model.occupancy import ALL_SAMPLES, Loose
-from mpm_core.stages.state_transfer import carry, carry_forces, carry_loose, carry_nodes
+from mpm_core.model.occupancy import ALL_SAMPLES, Unsupported
+from mpm_core.stages.state_transfer import transfer, transfer_forces, transfer_nodes, transfer_unsupported
 from mpm_core.stages.step_cells import stored
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -47,7 +47,7 @@ def test_a_linear_field_goes_over_with_stress_and_forces(seed, dimension, per_ed
     old, new, random = models(seed, dimension, per_edge)
     gradient = 1e-3 * random.standard_normal((old.dimension, old.dimension))
     body = strained(old, gradient)
-    state = carry(old, body.state, new)
+    state = transfer(old, body.state, new)
     exact = strained(new, gradient)
     size = np.abs(exact.state.stress).max()
     np.testing.assert_allclose(state.stress, exact.state.stress, rtol=0, atol=1e-11 * size)
@@ -69,7 +69,7 @@ def test_of_any_field_the_parts_have_the_mean_of_their_cell(seed, dimension, per
     old, new, random = models(seed, dimension, per_edge)
     body = Body(old, old.virgin_state(), old.volumes(0))
     body.displace(1e-3 * random.standard_normal(body.state.displacement.shape))
-    state = carry(old, body.state, new)
+    state = transfer(old, body.state, new)
     origin = holding_cells(old.grid, new.grid.cell_index)
     whole = new.grid.cell_level == old.grid.cell_level[origin]
     assert np.array_equal(state.stress[whole], body.state.stress[origin[whole]])
@@ -97,7 +97,7 @@ def test_split_cells_have_the_hourglass_forces_of_rock_that_moved_so(dimension, 
     old, new = make_model(scene, grid), make_model(scene, finer)
     body = Body(old, old.virgin_state(), old.volumes(0))
     body.displace(1e-3 * random.standard_normal(body.state.displacement.shape))
-    state = carry(old, body.state, new)
+    state = transfer(old, body.state, new)
     exact = Body(new, new.virgin_state(), new.volumes(0))
     exact.displace(state.displacement)
     anew = new.grid.cell_level != old.grid.cell_level[holding_cells(old.grid, new.grid.cell_index)]
@@ -112,12 +112,12 @@ def test_nodes_that_stay_keep_value_and_force(seed, dimension, per_edge):
     old, new, random = models(seed, dimension, per_edge)
     values = random.standard_normal((len(old.grid.node_index), 3))
     values = constrain(old.grid, values)
-    result = carry_nodes(old, values, new)
+    result = transfer_nodes(old, values, new)
     place = {tuple(index): number for number, index in enumerate(new.grid.node_index.tolist())}
     stay = np.array([place[tuple(index)] for index in old.grid.node_index.tolist()])
     np.testing.assert_allclose(result[stay], values, rtol=0, atol=1e-14)
     np.testing.assert_allclose(constrain(new.grid, result), result, rtol=0, atol=1e-14)
-    forces = carry_forces(old, values, new)
+    forces = transfer_forces(old, values, new)
     assert np.array_equal(forces[stay], values)
     assert np.array_equal(np.sort(np.flatnonzero(forces.any(axis=1))), np.sort(stay[values.any(axis=1)]))
 
@@ -125,10 +125,14 @@ def test_nodes_that_stay_keep_value_and_force(seed, dimension, per_edge):
 def test_fallen_cells_stay_fallen_with_all_their_parts():
     grid = build_grid(np.zeros(2), 4.0, np.array([2, 2]), 3, lambda level, index: np.zeros(len(index), bool), 0)
     scene = make_scene("xz")
-    loose = Loose(np.array([1], np.int32), np.array([ALL_SAMPLES]), np.array([0], np.int32), np.array([0], np.int32))
-    model = build_model(scene, grid, host_everywhere(grid), make_model(scene, grid).pieces, loose, all_fallen=True)
+    unsupported = Unsupported(
+        np.array([1], np.int32), np.array([ALL_SAMPLES]), np.array([0], np.int32), np.array([0], np.int32)
+    )
+    model = build_model(
+        scene, grid, host_everywhere(grid), make_model(scene, grid).pieces, unsupported, all_fallen=True
+    )
     finer = split(grid, np.array([[2, 0]]), 0, 1)
-    carried = carry_loose(model, finer.cell_index)
+    carried = transfer_unsupported(model, finer.cell_index)
     origin = holding_cells(grid, finer.cell_index)
     assert np.array_equal(carried.cell, np.flatnonzero(origin == 1))
     assert len(carried.cell) > 1

@@ -1,4 +1,4 @@
-"""A step in the district that it changes, against the same step in the whole mine."""
+"""A step in the subdomain that it changes, against the same step in the whole mine."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ HOLES = [ball(place, 4.0) for place in CENTERS]
 
 @pytest.fixture
 def small(monkeypatch):
-    """Districts in scenes of any size."""
+    """Subdomains in scenes of any size."""
     monkeypatch.setattr(step_subdomain, "MIN_MINE_CELLS", 0)
 
 
@@ -73,15 +73,15 @@ def failed_potency(state):
 def test_rock_fails_as_in_the_whole_mine(offset, refinement, tmp_path, small, monkeypatch, caplog):
     """At rest to the whole's tolerance. Which brittle rock fails hangs on the order in which it does, and where cells
     are split by it on round-off: other sums alone moved the whole's potency by 9 %. Perfectly plastic rock does not
-    scatter: the next test holds the district to it."""
+    scatter: the next test holds the subdomain to it."""
     caplog.set_level("INFO")
     holes = [ball(np.array(place) + offset, 4.0) for place in CENTERS]
     state, facts = month(tmp_path, holes=holes, refinement=refinement)
-    assert "the step begins in the district that it changes" in caplog.text
+    assert "the step begins in the subdomain that it changes" in caplog.text
     monkeypatch.setattr(step_subdomain, "MAX_SUBDOMAIN_SHARE", 0.0)
     caplog.clear()
     whole, expected = month(tmp_path, holes=holes, refinement=refinement)
-    assert "district" not in caplog.text
+    assert "subdomain" not in caplog.text
     assert facts["failed_particles"] > 90
     close = 0.2 if refinement else 0.06
     assert failed_potency(state) == pytest.approx(failed_potency(whole), rel=close)
@@ -106,7 +106,7 @@ PLASTIC = COULOMB | {
 
 
 def ring(center, radius, core):
-    """Points of a disc but for a core, which comes loose with it."""
+    """Points of a disc but for a core, which loses its support with it."""
     disc, inner = ball(center, radius), ball(center, core)
     return lambda x: disc(x) & ~inner(x)
 
@@ -149,14 +149,14 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_district_has_what_the_whole_mine_has(case, tmp_path, small, monkeypatch, caplog):
+def test_a_subdomain_has_what_the_whole_mine_has(case, tmp_path, small, monkeypatch, caplog):
     """Loose rock, rock bodies, pressure and fill. Perfectly plastic rock, which does not scatter: in brittle rock the
-    whole mine's potency alone differs by 18 % between tolerances of 3e-6 and 1e-5 where the core comes loose."""
+    whole mine's potency alone differs by 18 % between tolerances of 3e-6 and 1e-5 where the core loses its support."""
     caplog.set_level("INFO")
     monkeypatch.setattr(step_subdomain, "MAX_SUBDOMAIN_SHARE", 1.0)  # whose pressure falls far away is nearly the whole
     changes = {"host": PLASTIC} | CASES[case]
     state, facts = month(tmp_path, **changes)
-    assert "the step begins in the district that it changes" in caplog.text
+    assert "the step begins in the subdomain that it changes" in caplog.text
     monkeypatch.setattr(step_subdomain, "MAX_SUBDOMAIN_SHARE", 0.0)
     whole, expected = month(tmp_path, **changes)
     assert facts["failed_particles"] > 10
@@ -175,7 +175,7 @@ def test_a_district_has_what_the_whole_mine_has(case, tmp_path, small, monkeypat
 @pytest.mark.parametrize("refinement", [ADAPTIVE, None])
 @pytest.mark.parametrize("generations", [1, 40])
 @pytest.mark.parametrize("holes", [HOLES, [*HOLES[:3], slot([478.0, 492.0], 16.0, 1.3)]], ids=["holes", "a slot"])
-def test_a_step_killed_in_its_district_or_after_it_ends_in_the_same_bytes(
+def test_a_step_killed_in_its_subdomain_or_after_it_ends_in_the_same_bytes(
     generations, refinement, holes, tmp_path, small
 ):
     whole, _ = month(tmp_path, holes=holes, refinement=refinement)
@@ -203,10 +203,10 @@ def test_any_number_of_threads_gives_the_same_bits(holes, tmp_path, small):
 
 
 def test_rock_near_the_border_waits_for_the_whole(tmp_path, small, monkeypatch):
-    """With a border so near that most of the rock waits the district is left after its first increment."""
+    """With a border so near that most of the rock waits the subdomain is left after its first increment."""
     monkeypatch.setattr(step_subdomain, "BORDER_DISTANCE_FACTOR", {2: 1})
     monkeypatch.setattr(
-        step_subdomain.District, "far_from_border", lambda self, fresh: setattr(self, "waits", True) or fresh[:0]
+        step_subdomain.StepSubdomain, "far_from_border", lambda self, fresh: setattr(self, "waits", True) or fresh[:0]
     )
     state, facts = month(tmp_path)
     assert facts["increments"] == 4

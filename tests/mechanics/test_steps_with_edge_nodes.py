@@ -10,7 +10,7 @@ from mechanics.scenes import COULOMB, excavation, make_scene, uniform
 from mechanics.test_grid_stage import block, grid_slice
 from mpm_core.equilibrium.body import Body
 from mpm_core.files.state_datasets import read_edge_nodes, read_grid
-from mpm_core.model.occupancy import Loose
+from mpm_core.model.occupancy import Unsupported
 from mpm_core.stages import step_subdomain
 from mpm_core.stages.checkpoint import Checkpoint
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
@@ -57,7 +57,7 @@ def states_of(folder, grid, mined, plane="xz", **options):
 def model_of(grid, plane):
     scene = make_scene(plane, excavations=[excavation()], stress=STRESS)
     own, body = read_grid(grid)
-    return Ground.of(scene, grid).model(own, body, Loose.none())
+    return Ground.of(scene, grid).model(own, body, Unsupported.none())
 
 
 @pytest.mark.parametrize("plane", ["xz", None])

@@ -5,7 +5,7 @@ import pytest
 
 from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_dataset, make_scene, uniform
 from mpm_core.files.state_datasets import read_grid
-from mpm_core.model.occupancy import Loose
+from mpm_core.model.occupancy import Unsupported
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from mpm_core.stages.external_forces import external_force
 from mpm_core.stages.ground import Ground
@@ -20,7 +20,7 @@ PRESS = {"shape": "sphere", "center": [26.0, 56.0], "radius": 5.0}
 
 def loads_on(state, scene, grid, step):
     """External forces (node, 2) N on the cells that a state has, up to a step."""
-    model = Ground.of(scene, grid).model(*read_grid(state), Loose.none())
+    model = Ground.of(scene, grid).model(*read_grid(state), Unsupported.none())
     return external_force(model, step)
 
 
@@ -78,7 +78,7 @@ def held_up_by_mined_rock(before, scene, grid, step):
     What stays of a cell is intact and acts in the middle of its own part: with the virgin stress, which is the same
     everywhere, and that of its displacement there.
     """
-    model = Ground.of(scene, grid).model(*read_grid(before), Loose.none())
+    model = Ground.of(scene, grid).model(*read_grid(before), Unsupported.none())
     after = before.copy(deep=True)
     after.volume[:] = model.volumes(step)
     moved = np.flatnonzero((model.particles.position != before.position.values[:, [0, 2]]).any(axis=1))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from common.errors import InputError
 from mechanics.test_grid_stage import block, grid_slice
-from mpm_core.model.occupancy import ALL_SAMPLES, Places
+from mpm_core.model.occupancy import ALL_SAMPLES, FinestPieces
 from mpm_core.stages.grid_stage import make_grid
 from mpm_core.stages.under_resolved import whole_shares
 
@@ -49,7 +49,7 @@ def test_share_in_whole_cells_is_that_of_a_count_sample_by_sample(drawn, random)
         size = sum(int(samples).bit_count() for _, samples in own)
         expected[number] = inside / size if size else 0.0
     random.shuffle(rows)
-    parts = Places(
+    parts = FinestPieces(
         np.array([row[0] for row in rows], np.int32).reshape(-1, 2),
         np.array([row[1] for row in rows], np.int16),
         np.array([row[2] for row in rows], np.uint64),

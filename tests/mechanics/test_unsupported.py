@@ -9,7 +9,7 @@ from scipy import ndimage
 from common.datasets import read_dataset, write_dataset
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.model.occupancy import ALL_SAMPLES
-from mpm_core.model.unsupported import find_loose, hang_together
+from mpm_core.model.unsupported import find_unsupported, hang_together
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from tests.mechanics.scenes import (
     COULOMB,
@@ -93,13 +93,15 @@ def test_loose_pieces_are_those_of_the_dense_lattice(dimension):
         for label in set(range(1, len(sizes))) - held:
             crumb = sizes[label] < 1.0 and np.isin(np.unique(own[labels == label]), with_held).all()
             expected += [] if crumb else [sizes[label]]
-        loose = find_loose(grid, solid, faces, 3)
+        unsupported = find_unsupported(grid, solid, faces, 3)
         volume = (
-            np.bitwise_count(loose.samples) / SAMPLES_PER_CELL * grid.cell_width[loose.cell].astype(float) ** dimension
+            np.bitwise_count(unsupported.samples)
+            / SAMPLES_PER_CELL
+            * grid.cell_width[unsupported.cell].astype(float) ** dimension
         )
-        assert (loose.step == 3).all()
-        assert (loose.samples & ~solid[loose.cell] == 0).all()
-        np.testing.assert_allclose(np.bincount(loose.piece, volume), sorted(expected, reverse=True))
+        assert (unsupported.step == 3).all()
+        assert (unsupported.samples & ~solid[unsupported.cell] == 0).all()
+        np.testing.assert_allclose(np.bincount(unsupported.piece, volume), sorted(expected, reverse=True))
         found += len(expected)
     assert found > 10
 
@@ -112,9 +114,9 @@ def test_few_parts_beside_many_bodies(rows):
     solid = np.where(grid.cell_index.sum(axis=1) % 2 == 0, ALL_SAMPLES, np.uint64(0))
     half = np.flatnonzero((grid.cell_index == [3, rows]).all(axis=1))
     solid[half] &= np.uint64(2**32 - 1)
-    loose = find_loose(grid, solid, {(1, 0): [0, 1]}, 0)
-    assert len(np.unique(loose.piece)) == 32 - 4
-    assert set(loose.cell) == set(np.flatnonzero((solid != 0) & (grid.cell_index[:, 1] > 0)))
+    unsupported = find_unsupported(grid, solid, {(1, 0): [0, 1]}, 0)
+    assert len(np.unique(unsupported.piece)) == 32 - 4
+    assert set(unsupported.cell) == set(np.flatnonzero((solid != 0) & (grid.cell_index[:, 1] > 0)))
 
 
 def ring(inner, outer):

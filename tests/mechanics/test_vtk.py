@@ -12,7 +12,7 @@ from mpm_core.files.state_datasets import read_grid, read_pieces
 from mpm_core.files.state_vtk import main_excavation, principal, write_solids, write_vtu
 from mpm_core.geometry import Outside, build_shape
 from mpm_core.grid.adjacency import holding_cells
-from mpm_core.model.occupancy import Places
+from mpm_core.model.occupancy import FinestPieces
 from mpm_core.stages.equilibrium_stages import elastic_stage
 
 PARAVIEW = ("xx", "yy", "zz", "xy", "yz", "xz")  # what ParaView calls the components of an array of six
@@ -113,10 +113,10 @@ def test_a_cell_belongs_to_the_excavation_that_takes_most_of_it():
     samples = np.array([0b1, 0b111, 0b11, 0b11, 0b11], np.uint64)
     grid = grid_around([], [5, 1], 1, 8.0)
     place = np.array([[2, 0], [2, 0], [0, 0], [0, 0], [3, 0]], np.int32)
-    pieces = Places(place, np.array([0, 1, 2, 1, 2], np.int16), samples)
+    pieces = FinestPieces(place, np.array([0, 1, 2, 1, 2], np.int16), samples)
     along = np.argsort(grid.cell_index[:, 0])
     np.testing.assert_array_equal(main_excavation(pieces, grid)[along], [1, -1, 1, 2, -1])
-    turned = Places(place[::-1], pieces.excavation[::-1], samples[::-1])
+    turned = FinestPieces(place[::-1], pieces.excavation[::-1], samples[::-1])
     np.testing.assert_array_equal(main_excavation(turned, grid)[along], [1, -1, 1, 2, -1])
 
 

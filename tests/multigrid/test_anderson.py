@@ -27,7 +27,7 @@ def walk(matrix, forces, free, depth, turns):
         residual[free] = forces - matrix @ displacement[free]
         size = np.linalg.norm(residual[free])
         correction[free] = 0.1 * residual[free] / size
-        anderson.turn(residual, correction.astype(np.float32), size, step)
+        anderson.next_step(residual, correction.astype(np.float32), size, step)
         displacement += step
         way.append(displacement[free])
     assert not np.delete(displacement, free).any()
@@ -53,12 +53,12 @@ def test_what_was_forgotten_does_not_count():
     for one in (anderson, fresh):
         if one is anderson:
             for residual in np.random.default_rng(7).standard_normal((4, ELEMENTS)):
-                one.turn(residual, residual.astype(np.float32), 2.0, np.ones(ELEMENTS))
-            one.forget()
+                one.next_step(residual, residual.astype(np.float32), 2.0, np.ones(ELEMENTS))
+            one.reset()
         step, residual = np.zeros((2, ELEMENTS))
-        for turn in range(1, 4):
-            residual[free] = forces / turn**2
-            one.turn(residual, residual.astype(np.float32), 1.0, step)
+        for next_step in range(1, 4):
+            residual[free] = forces / next_step**2
+            one.next_step(residual, residual.astype(np.float32), 1.0, step)
         steps.append(step)
     np.testing.assert_array_equal(*steps)
 

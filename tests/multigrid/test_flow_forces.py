@@ -25,7 +25,7 @@ def test_forces_of_flow_are_those_of_the_explicit_scheme(dimension, points, cut_
     before = []
     for scheme in schemes:
         scheme.body.displace(0.4 * motion)  # to the residual surface
-        scheme.body.settle()
+        scheme.body.commit()
         scheme.body.displace(0.3 * motion)  # flow since it last counted
         before.append(scheme.body.internal_force())
 

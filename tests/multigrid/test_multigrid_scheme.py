@@ -155,10 +155,10 @@ def test_a_residual_that_runs_away_is_left_to_explicit_steps(monkeypatch, caplog
 
 def test_a_relaxation_that_stands_still_begins_anew(monkeypatch, caplog):
     """Anderson's steps can die out short of rest, here after 8 of them each time that it begins."""
-    turn = multigrid_scheme.Anderson.turn
+    next_step = multigrid_scheme.Anderson.next_step
 
     def dying(self, residual, correction, size, step, symmetric=True):
-        turn(self, residual, correction, size, step, symmetric)
+        next_step(self, residual, correction, size, step, symmetric)
         if self.count > 8:
             step[:] = 0.0
 

@@ -83,7 +83,7 @@ def test_a_part_at_rest_is_at_rest_in_the_mine_but_for_its_border(dimension, poi
     history = History(1e-9)
     own.relax(force[part.nodes], 1e-9, norm(force), history)
     assert history.iteration <= 60  # 45, 20, 10, 10; up to 1671 if coarse grids move the border
-    own.body.settle()
+    own.body.commit()
     scheme.take_back(part)
 
     moved = np.flatnonzero((scheme.body.state.displacement != before).any(axis=1))

@@ -11,7 +11,7 @@ from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.files.state_datasets import read_grid
 from mpm_core.kernels.nodal_operations import collect_to_parents, interpolate, particle_loads
 from mpm_core.model.model import Model
-from mpm_core.model.occupancy import Loose
+from mpm_core.model.occupancy import Unsupported
 from mpm_core.stages.ground import Ground
 from mpm_core.stages.step_cells import make_scheme
 from verification.invariants.closed_form import Elastic, Smooth
@@ -25,7 +25,7 @@ def model_of(variant: Variant, **changes) -> Model:
     scene = variant.scene()
     solver = {key: changes.pop(key) for key in ("move", "damping") if key in changes}
     scene = replace(scene, **changes, solver=scene.solver.model_copy(update=solver))
-    return Ground.of(scene, variant.grid).model(*read_grid(variant.grid), Loose.none())
+    return Ground.of(scene, variant.grid).model(*read_grid(variant.grid), Unsupported.none())
 
 
 def scheme_of(model: Model) -> Scheme:
