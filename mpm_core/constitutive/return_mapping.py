@@ -39,7 +39,7 @@ def _coulomb_return(s1, s2, s3, lame_lambda, shear_modulus, row):
     """Return to the Coulomb cone without its cut-off: (t1, t2, t3, region); the trial where it is inside.
 
     A face return that breaks t1 >= t2 belongs to the edge s1 = s2, one that breaks t2 >= t3 to the edge s2 = s3; one
-    that breaks both is beyond the tip (in a million such draws no edge return was admissible). There, and wherever an
+    that breaks both is beyond the tip. There, and wherever an
     edge return lies beyond the tip, the apex is what remains: also where no flow direction leads to it (zero dilation
     in hydrostatic tension), by convention. Rock with dilation but neither friction nor cohesion has several returns
     by Koiter's rule; this is one of them, and continuous.

@@ -270,11 +270,10 @@ def own_stiffening(modes: np.ndarray, slopes: np.ndarray, hourglass: np.ndarray)
     """By what the square of a lone particle's largest frequency may exceed that of one at its cell's centre, (k,).
 
     The particle's shape functions N and gradients g are means over samples, of modes (k, 2^d) and slopes (k, 2^d, d).
-    Its strain adds at most
-    the largest eigenvalue of sum g g^T / N over the corners, which is 4 / h^2 at the centre. Its hourglass stiffness
-    acts on all corners alike, and adds the share `hourglass` (k,) of that times the largest eigenvalue of
-    sum s s^T / N, with the signs s of the hourglass modes, over its value at the centre: off the centre the patterns
-    of both overlap.
+    Its strain adds at most the largest eigenvalue of sum g g^T / N over the corners, which is 4 / h^2 at the centre.
+    Its hourglass stiffness acts on all corners alike, and adds the share `hourglass` (k,) of that times the largest
+    eigenvalue of sum s s^T / N, with the signs s of the hourglass modes, over its value at the centre: off the centre
+    the patterns of both overlap.
     """
     shape, slope = shapes_of(modes, slopes)
     bits = np.arange(modes.shape[1])

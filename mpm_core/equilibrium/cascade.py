@@ -1,17 +1,17 @@
-"""The brittle cascade: rock fails where it stands above strength at rest, comes to rest again, and so on.
+"""The brittle cascade: rock above its strength fails, equilibrium is reached again, and so on until no rock fails.
 
-Between two generations of failure a loose tolerance is enough. Once nothing fails at it any more, it is tightened by
-steps, with a look after each: what then still fails is little, and is at rest again soon. (Back to the loose tolerance
-after each late failure, and to the full one for another look: twice the iterations in the demo mine.) A stage ends
-with a look at full tolerance.
-A failure is felt a few cells away. From fresh ones on it spreads in the part of the mine around them, the rest held
-still (subdomain.py); what the whole mine at rest then lets fail is the next round. In a large mine that is most of the
-time. Intact rock is elastic in between, so what fails does not depend on the scheme's way to rest. At rest, before rock
-fails, cells that are too coarse for it are split (refinement.py), and rock comes to rest again.
+Between two generations of failure a loose tolerance is enough. When no particle fails at the loose tolerance, the
+tolerance is divided by TOLERANCE_DIVISOR and failure is checked again, down to the final one. It is not loosened again
+after a late failure, since little rock fails then. A stage ends with a check at the final tolerance.
 
-All rock above strength fails at once, or (solver.weakest_first) the weakest first: its failure may relieve the rest. A
-crack needs that. Its tip lifts all that surrounds it above strength; failing at once that is a crushed zone, no crack
-(Brazilian disc, 1 mm cells: 660 cells fail over a third of the diameter where 144, two cells wide, split it).
+A failure changes stress a few cells around it. So the cascade goes on in a subdomain around newly failed rock, whose
+border is held (subdomain.py). When no more rock fails there, the whole mine reaches equilibrium and is checked. Intact
+rock is elastic, so the rock that fails does not depend on the path by which the scheme reaches equilibrium. In
+equilibrium, before rock fails, cells that are too coarse for it are split (refinement.py).
+
+All rock above its strength fails at once, or (solver.weakest_first) the weakest first, since its failure may relieve
+the rest. A crack needs the latter: its tip brings all rock around it above its strength, which, failing at once, is a
+crushed zone instead of a crack (study brazilian_disc).
 """
 
 from collections.abc import Callable

@@ -3,10 +3,10 @@
 Particles rest in their cells, so nodes keep their velocity from step to step: the grid is never reset, and the particle
 velocities of Eqs (1) and (5), which would only filter it, are not needed. moving_scheme.py is the full cycle.
 
-Where a relaxation does not end, flow is counted anew every ITERATIONS_PER_FLOW_COUNT iterations, too (body.py): it lets
-non-associated flow settle that would else circle (a tunnel did, at an unbalanced force of 3e-4). No sooner: what flows
-by parts, on a way that is none of the rock's, is another flow. With every 200 iterations the demo's history dissipated
-1.5 % less than with one return (and than scheme `multigrid`), and 0.5 % more rock failed.
+In a relaxation that does not end, plastic flow is counted again from the present state every
+ITERATIONS_PER_FLOW_COUNT iterations (body.py). Without this, non-associated flow may circle around equilibrium. A
+smaller number would change the answer: flow that is returned in parts, along the path of the iterations, is not the
+flow of one return, and dissipates another energy.
 """
 
 import numpy as np

@@ -1,19 +1,17 @@
-"""In which increments the load of a stage is put on: as many as are given, or as many as its error asks for.
+"""Increments of a stage's load: a given number of them, or as many as keep the overshoot within its limit.
 
-Rock that breaks within an increment is let fail at its end, above its strength, together with all that broke meanwhile;
-put on in smaller increments some of it would have been relieved in time. So too much fails, in proportion to the size
-of the increments. What tells how much is the overshoot of the rock that fails first in each increment, before any other
-has failed: what strain it takes from the stress that it is found at to its strength. As a potency, over the seismic
-potency of the same rock, it is at most about the share by which the step's potency is too large (study refinement:
-what was found is between none and 1.3 times as much). A particle's overshoot counts with at most its seismic potency:
-more it does not add if it should not have failed at all.
+Rock that reaches its strength within an increment fails at its end, above its strength, together with all other rock
+that did so. In smaller increments the failure of some would have relieved others in time. So too much rock fails, in
+proportion to the size of the increments. The measure of this error is the overshoot of the rock that fails first in
+each increment: the potency of the strain that brings its stress back to its strength, over its seismic potency. Study
+refinement compares it with the error of the step's potency. The overshoot of a particle counts with at most its seismic
+potency, since a particle that should not have failed adds no more.
 
-So an increment is tried: at rest under its load, with nothing failed. Is that overshoot more than
-solver.max_overshoot, the state goes back and less is put on; the next one follows in proportion, as the steps of an
-integrator do. But in blocks, halvings of the load that begin at their own multiples, as bodies on orbits are stepped
-(McMillan 1986): runs that differ a little, by their cells say, meet at the same loads. In proportion itself one stope
-took 9, 6, 7 and 7 increments on four grids, and its potency was 5.6 % apart, mostly by that; in blocks it takes 11 on
-each and is 1.6 % apart. A member of an ensemble is loaded otherwise on purpose.
+An increment is tried first: equilibrium under its load, with no rock failing. If the overshoot exceeds
+solver.max_overshoot, the state is restored and a smaller increment is tried. The next increment follows in proportion,
+as the steps of an adaptive integrator do. Sizes are halvings of the load that begin at their own multiples (block time
+steps, McMillan 1986). So runs that differ a little, for example by their cells, have increments that end at the same
+loads, and differ less. A member of an ensemble has other increments on purpose.
 """
 
 import numpy as np

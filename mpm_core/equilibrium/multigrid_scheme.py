@@ -7,16 +7,11 @@ With failed rock the unbalanced force depends on the displacement through the re
 state in which flow was last counted anew (Body.commit), whatever the way. Its zero is sought by Anderson
 acceleration with the same V-cycle, whose stiffness is elastic at first.
 
-Where much rock flows that is far too stiff. After FIRST_TANGENT_CYCLE cycles, in perfectly plastic rock earlier, the
-V-cycle has the consistent tangent (multigrid/tangent_cycle.py) of the displacement found so far, made anew every
-CYCLES_PER_TANGENT; Anderson acceleration goes on with it, forgetting what was before, and a step after which the
-residual has grown is halved. To 1e-5, a tunnel of 12 of 32 m in failed rock (friction 30 degrees, cohesion 5 MPa, 2-D,
-no tension cut-off), cycles, in brackets without: 54 (67) at 40 cells across, 138 (271) at 80; with associated flow 68
-(96) and 129 (more than 400); with a cut-off of zero 125 (353) and 347 (more than 400). Newton's method proper, GMRES to
-a tenth of the linear residual and a line search, took 50 and 87 where a prototype of this took 33 and 55, both from
-cycle 20 on: its linear residual is not the true one. Without dilation and with hardly any cohesion neither finds rest,
-and explicit steps take over. Such a cycle takes about twice the time: in scenes this small there is little gain in
-seconds.
+The elastic V-cycle is far too stiff where much rock flows. After FIRST_TANGENT_CYCLE cycles, in perfectly plastic rock
+earlier, the V-cycle has the consistent tangent (multigrid/tangent_cycle.py) at the displacement found so far, computed
+again every CYCLES_PER_TANGENT. Anderson acceleration then starts again, and a step after which the residual has grown
+is halved. Newton's method with GMRES and a line search would need more cycles, since a linear residual is not the true
+one. In rock without dilation and with hardly any cohesion neither reaches equilibrium, and explicit steps take over.
 """
 
 import logging

@@ -1,10 +1,9 @@
-"""What makes a member of an ensemble: a run as defensible as the mine's own, that differs from it at random.
+"""Random perturbations that make a member of an ensemble: a run as defensible as the mine's own.
 
-Brittle failure localises: which rock fails first decides what fails next. In a member rock bears a little more before
-it fails, by place, and the rock of a step is taken out in other parts. Measured on the demo with 2.5 m cells, as
-standard deviation of a month's seismic potency: the first alone 0.02 % (0.3 % with ten times as much), both 4 to 5 %.
-How many parts there are (solver.increments) moves all members alike, and is not in their spread: 4 instead of 2 take
-8 % off their mean.
+Brittle failure localises: the rock that fails first decides what fails next. A member has a strength that is slightly
+larger, by a random amount at each place, and increments that end at other loads. Both are smaller than what is known of
+any rock. The perturbed increments cause most of the spread. The number of increments (solver.increments) changes all
+members alike and is not in their spread (study catalog_spread).
 """
 
 import numpy as np

@@ -3,7 +3,7 @@
 Between the sample points of one cell, the winding number W of all facets further than NEAR_CELLS cells changes little:
 at most by 0.2 from the cell's middle, where they leave a round opening of that radius. In a closed solid W is a whole
 number, so a constant serves for them: W at one sample point (libigl's tree) less the near facets' part there. Two such
-points must agree, else one of them lies on the surface and the cell is left to the tree. Ten times the tree's speed.
+points must agree, else one of them lies on the surface and the cell is left to the tree.
 """
 
 from collections.abc import Callable

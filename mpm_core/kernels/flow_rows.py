@@ -2,7 +2,7 @@
 
 While equilibrium is sought, stress is thought to change elastically everywhere, as the operator has it. Failed rock
 returns to its residual surface: what its stress changes less is a force that elastic rock would have had.
-Eight particles go side by side (simd): one by one they take four times the time.
+Eight particles go side by side in vector registers (simd).
 """
 
 import functools

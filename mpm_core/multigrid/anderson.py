@@ -2,7 +2,7 @@
 
 Of the latest displacements, the combination is taken whose residual r would be the smallest if the residual were linear
 in between, measured by r . M r with the preconditioner M: about twice the elastic energy of the displacement that is
-still missing. (The 2-norm of r instead takes up to twice the cycles in brittle rings: it counts stiff cells most.) On a
+still missing. (The 2-norm of r would count stiff cells most.) On a
 linear symmetric problem that is preconditioned MINRES, restarted. Differences, and M r, are kept in single precision.
 """
 

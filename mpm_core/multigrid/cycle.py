@@ -2,9 +2,9 @@
 
 What a smoother must damp is every motion that the next coarser grid cannot show, those of about two cells' length.
 The stiffest is the plane compression wave, whose eigenvalue is 1 (Level.set_constants). The slowest is a shear wave,
-m / (l + 2 m) of it, or an hourglass pattern, of which the share is kappa. Measured on tunnels, stopes and voids, a
-polynomial of degree 1.2 sqrt(c) over the part 1 / (5 c) to 1 of the spectrum needs 9 to 11 iterations to 1e-6, where
-1 / c is the slower of both: (l + 2 m) / m, or 0.15 / kappa (Poisson's ratio 0 to 0.49, kappa 0.002 to 0.5).
+m / (l + 2 m) of it, or an hourglass pattern, of which the share is kappa. A polynomial of degree DEGREE_FACTOR sqrt(c)
+over the part 1 / (EIGENVALUE_SPREAD c) to 1 of the spectrum keeps the number of iterations nearly constant, where 1 / c
+is the slower of both: (l + 2 m) / m, or MIN_HOURGLASS_RATIO / kappa.
 """
 
 import math

@@ -6,9 +6,8 @@ parts. Hence s of a merged cell is (1 + s) / 4, and of its parts' hourglass stif
 
 A void one cell thick leaves half of a coarse cell, a quarter of the next: rock on both sides of it would be tied
 together, the more the coarser the grid, and its closure left to the fine grids. So a coarse cell there loses more
-stiffness than its void part, and nodes beside voids move with their rock (transfer.py). Slots of 76 and 308 cells
-then take 7 and 8 iterations (18 and 33 with neither, 12 and 21 with the first, 17 and 30 with the second alone), slabs
-of 20 by 20 and 38 by 38 cells 10 and 11 (11 and 14 with neither).
+stiffness than its void part, and nodes beside voids move with their rock (transfer.py). Both are needed for a number of
+iterations that does not grow with the length of a slot.
 
 The base grid halved may reach past the domain. A free face is then a void in the coarse cell. A held face lies within
 the cell, but the coarse grid holds it only at the cell's far side: the stiffness there is that of the part inside over

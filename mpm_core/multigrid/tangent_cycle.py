@@ -2,9 +2,9 @@
 
 Where much rock flows the elastic V-cycle is far too stiff, and Anderson acceleration needs hundreds of cycles. On the
 finest level each particle takes off its own tangent (kernels.tangent_rows), on a coarser one each cell the mean of its
-parts', as far as its centre feels it. They are not symmetric unless flow is associated: symmetric parts, which have
-negative eigenvalues, took two to three times the iterations of GMRES. STIFFNESS_SHARE_KEPT keeps rock that lost all
-stiffness from being torn.
+parts', as far as its centre feels it. They are not symmetric unless flow is associated. Their symmetric parts would
+have negative eigenvalues and need more iterations. STIFFNESS_SHARE_KEPT keeps rock that lost all stiffness from being
+torn.
 """
 
 from itertools import pairwise

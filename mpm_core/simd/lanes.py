@@ -1,7 +1,7 @@
 """Eight numbers side by side in a vector register, as a type that numba kernels can add, subtract, multiply, divide.
 
 LLVM turns a loop over a few places into vector instructions only if it can prove that no two arrays overlap, which it
-cannot in kernels as large as the elastic operator's: measured, half the speed. Here the instructions are asked for.
+cannot in kernels as large as the elastic operator's. Here the vector instructions are written explicitly.
 On a processor with shorter registers LLVM takes several of them.
 
 A point (a row of a nodal array) takes 4 numbers in 3-D, the last one always 0, and 2 in 2-D: then it is read and

@@ -1,7 +1,6 @@
-"""What a mechanics stage will need, known before it starts.
+"""Memory that a mechanics stage will need, estimated before it starts.
 
-Measured peaks (resident memory), 3-D: the demo's grid of 127 k cells with one particle to a cell and its coarser one of
-43 k cells with eight, and renison_scale's of 6.5 M cells (multigrid: 8.8 GB elastic, 13.7 GB a mining step).
+The numbers below were fitted to the peak resident memory of stages of the mines demo and renison_scale.
 """
 
 import logging
