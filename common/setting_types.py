@@ -203,10 +203,12 @@ def one_of(key: str, models: Mapping[str, type[Settings]]) -> Any:
     def of_a_model(values: Any) -> Any:
         if isinstance(values, Mapping):
             if key not in values:
-                raise refusal("missing key", key)
+                raise refusal(f"missing key: one of {', '.join(models)}", key)
             name = values[key]
             if name not in list(models):
-                raise refusal(f"{short(name)} is not one of {', '.join(models)}", key)
+                near = difflib.get_close_matches(str(name), models, n=1)
+                hint = f"; did you mean {near[0]}?" if near else ""
+                raise refusal(f"{short(name)} is not one of {', '.join(models)}{hint}", key)
             for other in values.keys() - models[name].model_fields.keys():
                 users = [model for model, settings in models.items() if other in settings.model_fields]
                 if users:

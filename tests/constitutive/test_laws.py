@@ -65,7 +65,11 @@ def test_a_material_is_that_of_its_law():
     ("changes", "line"),
     [
         ({"model": "clay"}, "model: 'clay' is not one of elastic, coulomb, von_mises"),
-        ({"cohesion": {"intact": 1.0, "residual": 1.0}}, "cohesion: not a key of this model"),
+        ({"model": "colomb"}, "model: 'colomb' is not one of elastic, coulomb, von_mises; did you mean coulomb?"),
+        (
+            {"cohesion": {"intact": 1.0, "residual": 1.0}},
+            "cohesion: not used by model von_mises, by coulomb only; leave it out",
+        ),
         ({"yield_stress": {"intact": 1.0, "residual": 2.0}}, "yield_stress: residual is above intact"),
         ({"colour": 1}, "colour: unknown key"),
     ],

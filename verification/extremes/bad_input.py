@@ -43,7 +43,7 @@ FAULTS = [  # key set, value, what the line begins with, what it says besides
     ("materials.host.friction_angle.residual", "40 deg", "materials.host.friction_angle: ", "above intact"),
     ("materials.host.tension_cutoff.residual", "1 MPa", "materials.host.tension_cutoff: ", "above intact"),
     ("materials.host.dilation_angle.intact", "35 deg", "materials.host.dilation_angle.intact: ", "allow_psi_above_phi"),
-    ("materials.fill.cohesion", HOST["cohesion"], "materials.fill.cohesion: ", "not a key of this model"),
+    ("materials.fill.cohesion", HOST["cohesion"], "materials.fill.cohesion: ", "not used by model elastic"),
     ("materials.host.model", "plastic", "materials.host.model: ", "not one of elastic, coulomb"),
     ("excavations.1.step", "2019-13", "excavations.stope_1.step: ", "not one of the steps history, 2019-08, planned"),
     ("excavations.1.filled", "history", "excavations.stope_1.filled: ", "before the excavation is mined"),

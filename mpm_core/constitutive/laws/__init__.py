@@ -6,20 +6,20 @@ one (general.brittle_drop); failed rock returns to the residual one. What a law'
 | name | what |
 |---|---|
 | NAME | value of `model` in a mine file |
-| Material | settings of a rock with this law: keys with their units; validators refuse what cannot be, above all a
-residual surface that leaves the intact one. What may differ between intact and residual rock is a pair {intact,
-residual} | | ROW_LENGTH | numbers in a strength row | | strength_rows(material, axes) | intact and residual row,
-float64 (ROW_LENGTH,); axes: see Scene.frame_axes | | cohesion(material) | Pa of intact rock; members of an ensemble
-differ by a share of it | | overstress_of_tensor(tensor, row) | `overstress` of (3, 3), Pa, by numpy: to check a
-configuration without waiting for numba | | surely_admissible(*stress, row) | whether cheap bounds prove stress
-admissible | | overstress(*stress, row) | how far stress is above strength, Pa; at most 0 where admissible. What is
-admissible is convex | | return_to_surface(*stress, lame_lambda, shear_modulus, row) | plastic return of an elastic
-trial stress: six components and where it ended (return_regions.py). ELASTIC: bit for bit the trial, also for a stress
-that was returned | | return_lanes(the same) | six components of lanes (simd/lanes.py), to round-off the same;
-general.lane_by_lane makes it | | fallen_stiffness(the same, matrix) | see tangent.py; general.tangent_by_differences
-makes it | | strength_factor(*stress, row) | strength over stress: 0 to STRENGTH_FACTOR_CAP, at least 1 where admissible
-| | excess_shear_stress(*stress, row) | Pa, negative below strength | | strength_size(row) | Pa: what a margin above
-strength is in proportion to | | gains_energy(row) | whether flow may gain energy |
+| Material | settings of a rock with this law: keys with their units; validators refuse what cannot be, above all a residual surface that leaves the intact one. What may differ between intact and residual rock is a pair {intact, residual} |
+| ROW_LENGTH | numbers in a strength row |
+| strength_rows(material, axes) | intact and residual row, float64 (ROW_LENGTH,); axes: see Scene.frame_axes |
+| cohesion(material) | Pa of intact rock; members of an ensemble differ by a share of it |
+| overstress_of_tensor(tensor, row) | `overstress` of (3, 3), Pa, by numpy: to check a configuration without waiting for numba |
+| surely_admissible(*stress, row) | whether cheap bounds prove stress admissible |
+| overstress(*stress, row) | how far stress is above strength, Pa; at most 0 where admissible. What is admissible is convex |
+| return_to_surface(*stress, lame_lambda, shear_modulus, row) | plastic return of an elastic trial stress: six components and where it ended (return_regions.py). ELASTIC: bit for bit the trial, also for a stress that was returned |
+| return_lanes(the same) | six components of lanes (simd/lanes.py), to round-off the same; general.lane_by_lane makes it |
+| fallen_stiffness(the same, matrix) | see tangent.py; general.tangent_by_differences makes it |
+| strength_factor(*stress, row) | strength over stress: 0 to STRENGTH_FACTOR_CAP, at least 1 where admissible |
+| excess_shear_stress(*stress, row) | Pa, negative below strength |
+| strength_size(row) | Pa: what a margin above strength is in proportion to |
+| gains_energy(row) | whether flow may gain energy |
 | plane_normal(material) | only where a law has weak planes: their unit normal (3,) in the mine's frame |
 
 Those from surely_admissible on are compiled by numba: scalar, without allocation (but for fallen_stiffness) or
@@ -28,48 +28,27 @@ isotropic laws isotropic.py and tangent.py make three of them from a return of p
 
 Kernels are made for a law, as a module, and a dimension. numba finds its functions as it compiles and keeps what it
 compiled by the module's name, so other processes find it: functions themselves would be kept by a random number.
-"""
+"""  # noqa: E501
 
 from collections.abc import Iterable, Mapping
 from functools import reduce
 from types import ModuleType
-from typing import Annotated, Any, Union
+from typing import Any
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Tag
 
-from common.setting_types import TAG, Settings, refusal, short
+from common.setting_types import Settings, one_of
 from mpm_core.constitutive.laws import coulomb, hoek_brown, weak_planes
 from mpm_core.constitutive.mixture import mix
 from mpm_core.settings import ElasticMaterial, MaterialSettings
 
+ELASTIC_MODEL = "elastic"
 LAWS = (coulomb, hoek_brown, weak_planes)
 
 
 def any_material(laws: Iterable[ModuleType]) -> Any:
     """The type of one rock or fill: elastic, or of one of these laws, as its `model` says."""
-    models = {"elastic": ElasticMaterial} | {law.NAME: law.Material for law in laws}
-
-    def of_a_model(values: Any) -> Any:
-        if isinstance(values, Mapping):
-            if "model" not in values:
-                raise refusal("missing key", "model")
-            name = values["model"]
-            if name not in list(models):
-                raise refusal(f"{short(name)} is not one of {', '.join(models)}", "model")
-            others = {key for model in models.values() for key in model.model_fields} - set(models[name].model_fields)
-            for key in values:
-                if key in others:
-                    raise refusal("not a key of this model", key)
-        return values
-
-    choices = tuple(Annotated[model, Tag(f"{TAG}{name}")] for name, model in models.items())
-    return Annotated[Union[choices], Discriminator(_tag), BeforeValidator(of_a_model)]  # noqa: UP007
-
-
-def _tag(material: Any) -> str:
-    name = material.get("model") if isinstance(material, Mapping) else getattr(material, "model", "elastic")
-    return f"{TAG}{name}"
+    return one_of("model", {ELASTIC_MODEL: ElasticMaterial} | {law.NAME: law.Material for law in laws})
 
 
 AnyMaterial = any_material(LAWS)
@@ -83,7 +62,8 @@ class Materials(Settings):
 
 def can_fail(material: MaterialSettings | Mapping) -> bool:
     """Whether a material, or its section of a slice, has a law of failure."""
-    return _tag(material) != f"{TAG}elastic"
+    model = material.get("model") if isinstance(material, Mapping) else getattr(material, "model", ELASTIC_MODEL)
+    return model != ELASTIC_MODEL
 
 
 def law_of(material: MaterialSettings) -> ModuleType:
