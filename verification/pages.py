@@ -247,7 +247,7 @@ def index_table(texts: dict[str, str]) -> str:
         title, *facts = (_told(name, text, start) for start in ("# ", *(f"- **{fact}:** " for fact in FACTS)))
         counts = [[int(count) for count in match.groups()] for match in COUNTS.finditer(text)]
         _, judged, _, known, failed = (sum(column) for column in zip(*counts, strict=True)) if counts else [None] * 5
-        numbers = ["not run" if count is None else str(count) for count in (judged, known, failed)]
+        numbers = ["no results" if count is None else str(count) for count in (judged, known, failed)]
         body.append([f"[{title}]({name}.md)", *facts, *numbers])
     head = ("study", "what it checks", "reference", "rows judged", "known misses", "rows that fail")
     return "\n".join(markdown(head, body)) + "\n"
