@@ -62,11 +62,11 @@ def _solve(arguments: argparse.Namespace) -> None:
 
 def vtk(arguments: argparse.Namespace) -> None:
     """a state for ParaView"""
-    from mpm_core.files.state_datasets import read_grid, read_pieces
+    from mpm_core.files.state_datasets import read_edge_nodes, read_grid, read_pieces
     from mpm_core.files.state_vtk import write_vtu
 
-    state = read_dataset(arguments.state)
-    write_vtu(read_grid(state)[0], read_pieces(read_dataset(arguments.grid)), state, arguments.output)
+    state, first = read_dataset(arguments.state), read_dataset(arguments.grid)
+    write_vtu(read_grid(state)[0], read_pieces(first), read_edge_nodes(first), state, arguments.output)
 
 
 def solids(arguments: argparse.Namespace) -> None:

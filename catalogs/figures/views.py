@@ -136,12 +136,9 @@ def cut_cells(grid: xr.Dataset, view: View) -> np.ndarray:
 def cut_particles(state: xr.Dataset, view: View) -> np.ndarray:
     """Indices of the particles whose own cube a view's plane cuts: fill first, then rock that is most of its cube."""
     volume, rock = state["volume"].values, state["excavation"].values < 0
-    _, group = np.unique(state["spacing"].values, return_inverse=True)
-    full = np.zeros(int(group.max(initial=-1)) + 1)
-    np.maximum.at(full, group, volume)
-    cut = np.where(
-        rock, volume > (1.0 - MIN_EXCAVATED_SHARE_DRAWN) * full[group], volume > 0
-    )  # rock and outlines meet, neither overlaps
+    cube = state["spacing"].values ** (3 if state.attrs["plane"] == "none" else 2) * state.attrs["thickness"]
+    # Rock and outlines meet, neither overlaps.
+    cut = np.where(rock, volume > (1.0 - MIN_EXCAVATED_SHARE_DRAWN) * cube, volume > 0)
     if view.at is not None:
         start = part_centers(state)[:, view.normal] - state["spacing"].values / 2
         cut &= (start <= view.at) & (view.at < start + state["spacing"].values)

@@ -14,6 +14,8 @@ from common.vtk import TENSOR_ORDER, write_mesh
 from mpm_core.files.state_datasets import embed
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.adjacency import holding_cells
+from mpm_core.grid.distorted_cells import distorted_cells
+from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.model.occupancy import FinestPieces
 from mpm_core.scene.scene import PLANES
@@ -28,7 +30,9 @@ CELL_FIELDS = {  # of the rock in a cell, by volume: field, its name with its un
 INDEX = {"excavations": "excavation", "rock_bodies": "rock_body"}  # groups of solids: array of a solid's number
 
 
-def write_vtu(grid: MultiLevelGrid, pieces: FinestPieces, state: xr.Dataset, path: str | os.PathLike) -> None:
+def write_vtu(
+    grid: MultiLevelGrid, pieces: FinestPieces, edge_nodes: EdgeNodes, state: xr.Dataset, path: str | os.PathLike
+) -> None:
     """Write cells with the mean of their rock's fields and the step of its failure, and nodal displacement, as VTU.
 
     fraction_of_<material>: share of a cell that this rock or fill takes; material: number, in the order of these
@@ -38,7 +42,8 @@ def write_vtu(grid: MultiLevelGrid, pieces: FinestPieces, state: xr.Dataset, pat
     cells = len(grid.cell_level)
     cell, volume = state.cell.values, state.volume.values
     plane = None if state.attrs["plane"] == "none" else state.attrs["plane"]
-    full = grid.cell_size**grid.dimension * state.attrs["thickness"]
+    distorted = distorted_cells(grid, edge_nodes.place, edge_nodes.shift)
+    full = grid.cell_size**grid.dimension * state.attrs["thickness"] * distorted.volumes(np.arange(cells))
     data = {
         "level": grid.cell_level.astype(np.int32),
         "solid_fraction": np.bincount(cell, volume, minlength=cells) / full,
@@ -69,7 +74,7 @@ def write_vtu(grid: MultiLevelGrid, pieces: FinestPieces, state: xr.Dataset, pat
         data[f"principal_direction_{number + 1}"] = direction[:, number]
     write_mesh(
         path,
-        embed(grid.node_position, PLANES[plane]),
+        embed(distorted.node_positions(grid), PLANES[plane]),
         "hexahedron" if grid.dimension == 3 else "quad",
         grid.vtk_nodes,
         {"displacement_m": state.node_displacement.values},

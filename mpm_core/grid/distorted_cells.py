@@ -15,7 +15,7 @@ from numba import njit, prange
 
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import holding_cells
-from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 
 GAUSS_POINT = 1.0 / np.sqrt(3.0)  # Of the rule with two points along each axis, -1 to 1.
 ORDER_2D = np.array([0, 4, 2, 6, 1, 5, 3, 7])
@@ -49,6 +49,13 @@ class DistortedCells:
         bent = np.flatnonzero(row >= 0)
         volume[bent] = self.sample_volumes[row[bent]].sum(axis=1)
         return volume
+
+    def node_positions(self, grid: MultiLevelGrid) -> np.ndarray:
+        """Where the nodes of the grid that has these cells are, (node, d) m."""
+        position = grid.node_position.copy()
+        nodes = grid.vtk_nodes[self.cell][:, BIT_ORDER[grid.dimension]]
+        position[nodes] = grid.origin + (grid.cell_index[self.cell][:, None] + self.corners) * grid.fine_cell
+        return position
 
     @cached_property
     def sample_volumes(self) -> np.ndarray:

@@ -190,6 +190,7 @@ def make_state(grid: xr.Dataset, index: int) -> xr.Dataset:
             "convergence_new_failures": ("iteration", new),
         },
         attrs={
+            "plane": "none" if dimension == 3 else "xz", "thickness": 1.0,
             "mine": "testmine", "stage": "step" if index >= 0 else "elastic", "step": name, "step_index": index,
             "tolerance": 1e-5, "scheme": "multigrid", "iterations": 24,
             "unbalanced_ratio": 9e-6, "truncated": int(truncated), "truncated_share": 0.034 * truncated,

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import report_fixtures as fixtures
+import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as some
 
@@ -169,3 +170,18 @@ def test_outlines_lie_on_the_cells_wherever_the_domain_begins():
         edges = len(views.outline_segments(expected, size))
         shift = np.array([0.125, 0.375]) * size.min()  # where a quarter of a cell rounds either way
         assert len(views.outline_segments(found + shift, far_size)) == edges
+
+
+def test_rock_is_drawn_beside_a_cell_that_is_larger_than_its_cube():
+    """A cell whose corner lies on an edge may hold more than its cube: the others are whole all the same."""
+    state = xr.Dataset(
+        {
+            "position": (("particle", "xyz"), np.array([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5], [2.5, 0.5, 0.5]])),
+            "spacing": ("particle", np.ones(3)),
+            "volume": ("particle", np.array([1.0, 2.4, 0.3])),
+            "excavation": ("particle", np.full(3, -1)),
+        },
+        attrs={"plane": "none", "thickness": 1.0},
+    )
+    plan = views.View("Plan", 0, 1, 2, at=0.5)
+    assert views.cut_particles(state, plan).tolist() == [0, 1]

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from mechanics.scenes import ball, excavation, grid_around, make_dataset, make_scene, uniform
-from mpm_core.files.state_datasets import read_grid, read_pieces
+from mechanics.test_grid_stage import block, grid_slice
+from mpm_core.files.state_datasets import read_edge_nodes, read_grid, read_pieces
 from mpm_core.files.state_vtk import main_excavation, principal, write_solids, write_vtu
 from mpm_core.geometry import Outside, build_shape
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.model.occupancy import FinestPieces
 from mpm_core.stages.equilibrium_stages import elastic_stage
+from mpm_core.stages.grid_stage import make_grid
 
 PARAVIEW = ("xx", "yy", "zz", "xy", "yz", "xz")  # what ParaView calls the components of an array of six
 
@@ -27,7 +29,7 @@ def stage(request, tmp_path):
     scene = make_scene(plane, stress=stress, excavations=[excavation()], thickness=5.0)
     dataset = make_dataset(scene, grid_around([shape], [3] * dimension, 2, 8.0), [shape])
     state, _ = elastic_stage(scene, dataset, tmp_path / "failed.npz")
-    write_vtu(read_grid(state)[0], read_pieces(dataset), state, tmp_path / "state.vtu")
+    write_vtu(read_grid(state)[0], read_pieces(dataset), read_edge_nodes(dataset), state, tmp_path / "state.vtu")
     return dataset, state, meshio.read(tmp_path / "state.vtu")
 
 
@@ -45,6 +47,27 @@ def test_a_state_is_a_vtk_file_that_others_read(stage):
     np.testing.assert_array_equal(mesh.cell_data["excavation"][0], np.where(excavated, 0, -1))
 
 
+@pytest.mark.parametrize("plane", ["xz", None])
+def test_cells_at_an_edge_are_drawn_as_they_are(plane, tmp_path):
+    """Nodes lie on the edges, and a cell of rock is solid whatever its shape."""
+    dimension = 2 if plane else 3
+    values = grid_slice(block([9.5] * dimension, [17.5] * dimension), plane=plane, levels=3)
+    dataset = make_grid(values | {"later": []}, {})
+    scene = make_scene(plane, stress=uniform(-1e6, -1e6, -1e6), excavations=[excavation()])
+    state, _ = elastic_stage(scene, dataset, tmp_path / "failed.npz")
+    write_vtu(
+        read_grid(state)[0], read_pieces(dataset), read_edge_nodes(dataset), state, tmp_path / "state.vtu"
+    )  # fmt: skip
+    mesh = meshio.read(tmp_path / "state.vtu")
+    axes = [0, 2] if plane else [0, 1, 2]
+    corner = np.linalg.norm(mesh.points[:, axes] - 9.5, axis=1)
+    assert corner.min() < 1e-9
+    solid = mesh.cell_data["solid_fraction"][0]
+    assert solid.max() == pytest.approx(1.0, rel=1e-12)
+    whole = len(solid) - len(np.unique(holding_cells(read_grid(state)[0], read_pieces(dataset).place)))
+    assert (np.abs(solid - 1.0) < 1e-12).sum() >= whole
+
+
 def test_cells_tell_their_material_and_what_share_of_them_it_takes(stage, tmp_path):
     """Rock of another material east of the middle, and a cell that holds nothing: numbers, shares by name, -1."""
     dataset, state, _ = stage
@@ -54,7 +77,7 @@ def test_cells_tell_their_material_and_what_share_of_them_it_takes(stage, tmp_pa
     east = state.position.values[:, 0] > 12.0
     state.material.values[:] = np.where(east, 2, 0)
     state.volume.values[state.cell.values == 0] = 0.0
-    write_vtu(grid, read_pieces(dataset), state, tmp_path / "materials.vtu")
+    write_vtu(grid, read_pieces(dataset), read_edge_nodes(dataset), state, tmp_path / "materials.vtu")
     cells = {name: values[0] for name, values in meshio.read(tmp_path / "materials.vtu").cell_data.items()}
     shares = np.stack([cells[f"fraction_of_{name}"] for name in ("host", "fill", "solid")])
     np.testing.assert_allclose(shares.sum(axis=0), cells["solid_fraction"], atol=1e-6)
