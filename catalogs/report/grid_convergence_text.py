@@ -48,13 +48,13 @@ def discretisation(evidence: Evidence) -> list[str]:
         text += f". Cells of {own} m are too large to say how far these numbers would still change: halve "
         text += "grid.finest_cell before using them"
         if narrow:
-            text += f" (on cells of {coarse} m too little rock fails around {narrow}, which is narrow for them)"
+            text += f" (on cells of {coarse} m too little rock fails around openings narrow for them: {narrow})"
     else:
         text += f". Cells of {own} m therefore leave potency uncertain by about {percent(errors[0])}"
         text += f" and failed rock by about {percent(errors[1])}"
         if narrow:
-            text += f". These shares may be too large: on cells of {coarse} m too little rock fails around {narrow}, "
-            text += "which is narrow for them"
+            text += f". These shares may be too large: on cells of {coarse} m too little rock fails around openings "
+            text += f"narrow for them: {narrow}"
     return [f"{text}; {parts}." if parts else f"{text}.", *_at_once(evidence)]
 
 
@@ -88,7 +88,7 @@ def _increments(evidence: Evidence) -> str:
     if not weights.sum() > 0 or not np.isfinite(shares[weights > 0]).all():
         return ""
     share = percent(np.average(shares, weights=weights))
-    return f"unloading in increments makes the potency too large by up to about {share}"
+    return f"unloading in increments makes the potency too large, roughly by {share} or less"
 
 
 def rows(table: xr.Dataset) -> list[dict]:

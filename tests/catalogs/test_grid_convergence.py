@@ -97,7 +97,7 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     write_report(**arguments)
     page = mine.arguments()["output"].read_text()
     assert "on these numbers was not measured (grid_convergence: true measures it); unloading in increments" in page
-    assert "too large by up to about 15 %" in page
+    assert "too large, roughly by 15 % or less" in page
     write_dataset(found, tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
     page = mine.arguments()["output"].read_text()
@@ -106,7 +106,7 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
         "uncertain by about 14 % and failed rock by about 17 %. These shares may be too large: on cells of 4 m " in page
     )
     assert (
-        "on cells of 4 m too little rock fails around drive, which is narrow for them; unloading in increments" in page
+        "on cells of 4 m too little rock fails around openings narrow for them: drive; unloading in increments" in page
     )
     write_dataset(found.assign_attrs(narrow="[]"), tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
@@ -132,4 +132,4 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
     page = mine.arguments()["output"].read_text()
     assert "too large to say how far these numbers would still change" in page
-    assert "(on cells of 4 m too little rock fails around drive, which is narrow for them)" in page
+    assert "(on cells of 4 m too little rock fails around openings narrow for them: drive)" in page
