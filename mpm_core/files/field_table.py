@@ -32,7 +32,7 @@ FIELDS = _table(
         ("node", "xyz"),
         np.float64,
         "m",
-        "place of each node, before it is moved onto an edge",
+        "place of each node",
     ),
     Field("node_parents", ("node", "parent"), np.int32, "1", "a hanging node moves with the mean of these, -1 none"),
     Field("piece_origin", ("piece", "xyz"), np.float64, "m", "lower corner of each finest cell inside an excavation"),

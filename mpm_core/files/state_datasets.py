@@ -10,8 +10,9 @@ from common.voigt import NAMES
 from mpm_core.constitutive.laws import plane_normals
 from mpm_core.files.field_table import FIELDS, variable
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.grid.distorted_cells import DistortedCells, distorted_cells
 from mpm_core.grid.edge_nodes import EdgeNodes
-from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.grid.mesh import CORNER_OFFSETS, MultiLevelGrid
 from mpm_core.kernels.nodal_operations import interpolate
 from mpm_core.model.model import Model
 from mpm_core.model.occupancy import FinestPieces, Unsupported
@@ -46,7 +47,9 @@ def _to_file(values: np.ndarray, dims: tuple[str, ...], scene: Scene) -> np.ndar
     return reorder(values, scene.voigt) if dims[-1] == "voigt" else values
 
 
-def _cells(grid: MultiLevelGrid, body: np.ndarray, axes: tuple[int, ...]) -> dict[str, np.ndarray]:
+def _cells(
+    grid: MultiLevelGrid, distorted: DistortedCells, body: np.ndarray, axes: tuple[int, ...]
+) -> dict[str, np.ndarray]:
     """Variables of cells and nodes, by name."""
     return {
         "cell_origin": embed(grid.cell_origin, axes),
@@ -54,7 +57,7 @@ def _cells(grid: MultiLevelGrid, body: np.ndarray, axes: tuple[int, ...]) -> dic
         "cell_level": grid.cell_level,
         "cell_nodes": grid.vtk_nodes,
         "cell_body": body,
-        "node_position": embed(grid.node_position, axes),
+        "node_position": embed(distorted.node_positions(grid), axes),
         "node_parents": grid.node_parents,
     }
 
@@ -94,7 +97,8 @@ def grid_dataset(
 ) -> xr.Dataset:
     """The dataset of grid.nc. attributes: excavation names and volumes, thickness, provenance."""
     axes = PLANES[plane]
-    values = _cells(grid, body, axes) | {
+    distorted = distorted_cells(grid, edge_nodes.place, edge_nodes.shift)
+    values = _cells(grid, distorted, body, axes) | {
         "piece_origin": embed(grid.origin + pieces.place * grid.fine_cell, axes),
         "piece_excavation": pieces.excavation,
         "piece_samples": pieces.samples,
@@ -112,15 +116,20 @@ def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray]:
     """Grid and rock body of each cell, from the dataset of grid.nc or of a state."""
     attributes, axes = dataset.attrs, _axes(dataset)
     origin, fine = read_origin(dataset)
+    cell_index, level, vtk_nodes = _index(dataset, "cell_origin"), dataset.cell_level.values, dataset.cell_nodes.values
+    width = np.int32(1) << (int(attributes["levels"]) - 1 - level).astype(np.int32)
+    node_index = np.empty((dataset.sizes["node"], len(axes)), np.int32)  # not by positions: some nodes are moved
+    for corner, offset in enumerate(CORNER_OFFSETS[len(axes)]):
+        node_index[vtk_nodes[:, corner]] = cell_index + offset * width[:, None]
     grid = MultiLevelGrid(
         origin=origin,
         fine_cell=fine,
         levels=int(attributes["levels"]),
         shape=np.rint((np.asarray(attributes["domain_upper"])[axes] - origin) / fine).astype(np.int64),
-        cell_index=_index(dataset, "cell_origin"),
-        cell_level=dataset.cell_level.values,
-        vtk_nodes=dataset.cell_nodes.values,
-        node_index=_index(dataset, "node_position"),
+        cell_index=cell_index,
+        cell_level=level,
+        vtk_nodes=vtk_nodes,
+        node_index=node_index,
         node_parents=dataset.node_parents.values,
         phantoms=int(attributes.get("phantom_nodes", 0)),
     )
@@ -187,7 +196,7 @@ def state_dataset(
         **{f"convergence_{name}": column for name, column in table.items()},
     }
     values = {name: _to_file(array, FIELDS[name].dims, scene) for name, array in values.items()}
-    values |= _cells(model.grid, model.body, scene.axes)
+    values |= _cells(model.grid, model.particles.distorted, model.body, scene.axes)
     dataset = xr.Dataset({name: variable(name, values[name]) for name in FIELDS if name in values})
     dataset["mesh"] = _mesh(model.dimension)
     rocks, host = scene.materials, scene.materials["host"]

@@ -41,7 +41,6 @@ def write_vtu(
     """
     cells = len(grid.cell_level)
     cell, volume = state.cell.values, state.volume.values
-    plane = None if state.attrs["plane"] == "none" else state.attrs["plane"]
     distorted = distorted_cells(grid, edge_nodes.place, edge_nodes.shift)
     full = grid.cell_size**grid.dimension * state.attrs["thickness"] * distorted.volumes(np.arange(cells))
     data = {
@@ -74,7 +73,7 @@ def write_vtu(
         data[f"principal_direction_{number + 1}"] = direction[:, number]
     write_mesh(
         path,
-        embed(distorted.node_positions(grid), PLANES[plane]),
+        state.node_position.values,
         "hexahedron" if grid.dimension == 3 else "quad",
         grid.vtk_nodes,
         {"displacement_m": state.node_displacement.values},

@@ -107,7 +107,7 @@ def _without_hidden(path: Path, parts: dict[str, Part], layer: str | None, hidde
 
 def _refuse(others: Counter[str], outlines: int) -> None:
     """Say what the drawing holds instead of faces."""
-    for kinds, what in ((ACIS_ENTITIES, "ACIS_ENTITIES bodies"), (FLAT_ENTITIES, "flat faces that bound no volume")):
+    for kinds, what in ((ACIS_ENTITIES, "ACIS bodies"), (FLAT_ENTITIES, "flat faces that bound no volume")):
         here = {kind: others[kind] for kind in sorted(kinds) if others[kind]}
         if here:
             named = ", ".join(f"{count} {kind}" for kind, count in here.items())

@@ -191,7 +191,8 @@ def _nearest_goals(segments: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray,
         near = np.linalg.norm(goal - nodes, axis=1) <= MAX_REACH
         found.append(_nearest_of_each(nodes[near], goal[near]))
     place, goal = _nearest_of_each(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
-    inner = ((place > 0) & (place < shape)).all(axis=1)
+    within = (goal > MAX_DISTANCE_ON_LATTICE) & (goal < shape - MAX_DISTANCE_ON_LATTICE)  # beyond there is no rock
+    inner = ((place > 0) & (place < shape) & within).all(axis=1)
     return place[inner], goal[inner]
 
 

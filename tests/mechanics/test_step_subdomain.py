@@ -81,7 +81,7 @@ def test_rock_fails_as_in_the_whole_mine(offset, refinement, tmp_path, small, mo
     monkeypatch.setattr(step_subdomain, "MAX_SUBDOMAIN_SHARE", 0.0)
     caplog.clear()
     whole, expected = month(tmp_path, holes=holes, refinement=refinement)
-    assert "subdomain" not in caplog.text
+    assert "the step begins in" not in caplog.text
     assert facts["failed_particles"] > 90
     close = 0.2 if refinement else 0.06
     assert failed_potency(state) == pytest.approx(failed_potency(whole), rel=close)

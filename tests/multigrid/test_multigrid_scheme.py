@@ -162,7 +162,7 @@ def test_a_relaxation_that_stands_still_begins_anew(monkeypatch, caplog):
         if self.count > 8:
             step[:] = 0.0
 
-    monkeypatch.setattr(multigrid_scheme.Anderson, "turn", dying)
+    monkeypatch.setattr(multigrid_scheme.Anderson, "next_step", dying)
     model, volume, state = plastic_model(2)
     with caplog.at_level(logging.WARNING):
         _, history = at_rest(MultigridScheme, model, volume, state, tolerance=1e-5)

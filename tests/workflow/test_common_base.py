@@ -263,7 +263,7 @@ SLOW_STAGE = """
 import logging, sys, time
 from common import progress
 from common.stage import run_stage
-progress.FIRST, progress.PAUSE = 0.1, 0.5
+progress.SECONDS_TO_FIRST_LINE, progress.SECONDS_BETWEEN_LINES = 0.1, 0.5
 def body():
     logging.info("increment 1 of 2\\nand more")
     time.sleep(1.4)

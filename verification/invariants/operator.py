@@ -69,7 +69,7 @@ def resultants(model: Model, random: np.random.Generator) -> tuple[float, float]
     state.stress[:] = 1e6 * random.standard_normal(state.stress.shape)
     state.hourglass_force[:] = 1e6 * random.standard_normal(state.hourglass_force.shape)
     force = body.internal_force()
-    arm = model.grid.node_position - model.grid.node_position.mean(axis=0)
+    arm = model.node_position - model.node_position.mean(axis=0)
     total = np.abs(force.sum(axis=0)).max() / np.abs(force).sum()
     moment = 0.0
     for i in range(model.dimension):
@@ -82,7 +82,7 @@ def resultants(model: Model, random: np.random.Generator) -> tuple[float, float]
 def nodal_mass(model: Model) -> tuple[float, np.ndarray]:
     """Mass at the nodes, kg (per metre of a section), and its centre (d,) m."""
     mass = scheme_of(model).body.mass
-    return float(mass.sum()), (mass[:, None] * model.grid.node_position).sum(axis=0) / mass.sum()
+    return float(mass.sum()), (mass[:, None] * model.node_position).sum(axis=0) / mass.sum()
 
 
 @dataclass(frozen=True)

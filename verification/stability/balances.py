@@ -5,8 +5,9 @@ import json
 import numpy as np
 import xarray as xr
 
-from mpm_core.files.state_datasets import read_pieces
+from mpm_core.files.state_datasets import read_edge_nodes, read_pieces
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.grid.distorted_cells import distorted_shapes, sample_volumes
 from mpm_core.model.occupancy import MIN_SAMPLES_KEPT
 from verification.extremes.outcomes import Outcome
 from verification.stability.judges import number
@@ -77,12 +78,18 @@ def _gone(grid: xr.Dataset, mined: list[bool]) -> tuple[float, float]:
     """Volume that excavations take of finest cells, each sample once, and what slivers they may take besides, m3."""
     pieces = read_pieces(grid)
     chosen = np.flatnonzero(np.asarray(mined)[pieces.excavation])
-    _, cell = np.unique(pieces.place[chosen], axis=0, return_inverse=True)
+    places, cell = np.unique(pieces.place[chosen], axis=0, return_inverse=True)
     samples = np.zeros(cell.max(initial=-1) + 1, np.uint64)
     np.bitwise_or.at(samples, cell.reshape(-1), pieces.samples[chosen])
-    one = float(grid.attrs["fine_cell"]) ** grid.attrs["dimension"] * float(grid.attrs["thickness"]) / SAMPLES_PER_CELL
-    count = np.bitwise_count(samples)
-    return float(count.sum()) * one, float((count < SAMPLES_PER_CELL).sum()) * (MIN_SAMPLES_KEPT - 1) * one
+    cube = float(grid.attrs["fine_cell"]) ** grid.attrs["dimension"] * float(grid.attrs["thickness"])
+    of_samples = np.full((len(samples), SAMPLES_PER_CELL), 1.0 / SAMPLES_PER_CELL)
+    nodes = read_edge_nodes(grid)
+    for place, corners in zip(*distorted_shapes(nodes.place, nodes.shift), strict=True):
+        of_samples[(places == place).all(axis=1)] = sample_volumes(corners[None])
+    held = (samples[:, None] >> np.arange(SAMPLES_PER_CELL, dtype=np.uint64)) & np.uint64(1)
+    slivers = np.bitwise_count(samples) < SAMPLES_PER_CELL
+    largest = of_samples.max(initial=0.0) * cube
+    return float((of_samples * held).sum()) * cube, float(slivers.sum()) * (MIN_SAMPLES_KEPT - 1) * largest
 
 
 def _momentum(state: xr.Dataset):
