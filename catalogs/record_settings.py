@@ -16,17 +16,19 @@ LocationError = Annotated[float, Unit("m", ge=0, le=1e8)]
 
 
 class Conversion(Settings):
-    """Mw = slope M + offset."""
+    """Conversion of a magnitude M: Mw = slope M + offset."""
 
     slope: real_number(gt=0, le=10)
+    """Slope of the relation."""
     offset: real_number(ge=-10, le=10)
+    """Offset of the relation."""
 
 
 class FilterSettings(Settings):
-    """What part of a record is compared."""
+    """Which part of a record is compared."""
 
     lower: Box = None
-    """Corner of a box, with three coordinates."""
+    """Corner of the box in which events are compared, with three coordinates."""
     upper: Box = None
     """The opposite corner of the box."""
     start: str = None
@@ -34,22 +36,23 @@ class FilterSettings(Settings):
     end: str = None
     """Last date that is compared. Default: the end of the last dated step."""
     minimum_potency: Annotated[float, Unit("m^3", ge=0, le=1e20)] = None
+    """Smallest potency of an event that is compared."""
     maximum: Numbers = None
-    """Largest value of a column of the file, by the name of the column."""
+    """Largest value that is compared, by the name of a column of the file."""
     minimum: Numbers = None
-    """Smallest value of a column of the file, by the name of the column."""
+    """Smallest value that is compared, by the name of a column of the file."""
     only: Words = None
-    """Events are kept whose text in a column of the file is this text, or one of a list of texts: {status: [manual,
-    reviewed]}."""
+    """Texts of the events that are compared, by the name of a column of the file: {status: [manual, reviewed]}. Events
+    with another text are left out."""
     without: Words = None
-    """Events are left out whose text in a column of the file is this text, or one of a list of texts: {status:
-    automatic}. QuakeML: event_type, evaluation_status and evaluation_mode (manual, automatic)."""
+    """Texts of the events that are left out, by the name of a column of the file: {status: automatic}. A QuakeML file
+    has event_type, evaluation_status and evaluation_mode (manual, automatic)."""
     keep: Text = None
-    """Event types and evaluation statuses that count although they are not seismic: [quarry blast, rejected]."""
+    """Event types and evaluation statuses that are compared although they are not seismic: [quarry blast, rejected]."""
 
 
 class RecordSettings(Settings):
-    """The recorded catalogue: where it is, and what it means."""
+    """The recorded catalogue: its file, and the meaning of its contents."""
 
     reader: str
     """Format of the record."""
@@ -58,6 +61,7 @@ class RecordSettings(Settings):
     location_error: LocationError = None
     """R.m.s. error of the recorded locations in 3-D."""
     filter: FilterSettings = None
+    """Which part of the record is compared."""
 
 
 class EventFileSettings(RecordSettings):

@@ -8,7 +8,7 @@ from common.setting_types import Length, Settings, real_number, refusal
 
 
 class Frame(Settings):
-    """Where the mine's coordinates (x east, y north, z up, m) lie on Earth. Give latitude and longitude of the origin,
+    """Place of the mine's coordinates (x east, y north, z up, m) on Earth. Give latitude and longitude of the origin,
     or crs. Without either, results are in mine coordinates only."""
 
     latitude: real_number(ge=-90, le=90) = None
@@ -18,7 +18,7 @@ class Frame(Settings):
     crs: str = None
     """Projected coordinate system in metres, instead of latitude and longitude: EPSG code, PROJ text or WKT."""
     surface: Length
-    """Elevation of the ground. The depth of in-situ stress counts from it."""
+    """Elevation of the ground. Depth, and so in-situ stress, is measured from it."""
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:

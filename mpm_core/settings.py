@@ -38,18 +38,29 @@ Many = whole_number(ge=1, le=1_000_000_000)
 
 
 class Boundary(Settings):
-    """Conditions by face or axis; `x` is both x_lower and x_upper, `others` all that are not named (else fixed)."""
+    """Conditions by face or axis. `x` is both x_lower and x_upper. `others` is all faces that are not named; without it
+    they are fixed."""
 
     x: Condition = None
+    """Condition of both faces across x."""
     y: Condition = None
+    """Condition of both faces across y."""
     z: Condition = None
+    """Condition of both faces across z."""
     x_lower: Condition = None
+    """Condition of the face at the lowest x."""
     x_upper: Condition = None
+    """Condition of the face at the highest x."""
     y_lower: Condition = None
+    """Condition of the face at the lowest y."""
     y_upper: Condition = None
+    """Condition of the face at the highest y."""
     z_lower: Condition = None
+    """Condition of the face at the lowest z."""
     z_upper: Condition = None
+    """Condition of the face at the highest z."""
     others: Condition = None
+    """Condition of all faces that are not named. Default: `fixed`."""
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
@@ -60,9 +71,9 @@ class Boundary(Settings):
 
 
 class DomainSettings(Settings):
-    """The box that is modelled. Without corners it follows from grid.finest_cell and all excavations and loads, planned
-    ones too: large enough that its boundary moves no wall stress by more than 0.5 %, but not into virgin rock that
-    stands above its strength."""
+    """The box of rock that is modelled. Without corners it follows from grid.finest_cell and from all excavations and
+    loads, planned ones included. It is so large that its boundary changes no wall stress by more than 0.5 %, but it
+    leaves out virgin rock above its strength."""
 
     lower: Point = None
     """Lower corner of the domain. Two coordinates in plane strain."""
@@ -70,16 +81,16 @@ class DomainSettings(Settings):
     """Upper corner of the domain. Its sides are whole multiples of grid.coarse_cell, or of grid.finest_cell."""
     boundary: choose(is_section, Boundary, Condition) = None
     """Condition of all faces: `fixed`, `roller`, `traction` (the face keeps its in-situ stress) or `free`; or by face:
-    {x: roller, z_upper: free, others: fixed}. Default: `fixed`. A derived domain that reaches frame.surface ends there,
-    with its top free (say so, or leave boundary out)."""
+    {x: roller, z_upper: free, others: fixed}. Default: `fixed`. A derived domain that reaches frame.surface ends there
+    with a free top: give that face `free`, or leave boundary out."""
 
 
 class GridSettings(Settings):
-    """Cells: how large, and where they are small."""
+    """Size of the cells, and where they are small."""
 
     finest_cell: Size = None
-    """Edge of the smallest cells. coarse_cell and levels follow from it. The largest cells divide the sides of a domain
-    with corners; else there are at least four along its shortest side. Each size is twice the one before."""
+    """Edge of the smallest cells. coarse_cell and levels follow from it. In a domain with corners the largest cells
+    divide its sides; else there are at least four along its shortest side. Each size is twice the one before."""
     coarse_cell: Size = None
     """Edge of the largest cells. The sides of the domain are whole multiples of it. Default without finest_cell: 10 m,
     or 5, 2.5 or 1.25 m with fewer levels where that divides the domain and 10 m does not."""
@@ -88,24 +99,27 @@ class GridSettings(Settings):
     buffer_cells: whole_number(ge=0, le=100) = 3
     """Number of rings of cells, on each level, that are refined around an excavation."""
     particles_per_cell: Annotated[Literal[1, 4, 8, 9, 16, 25, 27, 64], BeforeValidator(whole)] = 1
-    """Number of points per cell that carry stress: 1, 8 or 27 (in 2-D 1, 4 or 9). cut_cells decides for cut cells."""
+    """Number of points per cell that carry stress: 1, 8 or 27 (in 2-D 1, 4 or 9). In cut cells the number follows from
+    cut_cells."""
     refinement: Literal["adaptive", "static"] = "adaptive"
     """`adaptive`: cells are split to the finest size where rock is mined and where stress comes near its strength.
-    `static`: cells are fine around all excavations from the start, and nowhere else; also where particles move."""
+    `static`: cells are fine around all excavations from the start, and nowhere else. With solver.move the grid is
+    always static."""
     max_cells: Many = 20_000_000
     """Largest number of cells of an adaptive grid. Where more would be needed, rock stays in coarse cells and the step
-    is labelled truncated. Cells of openings are made in any case."""
+    is labelled truncated. The cells of openings are refined in any case."""
     cut_cells: Literal["mean", "whole", "subdivide"] = "mean"
     """Treatment of cells that a surface cuts. `mean`: each material has its share of the cell and acts at its true
     position. `whole`: a cell is inside or outside. `subdivide`: 64 points."""
     volume_error: real_number(ge=0) = 0.2
-    """Largest share of its volume by which the grid may miss an excavation; more is an error, and 0.05 is a warning in
-    the report. From 1 on, openings with almost no whole cell are accepted, too, although the rock in their cut cells
-    supports them; those too thin for any part of a cell are left out."""
+    """Largest difference between the volume of an excavation on the grid and that of its solid, as a share of the
+    latter. A larger one is an error, and more than 0.05 is a warning in the report. From 1 on, openings with almost no
+    whole cell are accepted, too, although the rock in their cut cells supports them; those too thin for any part of a
+    cell are left out."""
 
 
 class StressComponents(Settings):
-    """Components of a stress, tension positive; what is not given is zero."""
+    """Components of the stress at frame.surface, tension positive. Components that are not given are zero."""
 
     xx: Stress = None
     yy: Stress = None
@@ -116,7 +130,7 @@ class StressComponents(Settings):
 
 
 class GradientComponents(Settings):
-    """Their change per metre of depth below frame.surface; compression is negative."""
+    """Change of the components per metre of depth below frame.surface. Compression is negative."""
 
     xx: Gradient = None
     yy: Gradient = None
@@ -127,21 +141,21 @@ class GradientComponents(Settings):
 
 
 class InsituSettings(Settings):
-    """Stress in place: constant + gradient x depth."""
+    """Stress before mining: constant + gradient x depth."""
 
     constant: StressComponents
     gradient: GradientComponents = None
 
 
 class AnglePair(Settings):
-    """Of intact rock, and of rock that has failed."""
+    """Values of intact rock and of rock that has failed."""
 
     intact: Angle
     residual: Angle
 
 
 class StrengthPair(Settings):
-    """Of intact rock, and of rock that has failed."""
+    """Values of intact rock and of rock that has failed."""
 
     intact: StrengthPart
     residual: StrengthPart
@@ -161,9 +175,13 @@ class MaterialSettings(Settings):
     """What all rocks and fills have. A law of failure (mpm_core.constitutive.laws) adds its strength."""
 
     model: str
+    """Law of failure, or `elastic`."""
     youngs_modulus: Annotated[float, Unit("Pa", ge=1e-3, le=1e21)]
+    """Young's modulus."""
     poisson_ratio: real_number(ge=0, le=0.4999)
+    """Poisson's ratio."""
     density: Annotated[float, Unit("kg/m^3", ge=1e-3, le=1e6)]
+    """Density."""
 
     @property
     def lame_lambda(self) -> float:
@@ -183,36 +201,37 @@ class ElasticMaterial(MaterialSettings):
 
 
 class SolverSettings(Settings):
-    """How equilibrium is sought."""
+    """How equilibrium is computed, and in which increments and generations rock fails."""
 
     renamed_keys: ClassVar = {"increment_error": "max_overshoot"}
 
     scheme: Literal["multigrid", "explicit"] = "multigrid"
-    """`multigrid`: equilibrium is solved for. `explicit`: damped explicit time steps."""
+    """`multigrid`: a multigrid solver computes equilibrium. `explicit`: damped explicit time steps lead to it."""
     tolerance: Tolerance = 1e-3
     """Unbalanced force at equilibrium, relative to the force that the step releases (2-norms)."""
     cascade_tolerance: Tolerance = 3e-3
-    """The same between two generations of failure. Where no rock loses strength it is 50 times as large, at most
-    0.05."""
+    """Unbalanced force between two generations of failure, relative to the force that the step releases (2-norms).
+    Where no rock loses strength it is 50 times as large, but at most 0.05."""
     increments: whole_number(ge=0, le=1000) = 0
-    """Number of equal increments in which a step is unloaded. 0: as many as max_overshoot asks for."""
+    """Number of equal increments in which a step is unloaded. 0: their size follows from max_overshoot."""
     max_overshoot: real_number(ge=0.001, le=1) = 0.2
-    """Where increments is 0: largest overshoot of the rock that fails first in an increment, relative to its drop of
-    strength. A step's potency is too large by roughly this share."""
+    """Largest overshoot of the rock that fails first in an increment, relative to its drop of strength. It applies
+    where increments is 0. A step's potency is too large by roughly this share."""
     max_iterations: Many = 40000
     """Largest number of iterations to one equilibrium; more is an error."""
     max_generations: Many = 2000
-    """Largest number of generations of brittle failure in one increment; more is a collapse."""
+    """Largest number of generations of brittle failure in one increment. With more, the rock counts as not coming to
+    equilibrium (see collapse)."""
     weakest_first: real_number(ge=0, le=1) = 0.0
-    """0: all rock above its strength fails at once. 0.9: only rock with at least 0.9 of the largest overstress nearby
-    fails."""
+    """0: all rock above its strength fails at once. 0.9: only rock with at least 0.9 of the largest overstress in the
+    mine fails."""
     collapse: Literal["error", "keep"] = "error"
-    """What is done where rock finds no equilibrium after a failure, or never stops failing. `error`: the run stops.
-    `keep`: the last equilibrium stays, and the step is the last one."""
+    """What happens if the rock finds no equilibrium after a failure, or does not stop failing. `error`: the run stops.
+    `keep`: the last equilibrium is kept, and the step is the last one."""
     damping: real_number(ge=0, lt=1) = 0.7
-    """Coefficient of local damping (Cundall), 0.7 to 0.85."""
+    """Coefficient of local damping (Cundall) of the explicit scheme, usually 0.7 to 0.85."""
     density_scaling: bool = True
-    """Whether densities are scaled so that all cells share one time step. Weights stay true."""
+    """Whether the explicit scheme scales densities so that all cells share one time step. Weights stay true."""
     hourglass: real_number(ge=0, le=1) = 0.05
     """Share kappa of the Flanagan-Belytschko hourglass stiffness, 0.001 to 1, in cells with one particle per
     material."""
@@ -228,13 +247,13 @@ class FileSettings(Settings):
     """File of the solid: STL, OBJ, PLY, DXF or OMF, relative to the mine file. With shape `prism`: a DXF layer with
     outlines."""
     layer: str = None
-    """Layer of a DXF drawing; "*" for all."""
+    """Layer of a DXF drawing. "*": all layers."""
     element: str = None
-    """OMF surface, OBJ object or group, or solid of a text STL; "*" for all."""
+    """OMF surface, OBJ object or group, or solid of a text STL. "*": all of them."""
     units: Literal["m", "cm", "mm", "km", "ft", "us_ft", "inch"] = None
     """Unit of the file's coordinates, where the file does not state it."""
     scale: real_number(ge=1e-6, le=1e6) = None
-    """Factor in: metres = coordinate x units x scale + offset."""
+    """Scale factor: metres = coordinate x units x scale + offset."""
     offset: Annotated[tuple[Length, ...], Field(min_length=3, max_length=3), AsTuple] = None
     """Vector that is added to the scaled coordinates."""
 
@@ -277,7 +296,7 @@ _KEYS: dict[str, Any] = {
 ShapeSettings: Any = create_model(
     "ShapeSettings",
     __base__=Settings,
-    __doc__="A solid: a shape with its own keys, or a file. A key says which shapes take it.",
+    __doc__="A solid: a shape with its own keys, or a file. The meaning of a key names the shapes that have it.",
     __module__=__name__,
     **_KEYS,
 )
@@ -287,8 +306,9 @@ class SolidSettings(ShapeSettings):
     """A named solid."""
 
     name: Name
+    """Name of the solid."""
     outside: bool = False
-    """Whether the solid is what the shape or file leaves of the domain."""
+    """Whether the solid is the part of the domain outside the shape or file."""
 
 
 class BodySettings(SolidSettings):

@@ -11,15 +11,16 @@ Positive = whole_number(ge=1, le=1_000_000)
 
 
 class ClusterSettings(Settings):
-    """How a family is separated into events (seismic.clusters); of method families alone."""
+    """How a family is separated into events (seismic.clusters), with method `families` only."""
 
     method: Literal["dbscan", "single_linkage", "kmeans"] = "dbscan"
-    """`dbscan`: dense places (single linkage with its default of 3 samples). `single_linkage`: all that a chain of
-    steps within the radius joins. `kmeans`: compact clusters."""
+    """`dbscan`: places with many particles (single linkage with its default of 3 samples). `single_linkage`: all
+    particles that a chain of distances within the radius connects. `kmeans`: compact clusters."""
     radius_cells: real_number(gt=0, le=1000) = 1.8
-    """Largest distance of neighbours, in particle spacings."""
+    """Largest distance between neighbours, in particle spacings."""
     min_samples: Positive = 3
-    """Number of particles that make a dense place (dbscan). Smaller events are not resolved."""
+    """Smallest number of particles within the radius that makes a dense place (dbscan). Smaller events are not
+    resolved."""
     clusters: Positive = None
     """Number of clusters of each family, with kmeans only. Default: as many as dbscan finds."""
 
@@ -39,7 +40,7 @@ class SeismicSettings(Settings):
     closeness: real_number(gt=0, lt=1) = 0.8
     """Cosine between potency tensors above which mechanisms count as similar."""
     least_particles: Positive = 3
-    """Smallest number of particles of a resolved event (families: cluster.min_samples)."""
+    """Smallest number of particles of a resolved event. Method `families` uses cluster.min_samples instead."""
     seismic_fraction: real_number(gt=0, le=1) = 1.0
     """Share alpha of the brittle drop that is seismic."""
     cluster: ClusterSettings = None

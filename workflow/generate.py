@@ -37,8 +37,8 @@ README_HEAD = """\
 
 Generated from the models of the settings: `python -m workflow.generate`. A full example is
 [mines/demo.yaml](mines/demo.yaml); [default.yaml](default.yaml) holds all defaults. A quantity is text with a unit
-(`57 GPa`, `1.25 m`, `30 deg`), in any unit of its kind; the table gives the unit that bounds are in. A key without a
-default and not *needed* may be left out.
+(`57 GPa`, `1.25 m`, `30 deg`), in any unit of its kind; the table gives the unit that bounds are in. A key
+that has no default and is not *needed* may be left out.
 
 The first table has all keys of the file's first level. The parts after it are ordered by task; each begins with
 examples.
@@ -208,7 +208,7 @@ def _sections() -> Iterator[tuple[str, str]]:
         if shared and ShapeSettings not in told:
             told.add(ShapeSettings)
             queue.append((SHAPE, "", ShapeSettings))
-        about += f" Beside these the keys of a [{SHAPE}](#{SHAPE.replace(' ', '-')})." if shared else ""
+        about += f" It also has the keys of a [{SHAPE}](#{SHAPE.replace(' ', '-')})." if shared else ""
         head = f"### {path}{choice}\n\n{about}\n" if path else ""
         yield path, "\n".join([head, "| key | value | default | meaning |", "|---|---|---|---|", *rows, ""])
 

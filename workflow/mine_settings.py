@@ -40,19 +40,19 @@ ForcePart = Annotated[float, Unit("N", ge=-1e20, le=1e20)]
 
 
 class RockBody(BodySettings):
-    """A volume of other rock (an intrusion, a seam); of overlapping ones the later counts."""
+    """A volume of other rock, such as an intrusion or a seam. Where several overlap, the last one counts."""
 
     material: str
     """Name of one of the materials."""
 
 
 class Excavation(SolidSettings):
-    """A solid that is mined; where they overlap the earliest step mines."""
+    """A solid that is mined. Where several overlap, the earliest step mines the rock."""
 
     step: str
     """Step in which the excavation is mined. `planned`: it is part of the grid, but is not mined."""
     fill: str = None
-    """Name of one of the materials. `none`: the excavation stays open."""
+    """Name of the material that fills the excavation. `none`: it stays open."""
     filled: str = None
     """Step at whose end the fill is placed, in every open part of the solid. Without it the fill is in place while the
     excavation's own step unloads the rock: it supports the walls from the start, and fewer events result."""
@@ -67,19 +67,23 @@ class ExcavationsFrom(Settings):
     """Excavations that are made from recorded data."""
 
     source: Literal["elk_creek"]
+    """Kind of the data."""
     folder: str
     """Folder with the data, relative to the mine file."""
     gob_height: Size = None
     """Height of the caved ground. Default: 18 m."""
     fill: str = None
-    """Name of one of the materials. Default: `gob`."""
+    """Name of the material that fills the excavations. Default: `gob`."""
 
 
 class Load(ShapeSettings):
-    """A force on the rock in a shape, shared by volume, from a step on: laboratory specimens."""
+    """A force on the rock in a shape, distributed by volume. It acts from a step on. Laboratory specimens have
+    loads."""
 
     name: Name
+    """Name of the load."""
     step: str
+    """Step from which the force acts."""
     force: choose(
         is_list,
         Annotated[tuple[ForcePart, ...], Field(min_length=3, max_length=3), AsTuple],
@@ -91,11 +95,11 @@ class Load(ShapeSettings):
         Annotated[tuple[Point, ...], Field(min_length=2, max_length=2), AsTuple],
         Point,
     ) = None
-    """A point to which each part of the force points. Two points: each part points to the line through them."""
+    """Point to which each part of the force points. With two points each part points to the line through them."""
 
 
 class StrainComponents(Settings):
-    """Components of a strain, tensor shear."""
+    """Components of a strain. Shear components are tensor shear."""
 
     xx: Strain = None
     yy: Strain = None
@@ -112,19 +116,24 @@ class StrainComponents(Settings):
 
 
 class BoundaryStrain(Settings):
-    """Held faces move by strain . (x - domain.lower) from a step on."""
+    """A strain of the boundary: from a step on, fixed faces are displaced by strain . (x - domain.lower)."""
 
     name: Name
+    """Name of the strain."""
     step: str
+    """Step from which the strain acts."""
     strain: StrainComponents
 
 
 class Step(Settings):
-    """A time in which mining goes on; steps without dates are history and come first."""
+    """A mining step. Steps without dates are history and come first."""
 
     name: Name
+    """Name of the step. Excavations name it."""
     start: Date = None
+    """First date of the step."""
     end: Date = None
+    """First date after the step."""
 
 
 class MineSettings(Settings):
@@ -142,17 +151,17 @@ class MineSettings(Settings):
     almost no whole cells then; tolerances three times as large; an allowed overshoot twice as large. `fine`: cells of
     half the size, an allowed overshoot half as large."""
     ensemble: whole_number(ge=0, le=1000) = 0
-    """Number of perturbed runs beside the mine's own run; each takes as long. They show how much chance changes the
-    catalogue."""
+    """Number of perturbed runs in addition to the mine's own run. Each takes as long. They show how much chance changes
+    the catalogue."""
     grid_convergence: bool = None
-    """Whether the mine is also run on cells of twice the size, so that the report can state what the cells leave
-    uncertain. Default: in 3-D where steps have dates. A draft has no such run."""
+    """Whether the mine is also run on cells of twice the size, so that the report can state how uncertain the cells
+    leave its numbers. Default: true in 3-D if steps have dates. A draft has no such run."""
     frame: Frame
     domain: DomainSettings = None
     grid: GridSettings = GridSettings()
     insitu_stress: InsituSettings
     materials: dict[Name, AnyMaterial]
-    """Rocks and fills by name. `host` is all rock that is in no body."""
+    """Rocks and fills by name. `host` is all rock outside of rock_bodies."""
     rock_bodies: Annotated[tuple[RockBody, ...], AsTuple] = ()
     excavations: Annotated[tuple[Excavation, ...], AsTuple] = ()
     excavations_from: ExcavationsFrom = None
@@ -163,7 +172,7 @@ class MineSettings(Settings):
     seismic: SeismicSettings = SeismicSettings()
     comparison: ComparisonSettings = ComparisonSettings()
     record: AnyRecord = None
-    """The recorded catalogue: where it is, and what it means."""
+    """The recorded catalogue: its file, and the meaning of its contents."""
 
     @model_validator(mode="after")
     def _host(self) -> Self:

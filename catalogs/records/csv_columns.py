@@ -28,15 +28,14 @@ TEXT_COLUMNS = ("time", MAGNITUDE_TYPE, "step", EVENT_TYPE, STATUS)
 
 
 class ColumnSettings(Settings):
-    """Names of the columns of a CSV file, by what they hold. Units are these unless the file or record.units states
-    others."""
+    """Names of the columns of a CSV file, by what they hold. The units are those given here, unless the file or
+    record.units states others."""
 
     time: choose(is_list, Annotated[tuple[str, ...], Field(min_length=1, max_length=3), AsTuple], str) = None
-    """Column of the time, or a list of up to three: date, time of day, offset from UTC. If it holds numbers,
-    record.time_format says what they are."""
+    """Column of the time, or a list of up to three columns: date, time of day, offset from UTC. If it holds numbers,
+    record.time_format gives their meaning."""
     year: str = None
-    """Column of the year. year, month and day, and hour, minute and second as far as there are such columns, stand in
-    place of time."""
+    """Column of the year. Columns of year, month and day replace time; hour, minute and second may be added."""
     month: str = None
     """Column of the month, 1 to 12."""
     day: str = None

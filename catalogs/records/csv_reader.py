@@ -57,10 +57,12 @@ MISSING_VALUE_CODES = (-99.0, -999.0, -9999.0)  # unless record.missing names ot
 
 
 class EnergyConversion(Settings):
-    """log10 moment (N m) = slope log10 energy (J) + offset."""
+    """Conversion of radiated energy: log10 moment (N m) = slope log10 energy (J) + offset."""
 
     slope: real_number(gt=0, le=10)
+    """Slope of the relation."""
     offset: real_number(ge=-30, le=30)
+    """Offset of the relation."""
 
 
 class Record(EventFileSettings):
@@ -69,9 +71,10 @@ class Record(EventFileSettings):
     reader: Literal["csv"]
     """Format of the record."""
     columns: ColumnSettings
-    """Columns of the file."""
+    """Names of the columns of the file."""
     tensor_frame: Literal["ENU", "NED", "USE"] = None
-    """Meaning of x, y and z of the tensor columns: east north up, north east down, or up south east. Default: ENU."""
+    """Directions of x, y and z of the tensor columns: east north up (ENU), north east down (NED), or up south east
+    (USE). Default: ENU."""
     units: dict[str, str] = None
     """Unit of a kind of column, where it is not m, m^3, N m, J or s and the file does not state it."""
     missing: Annotated[tuple[real_number(), ...], AsTuple] = None
@@ -79,17 +82,18 @@ class Record(EventFileSettings):
     decimal: Literal["point", "comma"] = None
     """Decimal mark. Default: found from the file."""
     date_order: Literal["day", "month"] = None
-    """What comes first in 01/02/2019. Default: found from the file."""
+    """Which number comes first in 01/02/2019. Default: found from the file."""
     time_zone: str = None
-    """Time zone of times without an offset: Australia/Hobart, +10:00. Default: UTC. An hour that a clock shows twice is
-    the later one."""
+    """Time zone of times without an offset: Australia/Hobart, +10:00. Default: UTC. An hour that occurs twice, at the
+    end of summer time, is read as the later one."""
     energy_conversion: EnergyConversion = None
-    """Conversion of radiated energy: log10 moment (N m) = slope log10 energy (J) + offset. Nothing is assumed."""
+    """Conversion of radiated energy: log10 moment (N m) = slope log10 energy (J) + offset. There is no default."""
     encoding: str = None
-    """Encoding of a file that is not in UTF-8 or UTF-16, where its names or texts matter: gbk, shift_jis, cp1252."""
+    """Encoding of a file that is not in UTF-8 or UTF-16: gbk, shift_jis, cp1252. It is needed only if names of columns
+    or texts depend on it."""
     time_format: Literal["excel", "excel_1904", "unix", "unix_ms"] = None
-    """Format of a time that is a number: days of a worksheet (since 1900, since 1904), seconds or milliseconds since
-    1970 in UTC."""
+    """Format of times that are numbers. `excel`, `excel_1904`: days of a worksheet since 1900 or 1904. `unix`,
+    `unix_ms`: seconds or milliseconds since 1970, UTC."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -57,16 +57,20 @@ ROCKSIGMA_COLUMNS = ["Date", *COORDINATES, "Location Error", *TENSOR_COLUMNS.val
 
 
 class OrientationSettings(Settings):
-    """Which reprocessed events give orientations; limits that are absent are the record's."""
+    """Which reprocessed events give orientations. Limits that are not given are those of the record."""
 
     renamed_keys: ClassVar = {"location_error": "max_location_error"}
 
     max_location_error: Size
     """Largest location error of an event whose orientation is used."""
     lower: Box = None
+    """Lower corner of the box."""
     upper: Box = None
+    """Upper corner of the box."""
     start: str = None
+    """First date."""
     end: str = None
+    """Last date."""
 
 
 class Record(record_settings.RecordSettings):

@@ -41,8 +41,11 @@ class Material(MaterialSettings):
 
     model: Literal["coulomb"]
     friction_angle: AnglePair
+    """Friction angle of intact and of failed rock."""
     dilation_angle: AnglePair
+    """Dilation angle of intact and of failed rock."""
     cohesion: StrengthPair
+    """Cohesion of intact and of failed rock."""
     tension_cutoff: choose(is_section, StrengthPair, Literal["none"])
     """Tensile strength of intact and of failed rock, or `none`."""
     allow_psi_above_phi: bool = False

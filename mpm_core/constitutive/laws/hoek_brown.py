@@ -52,56 +52,62 @@ CONFINEMENTS_COMPARED = 400
 
 
 class StressPair(Settings):
-    """Of intact rock, and of rock that has failed."""
+    """Values of intact rock and of rock that has failed."""
 
     intact: Stress
     residual: Stress
 
 
 class SlopePair(Settings):
-    """Of intact rock, and of rock that has failed."""
+    """Values of intact rock and of rock that has failed."""
 
     intact: real_number(ge=1e-3, le=100)
     residual: real_number(ge=1e-3, le=100)
 
 
 class SharePair(Settings):
-    """Of intact rock, and of rock that has failed."""
+    """Values of intact rock and of rock that has failed."""
 
     intact: real_number(ge=0, le=1)
     residual: real_number(ge=0, le=1)
 
 
 class ExponentPair(Settings):
-    """Of intact rock, and of rock that has failed."""
+    """Values of intact rock and of rock that has failed."""
 
     intact: real_number(ge=0.3, le=1)
     residual: real_number(ge=0.3, le=1)
 
 
 class IndexPair(Settings):
-    """Of intact rock, and of rock that has failed."""
+    """Values of intact rock and of rock that has failed."""
 
     intact: real_number(ge=0, le=100)
     residual: real_number(ge=0, le=100)
 
 
 class Material(MaterialSettings):
-    """Rock whose strength curves with confinement (Hoek and Brown): by mb, s and a, or by gsi, mi and disturbance."""
+    """Rock whose strength curves with confinement (Hoek and Brown). It is given by mb, s and a, or by gsi, mi and
+    disturbance."""
 
     model: Literal["hoek_brown"]
     sigma_ci: StressPair
     """Uniaxial compressive strength of an intact piece."""
     mb: SlopePair = None
+    """Parameter mb of the rock mass, intact and failed. It needs s and a, too."""
     s: SharePair = None
+    """Parameter s of the rock mass, intact and failed."""
     a: ExponentPair = None
+    """Exponent a of the rock mass, intact and failed."""
     gsi: IndexPair = None
-    """Geological strength index. It gives mb, s and a (Hoek, Carranza-Torres and Corkum 2002)."""
+    """Geological strength index of intact and of failed rock. It gives mb, s and a (Hoek, Carranza-Torres and Corkum
+    2002)."""
     mi: SlopePair = None
     """Constant mi of an intact piece, with gsi."""
     disturbance: SharePair = None
     """Disturbance factor D, with gsi. Default: 0."""
     dilation_angle: AnglePair
+    """Dilation angle of intact and of failed rock."""
     tension_cutoff: choose(is_section, StrengthPair, Literal["none"])
     """Tensile strength of intact and of failed rock. `none`: the apex s sigma_ci / mb."""
 

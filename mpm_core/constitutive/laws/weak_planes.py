@@ -55,12 +55,15 @@ class Planes(Settings):
     """Planes of weakness of one orientation, with a strength of their own."""
 
     dip: Annotated[float, Unit("deg", ge=0, le=90)]
-    """Dip from horizontal."""
+    """Dip of the planes, measured from horizontal."""
     dip_direction: Annotated[float, Unit("deg", ge=0, le=360)]
-    """Direction of the steepest way down, clockwise from north (y)."""
+    """Direction in which the planes dip most steeply, clockwise from north (y)."""
     friction_angle: AnglePair
+    """Friction angle of intact and of failed planes."""
     dilation_angle: AnglePair
+    """Dilation angle of intact and of failed planes."""
     cohesion: StrengthPair
+    """Cohesion of intact and of failed planes."""
     tension_cutoff: choose(is_section, StrengthPair, Literal["none"])
     """Tensile strength of intact and of failed planes, or `none`."""
 
