@@ -8,7 +8,7 @@ estimates are maximum likelihood of exactly that, on a continuous scale or on on
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.stats import chi2, f, norm
 
 from catalogs.size_likelihood import Exponential, FilledLastBin
@@ -42,7 +42,7 @@ class BValue:
         return np.log10(self.events) + self.b * self.cut if self.events else np.nan
 
 
-def log_potency(potency: NDArray) -> NDArray:
+def log_potency(potency: ArrayLike) -> NDArray:
     """log10 of potency in m3; NaN where it is not positive."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(np.asarray(potency) > 0, np.log10(potency), np.nan)

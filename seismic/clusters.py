@@ -22,7 +22,7 @@ KMEANS_STARTS = 4  # Seedings of k-means, of which the tightest result counts.
 
 
 def find_clusters(
-    position: NDArray, spacing: NDArray, family: NDArray, cluster: ClusterSettings
+    position: NDArray, spacing: NDArray, family: NDArray, cluster: ClusterSettings | dict
 ) -> tuple[NDArray, NDArray]:
     """Cluster of every particle, none across families, and whether each cluster is resolved.
 

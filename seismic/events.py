@@ -42,7 +42,7 @@ MAX_IN_PLANE_SHARE = 1e-6
 LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")
 
 
-def extract_events(step: xr.Dataset, settings: EventSettings, reach: int = CORNERS) -> tuple[xr.Dataset, dict]:
+def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int = CORNERS) -> tuple[xr.Dataset, dict]:
     """Events of a step and its potency budget.
 
     step: the dataset of a mining step (particles with seismic_strain, overshoot_strain, later_strain and

@@ -32,4 +32,4 @@ def run_command(package: str, about: str, *stages: Stage) -> None:
     arguments = parser.parse_args()
     chosen = next(stage for stage in stages if stage.run.__name__ == arguments.stage)
     name = f"{arguments.stage} {getattr(arguments, chosen.made)}"
-    run_stage(name, arguments.log, lambda: chosen.run(arguments), chosen.run.__doc__.rstrip("."))
+    run_stage(name, arguments.log, lambda: chosen.run(arguments), chosen.run.__doc__ or name)

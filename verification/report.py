@@ -42,7 +42,7 @@ class Section:
     @property
     def causes(self) -> dict[str, list[dict[str, str]]]:
         """Rows that are a known miss, by their cause."""
-        found = {}
+        found: dict[str, list[dict[str, str]]] = {}
         for row in self.rows:
             if row["passed"] == KNOWN_MISS:
                 found.setdefault(self.study.known_misses[row["quantity"]].cause, []).append(row)

@@ -66,17 +66,17 @@ class Variant:
     def seconds(self, stage: str) -> float | None:
         """Wall time of a stage ("grid", "elastic", "steps/<name>")."""
         costs = self.costs(stage)
-        return costs and costs.seconds
+        return costs.seconds if costs else None
 
     def processor_time(self, stage: str) -> float | None:
         """Of a stage, without compiling, s."""
         costs = self.costs(stage)
-        return costs and costs.running
+        return costs.running if costs else None
 
     def peak_memory(self, stage: str) -> float | None:
         """Largest resident memory of a stage, MiB."""
         costs = self.costs(stage)
-        return costs and costs.memory
+        return costs.memory if costs else None
 
 
 @dataclass

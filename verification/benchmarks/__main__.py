@@ -68,7 +68,7 @@ def main() -> None:
     else:
         name = f"{arguments.command} {arguments.problem}, {arguments.code}, {arguments.across} cells across"
     run = {"measure": measure, "solve": solve, "report": report}[arguments.command]
-    run_stage(name, arguments.log, lambda: run(arguments), run.__doc__)
+    run_stage(name, arguments.log, lambda: run(arguments), run.__doc__ or name)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ def draw(settings: Settings, table: pd.DataFrame) -> Figure:
         cost, closure = axes[:, column]
         for number, (name, code) in enumerate(settings.codes.items()):
             rows = solved(table, problem, name)
-            look = {"color": COLOURS[number % len(COLOURS)], "marker": MARKS[number % len(MARKS)]}
+            look: dict = {"color": COLOURS[number % len(COLOURS)], "marker": MARKS[number % len(MARKS)]}
             is_reference = name == REFERENCE  # may lie below another line
             look |= {"markersize": 9, "linewidth": 3.0} if is_reference else {"markersize": 5, "linewidth": 1.5}
             cost.plot(rows["cells"], rows["us_per_cell"], label=code.title, **look)

@@ -44,7 +44,7 @@ def measure(settings: Settings, case: Case, threads: int, earlier: list[dict], e
     remark = foreseen(row["cells"], earlier, time_limit, settings.memory_limit)
     if remark:
         return row | {"outcome": NOT_RUN, "remark": remark}
-    answers = []
+    answers: list[dict] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "case.json"
         path.write_text(json.dumps(numbers))

@@ -147,7 +147,7 @@ def parse(text: dict) -> Settings:
     for partner in (REFERENCE, *(code.agrees_with for code in codes.values())):
         if partner and partner not in codes:
             raise InputError(f"{FILE.name}: codes: no '{partner}'; there are {', '.join(codes)}")
-    checked = {"codes": codes, "cells_across": tuple(sorted(text["cells_across"]))}
+    checked: dict = {"codes": codes, "cells_across": tuple(sorted(text["cells_across"]))}
     checked |= {key: _quantity(text, key) for key in QUANTITIES}
     return Settings(**(text | checked))
 

@@ -1,7 +1,5 @@
 """The Brazilian disc (paper 3.4, Figs 14 to 16): elastic field, first failure, and the crack that splits the disc."""
 
-from collections.abc import Callable
-
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -24,32 +22,33 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     rows = []
     for name in settings["compared"]:
         if name in discs:
+            crack = cracks[name]
             rows += elastic_rows(discs[name], results.allowed)
-            rows += crack_rows(discs[name], cracks[name], results)
-            rows += event_rows(cracks[name], settings) if cracks[name] else []
-            rows += cost_rows(discs[name], cracks[name])
+            rows += crack_rows(discs[name], crack, results)
+            rows += event_rows(crack, settings) if crack else []
+            rows += cost_rows(discs[name], crack)
     rows += order_rows([discs[name] for name in settings.get("cells", []) if name in discs], results.allowed)
     rows += together_rows(cracks.get("together"), settings)
-    rows += spread_rows([cracks[name] for name in settings.get("spread", []) if cracks.get(name)], settings)
+    rows += spread_rows([crack for name in settings.get("spread", []) if (crack := cracks.get(name))], settings)
     return rows, draw(discs, cracks, settings)
 
 
 def elastic_rows(disc: PressedDisc, allowed: dict) -> list[Row]:
     """Elastic field beside Hondros' and first failure beside that of plane strain."""
     rows = []
-    found, exact = disc.centre_stress()
+    stress, exact_stress = disc.centre_stress()
     load = disc.loading.before
     through = "" if disc.flat else ", mean through the thickness"
     for component, index in (("across", 0), ("along", 1)):
         quantity = f"{disc.name}: stress at the centre {component} the load{through}, Pa per newton"
-        rows.append(Row.relative(quantity, exact[index] / load, found[index] / load, allowed.get("centre")))
+        rows.append(Row.relative(quantity, exact_stress[index] / load, stress[index] / load, allowed.get("centre")))
     error = disc.field_error()
     quantity = f"{disc.name}: in-plane stress within 0.9 R, r.m.s. error over r.m.s. of the stress"
     rows.append(Row(quantity, 0.0, error, error, allowed.get("field")))
     if disc.flat:
-        found, exact = disc.widening()
+        widened, exact_widening = disc.widening()
         quantity = f"{disc.name}: growth of the diameter across the load, um"
-        rows.append(Row.relative(quantity, MICRO * exact, MICRO * found, allowed.get("widening")))
+        rows.append(Row.relative(quantity, MICRO * exact_widening, MICRO * widened, allowed.get("widening")))
     found, exact = disc.first_failure()
     quantity = f"{disc.name}: load at which rock first reaches strength, kN"
     rows.append(Row.relative(quantity, KILO * exact.resultant, KILO * found.resultant, allowed.get("first_failure")))
@@ -60,7 +59,7 @@ def elastic_rows(disc: PressedDisc, allowed: dict) -> list[Row]:
     return rows
 
 
-def crack_rows(disc: PressedDisc, crack: Crack | None, results: Results) -> list[Row]:
+def crack_rows(disc: PressedDisc, crack: Crack[PressedDisc] | None, results: Results) -> list[Row]:
     """How the crack starts, at which load it runs, how far, and where its potency is."""
     allowed, settings = results.allowed, results.settings
     share = f"{disc.name}: share of potency within {MILLI * settings['near']:g} mm of the loaded diameter, run through"
@@ -130,7 +129,7 @@ def event_rows(crack: Crack, settings: dict) -> list[Row]:
     resolved = events.resolved.values.astype(bool)
     rows = [told("events", float(len(resolved)), remark=f"{resolved.sum()} of them resolved")]
     shares, potency = events.dc.values, events.potency.values
-    kinds: dict[str, Callable] = {
+    kinds: dict[str, np.ndarray] = {
         "tensile": shares < settings["tensile"],
         "mixed": (shares >= settings["tensile"]) & (shares <= settings["shear"]),
         "shear": shares > settings["shear"],
@@ -193,7 +192,7 @@ def together_rows(crack: Crack | None, settings: dict) -> list[Row]:
     ]  # fmt: skip
 
 
-def spread_rows(cracks: list[Crack], settings: dict) -> list[Row]:
+def spread_rows(cracks: list[Crack[PressedDisc]], settings: dict) -> list[Row]:
     """Means over perturbed runs of one scene; error: largest less smallest, in the terms of the mean."""
     if len(cracks) < 2:
         return []

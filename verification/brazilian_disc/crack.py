@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 import xarray as xr
@@ -10,10 +11,32 @@ from scipy import ndimage
 from common.source_tensors import principal_axes, scalar_potency
 from common.voigt import tensor_from_voigt
 from seismic.events import extract_events, particle_potency
+from verification.brazilian_disc.closed_form import Disc
 from verification.brazilian_disc.elastic_rock import SOUND, PressedDisc
+from verification.results import Variant
 
 STRAINS = ("seismic_strain", "overshoot_strain", "later_strain", "plastic_strain_step")
 STAGES = 6  # as in the paper's Fig. 16
+
+
+class LoadedDisc(Protocol):
+    """What a crack asks of its disc, however that is loaded: on two arcs (PressedDisc), or between platens."""
+
+    name: str
+    variant: Variant
+    disc: Disc
+    center: np.ndarray
+    cell_size: float
+
+    @property
+    def flat(self) -> bool:
+        """Whether the scene is a section in plane strain."""
+
+    def text_of(self, step: str, share: float) -> str:
+        """What is applied once this share of a step's load or strain is added, in words."""
+
+
+Loaded = TypeVar("Loaded", bound=LoadedDisc)
 
 
 @dataclass(frozen=True)
@@ -31,10 +54,10 @@ class Moment:
     potency: float
 
 
-class Crack:
+class Crack(Generic[Loaded]):
     """Failure in the step of a variant in which rock fails: its particles and the generations in which they fail."""
 
-    def __init__(self, disc: PressedDisc, step: str):
+    def __init__(self, disc: Loaded, step: str):
         self.disc, self.step = disc, step
         state = disc.variant.step(step)
         self.state = state
@@ -59,7 +82,7 @@ class Crack:
         """Parts in which the step's load is added."""
         return self.disc.variant.values["solver"]["increments"]
 
-    def load(self, part: int) -> float:
+    def load(self: "Crack[PressedDisc]", part: int) -> float:
         """Resultant on each arc, N, once so many parts of the step's load are added."""
         loading = self.disc.loading
         return loading.before + loading.added[self.step] * part / self.parts
@@ -136,9 +159,9 @@ class Crack:
         return self.disc.variant.events(self.step)
 
 
-def read_crack(disc: PressedDisc) -> Crack | None:
+def read_crack(disc: Loaded) -> Crack[Loaded] | None:
     """The crack of a variant: of the step in which most rock fails, None if none does. Crumbs of rim cells at the ends
     of the loaded arcs may fail before."""
     failed = {step: disc.variant.step(step).attrs["failed_volume"] for step in disc.variant.step_names}
-    most = max(failed, key=failed.get, default=None)
+    most = max(failed, key=lambda step: failed[step], default=None)
     return Crack(disc, most) if most and failed[most] > 0.0 else None

@@ -39,7 +39,7 @@ class PressedDisc:
     def __init__(self, name: str, variant: Variant):
         self.name, self.variant = name, variant
         values = variant.values
-        self.flat = values["plane"] == "xy"
+        self.flat: bool = values["plane"] == "xy"
         space, rock = values["excavations"][0], values["materials"]["host"]
         self.center = np.array((space["center"] if self.flat else space["start"])[:2])
         thickness = values["thickness"] if self.flat else abs(space["end"][2] - space["start"][2])

@@ -2,7 +2,7 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.patches import Circle, Wedge
 
 from catalogs.figures import style
@@ -98,7 +98,7 @@ def draw_growth(axes: Axes, cracks: dict[str, Crack]) -> None:
         axes.text(0.5, 0.5, "no state of rest\nwith failed rock", ha="center", transform=axes.transAxes)
 
 
-def draw_stages(figure: Figure, crack: Crack, stages: list[Moment] | None = None) -> None:
+def draw_stages(figure: FigureBase, crack: Crack, stages: list[Moment] | None = None) -> None:
     """The disc as the crack grows: what failed before (grey) and in this stage (black), and the stage's events."""
     stages = stages or crack.stages()
     sections = [crack.events_between(before, stage.generation) for before, stage in _pairs(stages)]

@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 
 from catalogs.figures import style
 from common.errors import InputError
@@ -117,12 +117,12 @@ def through_moment(crack: Crack, span: float) -> Moment | None:
     return next((moment for moment in late if crack.layer_spans(moment.generation).min() >= span), None)
 
 
-def crack_rows(disc: PlatenDisc, crack: Crack | None, results: Results) -> list[Row]:
+def crack_rows(disc: PlatenDisc, crack: Crack[PlatenDisc] | None, results: Results) -> list[Row]:
     """Where the potency lies and how the rock opens once the crack spans every layer."""
     allowed, settings = results.allowed, results.settings
     near = f"{disc.name}: share of potency within {MILLI * settings['near']:g} mm of the loaded diameter, run through"
     moment = through_moment(crack, settings["span"]) if crack else None
-    if moment is None:
+    if crack is None or moment is None:
         last = f"least span {crack.layer_spans(crack.moments[-1].generation).min():.2f}" if crack else "no rock fails"
         return [Row(near, 1.0, NOTHING, NOTHING, allowed["near"], f"it never runs through: {last}")]
     spans, share = crack.layer_spans(moment.generation), crack.near_share(settings["near"], moment)
@@ -169,13 +169,13 @@ def stages_of(crack: Crack, span: float) -> list[Moment]:
     return [moments[generation] for generation in (*wanted, moments[-1].generation)]
 
 
-def draw(discs: dict[str, PlatenDisc], cracks: dict[str, Crack], settings: dict) -> Figure:
+def draw(discs: dict[str, PlatenDisc], cracks: dict[str, Crack[PlatenDisc]], settings: dict) -> Figure:
     """Growth of every variant's crack, potency by platen displacement, and six stages of the shown one."""
     shown = cracks.get(settings["shown"])
     figure = style.new_figure(height=3.9 + (8.2 if shown else 0.0))
-    upper = figure
+    upper: FigureBase = figure
     if shown:
-        upper, lower = figure.subfigures(2, 1, height_ratios=[3.9, 8.2])
+        upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=[3.9, 8.2])[:, 0]
         draw_stages(lower, shown, stages_of(shown, settings["span"]))
     stress, growth, potency = upper.subplots(1, 3)
     draw_diameter(stress, next(iter(discs.values())))
@@ -202,7 +202,7 @@ def draw_diameter(axes: Axes, disc: PlatenDisc) -> None:
     axes.legend(loc="lower center")
 
 
-def draw_potency(axes: Axes, cracks: dict[str, Crack]) -> None:
+def draw_potency(axes: Axes, cracks: dict[str, Crack[PlatenDisc]]) -> None:
     """Potency so far by platen displacement: a step up is a crack that runs while the platens stand still."""
     for (name, crack), colour in zip(cracks.items(), COLOURS, strict=False):
         parts = np.arange(crack.parts + 1)

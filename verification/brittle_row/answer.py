@@ -75,7 +75,7 @@ def compare(name: str, variant: Variant, exact: BrittleRow, state, allowed: dict
 
 def contiguous(depth: np.ndarray, failed: np.ndarray) -> bool:
     """Whether all failed particles lie above all intact ones."""
-    return not failed.any() or failed.all() or depth[failed].max() < depth[~failed].min()
+    return bool(not failed.any() or failed.all() or depth[failed].max() < depth[~failed].min())
 
 
 def draw(axes, name: str, variant: Variant, exact: BrittleRow, state) -> None:

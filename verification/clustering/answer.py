@@ -56,7 +56,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 def separate(settings: dict) -> dict[str, list[Separation]]:
     """Every method on every draw of every set, by the set's name; one draw where nothing is random."""
-    separations = {}
+    separations: dict[str, list[Separation]] = {}
     for number, (name, shape) in enumerate(settings["sets"].items()):
         random = any(part.get("share", 1.0) < 1.0 for part in (*shape["bodies"], *shape.get("noise", [])))
         separations[name] = []
@@ -169,7 +169,7 @@ def budget_rows(separations: dict[str, list[Separation]], settings: dict, allowe
 def time_methods(settings: dict) -> dict[str, list[tuple[int, float, str]]]:
     """(particles, seconds, "") of each method and size; (particles, NaN, why) where it is not run."""
     chosen = settings["timing"]
-    times = {method: [] for method in settings["methods"]}
+    times: dict[str, list[tuple[int, float, str]]] = {method: [] for method in settings["methods"]}
     for count in chosen["counts"]:
         points = balls(count, chosen["semi_axes"], chosen["apart"], settings["spacing"])
         family = np.zeros(len(points.truth), int)

@@ -80,8 +80,8 @@ def crack_rows(settings: dict, allowed: dict) -> list[Row]:
             "one crack in cells of two sizes": two_levels(normal, chosen["radius"]),
             "two cracks": (pair, np.ones(len(pair))),
         }
-        for (method, way), (scene, rock) in product(ways.items(), scenes.items()):
-            label = _events(*rock, np.tile(SHEAR, (len(rock[0]), 1)), *way)
+        for (method, (stage, reach)), (scene, (place, spacing)) in product(ways.items(), scenes.items()):
+            label = _events(place, spacing, np.tile(SHEAR, (len(place), 1)), stage, reach)
             numbers.setdefault((method, scene), []).append(len(np.unique(label)))
     rows = []
     for (method, scene), found in numbers.items():

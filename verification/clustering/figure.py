@@ -70,14 +70,15 @@ def _draw_clusters(axes: Axes, points: PointSet, label: NDArray) -> None:
     alone = (label == NOISE) | (count[label] < 2)
     rank = np.empty(len(count), int)
     rank[np.argsort(-count, kind="stable")] = np.arange(len(count))
-    palette = np.array(mpl.colormaps["tab10"].colors)[[0, 1, 2, 3, 4, 5, 6, 8, 9]]
+    palette = mpl.colormaps["tab10"](np.arange(10))[[0, 1, 2, 3, 4, 5, 6, 8, 9], :3]
     colour = np.where(alone[:, None], mpl.colors.to_rgb(ALONE), palette[rank[label] % len(palette)])
     height = points.position[:, 2]
     order = np.argsort(height, kind="stable")
     order = order[np.abs(height[order] - np.median(height)) <= SLICE * points.spacing.min()]
     across = np.ptp(points.position[:, 0]) / points.spacing.min()
     size = np.square(100.0 / across * points.spacing[order] / points.spacing.min())
-    axes.scatter(*points.position[order, :2].T, s=size, c=colour[order], marker="s", linewidths=0, rasterized=True)
+    x, y = points.position[order, :2].T
+    axes.scatter(x, y, s=size, c=colour[order], marker="s", linewidths=0, rasterized=True)
     axes.set_aspect("equal")
     axes.set_xticks([])
     axes.set_yticks([])
@@ -92,7 +93,7 @@ def _draw_table(
     shown = values if shown is None else shown
     image = axes.imshow(values, cmap="viridis", vmin=limits[0], vmax=limits[1], aspect="auto")
     for row, column in np.ndindex(values.shape):
-        dark = image.norm(values[row, column]) < 0.6
+        dark = np.less(image.norm(values[row, column]), 0.6)
         text = form.format(shown[row, column])
         axes.text(column, row, text, ha="center", va="center", color="white" if dark else "black", fontsize=8)
         if found.certain[row, column]:

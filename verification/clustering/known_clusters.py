@@ -102,7 +102,7 @@ def _cells(shape: dict) -> NDArray:
         return np.asarray(shape["lower"]) + size * np.indices(shape["cells"]).reshape(3, -1).T
     semi_axes = np.asarray(shape["semi_axes"], dtype=float)
     reach = np.floor(semi_axes / size).astype(int)
-    lattice = size * (np.indices(2 * reach + 1).reshape(3, -1).T - reach)
+    lattice = size * (np.indices(tuple(2 * reach + 1)).reshape(3, -1).T - reach)
     return np.asarray(shape["centre"]) + lattice[np.sum(np.square(lattice / semi_axes), axis=1) <= 1.0]
 
 

@@ -59,7 +59,8 @@ def axes_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[
     given = held = 0
     for index in range(chosen["catalogues"]):
         model = _axes(generator, case["model"], 1, case["spread"], 0.0)
-        record = _axes(generator, *case["record"], case["spread"], case["turn"])
+        days, each = case["record"]
+        record = _axes(generator, days, each, case["spread"], case["turn"])
         low, high = compare_axes(model, record, index, chosen["resamplings"])["mean_angle_interval"][0]
         given += bool(np.isfinite(low))
         held += bool(low <= case["turn"] <= high)
@@ -156,8 +157,8 @@ class OneProcess:
 def one_process(case: dict, chosen: dict, seed: list[int]) -> OneProcess:
     """Runs of a model and a record, all drawn from one process of clustered events in three steps, compared."""
     generator = np.random.default_rng(seed)
-    held = {"offset": [], "distance": [], "axes": []}
-    alarms = {"places": [], "axes": []}
+    held: dict[str, list[float]] = {"offset": [], "distance": [], "axes": []}
+    alarms: dict[str, list[float]] = {"places": [], "axes": []}
     given = 0
     for index in range(chosen["catalogues"]):
         runs = [_run(generator, case, chosen) for _ in range(chosen["runs"])]
@@ -178,9 +179,10 @@ def one_process(case: dict, chosen: dict, seed: list[int]) -> OneProcess:
         given += 1
         model = AxesSample(np.concatenate([run.axes for run in runs]), np.zeros((len(number), 3)), number)
         axes = compare_axes(model, AxesSample(record.axes, seen, clusters), index, chosen["resamplings"])
-        low, high = places.offset_interval.T
+        offsets, distances = (np.asarray(of) for of in (places.offset_interval, places.offset_distance_interval))
+        low, high = offsets.T
         held["offset"].append(np.mean((low <= 0.0) & (high >= 0.0)))
-        held["distance"].append(places.offset_distance_interval[0] <= 0.0)
+        held["distance"].append(distances[0] <= 0.0)
         held["axes"].append(axes["mean_angle_interval"][0, 0] <= 0.0)
         alarms["places"].append(places.energy_p_value <= chosen["level"])
         alarms["axes"].append(axes["mean_angle_p_value"][0] <= chosen["level"])

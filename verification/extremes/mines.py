@@ -110,7 +110,7 @@ def _rock(random, size: float) -> dict:
     cohesion = float(random.choice([0.0, size * 10.0 ** random.uniform(-1.0, 1.0)], p=[0.1, 0.9]))
     friction_left = friction * float(random.choice([0.3, random.random(), 1.0]))
     cohesion_left = cohesion * float(random.choice([0.0, random.random(), 1.0]))
-    cutoff = {"intact": f"{float(0.5 * cohesion)!r} Pa", "residual": "0 Pa"}
+    cutoff: dict[str, str] | str = {"intact": f"{float(0.5 * cohesion)!r} Pa", "residual": "0 Pa"}
     if random.random() < 0.3:  # the tip of the residual cone must not stand beyond the intact one
         slope, slope_left = np.tan(np.radians([friction, friction_left]))
         cutoff, cohesion_left = "none", float(min(cohesion_left, 0.99 * cohesion * slope_left / slope))

@@ -25,7 +25,7 @@ def box(name: str, step: str, lower: list[float], upper: list[float], **others) 
     return {"name": name, "step": step, "shape": "box", **corners, **others}
 
 
-TINY = {
+TINY: dict = {
     "name": "tiny",
     "grid_convergence": False,
     "frame": {"latitude": -41.8, "longitude": 145.4, "surface": "1000 m"},

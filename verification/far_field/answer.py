@@ -3,6 +3,7 @@
 from functools import cached_property
 
 import numpy as np
+import xarray as xr
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
@@ -142,7 +143,7 @@ def draw(rocks: dict[str, Rock], shares: dict[str, tuple[float, float]]) -> Figu
     left.axhline(0.5, color=style.OUTLINE, linestyle=":", linewidth=0.8)
     left.set_ylim(0.0, 0.65)  # room for the key above the bound
     left.legend()
-    drawn = {}
+    drawn: dict[str, xr.Dataset] = {}
     for name in shares:  # the stress changes no cell
         drawn.setdefault(name.split("_")[0], rocks[name].grid)
     for name, grid in drawn.items():

@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from verification.energy_rows import closing_row
+from verification.hoek_brown.closed_form import HoekBrownTunnel
 from verification.plastic.answer import Run, brittle_groups, brittle_rows, perfect_rows, read_run
 from verification.plastic.figure import draw
 from verification.results import Results
@@ -34,13 +35,20 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     return rows, draw(perfect, groups)
 
 
+def tunnel_of(run: Run) -> HoekBrownTunnel:
+    """The closed form of a run in Hoek-Brown rock."""
+    assert isinstance(run.theory, HoekBrownTunnel)
+    return run.theory
+
+
 def onset_row(runs: list[Run], allowed: float) -> Row:
     """Pressure at which the wall begins to fail: where the plastic radius comes to the wall, for a = 0.5.
 
     ln(R / radius) = 2 / mb (w_front^0.5 - w_wall^0.5): linear in the root of w_wall = mb pressure / sigma_ci + s.
     """
-    theory, curve = runs[0].theory, runs[0].theory.rock.residual
-    root = [np.sqrt(curve.mb * run.theory.inside / curve.sigma_ci + curve.s) for run in runs]
+    theory = tunnel_of(runs[0])
+    curve = theory.rock.residual
+    root = [np.sqrt(curve.mb * tunnel_of(run).inside / curve.sigma_ci + curve.s) for run in runs]
     reach = [np.log(run.cavity.failed_radius / run.theory.radius) for run in runs]
     slope, at_zero = np.polyfit(root, reach, 1)
     found = ((at_zero / slope) ** 2 - curve.s) * curve.sigma_ci / curve.mb

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 POINTS = 60  # of Gauss's rule, on the edge and on the face
@@ -142,7 +143,7 @@ class HoekBrownTunnel:
         radial, hoop, axial = (-np.where(inside, *pair) for pair in zip(failed, elastic, strict=True))
         return radial, hoop, axial
 
-    def displacement(self, r: np.ndarray) -> np.ndarray:
+    def displacement(self, r: ArrayLike) -> np.ndarray:
         """Outward displacement since virgin at r >= radius, m."""
         r, front, m = np.asarray(r, float), self.plastic_radius, self.rock.dilation
         edge = (self.pressure - self.front_pressure) * front / (2 * self.rock.shear_modulus)

@@ -1,5 +1,7 @@
 """Figure of the invariants: how near round-off, the column, and errors over cell size."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,7 +16,7 @@ MARKERS = {"section": "o", "block": "s"}
 
 
 def draw(
-    rows: list[Row], columns: dict[str, tuple[Column, *tuple[np.ndarray, ...]]], series: dict[str, list[Solved]]
+    rows: list[Row], columns: Mapping[str, tuple[Column, *tuple[np.ndarray, ...]]], series: dict[str, list[Solved]]
 ) -> Figure:
     """Three panels; rows: those with an allowed error, columns: form and profile by variant, series: by kind."""
     with applied():
@@ -43,7 +45,7 @@ def _errors(axes: Axes, rows: list[Row]) -> None:
     axes.set_title("Round-off: found, allowed")
 
 
-def _columns(axes: Axes, columns: dict[str, tuple]) -> None:
+def _columns(axes: Axes, columns: Mapping[str, tuple]) -> None:
     for name, (_, nodes, moved, _, _) in columns.items():
         kind = name.split("_")[1]
         axes.plot(1e3 * moved, nodes, MARKERS[kind], color=MODELLED, markersize=5, alpha=0.5, label=f"nodes, {kind}")

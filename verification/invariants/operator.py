@@ -23,7 +23,7 @@ MARGIN = 4.0  # m: empty space left between a body that moves and the faces of i
 def model_of(variant: Variant, **changes) -> Model:
     """Model of a variant on its own grid, with values of the scene changed; `move` and `damping` are the solver's."""
     scene = variant.scene()
-    solver = {key: changes.pop(key) for key in ("move", "damping") if key in changes}
+    solver: dict = {key: changes.pop(key) for key in ("move", "damping") if key in changes}
     scene = replace(scene, **changes, solver=scene.solver.model_copy(update=solver))
     return Ground.of(scene, variant.grid).model(*read_grid(variant.grid), Unsupported.none())
 

@@ -70,19 +70,19 @@ def price_rows(results: Results, rocks: dict[str, Rock]) -> list[Row]:
         return []
     names = ("multilevel", "regular")
 
-    def ratio(what: str, bound: str, few: float, many: float, remark: str) -> Row:
-        share, most = few / many, results.allowed[bound]
+    def ratio(what: str, bound: str, both: list[float], remark: str) -> Row:
+        share, most = both[0] / both[1], results.allowed[bound]
         return Row(f"multilevel over regular: {what}", most, share, share, most, remark)
 
     errors = [float(mean_square_root(rocks[name].stress_error(*ring(rocks[name]))[:2])) for name in names]
     remark = f"{100 * errors[0]:.3f} and {100 * errors[1]:.3f} %"
-    rows = [ratio("r.m.s. error of radial and hoop stress", "error_over_regular", *errors, remark)]
-    cells = [rocks[name].grid.sizes["cell"] for name in names]
-    rows.append(ratio("cells", "cells_over_regular", *cells, f"{cells[0]} and {cells[1]} cells"))
+    rows = [ratio("r.m.s. error of radial and hoop stress", "error_over_regular", errors, remark)]
+    cells: list[float] = [rocks[name].grid.sizes["cell"] for name in names]
+    rows.append(ratio("cells", "cells_over_regular", cells, f"{cells[0]} and {cells[1]} cells"))
     iterations = [int(results[name].elastic.attrs["iterations"]) for name in names]
     work = [count * taken for count, taken in zip(cells, iterations, strict=True)]
     remark = f"{iterations[0]} and {iterations[1]} iterations"
-    rows.append(ratio("cells times iterations", "work_over_regular", *work, remark))
+    rows.append(ratio("cells times iterations", "work_over_regular", work, remark))
     return rows
 
 

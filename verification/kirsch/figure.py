@@ -23,7 +23,7 @@ def draw(rocks: dict[str, Rock], series: dict[str, list[Point]], treatment: str,
     """All panels. treatment: of cut cells in the scene; distance: in radii, where stress is to converge."""
     figure = style.new_figure(height=17.5)
     rays, maps, angles, orders = figure.subfigures(4, 1, height_ratios=[1.0, 1.75, 1.0, 1.05])
-    grids = {name: rocks[name] for name in ("regular", "multilevel") if name in rocks}
+    grids: dict[str, Rock] = {name: rocks[name] for name in ("regular", "multilevel") if name in rocks}
     stress, error, cells = rays.subplots(1, 3, width_ratios=[1.2, 1.2, 1.0])
     draw_ray(stress, error, grids)
     draw_cells(cells, rocks["multilevel"])

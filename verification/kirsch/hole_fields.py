@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.spatial import cKDTree
 
-from verification.kirsch.closed_form import BoxedPlate, Field, PressedPlate, polar_stress
+from verification.kirsch.closed_form import BoxedPlate, Field, InfinitePlate, PressedPlate, polar_stress
 from verification.results import Variant
 
 UNCUT = 0.999  # share of a cell that is rock, from which on it counts as whole
@@ -21,7 +21,7 @@ class Hole:
     far_stress: float
     cell: float
     particles_per_cell: int
-    plate: PressedPlate
+    plate: PressedPlate | InfinitePlate
 
 
 solved_plate = lru_cache(BoxedPlate)  # most variants share one
@@ -74,7 +74,8 @@ class Rock:
     @cached_property
     def polar(self) -> np.ndarray:
         """Radial, hoop and shear stress (3, particle), Pa."""
-        return np.array(polar_stress(*self.stress.T, self.angle))
+        xx, yy, xy = self.stress.T
+        return np.array(polar_stress(xx, yy, xy, self.angle))
 
     def exact(self, chosen: np.ndarray) -> Field:
         """The exact field at chosen particles."""
@@ -126,8 +127,8 @@ class Rock:
         powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]  # the constant term first
         terms = np.stack([away.real**i * away.imag**j for i, j in powers], axis=2)
         at_point = np.linalg.pinv(terms)[:, 0, :]
-        stress = np.einsum("pk,pkc->cp", at_point, self.stress[near])
-        return np.array(polar_stress(*stress, np.angle(points)))
+        xx, yy, xy = np.einsum("pk,pkc->cp", at_point, self.stress[near])
+        return np.array(polar_stress(xx, yy, xy, np.angle(points)))
 
 
 def mean_square_root(error: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:

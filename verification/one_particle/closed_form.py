@@ -26,12 +26,13 @@ strain is that of the paper's Fig. 13.
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 
 
-class Axial(NamedTuple):
+@dataclass(frozen=True)
+class Axial:
     """A lateral (twice) and an axial component, of stress (Pa) or strain."""
 
     lateral: float
@@ -122,8 +123,8 @@ class Specimen:
     @classmethod
     def of(cls, material: dict, pressure: float) -> Self:
         """From a material of a configuration."""
-        surfaces = (Surface.of(material, state) for state in ("intact", "residual"))
-        return cls(material["youngs_modulus"], material["poisson_ratio"], *surfaces, pressure)
+        intact, residual = (Surface.of(material, state) for state in ("intact", "residual"))
+        return cls(material["youngs_modulus"], material["poisson_ratio"], intact, residual, pressure)
 
     @property
     def lame(self) -> tuple[float, float]:

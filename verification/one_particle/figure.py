@@ -32,6 +32,8 @@ def draw(paths: dict[str, Path]) -> Figure:
 def _stress(axes: Axes, name: str, path: Path) -> None:
     sign = 1.0 if path.pulled else -1.0
     failed = next(point for point in path.exact if point.failed)
+    assert failed.peak is not None  # a calculated point that fails has both stresses
+    assert failed.dropped is not None
     peak_strain = path.specimen.peak_strain(path.pulled)
     # before peak; overshoot to the end of the step; the drop at constant strain; on to rest and along residual flow
     rising = [(0.0, 0.0), (sign * peak_strain, sign * path.specimen.youngs_modulus * peak_strain)]

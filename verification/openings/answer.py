@@ -59,17 +59,17 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
             quantity = f"{size}: {name}, r.m.s. error over the scenes"
             rows.append(Row(quantity, 0.0, _rms(values), _rms(values), None, told))
     for size in settings["sizes"]:
-        run = f"{settings['sphere']}_{size}"
-        true = energy_of_sphere(results[run])
+        sphere = f"{settings['sphere']}_{size}"
+        true = energy_of_sphere(results[sphere])
         bound = allowed["energy"] if size == settings["judged"] else None
-        rows.append(Row.relative(f"{run}: energy of the closed form, J", true, found[run].energy, bound))
+        rows.append(Row.relative(f"{sphere}: energy of the closed form, J", true, found[sphere].energy, bound))
     for coarse, fine in itertools.pairwise(sizes):
         for name in ("potency", "volume"):
-            runs = {
-                size: np.array([getattr(found[f"{scene}_{size}"], name) for scene in settings["scenes"]])
+            on_coarse, on_fine, on_finest = (
+                np.array([getattr(found[f"{scene}_{size}"], name) for scene in settings["scenes"]])
                 for size in (coarse, fine, finest)
-            }
-            rows += doubled(f"{fine} beside {coarse}: {name}", *runs.values(), settings["holds"])
+            )
+            rows += doubled(f"{fine} beside {coarse}: {name}", on_coarse, on_fine, on_finest, settings["holds"])
     return rows + slots(results), draw(settings, errors)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from verification.hoek_brown.answer import tunnel_of
 from verification.hoek_brown.closed_form import HoekBrownTunnel
 from verification.kirsch.hole_fields import Rock
 from verification.peers.cbgeo import particle_rows
@@ -18,6 +19,7 @@ MPA = 1e-6
 KRATOS = "Kratos, test_mohr_coulomb_with_tension_cutoff.cpp"
 GEOS = "GEOS, KirschProblem_base.xml"
 ITASCA = "FLAC3D, VerificationProblems"
+LARGEST_DIFFERENCE = "error: largest difference of the three"
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
@@ -52,14 +54,9 @@ def return_rows(allowed: float) -> list[Row]:
     rows = []
     for case in (*CASES, *AS_STATED):
         found, theirs = ours(case), np.asarray(case.returned, float)
-        remark, bound = "error: largest difference of the three", allowed
-        if why := impossible(case, theirs):
-            remark, bound = f"not compared: theirs {why}; ours is {found.round(4).tolist()}", None
-        elif case in AS_STATED:
-            remark, bound = (
-                f"not compared: theirs is that of Poisson's ratio 0; ours is {found.round(4).tolist()}",
-                None,
-            )
+        why = impossible(case, theirs) or ("is that of Poisson's ratio 0" if case in AS_STATED else "")
+        remark = f"not compared: theirs {why}; ours is {found.round(4).tolist()}" if why else LARGEST_DIFFERENCE
+        bound = None if why else allowed
         quantity = f"{KRATOS}: least principal stress from {case.trial}, dilation {case.dilation:g}"
         quantity += f", Poisson {case.poisson_ratio:g}, cut-off {case.cutoff:g}"
         rows.append(Row(quantity, theirs[2], float(found[2]), float(np.abs(found - theirs).max()), bound, remark))
@@ -113,7 +110,7 @@ def coulomb_rows(run: Run, printed: dict[str, float], results: Results) -> list[
 
 def hoek_brown_rows(run: Run, printed: dict[str, float], results: Results) -> list[Row]:
     """The same in Hoek-Brown rock."""
-    theory = run.theory
+    theory = tunnel_of(run)
     rows = printed_rows(
         f"{ITASCA}/CylinderInHoekBrownPAC",
         (

@@ -84,7 +84,9 @@ def worst_spiral(friction: float, slope: float) -> tuple[float, Spiral]:
 
     start = min((np.radians(angles) for angles in TRIED), key=height)
     best = minimize(height, start, method="Nelder-Mead", tol=1e-8)
-    return float(best.fun), through_toe(best.x, friction)
+    worst = through_toe(best.x, friction)
+    assert worst is not None  # the search starts at a spiral through the toe and goes to none that is not
+    return float(best.fun), worst
 
 
 def through_toe(angles: np.ndarray, friction: float) -> Spiral | None:

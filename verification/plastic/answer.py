@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from verification.energy_rows import closing_row
+from verification.hoek_brown.closed_form import HoekBrownTunnel
 from verification.plastic.cavity import Cavity, plastic_ring, read_pressure
 from verification.plastic.figure import draw
 from verification.plastic.ring import PlasticRing
@@ -29,7 +30,7 @@ class Run:
     name: str
     pressure: float
     cavity: Cavity
-    theory: PlasticRing
+    theory: PlasticRing | HoekBrownTunnel
 
     @property
     def closure(self) -> float:

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mpm_core.constitutive.strength import DILATION_FACTOR, FRICTION_FACTOR, UNCONFINED_STRENGTH, strength_row
 
@@ -134,7 +135,7 @@ class PlasticRing(ABC):
                 parts[i] = np.where(inside, self.pressure + power * x + constant, parts[i])
         return -parts[0], -parts[1], -parts[2]
 
-    def displacement(self, r: np.ndarray) -> np.ndarray:
+    def displacement(self, r: ArrayLike) -> np.ndarray:
         """Outward displacement since virgin at r >= radius, m."""
         r = np.asarray(r, float)
         n, front = self.hoop_directions, self.plastic_radius

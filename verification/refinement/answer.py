@@ -32,6 +32,11 @@ class Run:
         self.seconds = variant.processor_time(f"steps/{STEP}")
         self.memory = variant.peak_memory(f"steps/{STEP}")
 
+    @property
+    def cost(self) -> float | None:
+        """Processor time of the step for each failed particle, ms; None where nothing measured it."""
+        return None if self.seconds is None else 1e3 * self.seconds / max(self.particles, 1)
+
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
     """Rows and figure of the study."""
@@ -57,13 +62,13 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     rows += plastic(runs, settings, allowed)
     for name in settings["cells"]:
         run = runs[name]
-        if run.seconds is None:
+        cost = run.cost
+        if cost is None:
             continue
         remark = (
             f"{run.particles} failed particles, {run.facts['cells']} cells, {run.seconds:.1f} s without compiling, "
             f"{run.memory:.0f} MiB"
         )
-        cost = 1e3 * run.seconds / max(run.particles, 1)
         quantity = f"{name}: processor time of the step for each failed particle, ms"
         rows.append(Row(quantity, np.nan, cost, np.nan, None, remark))
     return rows, draw(results, runs)
@@ -119,8 +124,9 @@ def draw(results: Results, runs: dict[str, Run]) -> Figure:
     below.set(xscale="log", yscale="log", xlabel="overshoot of the first that fail, over their drop")
     below.set_ylabel(f"potency beside that of {runs[settings['parts'][-1]].facts['increments']} increments, share off")
     below.legend()
-    shown = [runs[name] for name in settings["cells"] if runs[name].seconds is not None and runs[name].particles]
-    cost.plot([run.particles for run in shown], [1e3 * run.seconds / run.particles for run in shown], "o-")
+    measured = [runs[name] for name in settings["cells"] if runs[name].particles]
+    shown = [(run.particles, each) for run in measured if (each := run.cost) is not None]
+    cost.plot([count for count, _ in shown], [each for _, each in shown], "o-")
     cost.set(xscale="log", yscale="log", xlabel="failed particles")
     cost.set_ylabel("processor time of the step for each,\nstart included, compiling not (ms)")
     for panel in (below, cost):
@@ -138,7 +144,7 @@ def draw_section(panel: Axes, run: Run) -> None:
     for chosen, colour in ((cut & ~failed, "none"), (cut & failed, style.MODELLED)):
         x, z, h = low[chosen, 0], low[chosen, 2], size[chosen]
         corners = np.stack([np.stack([x, x + h, x + h, x], 1), np.stack([z, z, z + h, z + h], 1)], axis=2)
-        panel.add_collection(PolyCollection(corners, facecolor=colour, edgecolor="#999999", linewidth=0.3))
+        panel.add_collection(PolyCollection(list(corners), facecolor=colour, edgecolor="#999999", linewidth=0.3))
     panel.plot([75, 85, 85, 75, 75], [970, 970, 990, 990, 970], color="black", linewidth=1.2)
     panel.set(xlim=(middle[0] - SHOWN, middle[0] + SHOWN), ylim=(middle[2] - SHOWN, middle[2] + SHOWN))
     panel.set(aspect="equal", xlabel="x (m)", ylabel="z (m); failed rock filled, stope in black")

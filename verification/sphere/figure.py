@@ -65,7 +65,7 @@ def section(figure: Figure, both, cavity: Cavity, exact: SphericalInclusion) -> 
     at_particles = cavity.stress[:, 2, 2] - exact.stress(cavity.place)[:, 2, 2]
     pressure = np.abs(exact.virgin_stress).max()
     void = (np.hypot(x, z) < cavity.radius) & ~cavity.fill.any()
-    images = (
+    images: tuple[tuple[np.ndarray, dict, str, str], ...] = (
         (cavity.stress[:, 2, 2] * MPA, {"cmap": "cividis"}, "zz (MPa)", "neither"),
         (100 * at_particles / pressure, {"cmap": "RdBu_r", "norm": TwoSlopeNorm(0.0, -3.0, 3.0)}, "error (%)", "both"),
     )

@@ -117,7 +117,8 @@ def _read(variant: Variant, label: str, member: int = 0) -> Catalogue:
     folder, last = f"ensemble/{member}/" if member else "", variant.step_names[-1]
     stages = [f"{folder}{stage}/{step}" for stage in ("steps", "events") for step in variant.step_names]
     costs = [variant.processor_time(stage) for stage in stages]
-    seconds = np.nan if None in costs else float(np.sum(costs))
+    known = [cost for cost in costs if cost is not None]
+    seconds = float(np.sum(known)) if len(known) == len(costs) else np.nan
     return catalogue(label, variant.read(f"{folder}events/{last}.nc"), _settings(variant), seconds)
 
 

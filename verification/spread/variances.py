@@ -53,7 +53,8 @@ class Variance:
         count = len(self.defined)
         if self.source != MEMBERS or not np.isfinite(self.total):
             return np.nan, np.nan
-        return tuple(float(np.sqrt(self.total * (count - 1) / chi2.ppf(p, count - 1))) for p in (0.975, 0.025))
+        lower, upper = (float(np.sqrt(self.total * (count - 1) / chi2.ppf(p, count - 1))) for p in (0.975, 0.025))
+        return lower, upper
 
 
 def variances(sources: dict[str, list[Catalogue]]) -> list[Variance]:

@@ -163,6 +163,11 @@ def same_fact(name: str, change: Callable[[dict], dict], stage: str = "elastic")
     return judge
 
 
+def replaced_by(scene: dict) -> Callable[[dict], dict]:
+    """The change of any scene into this one."""
+    return lambda values: scene
+
+
 def other_scheme(values: dict) -> dict:
     """The scene by the other scheme."""
     scheme = values["solver"].get("scheme", "multigrid")

@@ -48,7 +48,8 @@ def write_report(groups: list[list[Point]], table: Path, page: Path) -> None:
 
 def _section(group: list[Point]) -> dict:
     """What the template shows of a knob: counts, a row for each series, and what is not converged and right."""
-    knob, series = knob_of(group[0].knob), {}
+    knob = knob_of(group[0].knob)
+    series: dict[str, list[Point]] = {}
     for point in group:
         series.setdefault(point.series, []).append(point)
     kinds = Counter(point.kind for point in group)

@@ -63,7 +63,8 @@ class Runner:
     """Scenes through their stages, in a folder; the last few are kept."""
 
     def __init__(self, folder: Path):
-        self.folder, self.kept = folder, {}
+        self.folder = folder
+        self.kept: dict[str, Outcome] = {}
 
     def __call__(self, values: dict) -> Outcome:
         """How a scene ends."""
@@ -120,6 +121,7 @@ def _told(message: str, run: Runner) -> str:
 
 def _mistake(case: Case, run: Runner) -> tuple[str, float, str, dict]:
     """The same of a mistake in a mine's file: read, and to be refused in the right words."""
+    assert case.refused is not None
     begins, says = case.refused
     file = write_mine(case.values, run.folder / "mine.yaml")
     try:

@@ -55,9 +55,9 @@ def _p_value(
     x: NDArray, y: NDArray, x_blocks: NDArray, y_blocks: NDArray, index: int, resamplings: int, settings: dict
 ) -> float:
     distances = np.array([settings["distance"]])
-    return compare_locations(
-        x, y, x_blocks, y_blocks, seed=index, resamplings=resamplings, distances=distances
-    ).energy_p_value
+    found = compare_locations(x, y, x_blocks, y_blocks, seed=index, resamplings=resamplings, distances=distances)
+    assert found is not None  # both catalogues have blocks enough to be compared
+    return found.energy_p_value
 
 
 def hotelling_p_value(x: NDArray, y: NDArray) -> float:

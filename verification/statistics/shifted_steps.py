@@ -25,6 +25,7 @@ def compare_steps(settings: dict, apart: float, shift: float, pairs: int, seed: 
             x, y + np.array([shift, 0.0, 0.0]), days, days, seed=index, resamplings=settings["resamplings"],
             distances=distance, model_steps=steps, record_steps=steps,
         )  # fmt: skip
+        assert one is not None  # every step has more than one day of events in either catalogue
         found.append((one.energy_p_value <= settings["level"], one.energy_distance))
     share, energy = np.mean(found, axis=0)
     return float(share), float(energy)

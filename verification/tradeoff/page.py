@@ -39,7 +39,7 @@ def write_report(scenes: list[Scene], table: Path, page: Path) -> None:
 def _section(scene: Scene, figure: Path) -> dict:
     """What the template shows of a scene."""
     order = sorted(range(len(scene.points)), key=lambda index: scene.work(scene.points[index]))
-    rows = [
+    rows: list[dict] = [
         {
             "point": scene.points[index],
             "label": scene.label(scene.points[index]),

@@ -54,7 +54,8 @@ def measure_study(results: Results) -> Points:
     kind = results.settings["scene"]
     if kind not in SCENES:
         raise InputError(f"{results.study.name}: settings.scene: no '{kind}'; there are {', '.join(SCENES)}")
-    points, exact = [], {}
+    points: list[Point] = []
+    exact: dict[str, float] = {}
     for name, variant in results.variants.items():
         measures, exact = SCENES[kind](results, variant)
         points.append(_point(name, variant, measures, results.study.events))

@@ -146,7 +146,7 @@ class Scene:
     @cached_property
     def distinct(self) -> list[Point]:
         """The first of all runs with the same settings."""
-        firsts = {}
+        firsts: dict[tuple, Point] = {}
         for point in self.points:
             firsts.setdefault(tuple(point.settings.values()), point)
         return list(firsts.values())

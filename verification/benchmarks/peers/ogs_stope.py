@@ -213,7 +213,7 @@ def main() -> None:
         ET.ElementTree(project(block, walls)).write(folder / "stope.prj", xml_declaration=True, encoding="utf-8")
         threads = str(case["threads"])
         environment = os.environ | {"OMP_NUM_THREADS": threads, "OGS_ASM_THREADS": threads}
-        command = [Path(sys.executable).with_name("ogs"), "stope.prj", "-o", "."]
+        command = [str(Path(sys.executable).with_name("ogs")), "stope.prj", "-o", "."]
         announce(begins=True)
         start = time.perf_counter()
         run = subprocess.run(
