@@ -1,1 +1,1 @@
-"""Scenes with a known answer: run by the ordinary stages, compared with closed forms, reported row by row."""
+"""Scenes with a known answer. The ordinary stages run them; each row of a report compares one quantity."""

@@ -11,7 +11,7 @@ from verification.command_line import Stage, run_command
 
 
 def answer(arguments: argparse.Namespace) -> None:
-    """rows.csv and figure.svg of one study."""
+    """Write rows.csv and figure.svg of one study."""
     from catalogs.figures import style
     from verification.results import read_results
     from verification.rows import write_rows
@@ -28,7 +28,7 @@ def answer(arguments: argparse.Namespace) -> None:
 
 
 def report(arguments: argparse.Namespace) -> None:
-    """report.html and summary.csv of several studies."""
+    """Write report.html and summary.csv of several studies."""
     from verification.report import write_report
     from verification.studies import load_study
 
@@ -37,7 +37,7 @@ def report(arguments: argparse.Namespace) -> None:
 
 
 def verdict(arguments: argparse.Namespace) -> None:
-    """Nothing but an error if a row fails that is no known miss."""
+    """Fail in one line where a row fails that is not a known miss."""
     from verification.known_misses import KNOWN_MISS, PASSES_NOW
     from verification.rows import VERDICTS, read_rows
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from common.command_line import CommandLine
 from common.stage import run_stage
 
-SEVERAL = "+"  # At the end of an option's name: it takes several values.
+SEVERAL = "+"  # Ends the name of an option that takes several values.
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A function of the parsed command line, the options that it needs, and the one that names what it makes."""
+    """A stage: a function of the parsed command line, its options, and the option that names its output."""
 
     run: Callable[[argparse.Namespace], None]
     options: tuple[str, ...]

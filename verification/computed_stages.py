@@ -1,4 +1,4 @@
-"""The stages of a mine, computed in this process: for studies that look at each of them or measure it."""
+"""The stages of a mine, computed in this process. Studies use it that look at each stage or measure it."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,9 +12,9 @@ from workflow.mine import Mine
 
 
 def computed_stages(mine: Mine, failed: Path) -> Iterator[tuple[str, xr.Dataset, dict]]:
-    """Name, dataset and facts of the grid (without facts), of the elastic stage and of each step, one at a time.
+    """Yield name, dataset and facts of the grid (which has no facts), of the elastic stage and of each step.
 
-    Nothing of a stage is computed before it is asked for. failed: where a stage leaves its last state if it fails.
+    A stage is computed when it is asked for. failed: file in which a stage that fails leaves its last state.
     """
     grid = make_grid(mine.grid_slice(), {})
     yield "grid", grid, {}

@@ -1,4 +1,4 @@
-"""Rows on the energy of a stage: what elastic mining releases by theory, and whether every balance closes."""
+"""Rows on the energy of a stage: the energy that elastic mining releases, and what the balances leave over."""
 
 from collections.abc import Iterable
 
@@ -8,14 +8,14 @@ import xarray as xr
 from verification.rows import Row
 from verification.sphere.closed_form import SphericalInclusion
 
-CLOSED = 1e-6  # of the largest term: round-off
+MAX_ENERGY_LEFT_SHARE = 1e-6  # Round-off of a balance, as a share of its largest term.
 
 
 def sphere_rows(name: str, state: xr.Dataset, exact: SphericalInclusion, allowed: float) -> list[Row]:
-    """What an eighth of a sphere, mined at once, releases (Salamon 1984, J. South. Afr. Inst. Min. Metall. 84, 233).
+    """Energy that an eighth of a sphere releases when mined at once, beside theory.
 
-    With its rock goes V s0 : C^-1 : s0 / 2; half the work of the support, V s0 : e / 2 with the strain e of the wall
-    (u = e x), is set in motion.
+    The mined rock takes V s0 : C^-1 : s0 / 2 with it. Half the work of the support, V s0 : e / 2 with the strain e of
+    the wall (u = e x), is set in motion (Salamon 1984, J. South. Afr. Inst. Min. Metall. 84, 233).
     """
     volume, virgin = np.pi / 6 * exact.radius**3, np.asarray(exact.virgin_stress)
     rock = exact.rock
@@ -30,6 +30,6 @@ def sphere_rows(name: str, state: xr.Dataset, exact: SphericalInclusion, allowed
 
 
 def closing_row(name: str, states: Iterable[xr.Dataset]) -> Row:
-    """Largest share that any balance leaves over."""
+    """Row of the largest share that any state's energy balance leaves over."""
     left = max(float(state.attrs["energy_left_share"]) for state in states)
-    return Row(f"{name}: energy left over, share of the balance's largest term", 0.0, left, left, CLOSED)
+    return Row(f"{name}: energy left over, share of the balance's largest term", 0.0, left, left, MAX_ENERGY_LEFT_SHARE)

@@ -1,4 +1,4 @@
-"""Pages of the verification: each is one template of templates/, all of which extend base.html.j2."""
+"""Pages of the verification. Each is a template of templates/ that extends base.html.j2."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +10,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 
 def write_page(page: Path, template: str, filters: dict[str, Callable] | None = None, **values) -> None:
-    """Write a template, filled in, as a page that needs nothing else, atomically."""
+    """Fill in a template and write it atomically as a page that refers to no other file."""
     environment = page_templates(TEMPLATES)
     environment.filters |= filters or {}
     text = environment.get_template(f"{template}.html.j2").render(**values)

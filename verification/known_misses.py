@@ -1,4 +1,4 @@
-"""Rows that are known to miss their bound: listed in the study file with the cause, and never counted as passed."""
+"""Rows that are known to miss their bound. The study file lists them with the cause; they never count as passed."""
 
 import math
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ PASSES_NOW = "yes, listed as a known miss"
 
 @dataclass(frozen=True)
 class KnownMiss:
-    """Why a row misses its bound. A larger error than at_most is a failure again."""
+    """Why a row misses its bound, and its largest known error. A larger error than `at_most` is a failure again."""
 
     cause: str
     at_most: float
@@ -41,7 +41,7 @@ def parse_known_misses(entries) -> dict[str, KnownMiss]:
 def judge(rows: list[dict[str, str]], known: Mapping[str, KnownMiss]) -> list[dict[str, str]]:
     """Rows with the verdicts of the known misses among them, and their cause as a remark.
 
-    Raises InputError if a known miss is no row, since it would hide nothing and explain nothing.
+    Raises InputError if a known miss is not a row of the study.
     """
     missing = [quantity for quantity in known if quantity not in {row["quantity"] for row in rows}]
     if missing:

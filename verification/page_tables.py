@@ -1,4 +1,4 @@
-"""A study's table as Markdown: all rows, or those that a study sets side by side (`on_page.py` beside its answer)."""
+"""A study's table as Markdown: all rows one by one, and the tables that `on_page.py` beside its answer declares."""
 
 import math
 import re
@@ -10,25 +10,27 @@ import pandas as pd
 from verification.known_misses import KNOWN_MISS, PASSES_NOW
 from verification.rows import VERDICTS
 
-SAID = {
+VERDICT_TEXTS = {
     VERDICTS[True]: "passes",
     PASSES_NOW: "passes, listed as a known miss",
     VERDICTS[False]: "**fails**",
     KNOWN_MISS: "**known miss**",
     VERDICTS[None]: "reported",
 }
-MARKED = {VERDICTS[None]: "*{}*", VERDICTS[False]: "**{} fails**", KNOWN_MISS: "**{}**"}  # of a cell; plain: passes
+# How a cell shows the verdict of its row. A row that passes is plain.
+CELL_FORMATS = {VERDICTS[None]: "*{}*", VERDICTS[False]: "**{} fails**", KNOWN_MISS: "**{}**"}
 LEGEND = "Plain numbers are within their bound, bold ones are known misses, and those in italics have no bound."
-CASE = re.compile(r"(?:([^(]*?): )?(.*)")  # a colon in brackets explains the quantity
+# The case ends at the first colon. A colon in brackets belongs to the quantity.
+CASE_AND_QUANTITY = re.compile(r"(?:([^(]*?): )?(.*)")
 COLUMNS = ("quantity", "case", "measured", "expected", "error", "bound", "verdict")
 
 
 def number(text: str, digits: int = 4) -> str:
-    """A number of a table with so many digits; an empty one stays empty."""
+    """A number with so many significant digits. An empty text stays empty."""
     return f"{float(text):.{digits}g}" if text else ""
 
 
-SHOWN: dict[str, Callable[[dict[str, str]], str]] = {
+CELL_TEXTS: dict[str, Callable[[dict[str, str]], str]] = {
     "measured": lambda row: number(row["obtained"]),
     "error": lambda row: number(row["error"], 2),
     "error, %": lambda row: f"{100 * float(row['error']):.2g}" if row["error"] else "",
@@ -38,9 +40,10 @@ SHOWN: dict[str, Callable[[dict[str, str]], str]] = {
 
 @dataclass(frozen=True)
 class Pivot:
-    """Rows of rows.csv side by side. title: what its numbers are; shows: a key of SHOWN.
+    """Rows of rows.csv side by side.
 
-    pattern: what the quantity of such a row looks like, with the groups `row` and `column`.
+    title: what the numbers are. pattern: regular expression of the quantity, with the groups `row` and `column`.
+    shows: a key of CELL_TEXTS.
     """
 
     title: str
@@ -48,12 +51,12 @@ class Pivot:
     shows: str
 
     def place(self, row: dict[str, str]) -> tuple[str, str] | None:
-        """Row and column of the pivot that a row of rows.csv stands at; None where it belongs elsewhere."""
+        """Row and column of the pivot in which a row of rows.csv stands; None where it belongs to no place of it."""
         found = re.fullmatch(self.pattern, row["quantity"])
         return (found["row"], found["column"]) if found else None
 
     def lines(self, rows: list[dict[str, str]]) -> list[str]:
-        """Its title and its table of those rows that belong here."""
+        """Title and table of rows that all belong here. Raises ValueError where two of them stand in one place."""
         cells = {place: row for row in rows if (place := self.place(row))}
         if len(cells) != len(rows):
             raise ValueError(f"two rows stand at one place of '{self.title}'")
@@ -65,13 +68,13 @@ class Pivot:
         return [f"{self.title}:", "", *markdown(["", *columns], body)]
 
     def _cell(self, row: dict[str, str]) -> str:
-        text = SHOWN[self.shows](row)
-        return MARKED.get(row["passed"], "{}").format(text) if text else ""
+        text = CELL_TEXTS[self.shows](row)
+        return CELL_FORMATS.get(row["passed"], "{}").format(text) if text else ""
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Some columns of a table.csv, one line a row."""
+    """Some columns of a table.csv, one line for each row."""
 
     title: str
     names: tuple[str, ...]
@@ -84,7 +87,7 @@ class Columns:
 
 @dataclass(frozen=True)
 class Counts:
-    """How many rows of a table.csv have each pair of values of two columns."""
+    """Number of rows of a table.csv for each pair of values of two columns."""
 
     title: str
     row: str
@@ -101,7 +104,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Cross:
-    """One column of a table.csv by two others. by: columns that name a line, together."""
+    """A value of a table.csv by line and column. by: columns that together name a line; column: names the columns."""
 
     title: str
     by: tuple[str, ...]
@@ -119,24 +122,24 @@ class Cross:
 
 
 def rows_table(rows: list[dict[str, str]]) -> list[str]:
-    """Rows one by one: what stands before the first colon of a quantity is its case."""
+    """All rows one by one. The text before the first colon of a quantity is its case."""
     body = []
     for row in rows:
-        case, quantity = CASE.findall(row["quantity"])[0]
+        case, quantity = CASE_AND_QUANTITY.findall(row["quantity"])[0]
         numbers = [number(row["obtained"]), number(row["expected"]), number(row["error"], 2), number(row["allowed"], 3)]
-        body.append([quantity, case, *numbers, SAID[row["passed"]]])
+        body.append([quantity, case, *numbers, VERDICT_TEXTS[row["passed"]]])
     return markdown(COLUMNS, body)
 
 
 def markdown(head: Iterable[str], body: Iterable[Iterable[str]]) -> list[str]:
-    """Lines of a table; an empty head cell is a blank."""
+    """Lines of a Markdown table."""
     lines = [list(head), *map(list, body)]
     text = ["| " + " | ".join(cell.replace("|", r"\|").replace("<", r"\<") for cell in line) + " |" for line in lines]
     return [text[0], "|" + " --- |" * len(lines[0]), *text[1:]]
 
 
 def _text(value) -> str:
-    """A value of a table.csv: numbers with four digits, nothing for what is missing."""
+    """A value of a table.csv. Numbers have four digits; a missing one is empty."""
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.4g}"
     return str(value)

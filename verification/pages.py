@@ -1,8 +1,8 @@
 """Measured results on the pages of docs/studies: python -m verification.pages RESULTS
 
-A page is written by hand but for blocks between two comments, one for each study that it is about. This rewrites the
-blocks of all studies that have a table in the folder RESULTS (results of a checkout), and copies their figures. The
-other blocks stay as they are.
+A page is written by hand except for its blocks. A block stands between two comments and belongs to one study. This
+command rewrites the blocks of all studies that have a table in the folder RESULTS (results of a checkout), and copies
+their figures. The other blocks stay as they are.
 """
 
 import importlib
@@ -30,7 +30,7 @@ from verification.rows import VERDICTS, read_rows
 
 @dataclass(frozen=True)
 class Target:
-    """What makes a measuring study: its package in verification, and the cores that Snakemake is given."""
+    """How a measuring study is run: its package in verification, and the cores that Snakemake is given."""
 
     package: str
     cores: str = "all"
@@ -38,20 +38,21 @@ class Target:
 
 PAGES = ROOT / "docs" / "studies"
 STUDIES = ROOT / "config" / "verification"
-MEASURING = {  # studies whose results are a table.csv
+MEASURING = {  # Studies whose results are a table.csv.
     "tradeoff": Target("tradeoff"),
     "catalog_spread": Target("spread"),
     "benchmarks": Target("benchmarks", cores="2"),
     "stability": Target("stability"),
     "extremes": Target("extremes"),
 }
-POINTS_OF = ("tradeoff_", "spread_")  # files of config/verification whose runs stand in one of those tables
+POINTS_OF = ("tradeoff_", "spread_")  # Files of config/verification whose runs stand in one of those tables.
 INDEX = "index"
 BLOCK = re.compile(r"(<!-- results: (\S+) -->\n)(.*?)(<!-- end of results -->)", re.DOTALL)
 COUNTS = re.compile(r"(\d+) rows?, (\d+) judged: (\d+) pass(?:es)?, (\d+) known miss(?:es)?, (\d+) fails?\.")
-FACTS = ("Checks", "Reference")  # what a page says of its study, for the index
-PIXELS = (1200, 1000, 800)  # width of a figure: the largest whose file is small enough
-COLOURS = 256
+INDEX_FACTS = ("Checks", "Reference")  # Facts that the index quotes from each page.
+# Widths of a figure, pixels. The first one whose file is below MAX_FIGURE_BYTES is taken.
+FIGURE_WIDTHS = (1200, 1000, 800)
+PALETTE_COLOURS = 256
 MAX_FIGURE_BYTES = 150_000
 
 
@@ -126,7 +127,7 @@ def check_blocks(texts: dict[Path, str]) -> None:
 
 
 def block(name: str, table: Path, figures: Path) -> str:
-    """The block of one study, between its markers; its figures are drawn into a folder beside the pages."""
+    """Text of one study's block. Its figures are drawn into the folder `figures`."""
     if name in MEASURING:
         title, counts, lines = _measured(name, pd.read_csv(table))
     else:
@@ -165,7 +166,7 @@ def _verified(name: str, rows: list[dict[str, str]]) -> tuple[str, str, list[str
 
 
 def _verification_tables(rows: list[dict[str, str]], pivots: tuple[Pivot, ...]) -> list[str]:
-    """Pivots of the rows that belong to them; below, one by one, all others and those that do not pass."""
+    """Pivots of the rows that belong to them. All other rows, and those that do not pass, follow one by one."""
     lines, rest = [], rows
     for pivot in pivots:
         inside = [row for row in rows if pivot.place(row)]
@@ -191,13 +192,13 @@ def _counts(rows: list[dict[str, str]]) -> str:
 
 
 def tables_of(package: str) -> tuple:
-    """What a study shows on its page: TABLES of `on_page.py` in its package; nothing where there is none."""
+    """Tables of a study's page: TABLES of `on_page.py` in its package, and none without that file."""
     module = f"verification.{package}.on_page"
     return importlib.import_module(module).TABLES if importlib.util.find_spec(module) else ()
 
 
 def made(table: Path) -> str:
-    """When a table was written and at which commit its checkout stood then, as a sentence."""
+    """Sentence that says when a table was written and at which commit its checkout stood then."""
     when = datetime.fromtimestamp(table.stat().st_mtime, UTC)
     command = [
         "git",
@@ -214,37 +215,37 @@ def made(table: Path) -> str:
 
 
 def not_measured(name: str) -> str:
-    """What a block says before there are results."""
+    """Text of a block without results: the command that makes them."""
     cores = MEASURING[name].cores if name in MEASURING else "all"
     target = name if name in MEASURING else f"results/verification/{name}/rows.csv"
     return f"No results are kept here yet. `.venv/bin/snakemake --cores {cores} {target}` makes them.\n"
 
 
 def draw(figure: Path, copy: Path) -> None:
-    """An SVG as a small PNG; the palette keeps the colours of thin lines apart, which cover little of a figure."""
+    """Draw an SVG as a small PNG. Its palette keeps the colours of thin lines, which cover little of a figure."""
     import resvg_py
     from PIL import Image
 
-    for width in PIXELS:
+    for width in FIGURE_WIDTHS:
         content = resvg_py.svg_to_bytes(svg_path=str(figure), dpi=96, width=width, background="white")
         picture = Image.open(io.BytesIO(bytes(content))).convert("RGB")
         file = io.BytesIO()
-        picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+        picture.quantize(PALETTE_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
             file, format="png", optimize=True
         )
         if len(file.getvalue()) < MAX_FIGURE_BYTES:
             break
     else:
-        raise InputError(f"{figure}: more than {MAX_FIGURE_BYTES:,} bytes as a picture {PIXELS[-1]} pixels wide")
+        raise InputError(f"{figure}: more than {MAX_FIGURE_BYTES:,} bytes as a picture {FIGURE_WIDTHS[-1]} pixels wide")
     with atomic_path(copy) as temporary:
         temporary.write_bytes(file.getvalue())
 
 
 def index_table(texts: dict[str, str]) -> str:
-    """All pages: title, what each checks, its reference, and the counts of the rows that stand on it."""
+    """Table of all pages: title, what each checks, its reference, and the counts of its rows."""
     body = []
     for name, text in texts.items():
-        title, *facts = (_told(name, text, start) for start in ("# ", *(f"- **{fact}:** " for fact in FACTS)))
+        title, *facts = (_told(name, text, start) for start in ("# ", *(f"- **{fact}:** " for fact in INDEX_FACTS)))
         counts = [[int(count) for count in match.groups()] for match in COUNTS.finditer(text)]
         _, judged, _, known, failed = (sum(column) for column in zip(*counts, strict=True)) if counts else [None] * 5
         numbers = ["no results" if count is None else str(count) for count in (judged, known, failed)]
@@ -254,7 +255,7 @@ def index_table(texts: dict[str, str]) -> str:
 
 
 def _told(name: str, text: str, start: str) -> str:
-    """What the first line of a page that starts so goes on with."""
+    """Rest of the first line of a page that starts so. Raises InputError without such a line."""
     found = re.search(rf"^{re.escape(start)}(.+)$", text, re.MULTILINE)
     if not found:
         raise InputError(f"docs/studies/{name}.md: needs a line '{start}...'")

@@ -1,4 +1,4 @@
-"""`report.html` of the verification: what was asked, what came out, what it cost, and one figure per study."""
+"""`report.html` of the verification: for each study its rows, the costs of its variants, and a figure."""
 
 import base64
 import csv
@@ -22,12 +22,17 @@ MARKS = {
     KNOWN_MISS: "known miss",
     VERDICTS[None]: "reported",
 }
-STYLES = {"passed": "passed", "failed": "failed", "known miss": "known", "reported": "reported"}  # of the page
+STYLES = {
+    "passed": "passed",
+    "failed": "failed",
+    "known miss": "known",
+    "reported": "reported",
+}  # Style classes of the page.
 
 
 @dataclass(frozen=True)
 class Section:
-    """One study on the page. rows: of its table, known misses marked; costs: one line per variant."""
+    """One study on the page. rows: its table with known misses marked. costs: one entry for each variant."""
 
     study: Study
     rows: list[dict[str, str]]

@@ -1,4 +1,4 @@
-"""What the stages made of a study's variants, as an answer reads it."""
+"""Results of the stages for a study's variants, as an answer reads them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,9 +16,10 @@ from workflow.mine import Mine
 
 @dataclass
 class Variant:
-    """One run of the scene. `read` gives a dataset by its path below the results' folder ("steps/load_1.nc").
+    """One run of the scene.
 
-    `costs`: by stage ("elastic", "steps/load_1"), where it left a log.
+    read: gives a dataset by its path below the variant's folder ("steps/load_1.nc"). costs: gives what a stage
+    ("elastic", "steps/load_1") took; None where it left no log. kept: datasets that were read.
     """
 
     mine: Mine
@@ -37,7 +38,7 @@ class Variant:
         return self.mine.mined_steps
 
     def scene(self, step: str | None = None) -> Scene:
-        """The scene up to a step (the first without a name), as a stage has it."""
+        """The scene up to a step, as the stage of that step has it; up to the first step without a name."""
         return parse_scene(self.mine.step_slice(step) if step else self.mine.scene_slice(0))
 
     def _dataset(self, path: str) -> xr.Dataset:
@@ -47,7 +48,7 @@ class Variant:
 
     @property
     def grid(self) -> xr.Dataset:
-        """grid.nc: cells that the first step starts from; those of a step are in its own file."""
+        """grid.nc: the cells that the first step starts from. A step's own cells are in its file."""
         return self._dataset("grid.nc")
 
     @property
@@ -69,7 +70,7 @@ class Variant:
         return costs.seconds if costs else None
 
     def processor_time(self, stage: str) -> float | None:
-        """Of a stage, without compiling, s."""
+        """Processor time of a stage without compiling, s."""
         costs = self.costs(stage)
         return costs.running if costs else None
 
@@ -93,7 +94,7 @@ class Results:
 
     @property
     def settings(self) -> dict:
-        """Plain numbers of the study."""
+        """Settings of the study, which its answer reads."""
         return self.study.settings
 
     def __getitem__(self, variant: str) -> Variant:
@@ -101,7 +102,7 @@ class Results:
 
 
 def read_results(study: Study, folder: Path, logs: Path) -> Results:
-    """Results that stages left in <folder>/<variant>/, and what they took by their logs in <logs>/<variant>/."""
+    """Results in <folder>/<variant>/, and the costs of their stages by the logs in <logs>/<variant>/."""
 
     def variant(name: str, mine: Mine) -> Variant:
         return Variant(

@@ -14,9 +14,10 @@ VERDICTS = {True: "yes", False: "no", None: ""}
 
 @dataclass(frozen=True)
 class Row:
-    """One comparison. `error` is in the terms of `allowed`; without an allowed error the row is reported only.
+    """One comparison.
 
-    quantity names thing, place and unit; remark says why a row fails or what it means.
+    quantity: thing, place and unit. error, allowed: in the same terms; a row without an allowed error is reported only.
+    remark: why the row fails, or what it means.
     """
 
     quantity: str
@@ -30,19 +31,19 @@ class Row:
     def relative(
         cls, quantity: str, expected: float, obtained: float, allowed: float | None = None, remark: str = ""
     ) -> "Row":
-        """A row whose error is |obtained - expected| / |expected|; what is expected must not be zero."""
+        """A row whose error is |obtained - expected| / |expected|. The expected value must not be zero."""
         return cls(quantity, expected, obtained, abs(obtained - expected) / abs(expected), allowed, remark)
 
     @property
     def passed(self) -> bool | None:
-        """Whether the error is finite and allowed; None where nothing is demanded."""
+        """Whether the error is finite and allowed; None where the row has no bound."""
         if self.allowed is None:
             return None
         return bool(math.isfinite(self.error) and self.error <= self.allowed)
 
 
 def write_rows(path: Path, rows: Iterable[tuple[str, Row]]) -> None:
-    """Write (scene, row) pairs as CSV, atomically; numbers with six digits."""
+    """Write pairs of scene and row as CSV, atomically. Numbers have six digits."""
 
     def text(value: float | None) -> str:
         return "" if value is None or math.isnan(value) else f"{value:.6g}"

@@ -1,6 +1,6 @@
-"""A study: one file of config/verification, that is a base scene, named variants of it, and what they must show.
+"""A study is one file of config/verification: a base scene, named variants of it, and bounds on their results.
 
-The base scene stands in the study, or is that of a mine's file (scene_from) with what the study's scene changes in it.
+The base scene stands in the study, or it is that of a mine's file (scene_from) with the changes of the study's scene.
 """
 
 import copy
@@ -38,9 +38,9 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*\Z")
 class Study:
     """What a study file says; `mines` holds the checked configuration of every variant, by its name.
 
-    on_request: too long for the target `verification`, run by its own name. threads: of each stage, 64 for all there
-    are; with 1, small scenes run side by side. events: whether its steps' events are extracted too. known_misses: rows
-    that are known to miss their bound, by quantity.
+    on_request: the target `verification` leaves the study out, since it takes too long; it is run by its own name.
+    threads: threads of each stage; 64 takes all there are, and with 1 small scenes run side by side. events: whether
+    the events of its steps are extracted. known_misses: rows that are known to miss their bound, by quantity.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Study:
 
 
 def merge(base: dict, changes: dict) -> dict:
-    """A copy of `base` with `changes` over it: mappings merge, everything else (lists too) is replaced."""
+    """A copy of `base` with `changes`. Mappings merge; everything else, lists included, is replaced."""
     result = copy.deepcopy(base)
     for key, value in changes.items():
         both = isinstance(result.get(key), dict) and isinstance(value, dict)
@@ -82,12 +82,12 @@ def load_study(path: str | os.PathLike, default: dict) -> Study:
     except InputError as error:
         raise InputError(f"{path}: known_misses: {error}") from error
     source, mine = path, {}
-    if "scene_from" in text:  # paths in it resolve from its own folder, and mistakes are told under its own name
+    if "scene_from" in text:  # Its paths resolve from its own folder, and its mistakes are reported under its own name.
         source = Path(os.path.normpath(path.parent / text["scene_from"]))
         mine = _read(source, "mine")
         if not isinstance(mine, dict):
             raise InputError(f"{source}: not a mine; scene_from of {path} takes a file of config/mines")
-        mine.pop("record", None)  # nothing here compares it
+        mine.pop("record", None)  # No study compares a record.
     base = merge(mine, text.get("scene") or {})
     mines = {}
     for name, changes in variants.items():
@@ -116,7 +116,7 @@ def load_study(path: str | os.PathLike, default: dict) -> Study:
 
 
 def _read(path: Path, what: str):
-    """A YAML file. Raises InputError, saying what it should be."""
+    """Content of a YAML file. Raises InputError that says what the file should be."""
     try:
         return yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, yaml.YAMLError) as error:
@@ -124,10 +124,10 @@ def _read(path: Path, what: str):
 
 
 def _leave_planned(scene: dict, mine: dict) -> None:
-    """Steps of the mine that a variant does not list are not run: what they mine is planned, in place."""
+    """Mark excavations as planned, in place, whose step a variant leaves out: such steps are not run."""
     if not mine:
         return
-    listed = {step.get("name") for step in scene.get("steps", [])} | {"history"}  # which is there without being listed
+    listed = {step.get("name") for step in scene.get("steps", [])} | {"history"}  # It need not be listed.
     left_out = {step.get("name") for step in mine.get("steps", [])} - listed
     for entry in scene.get("excavations", []):
         entry |= {key: PLANNED for key in ("step", "filled") if entry.get(key) in left_out}

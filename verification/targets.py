@@ -47,7 +47,7 @@ class Studies:
         return mines[variant]
 
     def threads_at(self, place: str) -> int:
-        """One where a study's scenes are so small that two run better side by side, else all."""
+        """Threads of the stages of the variant whose folder is results/<place>."""
         return self.read(place.split("/")[1]).threads
 
     def named(self, start: str) -> list[str]:
@@ -69,7 +69,7 @@ class Studies:
         ]
 
     def answer_sources(self, wildcards: Wildcards) -> str:
-        """Hash of what a study's answer runs: the stage, and the module that it is told by name."""
+        """Hash of the sources of a study's answer: the stage, and the module that the study names."""
         return source_hash("verification answer", f"verification.{self.read(wildcards.study).answer}.answer")
 
     def results(self, wildcards: Wildcards) -> list[str]:
@@ -77,7 +77,7 @@ class Studies:
         return self.results_of([wildcards.study])
 
     def results_of(self, names: list[str]) -> list[str]:
-        """The same of several studies, members of their ensembles included."""
+        """Results of all stages of several studies, members of their ensembles included."""
         files = []
         for name in names:
             study = self.read(name)

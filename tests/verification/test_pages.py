@@ -17,10 +17,10 @@ from verification.benchmarks import table as benchmarks
 from verification.page_tables import Columns, Counts, Cross, Pivot, rows_table
 from verification.pages import (
     BLOCK,
+    FIGURE_WIDTHS,
     INDEX,
     MAX_FIGURE_BYTES,
     PAGES,
-    PIXELS,
     ROOT,
     check_blocks,
     draw,
@@ -158,7 +158,7 @@ def test_a_figure_keeps_the_colours_of_its_lines_apart(tmp_path):
         style.save(figure, tmp_path / "figure.svg")
     draw(tmp_path / "figure.svg", tmp_path / "figure.png")
     with Image.open(tmp_path / "figure.png") as picture:
-        assert picture.width == PIXELS[0]
+        assert picture.width == FIGURE_WIDTHS[0]
         found = np.array([colour for _, colour in picture.convert("RGB").getcolors()])
     for colour in (style.MODELLED, style.BOTH):
         expected = [int(colour[place : place + 2], 16) for place in (1, 3, 5)]

@@ -13,7 +13,6 @@ from verification.extremes.relations import RELATIONS
 from verification.known_misses import KnownMiss
 from verification.stability.balances import broken, lacking
 from verification.stability.cases import Case, Knob
-from verification.stability.drive import courant
 from verification.stability.judges import closure_error, front, mirrored, same_motion
 from verification.stability.keys import KEYS, SEVERAL_SEEDS
 from verification.stability.knobs import BY_KEY, knob_of
@@ -32,6 +31,7 @@ from verification.stability.points import (
     write_points,
 )
 from verification.stability.scenes import coulomb, elastic, failing, hole, section
+from verification.stability.shapes import courant
 from verification.stability.verdict import check_table
 from verification.studies import merge
 

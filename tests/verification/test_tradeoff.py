@@ -17,14 +17,12 @@ from verification.pages import tables_of
 from verification.studies import Study, load_study
 from verification.tradeoff.answer import answer
 from verification.tradeoff.knobs import CHOSEN, changed, label, settings_of
-from verification.tradeoff.limits import richardson
-from verification.tradeoff.page import write_report
-from verification.tradeoff.pareto import pareto_front
+from verification.tradeoff.measures import richardson
+from verification.tradeoff.page import make_table, write_report
 from verification.tradeoff.points import Point, Points, measure_study, read_points, write_points
-from verification.tradeoff.runs import Scene
+from verification.tradeoff.runs import Scene, pareto_front
 from verification.tradeoff.scenes import apart
 from verification.tradeoff.sentences import preset_sentence, price, sentence, share, speed, verdict
-from verification.tradeoff.table import make_table
 
 FEW = st.sampled_from([0.0, 1.0, 2.0, 3.0, np.nan, np.inf])
 

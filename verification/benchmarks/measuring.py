@@ -4,6 +4,8 @@ import json
 import logging
 import math
 import os
+import platform
+import resource
 import shutil
 import signal
 import statistics
@@ -18,13 +20,12 @@ from pathlib import Path
 import psutil
 
 from common.stage import die_with_parent
-from verification.benchmarks.machine import machine, processor_time
 from verification.benchmarks.peers.stope import sizes
 from verification.benchmarks.settings import PEERS, ROOT, Case, Code, Settings
 
-POLL = 0.2  # s between two looks at a process
-PREPARATION = 900.0  # s that a process may take before its solution begins: meshes, compilation of kernels
-LEAST_GROWTH, MOST_GROWTH = 1.0, 2.0  # powers of the number of cells that time may follow
+POLL_INTERVAL = 0.2  # Time between two looks at a process, s.
+MAX_PREPARATION = 900.0  # Time for meshes and compilation before a solution begins, s.
+MIN_GROWTH, MAX_GROWTH = 1.0, 2.0  # Time is taken to grow as a power of the number of cells between these.
 DONE, STOPPED, NOT_RUN, FAILED, LEFT_OUT = "done", "stopped", "not run", "failed", "left out"
 
 
@@ -66,6 +67,28 @@ def measure(settings: Settings, case: Case, threads: int, earlier: list[dict], e
     return row | answers[-1] | middle | {"repetitions": len(answers), "others": others}
 
 
+def machine() -> str:
+    """Processor, cores, memory, system and Python, as far as they can be told."""
+    name = platform.processor() or platform.machine()
+    if Path("/proc/cpuinfo").exists():
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        name = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), name)
+    memory = psutil.virtual_memory().total / 1e9
+    return f"{name}, {os.cpu_count()} cores, {memory:.0f} GB, {platform.system()}, Python {platform.python_version()}"
+
+
+def processor_time() -> tuple[float, float, float]:
+    """Seconds so far: processor time of the whole machine, of this process with its ended children, and the clock.
+
+    What a virtual machine's host gave to others counts as the machine's.
+    """
+    times = psutil.cpu_times()
+    idle = times.idle + getattr(times, "iowait", 0.0)
+    guests = getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0)  # count in user time already
+    own = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(times) - guests - idle, sum(use.ru_utime + use.ru_stime for use in own), time.perf_counter()
+
+
 def foreseen(cells: int, earlier: list[dict], time_limit: float, memory_limit: float) -> str:
     """Why a case would not end within its limits (s, GB), by the smaller ones; empty if it would."""
     if not earlier:
@@ -73,11 +96,11 @@ def foreseen(cells: int, earlier: list[dict], time_limit: float, memory_limit: f
     last = earlier[-1]
     if last["outcome"] != DONE:
         return last["remark"] if last["outcome"] == NOT_RUN else f"{last['cells']:,} cells: {last['remark']}"
-    power, per_cell = LEAST_GROWTH, last["memory"] / last["cells"]
+    power, per_cell = MIN_GROWTH, last["memory"] / last["cells"]
     if len(earlier) > 1:
         before = earlier[-2]
         power = math.log(last["seconds"] / before["seconds"]) / math.log(last["cells"] / before["cells"])
-        power = min(max(power, LEAST_GROWTH), MOST_GROWTH)
+        power = min(max(power, MIN_GROWTH), MAX_GROWTH)
         per_cell = (last["memory"] - before["memory"]) / (last["cells"] - before["cells"])  # libraries do not grow
     seconds = last["seconds"] * (cells / last["cells"]) ** power
     memory = last["memory"] + per_cell * (cells - last["cells"])
@@ -147,15 +170,15 @@ def watch(command: list[str], threads: int, time_limit: float, memory_limit: flo
 
 def _until_end(process: psutil.Popen, said: Path, time_limit: float, memory_limit: float) -> str:
     """Wait for a process, or end it with all that it has started: why, empty if it ended by itself."""
-    clock, limit, heard = time.perf_counter(), PREPARATION, 0
+    clock, limit, heard = time.perf_counter(), MAX_PREPARATION, 0
     reason = ""
     try:
         while process.poll() is None and not reason:
-            time.sleep(POLL)
+            time.sleep(POLL_INTERVAL)
             said_so_far = len(_answers(said))
             if said_so_far != heard:
                 clock, heard = time.perf_counter(), said_so_far
-                limit = time_limit if heard % 2 else PREPARATION  # a solution has begun, or has ended
+                limit = time_limit if heard % 2 else MAX_PREPARATION  # a solution has begun, or has ended
             if time.perf_counter() - clock > limit:
                 reason = f"took more than {limit:g} s" + ("" if heard % 2 else " to prepare")
             elif _memory(process) > memory_limit:

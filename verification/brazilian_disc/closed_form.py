@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-QUADRATURE = 64  # Gauss points on half a diameter: the stress there is smooth
-SEARCH = 160  # points per radius of the grid on which first failure is looked for, before it is refined
-CLEAR_OF_RIM = 1e-3  # of the radius: at the ends of the arcs the stress depends on the side one comes from
+QUADRATURE_POINTS = 64  # Gauss points on half a diameter, where the stress is smooth.
+SEARCH_POINTS_PER_RADIUS = 160  # Grid on which first failure is looked for before its place is refined.
+RIM_CLEARANCE = 1e-3  # Share of the radius. At the ends of the arcs the stress is discontinuous.
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class Disc:
 
     def widening(self, pressure: float, youngs_modulus: float, poisson_ratio: float) -> float:
         """How much the diameter across the load grows, m, in plane strain: the integral of its strain."""
-        points, weights = np.polynomial.legendre.leggauss(QUADRATURE)
-        across = np.stack([0.5 * self.radius * (points + 1.0), np.zeros(QUADRATURE)], axis=1)
+        points, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
+        across = np.stack([0.5 * self.radius * (points + 1.0), np.zeros(QUADRATURE_POINTS)], axis=1)
         xx, yy, _ = self.stress(across, pressure).T
         strain = (1.0 + poisson_ratio) / youngs_modulus * ((1.0 - poisson_ratio) * xx - poisson_ratio * yy)
         return float(self.radius * np.sum(weights * strain))
@@ -111,7 +111,7 @@ def first_failure(disc: Disc, poisson_ratio: float, strength: PeakStrength) -> F
     def resultant(position: np.ndarray) -> np.ndarray:
         return strength.load_factor(plane_strain(disc.stress(position, unit), poisson_ratio))
 
-    line = np.linspace(0.0, 1.0 - CLEAR_OF_RIM, SEARCH) * disc.radius
+    line = np.linspace(0.0, 1.0 - RIM_CLEARANCE, SEARCH_POINTS_PER_RADIUS) * disc.radius
     grid = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
     grid = grid[np.hypot(*grid.T) <= line[-1]]
     start = grid[np.argmin(resultant(grid))]

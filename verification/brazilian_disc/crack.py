@@ -12,11 +12,11 @@ from common.source_tensors import principal_axes, scalar_potency
 from common.voigt import tensor_from_voigt
 from seismic.events import extract_events, particle_potency
 from verification.brazilian_disc.closed_form import Disc
-from verification.brazilian_disc.elastic_rock import SOUND, PressedDisc
+from verification.brazilian_disc.elastic_rock import MIN_SOUND_SHARE, PressedDisc
 from verification.results import Variant
 
 STRAINS = ("seismic_strain", "overshoot_strain", "later_strain", "plastic_strain_step")
-STAGES = 6  # as in the paper's Fig. 16
+STAGE_COUNT = 6  # As in the paper's Fig. 16.
 
 
 class LoadedDisc(Protocol):
@@ -67,7 +67,9 @@ class Crack(Generic[Loaded]):
         _, first, self.rank = np.unique(instant, return_index=True, return_inverse=True)  # from the first failure
         self.part_of = order[first, 0]
         rock = np.bincount(state.cell.values, state.volume.values)  # m3 of each cell; all are of one size
-        sound = rock[state.cell.values[self.failed]] >= SOUND * rock.max()  # crumbs at the ends of the arcs fail before
+        sound = (
+            rock[state.cell.values[self.failed]] >= MIN_SOUND_SHARE * rock.max()
+        )  # crumbs at the ends of the arcs fail before
         self.first_part = int(order[sound if sound.any() else slice(None), 0].min())
         self.last_part = int(order[:, 0].max())
         self.place = state.position.values[self.failed, :2] - disc.center
@@ -142,9 +144,9 @@ class Crack(Generic[Loaded]):
         return float(np.degrees(np.arccos(min(1.0, abs(principal_axes(tensor)[2][0])))))
 
     def stages(self) -> list[Moment]:
-        """STAGES moments, each with the same share of the whole potency more than the one before."""
+        """STAGE_COUNT moments, each with the same share of the whole potency more than the one before."""
         potency = np.array([moment.potency for moment in self.moments])
-        wanted = potency[-1] * np.arange(1, STAGES + 1) / STAGES
+        wanted = potency[-1] * np.arange(1, STAGE_COUNT + 1) / STAGE_COUNT
         return [self.moments[index] for index in np.searchsorted(potency, wanted * (1.0 - 1e-12))]
 
     def events_between(self, after: int, until: int) -> xr.Dataset:

@@ -14,11 +14,12 @@ from verification.brazilian_disc.closed_form import (
 )
 from verification.results import Variant
 
-UNCUT = 0.999  # share of a cell that is rock, from which on it counts as whole
-SOUND = 0.5  # from which on it fails on its own stress
-IN_PLANE = [0, 1, 5]  # xx, yy, xy of six components
-COMPARED = 0.9  # of the radius: the load acts on a layer of cells, the exact one on the rim
-CENTRAL_CELLS = 1.0  # cells around the centre, in each direction, whose mean is the stress there
+MIN_UNCUT_SHARE = 0.999  # Share of rock from which a cell counts as uncut.
+MIN_SOUND_SHARE = 0.5  # Share of rock from which a cell fails by its own stress. Cells with less are crumbs.
+IN_PLANE = [0, 1, 5]  # Places of xx, yy and xy among six components.
+# Share of the radius within which stress is compared: the load acts on a layer of cells, the exact one on the rim.
+COMPARED_RADIUS_SHARE = 0.9
+CENTRAL_CELLS = 1.0  # Stress at the centre is the mean over so many cells in each direction.
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class PressedDisc:
         self.cell = state.cell.values[self.present]
         full = self.cell_size**2 * (thickness if self.flat else self.cell_size)
         share = np.bincount(self.cell, self.volume)[self.cell] / full
-        self.whole, self.sound = share > UNCUT, share >= SOUND
+        self.whole, self.sound = share > MIN_UNCUT_SHARE, share >= MIN_SOUND_SHARE
 
     def text_of(self, step: str, share: float) -> str:
         """What is applied once this share of a step's load is added."""
@@ -110,11 +111,11 @@ class PressedDisc:
         return self.stress[near][:, IN_PLANE].mean(axis=0), self.exact[near].mean(axis=0)
 
     def field_error(self) -> float:
-        """Root mean square of the error of cell means within COMPARED of the radius, over that of the stress itself."""
+        """R.m.s. error of cell means within COMPARED_RADIUS_SHARE of the radius, over the r.m.s. stress there."""
         found, exact, place = (
             self.cell_means(values)[1] for values in (self.stress[:, IN_PLANE], self.exact, self.place)
         )
-        inside = np.hypot(*place.T) <= COMPARED * self.disc.radius
+        inside = np.hypot(*place.T) <= COMPARED_RADIUS_SHARE * self.disc.radius
         twice = np.array([1.0, 1.0, 2.0])  # shear stands twice in a tensor
         return float(np.sqrt(np.sum(twice * (found - exact)[inside] ** 2) / np.sum(twice * exact[inside] ** 2)))
 

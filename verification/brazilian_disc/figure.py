@@ -7,17 +7,17 @@ from matplotlib.patches import Circle, Wedge
 
 from catalogs.figures import style
 from catalogs.figures.beachballs import first_motion
-from verification.brazilian_disc.crack import STAGES, Crack, Moment
+from verification.brazilian_disc.crack import STAGE_COUNT, Crack, Moment
 from verification.brazilian_disc.elastic_rock import PressedDisc
 
 MPA, KILO, MILLI = 1e-6, 1e-3, 1e3
 ACROSS, ALONG, OUT = style.RECORDED, style.MODELLED, style.BOTH
 COLOURS = (style.MODELLED, style.RECORDED, style.BOTH, "#cc79a7")
 OLDER, NEW = style.BEFORE_RECORD, "#000000"
-ARC_WIDTH = 2.5  # mm: of the drawn load
-SMALLEST, LARGEST = 1.4, 5.5  # mm: radii of beach balls
-BALLS = 14  # in a stage: the largest
-SAMPLES = 61  # of a beach ball's side
+ARC_WIDTH = 2.5  # Width of the drawn load, mm.
+MIN_BALL_RADIUS, MAX_BALL_RADIUS = 1.4, 5.5  # Radii of beach balls, mm.
+MAX_BALLS_PER_STAGE = 14  # The largest events of a stage are drawn.
+BALL_SAMPLES = 61  # Samples along a side of a beach ball.
 COLUMNS = 3
 
 
@@ -27,7 +27,7 @@ def draw(discs: dict[str, PressedDisc], cracks: dict[str, Crack | None], setting
     crack = cracks.get(settings["shown"])
     if crack is None:
         crack = next((found for found in cracks.values() if found), None)
-    rows = -(-STAGES // COLUMNS)
+    rows = -(-STAGE_COUNT // COLUMNS)
     figure = style.new_figure(height=3.9 + (4.1 * rows if crack else 0.0))
     if crack:
         upper, lower = figure.subfigures(2, 1, height_ratios=[3.9, 4.1 * rows])
@@ -106,7 +106,7 @@ def draw_stages(figure: FigureBase, crack: Crack, stages: list[Moment] | None = 
     radius = MILLI * crack.disc.disc.radius
     marker = max(1.1, 1.1 * MILLI * crack.disc.cell_size)  # of a cell
     for number, (axes, stage, events) in enumerate(
-        zip(figure.subplots(-(-STAGES // COLUMNS), COLUMNS).ravel(), stages, sections, strict=True), start=1
+        zip(figure.subplots(-(-STAGE_COUNT // COLUMNS), COLUMNS).ravel(), stages, sections, strict=True), start=1
     ):
         axes.add_patch(Circle((0, 0), radius, facecolor="#f4f4f4", edgecolor=style.OUTLINE, linewidth=0.8, zorder=1))
         half = np.degrees(crack.disc.disc.half_arc)
@@ -140,10 +140,10 @@ def _pairs(stages):
 
 def draw_events(axes: Axes, crack: Crack, events, largest: float) -> None:
     """The stage's largest events as beach balls beside the crack, joined to their places; area by potency."""
-    order = np.argsort(-events.potency.values, kind="stable")[:BALLS]
+    order = np.argsort(-events.potency.values, kind="stable")[:MAX_BALLS_PER_STAGE]
     radius = MILLI * crack.disc.disc.radius
     place = MILLI * (events.location.values[order, :2] - crack.disc.center)
-    size = np.clip(LARGEST * np.sqrt(events.potency.values[order] / largest), SMALLEST, LARGEST)
+    size = np.clip(MAX_BALL_RADIUS * np.sqrt(events.potency.values[order] / largest), MIN_BALL_RADIUS, MAX_BALL_RADIUS)
     for number, (x, y) in enumerate(spread(place, size, radius)):
         axes.plot([place[number, 0], x], [place[number, 1], y], color=style.OUTLINE, linewidth=0.5, zorder=3)
         tensor = events.potency_tensor.values[order[number]]
@@ -169,7 +169,7 @@ def spread(place: np.ndarray, size: np.ndarray, radius: float) -> np.ndarray:
 
 def draw_ball(axes: Axes, x: float, y: float, radius: float, tensor: np.ndarray) -> None:
     """A beach ball of the full tensor, lower hemisphere, seen along the disc's axis: coloured where it moves out."""
-    across, upward, motion = first_motion(tensor, SAMPLES)
+    across, upward, motion = first_motion(tensor, BALL_SAMPLES)
     disc = Circle((x, y), radius, facecolor="white", edgecolor="none", zorder=4)
     axes.add_patch(disc)
     if motion.max() > 0.0:

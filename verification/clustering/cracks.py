@@ -20,9 +20,10 @@ from verification.clustering.known_clusters import index_of_clusters, make_point
 from verification.clustering.known_steps import lognormal, turned
 from verification.rows import Row
 
-ASIDE = 0.13  # cells from the middle of the crack to the nearest corner of a cell: no plane runs along the cells' faces
-REACH = {"faces": FACES, "faces and edges": EDGES, "faces, edges and corners": CORNERS}
-OWN = "faces, edges and corners"
+# Distance from the middle of a crack to the nearest corner of a cell, cells. No crack runs along faces of cells.
+PLANE_OFFSET = 0.13
+REACHES = {"faces": FACES, "faces and edges": EDGES, "faces, edges and corners": CORNERS}
+REACH_OF_THE_PIPELINE = "faces, edges and corners"
 SHEAR = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
@@ -46,13 +47,13 @@ def cells(normal: NDArray, radius: float, lower: float, upper: float, size: floa
 def crack(normal: NDArray, radius: float, size: float = 1.0) -> NDArray:
     """A crack one cell thick, through the middle of the lattice."""
     half = 0.5 * size * np.abs(normal).max()
-    return cells(normal, radius, ASIDE - half, ASIDE + half, size)
+    return cells(normal, radius, PLANE_OFFSET - half, PLANE_OFFSET + half, size)
 
 
 def two_cracks(normal: NDArray, radius: float) -> NDArray:
     """Two parallel cracks one cell thick; the intact cells between them are those that one plane passes through."""
     thick, layer = np.abs(normal).max(), np.abs(normal).sum()
-    starts = (ASIDE, ASIDE + thick + layer)
+    starts = (PLANE_OFFSET, PLANE_OFFSET + thick + layer)
     return np.concatenate([cells(normal, radius, start, start + thick) for start in starts])
 
 
@@ -70,7 +71,9 @@ def two_levels(normal: NDArray, radius: float) -> tuple[NDArray, NDArray]:
 def crack_rows(settings: dict, allowed: dict) -> list[Row]:
     """Most and fewest events that cracks make, however they lie, by method. settings and allowed: the study's."""
     chosen, closeness = settings["cracks"], settings["families"]["shown_closeness"]
-    ways = {f"regions linked over {name}": (_stage("simultaneous", closeness), reach) for name, reach in REACH.items()}
+    ways = {
+        f"regions linked over {name}": (_stage("simultaneous", closeness), reach) for name, reach in REACHES.items()
+    }
     ways["families"] = (_stage("families", closeness), CORNERS)
     numbers: dict[tuple, list[int]] = {}
     for normal in normals(chosen):
@@ -85,7 +88,7 @@ def crack_rows(settings: dict, allowed: dict) -> list[Row]:
             numbers.setdefault((method, scene), []).append(len(np.unique(label)))
     rows = []
     for (method, scene), found in numbers.items():
-        bound = allowed["exact"] if method in ("families", f"regions linked over {OWN}") else None
+        bound = allowed["exact"] if method in ("families", f"regions linked over {REACH_OF_THE_PIPELINE}") else None
         true = 2 if scene == "two cracks" else 1
         for which, number in (("most", max(found)), ("fewest", min(found))):
             quantity = f"{method}: events of {scene}, one cell thick, {which} of {len(found)} ways to lie"
@@ -98,7 +101,7 @@ def body_rows(settings: dict, allowed: dict) -> list[Row]:
     mechanisms = tensor_from_voigt(np.array(settings["families"]["mechanisms"], dtype=float))
     stage = _stage("simultaneous", settings["families"]["shown_closeness"])
     rows = []
-    for scatter, (name, reach) in product(settings["cracks"]["scatter"], REACH.items()):
+    for scatter, (name, reach) in product(settings["cracks"]["scatter"], REACHES.items()):
         indices = []
         for number, shape in enumerate(settings["sets"].values()):
             generator = np.random.default_rng([settings["seed"], number, 2])
@@ -110,7 +113,9 @@ def body_rows(settings: dict, allowed: dict) -> list[Row]:
             potency = voigt_from_tensor(size[:, None, None] * tensor)
             label = _events(points.position, points.spacing, potency, stage, reach)
             indices.append(index_of_clusters(points, label))
-        bound = allowed["random"] if scatter == 0 and name == OWN else None  # cells fail at random in one set
+        bound = (
+            allowed["random"] if scatter == 0 and name == REACH_OF_THE_PIPELINE else None
+        )  # cells fail at random in one set
         what = f"adjusted Rand index of bodies of one mechanism, turned by up to {scatter:g} degrees, mean of sets"
         rows.append(Row.relative(f"regions linked over {name}: {what}", 1.0, float(np.mean(indices)), bound))
     return rows

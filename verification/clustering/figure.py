@@ -10,9 +10,9 @@ from catalogs.figures import style
 from verification.clustering.family_recovery import Recovery
 from verification.clustering.known_clusters import NOISE, PointSet, index_of_clusters
 
-ALONE = "#b3b3b3"
-SLICE = 2.0  # cells to either side of the middle
-LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # Okabe and Ito (2008)
+UNCLUSTERED_COLOUR = "#b3b3b3"
+SLICE_HALF_THICKNESS = 2.0  # Cells that a slice shows on either side of the middle height.
+LINE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # Okabe and Ito (2008)
 
 
 def draw(separations: dict, families: Recovery, times: dict, mechanisms: int) -> Figure:
@@ -57,9 +57,9 @@ def _draw_sets(figure: SubFigure, separations: dict, heights: list[float]) -> No
             if number == 0:
                 axes.annotate(method, (0.5, 1.0), (0, 22), "axes fraction", "offset points", ha="center", fontsize=11)
     figure.supxlabel(
-        f"Failed particles within {SLICE:g} cells of the middle height of each set; a colour is one cluster, grey a "
-        "particle alone.\nNumbers: adjusted Rand index, scattered particles left out; 1 is the truth. Of several draws "
-        "the one where the methods differ most.",
+        f"Failed particles within {SLICE_HALF_THICKNESS:g} cells of the middle height of each set; a colour is one "
+        "cluster, grey a particle alone.\nNumbers: adjusted Rand index, scattered particles left out; 1 is the truth. "
+        "Of several draws the one where the methods differ most.",
         fontsize=9,
     )
 
@@ -71,10 +71,10 @@ def _draw_clusters(axes: Axes, points: PointSet, label: NDArray) -> None:
     rank = np.empty(len(count), int)
     rank[np.argsort(-count, kind="stable")] = np.arange(len(count))
     palette = mpl.colormaps["tab10"](np.arange(10))[[0, 1, 2, 3, 4, 5, 6, 8, 9], :3]
-    colour = np.where(alone[:, None], mpl.colors.to_rgb(ALONE), palette[rank[label] % len(palette)])
+    colour = np.where(alone[:, None], mpl.colors.to_rgb(UNCLUSTERED_COLOUR), palette[rank[label] % len(palette)])
     height = points.position[:, 2]
     order = np.argsort(height, kind="stable")
-    order = order[np.abs(height[order] - np.median(height)) <= SLICE * points.spacing.min()]
+    order = order[np.abs(height[order] - np.median(height)) <= SLICE_HALF_THICKNESS * points.spacing.min()]
     across = np.ptp(points.position[:, 0]) / points.spacing.min()
     size = np.square(100.0 / across * points.spacing[order] / points.spacing.min())
     x, y = points.position[order, :2].T
@@ -110,7 +110,7 @@ def _draw_table(
 
 def _draw_times(axes: Axes, times: dict) -> None:
     """Seconds against particles, logarithmic, with a line of slope 1."""
-    for (method, line), colour in zip(times.items(), LINES, strict=False):
+    for (method, line), colour in zip(times.items(), LINE_COLOURS, strict=False):
         count, seconds = np.array([(count, seconds) for count, seconds, _ in line]).T
         run = np.isfinite(seconds)
         axes.loglog(count[run], seconds[run], "o-", color=colour, markersize=4, label=method)

@@ -20,8 +20,8 @@ from workflow.configuration import load
 DEFAULT = yaml.safe_load((Path(__file__).parents[2] / "config" / "default.yaml").read_text())
 RESTS, REFUSED, ENDED, BROKEN, HANGS, WRONG = "at rest", "refused", "ended", "traceback", "hangs", "wrong"
 FAULTS = (BROKEN, HANGS, WRONG)
-SECONDS = 120  # of processor time, of one scene: more is a hang
-ABOVE = 1e-3  # of strength and stress: by how much a stored stress may stand above strength
+MAX_SCENE_SECONDS = 120  # Processor time of a scene above which it counts as hanging.
+MAX_OVERSTRESS_SHARE = 1e-3  # A stored stress may exceed strength by this share of strength and stress.
 
 
 @dataclass
@@ -54,7 +54,7 @@ def _limit(seconds: int):
         signal.signal(signal.SIGPROF, before)
 
 
-def run(values: dict, folder: Path, seconds: int = SECONDS) -> Outcome:
+def run(values: dict, folder: Path, seconds: int = MAX_SCENE_SECONDS) -> Outcome:
     """Take a configuration through its stages, in this process: refused before the first solution or ended after it."""
     stored: dict[str, xr.Dataset] = {}
     failed = folder / "failed.npz"
@@ -135,5 +135,5 @@ def _above_strength(values, grid, state, present, failed):
             if rock["tension_cutoff"] != "none":
                 excess = np.maximum(excess, s1 - float(rock["tension_cutoff"][kind].split()[0]))
             size = strength + slope * np.abs(s1) + np.abs(s3) + np.abs(tensor[present]).max()
-            if (excess > ABOVE * size).any():
+            if (excess > MAX_OVERSTRESS_SHARE * size).any():
                 yield f"{kind} {material} stands {excess.max():.3g} Pa above its strength"

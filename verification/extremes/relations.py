@@ -7,21 +7,22 @@ import numpy as np
 
 from verification.extremes.outcomes import ENDED, RESTS, Outcome
 
-SCALE = 2.0**10
-SHIFT = 1024.0  # of the coarsest cell: exact in binary where the cell is
-ELASTIC = 1e-3  # of the largest motion: both are at rest to 1e-4 of the force
+STRESS_SCALE = 2.0**10  # A power of two keeps every digit.
+SHIFT_CELLS = 1024.0  # Shift in coarsest cells. It is exact in binary where the cell is.
+# Share of the largest motion. The scenes' own tolerance, a share of the force, is a tenth of it.
+MAX_ELASTIC_DIFFERENCE = 1e-3
 RUNS_AWAY = "runs away"
-REST = 0.02  # of the largest motion: by how much it may depend on the tolerance
+MAX_DIFFERENCE_BY_TOLERANCE = 0.02  # Share of the largest motion by which the tolerance may change an equilibrium.
 
 
 def _scaled(values: dict) -> dict:
-    """Stresses, strengths and moduli times SCALE: the same strains, the same rock fails. Densities count as ratios."""
+    """Stresses, strengths and moduli times STRESS_SCALE: strains and failed rock stay. Densities count as ratios."""
 
     def times(entry):
         if isinstance(entry, dict):
             return {key: times(value) for key, value in entry.items()}
         number, _, unit = entry.partition(" ") if isinstance(entry, str) else ("", "", "")
-        return f"{float(number) * SCALE!r} {unit}" if unit in ("Pa", "Pa/m") else entry
+        return f"{float(number) * STRESS_SCALE!r} {unit}" if unit in ("Pa", "Pa/m") else entry
 
     result = copy.deepcopy(values)
     for key in ("insitu_stress", "materials"):
@@ -31,7 +32,7 @@ def _scaled(values: dict) -> dict:
 
 def _shifted(values: dict) -> dict:
     """The mine moved along x: everything else as it was."""
-    by = SHIFT * float(values["grid"]["coarse_cell"].split()[0])
+    by = SHIFT_CELLS * float(values["grid"]["coarse_cell"].split()[0])
     result = copy.deepcopy(values)
     for entry in (result["domain"], *result["excavations"], *result["rock_bodies"]):
         for key in ("lower", "upper", "center"):
@@ -62,7 +63,7 @@ def is_rest(values: dict, outcome: Outcome, run: Callable[[dict], Outcome]) -> b
     other = run(tighter)
     return other.kind == RESTS and all(
         np.abs(state.node_displacement.values - other.stored[name].node_displacement.values).max()
-        <= REST * np.abs(state.node_displacement.values).max()
+        <= MAX_DIFFERENCE_BY_TOLERANCE * np.abs(state.node_displacement.values).max()
         for name, state in outcome.stored.items()
         if name != "grid"
     )
@@ -91,6 +92,6 @@ def compare(name: str, values: dict, first: Outcome, run: Callable[[dict], Outco
             return f"{len(motions[0])} and {len(motions[1])} nodes"
         largest = np.abs(motions[0]).max()
         apart = np.abs(motions[0] - motions[1]).max()
-        if apart > ELASTIC * largest:
+        if apart > MAX_ELASTIC_DIFFERENCE * largest:
             return f"elastic motion differs by {apart / largest:.2g} of the largest"
     return ""

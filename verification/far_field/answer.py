@@ -14,9 +14,9 @@ from verification.results import Results, Variant
 from verification.rows import Row
 from verification.sphere.answer import exact_field
 
-UNCUT = 0.999  # share of a cell that is rock, from which on it counts as whole
-SAME_PLACE = 1e-3  # cells between two particles that are the same
-CLEAR_CELLS = 2.0  # off the wall, from which on stress is compared with theory
+MIN_UNCUT_SHARE = 0.999  # Share of rock from which a cell counts as uncut.
+MAX_PLACE_DIFFERENCE = 1e-3  # Particles of two grids closer than so many cells are the same.
+CLEAR_CELLS = 2.0  # Cells next to the wall that the comparison with theory leaves out.
 
 
 class Rock:
@@ -30,7 +30,7 @@ class Rock:
         cells = state.cell.values[present]
         size = self.grid.cell_size.values
         whole = size**self.dimension * (self.grid.attrs["thickness"] if self.dimension == 2 else 1.0)
-        uncut = np.bincount(cells, state.volume.values[present], minlength=len(size)) > UNCUT * whole
+        uncut = np.bincount(cells, state.volume.values[present], minlength=len(size)) > MIN_UNCUT_SHARE * whole
         present, cells = present[uncut[cells]], cells[uncut[cells]]
         self.place = state.position.values[present]
         self.stress = tensor_from_voigt(state.stress.values[present])
@@ -61,7 +61,7 @@ def largest_difference(one: Rock, other: Rock, cells: float) -> tuple[float, int
     particles. Raises ValueError where the two grids are not the same there."""
     beside = one.beside_wall(cells)
     distance, same = cKDTree(other.place).query(one.place[beside])
-    if distance.max() > SAME_PLACE * one.cell:
+    if distance.max() > MAX_PLACE_DIFFERENCE * one.cell:
         raise ValueError(f"cells at the wall differ by {distance.max():g} m: the domains must be aligned")
     largest = np.abs(np.linalg.eigvalsh(one.stress[beside])).max()
     return float(np.abs(one.stress[beside] - other.stress[same]).max() / largest), len(beside)

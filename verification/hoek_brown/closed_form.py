@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-POINTS = 60  # of Gauss's rule, on the edge and on the face
+QUADRATURE_POINTS = 60  # Points of Gauss's rule on the edge, and as many on the face.
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class HoekBrownTunnel:
         """Outward displacement since virgin at r >= radius, m."""
         r, front, m = np.asarray(r, float), self.plastic_radius, self.rock.dilation
         edge = (self.pressure - self.front_pressure) * front / (2 * self.rock.shear_modulus)
-        knots, weights = np.polynomial.legendre.leggauss(POINTS)
+        knots, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
         inner = np.minimum(r, front)
         kink = np.maximum(inner, self.edge_radius)
         driven = np.zeros_like(inner)

@@ -11,7 +11,7 @@ from verification.invariants.closed_form import Column
 from verification.invariants.operator import Solved
 from verification.rows import Row
 
-FLOOR = 1e-18  # where errors of exactly zero are drawn
+MIN_DRAWN_ERROR = 1e-18  # Errors of exactly zero are drawn here.
 MARKERS = {"section": "o", "block": "s"}
 
 
@@ -33,12 +33,12 @@ def _errors(axes: Axes, rows: list[Row]) -> None:
     for place, kind in enumerate(kinds):
         for variant, marker, shift in (("section", "o", 0.12), ("block", "s", -0.12)):
             chosen = [row for row in rows if row.quantity.startswith(f"{kind}_{variant}")]
-            error = [max(row.error, FLOOR) for row in chosen]
+            error = [max(row.error, MIN_DRAWN_ERROR) for row in chosen]
             axes.plot(error, [place + shift] * len(error), marker, color=MODELLED, markersize=5, alpha=0.6)
         bound = next(row.allowed for row in rows if row.quantity.startswith(kind))
         axes.plot([bound, bound], [place - 0.35, place + 0.35], color=RECORDED, linewidth=2)
     axes.set_xscale("log")
-    axes.set_xlim(0.3 * FLOOR, 1e-9)
+    axes.set_xlim(0.3 * MIN_DRAWN_ERROR, 1e-9)
     axes.set_yticks(range(len(kinds)), kinds)
     axes.invert_yaxis()
     axes.set_xlabel("error, share of the largest term (0: 1e-18)")

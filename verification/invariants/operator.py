@@ -17,7 +17,7 @@ from mpm_core.stages.step_cells import make_scheme
 from verification.invariants.closed_form import Elastic, Smooth
 from verification.results import Variant
 
-MARGIN = 4.0  # m: empty space left between a body that moves and the faces of its domain
+DOMAIN_MARGIN = 4.0  # Empty space between a moving body and the faces of its domain, m.
 
 
 def model_of(variant: Variant, **changes) -> Model:
@@ -103,7 +103,7 @@ def fly(variant: Variant, random: np.random.Generator, steps: int, reach: float)
     model = model_of(variant, particles_per_cell=2, cut_cells="whole", move=True, damping=0.0)
     grid, position = model.grid, model.particles.position
     upper = grid.origin + grid.shape * grid.fine_cell
-    inside = ((position > grid.origin + MARGIN) & (position < upper - MARGIN)).all(axis=1)
+    inside = ((position > grid.origin + DOMAIN_MARGIN) & (position < upper - DOMAIN_MARGIN)).all(axis=1)
     body = MovingBody(model, model.virgin_state(), np.where(inside, model.volumes(0), 0.0))
     body.state.stress[:] = 1e6 * random.standard_normal(body.state.stress.shape)
     speed = reach * grid.fine_cell / body.time_step

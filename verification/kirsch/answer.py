@@ -10,7 +10,7 @@ from verification.results import Results
 from verification.rows import Row
 
 COMPONENTS = ("radial", "hoop", "shear")
-CLEAR_CELLS, OUTER_RADII = 2.0, 4.0  # stresses are compared from so many cells off the wall to so many radii
+CLEAR_CELLS, OUTER_RADII = 2.0, 4.0  # Stresses are compared from so many cells off the wall to so many radii.
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:

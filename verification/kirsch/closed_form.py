@@ -22,9 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-TERMS = 40  # odd powers of either sign: the field within 4 radii is then good to 1e-9 (20: 1e-7)
+SERIES_TERMS = 40  # Odd powers of either sign.
 FACE_POINTS = 200
-CHUNK = 20_000  # points at once: 100 MB
+POINTS_PER_CHUNK = 20_000  # Limits the memory of one evaluation.
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class BoxedPlate:
     (traction), over the largest virgin stress times the radius.
     """
 
-    def __init__(self, radius, stress, shear_modulus, poisson_ratio, half_width, boundary, terms=TERMS):
+    def __init__(self, radius, stress, shear_modulus, poisson_ratio, half_width, boundary, terms=SERIES_TERMS):
         self.radius, self.shear_modulus = radius, shear_modulus
         self.kappa = 3 - 4 * poisson_ratio
         self.size = np.sqrt(2.0) * half_width  # of the corner: powers of z over it are at most 1
@@ -165,7 +165,7 @@ class BoxedPlate:
 
     def at(self, points: np.ndarray) -> Field:
         """Field at points (point,) complex, r >= radius, inside the box."""
-        parts = [self._at(part) for part in np.array_split(points, len(points) // CHUNK + 1)]
+        parts = [self._at(part) for part in np.array_split(points, len(points) // POINTS_PER_CHUNK + 1)]
         return Field(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def _at(self, z: np.ndarray) -> tuple[np.ndarray, ...]:

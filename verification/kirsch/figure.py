@@ -14,9 +14,9 @@ MPA = 1e-6
 TREATMENT_COLOURS = {"whole": "#cc79a7", "mean": style.MODELLED, "subdivide": style.BOTH}
 GRID_COLOURS = {"regular": style.BEFORE_RECORD, "multilevel": style.MODELLED}
 HOOP, RADIAL, SHEAR = style.RECORDED, style.MODELLED, style.BOTH
-REACH = 2.5  # radii that maps show on either side
-MAP_ERROR = 3.0  # %, where their colours end
-PIXELS = 200  # of a map's side: one for each particle of 0.5 m cells
+MAP_RADII = 2.5  # Half the width of the maps in radii.
+MAP_ERROR_LIMIT = 3.0  # End of the colours of errors, %.
+MAP_PIXELS = 200  # Pixels along a side of a map.
 
 
 def draw(rocks: dict[str, Rock], series: dict[str, list[Point]], treatment: str, distance: float) -> Figure:
@@ -104,8 +104,8 @@ def draw_maps(panel, grids: dict[str, Rock]) -> None:
     """Hoop and radial stress around the hole: multi-level, exact, and the errors of both grids."""
     rock = grids["multilevel"]
     hole = rock.hole
-    reach = REACH * hole.radius
-    axis = (np.arange(PIXELS) + 0.5) / PIXELS * 2 * reach - reach
+    reach = MAP_RADII * hole.radius
+    axis = (np.arange(MAP_PIXELS) + 0.5) / MAP_PIXELS * 2 * reach - reach
     points = axis[None, :] + 1j * axis[:, None]
     inside = np.abs(points) < hole.radius
     exact = np.zeros((3, *points.shape))
@@ -119,7 +119,7 @@ def draw_maps(panel, grids: dict[str, Rock]) -> None:
         columns.append((f"error, {name}", 100 * read_map(other, error, points) / hole.far_stress))
     all_axes = panel.subplots(2, len(columns), sharex=True, sharey=True)
     looks = [{"cmap": "cividis", "vmin": exact.min() * MPA, "vmax": 0.0}] * 2
-    looks += [{"cmap": "RdBu_r", "vmin": -MAP_ERROR, "vmax": MAP_ERROR}] * (len(columns) - 2)
+    looks += [{"cmap": "RdBu_r", "vmin": -MAP_ERROR_LIMIT, "vmax": MAP_ERROR_LIMIT}] * (len(columns) - 2)
     extent = (-reach, reach, -reach, reach)
     drawn = []
     for row, (component, name) in zip(all_axes, ((1, "Hoop"), (0, "Radial")), strict=True):

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from verification.kirsch.closed_form import BoxedPlate, Field, InfinitePlate, PressedPlate, polar_stress
 from verification.results import Variant
 
-UNCUT = 0.999  # share of a cell that is rock, from which on it counts as whole
+MIN_UNCUT_SHARE = 0.999  # Share of rock from which a cell counts as uncut.
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Rock:
         self.cell_nodes = state.cell_nodes.values  # with the nodes that walls have for themselves
         self.node_moved = state.node_displacement.values[:, :2] @ np.array([1.0, 1.0j])
         size = self.grid.cell_size.values[self.cell] ** 2 * self.grid.attrs["thickness"]
-        self.whole = np.bincount(self.cell, self.volume)[self.cell] > UNCUT * size
+        self.whole = np.bincount(self.cell, self.volume)[self.cell] > MIN_UNCUT_SHARE * size
         self.distance, self.angle = np.abs(self.place), np.angle(self.place)
 
     @cached_property

@@ -14,7 +14,7 @@ from verification.results import Results
 from verification.rows import Row
 
 ANGLES = 2 * np.pi * (np.arange(360) + 0.5) / 360
-CLEAR_CELLS = 1.0  # what extrapolation leaves out next to the wall
+CLEAR_CELLS = 1.0  # Cells next to the wall that the extrapolation leaves out.
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from verification.rows import Row
 
 MPA = 1e-6
 SOURCE = "CB-Geo, 2d/plate_with_hole/isoparametric"
-AROUND = 4  # particles that a plane goes through
+PLANE_PARTICLES = 4  # Nearest particles that a plane is fitted to.
 
 
 def particle_rows(run: Run, place: list[float], printed: list[float], allowed: float) -> list[Row]:
@@ -33,8 +33,8 @@ def particle_rows(run: Run, place: list[float], printed: list[float], allowed: f
 def compression_at(cavity: Cavity, point: np.ndarray) -> np.ndarray:
     """Radial and hoop compression (2,), Pa, at a point (2,) m: a plane through the particles around it, component by
     component, so that the hole's shape does not enter."""
-    near = cKDTree(cavity.place[:, :2]).query(point, k=AROUND)[1]
-    terms = np.column_stack([np.ones(AROUND), cavity.place[near, :2] - point])
+    near = cKDTree(cavity.place[:, :2]).query(point, k=PLANE_PARTICLES)[1]
+    terms = np.column_stack([np.ones(PLANE_PARTICLES), cavity.place[near, :2] - point])
     at_point = np.linalg.pinv(terms)[0]
     stress = np.einsum("p,pij->ij", at_point, cavity.stress[near, :2, :2])
     outward = point / np.hypot(*point)

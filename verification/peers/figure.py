@@ -13,11 +13,11 @@ from verification.plastic.answer import Run
 from verification.plastic.figure import BLOCK_HEIGHT, blocks_of, draw_block
 from verification.results import Results, Variant
 
-LAST = 3.6  # inches: height of the row of roof and slope
-STRAIN = 1e-3, 1e-1  # plastic shear that the colours of the slope span
-NONE = 1e-12  # on their logarithmic scale
-AROUND = 4.0  # m of the slope shown beside the spiral
-ROOM = 1e7  # iterations up to which the axis goes, so that the legend covers none
+LAST_ROW_HEIGHT = 3.6  # Height of the row of roof and slope, inches.
+SHEAR_COLOUR_LIMITS = 1e-3, 1e-1  # Plastic shear that the colours of the slope span.
+MIN_DRAWN_SHEAR = 1e-12  # Stands for no plastic shear on the logarithmic scale.
+SPIRAL_MARGIN = 4.0  # Ground shown around the spiral, m.
+AXIS_TOP = 1e7  # End of the axis of iterations: the legend covers no point.
 
 
 def draw(results: Results, runs: list[Run]) -> Figure:
@@ -28,7 +28,7 @@ def draw(results: Results, runs: list[Run]) -> Figure:
     roofs = {name: printed for name, printed in settings["roof"].items() if name in results.variants}
     slopes = [name for name in settings["slope"]["factors"] if name in results.variants]
     panels = len(roofs) + 2 * bool(slopes)
-    heights = [BLOCK_HEIGHT] * len(blocks) + [LAST] * bool(panels)
+    heights = [BLOCK_HEIGHT] * len(blocks) + [LAST_ROW_HEIGHT] * bool(panels)
     figure = style.new_figure(height=sum(heights))
     parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
     for part, block in zip(parts, blocks, strict=False):
@@ -71,7 +71,8 @@ def band(part, axes, results: Results, names: list[str]) -> None:
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     corner, size = grid.cell_origin.values[cell][:, [0, 2]], grid.cell_size.values[cell]
     drawn = PolyCollection(
-        corner[:, None] + size[:, None, None] * square, array=np.maximum(shear, NONE), norm="log", clim=STRAIN,
+        corner[:, None] + size[:, None, None] * square, array=np.maximum(shear, MIN_DRAWN_SHEAR),
+        norm="log", clim=SHEAR_COLOUR_LIMITS,
         cmap=colormaps["viridis_r"].with_extremes(under=style.FILL), rasterized=True,
     )  # fmt: skip
     axes.add_collection(drawn)
@@ -79,7 +80,7 @@ def band(part, axes, results: Results, names: list[str]) -> None:
     toe = np.array(variant.values["excavations"][0]["points"][1])
     spiral = Slope(**settings["rock"]).spiral().points() + toe
     axes.plot(*spiral.T, color=style.RECORDED, linestyle="--")
-    low, high = spiral.min(axis=0) - AROUND, spiral.max(axis=0) + AROUND
+    low, high = spiral.min(axis=0) - SPIRAL_MARGIN, spiral.max(axis=0) + SPIRAL_MARGIN
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x (m)", ylabel="z (m)")
     axes.set_title(f"slope at {settings['factors'][name]:g} (dashed: log spiral)")
 
@@ -95,6 +96,6 @@ def work(axes, results: Results, names: list[str]) -> None:
     bound = Slope(**settings["rock"]).limit()
     axes.axvline(settings["limit"], color=style.RECORDED, linewidth=0.8, label="their limit")
     axes.axvline(bound, color=style.OUTLINE, linestyle="--", linewidth=0.8, label="log spiral")
-    axes.set_ylim(top=ROOM)
+    axes.set_ylim(top=AXIS_TOP)
     axes.legend(loc="upper left")
     axes.set(title="iterations to rest", xlabel="factor of strength")

@@ -17,10 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq, minimize
 
-POINTS = 400  # of a spiral
-TRIED = [(first, last) for first in range(10, 90, 8) for last in range(60, 170, 8)]  # degrees; the best is improved
-FACTORS = 0.5, 4.0  # between which a limit is sought
-NEVER = 1e9  # times cohesion over unit weight: no height at all
+SPIRAL_POINTS = 400
+# First and last angles, degrees. The search for the worst spiral starts from the best pair.
+START_ANGLES = [(first, last) for first in range(10, 90, 8) for last in range(60, 170, 8)]
+FACTOR_BOUNDS = 0.5, 4.0  # Factors of strength between which a limit is sought.
+UNREACHABLE_HEIGHT = 1e9  # Dimensionless height at which what is no mechanism slides.
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Spiral:
 
     def points(self) -> np.ndarray:
         """From the ground behind the crest to the toe (point, 2), m from the toe."""
-        angle = np.linspace(self.first, self.last, POINTS)
+        angle = np.linspace(self.first, self.last, SPIRAL_POINTS)
         arm = self.radius * np.exp((angle - self.first) * math.tan(self.friction))
         return np.stack([self.centre[0] + arm * np.cos(angle), self.centre[1] - arm * np.sin(angle)], axis=1)
 
@@ -64,7 +65,7 @@ class Slope:
 
     def limit(self) -> float:
         """The largest factor that the worst spiral lets stand."""
-        return brentq(self.excess, *FACTORS, xtol=1e-6)
+        return brentq(self.excess, *FACTOR_BOUNDS, xtol=1e-6)
 
     def spiral(self) -> Spiral:
         """The worst spiral at the limit."""
@@ -80,9 +81,9 @@ def worst_spiral(friction: float, slope: float) -> tuple[float, Spiral]:
 
     def height(angles: np.ndarray) -> float:
         spiral = through_toe(angles, friction)
-        return NEVER if spiral is None else height_of(spiral, slope)
+        return UNREACHABLE_HEIGHT if spiral is None else height_of(spiral, slope)
 
-    start = min((np.radians(angles) for angles in TRIED), key=height)
+    start = min((np.radians(angles) for angles in START_ANGLES), key=height)
     best = minimize(height, start, method="Nelder-Mead", tol=1e-8)
     worst = through_toe(best.x, friction)
     assert worst is not None  # the search starts at a spiral through the toe and goes to none that is not
@@ -106,13 +107,13 @@ def height_of(spiral: Spiral, slope: float) -> float:
     """Unit weight times height over cohesion at which a spiral through the toe of a slope of height 1 slides."""
     arc, crest = spiral.points(), np.array([[1.0 / math.tan(slope), 1.0]])
     if arc[0, 0] <= crest[0, 0]:
-        return NEVER
+        return UNREACHABLE_HEIGHT
     outline = np.concatenate([arc, crest]) - np.array(spiral.centre)
     x, z = outline.T
     after_x, after_z = np.roll(x, -1), np.roll(z, -1)
     moment = -np.sum((x + after_x) * (x * after_z - after_x * z)) / 6.0  # the outline runs clockwise
     if moment <= 0.0:
-        return NEVER
+        return UNREACHABLE_HEIGHT
     tangent = math.tan(spiral.friction)
     cohesive = spiral.radius**2 * (math.exp(2.0 * (spiral.last - spiral.first) * tangent) - 1.0) / (2.0 * tangent)
     return cohesive / moment

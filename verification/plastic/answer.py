@@ -19,7 +19,7 @@ from verification.results import Results, Variant
 from verification.rows import Row
 
 MPA = 1e-6
-PERCENT = 95  # of the failed volume lie within the radius that is compared
+RADIUS_PERCENTILE = 95  # The radius within which so many percent of the failed volume lie is compared.
 STRESSES = {2: ("radial", "hoop", "axial"), 3: ("radial", "hoop")}
 
 
@@ -44,8 +44,8 @@ class Run:
 
     @property
     def percentile(self) -> float:
-        """Distance within which PERCENT of the failed volume lie, m."""
-        return self.cavity.failed_percentile(PERCENT)
+        """Distance within which RADIUS_PERCENTILE of the failed volume lie, m."""
+        return self.cavity.failed_percentile(RADIUS_PERCENTILE)
 
     @property
     def share(self) -> float:
@@ -150,7 +150,7 @@ def brittle_rows(name: str, members: list[Run], outer: float, allowed: dict[str,
     cell, front = first.cavity.cell, first.theory.plastic_radius / first.cavity.cell
     percentiles = np.array([run.percentile / cell for run in members])
     mean, farthest = float(percentiles.mean()), float(percentiles[np.abs(percentiles - front).argmax()])
-    what = f"{name}: {PERCENT} % of the failed volume lie within, cells"
+    what = f"{name}: {RADIUS_PERCENTILE} % of the failed volume lie within, cells"
     rows = [
         Row(
             f"{what}, mean of {len(members)} runs",
@@ -180,7 +180,7 @@ def brittle_rows(name: str, members: list[Run], outer: float, allowed: dict[str,
         rows.append(Row(f"{name}: {quantity}, mean", expected, obtained, abs(obtained - expected), None, remark))
     potency = np.array([run.seismic_potency for run in members])
     spreads = {
-        f"{PERCENT} % radius, cells": percentiles,
+        f"{RADIUS_PERCENTILE} % radius, cells": percentiles,
         "seismic potency, share of its mean": potency / potency.mean(),
     }
     for quantity, values in spreads.items():

@@ -13,7 +13,7 @@ from verification.plastic.sphere import PlasticSphere
 from verification.plastic.tunnel import PlasticTunnel
 from verification.results import Variant
 
-WALL_ANGLES = 90  # of a quarter of a circle; on a sphere as close as that squared over 90
+WALL_ANGLES = 90  # Points on a quarter of a circle; its square on an eighth of a sphere.
 
 
 def read_pressure(variant: Variant) -> float:

@@ -8,12 +8,12 @@ from matplotlib.patches import Circle
 from catalogs.figures import style
 
 MPA = 1e-6
-REACH = 1.7  # plastic radii that profiles and maps show
+DRAWN_RADII = 1.7  # Extent of profiles and maps in plastic radii.
 COLOURS = (style.MODELLED, style.RECORDED, style.BOTH)
 STRESSES = {2: ("radial", "hoop", "axial"), 3: ("radial", "hoop")}
 MAX_PER_ROW = 4  # Columns of profile and map beside each other.
-BLOCK_HEIGHT = 5.4  # inches, of both
-SHOWN = 1500  # particles of a profile, so that the file stays small
+BLOCK_HEIGHT = 5.4  # Height of a profile and its map, inches.
+MAX_PROFILE_PARTICLES = 1500  # Keeps the file small.
 
 
 def draw(perfect: list, groups: dict[str, list]) -> Figure:
@@ -49,9 +49,9 @@ def draw_block(part, block: list[tuple[str, list]]) -> None:
 def profile(axes, title: str, run) -> None:
     """Stresses of particles against distance, and theory as lines."""
     cavity, theory = run.cavity, run.theory
-    reach = REACH * theory.plastic_radius
+    reach = DRAWN_RADII * theory.plastic_radius
     near = np.flatnonzero((cavity.distance > theory.radius) & (cavity.distance < reach))
-    near = near[:: len(near) // SHOWN + 1]
+    near = near[:: len(near) // MAX_PROFILE_PARTICLES + 1]
     r = np.linspace(theory.radius, reach, 600)
     kinds = STRESSES[cavity.dimension]
     for number, (kind, exact) in enumerate(zip(kinds, theory.stress(r), strict=False)):
@@ -70,7 +70,7 @@ def where_failed(figure, axes, runs: list) -> None:
     """Cells beside the plane of symmetry, by the share of runs in which they failed, with theory's front."""
     first = runs[0]
     cavity, theory = first.cavity, first.theory
-    grid, reach = cavity.grid, REACH * theory.plastic_radius
+    grid, reach = cavity.grid, DRAWN_RADII * theory.plastic_radius
     failed = np.zeros(grid.sizes["cell"])
     for run in runs:
         cells = np.unique(run.cavity.particle_cell[run.cavity.failed])

@@ -11,7 +11,7 @@ from verification.results import Results, Variant
 from verification.rows import Row
 
 STEP = "mined"
-SHOWN = 22.0  # m around the middle of the stope
+SECTION_HALF_WIDTH = 22.0  # Half the width of the drawn sections around the middle of the stope, m.
 
 
 class Run:
@@ -146,5 +146,8 @@ def draw_section(panel: Axes, run: Run) -> None:
         corners = np.stack([np.stack([x, x + h, x + h, x], 1), np.stack([z, z, z + h, z + h], 1)], axis=2)
         panel.add_collection(PolyCollection(list(corners), facecolor=colour, edgecolor="#999999", linewidth=0.3))
     panel.plot([75, 85, 85, 75, 75], [970, 970, 990, 990, 970], color="black", linewidth=1.2)
-    panel.set(xlim=(middle[0] - SHOWN, middle[0] + SHOWN), ylim=(middle[2] - SHOWN, middle[2] + SHOWN))
+    panel.set(
+        xlim=(middle[0] - SECTION_HALF_WIDTH, middle[0] + SECTION_HALF_WIDTH),
+        ylim=(middle[2] - SECTION_HALF_WIDTH, middle[2] + SECTION_HALF_WIDTH),
+    )
     panel.set(aspect="equal", xlabel="x (m)", ylabel="z (m); failed rock filled, stope in black")

@@ -12,8 +12,10 @@ from verification.rows import Row
 from verification.schemes.figure import draw
 from verification.schemes.runs import Pairs, read_pairs
 
-ONCE_AND_TWICE = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # each Voigt component in a sum over the tensor
-QUANTITIES = {  # of a run: name, and by which short name the mean of the pairs' differences is bounded
+# How often each Voigt component stands in a sum over the tensor.
+VOIGT_MULTIPLICITY = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
+# Quantities of a run: name, and short name of the bound on the mean difference of pairs, where there is one.
+QUANTITIES = {
     "potency": ("seismic potency, m3", "pairs"),
     "failed_volume": ("failed volume, m3", "pairs"),
     "events": ("number of events", None),
@@ -95,7 +97,7 @@ def stress_difference(one: xr.Dataset, other: xr.Dataset, variant: Variant) -> t
     volume = one.volume.values[rock]
     virgin = variant.scene().insitu.at(one.position.values[rock, 2])
     gap = one.stress.values[rock] - other.stress.values[rock]
-    squares = [np.square(stress) @ ONCE_AND_TWICE for stress in (gap, virgin)]
+    squares = [np.square(stress) @ VOIGT_MULTIPLICITY for stress in (gap, virgin)]
     far = np.sqrt(np.average(squares[1], weights=volume))
     return float(np.sqrt(np.average(squares[0], weights=volume)) / far), float(np.sqrt(squares[0].max()) / far)
 

@@ -16,7 +16,7 @@ LABELS = {
     "b": "b of log P",
 }
 COLOURS = {"explicit": style.RECORDED, "multigrid": style.MODELLED}
-WAYS = {  # line of each way to equilibrium, by scheme and whether densities are scaled
+LINE_LOOKS = {  # Line of convergence by scheme and whether densities are scaled.
     ("explicit", True): {"color": style.RECORDED, "linewidth": 1.4},
     ("explicit", False): {"color": style.RECORDED, "linewidth": 1.0, "linestyle": "--"},
     ("multigrid", True): {"color": style.MODELLED, "linewidth": 1.4, "marker": "o", "markersize": 4.0},
@@ -26,7 +26,7 @@ NAMES = {
     ("explicit", False): "explicit, true masses",
     ("multigrid", True): "multigrid",
 }
-ASIDE = 0.16  # of the distance between the schemes: where the mean stands beside its runs
+MEAN_OFFSET = 0.16  # Distance of a mean from its runs, as a share of the distance between the schemes.
 
 
 def draw(elastic: dict[str, dict[str, Variant]], brittle: dict[str, Pairs]) -> Figure:
@@ -51,7 +51,7 @@ def convergence(axes: Axes, scene: str, schemes: dict[str, Variant]) -> None:
         state, solver = variant.elastic, variant.values["solver"]
         way = solver["scheme"], bool(solver["density_scaling"])
         iteration, ratio = state.convergence_iteration.values, state.convergence_unbalanced_ratio.values
-        axes.plot(np.maximum(iteration, 1), ratio, label=NAMES[way], **WAYS[way])
+        axes.plot(np.maximum(iteration, 1), ratio, label=NAMES[way], **LINE_LOOKS[way])
     axes.axhline(solver["tolerance"], color=style.OUTLINE, linewidth=0.6, linestyle=":")
     axes.set(xscale="log", yscale="log", title=f"{scene}, elastic", xlabel="iterations", ylabel="unbalanced force")
 
@@ -72,4 +72,4 @@ def compare(axes: Axes, quantity: str, pairs: Pairs) -> None:
         look = {"color": COLOURS.get(scheme, style.MODELLED), "zorder": 2}
         axes.plot(np.full(len(values), place), values, "o", markersize=3.5, **look)
         error = values.std(ddof=1) / np.sqrt(len(values))
-        axes.errorbar(place + side * ASIDE, values.mean(), error, fmt="D", markersize=4.5, capsize=4.0, **look)
+        axes.errorbar(place + side * MEAN_OFFSET, values.mean(), error, fmt="D", markersize=4.5, capsize=4.0, **look)

@@ -10,8 +10,8 @@ from verification.rows import Row
 from verification.sphere.closed_form import Elastic, SphericalInclusion
 from verification.sphere.figure import draw
 
-POLE = 0.95  # cosine of an angle: nearer than this to an axis counts as on it
-INTERIOR = 1.0  # cells between the inclusion that is looked at and the wall
+MIN_POLE_COSINE = 0.95  # Cosine of the angle to an axis above which a direction counts as on it.
+INTERIOR_CLEARANCE = 1.0  # Cells next to the wall that the comparison inside the fill leaves out.
 
 
 def exact_field(variant: Variant) -> SphericalInclusion:
@@ -60,7 +60,10 @@ def closure_rows(name: str, cavity: Cavity, exact: SphericalInclusion, allowed: 
     along = directions[:, 2]
     places = {"wall": np.ones(len(along), bool)}
     if np.ptp(np.diag(exact.virgin_stress)) > 0.0:
-        places = {"wall at the pole": along > POLE, "wall at the equator": along < np.sqrt(1 - POLE**2)}
+        places = {
+            "wall at the pole": along > MIN_POLE_COSINE,
+            "wall at the equator": along < np.sqrt(1 - MIN_POLE_COSINE**2),
+        }
     found = -cavity.wall_displacement(directions)
     expected = -(exact.displacement(cavity.radius * directions) * directions).sum(axis=1)
     return [
@@ -76,7 +79,7 @@ def closure_rows(name: str, cavity: Cavity, exact: SphericalInclusion, allowed: 
 
 def inclusion_rows(name: str, cavity: Cavity, exact: SphericalInclusion, pressure: float, allowed: float) -> list[Row]:
     """Error of the stress inside the fill, uniform in theory, in terms of the far stress and of its own."""
-    inside = cavity.fill & (cavity.distance < cavity.radius - INTERIOR * cavity.cell)
+    inside = cavity.fill & (cavity.distance < cavity.radius - INTERIOR_CLEARANCE * cavity.cell)
     error = np.square(cavity.stress[inside] - exact.stress_inside).sum(axis=(1, 2))
     size = float(np.sqrt(np.average(error, weights=cavity.volume[inside])))
     share = size / np.sqrt(6) / pressure

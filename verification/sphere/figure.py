@@ -11,11 +11,11 @@ from verification.plastic.cavity import Cavity
 from verification.sphere.closed_form import SphericalInclusion
 
 MPA = 1e-6
-REACH = 3.5  # radii that the profiles show
-SECTION = 2.0  # radii that the sections show
-PIXELS = 240
+PROFILE_RADII = 3.5  # Length of the profiles in radii.
+SECTION_RADII = 2.0  # Width of the sections in radii.
+SECTION_PIXELS = 240
 COLOURS = {"along z": style.RECORDED, "along x": style.MODELLED}
-PARTS = ((2, 2), (0, 0))  # stresses whose profiles are drawn: zz and xx
+PROFILE_COMPONENTS = ((2, 2), (0, 0))  # zz and xx
 
 
 def draw(fields: dict[str, tuple[Cavity, SphericalInclusion]], outer_radii: float) -> Figure:
@@ -39,13 +39,13 @@ def profile(axes, name: str, cavity: Cavity, exact: SphericalInclusion, title: s
     shown = cavity.fill | (
         cavity.distance > cavity.radius
     )  # the rock's share of a cut cell may have its centre in the void
-    near = np.flatnonzero((off < size[:, None]).all(axis=1) & shown & (cavity.distance < REACH * cavity.radius))
+    near = np.flatnonzero((off < size[:, None]).all(axis=1) & shown & (cavity.distance < PROFILE_RADII * cavity.radius))
     line = np.zeros((500, 3))
-    line[:, axis] = np.linspace(1e-3, REACH, 500) * cavity.radius
+    line[:, axis] = np.linspace(1e-3, PROFILE_RADII, 500) * cavity.radius
     line[np.abs(line[:, axis] - cavity.radius) < 0.005 * cavity.radius] = np.nan  # the jump at the wall
     theory = exact.stress(np.nan_to_num(line, nan=cavity.radius))
     theory[np.isnan(line).any(axis=1)] = np.nan
-    for (i, j), colour in zip(PARTS, COLOURS.values(), strict=True):
+    for (i, j), colour in zip(PROFILE_COMPONENTS, COLOURS.values(), strict=True):
         label = f"{'xyz'[i]}{'xyz'[j]}"
         axes.plot(line[:, axis], theory[:, i, j] * MPA, color=colour, linewidth=1.0, label=f"{label}, exact")
         axes.plot(
@@ -57,8 +57,8 @@ def profile(axes, name: str, cavity: Cavity, exact: SphericalInclusion, title: s
 
 def section(figure: Figure, both, cavity: Cavity, exact: SphericalInclusion) -> None:
     """zz in the plane y = 0 beside the axes of symmetry, and its error."""
-    reach = SECTION * cavity.radius
-    axis = (np.arange(PIXELS) + 0.5) / PIXELS * reach
+    reach = SECTION_RADII * cavity.radius
+    axis = (np.arange(SECTION_PIXELS) + 0.5) / SECTION_PIXELS * reach
     x, z = np.meshgrid(axis, axis)
     points = np.stack([x, np.full_like(x, 0.5 * cavity.cell), z], axis=-1)
     nearest = cKDTree(cavity.place).query(points)[1]

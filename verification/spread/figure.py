@@ -9,8 +9,8 @@ from verification.spread.runs import MEMBERS, QUANTITIES, SOURCES, Catalogue
 from verification.spread.variances import Variance
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # Okabe and Ito (2008)
-CHARACTER = 0.015  # of a panel's width: a character of a label
-APART = 0.28  # of a row: between the line of dots and that of their standard deviation
+CHARACTER_WIDTH = 0.015  # Width of a character of a label, as a share of a panel's width.
+DEVIATION_OFFSET = 0.28  # Distance of a standard deviation from its dots, in rows.
 
 
 def draw(base: Catalogue, found: list[Variance]) -> Figure:
@@ -40,7 +40,12 @@ def _draw_row(panel: Axes, place: int, variance: Variance, colour: str) -> None:
     panel.plot(variance.values, np.full(len(variance.values), place), "o", color=colour, markersize=5, alpha=0.8)
     if np.isfinite(variance.deviation):
         panel.errorbar(
-            variance.defined.mean(), place + APART, xerr=variance.deviation, color=colour, capsize=3, linewidth=1.2
+            variance.defined.mean(),
+            place + DEVIATION_OFFSET,
+            xerr=variance.deviation,
+            color=colour,
+            capsize=3,
+            linewidth=1.2,
         )
 
 
@@ -53,7 +58,7 @@ def _title(variance: Variance) -> str:
 def _label_row(panel: Axes, place: int, variance: Variance) -> None:
     """Names of the runs above their dots, but for members, which are numbered only."""
     if variance.source != MEMBERS:
-        for text, value in _labels(variance, CHARACTER * np.ptp(panel.get_xlim())):
+        for text, value in _labels(variance, CHARACTER_WIDTH * np.ptp(panel.get_xlim())):
             panel.annotate(text, (value, place), xytext=(0, 5), textcoords="offset points", fontsize=7)
 
 

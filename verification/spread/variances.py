@@ -15,17 +15,18 @@ from scipy.stats import chi2
 from catalogs.size_law import FEW, NONE, TRUNCATED
 from verification.spread.runs import CELLS, LOADING, MEMBERS, QUANTITIES, SOURCES, Catalogue, Quantity
 
-LEAST = 3  # values, at least, before they have a variance here
-ALSO_CHANCE = (LOADING, CELLS)  # sources whose runs differ by chance, too
+MIN_VALUES = 3  # Fewer values are given no variance.
+ALSO_CHANCE = (LOADING, CELLS)  # Sources whose runs differ by chance as well.
 WHY = {FEW: "too few events", TRUNCATED: "a law with an upper end", NONE: "no power law"}
 
 
 @dataclass(frozen=True)
 class Variance:
-    """Of a quantity over the runs of a source.
+    """Variance of a quantity over the runs of a source.
 
-    values (run,): NaN where it is not defined; why: how many those are, and why; total: variance between runs, as
-    found; own: what the source adds; share: own over the sum of all sources; all three NaN of fewer than LEAST values.
+    values (run,): NaN where the quantity is not defined. why: how many values are missing, and why. total: variance
+    between runs. own: what the source adds to that between members. share: own over the sum of all sources. total, own
+    and share are NaN of fewer than MIN_VALUES values.
     """
 
     source: str
@@ -86,7 +87,7 @@ def _of_quantity(quantity: Quantity, sources: dict[str, list[Catalogue]]) -> lis
 
 def _variance(values: np.ndarray) -> float:
     known = values[np.isfinite(values)]
-    return float(known.var(ddof=1)) if len(known) >= LEAST else np.nan
+    return float(known.var(ddof=1)) if len(known) >= MIN_VALUES else np.nan
 
 
 def _why(quantity: Quantity, values: np.ndarray, runs: list[Catalogue]) -> str:

@@ -12,10 +12,10 @@ from mpm_core.model.occupancy import MIN_SAMPLES_KEPT
 from verification.extremes.outcomes import Outcome
 from verification.stability.judges import number
 
-MASS = 1e-9  # share; sums of volumes in another order
-MOMENTUM = 1e-9  # share: sums of forces that cells put on nodes add up to nothing, but for round-off
-ENERGY = 1e-6  # share of the largest term that the balance may leave over: round-off
-ROUND_OFF = 1e-9  # of the largest term
+MAX_MASS_ERROR = 1e-9  # Share of the mass. Sums of volumes in another order differ by round-off.
+MAX_MOMENTUM_ERROR = 1e-9  # Share of the forces between cells, whose sum vanishes but for round-off.
+MAX_ENERGY_LEFT_SHARE = 1e-6  # Round-off of a balance, as a share of its largest term.
+MAX_ENERGY_GAINED_SHARE = 1e-9  # Round-off of energy gained or dissipated, as a share of the largest term.
 NO_TERMS = {
     *("energy_balance", "energy_left", "energy_left_share", "energy_elastic", "energy_round_off"),
     "energy_refined",  # counted, no part of the balance's size
@@ -47,7 +47,7 @@ def lacking(outcome: Outcome) -> tuple[float, str]:
         share = abs(float(state.attrs["energy_left"])) / largest if happened else 0.0
         if share > worst:  # NaN where particles move
             worst = share
-            if share > ENERGY:
+            if share > MAX_ENERGY_LEFT_SHARE:
                 line = f"{name}: the energy balance lacks {share:.2g} of its largest term"
     return worst, line
 
@@ -60,7 +60,7 @@ def _mass(values: dict, grid: xr.Dataset, state: xr.Dataset):
     names = json.loads(attributes["material_names"])
     density = np.array([number(values["materials"][name]["density"]) for name in names])
     mass = float(np.sum(volume * density[state.material.values]))
-    if not abs(attributes["mass"] - mass) <= MASS * mass:
+    if not abs(attributes["mass"] - mass) <= MAX_MASS_ERROR * mass:
         yield f"mass {attributes['mass']:.10g} kg, its particles {mass:.10g} kg"
     plain = not state.sizes["loose"] and all(entry.get("fill", "none") == "none" for entry in values["excavations"])
     if not plain or len(state.cell_level) != len(grid.cell_level):
@@ -70,7 +70,7 @@ def _mass(values: dict, grid: xr.Dataset, state: xr.Dataset):
     order = [step["name"] for step in values["steps"]]
     gone, cut = _gone(grid, [order.index(entry["step"]) <= attributes["step_index"] for entry in values["excavations"]])
     there = float(volume.sum())
-    if not -MASS * domain <= domain - gone - there <= cut + MASS * domain:
+    if not -MAX_MASS_ERROR * domain <= domain - gone - there <= cut + MAX_MASS_ERROR * domain:
         yield f"{there:.10g} m3 are there, {domain - gone:.10g} m3 should be"
 
 
@@ -94,7 +94,7 @@ def _gone(grid: xr.Dataset, mined: list[bool]) -> tuple[float, float]:
 
 def _momentum(state: xr.Dataset):
     error = float(state.attrs["momentum_error"])
-    if error > MOMENTUM:  # NaN where particles move
+    if error > MAX_MOMENTUM_ERROR:  # NaN where particles move
         yield f"forces between cells leave {error:.2g} of themselves over"
 
 
@@ -111,9 +111,9 @@ def _is_term(key: str) -> bool:
 def _gained(values: dict, state: xr.Dataset, largest: float):
     """Nothing is gained unless rock dilates above its friction, and failure takes energy."""
     gained, dissipated = (float(state.attrs[f"energy_{name}"]) for name in ("gained", "dissipated"))
-    if gained > ROUND_OFF * largest and not any(
+    if gained > MAX_ENERGY_GAINED_SHARE * largest and not any(
         rock.get("allow_psi_above_phi") for rock in values["materials"].values()
     ):
         yield f"{gained:.3g} J gained"
-    if dissipated < -ROUND_OFF * largest:
+    if dissipated < -MAX_ENERGY_GAINED_SHARE * largest:
         yield f"{dissipated:.3g} J dissipated"

@@ -17,10 +17,10 @@ LOOKS = {  # colours of Okabe and Ito; shapes tell them apart, too
     FAULT: ("*", "#000000"),
 }
 COLUMNS = 3
-LEAST = 1e-9  # error that is drawn at the lower edge: less is round-off
-BANDS = {SOUND: 2e1, ENDED: 2e2, REFUSED: 2e3, FAULT: 2e4}  # where what has no error is drawn
-TOP = 1e5
-ERRORS = (1e-8, 1e-6, 1e-4, 1e-2, 1.0)
+MIN_DRAWN_ERROR = 1e-9  # Smaller errors are round-off and stand at the lower edge.
+BANDS = {SOUND: 2e1, ENDED: 2e2, REFUSED: 2e3, FAULT: 2e4}  # Heights of points that have no error.
+AXIS_TOP = 1e5
+ERROR_TICKS = (1e-8, 1e-6, 1e-4, 1e-2, 1.0)
 
 
 def draw(knobs: list[tuple[Knob, list[Point]]]) -> Figure:
@@ -54,14 +54,14 @@ def _draw(panel: Axes, knob: Knob, points: list[Point]) -> None:
         shift = spread * (series.index(point.series) / max(1, len(series) - 1) - 0.5) * 2
         mark, colour = LOOKS[point.kind]
         x = where[point.value] + shift
-        y = BANDS.get(point.kind) or float(np.clip(point.error, LEAST, 10.0))
+        y = BANDS.get(point.kind) or float(np.clip(point.error, MIN_DRAWN_ERROR, 10.0))
         panel.plot(x, y, mark, color=colour, markersize=4.5, alpha=0.8, markeredgewidth=0.0)
         if point.kind in (RIGHT, WRONG) and point.allowed > 0.0:
             panel.plot(x, point.allowed, "_", color="#444444", markersize=6, zorder=1)
-    panel.set(yscale="log", ylim=(LEAST / 3, TOP), title=f"{knob.title[0].upper()}{knob.title[1:]}")
-    panel.set_yticks([*ERRORS, *BANDS.values()], [*(f"{error:.0e}" for error in ERRORS), *map(_short, BANDS)])
+    panel.set(yscale="log", ylim=(MIN_DRAWN_ERROR / 3, AXIS_TOP), title=f"{knob.title[0].upper()}{knob.title[1:]}")
+    panel.set_yticks([*ERROR_TICKS, *BANDS.values()], [*(f"{error:.0e}" for error in ERROR_TICKS), *map(_short, BANDS)])
     panel.minorticks_off()
-    panel.axhspan(1.2e1, TOP, color="#f4f4f4", zorder=0)
+    panel.axhspan(1.2e1, AXIS_TOP, color="#f4f4f4", zorder=0)
     if words:
         panel.set_xticks(range(len(words)), [_tick(word) for word in words], rotation=90 if len(words) > 6 else 0)
         panel.tick_params(axis="x", labelsize=6.5)

@@ -12,10 +12,10 @@ from verification.extremes.outcomes import RESTS, Outcome
 from verification.plastic.ring import CoulombRock
 from verification.plastic.sphere import PlasticSphere
 from verification.plastic.tunnel import PlasticTunnel
-from verification.stability.scenes import BAND
+from verification.stability.scenes import MINED_HEIGHT
 from verification.studies import merge
 
-NEAR, OUT = 1.5, 3.0  # radii, between which a hole's closure is measured
+CLOSURE_RADII = 1.5, 3.0  # Distances in radii between which a hole's closure is measured.
 Judge = Callable[[dict, Outcome, Callable[[dict], Outcome]], float]
 
 
@@ -45,7 +45,7 @@ def closure_error(values: dict, outcome: Outcome, run=None) -> float:
     entry, host = values["excavations"][0], values["materials"]["host"]
     radius, pressure = number(entry["radius"]), -number(values["insitu_stress"]["constant"]["xx"])
     shear = number(host["youngs_modulus"]) / (2 * (1 + number(host["poisson_ratio"])))
-    inward, distance = _inward(values, outcome, outcome.stored["elastic"], NEAR, OUT)
+    inward, distance = _inward(values, outcome, outcome.stored["elastic"], *CLOSURE_RADII)
     empty = pressure * radius**d / (2 * (d - 1) * shear)
     expected = 1.0
     if entry.get("fill"):
@@ -120,7 +120,7 @@ def rise_error(values: dict, outcome: Outcome, run=None) -> float:
         young, nu = (number(values["materials"][name][key]) for key in ("youngs_modulus", "poisson_ratio"))
         stiff.append(young * (1 - nu) / ((1 + nu) * (1 - 2 * nu)))
     z, middle = state.node_position.values[:, 2], top // 2
-    rock = z <= top - BAND
+    rock = z <= top - MINED_HEIGHT
     exact = pressure * (np.minimum(z, middle) / stiff[0] + np.maximum(z - middle, 0.0) / stiff[1])
     error = np.abs(state.node_displacement.values[:, 2] - exact)[rock]
     return float(error.max() / exact[rock].max())

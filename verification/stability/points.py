@@ -31,7 +31,7 @@ RIGHT, SOUND, WRONG, ENDED, REFUSED, FAULT = (
     "fault",
 )
 KINDS = (RIGHT, SOUND, WRONG, ENDED, REFUSED, FAULT)
-REMEMBERED = 8  # runs, that judges ask for again
+MAX_RUNS_KEPT = 8  # Judges ask for the same run again.
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Runner:
         key = json.dumps(values, sort_keys=True)
         if key not in self.kept:
             outcome = run_stages(values, self.folder)
-            while len(self.kept) >= REMEMBERED:
+            while len(self.kept) >= MAX_RUNS_KEPT:
                 self.kept.pop(next(iter(self.kept)))
             self.kept[key] = outcome
         return self.kept[key]

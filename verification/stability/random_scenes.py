@@ -10,7 +10,7 @@ from verification.extremes.relations import RELATIONS, compare
 from verification.extremes.tiny_mine import TINY, changed
 from verification.stability.cases import Case, Knob
 
-EVERY = 5  # scenes of which one is compared with its relations
+SCENES_PER_COMPARISON = 5  # One in so many scenes is compared with its relations.
 
 
 def related(name: str):
@@ -25,7 +25,7 @@ def related(name: str):
 def drawn(seeds: Iterable[int]) -> Iterator[Case]:
     """A scene for each seed."""
     for seed in seeds:
-        if seed % EVERY:
+        if seed % SCENES_PER_COMPARISON:
             yield Case("by itself", seed, random_mine(seed), None, 0.0)
             continue
         for name in RELATIONS:

@@ -4,14 +4,14 @@ import numpy as np
 
 from verification.studies import merge
 
-RADIUS, PRESSURE, MODULUS, POISSON = 4.0, 20e6, 20e9, 0.25  # of the hole: m, Pa, Pa
-FAR = {2: 48.0, 3: 24.0}  # half the domain's width, m
-FINEST = {2: 0.5, 3: 1.0}  # m
+RADIUS, PRESSURE, MODULUS, POISSON = 4.0, 20e6, 20e9, 0.25  # The hole and its rock; m, Pa, Pa.
+HALF_WIDTH = {2: 48.0, 3: 24.0}  # Half the domain's width, m.
+FINEST_CELL = {2: 0.5, 3: 1.0}  # m
 LEVELS = {2: 4, 3: 3}
-SIDE, CELL = 32.0, 1.0  # of the section that shapes are mined in, and of its finest cells, m
-VIRGIN = {"xx": "-10e6 Pa", "yy": "-12e6 Pa", "zz": "-20e6 Pa"}  # in it
-ADAPTIVE = {"refinement": "adaptive", "max_cells": 3000}  # cells that follow the rock, so many at most
-BAND = 4.0  # m: height of what is mined at the top of a column
+SECTION_SIDE, SECTION_CELL = 32.0, 1.0  # Section that shapes are mined in, and its finest cells, m.
+SECTION_STRESS = {"xx": "-10e6 Pa", "yy": "-12e6 Pa", "zz": "-20e6 Pa"}
+ADAPTIVE = {"refinement": "adaptive", "max_cells": 3000}
+MINED_HEIGHT = 4.0  # Height of what is mined at the top of a column, m.
 
 
 def elastic(modulus: float = MODULUS, poisson: float = POISSON) -> dict:
@@ -45,7 +45,7 @@ def lengths(values) -> list[str]:
 def hole(dimension: int = 2, scale: float = 1.0, offset: float = 0.0, pressure: float = PRESSURE, **changes) -> dict:
     """A round hole (tunnel across, or sphere) of 4 m under all-round stress; all lengths times scale, x moved by
     offset (m), pressure Pa; changes: merged over it."""
-    half, finest = FAR[dimension] * scale, FINEST[dimension] * scale
+    half, finest = HALF_WIDTH[dimension] * scale, FINEST_CELL[dimension] * scale
     middle = np.zeros(dimension)
     middle[0] = offset
     values = {
@@ -103,7 +103,7 @@ def column(height: int, pressure: float = PRESSURE, upper: float = MODULUS, **ch
              "upper": lengths([2, height])}
         ],
         "excavations": [
-            {"name": "top", "step": "history", "shape": "box", "lower": lengths([0, height - BAND]),
+            {"name": "top", "step": "history", "shape": "box", "lower": lengths([0, height - MINED_HEIGHT]),
              "upper": lengths([2, height])}
         ],
         "steps": [{"name": "history"}],
@@ -112,15 +112,18 @@ def column(height: int, pressure: float = PRESSURE, upper: float = MODULUS, **ch
     return merge(values, changes)
 
 
-def section(boxes: list, host: dict | None = None, cell: float = CELL, **changes) -> dict:
+def section(boxes: list, host: dict | None = None, cell: float = SECTION_CELL, **changes) -> dict:
     """A weightless section of 32 m, x from -16 m, boxes (x0, z0, x1, z1) m mined at once; cell: the finest, m."""
     values = {
         "name": "section",
         "plane": "xz",
-        "frame": {"surface": f"{SIDE!r} m"},
-        "domain": {"lower": lengths([-SIDE / 2, 0]), "upper": lengths([SIDE / 2, SIDE]), "boundary": "fixed"},
+        "frame": {"surface": f"{SECTION_SIDE!r} m"},
+        "domain": {
+            "lower": lengths([-SECTION_SIDE / 2, 0]), "upper": lengths([SECTION_SIDE / 2, SECTION_SIDE]),
+            "boundary": "fixed",
+        },
         "grid": {"coarse_cell": f"{4 * cell!r} m", "levels": 3, "buffer_cells": 1, "refinement": "static"},
-        "insitu_stress": {"constant": dict(VIRGIN)},
+        "insitu_stress": {"constant": dict(SECTION_STRESS)},
         "materials": {"host": host or elastic()},
         "excavations": [
             {"name": f"box_{number}", "step": "history", "shape": "box", "lower": lengths(corners[:2]),

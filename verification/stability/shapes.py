@@ -1,11 +1,18 @@
-"""Cases of shapes, of particles and of what no mine file reaches."""
+"""Cases of shapes and of walls within cells, and of numerics that no key of a mine file sets.
+
+The share of the stable time step and single precision are set within this process while a case runs.
+"""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
+from unittest.mock import patch
 
+import numpy as np
+
+from mpm_core.equilibrium import body
 from verification.known_misses import KnownMiss
 from verification.stability.cases import Case, Knob
-from verification.stability.drive import courant, single_precision
 from verification.stability.judges import (
     closure_error,
     finer,
@@ -17,11 +24,12 @@ from verification.stability.judges import (
     same_motion,
     tighter,
 )
-from verification.stability.rock import CLOSURE, FRONT, LOOSEST, SAME
+from verification.stability.rock import LOOSEST, MAX_MOTION_DIFFERENCE, MAX_TUNNEL_ERROR
 from verification.stability.scenes import ADAPTIVE, coulomb, failing, hole, section
 
-FINER = 0.15  # of the energy set in motion: cells of half the size change it by so much around corners
-FAILED = 0.05  # of the largest motion in perfectly plastic rock, by either scheme: to another rest within tolerance
+MAX_CHANGE_ON_FINER_CELLS = 0.15  # Share of the energy set in motion. Corners of openings converge slowly.
+# Share of the largest motion. In perfectly plastic rock the schemes reach different equilibria within the tolerance.
+MAX_PLASTIC_DIFFERENCE = 0.05
 MOTION = "energy_motion"
 BOXES: dict[str, list[tuple[float, float, float, float]]] = {
     # x0, z0, x1, z1 in a section of 32 m with finest cells of 1 m, x = 0 in its middle; not symmetric on purpose
@@ -72,60 +80,94 @@ HALF_WAY = KnownMiss(
     "wide. The grid says by how much its volume is off.",
     0.25,
 )
-WALLS = (0.0, 1e-12, 1e-6, 0.125, 0.25, 0.5, 0.75, 1.0 - 1e-12)  # of a cell; particles lie at 0.5
+WALL_OFFSETS = (0.0, 1e-12, 1e-6, 0.125, 0.25, 0.5, 0.75, 1.0 - 1e-12)  # Shares of a cell. Particles lie at 0.5.
 
 
 def shapes() -> Iterator[Case]:
     for title, boxes in BOXES.items():
         scene = section(boxes)
-        yield Case("beside a tolerance of 1e-9", title, scene, same_motion(tighter), SAME)
+        yield Case("beside a tolerance of 1e-9", title, scene, same_motion(tighter), MAX_MOTION_DIFFERENCE)
         explicit = other_scheme(scene)
         known = HANGING if title == "a block on one cell" else None
-        yield Case("explicit, beside multigrid", title, explicit, same_motion(other_scheme), SAME, known)
+        yield Case(
+            "explicit, beside multigrid", title, explicit, same_motion(other_scheme), MAX_MOTION_DIFFERENCE, known
+        )
         known = CRUMBS if title == "a pillar of a tenth of a cell" else None
-        yield Case("beside its mirror image", title, scene, same_motion(mirrored, turn=-1), SAME, known)
+        yield Case(
+            "beside its mirror image", title, scene, same_motion(mirrored, turn=-1), MAX_MOTION_DIFFERENCE, known
+        )
         known = ONE_CELL if title == "one cell" else None
-        yield Case("beside finer cells", title, scene, same_fact(MOTION, finer), FINER, known)
+        yield Case("beside finer cells", title, scene, same_fact(MOTION, finer), MAX_CHANGE_ON_FINER_CELLS, known)
         scene = section(boxes, coulomb(cohesion=6e6))
         judge = same_motion(other_scheme, stage="last")
         known = AT_CORNERS if title in UNLIKE else None
-        yield Case("plastic, beside the other scheme", title, scene, judge, FAILED, known)
+        yield Case("plastic, beside the other scheme", title, scene, judge, MAX_PLASTIC_DIFFERENCE, known)
         free = section(boxes, domain=FREE)
         known = CRUMBS if title == "a pillar of a tenth of a cell" else None
-        yield Case("held at the floor alone, mirror image", title, free, same_motion(mirrored, turn=-1), SAME, known)
+        yield Case(
+            "held at the floor alone, mirror image",
+            title,
+            free,
+            same_motion(mirrored, turn=-1),
+            MAX_MOTION_DIFFERENCE,
+            known,
+        )
         scene = section(boxes, coulomb(cohesion=6e6, share=0.3), solver={"increments": 0}, grid=ADAPTIVE)
         yield Case("brittle", title, scene, None, 0.0)
 
 
 def walls() -> Iterator[Case]:
     on_faces = replaced_by(section([(-6, 10, 2, 16)]))
-    for share in WALLS:
+    for share in WALL_OFFSETS:
         judge = same_fact(MOTION, on_faces)
         for cut in ("mean", "whole", "subdivide"):
             scene = section([(-6 + share, 10, 2 + share, 16)], grid={"cut_cells": cut})
             known = HALF_WAY if (cut, share) == ("whole", 0.5) else None
-            yield Case(f"box moved along x, {cut}", share, scene, judge, FINER, known)
+            yield Case(f"box moved along x, {cut}", share, scene, judge, MAX_CHANGE_ON_FINER_CELLS, known)
         scene = section([(-6 + share, 10, 2 + share, 16)], grid={"particles_per_cell": 4})
-        yield Case("box moved along x, 4 particles", share, scene, judge, FINER)
+        yield Case("box moved along x, 4 particles", share, scene, judge, MAX_CHANGE_ON_FINER_CELLS)
+
+
+@contextmanager
+def courant(factor: float, damping: float) -> Iterator[None]:
+    """Time steps of `factor` times the limit without damping; the body takes 0.98 / sqrt(1 + damping) by itself."""
+    with patch.object(body, "TIME_STEP_SHARE", factor * np.sqrt(1.0 + damping)):
+        yield
 
 
 def time_step() -> Iterator[Case]:
     limit = {"scheme": "explicit", "max_iterations": 5000}
     for factor in (0.1, 0.2, 0.4, 0.6, 0.7, 0.75, 0.8, 0.9, 1.0, 1.1, 1.2, 1.5):
         under = partial(courant, factor, 0.7)
-        yield Case("tunnel", factor, hole(solver=limit), closure_error, CLOSURE, under=under)
-        yield Case("plastic tunnel", factor, failing(coulomb(), solver=limit), front_error, FRONT, under=under)
+        yield Case("tunnel", factor, hole(solver=limit), closure_error, MAX_TUNNEL_ERROR, under=under)
+        yield Case(
+            "plastic tunnel", factor, failing(coulomb(), solver=limit), front_error, MAX_TUNNEL_ERROR, under=under
+        )
         moving: dict = {"solver": limit | {"move": True}, "grid": {"particles_per_cell": 4, "cut_cells": "whole"}}
-        yield Case("tunnel, particles move", factor, hole(**moving), closure_error, CLOSURE, under=under)
+        yield Case("tunnel, particles move", factor, hole(**moving), closure_error, MAX_TUNNEL_ERROR, under=under)
 
 
 def damping() -> Iterator[Case]:
     for share in (0.0, 0.01, 0.1, 0.3, 0.5, 0.7, 0.85, 0.95, 0.99, 1.0):
         solver = {"scheme": "explicit", "damping": share, "max_iterations": 5000}
-        yield Case("tunnel", share, hole(solver=solver), closure_error, CLOSURE)
+        yield Case("tunnel", share, hole(solver=solver), closure_error, MAX_TUNNEL_ERROR)
         yield Case("tunnel, densities as they are", share, hole(solver=solver | {"density_scaling": False}),
-                   closure_error, CLOSURE)  # fmt: skip
-        yield Case("plastic tunnel", share, failing(coulomb(), solver=solver), front_error, FRONT)
+                   closure_error, MAX_TUNNEL_ERROR)  # fmt: skip
+        yield Case("plastic tunnel", share, failing(coulomb(), solver=solver), front_error, MAX_TUNNEL_ERROR)
+
+
+@contextmanager
+def single_precision() -> Iterator[None]:
+    """Stress, displacement and hourglass forces rounded to float32 after every update of stress, by either scheme."""
+    update = body.Body.update
+
+    def rounded(self: body.Body, *arguments) -> None:
+        update(self, *arguments)
+        for array in (self.state.stress, self.state.displacement, self.state.hourglass_force):
+            array[...] = array.astype(np.float32)
+
+    with patch.object(body.Body, "update", rounded):
+        yield
 
 
 def float32() -> Iterator[Case]:
@@ -136,7 +178,7 @@ def float32() -> Iterator[Case]:
             scene, known = hole(solver=solver), LOOSEST if power == -1 else None
             yield Case(f"tunnel, {scheme}", 10.0**power, scene, judge, 0.01, known, under=single_precision)
         scene = failing(coulomb(), solver=solver | {"scheme": "multigrid"})
-        yield Case("plastic tunnel", 10.0**power, scene, front_error, FRONT, known, under=single_precision)
+        yield Case("plastic tunnel", 10.0**power, scene, front_error, MAX_TUNNEL_ERROR, known, under=single_precision)
 
 
 SHAPES = (

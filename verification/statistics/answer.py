@@ -5,9 +5,8 @@ from matplotlib.figure import Figure
 from verification.results import Results
 from verification.rows import Row
 from verification.statistics.figure import draw
-from verification.statistics.location_recovery import false_alarms, find_shift, location_rows
+from verification.statistics.location_recovery import false_alarms, find_shift, location_rows, step_rows
 from verification.statistics.mechanism_recovery import mechanism_rows, random_pairs
-from verification.statistics.shifted_steps import step_rows
 from verification.statistics.size_recovery import difference_row, estimate_cases, size_rows
 
 

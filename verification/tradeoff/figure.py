@@ -15,8 +15,8 @@ from workflow.accuracy import DRAFT, FINE, STANDARD
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555", "#882255")  # Okabe, Ito; Tol
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "h")
-PRESET_LOOKS = {DRAFT: ("<", 8), STANDARD: ("*", 13), FINE: (">", 8)}  # mark and its size
-LEAST = 1e-5  # change that is drawn at the lower edge, as a share: less is round-off beside the rest
+PRESET_LOOKS = {DRAFT: ("<", 8), STANDARD: ("*", 13), FINE: (">", 8)}  # Mark and its size.
+MIN_DRAWN_CHANGE = 1e-5  # Smaller changes, as shares, stand at the lower edge.
 LOOKS = {
     knob.key: {"color": COLOURS[index % len(COLOURS)], "marker": MARKS[(index + index // len(COLOURS)) % len(MARKS)]}
     for index, knob in enumerate(KNOBS)
@@ -75,7 +75,7 @@ def changes(panel: Axes, scene: Scene) -> None:
     """How many times as fast a knob's value is as the base, and what it changes by itself, log-log."""
     for line in scene.lines:
         others = [member for member in line.members if member is not line.anchor]
-        moved = [100 * max(LEAST, abs(change(scene, line, member))) for member in others]
+        moved = [100 * max(MIN_DRAWN_CHANGE, abs(change(scene, line, member))) for member in others]
         fast = [speed(scene, line, member) for member in others]
         title = BY_KEY[line.knob].title + ("*" if line.beside else "")
         _plot(panel, fast, moved, line, title, linestyle="none")

@@ -54,7 +54,7 @@ KNOBS = (
     Knob("closeness", "closeness", _key("seismic", "closeness")),
     Knob("radius", "cluster radius", _radius, "{:g} cells".format),
 )
-SEISMIC = {"method", "closeness", "radius"}  # change how events are counted, no rock, and next to no time
+SEISMIC = {"method", "closeness", "radius"}  # Knobs that change how events are counted, and no rock.
 BY_KEY = {knob.key: knob for knob in KNOBS}
 
 

@@ -5,18 +5,34 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from common.errors import InputError
 from verification.studies import Study
 from verification.tradeoff.knobs import KNOBS, SEISMIC, changed, label
-from verification.tradeoff.limits import Limit, richardson
-from verification.tradeoff.measures import ITSELF, MEASURES, Measure
-from verification.tradeoff.pareto import pareto_front
+from verification.tradeoff.measures import ITSELF, MEASURES, Limit, Measure, richardson
 from verification.tradeoff.points import Point, Points
 from workflow.accuracy import PRESETS, STANDARD
 
-LEAST_WORK = 0.1  # s: less cannot be told from the start of a process
-CLEAR = 1.05  # times as fast, at least, before it counts as faster, whatever repeated runs say
+MIN_WORK = 0.1  # Less processor time cannot be told from the start of a process, s.
+MIN_SPEEDUP = 1.05  # A run counts as faster from here on, however little repeated runs scatter.
+
+
+def pareto_front(cost: ArrayLike, error: ArrayLike) -> NDArray[np.bool_]:
+    """Which points (point,) no other beats: none costs as little and errs as little, and less in one of the two.
+
+    Equal points are all on it; points with a cost or error that is not finite are not, and beat none.
+    """
+    cost, error = np.asarray(cost, float), np.asarray(error, float)
+    front = np.zeros(len(cost), bool)
+    usable = np.flatnonzero(np.isfinite(cost) & np.isfinite(error))
+    best = np.inf  # error of all that cost less
+    order = usable[np.lexsort((error[usable], cost[usable]))]
+    for index in order:
+        same = front & (cost == cost[index]) & (error == error[index])
+        front[index] = error[index] < best or same.any()
+        best = min(best, error[index])
+    return front
 
 
 @dataclass(frozen=True)
@@ -51,9 +67,9 @@ class Scene:
         return min(said, default=0.0)
 
     def work(self, point: Point) -> float:
-        """Processor time of a run's stages less the starts of their processes, s, LEAST_WORK at least; NaN where a log
+        """Processor time of a run's stages less the starts of their processes, s, MIN_WORK at least; NaN where a log
         does not say it."""
-        return float(np.maximum(LEAST_WORK, point.seconds - point.stages * self.start))  # max() would drop a NaN
+        return float(np.maximum(MIN_WORK, point.seconds - point.stages * self.start))  # max() would drop a NaN
 
     @cached_property
     def noise(self) -> float:
@@ -64,8 +80,8 @@ class Scene:
 
     @property
     def clear(self) -> float:
-        """How many times as fast a run has to be before it counts as faster: beyond noise, and CLEAR at least."""
-        return float(np.fmax(CLEAR, self.noise))
+        """How many times as fast a run has to be before it counts as faster: beyond noise, and MIN_SPEEDUP at least."""
+        return float(np.fmax(MIN_SPEEDUP, self.noise))
 
     @cached_property
     def _of_rock(self) -> dict[tuple, list[Point]]:

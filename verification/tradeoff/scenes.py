@@ -17,7 +17,7 @@ from verification.results import Results, Variant
 from verification.sphere.answer import exact_field
 
 Measures = dict[str, float]
-FIT = (1.0, 6.0)  # cells off the wall, between which its stress is extrapolated from
+FIT_CELLS = (1.0, 6.0)  # Distances from the wall, cells, between which its stress is fitted.
 
 
 def hole(results: Results, variant: Variant) -> tuple[Measures, Measures]:
@@ -53,7 +53,7 @@ def cavity(results: Results, variant: Variant) -> tuple[Measures, Measures]:
 def wall_hoop(rock: Cavity) -> float:
     """Hoop stress (Pa) at the wall: a quadratic in the distance through the particles a little off it."""
     off = (rock.distance - rock.radius) / rock.cell
-    near = (off >= FIT[0]) & (off <= FIT[1])
+    near = (off >= FIT_CELLS[0]) & (off <= FIT_CELLS[1])
     hoop = rock.radial_hoop_third[1, near]
     return float(np.polynomial.Polynomial.fit(off[near], hoop, 2, w=np.sqrt(rock.volume[near]))(0.0))
 

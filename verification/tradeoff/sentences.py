@@ -7,9 +7,9 @@ from verification.tradeoff.measures import ITSELF
 from verification.tradeoff.points import Point
 from verification.tradeoff.runs import Line, Scene
 
-CHEAP = 0.01  # change of the main measure that nobody would mind, as a share
-BETTER = 0.1  # share by which an error has to be smaller before it counts as bought
-CHEAP_TEXT = f"{100 * CHEAP:g} %"
+MAX_CHEAP_CHANGE = 0.01  # Change of the main measure up to which a gain in speed is cheap, as a share.
+MIN_ERROR_GAIN = 0.1  # Share by which an error has to be smaller before accuracy counts as gained.
+CHEAP_TEXT = f"{100 * MAX_CHEAP_CHANGE:g} %"
 
 
 def share(value: float, sign: bool = False) -> str:
@@ -77,11 +77,11 @@ def verdict(scene: Scene, line: Line) -> str:
     faster = [member for member in others if is_faster(scene, line, member)]
     if not faster:
         slower = [member for member in others if speed(scene, line, member) < 1 / scene.clear]
-        better = [member for member in slower if gain(scene, line, member) > BETTER]
+        better = [member for member in slower if gain(scene, line, member) > MIN_ERROR_GAIN]
         if better:
             return "Buys no speed here; it can buy accuracy."
         return "Buys nothing here: no value is clearly faster."
-    cheap = [member for member in faster if abs(change(scene, line, member)) <= CHEAP]
+    cheap = [member for member in faster if abs(change(scene, line, member)) <= MAX_CHEAP_CHANGE]
     if not cheap:
         return f"Buys speed for more than {CHEAP_TEXT} of {scene.main.title}."
     best = max(cheap, key=lambda member: speed(scene, line, member))

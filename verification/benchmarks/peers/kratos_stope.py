@@ -22,7 +22,7 @@ from importlib.metadata import version
 import KratosMultiphysics as Kratos
 import numpy as np
 from KratosMultiphysics import StructuralMechanicsApplication as Structural
-from stope import SHARE, Block, announce, peak_memory, read_case, sizes
+from stope import LINEAR_TOLERANCE_SHARE, Block, announce, peak_memory, read_case, sizes
 
 CASE = read_case(sys.argv[1])
 WITH_STRENGTH = "cohesion" in CASE
@@ -49,7 +49,7 @@ def linear_solver() -> dict:
         "krylov_type": "cg",
         "smoother_type": "ilu0",
         "coarsening_type": "aggregation",
-        "tolerance": SHARE * CASE["tolerance"],
+        "tolerance": LINEAR_TOLERANCE_SHARE * CASE["tolerance"],
         "max_iteration": LINEAR_ITERATIONS,
         "scaling": False,
         "verbosity": 0,

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import meshio
 import numpy as np
-from stope import SHARE, Block, announce, end_with_parent, peak_memory, read_case
+from stope import LINEAR_TOLERANCE_SHARE, Block, announce, end_with_parent, peak_memory, read_case
 
 # Abbo and Sloan (1995) round the corners of Coulomb's pyramid: Lode angle from which, deg, and the tip's rounding, Pa
 TRANSITION_ANGLE, TIP_ROUNDING = 29.0, 1e4
@@ -195,7 +195,7 @@ def project(block: Block, walls: dict[str, tuple[int, float]]) -> ET.Element:
                         "precon_type": "DIAGONAL",
                         "triangular_matrix": "LowerUpper",  # both triangles: the product then takes all threads
                         "max_iteration_step": LINEAR_ITERATIONS,
-                        "error_tolerance": SHARE * case["tolerance"],
+                        "error_tolerance": LINEAR_TOLERANCE_SHARE * case["tolerance"],
                     },
                 }
             },

@@ -22,7 +22,8 @@ import numpy as np
 # VTK order of a hexahedron's corners
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
 PR_SET_PDEATHSIG = 1  # prctl(2)
-SHARE = 0.5  # of the tolerance that a linear solver is asked for, so that one solution suffices where all is linear
+# Linear solvers get this share of the tolerance, so that one solution suffices where all is linear.
+LINEAR_TOLERANCE_SHARE = 0.5
 
 
 @dataclass(frozen=True)
