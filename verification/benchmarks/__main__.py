@@ -12,7 +12,7 @@ from verification.benchmarks.settings import Case, read_settings
 
 
 def measure(arguments: argparse.Namespace) -> None:
-    """One case in a process of its own, into a JSON file."""
+    """Measure one case in a process of its own and write its row as JSON."""
     from verification.benchmarks.measuring import DONE, measure
     from verification.benchmarks.table import read_rows
 
@@ -27,14 +27,14 @@ def measure(arguments: argparse.Namespace) -> None:
 
 
 def solve(arguments: argparse.Namespace) -> None:
-    """One case by our own stages, in this process; what came of it goes to standard output."""
+    """Solve one case by our own stages in this process; the result goes to standard output."""
     from verification.benchmarks.ours import solve
 
     solve(read_settings(), Case(arguments.problem, arguments.code, arguments.across), arguments.threads)
 
 
 def report(arguments: argparse.Namespace) -> None:
-    """Table, figure and page of all cases."""
+    """Write table, figure and page of all cases."""
     from verification.benchmarks.page import write_report
     from verification.benchmarks.table import read_rows
 

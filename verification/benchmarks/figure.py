@@ -1,4 +1,4 @@
-"""Cost per cell against size, log-log, and what the cost buys: the closure as cells shrink."""
+"""Figure of the benchmark: wall time per cell against size, log-log, and closure as cells shrink."""
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -13,7 +13,7 @@ MARKS = ("o", "s", "D", "^", "v", "P")
 
 
 def draw(settings: Settings, table: pd.DataFrame) -> Figure:
-    """Two rows, one column per problem."""
+    """All panels: time above, closure below, a column for each problem."""
     figure = style.new_figure(height=7.2)
     axes = figure.subplots(2, len(settings.problems), sharex=True, sharey="row", squeeze=False)
     for column, (problem, about) in enumerate(settings.problems.items()):
@@ -21,7 +21,7 @@ def draw(settings: Settings, table: pd.DataFrame) -> Figure:
         for number, (name, code) in enumerate(settings.codes.items()):
             rows = solved(table, problem, name)
             look: dict = {"color": COLOURS[number % len(COLOURS)], "marker": MARKS[number % len(MARKS)]}
-            is_reference = name == REFERENCE  # may lie below another line
+            is_reference = name == REFERENCE  # Its line is thicker, since another may cover it.
             look |= {"markersize": 9, "linewidth": 3.0} if is_reference else {"markersize": 5, "linewidth": 1.5}
             cost.plot(rows["cells"], rows["us_per_cell"], label=code.title, **look)
             closure.plot(rows["cells"], rows["closure_mm"], **look)
@@ -34,5 +34,5 @@ def draw(settings: Settings, table: pd.DataFrame) -> Figure:
     axes[1, 0].set_ylabel("closure of the side walls (mm)")
     axes[0, 0].legend(loc="upper left", ncols=2)
     low, high = axes[0, 0].get_ylim()
-    axes[0, 0].set_ylim(low, high * 6)  # room for the legend
+    axes[0, 0].set_ylim(low, high * 6)  # The legend covers no point.
     return figure

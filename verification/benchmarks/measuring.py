@@ -1,4 +1,4 @@
-"""One case in a process of its own: watched for time and memory, repeated if short, left out where that is foreseen."""
+"""Measurement of one case in a process of its own, watched for time and memory. Short cases are repeated."""
 
 import json
 import logging
@@ -30,7 +30,7 @@ DONE, STOPPED, NOT_RUN, FAILED, LEFT_OUT = "done", "stopped", "not run", "failed
 
 
 class Unavailable(Exception):
-    """A peer that cannot be installed; the reason in one line."""
+    """A peer cannot be installed. The message is one line."""
 
 
 def measure(settings: Settings, case: Case, threads: int, earlier: list[dict], environments: Path) -> dict:
@@ -68,7 +68,7 @@ def measure(settings: Settings, case: Case, threads: int, earlier: list[dict], e
 
 
 def machine() -> str:
-    """Processor, cores, memory, system and Python, as far as they can be told."""
+    """Processor, cores, memory, system and Python, as far as they are known."""
     name = platform.processor() or platform.machine()
     if Path("/proc/cpuinfo").exists():
         lines = Path("/proc/cpuinfo").read_text().splitlines()
@@ -78,19 +78,19 @@ def machine() -> str:
 
 
 def processor_time() -> tuple[float, float, float]:
-    """Seconds so far: processor time of the whole machine, of this process with its ended children, and the clock.
+    """Processor time of the whole machine, that of this process with its ended children, and the clock; all in s.
 
-    What a virtual machine's host gave to others counts as the machine's.
+    Time that a virtual machine's host gave to others counts as the machine's.
     """
     times = psutil.cpu_times()
     idle = times.idle + getattr(times, "iowait", 0.0)
-    guests = getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0)  # count in user time already
+    guests = getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0)  # User time includes them.
     own = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(times) - guests - idle, sum(use.ru_utime + use.ru_stime for use in own), time.perf_counter()
 
 
 def foreseen(cells: int, earlier: list[dict], time_limit: float, memory_limit: float) -> str:
-    """Why a case would not end within its limits (s, GB), by the smaller ones; empty if it would."""
+    """Why a case is expected to exceed its limits (s, GB), extrapolated from smaller ones; empty if it is not."""
     if not earlier:
         return ""
     last = earlier[-1]
@@ -101,7 +101,9 @@ def foreseen(cells: int, earlier: list[dict], time_limit: float, memory_limit: f
         before = earlier[-2]
         power = math.log(last["seconds"] / before["seconds"]) / math.log(last["cells"] / before["cells"])
         power = min(max(power, MIN_GROWTH), MAX_GROWTH)
-        per_cell = (last["memory"] - before["memory"]) / (last["cells"] - before["cells"])  # libraries do not grow
+        per_cell = (last["memory"] - before["memory"]) / (
+            last["cells"] - before["cells"]
+        )  # The memory of libraries does not grow.
     seconds = last["seconds"] * (cells / last["cells"]) ** power
     memory = last["memory"] + per_cell * (cells - last["cells"])
     if seconds > time_limit:
@@ -112,7 +114,7 @@ def foreseen(cells: int, earlier: list[dict], time_limit: float, memory_limit: f
 
 
 def command_of(code: Code, case: Case, path: Path, threads: int, environments: Path) -> list[str]:
-    """What solves the case whose numbers stand in the file `path`."""
+    """Command that solves the case whose numbers stand in the file `path`."""
     if code.script:
         return [str(peer_python(code, environments)), str(PEERS / code.script), str(path)]
     names = [case.problem, case.code, str(case.across)]
@@ -120,7 +122,7 @@ def command_of(code: Code, case: Case, path: Path, threads: int, environments: P
 
 
 def peer_python(code: Code, environments: Path) -> Path:
-    """Python of a peer's environment, which uv makes where it is not there. Raises Unavailable."""
+    """Python of a peer's environment, which uv makes where it is missing. Raises Unavailable."""
     beside = Path(sys.executable).with_name("uv")
     uv = str(beside) if beside.exists() else shutil.which("uv")
     if not uv:
@@ -139,10 +141,10 @@ def peer_python(code: Code, environments: Path) -> Path:
 
 
 def watch(command: list[str], threads: int, time_limit: float, memory_limit: float) -> tuple[str, list[dict]]:
-    """Run a command to its end or to its limits: outcome, and what it announced of its solutions.
+    """Run a command to its end or to its limits. Returns the outcome and the announced results of its solutions.
 
-    Where it failed or was stopped the last answer has the reason. The time (s) counts from the line that says that a
-    solution begins, anew for each; memory (GB) is that of all its processes.
+    The last result has the reason where the command failed or was stopped. The time limit (s) applies to each solution,
+    from the line that announces it; the memory limit (GB) applies to all processes of the command together.
     """
     environment = os.environ | {
         "PYTHONPATH": str(ROOT),
@@ -169,7 +171,7 @@ def watch(command: list[str], threads: int, time_limit: float, memory_limit: flo
 
 
 def _until_end(process: psutil.Popen, said: Path, time_limit: float, memory_limit: float) -> str:
-    """Wait for a process, or end it with all that it has started: why, empty if it ended by itself."""
+    """Wait for a process, or end it with all that it has started. Returns why; empty if it ended by itself."""
     clock, limit, heard = time.perf_counter(), MAX_PREPARATION, 0
     reason = ""
     try:
@@ -178,7 +180,7 @@ def _until_end(process: psutil.Popen, said: Path, time_limit: float, memory_limi
             said_so_far = len(_answers(said))
             if said_so_far != heard:
                 clock, heard = time.perf_counter(), said_so_far
-                limit = time_limit if heard % 2 else MAX_PREPARATION  # a solution has begun, or has ended
+                limit = time_limit if heard % 2 else MAX_PREPARATION  # An odd number of lines: a solution has begun.
             if time.perf_counter() - clock > limit:
                 reason = f"took more than {limit:g} s" + ("" if heard % 2 else " to prepare")
             elif _memory(process) > memory_limit:
@@ -191,17 +193,17 @@ def _until_end(process: psutil.Popen, said: Path, time_limit: float, memory_limi
 
 
 def _answers(said: Path) -> list[dict]:
-    """Whole lines of JSON; peers print other things too."""
+    """Complete lines of JSON. Peers print other lines as well."""
     lines = said.read_text(errors="replace").splitlines(keepends=True)
     return [json.loads(line) for line in lines if line.startswith("{") and line.endswith("\n")]
 
 
 def _memory(process: psutil.Process) -> float:
-    """GB in memory, of a process and all that it has started."""
+    """Resident memory of a process and all that it has started, GB."""
     total = 0
     try:
         for one in (process, *process.children(recursive=True)):
             total += one.memory_info().rss
-    except psutil.Error:  # ended meanwhile
+    except psutil.Error:  # The process has ended meanwhile.
         pass
     return total / 1e9

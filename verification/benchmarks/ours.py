@@ -1,4 +1,4 @@
-"""A case solved by the ordinary stages, in this process; see peers/stope.py for what is reported and how."""
+"""Solution of a case by the ordinary stages in this process. peers/stope.py describes what is reported."""
 
 import logging
 import tempfile
@@ -16,7 +16,7 @@ from verification.benchmarks.settings import Case, Settings
 from verification.computed_stages import computed_stages
 from workflow.mine import Mine
 
-WARM_UP = 2  # cells across: as small as it gets; kernels are compiled and in memory before the clock starts
+WARM_UP = 2  # Cells across the stope of a first run, which compiles and loads the kernels before the clock starts.
 
 
 def solve(settings: Settings, case: Case, threads: int) -> None:
@@ -35,13 +35,13 @@ def solve(settings: Settings, case: Case, threads: int) -> None:
 
 
 def run(mine: Mine, begin=lambda: None) -> tuple[dict, xr.Dataset, xr.Dataset]:
-    """Grid and stages of a case: what is reported, the last stage's dataset, the grid. `begin` is called in between."""
+    """Run a case: reported facts, the last stage's dataset, and the grid. `begin` is called before the last stage."""
     with tempfile.TemporaryDirectory() as folder:
         stages = computed_stages(mine, Path(folder) / "failed.npz")
         start = time.perf_counter()
         _, grid, _ = next(stages)
         grid_seconds = time.perf_counter() - start
-        for _ in mine.mined_steps:  # all stages but the last
+        for _ in mine.mined_steps:  # All stages but the last run here.
             next(stages)
         begin()
         start, processor = time.perf_counter(), time.process_time()
@@ -50,7 +50,7 @@ def run(mine: Mine, begin=lambda: None) -> tuple[dict, xr.Dataset, xr.Dataset]:
     logging.info("%s: grid %.2f s, stage %.2f s", mine.name, grid_seconds, seconds)
     return (
         {
-            "converged": True,  # a stage that does not converge raises
+            "converged": True,  # A stage that does not converge raises an error.
             "reason": "",
             "seconds": seconds,
             "cpu_seconds": processor,

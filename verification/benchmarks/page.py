@@ -1,4 +1,4 @@
-"""results/benchmarks: table.csv, figure.svg and report.html."""
+"""Output in results/benchmarks: table.csv, figure.svg and report.html."""
 
 from pathlib import Path
 
@@ -46,7 +46,7 @@ def write_report(settings: Settings, rows: list[dict], table_path: Path, figure_
 
 
 def number(value: float, digits: int = 3, largest: float = 100.0) -> str:
-    """A number for people: so many digits, thousands apart, a dash for none."""
+    """A number as text: so many digits, commas between thousands, a dash for a missing one."""
     if value is None or pd.isna(value):
         return "–"
     return f"{value:,.0f}" if abs(value) >= largest or float(value).is_integer() else f"{value:.{digits}g}"

@@ -1,4 +1,4 @@
-"""What config/benchmarks.yaml asks for, checked: codes, problems, sizes, limits, and the scene of each case."""
+"""Checked settings of config/benchmarks.yaml: codes, problems, sizes, limits, and the scene of each case."""
 
 import functools
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from workflow.mine import Mine
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "config" / "benchmarks.yaml"
 PEERS = ROOT / "verification" / "benchmarks" / "peers"
-REFERENCE = "multigrid"  # the code that ratios are taken to
+REFERENCE = "multigrid"  # Ratios are taken to this code.
 QUANTITIES = {"time_limit": "s", "memory_limit": "GB", "repeat_below": "s"}
 KEYS = (*QUANTITIES, "threads", "repetitions", "cells_across", "codes", "scene", "problems")
 CODE_KEYS = {"title", "scene", "script", "requirements", "agrees", "time_limit"}
@@ -62,7 +62,7 @@ class Settings:
     scene: dict
 
     def cases(self) -> list[Case]:
-        """All cases in the order in which they run: codes in turns, so that a slow minute of the machine hits all."""
+        """All cases in the order in which they run. Codes alternate, so that a slow minute affects all of them."""
         return [
             Case(problem, code, across)
             for across in self.cells_across
@@ -75,7 +75,7 @@ class Settings:
         return self.codes[code].time_limit or self.time_limit
 
     def mine(self, case: Case) -> Mine:
-        """The checked configuration of a case, as a mine's file would give it; of a peer's, the scene it stands for."""
+        """The checked configuration of a case; for a peer, that of the scene that it solves."""
         scene = merge(self.scene, self.problems[case.problem]["scene"])
         scene = merge(scene, self.codes[case.code].scene)
         first, last = (parse_quantity(scene["excavations"][0][corner][0], "m") for corner in ("lower", "upper"))

@@ -1,4 +1,4 @@
-"""The table: one row per code, problem and size, with ratios to the reference and the agreement of closures."""
+"""Table of the benchmark: a row for each code, problem and size, with ratios to the reference and agreement."""
 
 import json
 from pathlib import Path
@@ -39,7 +39,7 @@ MEASURED = ("seconds", "cpu_seconds", "memory", "iterations", "closure", "repeti
 
 
 def read_rows(files: list[str]) -> list[dict]:
-    """What measuring.measure wrote, in the order given."""
+    """Rows that measuring.measure wrote, in the order given."""
     return [json.loads(Path(file).read_text(encoding="utf-8")) for file in files]
 
 
@@ -77,7 +77,7 @@ def solved(table: pd.DataFrame, problem: str, code: str) -> pd.DataFrame:
 
 
 def summary(settings: Settings, table: pd.DataFrame) -> list[dict]:
-    """One row per problem and code: its largest solution that the reference has solved too, and its largest of all."""
+    """For each problem and code: its largest solution that the reference has solved as well, and its largest of all."""
     rows = []
     for problem, about in settings.problems.items():
         for name, code in settings.codes.items():
@@ -90,7 +90,7 @@ def summary(settings: Settings, table: pd.DataFrame) -> list[dict]:
 
 
 def agreements(settings: Settings, table: pd.DataFrame) -> list[tuple[str, bool]]:
-    """How closures agree on the same mesh, in sentences, and whether within what is allowed."""
+    """Sentences on how closures agree on the same mesh, and whether within the allowed difference."""
     said = []
     for problem, about in settings.problems.items():
         for name, code in settings.codes.items():

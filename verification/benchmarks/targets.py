@@ -1,4 +1,4 @@
-"""Which files the rules of verification/rules/benchmarks.smk make from which: cases in one row, one after the other."""
+"""Inputs and outputs of the rules of verification/rules/benchmarks.smk. Cases run one after the other."""
 
 import functools
 import json
@@ -49,7 +49,7 @@ def earlier_of(case: Case) -> list[Case]:
 
 
 def runs_before(wildcards) -> list[str]:
-    """What a case waits for: the case before it in the row, and the smaller ones that show what it will take."""
+    """Results that a case waits for: the previous case's, and those of smaller cases, which show its costs."""
     case = case_of(wildcards)
     cases = settings().cases()
     previous = cases[: cases.index(case)][-1:]

@@ -1,4 +1,4 @@
-"""The Brazilian disc (paper 3.4, Figs 14 to 16): elastic field, first failure, and the crack that splits the disc."""
+"""The Brazilian disc (paper section 3.4, Figs 14 to 16): elastic field, first failure, and the crack."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,7 +15,7 @@ NO_REST = "no state of rest with failed rock among the steps: the crack runs at 
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Rows and figure of the study, of those variants that are there."""
+    """Rows and figure of the study, of the variants that were run."""
     settings = results.settings
     discs = {name: PressedDisc(name, variant) for name, variant in results.variants.items()}
     cracks = {name: read_crack(disc) for name, disc in discs.items()}
@@ -34,7 +34,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 
 def elastic_rows(disc: PressedDisc, allowed: dict) -> list[Row]:
-    """Elastic field beside Hondros' and first failure beside that of plane strain."""
+    """Elastic field against Hondros', and first failure against that of plane strain."""
     rows = []
     stress, exact_stress = disc.centre_stress()
     load = disc.loading.before
@@ -60,7 +60,7 @@ def elastic_rows(disc: PressedDisc, allowed: dict) -> list[Row]:
 
 
 def crack_rows(disc: PressedDisc, crack: Crack[PressedDisc] | None, results: Results) -> list[Row]:
-    """How the crack starts, at which load it runs, how far, and where its potency is."""
+    """Load at which the crack starts and runs, its span, and the place and mechanism of its potency."""
     allowed, settings = results.allowed, results.settings
     share = f"{disc.name}: share of potency within {MILLI * settings['near']:g} mm of the loaded diameter, run through"
     through = f"{disc.name}: share of the loaded diameter that the crack spans in the last state of rest"
@@ -119,7 +119,7 @@ def events_mean(crack: Crack, variable: str) -> float:
 
 
 def event_rows(crack: Crack, settings: dict) -> list[Row]:
-    """Number, kind and sizes of the events: reported, no theory."""
+    """Number, kind and sizes of the events, reported without theory."""
     name, events = crack.disc.name, crack.events()
     nothing = float("nan")
 
@@ -152,7 +152,7 @@ def event_rows(crack: Crack, settings: dict) -> list[Row]:
 
 
 def cost_rows(disc: PressedDisc, crack: Crack | None) -> list[Row]:
-    """Particles, time and memory, where Snakemake has run the stages."""
+    """Particles, time and memory, where the stages left logs."""
     nothing = float("nan")
     rows = [Row(f"{disc.name}: particles of rock", nothing, float(disc.present.sum()), nothing)]
     for stage in ("elastic", *([f"steps/{crack.step}"] if crack else [])):
@@ -164,7 +164,7 @@ def cost_rows(disc: PressedDisc, crack: Crack | None) -> list[Row]:
 
 
 def order_rows(discs: list[PressedDisc], allowed: dict) -> list[Row]:
-    """Order of convergence of the elastic field, the load being on one layer of cells; first failure beside it."""
+    """Order of convergence of the elastic field, with the load of first failure as a remark."""
     if len(discs) < 2:
         return []
     sizes, errors = [disc.cell_size for disc in discs], [disc.field_error() for disc in discs]
@@ -179,7 +179,7 @@ def order_rows(discs: list[PressedDisc], allowed: dict) -> list[Row]:
 
 
 def together_rows(crack: Crack | None, settings: dict) -> list[Row]:
-    """What becomes of the crack if all rock above strength fails at once."""
+    """The crack where all rock above strength fails at once."""
     if crack is None:
         return []
     last, nothing = crack.moments[-1], float("nan")
@@ -193,7 +193,7 @@ def together_rows(crack: Crack | None, settings: dict) -> list[Row]:
 
 
 def spread_rows(cracks: list[Crack[PressedDisc]], settings: dict) -> list[Row]:
-    """Means over perturbed runs of one scene; error: largest less smallest, in the terms of the mean."""
+    """Means over perturbed runs of one scene. The error is the largest less the smallest value over the mean."""
     if len(cracks) < 2:
         return []
     cell = f"{MILLI * cracks[0].disc.cell_size:g} mm cells, {len(cracks)} perturbed runs"

@@ -36,7 +36,7 @@ class Disc:
         return resultant / (2.0 * self.radius * np.sin(self.half_arc) * self.thickness)
 
     def size_of_load(self, resultant: float) -> float:
-        """Sum of the sizes of all forces on one arc, N: they point to the centre, their resultant is a little less."""
+        """Sum of the sizes of all forces on one arc, N. They point to the centre, so their resultant is smaller."""
         return resultant * self.half_arc / np.sin(self.half_arc)
 
     def stress(self, position: np.ndarray, pressure: float = 1.0) -> np.ndarray:
@@ -57,7 +57,7 @@ class Disc:
                          shear * cosine - half * sine], axis=-1)  # fmt: skip
 
     def widening(self, pressure: float, youngs_modulus: float, poisson_ratio: float) -> float:
-        """How much the diameter across the load grows, m, in plane strain: the integral of its strain."""
+        """Growth of the diameter across the load in plane strain, m: the integral of its strain."""
         points, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
         across = np.stack([0.5 * self.radius * (points + 1.0), np.zeros(QUADRATURE_POINTS)], axis=1)
         xx, yy, _ = self.stress(across, pressure).T
@@ -74,14 +74,14 @@ def plane_strain(stress: np.ndarray, poisson_ratio: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class PeakStrength:
-    """Coulomb: friction angle (rad) and cohesion (Pa); tension cut-off (Pa), None without."""
+    """Coulomb strength: friction angle (rad), cohesion (Pa), tension cut-off (Pa; None without)."""
 
     friction_angle: float
     cohesion: float
     tension_cutoff: float | None = None
 
     def load_factor(self, stress: np.ndarray) -> np.ndarray:
-        """How many times a stress (..., 6) may grow until it fails, (...,); inf where it never does."""
+        """Factor (...,) by which a stress (..., 6) may grow until it fails; inf where it never fails."""
         xx, yy, zz, yz, xz, xy = np.moveaxis(np.asarray(stress, float), -1, 0)
         tensor = np.stack([np.stack(row, axis=-1) for row in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))], axis=-2)
         values = np.linalg.eigvalsh(tensor)
@@ -105,7 +105,7 @@ class FirstFailure:
 
 
 def first_failure(disc: Disc, poisson_ratio: float, strength: PeakStrength) -> FirstFailure:
-    """Where a disc in plane strain fails first, and at which load; of equal places the one with y >= 0, x >= 0."""
+    """Place and load at which a disc in plane strain fails first; of equal places that with x >= 0 and y >= 0."""
     unit = disc.pressure(1.0)
 
     def resultant(position: np.ndarray) -> np.ndarray:
@@ -118,7 +118,7 @@ def first_failure(disc: Disc, poisson_ratio: float, strength: PeakStrength) -> F
     step = line[1]
 
     def objective(shift: np.ndarray) -> float:
-        return float(resultant(np.abs(start + step * shift)))  # the quadrants are images of each other
+        return float(resultant(np.abs(start + step * shift)))  # The quadrants are images of each other.
 
     best = minimize(objective, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-9})
     place = np.abs(start + step * best.x)

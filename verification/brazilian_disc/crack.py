@@ -1,4 +1,4 @@
-"""How a crack runs through the disc: generation by generation of failure, what has failed, how far it spans."""
+"""Growth of a crack through the disc, generation by generation: failed cells, span, potency."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -41,10 +41,10 @@ Loaded = TypeVar("Loaded", bound=LoadedDisc)
 
 @dataclass(frozen=True)
 class Moment:
-    """A state of the growing crack: number of generations since the first failure, and what it has reached.
+    """The growing crack after a generation of failure.
 
-    part: of the step's load or strain that is applied by then; span: of the loaded diameter, by the largest connected
-    body of failed cells; potency: m3, sum over particles.
+    part: parts of the step's load or strain that are applied by then. span: share of the loaded diameter that the
+    largest connected body of failed cells spans. potency: sum over particles, m3.
     """
 
     generation: int
@@ -64,12 +64,14 @@ class Crack(Generic[Loaded]):
         self.failed = state.failed.values == state.attrs["step_index"]
         order = state.failure_order.values[self.failed].astype(np.int64)
         instant = order[:, 0] * (order[:, 1].max() + 1) + order[:, 1]
-        _, first, self.rank = np.unique(instant, return_index=True, return_inverse=True)  # from the first failure
+        _, first, self.rank = np.unique(
+            instant, return_index=True, return_inverse=True
+        )  # Generation, from the first failure.
         self.part_of = order[first, 0]
-        rock = np.bincount(state.cell.values, state.volume.values)  # m3 of each cell; all are of one size
+        rock = np.bincount(state.cell.values, state.volume.values)  # Volume of each cell, m3. All cells have one size.
         sound = (
             rock[state.cell.values[self.failed]] >= MIN_SOUND_SHARE * rock.max()
-        )  # crumbs at the ends of the arcs fail before
+        )  # Crumbs at the ends of the arcs fail before.
         self.first_part = int(order[sound if sound.any() else slice(None), 0].min())
         self.last_part = int(order[:, 0].max())
         self.place = state.position.values[self.failed, :2] - disc.center
@@ -101,7 +103,7 @@ class Crack(Generic[Loaded]):
         index = np.rint((grid.cell_origin.values - grid.attrs["domain_lower"]) / self.disc.cell_size).astype(int)
         axes = [0, 1] if self.disc.flat else [0, 1, 2]
         broken = np.zeros(index[:, axes].max(axis=0) + 1, bool)
-        corners = ndimage.generate_binary_structure(len(axes), len(axes))  # cells that touch, corners too
+        corners = ndimage.generate_binary_structure(len(axes), len(axes))  # Cells are connected over corners as well.
         potency = np.cumsum(np.bincount(self.rank, self.potency))
         moments = []
         for generation in range(self.rank.max() + 1):
@@ -144,13 +146,13 @@ class Crack(Generic[Loaded]):
         return float(np.degrees(np.arccos(min(1.0, abs(principal_axes(tensor)[2][0])))))
 
     def stages(self) -> list[Moment]:
-        """STAGE_COUNT moments, each with the same share of the whole potency more than the one before."""
+        """STAGE_COUNT moments, between which equal shares of the whole potency are released."""
         potency = np.array([moment.potency for moment in self.moments])
         wanted = potency[-1] * np.arange(1, STAGE_COUNT + 1) / STAGE_COUNT
         return [self.moments[index] for index in np.searchsorted(potency, wanted * (1.0 - 1e-12))]
 
     def events_between(self, after: int, until: int) -> xr.Dataset:
-        """Events of the particles that failed after one generation up to another: a stage as a step of its own."""
+        """Events of the particles that failed after one generation up to another, as if this were a step of its own."""
         chosen = np.zeros(len(self.failed), bool)
         chosen[np.flatnonzero(self.failed)[(self.rank > after) & (self.rank <= until)]] = True
         kept = {name: self.state[name].where(xr.DataArray(chosen, dims="particle"), 0.0) for name in STRAINS}
@@ -162,8 +164,10 @@ class Crack(Generic[Loaded]):
 
 
 def read_crack(disc: Loaded) -> Crack[Loaded] | None:
-    """The crack of a variant: of the step in which most rock fails, None if none does. Crumbs of rim cells at the ends
-    of the loaded arcs may fail before."""
+    """The crack of a variant, in the step in which most rock fails; None where no rock fails.
+
+    Crumbs of rim cells at the ends of the loaded arcs may fail in an earlier step.
+    """
     failed = {step: disc.variant.step(step).attrs["failed_volume"] for step in disc.variant.step_names}
     most = max(failed, key=lambda step: failed[step], default=None)
     return Crack(disc, most) if most and failed[most] > 0.0 else None

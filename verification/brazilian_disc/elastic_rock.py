@@ -1,4 +1,4 @@
-"""What a run says about the rock of a pressed disc while it is elastic, beside Hondros' field."""
+"""Rock of a pressed disc while it is elastic, compared with Hondros' field."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,14 +24,14 @@ CENTRAL_CELLS = 1.0  # Stress at the centre is the mean over so many cells in ea
 
 @dataclass(frozen=True)
 class Loading:
-    """Resultant of the forces on each arc, N: before the first step, and added step by step."""
+    """Resultant of the forces on each arc, N: that before the first step, and those added by step."""
 
     before: float
     added: dict[str, float]
 
 
 class PressedDisc:
-    """A variant of the study: what is pressed, how, and the elastic state of its particles of rock.
+    """A variant of the study: the disc, its loading, and the elastic state of its particles of rock.
 
     place (particle, 2) m from the centre in the plane of the disc; volume (particle,) m3; stress (particle, 6) Pa;
     cell (particle,); whole, sound (particle,) bool: in an uncut cell, in a cell at least half rock.
@@ -67,7 +67,7 @@ class PressedDisc:
         self.whole, self.sound = share > MIN_UNCUT_SHARE, share >= MIN_SOUND_SHARE
 
     def text_of(self, step: str, share: float) -> str:
-        """What is applied once this share of a step's load is added."""
+        """Load as text, after this share of a step's load."""
         return f"{1e-3 * (self.loading.before + self.loading.added[step] * share):.2f} kN"
 
     def _outline(self, load: dict) -> np.ndarray:
@@ -116,7 +116,7 @@ class PressedDisc:
             self.cell_means(values)[1] for values in (self.stress[:, IN_PLANE], self.exact, self.place)
         )
         inside = np.hypot(*place.T) <= COMPARED_RADIUS_SHARE * self.disc.radius
-        twice = np.array([1.0, 1.0, 2.0])  # shear stands twice in a tensor
+        twice = np.array([1.0, 1.0, 2.0])  # Shear stands twice in a tensor.
         return float(np.sqrt(np.sum(twice * (found - exact)[inside] ** 2) / np.sum(twice * exact[inside] ** 2)))
 
     def widening(self) -> tuple[float, float]:
@@ -127,7 +127,7 @@ class PressedDisc:
         return ends[0] - ends[1], self.disc.widening(self.pressure, self.youngs_modulus, self.poisson_ratio)
 
     def first_failure(self) -> tuple[FirstFailure, FirstFailure]:
-        """Found and exact load and place of first failure: elastic stress grows with the load."""
+        """Found and exact load and place of first failure. Elastic stress is proportional to the load."""
         factor = np.where(self.sound, self.strength.load_factor(self.stress), np.inf)
         first = int(np.argmin(factor))
         found = FirstFailure(float(self.loading.before * factor[first]), tuple(np.abs(self.place[first]).tolist()))

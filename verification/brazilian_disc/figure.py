@@ -42,7 +42,7 @@ def draw(discs: dict[str, PressedDisc], cracks: dict[str, Crack | None], setting
 
 
 def draw_stress(axes: Axes, disc: PressedDisc) -> None:
-    """Stresses on the loaded diameter beside Hondros' lines."""
+    """Stresses on the loaded diameter with Hondros' lines."""
     height, found = disc.along_diameter()
     line = np.linspace(-1.0, 1.0, 401) * disc.disc.radius * 0.999
     exact = disc.exact_along_diameter(line)
@@ -57,7 +57,7 @@ def draw_stress(axes: Axes, disc: PressedDisc) -> None:
 
 
 def draw_first_failure(axes: Axes, discs: list[PressedDisc]) -> None:
-    """Load at which rock on the loaded diameter would reach strength, beside the exact one."""
+    """Load at which rock on the loaded diameter would reach strength, with the exact one."""
     for disc, colour in zip(discs, COLOURS, strict=False):
         height, found = disc.along_diameter()
         line = np.linspace(0.0, 0.97, 300) * disc.disc.radius
@@ -151,7 +151,7 @@ def draw_events(axes: Axes, crack: Crack, events, largest: float) -> None:
 
 
 def spread(place: np.ndarray, size: np.ndarray, radius: float) -> np.ndarray:
-    """Where balls go, (ball, 2): the free place of a lattice beside the crack that is nearest to each, largest first.
+    """Places of balls (ball, 2): for each, largest first, the nearest free place of a lattice beside the crack.
 
     place (ball, 2), size (ball,), radius of the disc: mm.
     """
@@ -162,7 +162,7 @@ def spread(place: np.ndarray, size: np.ndarray, radius: float) -> np.ndarray:
     for number, (own, where) in enumerate(zip(size, place, strict=True)):
         apart = np.hypot(*(free[:, None] - result[:number]).transpose(2, 0, 1)) - size[:number] - own - 0.5
         allowed = free[(apart > 0.0).all(axis=1)]
-        side = 1.0 if number % 2 else -1.0  # of those on the crack, one to the left, one to the right
+        side = 1.0 if number % 2 else -1.0  # Balls on the crack go left and right in turn.
         result[number] = allowed[np.argmin(np.hypot(*(allowed - where - [0.1 * side, 0.0]).T))]
     return result
 

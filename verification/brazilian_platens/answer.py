@@ -1,4 +1,4 @@
-"""The Brazilian disc between closing platens (paper 3.4, Figs 14 to 16): the crack in three dimensions."""
+"""The Brazilian disc between closing platens (paper section 3.4, Figs 14 to 16), in three dimensions."""
 
 from functools import cached_property
 
@@ -20,9 +20,9 @@ NOTHING = float("nan")
 
 
 class PlatenDisc:
-    """A variant: its disc, how far its platens close, and the elastic state before the step in which rock fails."""
+    """A variant: its disc, the approach of its platens, and the elastic state before the step in which rock fails."""
 
-    flat = False  # three dimensions
+    flat = False  # The scene has three dimensions.
 
     def __init__(self, name: str, variant: Variant):
         self.name, self.variant = name, variant
@@ -48,7 +48,7 @@ class PlatenDisc:
         self.before = self.strain.pop(variant.mine.steps[0]["name"])
 
     def closing(self, step: str, share: float) -> float:
-        """How far the platens have approached each other, m, once this share of a step's strain is applied.
+        """Approach of the platens, m, after this share of a step's strain.
 
         Raises InputError for the first step, in which no rock may fail.
         """
@@ -57,11 +57,11 @@ class PlatenDisc:
         return (self.before + self.strain[step] * share) * self.height
 
     def text_of(self, step: str, share: float) -> str:
-        """Platen displacement, as text."""
+        """Approach of the platens as text."""
         return f"{MILLI * self.closing(step, share):.4f} mm"
 
     def force(self, state) -> float:
-        """Force N that the platens press with: stress along y integrated over the layers beside the mid-plane."""
+        """Force of the platens, N: stress along y integrated over the two layers of cells at the mid-plane."""
         beside = np.abs(state.position.values[:, 1]) < self.cell_size
         return -float(np.sum(state.stress.values[beside, 1] * state.volume.values[beside]) / (2.0 * self.cell_size))
 
@@ -71,14 +71,14 @@ class PlatenDisc:
         return self.force(self.variant.elastic) / (self.before * self.height)
 
     def centre(self) -> float:
-        """Stress across the load at the centre, Pa per newton: mean of the cells around the axis."""
+        """Stress across the load at the centre, Pa per newton: the mean of the cells around the axis."""
         state = self.variant.elastic
         near = (np.abs(state.position.values[:, :2]) < self.cell_size).all(axis=1)
         return float(state.stress.values[near, 0].mean()) / self.force(state)
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Rows and figure of the study, of those variants that are there."""
+    """Rows and figure of the study, of the variants that were run."""
     settings = results.settings
     discs = {name: PlatenDisc(name, variant) for name, variant in results.variants.items()}
     cracks = {name: read_crack(disc) for name, disc in discs.items()}
@@ -95,9 +95,10 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 
 def elastic_rows(disc: PlatenDisc, crack: Crack | None) -> list[Row]:
-    """Stress at the centre, and the force at which rock first fails, beside Hondros' even pressure over the same arcs.
+    """Stress at the centre and force of first failure, compared with Hondros' even pressure over the same arcs.
 
-    No bounds: platens press hardest at their corners, and the free end faces of a disc so thick bear more tension.
+    The rows have no bounds. Platens press hardest at their corners, and the free end faces of a thick disc bear more
+    tension.
     """
     exact = disc.disc.stress(np.zeros(2), disc.disc.pressure(1.0))[0]
     quantity = f"{disc.name}: stress across the load at the centre, Pa per newton"
@@ -118,7 +119,7 @@ def through_moment(crack: Crack, span: float) -> Moment | None:
 
 
 def crack_rows(disc: PlatenDisc, crack: Crack[PlatenDisc] | None, results: Results) -> list[Row]:
-    """Where the potency lies and how the rock opens once the crack spans every layer."""
+    """Place of the potency and axis of opening at the moment when the crack spans every layer."""
     allowed, settings = results.allowed, results.settings
     near = f"{disc.name}: share of potency within {MILLI * settings['near']:g} mm of the loaded diameter, run through"
     moment = through_moment(crack, settings["span"]) if crack else None
@@ -140,7 +141,7 @@ def crack_rows(disc: PlatenDisc, crack: Crack[PlatenDisc] | None, results: Resul
 
 
 def printed_rows(crack: Crack, settings: dict) -> list[Row]:
-    """Table 1 as printed: where its crack begins and lies, without a bound."""
+    """Crack of the variant with Table 1 as printed, reported without bounds."""
     name, first = crack.disc.name, crack.place[crack.rank == 0]
     last = crack.moments[-1]
     moment = through_moment(crack, settings["span"]) or last
@@ -159,7 +160,7 @@ def printed_rows(crack: Crack, settings: dict) -> list[Row]:
 
 
 def stages_of(crack: Crack, span: float) -> list[Moment]:
-    """Six moments: three until the crack has run through, then the end of its part, half of what is left, the end."""
+    """Six moments: three until the crack spans every layer, the end of that part, half of the rest, and the end."""
     moments = crack.moments
     through = through_moment(crack, span) or moments[-1]
     rest = [moment.generation for moment in moments if moment.part == through.part][-1]
@@ -170,7 +171,7 @@ def stages_of(crack: Crack, span: float) -> list[Moment]:
 
 
 def draw(discs: dict[str, PlatenDisc], cracks: dict[str, Crack[PlatenDisc]], settings: dict) -> Figure:
-    """Growth of every variant's crack, potency by platen displacement, and six stages of the shown one."""
+    """Growth of every variant's crack, potency by approach of the platens, and six stages of the shown crack."""
     shown = cracks.get(settings["shown"])
     figure = style.new_figure(height=3.9 + (8.2 if shown else 0.0))
     upper: FigureBase = figure
@@ -185,7 +186,7 @@ def draw(discs: dict[str, PlatenDisc], cracks: dict[str, Crack[PlatenDisc]], set
 
 
 def draw_diameter(axes: Axes, disc: PlatenDisc) -> None:
-    """Stress across and along the load on the loaded diameter, mean through the thickness, beside Hondros' lines."""
+    """Stress on the loaded diameter, mean through the thickness, with Hondros' lines."""
     state = disc.variant.elastic
     near = np.flatnonzero((np.abs(state.position.values[:, 0]) < disc.cell_size) & (state.volume.values > 0.0))
     height, number = np.unique(np.round(state.position.values[near, 1], 9), return_inverse=True)
@@ -203,7 +204,7 @@ def draw_diameter(axes: Axes, disc: PlatenDisc) -> None:
 
 
 def draw_potency(axes: Axes, cracks: dict[str, Crack[PlatenDisc]]) -> None:
-    """Potency so far by platen displacement: a step up is a crack that runs while the platens stand still."""
+    """Potency so far by approach of the platens. A step is a crack that runs while the platens do not move."""
     for (name, crack), colour in zip(cracks.items(), COLOURS, strict=False):
         parts = np.arange(crack.parts + 1)
         fresh = np.diff([moment.potency for moment in crack.moments], prepend=0.0)

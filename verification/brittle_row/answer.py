@@ -1,4 +1,4 @@
-"""One row of brittle cells, where nothing can localise: failed depth, residual stress and closure, strictly."""
+"""One row of brittle cells, in which failure cannot localise: failed depth, residual stress and closure."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -79,7 +79,7 @@ def contiguous(depth: np.ndarray, failed: np.ndarray) -> bool:
 
 
 def draw(axes, name: str, variant: Variant, exact: BrittleRow, state) -> None:
-    """Stress against depth beside the exact lines."""
+    """Stress against depth with the exact lines."""
     present = state.volume.values > 0.0
     depth = face_elevation(variant) - state.position.values[present, 2]
     lines = np.linspace(0.0, depth.max(), 800)

@@ -10,8 +10,8 @@ gradient along z is the weight. Whatever fails, the vertical stress is the weigh
                             yy = xx if both are virgin equals                      failed on the edge
     e_z = elastic e_z + N_psi (elastic e_x + elastic e_y)                          failed: e_x = e_y = 0 in total
 
-(residual N and sigma_c in failed rock), and the face rises by the integral of e_z. No cell waits for another, and none
-can take the place of another: nothing localises. Stress and strain tension positive.
+(residual N and sigma_c in failed rock), and the face rises by the integral of e_z. Failure of one cell does not depend
+on another, so it does not localise. Stress and strain are tension positive.
 """
 
 from dataclasses import dataclass

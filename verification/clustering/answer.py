@@ -1,4 +1,4 @@
-"""Clustering methods and families against known truth (paper 3.1 and 3.2, Figs 10 to 12)."""
+"""Clustering methods and families against known truth (paper sections 3.1 and 3.2, Figs 10 to 12)."""
 
 import time
 from dataclasses import dataclass, field
@@ -30,7 +30,7 @@ from verification.rows import Row
 
 @dataclass
 class Separation:
-    """A set of points and what each method made of it: label (particle,) and resolved (cluster,) by method."""
+    """A set of points and its clusters: label (particle,) and resolved (cluster,) by method."""
 
     points: PointSet
     label: dict[str, NDArray] = field(default_factory=dict)
@@ -38,7 +38,7 @@ class Separation:
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Separation in space, its budget and its time; families; cracks, bodies as regions; one figure."""
+    """Rows on separation in space, its potency budget and time, families, cracks and bodies; one figure."""
     settings, allowed = results.settings, results.allowed
     separations = separate(settings)
     families = recover(settings["families"], settings["seed"])
@@ -55,7 +55,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 
 def separate(settings: dict) -> dict[str, list[Separation]]:
-    """Every method on every draw of every set, by the set's name; one draw where nothing is random."""
+    """Every method on every draw of every set, by the set's name. A set without random parts has one draw."""
     separations: dict[str, list[Separation]] = {}
     for number, (name, shape) in enumerate(settings["sets"].items()):
         random = any(part.get("share", 1.0) < 1.0 for part in (*shape["bodies"], *shape.get("noise", [])))
@@ -83,7 +83,7 @@ def _with_number(cluster: dict, clusters: int) -> dict:
 
 
 def separation_rows(separations: dict[str, list[Separation]], settings: dict, allowed: dict) -> list[Row]:
-    """Index, elongation and scattered particles of each set and method, means of draws; the equality of two methods."""
+    """Index, elongation and scattered particles by set and method, as means of draws; the equality of two methods."""
     rows = []
     for name, draws in separations.items():
         shape = settings["sets"][name]
@@ -116,7 +116,7 @@ def _few_samples_row(separations: dict[str, list[Separation]], settings: dict, a
         parts = []
         for name in (linkage, few):
             label, resolved = separation.label[name], separation.resolved[name]
-            first = np.unique(label, return_index=True)[1]  # a cluster's name here: its first particle
+            first = np.unique(label, return_index=True)[1]  # A cluster is named by its first particle.
             parts.append(np.where(resolved[label], first[label], -1))
         different += int(np.count_nonzero(parts[0] != parts[1]))
     return Row(
@@ -185,7 +185,7 @@ def time_methods(settings: dict) -> dict[str, list[tuple[int, float, str]]]:
 
 
 def _why_not(cluster: dict, points: PointSet, chosen: dict) -> str:
-    """Why a method is not run on these points; nothing if it is."""
+    """Why a method is not run on these points; empty if it is run."""
     count = len(points.truth)
     if cluster["method"] == "kmeans" and count * points.clusters > chosen["kmeans_most_products"]:
         return (

@@ -1,8 +1,8 @@
-"""Cracks one cell thick: one event each, however they lie among the cells; two that rock parts stay two.
+"""Cracks one cell thick must give one event each, however they are oriented; two cracks with rock between, two.
 
 A crack is the cells with -t/2 <= n . x - d < t/2 (n its unit normal, x and d in cells). With t = max |n_i| it is as
-thin as it can be without a gap (a naive plane), and its cells hang together over faces and edges. With t = sum |n_i| it
-is all cells that the plane n . x = d passes through (a standard plane), which hang together through faces, and no two
+thin as it can be without a gap (a naive plane), and its cells are connected over faces and edges. With t = sum |n_i| it
+is all cells that the plane n . x = d passes through (a standard plane). These are connected through faces, and no two
 cells on either side of it touch (Andres et al. 1997).
 """
 
@@ -28,7 +28,7 @@ SHEAR = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 def normals(settings: dict) -> NDArray:
-    """Unit normals (crack, 3) of all dips and strikes, as they are and turned about two axes, degrees."""
+    """Unit normals (crack, 3) of all dips and strikes (degrees), turned about two axes by each angle of `turned`."""
     dip, strike, turn = np.array(list(product(settings["dips"], settings["strikes"], settings["turned"]))).T
     dip, strike = np.radians([dip, strike])
     upright = np.stack([np.sin(dip) * np.cos(strike), -np.sin(dip) * np.sin(strike), np.cos(dip)], axis=-1)
@@ -36,7 +36,7 @@ def normals(settings: dict) -> NDArray:
 
 
 def cells(normal: NDArray, radius: float, lower: float, upper: float, size: float = 1.0) -> NDArray:
-    """Centres (cell, 3) of the cells of a lattice with lower <= n . x < upper, within a radius; all in cells of 1."""
+    """Centres (cell, 3) of the cells of a lattice with lower <= n . x < upper, within a radius; unit: a cell of 1."""
     reach = int(np.ceil(radius / size)) + 1
     place = size * (np.indices((2 * reach,) * 3).reshape(3, -1).T - reach + 0.5)
     along = place @ normal
@@ -51,7 +51,7 @@ def crack(normal: NDArray, radius: float, size: float = 1.0) -> NDArray:
 
 
 def two_cracks(normal: NDArray, radius: float) -> NDArray:
-    """Two parallel cracks one cell thick; the intact cells between them are those that one plane passes through."""
+    """Two parallel cracks one cell thick. Between them are the intact cells that one plane passes through."""
     thick, layer = np.abs(normal).max(), np.abs(normal).sum()
     starts = (PLANE_OFFSET, PLANE_OFFSET + thick + layer)
     return np.concatenate([cells(normal, radius, start, start + thick) for start in starts])
@@ -69,7 +69,7 @@ def two_levels(normal: NDArray, radius: float) -> tuple[NDArray, NDArray]:
 
 
 def crack_rows(settings: dict, allowed: dict) -> list[Row]:
-    """Most and fewest events that cracks make, however they lie, by method. settings and allowed: the study's."""
+    """Most and fewest events of cracks over all orientations, by method."""
     chosen, closeness = settings["cracks"], settings["families"]["shown_closeness"]
     ways = {
         f"regions linked over {name}": (_stage("simultaneous", closeness), reach) for name, reach in REACHES.items()
@@ -115,7 +115,7 @@ def body_rows(settings: dict, allowed: dict) -> list[Row]:
             indices.append(index_of_clusters(points, label))
         bound = (
             allowed["random"] if scatter == 0 and name == REACH_OF_THE_PIPELINE else None
-        )  # cells fail at random in one set
+        )  # Cells fail at random in one set.
         what = f"adjusted Rand index of bodies of one mechanism, turned by up to {scatter:g} degrees, mean of sets"
         rows.append(Row.relative(f"regions linked over {name}: {what}", 1.0, float(np.mean(indices)), bound))
     return rows

@@ -1,4 +1,4 @@
-"""Families found again from tensors of known mechanisms with scatter."""
+"""Recovery of families from tensors of known mechanisms with scatter."""
 
 from dataclasses import dataclass
 
@@ -11,14 +11,15 @@ from seismic.families import closeness, find_families
 from verification.clustering.known_steps import lognormal, turned
 from verification.rows import Row
 
-RADIANS_PER_TURN = 2.0  # a turn by s moves the direction of a symmetric traceless tensor by at most 2 s (order m = 2)
+RADIANS_PER_TURN = 2.0  # A turn by s moves the direction of a symmetric traceless tensor by at most 2 s.
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """Adjusted Rand index and number of families (scatter, threshold, repeat), by largest turn (degrees) and closeness.
+    """Adjusted Rand index and number of families (scatter, threshold, repeat).
 
-    certain (scatter, threshold): geometry leaves no choice.
+    scatter: largest turns, degrees. threshold: of closeness. certain (scatter, threshold): whether geometry makes the
+    recovery certain.
     """
 
     scatter: NDArray

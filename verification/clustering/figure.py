@@ -1,4 +1,4 @@
-"""One figure of the clustering study: the sets as each method sees them, families, time."""
+"""Figure of the clustering study: clusters of each set by each method, families, time."""
 
 import matplotlib as mpl
 import numpy as np
@@ -16,7 +16,7 @@ LINE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # Okabe and Ito (20
 
 
 def draw(separations: dict, families: Recovery, times: dict, mechanisms: int) -> Figure:
-    """separations by set (lists of clustering.Separation); times by method (see clustering.time_methods)."""
+    """All panels. separations: lists of answer.Separation by set. times: by method (see answer.time_methods)."""
     telling = {name: max(draws, key=_spread) for name, draws in separations.items()}
     heights = [_panel_height(separation.points) for separation in telling.values()]
     figure = style.new_figure(height=sum(heights) + 5.2)
@@ -32,18 +32,18 @@ def draw(separations: dict, families: Recovery, times: dict, mechanisms: int) ->
 
 
 def _spread(separation) -> float:
-    """How far the methods' indices lie apart on one draw."""
+    """Range of the methods' indices on one draw."""
     return float(np.ptp([index_of_clusters(separation.points, label) for label in separation.label.values()]))
 
 
 def _panel_height(points: PointSet) -> float:
-    """Inches for a panel two inches wide, its title included."""
+    """Height of a panel two inches wide, its title included, inches."""
     along, across, _ = np.ptp(points.position, axis=0)
     return 0.35 + 2.0 * (across + 3.0 * points.spacing.max()) / along
 
 
 def _draw_sets(figure: SubFigure, separations: dict, heights: list[float]) -> None:
-    """One row per set, a slice along z: the truth, then each method with its index."""
+    """One row for each set, as a slice across z: the truth, then each method with its index."""
     methods = next(iter(separations.values())).label
     array = figure.subplots(len(separations), 1 + len(methods), squeeze=False, height_ratios=heights)
     for number, (name, separation) in enumerate(separations.items()):
@@ -65,7 +65,7 @@ def _draw_sets(figure: SubFigure, separations: dict, heights: list[float]) -> No
 
 
 def _draw_clusters(axes: Axes, points: PointSet, label: NDArray) -> None:
-    """Particles coloured by cluster, the largest clusters first in the colours; grey where alone."""
+    """Particles coloured by cluster, the largest clusters first. A particle alone is grey."""
     count = np.bincount(label[label != NOISE], minlength=1)
     alone = (label == NOISE) | (count[label] < 2)
     rank = np.empty(len(count), int)
@@ -89,7 +89,7 @@ def _draw_clusters(axes: Axes, points: PointSet, label: NDArray) -> None:
 def _draw_table(
     axes: Axes, found: Recovery, values: NDArray, form: str, title: str, limits: tuple, shown: NDArray | None = None
 ) -> None:
-    """Heat map scatter by threshold, numbers written in; outlined where geometry makes recovery certain."""
+    """Heat map of scatter by threshold, with its numbers. Cells are outlined where recovery is certain."""
     shown = values if shown is None else shown
     image = axes.imshow(values, cmap="viridis", vmin=limits[0], vmax=limits[1], aspect="auto")
     for row, column in np.ndindex(values.shape):

@@ -1,4 +1,4 @@
-"""Sets of failed particles whose true clusters are known, and how like the truth a separation is."""
+"""Sets of failed particles with known clusters, and measures of how close a separation is to the truth."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ class PointSet:
 
     @property
     def clusters(self) -> int:
-        """True clusters, noise left out."""
+        """Number of true clusters."""
         return int(self.truth.max()) + 1
 
 
@@ -38,7 +38,7 @@ def make_points(shape: dict, spacing: float, origin: list[float], generator: np.
     solid = [(_cells(body), float(body.get("cell", 1))) for body in shape["bodies"]]
     for box in shape.get("noise", []):
         place = _cells(box)
-        for cells, size in solid:  # a cell within another belongs to it, failed or not
+        for cells, size in solid:  # A cell within a body belongs to it, failed or not.
             gap = cKDTree(cells).query(place, p=np.inf)[0]
             place = place[gap >= 0.5 * (1.0 + size)]
         place = _thinned(place, box["share"], generator)

@@ -1,4 +1,4 @@
-"""What the mechanics would hand to the event stage, with known contents: mechanisms with scatter, and whole steps."""
+"""Input of the event stage with known contents: mechanisms with scatter, and whole steps."""
 
 import json
 
@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-LAME_LAMBDA, SHEAR_MODULUS = 22.8e9, 22.8e9  # Pa: 57 GPa, Poisson 0.25
+LAME_LAMBDA, SHEAR_MODULUS = 22.8e9, 22.8e9  # Of 57 GPa and a Poisson's ratio of 0.25, Pa.
 
 
 def turned(tensor: NDArray, largest: float, generator: np.random.Generator) -> NDArray:

@@ -1,1 +1,1 @@
-"""Do the stated intervals hold the truth as often as they say, in cases as mines have them?"""
+"""Coverage of the stated intervals in cases as mines have them."""

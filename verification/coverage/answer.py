@@ -1,7 +1,7 @@
 """Coverage of the 95 % intervals of the comparison: of b, of angles between mean axes, of places, of sums and ratios.
 
-Each case draws many catalogues of known truth; what is asked is the share whose interval holds it, and in how many an
-interval is given at all. Of a record and a model of one process it is also asked how often they are told apart.
+Each case draws many catalogues of known truth. Its rows are the share of catalogues with an interval, and the share of
+intervals that hold the truth. For a record and a model of one process they are also the share of false alarms.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from verification.rows import Row
 
 @dataclass(frozen=True)
 class Found:
-    """Of a case: its name, catalogues drawn, share of these with an interval, share of those that holds the truth."""
+    """A case: catalogues drawn, share of these with an interval, and share of those that hold the truth."""
 
     name: str
     drawn: int
@@ -25,7 +25,7 @@ class Found:
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Two rows of each interval of a case, false alarms of those of one process, and a figure of all intervals."""
+    """Two rows for each interval of a case, false alarms in cases of one process, and a figure of all intervals."""
     settings, allowed = results.settings, results.allowed
     found, alarms = [], []
     for group, (part, cover) in enumerate((("sizes", size_coverage), ("axes", axes_coverage), ("sums", sum_coverage))):

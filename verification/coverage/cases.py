@@ -1,7 +1,7 @@
 """Catalogues of known truth, and whether the intervals of the comparison hold it.
 
-Each function returns, by what the interval is of ("" where there is one only), in what share of catalogues there is an
-interval, and in what share of these it holds the truth.
+Each function returns by quantity ("" where there is only one) the share of catalogues with an interval, and the share
+of these whose interval holds the truth.
 """
 
 from dataclasses import dataclass
@@ -24,9 +24,9 @@ from verification.statistics.samples import LN10, branching_events, burst_events
 
 
 def detected_sizes(generator: np.random.Generator, case: dict) -> NDArray:
-    """log10 sizes (count,) with slope b, cut off at `span`, seen with a normal ramp of deviation `fade` about 0.
+    """log10 sizes (count,) with slope b that end at `span`, detected with a normal ramp of deviation `fade` about 0.
 
-    Rounded to multiples of bin_width, if there is one. Without `fade` all above 0 are seen.
+    Without `fade` all sizes above 0 are detected. Sizes are rounded to multiples of bin_width, if there is one.
     """
     count, fade, width = case["count"], case.get("fade", 0.0), case.get("bin_width", 0.0)
     lowest = 4.0 * fade
@@ -39,7 +39,7 @@ def detected_sizes(generator: np.random.Generator, case: dict) -> NDArray:
 
 
 def size_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[float, float]]:
-    """Of b of the law that is quoted, above a cut chosen from the sizes, or the case's own `cut`."""
+    """Coverage of b of the quoted law, above a cut that is chosen from the sizes, or above the case's own `cut`."""
     generator = np.random.default_rng(seed)
     given = held = 0
     for index in range(chosen["catalogues"]):
@@ -54,7 +54,7 @@ def size_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[
 
 
 def axes_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[float, float]]:
-    """Of the angle between the mean P axes, the record's turned by `turn` degrees; events of a day are alike."""
+    """Coverage of the angle between the mean P axes. The record's are turned by `turn` degrees."""
     generator = np.random.default_rng(seed)
     given = held = 0
     for index in range(chosen["catalogues"]):
@@ -68,7 +68,7 @@ def axes_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[
 
 
 def _axes(generator: np.random.Generator, days: int, each: int, spread: float, turn: float) -> AxesSample:
-    """Frames turned about their B axis by `turn`, then at random by each day and each event, spread in degrees."""
+    """Frames turned about their B axis by `turn`, then at random for each day and each event, by `spread` degrees."""
     blocks = np.repeat(np.arange(days), each)
     daily = generator.normal(size=(days, 3))[blocks] * (each > 1)
     scatter = Rotation.from_rotvec(np.radians(spread) * daily)
@@ -79,12 +79,12 @@ def _axes(generator: np.random.Generator, days: int, each: int, spread: float, t
 
 
 def sum_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[float, float]]:
-    """Of number and potency expected of the record, and of their ratios; all sizes are of one law.
+    """Coverage of the record's expected number and potency, and of the model's ratios to them, for one law of sizes.
 
-    The record: `events` expected in `days`, that trigger each other (`branching`; 0: independent) or come in `bursts`.
-    The model: `modelled` events expected, in `runs` that scatter by `scatter` of it more than independent events do.
-    Potency is that of events up to the largest recorded, as the interval says of itself; without an end all of it would
-    be infinite.
+    The record has `events` expected in `days`. They trigger each other (`branching`; 0: independent) or come in
+    `bursts`. The model has `modelled` events expected, in `runs` that scatter by the share `scatter` more than
+    independent events do. Potency is that of events up to the largest recorded, as the interval states; without an
+    upper end the whole potency would be infinite.
     """
     generator = np.random.default_rng(seed)
     days, expected, ratio = chosen["days"], case["events"], case["modelled"] / case["events"]
@@ -120,22 +120,24 @@ def sum_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[f
 
 
 def _events(generator: np.random.Generator, time: NDArray, case: dict) -> xr.Dataset:
-    """Events at these times (event,), sizes from 1 m3 on of the case's law."""
+    """Events at these times (event,), whose sizes follow the case's law from 1 m3 on."""
     potency = 10.0 ** simulated_sizes(generator, len(time), case["b"], case.get("span", np.inf))
     resolved = np.ones(len(time), np.int8)
     return xr.Dataset({"time": ("event", time), "potency": ("event", potency), "resolved": ("event", resolved)})
 
 
 def mean_potency(b: float, span: float, largest: float) -> float:
-    """Mean over all events of what those up to log10 `largest` have, of sizes from 1 on with slope b that end at `span`
-    (b is not 1)."""
+    """Potency of events up to log10 `largest`, m3, as a mean over all events.
+
+    Sizes start at 1 m3, have slope b (not 1) and end at `span`.
+    """
     rate = b * LN10
     return rate / (LN10 - rate) * np.expm1((LN10 - rate) * largest) / -np.expm1(-rate * span)
 
 
 @dataclass(frozen=True)
 class Run:
-    """Events of one run, or of a record: days (event,), location (event, 3) m, axes (event, 3, 3), rows P, B, T."""
+    """Events of a run or a record: days (event,), location (event, 3) m, axes (event, 3, 3) with rows P, B and T."""
 
     days: NDArray
     location: NDArray
@@ -144,9 +146,10 @@ class Run:
 
 @dataclass(frozen=True)
 class OneProcess:
-    """Shares of pairs of a record and an ensemble of one process: with a comparison, and of these with what is true.
+    """Results over pairs of a record and an ensemble of one process.
 
-    held: by what the interval is of (offset, distance, axes); alarms: by what is told apart at 5 % (places, axes).
+    given: share of pairs with a comparison. held: share of these whose interval holds the truth, for offset, distance
+    and axes. alarms: share of these that are said to differ, in places and in axes.
     """
 
     given: float
@@ -155,7 +158,7 @@ class OneProcess:
 
 
 def one_process(case: dict, chosen: dict, seed: list[int]) -> OneProcess:
-    """Runs of a model and a record, all drawn from one process of clustered events in three steps, compared."""
+    """Compare runs of a model with a record, all drawn from one process of clustered events in several steps."""
     generator = np.random.default_rng(seed)
     held: dict[str, list[float]] = {"offset": [], "distance": [], "axes": []}
     alarms: dict[str, list[float]] = {"places": [], "axes": []}
@@ -191,7 +194,7 @@ def one_process(case: dict, chosen: dict, seed: list[int]) -> OneProcess:
 
 
 def _run(generator: np.random.Generator, case: dict, chosen: dict) -> Run:
-    """One draw: triggered events (`branching`; 0: independent ones) or bursts; axes differ by cluster and by event."""
+    """One draw of triggered events (`branching`; 0: independent) or bursts. Axes differ by cluster and by event."""
     if "bursts" in case:
         each = case["events"] / case["bursts"]
         days, location, cluster = burst_events(generator, chosen["days"], case["bursts"], each)

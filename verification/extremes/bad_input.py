@@ -1,4 +1,4 @@
-"""Mistakes in a mine's file, each with the line that it must be refused with."""
+"""Mistakes in a mine's file, each with the words of the line that must refuse it."""
 
 from verification.extremes.tiny_mine import DIRECTED, FILL, HOST, NEXT_STEP, PUSH, STRAIN, TINY, box
 
@@ -12,20 +12,20 @@ ROUND = {"name": "drive", "step": "history", "shape": "cylinder", "radius": "4 m
 AGAIN = TINY["excavations"][1] | {"name": "stope_1_again"}
 BEYOND = box("stope_2", "planned", [145, 40, 25], [155, 55, 50])
 BOX = {"lower": ["20 m", "20 m", "20 m"], "upper": ["60 m", "60 m", "60 m"]}
-FAR = {"lower": ["500 km", "5372 km", "0 m"], "upper": ["500080 m", "5372080 m", "80 m"]}  # eastings and northings
-UTM = {"crs": "EPSG:32755", "surface": "1000 m"}  # of a domain near zero
+FAR = {"lower": ["500 km", "5372 km", "0 m"], "upper": ["500080 m", "5372080 m", "80 m"]}  # Eastings and northings.
+UTM = {"crs": "EPSG:32755", "surface": "1000 m"}  # Frame of a domain near zero.
 IN_DRAWING = {"name": "stope_1", "step": "2019-08", "file": "record.csv"}
 SHAFT = {"name": "drive", "step": "history", "shape": "tunnel", "width": "6 m", "height": "4 m"} | {
     "path": [["20 m", "30 m", "40 m"], ["40 m", "30 m", "40 m"], ["40 m", "30 m", "60 m"]]
 }
 LOW_ARCH = SHAFT | {"path": SHAFT["path"][:2], "profile": "arched", "height": "2 m"}
-LOPSIDED = [["20 m", "30 m"], ["40 m", "40 m"], ["40 m", "30 m"], ["20 m", "36 m"]]  # one lobe larger
+LOPSIDED = [["20 m", "30 m"], ["40 m", "40 m"], ["40 m", "30 m"], ["20 m", "36 m"]]  # One lobe is larger.
 BOW_TIE = [["20 m", "30 m"], ["40 m", "40 m"], ["40 m", "30 m"], ["20 m", "40 m"]]
 ON_GLOBE = {"time": "date", "latitude": "x", "longitude": "y", "depth": "z", "log_potency": "size"}
 QUAKEML = {"reader": "quakeml", "file": "record.csv", "location_error": "5 m"}
 ELK_CREEK = QUAKEML | {"reader": "elk_creek"}
 BALL = {"name": "stope_1", "step": "2019-08", "shape": "sphere", "center": ["40 m", "40 m", "40 m"]}
-FAULTS = [  # key set, value, what the line begins with, what it says besides
+FAULTS = [  # Key that is set, its value, how the line begins, what else it says.
     ("grid.levles", 3, "grid.levles: unknown key", "did you mean levels?"),
     ("seismic.cluster.radius", 2, "seismic.cluster.radius: unknown key", "radius_cells"),
     ("materials.host.colour", "red", "materials.host.colour: unknown key", "known here"),

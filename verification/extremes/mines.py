@@ -1,4 +1,4 @@
-"""Configurations at random, by seed: sizes, stresses, strengths, boundaries and openings over many orders."""
+"""Random configurations by seed. Sizes, stresses, strengths, boundaries and openings span many orders."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ FACES = {
 
 
 def random_mine(seed: int) -> dict:
-    """The configuration of scene number `seed`, as a mine file would hold it; some of them are to be refused."""
+    """Configuration of the scene of this seed, as a mine file would hold it. Some configurations must be refused."""
     random = np.random.default_rng([2026, seed])
     plane = str(random.choice(["xz", "xy", "none"], p=[0.4, 0.3, 0.3]))
     dimension = 3 if plane == "none" else 2
@@ -21,7 +21,7 @@ def random_mine(seed: int) -> dict:
     upper = lower + base * coarse
     height = upper[-1] - lower[-1]
     surface = upper[-1] + height * float(random.choice([0.0, 1.0, 20.0]))
-    size = 10.0 ** random.uniform(3.0, 8.5)  # Pa, of the virgin stress
+    size = 10.0 ** random.uniform(3.0, 8.5)  # Virgin stress, Pa.
     weight = plane != "xy" and random.random() < 0.6
     boundary = "fixed" if random.random() < 0.5 else _faces(random, FACES[dimension])
     if weight and isinstance(boundary, dict):
@@ -53,7 +53,7 @@ def random_mine(seed: int) -> dict:
             "buffer_cells": int(random.integers(1, 3)),
             "particles_per_cell": int(random.choice([1, 2**dimension], p=[0.8, 0.2])),
             "cut_cells": str(random.choice(["mean", "whole", "subdivide"], p=[0.7, 0.15, 0.15])),
-            "volume_error": 1.0 if seed % 2 else 0.2,  # every other one with openings thinner than its cells
+            "volume_error": 1.0 if seed % 2 else 0.2,  # Every other scene may have openings thinner than its cells.
         },
         "insitu_stress": _stress(random, size, height, weight),
         "materials": materials,
@@ -79,7 +79,7 @@ def _faces(random, faces) -> dict:
 
 
 def _box(random, lower, upper) -> dict:
-    """A box within the domain or across its faces, down to a sliver of a hundredth of a side."""
+    """A box within the domain or across its faces. It may be as thin as 3 % of the domain."""
     side = (upper - lower) * 10.0 ** random.uniform(-1.5, -0.2, len(lower))
     start = lower - 0.1 * side + random.random(len(lower)) * (upper - lower - 0.8 * side)
     return {"shape": "box", "lower": _lengths(start), "upper": _lengths(start + side)}
@@ -105,13 +105,13 @@ def _elastic(random, modulus: float) -> dict:
 
 
 def _rock(random, size: float) -> dict:
-    """Coulomb rock of strength about the stress, or far from it, or none; residual strength within the intact one."""
+    """Coulomb rock of a strength near the stress, far from it, or zero. Residual strength is within the intact one."""
     friction = float(random.uniform(10.0, 50.0))
     cohesion = float(random.choice([0.0, size * 10.0 ** random.uniform(-1.0, 1.0)], p=[0.1, 0.9]))
     friction_left = friction * float(random.choice([0.3, random.random(), 1.0]))
     cohesion_left = cohesion * float(random.choice([0.0, random.random(), 1.0]))
     cutoff: dict[str, str] | str = {"intact": f"{float(0.5 * cohesion)!r} Pa", "residual": "0 Pa"}
-    if random.random() < 0.3:  # the tip of the residual cone must not stand beyond the intact one
+    if random.random() < 0.3:  # The tip of the residual cone must not lie beyond the intact one.
         slope, slope_left = np.tan(np.radians([friction, friction_left]))
         cutoff, cohesion_left = "none", float(min(cohesion_left, 0.99 * cohesion * slope_left / slope))
     return _elastic(random, size * 10.0 ** random.uniform(2.0, 4.0)) | {

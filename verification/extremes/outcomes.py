@@ -1,4 +1,4 @@
-"""What the stages make of a scene, and what must be true of every state that they store."""
+"""Outcome of a scene after its stages, and what must be true of every state that they store."""
 
 import signal
 import time
@@ -26,9 +26,9 @@ MAX_OVERSTRESS_SHARE = 1e-3  # A stored stress may exceed strength by this share
 
 @dataclass
 class Outcome:
-    """How a scene ended: kind, one line about it, seconds, the datasets stored by name (grid, elastic, steps).
+    """How a scene ended: its kind, a line about it, processor time (s), and the stored datasets by name.
 
-    has_begun: whether a solution was under way when it ended, which left its last state beside the output.
+    has_begun: whether a solution was under way when it ended. Its last state then lies beside the output.
     """
 
     kind: str
@@ -40,7 +40,7 @@ class Outcome:
 
 @contextmanager
 def _limit(seconds: int):
-    """TimeoutError once so many seconds of processor time are spent (main thread only): shared machines are slow."""
+    """Raise TimeoutError after so many seconds of processor time (main thread only), independent of other work."""
 
     def end(number, frame):
         raise TimeoutError
@@ -55,7 +55,7 @@ def _limit(seconds: int):
 
 
 def run(values: dict, folder: Path, seconds: int = MAX_SCENE_SECONDS) -> Outcome:
-    """Take a configuration through its stages, in this process: refused before the first solution or ended after it."""
+    """Run a configuration through its stages in this process."""
     stored: dict[str, xr.Dataset] = {}
     failed = folder / "failed.npz"
     failed.unlink(missing_ok=True)
@@ -71,7 +71,7 @@ def run(values: dict, folder: Path, seconds: int = MAX_SCENE_SECONDS) -> Outcome
         kind, message = ENDED if "elastic" in stored else REFUSED, str(error)
     except TimeoutError:
         kind, message = HANGS, f"not done after {seconds} s: {', '.join(stored) or 'nothing'} stored"
-    except Exception:  # what a user would see as a traceback is the finding here
+    except Exception:  # A traceback that a user would see is a finding here.
         kind, message = BROKEN, traceback.format_exc().strip().replace("\n", " | ")
     return Outcome(kind, message, time.process_time() - began, stored, failed.exists())
 
@@ -82,7 +82,7 @@ def _over(base: dict, top: dict) -> dict:
 
 
 def faults(values: dict, grid: xr.Dataset, state: xr.Dataset) -> list[str]:
-    """What is wrong with a stored state, one line each; nothing for a sound one."""
+    """One line for each fault of a stored state; none for a sound one."""
     name, found = state.attrs["step"], []
     volume, failed = state.volume.values, state.failed.values >= 0
     present = volume > 0.0
@@ -110,7 +110,7 @@ def faults(values: dict, grid: xr.Dataset, state: xr.Dataset) -> list[str]:
 
 
 def _above_strength(values, grid, state, present, failed):
-    """Rock that stands above the strength it should have: intact in whole finest cells, or failed."""
+    """Yield a line for each rock above its strength: intact rock in whole finest cells, and failed rock."""
     names = yaml.safe_load(state.attrs["material_names"])
     level = state.cell_level.values[state.cell.values]
     share = np.ones(state.sizes["cell"])

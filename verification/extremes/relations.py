@@ -1,4 +1,4 @@
-"""Scenes that must answer alike: scaled, shifted, excavations in another order, at rest by the other scheme."""
+"""Relations between scenes that must give the same answer: scaled, shifted, reordered, by the other scheme."""
 
 import copy
 from collections.abc import Callable
@@ -31,7 +31,7 @@ def _scaled(values: dict) -> dict:
 
 
 def _shifted(values: dict) -> dict:
-    """The mine moved along x: everything else as it was."""
+    """The mine shifted along x."""
     by = SHIFT_CELLS * float(values["grid"]["coarse_cell"].split()[0])
     result = copy.deepcopy(values)
     for entry in (result["domain"], *result["excavations"], *result["rock_bodies"]):
@@ -42,7 +42,7 @@ def _shifted(values: dict) -> dict:
 
 
 def _reordered(values: dict) -> dict:
-    """Excavations listed the other way round; only in scenes without fill, which goes by the order of steps alone."""
+    """Excavations in reverse order."""
     return values | {"excavations": list(reversed(values["excavations"]))}
 
 
@@ -53,10 +53,10 @@ def _other_scheme(values: dict) -> dict:
 
 
 def is_rest(values: dict, outcome: Outcome, run: Callable[[dict], Outcome]) -> bool:
-    """Whether a scene that rests does so at a tenth of the tolerance, too, with the same motions.
+    """Whether a scene in equilibrium reaches it at a tenth of the tolerance as well, with the same motions.
 
-    Where the other scheme's rock runs away, its rest must be one. There may be more than one, and none in reach of
-    damped steps, which throw rock of hardly any residual strength by as much as a cell (seeds 80, 285).
+    It is asked where the rock runs away in the other scheme. Damped steps may move rock of little residual strength so
+    far that they miss an equilibrium that exists.
     """
     tighter = copy.deepcopy(values)
     tighter["solver"]["tolerance"] *= 0.1
@@ -73,10 +73,9 @@ RELATIONS = {"scaled": _scaled, "shifted": _shifted, "reordered": _reordered, "o
 
 
 def compare(name: str, values: dict, first: Outcome, run: Callable[[dict], Outcome]) -> str:
-    """What differs between a scene (its values, how it ended) and the one of a relation; empty where nothing does.
+    """What differs between a scene (its values, its outcome) and the related one; empty where nothing does.
 
-    The way they end, and the elastic motion. What fails is left to the spread of perturbed members: brittle failure
-    localises on round-off.
+    The outcome and the elastic motion are compared. Failure is not: where brittle rock localises depends on round-off.
     """
     changed = RELATIONS[name](values)
     second = run(changed)

@@ -1,4 +1,4 @@
-"""A mine small enough to run through in seconds, and its file: what tests and lists of mistakes start from."""
+"""A mine so small that it runs in seconds, and its file. Tests and lists of mistakes start from it."""
 
 import copy
 from pathlib import Path
@@ -20,7 +20,7 @@ FILL = {"model": "elastic", "youngs_modulus": "1 GPa", "poisson_ratio": 0.25, "d
 
 
 def box(name: str, step: str, lower: list[float], upper: list[float], **others) -> dict:
-    """An excavation between two corners, m."""
+    """A box between two corners, m, as an entry of a mine file."""
     corners = {key: [f"{value} m" for value in corner] for key, corner in (("lower", lower), ("upper", upper))}
     return {"name": name, "step": step, "shape": "box", **corners, **others}
 
@@ -59,7 +59,7 @@ STRAIN = {"name": "press", "step": "2019-08", "strain": {"zz": -1e-4}}
 
 
 def write_mine(mine: dict, path: Path) -> Path:
-    """A mine file, and the record that TINY reads beside it: 60 events of 2019-08 around the stope."""
+    """Write a mine file and the record that TINY reads beside it: 60 events of 2019-08 around the stope."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(yaml.safe_dump(mine, sort_keys=False))
     random = np.random.default_rng(1)
@@ -73,7 +73,7 @@ def write_mine(mine: dict, path: Path) -> Path:
 
 
 def changed(mine: dict, **values) -> dict:
-    """A copy of a mine with values set by dotted key: changed(TINY, **{"grid.levels": 3}); list items by number."""
+    """A copy of a mine with values set by dotted key, changed(TINY, **{"grid.levels": 3}). List items go by number."""
     mine = copy.deepcopy(mine)
     for key, value in values.items():
         *parents, last = (int(part) if part.isdigit() else part for part in key.split("."))

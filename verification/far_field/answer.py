@@ -1,4 +1,4 @@
-"""Derived domains beside wider ones: how far the boundary moves wall stress, and how far the grading does."""
+"""Derived domains against wider ones: change of wall stress by the boundary, and by the grading of cells."""
 
 from functools import cached_property
 
@@ -38,15 +38,14 @@ class Rock:
 
     @cached_property
     def off_wall(self) -> np.ndarray:
-        """Of each particle the distance of its cell's centre from that of the nearest mined or cut cell, m; the largest
-        of its components."""
+        """Largest component (particle,) of the distance from each cell to the nearest mined or cut cell, m."""
         center = self.grid.cell_origin.values + 0.5 * self.grid.cell_size.values[:, None]
         mined = np.unique(self.grid.piece_origin.values, axis=0) + 0.5 * self.cell
         axes = self.variant.scene().axes
         return cKDTree(mined[:, axes]).query(center[self.cells][:, axes], p=np.inf)[0]
 
     def beside_wall(self, cells: float) -> np.ndarray:
-        """Particles in the finest cells within so many of them from the wall."""
+        """Indices of particles in finest cells within so many cells from the wall."""
         finest = self.grid.cell_size.values[self.cells] < 1.5 * self.cell
         return np.flatnonzero(finest & (self.off_wall < (cells + 0.5) * self.cell))
 
@@ -57,8 +56,10 @@ class Rock:
 
 
 def largest_difference(one: Rock, other: Rock, cells: float) -> tuple[float, int]:
-    """Of any component of the stress beside the wall, as a share of the largest principal stress there; of how many
-    particles. Raises ValueError where the two grids are not the same there."""
+    """Largest difference of a stress component beside the wall over the largest principal stress; count of particles.
+
+    Raises ValueError where the two grids differ there.
+    """
     beside = one.beside_wall(cells)
     distance, same = cKDTree(other.place).query(one.place[beside])
     if distance.max() > MAX_PLACE_DIFFERENCE * one.cell:
@@ -106,12 +107,12 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 
 def is_round(variant: Variant) -> bool:
-    """Whether there is a closed form for it: one circle or one sphere."""
+    """Whether the variant has a closed form: its opening is one circle or one sphere."""
     return len(variant.values["excavations"]) == 1 and "radius" in variant.values["excavations"][0]
 
 
 def theory_row(name: str, rock: Rock, outer_radii: float, allowed: float) -> Row:
-    """Error of the stress beside that of infinite rock, two cells off the wall and further, by volume."""
+    """R.m.s. error of the stress against that of infinite rock, beyond CLEAR_CELLS of the wall, by volume."""
     radius = rock.variant.values["excavations"][0]["radius"]
     distance = np.linalg.norm(rock.place, axis=1)
     ring = (distance > radius + CLEAR_CELLS * rock.cell) & (distance < outer_radii * radius)
@@ -131,7 +132,7 @@ def theory_row(name: str, rock: Rock, outer_radii: float, allowed: float) -> Row
 
 
 def draw(rocks: dict[str, Rock], shares: dict[str, tuple[float, float]]) -> Figure:
-    """What boundaries move beside what is expected of them; how cells grow outward."""
+    """Change of wall stress by the boundaries with the expected change, and number of cells by size."""
     figure = style.new_figure(height=3.8)
     left, right = figure.subplots(1, 2)
     place = np.arange(len(shares))
@@ -141,10 +142,10 @@ def draw(rocks: dict[str, Rock], shares: dict[str, tuple[float, float]]) -> Figu
     left.set_xticks(place, [name.replace("_", "\n") for name in shares])
     left.set(title="What the boundary moves of wall stress", ylabel="share of the largest (%)")
     left.axhline(0.5, color=style.OUTLINE, linestyle=":", linewidth=0.8)
-    left.set_ylim(0.0, 0.65)  # room for the key above the bound
+    left.set_ylim(0.0, 0.65)  # The legend stands above the bound.
     left.legend()
     drawn: dict[str, xr.Dataset] = {}
-    for name in shares:  # the stress changes no cell
+    for name in shares:  # Variants that differ in stress share their cells.
         drawn.setdefault(name.split("_")[0], rocks[name].grid)
     for name, grid in drawn.items():
         size, counts = np.unique(grid.cell_size.values, return_counts=True)

@@ -1,4 +1,4 @@
-"""A stope beside a fault of weak-plane rock: where events lie, and whether their potency is slip along the planes."""
+"""A stope beside a fault of weak-plane rock: places of events, and whether their potency is slip along the planes."""
 
 import numpy as np
 from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""Tunnel in Hoek-Brown rock with pressure inside: plastic radius, stress, closure, and what pressure the wall needs."""
+"""Tunnel in Hoek-Brown rock with pressure inside: plastic radius, stress, closure, pressure of first failure."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -42,9 +42,9 @@ def tunnel_of(run: Run) -> HoekBrownTunnel:
 
 
 def onset_row(runs: list[Run], allowed: float) -> Row:
-    """Pressure at which the wall begins to fail: where the plastic radius comes to the wall, for a = 0.5.
+    """Pressure at which the wall begins to fail, extrapolated from the plastic radii R of runs, for a = 0.5.
 
-    ln(R / radius) = 2 / mb (w_front^0.5 - w_wall^0.5): linear in the root of w_wall = mb pressure / sigma_ci + s.
+    ln(R / radius) = 2 / mb (w_front^0.5 - w_wall^0.5) is linear in the root of w_wall = mb pressure / sigma_ci + s.
     """
     theory = tunnel_of(runs[0])
     curve = theory.rock.residual

@@ -31,7 +31,7 @@ QUADRATURE_POINTS = 60  # Points of Gauss's rule on the edge, and as many on the
 
 @dataclass(frozen=True)
 class Curve:
-    """sigma_ci Pa, mb, s, a."""
+    """A strength curve: sigma_ci Pa, mb, s and a."""
 
     sigma_ci: float
     mb: float
@@ -39,13 +39,13 @@ class Curve:
     a: float
 
     def room(self, confinement):
-        """How far the larger stress may be above the smaller one, Pa; compression positive."""
+        """Largest difference of the principal stresses at a confinement, Pa. Compression is positive."""
         return self.sigma_ci * (self.mb * confinement / self.sigma_ci + self.s) ** self.a
 
 
 @dataclass(frozen=True)
 class HoekBrownRock:
-    """Young's modulus Pa, Poisson's ratio; curves of intact and failed rock; N_psi of failed rock."""
+    """Elastic moduli (Pa), strength curves of intact and failed rock, and N_psi of failed rock (`dilation`)."""
 
     youngs_modulus: float
     poisson_ratio: float
@@ -84,7 +84,7 @@ class HoekBrownTunnel:
 
     @cached_property
     def critical_pressure(self) -> float:
-        """q, Pa: pressure inside below which the wall fails; 0 where it stands without any."""
+        """q, Pa: pressure inside below which the wall fails; 0 where it stands without pressure."""
 
         def excess(q: float) -> float:
             return 2 * (self.pressure - q) - self.rock.intact.room(q)

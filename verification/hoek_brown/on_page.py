@@ -1,4 +1,4 @@
-"""What the page of the study sets side by side: as for Coulomb rock."""
+"""Tables of the study's page, which are those of Coulomb rock."""
 
 from verification.plastic.on_page import TABLES
 

@@ -1,1 +1,1 @@
-"""What every grid must keep: patch tests, totals, operator."""
+"""Invariants of every grid: patch tests, totals, the operator."""

@@ -1,4 +1,4 @@
-"""What must hold to round-off on any grid, and second order for a smooth field."""
+"""Invariants that hold to round-off on any grid, and second order of convergence for a smooth field."""
 
 from itertools import pairwise
 
@@ -22,7 +22,7 @@ from verification.rows import Row
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Rows of all variants there are, and the figure."""
+    """Rows of all variants that were run, and the figure."""
     allowed, settings = results.allowed, results.settings
     judge = {
         "virgin": lambda name, variant: virgin_rows(name, variant, allowed["nothing"]),
@@ -49,7 +49,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 
 def smooth_series(results: Results) -> dict[str, list[Solved]]:
-    """The smooth field on each series of grids there is, by name of the series and particles of a cell."""
+    """Solutions of the smooth field on each series of grids that was run, by series and particles in a cell."""
     smooth = results.settings["smooth"]
     series = {}
     for kind, names in smooth["series"].items():
@@ -72,13 +72,13 @@ def error_row(quantity: str, error: float, allowed: float, remark: str = "") -> 
 
 
 def hanging(variant: Variant) -> str:
-    """How many nodes hang, for the remark."""
+    """Number of hanging nodes, for a remark."""
     parents = variant.grid["node_parents"].values
     return f"{int((parents[:, 0] >= 0).sum())} of {len(parents)} nodes hang"
 
 
 def virgin_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
-    """Nothing moves, nothing fails, no stress changes: exactly."""
+    """Virgin rock: exactly nothing moves, fails or changes its stress."""
     moved = failed = 0.0
     for state in (variant.elastic, *(variant.step(step) for step in variant.step_names)):
         moved = max(moved, float(np.abs(state["node_displacement"].values).max()))
@@ -252,7 +252,7 @@ def space_rows(name: str, variant: Variant, settings: dict, allowed: float) -> l
 
 
 def order_rows(kind: str, solved: list[Solved], least: float) -> list[Row]:
-    """The least order of convergence of all halvings; all of them in the remark. Stress is reported."""
+    """Rows of the least order of convergence of all halvings. Stress has no bound."""
     rows = []
     for quantity, required in (("displacement", least), ("stress", None)):
         errors = [getattr(one, quantity) for one in solved]

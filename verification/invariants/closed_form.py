@@ -1,4 +1,4 @@
-"""Homogeneous states, a column under its weight, and a smooth field made up with the force that it needs.
+"""Homogeneous states, a column under its weight, and a smooth field with the body force that it requires.
 
 Tension positive; displacement counts from virgin rock. Points (n, d) m and gradients (d, d) stand in the axes of the
 computation; stress is a full tensor in the order of those axes, the axis out of a plane section last.
@@ -24,13 +24,13 @@ class Elastic:
 
     @property
     def confined_modulus(self) -> float:
-        """Stress over strain along one axis where no other strain is let, Pa: lambda + 2 mu."""
+        """Modulus of uniaxial strain, lambda + 2 mu, Pa."""
         lame, shear = self.lame
         return lame + 2 * shear
 
     @property
     def confined_ratio(self) -> float:
-        """Lateral over axial stress in that case: nu / (1 - nu)."""
+        """Lateral over axial stress in uniaxial strain: nu / (1 - nu)."""
         return self.poisson_ratio / (1 - self.poisson_ratio)
 
     def stress(self, gradient: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Figure of the invariants: how near round-off, the column, and errors over cell size."""
+"""Figure of the invariants: errors against round-off, the column, and errors against cell size."""
 
 from collections.abc import Mapping
 
@@ -18,7 +18,7 @@ MARKERS = {"section": "o", "block": "s"}
 def draw(
     rows: list[Row], columns: Mapping[str, tuple[Column, *tuple[np.ndarray, ...]]], series: dict[str, list[Solved]]
 ) -> Figure:
-    """Three panels; rows: those with an allowed error, columns: form and profile by variant, series: by kind."""
+    """Three panels. rows: those with an allowed error. columns: closed form and profile by variant. series: by kind."""
     with applied():
         figure = new_figure(height=4.8)
         left, middle, right = figure.subplots(1, 3, width_ratios=[1, 1, 1])

@@ -1,4 +1,4 @@
-"""What the discretisation does to motions, stresses and forces made up here, on the grids of the study."""
+"""Response of the discretisation to prescribed motions, stresses and forces, on the grids of the study."""
 
 from dataclasses import dataclass, replace
 
@@ -21,7 +21,7 @@ DOMAIN_MARGIN = 4.0  # Empty space between a moving body and the faces of its do
 
 
 def model_of(variant: Variant, **changes) -> Model:
-    """Model of a variant on its own grid, with values of the scene changed; `move` and `damping` are the solver's."""
+    """Model of a variant on its own grid. changes: of the scene; `move` and `damping` are settings of the solver."""
     scene = variant.scene()
     solver: dict = {key: changes.pop(key) for key in ("move", "damping") if key in changes}
     scene = replace(scene, **changes, solver=scene.solver.model_copy(update=solver))
@@ -29,7 +29,7 @@ def model_of(variant: Variant, **changes) -> Model:
 
 
 def scheme_of(model: Model) -> Scheme:
-    """Scheme at the virgin state, what is mined in history taken out."""
+    """Scheme at the virgin state, without the rock that is mined in history."""
     return make_scheme(model, model.virgin_state(), model.volumes(0))
 
 
@@ -42,7 +42,7 @@ def host(model: Model) -> Elastic:
 def rigid_motions(model: Model, random: np.random.Generator) -> dict[str, float]:
     """Largest nodal force of a random translation, and of a random rotation about the domain's corner, by name.
 
-    As share of what a node's stiffness makes of such a motion: M h^(d - 2) per metre, M h^(d - 1) per radian.
+    Forces are shares of a node's stiffness times the motion: M h^(d - 2) per metre, M h^(d - 1) per radian.
     """
     d, cell = model.dimension, model.grid.cell_size.max()
     modulus = host(model).confined_modulus
@@ -87,7 +87,7 @@ def nodal_mass(model: Model) -> tuple[float, np.ndarray]:
 
 @dataclass(frozen=True)
 class Flight:
-    """Particles that flew through the grid: drift of total momentum and of nodal mass, as shares, and cells changed."""
+    """Particles that flew through the grid: drift of momentum and nodal mass as shares, and number of cell changes."""
 
     momentum: float
     mass: float
@@ -115,7 +115,7 @@ def fly(variant: Variant, random: np.random.Generator, steps: int, reach: float)
         return (mass * body.velocity).sum(axis=0)
 
     start, size = momentum(), np.abs(mass * body.velocity).sum()
-    body.internal_force()  # what the nodes see first
+    body.internal_force()  # The first time step needs the forces.
     drift = lost = 0.0
     for _ in range(steps):
         take_time_step(body, nothing)

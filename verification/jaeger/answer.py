@@ -1,4 +1,4 @@
-"""Specimens with weak planes under axial compression, beside Jaeger's strength against the angle of the planes."""
+"""Specimens with weak planes under axial compression, against Jaeger's strength by the angle of the planes."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,10 @@ MPA = 1e-6
 
 @dataclass(frozen=True)
 class Specimen:
-    """One variant at rest in flow: angle degrees, strengths Pa, whether its planes should slip, what deforms within."""
+    """One variant in flow. angle: degrees; expected, found: strengths, Pa; slips: whether its planes should slip.
+
+    brittle: whether strength drops. within: share of plastic strain that is no slip along the planes.
+    """
 
     angle: float
     expected: float

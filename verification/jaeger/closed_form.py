@@ -9,8 +9,8 @@ def jaeger_strength(
     """Axial minus lateral compression at failure, Pa, and whether the planes slip then.
 
     angle: from the axis to the planes' normal, degrees; confinement: lateral compression, Pa; rock, plane: cohesion Pa
-    and friction angle, degrees. Planes slip at 2 (c + p tan phi) / ((1 - tan phi cot b) sin 2b) where b > phi; else,
-    and where that is more, the rock fails: (N - 1) p + sigma_c.
+    and friction angle, degrees. Planes slip at 2 (c + p tan phi) / ((1 - tan phi cot b) sin 2b) where b > phi. The rock
+    fails at (N - 1) p + sigma_c. The smaller value counts.
     """
     cohesion, friction = rock[0], math.sin(math.radians(rock[1]))
     factor = (1 + friction) / (1 - friction)

@@ -1,4 +1,4 @@
-"""Kirsch's hole (paper section 2.3): regular and multi-level grid beside the exact field of the boxed plate."""
+"""Kirsch's hole (paper section 2.3): regular and multi-level grid against the exact field of the boxed plate."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -30,7 +30,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 
 def ring(rock: Rock) -> tuple[float, float]:
-    """Between which distances from the centre stresses are compared, m."""
+    """Distances from the centre between which stresses are compared, m."""
     return rock.hole.radius + CLEAR_CELLS * rock.hole.cell, OUTER_RADII * rock.hole.radius
 
 
@@ -44,9 +44,9 @@ def stress_rows(name: str, rock: Rock, allowed: float) -> list[Row]:
 
 
 def displacement_rows(name: str, rock: Rock, closure: float, displacement: float) -> list[Row]:
-    """Closure along both axes, and the displacement of the wall and of the rock around it, at all angles.
+    """Closure along both axes, and displacement of the wall and of the rock around it at all angles.
 
-    Allowed: closure as a share of itself, displacement as a share of the largest of the wall.
+    closure, displacement: allowed errors, as shares of the closure itself and of the wall's largest displacement.
     """
     hole = rock.hole
     rows = []
@@ -87,7 +87,7 @@ def price_rows(results: Results, rocks: dict[str, Rock]) -> list[Row]:
 
 
 def tolerance_rows(results: Results, rocks: dict[str, Rock]) -> list[Row]:
-    """What is left unbalanced at most, and what a tighter tolerance changes."""
+    """Largest unbalanced force, and the change of stress by a tighter tolerance."""
     left = max(float(results[name].elastic.attrs["unbalanced_ratio"]) for name in rocks)
     rows = [Row("all: unbalanced force left at most, share of the excavation force", 0.0, left, left)]
     if "tight" in results.variants:

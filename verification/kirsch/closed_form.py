@@ -14,8 +14,8 @@ phi and psi are Laurent series of odd powers. No force on the hole r = a fixes p
 
     phi = z^n  ->  psi = -a^(2 n) z^(-n) - n a^2 z^(n - 2)    (real coefficients; the first one conjugate otherwise)
 
-so each term leaves the hole free exactly. What the outer faces ask for, no displacement (fixed) or no change of force
-(traction), is met by least squares at points along them: `residual` says how well.
+so each term leaves the hole exactly free. The condition of the outer faces, no displacement (fixed) or no change of
+force (traction), is met by least squares at points along them. `residual` is its largest misfit.
 """
 
 from dataclasses import dataclass
@@ -97,7 +97,7 @@ class InfinitePlate:
 
 @dataclass(frozen=True)
 class PressedPlate:
-    """A pressure (Pa) inside the hole: `plate` under virgin stress plus that pressure, less the pressure all round."""
+    """A hole with pressure (Pa) inside: `plate` under virgin stress plus that pressure, less the pressure all round."""
 
     plate: "InfinitePlate | BoxedPlate"
     pressure: float
@@ -109,24 +109,24 @@ class PressedPlate:
 
 
 class BoxedPlate:
-    """The same hole in the middle of a square box whose faces are fixed, or keep their virgin traction.
+    """A hole in the middle of a square box whose faces are fixed, or keep their virgin traction.
 
-    half_width m: from the centre to a face; boundary "fixed" or "traction"; the rest as in InfinitePlate. `residual` is
-    the largest misfit on the faces, between the points of the fit too: of 2 G u (fixed) or of the force on an arc
-    (traction), over the largest virgin stress times the radius.
+    half_width: from the centre to a face, m. boundary: "fixed" or "traction". Other arguments as in InfinitePlate.
+    `residual` is the largest misfit on the faces between the points of the fit: that of 2 G u (fixed) or of the force
+    on an arc (traction), over the largest virgin stress times the radius.
     """
 
     def __init__(self, radius, stress, shear_modulus, poisson_ratio, half_width, boundary, terms=SERIES_TERMS):
         self.radius, self.shear_modulus = radius, shear_modulus
         self.kappa = 3 - 4 * poisson_ratio
-        self.size = np.sqrt(2.0) * half_width  # of the corner: powers of z over it are at most 1
+        self.size = np.sqrt(2.0) * half_width  # Distance of a corner: powers of z over it are at most 1.
         self.power = 2 * np.arange(terms) + 1
         self.virgin = 0.25 * (stress[0] + stress[1]), 0.5 * (stress[1] - stress[0]) + 1j * stress[2]  # phi', psi'
         kappa = {"fixed": self.kappa, "traction": -1.0}[boundary]
-        # points crowd towards the corners, where the field is least smooth
+        # Points are denser towards the corners, where the field is least smooth.
         fit, between = (half_width * np.cos(np.pi * (np.arange(FACE_POINTS) + at) / FACE_POINTS) for at in (0.5, 0.0))
         matrix, wanted = self._conditions(half_width, fit, kappa)
-        # without phi = i z, which turns the box: symmetry forbids it, free faces alone would not
+        # The term phi = i z is left out. It turns the box, which free faces would allow.
         solved = np.delete(np.arange(4 * terms), terms)
         unknown = np.zeros((4, terms))
         unknown.flat[solved] = np.linalg.lstsq(matrix[:, solved], wanted, rcond=1e-15)[0]

@@ -20,7 +20,7 @@ MAP_PIXELS = 200  # Pixels along a side of a map.
 
 
 def draw(rocks: dict[str, Rock], series: dict[str, list[Point]], treatment: str, distance: float) -> Figure:
-    """All panels. treatment: of cut cells in the scene; distance: in radii, where stress is to converge."""
+    """All panels. treatment: of cut cells in the scene. distance: at which convergence of stress is shown, radii."""
     figure = style.new_figure(height=17.5)
     rays, maps, angles, orders = figure.subfigures(4, 1, height_ratios=[1.0, 1.75, 1.0, 1.05])
     grids: dict[str, Rock] = {name: rocks[name] for name in ("regular", "multilevel") if name in rocks}
@@ -41,7 +41,7 @@ def draw(rocks: dict[str, Rock], series: dict[str, list[Point]], treatment: str,
 
 
 def draw_ray(stress, error, grids: dict[str, Rock]) -> None:
-    """Radial and hoop stress along x beside the exact line, and their errors."""
+    """Radial and hoop stress along x with the exact lines, and their errors."""
     for name, rock in grids.items():
         hole = rock.hole
         on_ray = np.flatnonzero(
@@ -101,7 +101,7 @@ def draw_cells(axes, rock: Rock) -> None:
 
 
 def draw_maps(panel, grids: dict[str, Rock]) -> None:
-    """Hoop and radial stress around the hole: multi-level, exact, and the errors of both grids."""
+    """Maps of hoop and radial stress around the hole: multi-level, exact, and errors of both grids."""
     rock = grids["multilevel"]
     hole = rock.hole
     reach = MAP_RADII * hole.radius
@@ -112,7 +112,7 @@ def draw_maps(panel, grids: dict[str, Rock]) -> None:
     exact[:, ~inside] = hole.plate.at(points[~inside]).polar_stress(np.angle(points[~inside]))
     columns = [("multilevel", read_map(rock, rock.polar, points) * MPA), ("exact", exact * MPA)]
     for name, other in reversed(grids.items()):
-        # beside the exact stress where the particle is, not where the pixel is
+        # The exact stress is that at the particle, not at the pixel.
         error = other.polar.copy()
         near = other.between(0.0, 2 * reach)
         error[:, near] -= other.exact(near).polar_stress(other.angle[near])
@@ -137,13 +137,13 @@ def draw_maps(panel, grids: dict[str, Rock]) -> None:
 
 
 def read_map(rock: Rock, values: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Values (component, particle) of the particle nearest to each point: (component, *points)."""
+    """Values (component, *points) of the particle nearest to each point. values: (component, particle)."""
     tree = cKDTree(np.stack([rock.place.real, rock.place.imag], axis=1))
     return values[:, tree.query(np.stack([points.real, points.imag], axis=-1))[1]]
 
 
 def draw_wall(axes, rock: Rock) -> None:
-    """Hoop stress within a cell of the wall, and as extrapolated to it, against the angle."""
+    """Hoop stress within a cell of the wall, and extrapolated to the wall, against the angle."""
     hole = rock.hole
     beside = rock.between(0.0, hole.radius + hole.cell)
     axes.plot(
@@ -168,7 +168,7 @@ def draw_wall(axes, rock: Rock) -> None:
 
 
 def draw_angles(axes, rock: Rock, distance: float) -> None:
-    """Biaxial stress at a distance, all angles."""
+    """Biaxial stress at a distance (radii) against the angle."""
     hole = rock.hole
     near = rock.between(distance * hole.radius - 0.5 * hole.cell, distance * hole.radius + 0.5 * hole.cell)
     angle = np.radians(np.arange(-180.0, 181.0))
@@ -184,7 +184,7 @@ def draw_angles(axes, rock: Rock, distance: float) -> None:
 
 
 def draw_displacement(axes, rock: Rock) -> None:
-    """Biaxial displacement of the wall, all angles."""
+    """Biaxial displacement of the wall against the angle."""
     hole = rock.hole
     angle = np.radians(np.arange(-180.0, 181.0, 5.0))
     found = rock.wall_displacement(angle) * np.exp(-1j * angle)
@@ -201,7 +201,7 @@ def draw_displacement(axes, rock: Rock) -> None:
 
 
 def draw_order(axes, series: dict[str, list[Point]], name: str, what: str) -> None:
-    """One error against the cell, in double logarithms, with its order and a line of order one."""
+    """One error against cell size, log-log, with its order and a line of order one."""
     for method, points in series.items():
         cells = [point.cell for point in points]
         errors = [100 * getattr(point, name) for point in points]
@@ -212,7 +212,7 @@ def draw_order(axes, series: dict[str, list[Point]], name: str, what: str) -> No
 
 
 def draw_wall_errors(axes, series: dict[str, list[Point]], treatment: str) -> None:
-    """Error of the hoop stress at the wall by treatment, and of its extrapolation."""
+    """Error of the hoop stress at the wall by treatment of cut cells, and of its extrapolation."""
     for method, points in series.items():
         cells = [point.cell for point in points]
         axes.plot(cells, [100 * p.wall for p in points], "o-", color=TREATMENT_COLOURS.get(method), label=method)
@@ -226,7 +226,7 @@ def draw_wall_errors(axes, series: dict[str, list[Point]], treatment: str) -> No
 
 
 def guide(axes, series: dict[str, list[Point]]) -> None:
-    """Double logarithms, ticks at the cells, a dotted line of order one, and room for the key below."""
+    """Set log-log axes, ticks at the cell sizes, a dotted line of order one, and room for the legend."""
     axes.set(xscale="log", yscale="log", xlabel="finest cell h (m)")
     cells = sorted({point.cell for points in series.values() for point in points})
     low = min((value for line in axes.lines for value in line.get_ydata()), default=1.0)

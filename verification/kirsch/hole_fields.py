@@ -1,4 +1,4 @@
-"""What a run of Kirsch's scene says about the rock around the hole, beside the exact field of the boxed plate."""
+"""Rock around the hole of Kirsch's scene, compared with the exact field of the boxed plate."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -14,7 +14,7 @@ MIN_UNCUT_SHARE = 0.999  # Share of rock from which a cell counts as uncut.
 
 @dataclass(frozen=True)
 class Hole:
-    """The scene's hole: radius m, center x + i y m; largest virgin stress Pa; the finest cell m; the exact plate."""
+    """The scene's hole. radius m; center x + i y m; far_stress: largest virgin stress, Pa; cell: the finest, m."""
 
     radius: float
     center: complex
@@ -24,7 +24,7 @@ class Hole:
     plate: PressedPlate | InfinitePlate
 
 
-solved_plate = lru_cache(BoxedPlate)  # most variants share one
+solved_plate = lru_cache(BoxedPlate)  # Most variants share one.
 
 
 def read_hole(variant: Variant) -> Hole:
@@ -52,9 +52,10 @@ def read_hole(variant: Variant) -> Hole:
 
 
 class Rock:
-    """Particles of rock around the hole: place (particle,) complex from its centre, volume, whole stress, displacement.
+    """Particles of rock around the hole.
 
-    stress (particle, 3) xx, yy, xy in Pa; moved (particle,) ux + i uy in m; whole (particle,) bool: in an uncut cell.
+    place (particle,) x + i y m from its centre; volume (particle,) m3; stress (particle, 3) xx, yy, xy, whole stress in
+    Pa; moved (particle,) ux + i uy m; whole (particle,) bool: in an uncut cell.
     """
 
     def __init__(self, variant: Variant):
@@ -65,7 +66,7 @@ class Rock:
         self.place = state.position.values[present, :2] @ np.array([1.0, 1.0j]) - self.hole.center
         self.stress = state.stress.values[present][:, [0, 1, 5]]
         self.moved = state.displacement.values[present, :2] @ np.array([1.0, 1.0j])
-        self.cell_nodes = state.cell_nodes.values  # with the nodes that walls have for themselves
+        self.cell_nodes = state.cell_nodes.values  # They include the phantom nodes of walls.
         self.node_moved = state.node_displacement.values[:, :2] @ np.array([1.0, 1.0j])
         size = self.grid.cell_size.values[self.cell] ** 2 * self.grid.attrs["thickness"]
         self.whole = np.bincount(self.cell, self.volume)[self.cell] > MIN_UNCUT_SHARE * size
@@ -97,9 +98,9 @@ class Rock:
         return float(mean_square_root(np.abs(self.moved[chosen] - self.exact(chosen).moved), self.volume[chosen]))
 
     def wall_displacement(self, angle: np.ndarray) -> np.ndarray:
-        """Displacement (angle,) ux + i uy, m, of the wall at these angles: the grid's own, in the nearest cell of rock.
+        """Displacement (angle,) ux + i uy, m, of the wall at these angles, by the shape functions of the nearest cell.
 
-        There the shape functions of that cell are continued to the wall where it lies outside.
+        Only finest cells with rock are taken. Where the wall lies outside its cell, the functions are continued to it.
         """
         wall = self.hole.radius * np.exp(1j * angle) + self.hole.center
         cells = np.unique(self.cell)
@@ -115,16 +116,16 @@ class Rock:
     def fitted_stress(self, points: np.ndarray, degree: int, cells: int, clear: float = 0.0) -> np.ndarray:
         """Polar stress (3, point), Pa, at points (complex, from the centre) from the particles around each.
 
-        A polynomial in x and y of this degree, by least squares, through so many cells' worth of the nearest particles
-        of uncut cells, `clear` metres or more from the wall. It uses neither the hole's shape nor the exact field: a
-        user can do the same at any wall.
+        A polynomial in x and y of this degree is fitted by least squares to the particles of so many nearest uncut
+        cells, at least `clear` metres from the wall. The fit uses neither the hole's shape nor the exact field, so a
+        user can do it at any wall.
         """
         usable = np.flatnonzero(self.whole & (self.distance >= self.hole.radius + clear))
         tree = cKDTree(np.stack([self.place[usable].real, self.place[usable].imag], axis=1))
         count = cells * self.hole.particles_per_cell
         near = usable[tree.query(np.stack([points.real, points.imag], axis=1), k=count)[1]]
         away = (self.place[near] - points[:, None]) / self.hole.cell
-        powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]  # the constant term first
+        powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]  # The constant term stands first.
         terms = np.stack([away.real**i * away.imag**j for i, j in powers], axis=2)
         at_point = np.linalg.pinv(terms)[:, 0, :]
         xx, yy, xy = np.einsum("pk,pkc->cp", at_point, self.stress[near])
@@ -132,5 +133,5 @@ class Rock:
 
 
 def mean_square_root(error: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
-    """Root mean square along the last axis, weighted."""
+    """Weighted root mean square along the last axis."""
     return np.sqrt(np.average(np.square(error), axis=-1, weights=weights))

@@ -1,7 +1,6 @@
-"""What halving the cells does to Kirsch's hole: closure, stress at a distance, and stress at the wall itself.
+"""Convergence of Kirsch's hole as cells are halved: closure, stress at a distance, and stress at the wall.
 
-What a cut wall does to the cells beside it is the same pattern whatever their size, so stress at the wall itself
-converges slowly; the rows say how.
+A cut wall disturbs the cells beside it in the same pattern whatever their size, so stress at the wall converges slowly.
 """
 
 from dataclasses import dataclass
@@ -19,12 +18,12 @@ CLEAR_CELLS = 1.0  # Cells next to the wall that the extrapolation leaves out.
 
 @dataclass(frozen=True)
 class Point:
-    """Errors of one grid; r.m.s. around the hole.
+    """R.m.s. errors of one grid around the hole. cell: the finest, m.
 
-    cell m; closure: of the wall's inward displacement, over its mean; mean_closure: of that mean itself, signed;
-    stress: radial and hoop at the distance asked for, over the far stress; wall, extrapolated: hoop stress over its
-    mean at the wall, as particles within a cell of the wall have it (beside the exact value at their own places) and
-    as a fit to those farther out gives it at the wall.
+    closure: of the wall's inward displacement, over its mean. mean_closure: signed error of that mean. stress: of
+    radial and hoop stress at a distance, over the far stress. wall: of the hoop stress in particles within a cell of
+    the wall, each compared at its own place, over the mean at the wall. extrapolated: the same of a fit to particles
+    farther out, at the wall.
     """
 
     cell: float
@@ -36,17 +35,17 @@ class Point:
 
 
 def interpolated(rock: Rock, points: np.ndarray) -> np.ndarray:
-    """Polar stress (3, point), Pa, inside the rock: a plane through the four cells around each point."""
+    """Polar stress (3, point), Pa, inside the rock: a plane fitted to the four cells around each point."""
     return rock.fitted_stress(points, degree=1, cells=4)
 
 
 def extrapolated(rock: Rock, points: np.ndarray) -> np.ndarray:
-    """Polar stress (3, point), Pa, at the wall: a quadratic through fifteen cells that stand a little off it."""
+    """Polar stress (3, point), Pa, at the wall: a quadratic fitted to fifteen cells beyond CLEAR_CELLS."""
     return rock.fitted_stress(points, degree=2, cells=15, clear=CLEAR_CELLS * rock.hole.cell)
 
 
 def measure(rock: Rock, distance: float) -> Point:
-    """Errors of a run; distance: in radii, where stress is compared."""
+    """Errors of a run. distance: at which stress is compared, radii."""
     hole, around = rock.hole, np.exp(1j * ANGLES)
     wall = hole.radius * around
     exact = hole.plate.at(wall)
@@ -68,7 +67,7 @@ def measure(rock: Rock, distance: float) -> Point:
 
 
 def read_series(results: Results) -> dict[str, list[Point]]:
-    """Points by the way cut cells are treated, from coarse to fine."""
+    """Points by treatment of cut cells, from coarse to fine."""
     distance = results.settings["stress_distance"]
     series = {
         method: [measure(Rock(results[name]), distance) for name in names if name in results.variants]
@@ -112,9 +111,9 @@ def order_rows(series: dict[str, list[Point]], least: float, distance: float) ->
 
 
 def wall_rows(series: dict[str, list[Point]], cell: float, method: str, allowed: float) -> list[Row]:
-    """Hoop stress at the wall on the grids of one cell size; `method` is the treatment that is extrapolated.
+    """Rows of the hoop stress at the wall on grids of one cell size.
 
-    allowed: extrapolated error over the least of the others.
+    method: treatment of cut cells that is extrapolated. allowed: extrapolated error over the least of the others.
     """
     found = {name: point for name, points in series.items() for point in points if np.isclose(point.cell, cell)}
     rows = [

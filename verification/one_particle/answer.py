@@ -1,4 +1,4 @@
-"""A single cell pressed or pulled along z through failure (paper, Fig. 13), beside the hand calculation."""
+"""A single cell pressed or pulled along z through failure (paper, Fig. 13), against the hand calculation."""
 
 import numpy as np
 import xarray as xr
@@ -32,7 +32,7 @@ def read_path(variant: Variant) -> Path:
 
 
 def read_point(grid: xr.Dataset, state: xr.Dataset, width: float) -> Point:
-    """The only particle, and the strain that the nodes of the cell's upper corner tell."""
+    """The only particle. Its strain follows from the displacement of the cell's upper corner."""
 
     def strain(name: str) -> Axial:
         xx, yy, zz, *_ = state[name].values[0]
@@ -53,7 +53,7 @@ def read_point(grid: xr.Dataset, state: xr.Dataset, width: float) -> Point:
 
 
 def path_rows(name: str, path: Path, allowed: dict[str, float]) -> list[Row]:
-    """Everything that a laboratory, and then a seismologist, would ask of one path."""
+    """All rows of one path: moduli, peak, residual flow, parts of the plastic strain, potency and energy."""
     value = allowed["value"]
     rows = [*elastic_rows(name, path, value), *peak_rows(name, path, allowed)]
     _, failed, _, last = path.exact
@@ -91,7 +91,7 @@ def path_rows(name: str, path: Path, allowed: dict[str, float]) -> list[Row]:
 
 
 def elastic_rows(name: str, path: Path, value: float) -> list[Row]:
-    """Moduli from the step before the peak."""
+    """Elastic constants from the step before the peak."""
     before, specimen = path.found[0], path.specimen
     modulus = (before.stress.axial + specimen.pressure) / before.strain.axial
     ratio = -before.strain.lateral / before.strain.axial
@@ -102,7 +102,7 @@ def elastic_rows(name: str, path: Path, value: float) -> list[Row]:
 
 
 def peak_rows(name: str, path: Path, allowed: dict[str, float]) -> list[Row]:
-    """First failure lies between two steps; overshoot strain, given later, places the peak between them exactly."""
+    """Step, strain and stress of first failure, which lies between two steps; overshoot strain has a row of its own."""
     specimen = path.specimen
     before, past, *_ = path.found
     failures = [point.failed for point in path.found]
@@ -129,7 +129,7 @@ def peak_rows(name: str, path: Path, allowed: dict[str, float]) -> list[Row]:
 
 
 def flow_rows(name: str, path: Path, allowed: dict[str, float]) -> list[Row]:
-    """Dilation in the last step: nothing else happens there."""
+    """Dilation in the last step, which is residual flow alone."""
     exact, found = path.exact[-1].later, path.found[-1].later
     if path.pulled:  # a crack that opens: only the axial strain is plastic
         return [
@@ -167,7 +167,7 @@ def dilation_angle(flow: Axial) -> float:
 
 
 def seismic_rows(name: str, path: Path, value: float) -> list[Row]:
-    """What of the failing step's plastic strain counts as seismic, and the potency of its event."""
+    """Seismic share of the failing step's plastic strain, and potency of its event."""
 
     def share(point: Point) -> float:
         return point.seismic.scalar / (point.overshoot + point.seismic + point.later).scalar

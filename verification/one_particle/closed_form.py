@@ -1,6 +1,6 @@
-"""A piece of Coulomb rock pressed or pulled along one axis under constant pressure all round, by hand.
+"""A specimen of Coulomb rock pressed or pulled along one axis under constant lateral pressure, calculated by hand.
 
-Axial strain e is given, lateral stress rests at -p. Stress tension positive, strain counts from the rock under p all
+Axial strain e is given and lateral stress stays -p. Stress is tension positive; strain counts from the rock under p all
 round. With s_l lateral and s_a axial stress, N = tan^2(45 + phi/2) and sigma_c = 2 c cos(phi) / (1 - sin(phi)):
 
 Elastic         s_a = -p + E e; lateral strain -nu e.
@@ -54,12 +54,12 @@ class Axial:
 
     @property
     def volumetric(self) -> float:
-        """Sum of all three."""
+        """Sum of all three normal components."""
         return 2.0 * self.lateral + self.axial
 
     @property
     def scalar(self) -> float:
-        """sqrt(2 e : e): potency per volume."""
+        """sqrt(2 e : e), the scalar potency per volume of a strain."""
         return float(np.sqrt(2.0 * self.work(self)))
 
 
@@ -68,7 +68,7 @@ NOTHING = Axial(0.0, 0.0)
 
 @dataclass(frozen=True)
 class Surface:
-    """A strength: N and N_psi, unconfined strength Pa, tensile cut-off Pa (inf: none)."""
+    """A strength: N (friction), N_psi (dilation), unconfined strength Pa, tension cut-off Pa (inf without)."""
 
     friction: float
     dilation: float
@@ -94,9 +94,10 @@ class Surface:
 
 @dataclass(frozen=True)
 class Point:
-    """The specimen after a step: strain (elastic and plastic, from the start) and stress; what this step added.
+    """The specimen after a step: total strain, stress, and the plastic strains that the step added.
 
-    energy: dissipated per volume, J/m3. peak, dropped: stress on the intact and the residual surface if it failed here.
+    energy: dissipated per volume in the step, J/m3. peak, dropped: stress on the intact and on the residual surface,
+    where the specimen failed in the step.
     """
 
     strain: Axial
@@ -146,7 +147,7 @@ class Specimen:
         return (strength + self.pressure) / self.youngs_modulus
 
     def project(self, stress: Axial, surface: Surface, pulled: bool) -> tuple[Axial, Axial]:
-        """Stress brought to a surface at constant total strain, and the plastic strain of it."""
+        """Stress returned to a surface at constant total strain, and the plastic strain of the return."""
         lame, shear = self.lame
         if pulled:
             amount = (stress.axial - surface.tensile) / (lame + 2 * shear)
@@ -165,11 +166,11 @@ class Specimen:
         return Axial(0.0, 1.0) if pulled else Axial(surface.dilation / 2, -1.0)
 
     def rest(self, surface: Surface, pulled: bool) -> Axial:
-        """Stress of rock at this strength, lateral pressure being p."""
+        """Stress of rock at this strength under the lateral pressure."""
         return Axial(-self.pressure, surface.tensile if pulled else -surface.compression(self.pressure))
 
     def walk(self, axial_strains: list[float]) -> list[Point]:
-        """The specimen after each of these axial strains, which grow in size; it fails at the first above peak."""
+        """The specimen after each of these axial strains, which grow in size. It fails at the first above the peak."""
         start = Axial(-self.pressure, -self.pressure)
         points = [Point(NOTHING, start)]
         pulled = axial_strains[0] > 0
@@ -186,7 +187,7 @@ class Specimen:
         return points[1:]
 
     def _fail(self, axial_strain: float, pulled: bool) -> Point:
-        """First failure at this axial strain, which stays."""
+        """First failure at this constant axial strain."""
         start = Axial(-self.pressure, -self.pressure)
         trial = start + Axial(0.0, self.youngs_modulus * axial_strain)
         peak, overshoot = self.project(trial, self.intact, pulled)

@@ -1,6 +1,6 @@
-"""Figure of the single cell: stress and volume over axial strain, as the paper's Fig. 13.
+"""Figure of the single cell: stress and volume over axial strain, as in the paper's Fig. 13.
 
-Stress is axial less lateral: while the rock is held at constant strain, the drop raises the lateral one.
+Stress is axial less lateral, since the drop at constant strain changes the lateral stress as well.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ def _stress(axes: Axes, name: str, path: Path) -> None:
     assert failed.peak is not None  # a calculated point that fails has both stresses
     assert failed.dropped is not None
     peak_strain = path.specimen.peak_strain(path.pulled)
-    # before peak; overshoot to the end of the step; the drop at constant strain; on to rest and along residual flow
+    # The lines are elastic loading, the drop at constant strain, and equilibrium with residual flow.
     rising = [(0.0, 0.0), (sign * peak_strain, sign * path.specimen.youngs_modulus * peak_strain)]
     at = sign * failed.strain.axial
     drop = [(at, sign * difference(failed.peak)), (at, sign * difference(failed.dropped))]

@@ -1,4 +1,4 @@
-"""The way of the single cell through failure, as found and as calculated."""
+"""The path of the single cell through failure, as computed and as calculated by hand."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from verification.one_particle.closed_form import Point, Specimen
 
 @dataclass(frozen=True)
 class Path:
-    """One variant: what the cell did in each of its four steps, and what it should have done."""
+    """One variant: points by hand (`exact`) and of the cell (`found`) after each step, and potency by step, m3."""
 
     specimen: Specimen
     exact: list[Point]
@@ -17,5 +17,5 @@ class Path:
 
     @property
     def pulled(self) -> bool:
-        """Or pressed."""
+        """Whether the cell is pulled rather than pressed."""
         return self.exact[0].strain.axial > 0

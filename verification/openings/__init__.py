@@ -1,1 +1,1 @@
-"""How much do cells of each accuracy leave out around openings of any shape and place?"""
+"""Errors of each accuracy around openings of any shape and place."""

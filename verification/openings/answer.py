@@ -1,4 +1,4 @@
-"""Openings of any shape and place, on cells of each accuracy, beside cells that are finer than all of them."""
+"""Openings of any shape and place on cells of each accuracy, against cells finer than all of these."""
 
 import itertools
 import json
@@ -24,9 +24,12 @@ MARKS = {"draft": "s", "standard": "o", "fine": "^"}
 
 @dataclass(frozen=True)
 class Found:
-    """What one run came to: energy that mining its openings at once sets in motion in elastic rock (J; half the work
-    of the support that is taken away), potency and volume of failed rock (m3), least share of an opening in whole
-    cells, processor time of its stages without compiling (s)."""
+    """Results of one run.
+
+    energy: set in motion in elastic rock when its openings are mined at once (half the work of the removed support), J.
+    potency, volume: of failed rock, m3. whole: least share of an opening in whole cells. seconds: processor time of its
+    stages without compiling, s.
+    """
 
     energy: float
     potency: float
@@ -36,7 +39,7 @@ class Found:
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Errors by scene and accuracy, the worst of each accuracy, the sphere's energy, the slots; a figure of them."""
+    """Errors by scene and accuracy, r.m.s. errors of each accuracy, the sphere's energy, the slots; a figure."""
     settings, allowed = results.settings, results.allowed
     names = [f"{scene}_{size}" for scene in settings["scenes"] for size in settings["sizes"]]
     found = {name: measure(results[name]) for name in names}
@@ -74,9 +77,11 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 
 def doubled(name: str, coarse: np.ndarray, fine: np.ndarray, finest: np.ndarray, holds: float) -> list[Row]:
-    """What a run on cells of twice the size tells of numbers (scene,): whether the share that a report says they may
-    be off by reaches to the finest cells, in `holds` of the scenes at least, and how far twice the one less the other
-    is off."""
+    """Rows on what a run on cells of twice the size tells of numbers (scene,).
+
+    The first row is the share of scenes in which the report's uncertainty reaches to the finest cells; it must be at
+    least `holds`. The second is the error of numbers that are extrapolated from both cell sizes.
+    """
     within = float(np.mean(np.abs(finest - fine) <= share_off(fine, coarse) * fine))
     off = (2.0 * fine - coarse) / finest - 1.0
     told = f"{100 * off.min():+.1f} to {100 * off.max():+.1f} %"
@@ -111,7 +116,7 @@ def energy_of_sphere(variant: Variant) -> float:
 
 
 def slots(results: Results) -> list[Row]:
-    """Energy of dipping slots beside that of the same on fine cells; none is asked of a grid that would be refused."""
+    """Energy of dipping slots against the same on fine cells. A grid that would be refused has no bound."""
     settings, allowed, rows = results.settings["slots"], results.allowed, []
     for dip in settings["dips"]:
         true = float(results[f"slot_{dip}_{settings['finest']}"].elastic.attrs["energy_motion"])

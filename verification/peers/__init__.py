@@ -1,1 +1,1 @@
-"""Cases that other codes ship, with their numbers."""
+"""Cases that other codes ship, with their published numbers."""

@@ -1,4 +1,4 @@
-"""Cases that other codes ship: their numbers, the closed form, and ours."""
+"""Cases that other codes ship: their numbers and ours against closed forms."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -45,7 +45,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 
 def present(named: dict, results: Results) -> dict:
-    """Those of a mapping by variant that were run: a reduced study leaves some out."""
+    """Entries of a mapping by variant whose variant was run. A reduced study leaves some out."""
     return {name: value for name, value in named.items() if name in results.variants}
 
 
@@ -64,7 +64,7 @@ def return_rows(allowed: float) -> list[Row]:
 
 
 def impossible(case: Return, returned: np.ndarray) -> str:
-    """Why no plastic flow leads from a trial stress to (3,), empty if some may."""
+    """Why no plastic flow leads from a trial stress to `returned` (3,); empty if some flow may."""
     change = float(returned.sum() - sum(case.trial))
     if case.dilation == 0.0 and abs(change) > 1e-6:
         return f"changes the sum of stresses by {change:.3g} without dilation"
@@ -90,7 +90,7 @@ def wall_rows(name: str, rock: Rock, printed: list[float], allowed: float) -> li
 
 
 def coulomb_rows(run: Run, printed: dict[str, float], results: Results) -> list[Row]:
-    """The hole that FLAC3D is verified with: its printed values beside theory here, then ours beside theory."""
+    """The hole that FLAC3D is verified with: its printed values against theory, then ours against theory."""
     theory = run.theory
     interface = -float(theory.stress(np.array([theory.plastic_radius]))[0][0]) * MPA
     rows = printed_rows(
@@ -109,7 +109,7 @@ def coulomb_rows(run: Run, printed: dict[str, float], results: Results) -> list[
 
 
 def hoek_brown_rows(run: Run, printed: dict[str, float], results: Results) -> list[Row]:
-    """The same in Hoek-Brown rock."""
+    """The hole in Hoek-Brown rock that FLAC3D is verified with."""
     theory = tunnel_of(run)
     rows = printed_rows(
         f"{ITASCA}/CylinderInHoekBrownPAC",

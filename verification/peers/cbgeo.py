@@ -1,4 +1,4 @@
-"""CB-Geo's hole in Coulomb rock: what its notebooks print for particle 1600, the closed form there, and ours.
+"""CB-Geo's hole in Coulomb rock: stress that its notebooks print for particle 1600, closed form there, and ours.
 
 Facts from cb-geo/mpm-benchmarks, 2d/plate_with_hole/isoparametric/10m and 30m (commit 0b19f1c): particles.txt,
 mpm_associated.json, mpm_nonassociated.json, results.ipynb (the last states that it reads: step 195,000 of 200,000, but
@@ -18,7 +18,7 @@ PLANE_PARTICLES = 4  # Nearest particles that a plane is fitted to.
 
 
 def particle_rows(run: Run, place: list[float], printed: list[float], allowed: float) -> list[Row]:
-    """Radial and hoop compression at a place (radii from the centre), MPa: theirs and ours beside the closed form."""
+    """Radial and hoop compression at a place (radii from the centre), MPa: theirs and ours against the closed form."""
     point = run.theory.radius * np.array(place)
     exact = run.theory.stress(np.array([np.hypot(*point)]))[:2]
     found = compression_at(run.cavity, point)
@@ -31,8 +31,10 @@ def particle_rows(run: Run, place: list[float], printed: list[float], allowed: f
 
 
 def compression_at(cavity: Cavity, point: np.ndarray) -> np.ndarray:
-    """Radial and hoop compression (2,), Pa, at a point (2,) m: a plane through the particles around it, component by
-    component, so that the hole's shape does not enter."""
+    """Radial and hoop compression (2,), Pa, at a point (2,) m.
+
+    A plane is fitted to each component in the nearest particles, so that the hole's shape does not enter.
+    """
     near = cKDTree(cavity.place[:, :2]).query(point, k=PLANE_PARTICLES)[1]
     terms = np.column_stack([np.ones(PLANE_PARTICLES), cavity.place[near, :2] - point])
     at_point = np.linalg.pinv(terms)[0]

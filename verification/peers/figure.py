@@ -1,4 +1,4 @@
-"""Figure of the peers: holes as those of the plastic studies, then the roof and the slope."""
+"""Figure of the peers: holes as in the plastic studies, then the roof and the slope."""
 
 import numpy as np
 from matplotlib import colormaps
@@ -21,7 +21,7 @@ AXIS_TOP = 1e7  # End of the axis of iterations: the legend covers no point.
 
 
 def draw(results: Results, runs: list[Run]) -> Figure:
-    """Blocks of holes, and a row of what else was run."""
+    """Blocks of holes, and a row of roof and slope."""
     settings = results.settings
     columns = [(run.name, [run]) for run in runs]
     blocks = blocks_of(columns)
@@ -44,7 +44,7 @@ def draw(results: Results, runs: list[Run]) -> Figure:
 
 
 def roof(axes, variant: Variant, printed: float) -> None:
-    """How far surface and roof come down along the panel."""
+    """Subsidence of surface and roof along the panel."""
     panel, top = variant.values["excavations"][0]["upper"], variant.values["domain"]["upper"]
     for name, height, reach, colour in (
         ("surface", top[1], top[0], style.MODELLED),
@@ -59,7 +59,7 @@ def roof(axes, variant: Variant, printed: float) -> None:
 
 
 def band(part, axes, results: Results, names: list[str]) -> None:
-    """Plastic shear of the largest factor that comes to rest, with the worst log spiral."""
+    """Plastic shear at the largest factor with an equilibrium, and the critical log spiral."""
     settings, (stands, _) = results.settings["slope"], limits(results)
     name = next((one for one in names if settings["factors"][one] == stands), names[0])
     variant = results[name]
@@ -86,7 +86,7 @@ def band(part, axes, results: Results, names: list[str]) -> None:
 
 
 def work(axes, results: Results, names: list[str]) -> None:
-    """Iterations of each factor, where it rests and where not, and their Newton steps; the limits as lines."""
+    """Iterations by factor with and without an equilibrium, Newton steps of the peer, and the limits as lines."""
     settings = results.settings["slope"]
     for at_rest, look, label in ((True, "o", "ours, comes to rest"), (False, "x", "ours, finds no rest")):
         some = [name for name in names if rests(results[name]) == at_rest]

@@ -2,8 +2,8 @@
 
 Facts from KratosMultiphysics/Kratos, applications/GeoMechanicsApplication/tests/cpp_tests/custom_constitutive/
 test_mohr_coulomb_with_tension_cutoff.cpp (commit 033d505): principal stresses, tension positive, friction 35 degrees,
-cohesion 10. Its three returns to the corner of shear and cut-off are told to have Poisson's ratio 0.25, but keep the
-intermediate stress: their numbers are those of 0, as which they are compared.
+cohesion 10. Its three returns to the corner of shear and cut-off are said to have Poisson's ratio 0.25, but keep the
+intermediate stress. Their numbers are those of a ratio of 0, and they are compared as such.
 """
 
 from dataclasses import dataclass, replace
@@ -52,7 +52,7 @@ AS_STATED = tuple(replace(case, poisson_ratio=0.25) for case in CASES if case.re
 
 
 def ours(case: Return) -> np.ndarray:
-    """Where the law `coulomb` returns a trial stress to, principal values (3,) as they were given."""
+    """Stress to which the law `coulomb` returns a trial stress: principal values (3,) in the given order."""
     lame, shear = lame_parameters(YOUNGS_MODULUS, case.poisson_ratio)
     stress = np.array([[*case.trial, 0.0, 0.0, 0.0]], float)
     row = strength_row(FRICTION, case.dilation, COHESION, case.cutoff)
@@ -64,12 +64,11 @@ def ours(case: Return) -> np.ndarray:
 
 
 def cutoff_multipliers(case: Return, returned: np.ndarray) -> float:
-    """What the faces of the cut-off flow by, summed, times Young's modulus, if a trial stress is returned to (3,), on
-    faces of shear and cut-off.
+    """Sum of the plastic multipliers of the cut-off's faces times Young's modulus, for a return to `returned` (3,).
 
-    Plastic strain is the compliance times the drop. Only shear shortens along the least stress, by lambda in all, and
-    stretches the other two by N_psi lambda; what else they stretch by the cut-off's faces do. Koiter's rule (1953)
-    wants it positive.
+    The return is on faces of shear and cut-off. Plastic strain is the compliance times the drop. Only shear shortens
+    along the least stress, by lambda in all, and stretches the other two by N_psi lambda. The cut-off's faces stretch
+    these by the rest, which must be positive (Koiter 1953).
     """
     drop = np.asarray(case.trial, float) - returned
     strain = drop - case.poisson_ratio * (drop.sum() - drop)

@@ -3,7 +3,7 @@
 The block slides off along r = r0 exp((theta - theta_0) tan(phi)) around a centre, from the ground behind the crest to
 the toe, as a weightless centre's arm turns; angles are from the horizontal downwards. Per unit of rotation its weight
 works gamma times the first moment of its area, and cohesion takes c r0^2 (exp(2 (theta_h - theta_0) tan(phi)) - 1) /
-(2 tan(phi)). What both are equal for is an upper bound of the height that stands; the least over all spirals is Chen's
+(2 tan(phi)). The height at which both are equal is an upper bound of the stable height; the least of all is Chen's
 (1975, Limit Analysis and Soil Plasticity, ch. 9), and Taylor's (1937, J. Boston Soc. Civ. Eng. 24, 337) but for the
 shape of his arc.
 
@@ -26,7 +26,7 @@ UNREACHABLE_HEIGHT = 1e9  # Dimensionless height at which what is no mechanism s
 
 @dataclass(frozen=True)
 class Spiral:
-    """Place of its centre from the toe (2,), m, up and into the rock positive; angles first and last, radians."""
+    """A log spiral. centre: from the toe, m, into the rock and up; first, last: angles, rad; radius: at `first`, m."""
 
     centre: tuple[float, float]
     first: float
@@ -58,13 +58,13 @@ class Slope:
         return share * self.cohesion / factor, math.degrees(math.atan(share * math.tan(friction)))
 
     def excess(self, factor: float) -> float:
-        """By what share the height stands above that of the worst spiral at a factor."""
+        """Share by which the slope is higher than the worst spiral allows at a factor."""
         cohesion, friction = self.reduced(factor)
         height, _ = worst_spiral(math.radians(friction), math.radians(self.slope))
         return self.unit_weight * self.height / cohesion / height - 1.0
 
     def limit(self) -> float:
-        """The largest factor that the worst spiral lets stand."""
+        """The largest factor at which the slope stands by the worst spiral."""
         return brentq(self.excess, *FACTOR_BOUNDS, xtol=1e-6)
 
     def spiral(self) -> Spiral:
@@ -76,8 +76,10 @@ class Slope:
 
 
 def worst_spiral(friction: float, slope: float) -> tuple[float, Spiral]:
-    """Unit weight times height over cohesion at which the worst spiral through the toe just slides, and the spiral of a
-    slope of height 1; angles in radians, friction above zero."""
+    """Unit weight times height over cohesion at which the worst spiral through the toe just slides, and that spiral.
+
+    The spiral is that of a slope of height 1. Angles in radians; friction above zero.
+    """
 
     def height(angles: np.ndarray) -> float:
         spiral = through_toe(angles, friction)
@@ -111,7 +113,7 @@ def height_of(spiral: Spiral, slope: float) -> float:
     outline = np.concatenate([arc, crest]) - np.array(spiral.centre)
     x, z = outline.T
     after_x, after_z = np.roll(x, -1), np.roll(z, -1)
-    moment = -np.sum((x + after_x) * (x * after_z - after_x * z)) / 6.0  # the outline runs clockwise
+    moment = -np.sum((x + after_x) * (x * after_z - after_x * z)) / 6.0  # The outline runs clockwise.
     if moment <= 0.0:
         return UNREACHABLE_HEIGHT
     tangent = math.tan(spiral.friction)

@@ -16,7 +16,7 @@ SOURCE = "MOOSE, coal_mining.tex"
 
 
 def roof_rows(name: str, variant: Variant, printed: float, allowed: float) -> list[Row]:
-    """How far the surface and the roof above the middle of the panel have come down, m, beside what is printed."""
+    """Subsidence of surface and roof above the middle of the panel, m, against the printed value."""
     panel, top = variant.values["excavations"][0]["upper"][1], variant.values["domain"]["upper"][1]
     surface, roof = (float(lowering(variant, height, np.zeros(1))[0]) for height in (top, panel))
     slits = row_of_slits(variant)
@@ -31,7 +31,7 @@ def roof_rows(name: str, variant: Variant, printed: float, allowed: float) -> li
 
 
 def lowering(variant: Variant, height: float, x: np.ndarray) -> np.ndarray:
-    """How far nodes at a height came down, m, at places x (point,), m, between them."""
+    """Downward displacement (point,) m at a height, interpolated between its nodes at places x (point,) m."""
     place = variant.grid.node_position.values
     line = np.flatnonzero(np.isclose(place[:, 2], height))
     line = line[np.argsort(place[line, 0])]
@@ -39,8 +39,10 @@ def lowering(variant: Variant, height: float, x: np.ndarray) -> np.ndarray:
 
 
 def row_of_slits(variant: Variant) -> float:
-    """Sag, m, in the middle of one of many slits in a row, which rollers make of the panel, in rock without a surface
-    (Westergaard 1939, J. Appl. Mech. 6, A49): 2 (1 - nu^2) p / E times W / pi arccosh(1 / cos(pi a / W))."""
+    """Sag, m, in the middle of one of many slits in a row, in rock without a surface; rollers make such of the panel.
+
+    2 (1 - nu^2) p / E times W / pi arccosh(1 / cos(pi a / W)) (Westergaard 1939, J. Appl. Mech. 6, A49).
+    """
     values, host = variant.values, variant.values["materials"]["host"]
     half, _ = values["excavations"][0]["upper"]
     spacing = 2.0 * values["domain"]["upper"][0]

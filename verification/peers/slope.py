@@ -1,4 +1,4 @@
-"""Beremi's slope: at which factor of strength it comes to rest no more, and what the way there costs.
+"""Beremi's slope: the factor of strength above which it finds no equilibrium, and the iterations that it takes.
 
 Facts from Beremi/slope_stability_petsc4py (commit ce5abae): benchmarks/run_2D_homo_SSR_capture/report.md (factors,
 Newton steps and seconds of its PETSc run) and case.toml (triangles of 1 m with six nodes, Davis' approach B),
@@ -13,12 +13,12 @@ SOURCE = "Beremi, run_2D_homo_SSR_capture"
 
 
 def rests(variant: Variant) -> bool:
-    """Whether the slope has come to rest under its whole weight."""
+    """Whether the slope has reached equilibrium under its whole weight."""
     return not variant.step(variant.step_names[-1]).attrs["collapsed"]
 
 
 def limits(results: Results) -> tuple[float, float]:
-    """The largest factor below all at which the slope finds no rest, and the least of those (infinite without one)."""
+    """Largest factor with an equilibrium below the smallest without one, and that smallest factor (inf if none)."""
     factors = results.settings["slope"]["factors"]
     by_rest = {True: [], False: [float("inf")]}
     for name, factor in factors.items():
@@ -29,7 +29,7 @@ def limits(results: Results) -> tuple[float, float]:
 
 
 def slope_rows(results: Results) -> list[Row]:
-    """The limit beside the log spiral's and theirs, and the cycles to rest beside their Newton steps."""
+    """The limit against the log spiral's and theirs, and iterations against their Newton steps."""
     settings = results.settings["slope"]
     bound, (stands, falls) = Slope(**settings["rock"]).limit(), limits(results)
     theirs = settings["limit"]
@@ -48,7 +48,7 @@ def slope_rows(results: Results) -> list[Row]:
 
 
 def work_row(name: str, results: Results) -> Row:
-    """Iterations of one run beside the Newton steps of their nearest factor."""
+    """Iterations of one run against the Newton steps of their nearest factor."""
     settings, variant = results.settings["slope"], results[name]
     factor, newton = settings["factors"][name], settings["newton"]
     nearest = min(newton, key=lambda one: abs(one - factor))

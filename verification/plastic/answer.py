@@ -1,7 +1,7 @@
-"""Tunnel and spherical cavity in Coulomb rock, perfectly plastic and brittle, beside their closed forms.
+"""Tunnel and spherical cavity in Coulomb rock, perfectly plastic and brittle, against their closed forms.
 
-Brittle rings localise: theory's smooth ring is what runs are compared with, not what any of them is. Variants that
-differ by their loading path alone are members of one group; its mean is compared, its spread reported.
+Brittle rings localise, so no run has the smooth ring of theory. Variants that differ by their loading path alone are
+members of one group. The mean of a group is compared with theory, and its spread is reported.
 """
 
 from dataclasses import dataclass, replace
@@ -39,12 +39,12 @@ class Run:
 
     @property
     def expected_closure(self) -> float:
-        """The same of theory, m."""
+        """Mean inward displacement of the wall in theory, m."""
         return -float(self.theory.displacement(self.theory.radius))
 
     @property
     def percentile(self) -> float:
-        """Distance within which RADIUS_PERCENTILE of the failed volume lie, m."""
+        """Distance within which RADIUS_PERCENTILE percent of the failed volume lie, m."""
         return self.cavity.failed_percentile(RADIUS_PERCENTILE)
 
     @property
@@ -61,13 +61,13 @@ class Run:
 
     @property
     def seismic_potency(self) -> float:
-        """Sum of the scalar potencies of all particles, m3: sqrt(2 P:P), tensor shear."""
+        """Sum of the scalar potencies sqrt(2 P:P) of all particles, m3."""
         strain = self.cavity.state.seismic_strain.values
         norm = np.sqrt(2 * (strain**2 * [1, 1, 1, 2, 2, 2]).sum(axis=1))
         return float((norm * self.cavity.state.volume.values).sum())
 
     def stress_error(self, outer_radii: float) -> np.ndarray:
-        """R.m.s. error of radial, hoop and third stress (3,), a + 2 h to so many radii, share of the far stress."""
+        """R.m.s. error of radial, hoop and third stress (3,) from a + 2 h to so many radii, over the far stress."""
         ring = self.cavity.ring(outer_radii)
         error = self.cavity.radial_hoop_third[:, ring] - self.theory.stress(self.cavity.distance[ring])
         return self.cavity.mean_square_root(error, ring) / self.pressure
@@ -112,7 +112,7 @@ def brittle_groups(runs: list[Run]) -> dict[str, list[Run]]:
 
 
 def perfect_rows(run: Run, outer: float, allowed: dict[str, float]) -> list[Row]:
-    """Plastic radius, stresses and closure of one run without a drop of strength."""
+    """Plastic radius, stresses and closure of one run whose strength does not drop."""
     cell, front = run.cavity.cell, run.theory.plastic_radius
     radius = run.cavity.failed_radius
     rows = [
@@ -145,7 +145,7 @@ def closure_row(quantity: str, run: Run, allowed: float | None, remark: str = ""
 
 
 def brittle_rows(name: str, members: list[Run], outer: float, allowed: dict[str, float]) -> list[Row]:
-    """Failed radius, share of the ring, closure and stress over the members of a group."""
+    """Failed radius, failed share of the ring, closure and stress, as means over the members of a group."""
     first = members[0]
     cell, front = first.cavity.cell, first.theory.plastic_radius / first.cavity.cell
     percentiles = np.array([run.percentile / cell for run in members])

@@ -1,4 +1,4 @@
-"""Rock around a round cavity, tunnel or sphere: what a state says in the coordinates of its closed form."""
+"""Rock around a tunnel or a spherical cavity: a state in the coordinates of its closed form."""
 
 from functools import cached_property
 
@@ -17,7 +17,7 @@ WALL_ANGLES = 90  # Points on a quarter of a circle; its square on an eighth of 
 
 
 def read_pressure(variant: Variant) -> float:
-    """Largest virgin compression of a variant, Pa, positive."""
+    """Largest virgin compression of a variant, Pa (positive)."""
     return -min(variant.values["insitu_stress"]["constant"].values())
 
 
@@ -35,8 +35,8 @@ def plastic_ring(variant: Variant) -> PlasticRing | HoekBrownTunnel:
 class Cavity:
     """Particles and nodes around the first excavation, in the quarter or eighth above its centre.
 
-    Of every particle that is there: place (particle, 3) m from the centre, distance m, volume m3, stress
-    (particle, 3, 3) Pa, failed (bool), fill (bool). cell: edge of the finest, m; dimension 2 or 3.
+    Arrays hold the particles with a volume: place (particle, 3) m from the centre, distance m, volume m3, stress
+    (particle, 3, 3) Pa, failed and fill (bool). cell: edge of the finest cell, m. dimension: 2 or 3.
     """
 
     def __init__(self, variant: Variant, state: xr.Dataset):
@@ -58,7 +58,7 @@ class Cavity:
 
     @cached_property
     def radial_hoop_third(self) -> np.ndarray:
-        """Radial, hoop and third normal stress (3, particle), Pa: third along a tunnel's axis, hoop of a sphere."""
+        """Radial, hoop and third normal stress (3, particle), Pa. The third is axial in a tunnel, hoop at a sphere."""
         outward = self.place / self.distance[:, None]
         radial = np.einsum("pi,pij,pj->p", outward, self.stress, outward)
         rest = np.trace(self.stress, axis1=1, axis2=2) - radial
@@ -68,12 +68,12 @@ class Cavity:
         return np.array([radial, 0.5 * rest, 0.5 * rest])
 
     def ring(self, outer_radii: float) -> np.ndarray:
-        """Rock between two cells off the wall and so many radii: particle indices."""
+        """Indices of the rock particles between two cells off the wall and so many radii."""
         inner, outer = self.radius + 2 * self.cell, outer_radii * self.radius
         return np.flatnonzero(~self.fill & (self.distance >= inner) & (self.distance <= outer))
 
     def mean_square_root(self, error: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        """Root mean square over chosen particles (last axis), by volume."""
+        """Root mean square over chosen particles (last axis), weighted by volume."""
         return np.sqrt(np.average(np.square(error), axis=-1, weights=self.volume[chosen]))
 
     def wall_directions(self) -> np.ndarray:
@@ -83,13 +83,13 @@ class Cavity:
             angle = 0.5 * np.pi * middle
             return np.stack([np.cos(angle), np.sin(angle), np.zeros(WALL_ANGLES)], axis=1)
         height, angle = (axis.ravel() for axis in np.meshgrid(middle, 0.5 * np.pi * middle))
-        across = np.sqrt(1 - height**2)  # equal heights of a sphere have equal areas
+        across = np.sqrt(1 - height**2)  # Zones of equal height on a sphere have equal areas.
         return np.stack([across * np.cos(angle), across * np.sin(angle), height], axis=1)
 
     def displacement(self, points: np.ndarray) -> np.ndarray:
-        """Displacement (point, 3) m at points from the centre: the grid's own, in the nearest finest cell with rock.
+        """Displacement (point, 3) m at points (point, 3) m from the centre, by the shape functions of the nearest cell.
 
-        There the shape functions of that cell are continued to the point where it lies outside.
+        Only finest cells with rock are taken. Where a point lies outside its cell, the functions are continued to it.
         """
         d, grid = self.dimension, self.grid
         cells = np.unique(self.particle_cell)
@@ -109,14 +109,14 @@ class Cavity:
 
     @property
     def failed_radius(self) -> float:
-        """Radius of a full ring of the failed volume, m."""
+        """Outer radius, m, of a full ring that has the failed volume."""
         d, share = self.dimension, 0.5**self.dimension
         unit = share * (np.pi if d == 2 else 4 / 3 * np.pi)
         volume = self.volume[self.failed].sum() / (self.grid.attrs["thickness"] if d == 2 else 1.0)
         return float((volume / unit + self.radius**d) ** (1 / d))
 
     def failed_percentile(self, percent: float) -> float:
-        """Distance (m) within which so many percent of the failed volume lie; the wall's where nothing failed."""
+        """Distance, m, within which so many percent of the failed volume lie; the wall's where nothing failed."""
         if not self.failed.any():
             return self.radius
         order = np.argsort(self.distance[self.failed])

@@ -1,4 +1,4 @@
-"""Figure of the plastic rings: stress against distance beside theory, where rock failed, how far the members spread."""
+"""Figure of the plastic rings: stress against distance with theory, maps of failed rock, spread of the members."""
 
 import numpy as np
 from matplotlib.collections import PolyCollection
@@ -11,13 +11,13 @@ MPA = 1e-6
 DRAWN_RADII = 1.7  # Extent of profiles and maps in plastic radii.
 COLOURS = (style.MODELLED, style.RECORDED, style.BOTH)
 STRESSES = {2: ("radial", "hoop", "axial"), 3: ("radial", "hoop")}
-MAX_PER_ROW = 4  # Columns of profile and map beside each other.
+MAX_PER_ROW = 4  # Columns of profile and map in a block.
 BLOCK_HEIGHT = 5.4  # Height of a profile and its map, inches.
 MAX_PROFILE_PARTICLES = 1500  # Keeps the file small.
 
 
 def draw(perfect: list, groups: dict[str, list]) -> Figure:
-    """Profiles above, maps of the same runs below, spread of the members last; runs are answers.plastic.Run."""
+    """Profiles above, maps of the same runs below, spread of the members last. Runs are plastic.answer.Run."""
     columns = [(run.name, [run]) for run in perfect]
     columns += [(f"{name}, first of {len(runs)}", runs) for name, runs in groups.items()]
     blocks = blocks_of(columns)
@@ -32,14 +32,14 @@ def draw(perfect: list, groups: dict[str, list]) -> Figure:
 
 
 def blocks_of(columns: list) -> list[list]:
-    """Columns in as few blocks of MAX_PER_ROW as hold them, all as long as the first but for the last."""
+    """Columns in the fewest blocks of at most MAX_PER_ROW. All blocks but the last are equally long."""
     number = max(1, -(-len(columns) // MAX_PER_ROW))
     per_row = max(1, -(-len(columns) // number))
     return [columns[start : start + per_row] for start in range(0, len(columns), per_row)]
 
 
 def draw_block(part, block: list[tuple[str, list]]) -> None:
-    """Profiles above, maps below, of (title, runs) in a part of a figure, BLOCK_HEIGHT inches high."""
+    """Profiles above and maps below of pairs (title, runs), in a part of a figure BLOCK_HEIGHT inches high."""
     panels = part.subplots(2, len(block), squeeze=False)
     for (title, runs), above, below in zip(block, *panels, strict=True):
         profile(above, title, runs[0])
@@ -47,7 +47,7 @@ def draw_block(part, block: list[tuple[str, list]]) -> None:
 
 
 def profile(axes, title: str, run) -> None:
-    """Stresses of particles against distance, and theory as lines."""
+    """Stresses of particles against distance, with theory as lines."""
     cavity, theory = run.cavity, run.theory
     reach = DRAWN_RADII * theory.plastic_radius
     near = np.flatnonzero((cavity.distance > theory.radius) & (cavity.distance < reach))
@@ -67,7 +67,7 @@ def profile(axes, title: str, run) -> None:
 
 
 def where_failed(figure, axes, runs: list) -> None:
-    """Cells beside the plane of symmetry, by the share of runs in which they failed, with theory's front."""
+    """Cells at the plane of symmetry, coloured by the share of runs in which they failed, with theory's front."""
     first = runs[0]
     cavity, theory = first.cavity, first.theory
     grid, reach = cavity.grid, DRAWN_RADII * theory.plastic_radius
@@ -102,7 +102,7 @@ def where_failed(figure, axes, runs: list) -> None:
 
 
 def spread(panels, groups: dict[str, list]) -> None:
-    """What differs between members: radius, share of the ring, closure, one dot each."""
+    """Radius, failed share of the ring and closure of each member as a dot."""
     measures = (
         (
             "95 % radius minus theory (cells)",

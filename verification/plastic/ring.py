@@ -33,7 +33,7 @@ from mpm_core.constitutive.strength import DILATION_FACTOR, FRICTION_FACTOR, UNC
 
 @dataclass(frozen=True)
 class CoulombRock:
-    """Young's modulus Pa, Poisson's ratio; N and sigma_c (Pa) intact and residual; N_psi of failed rock."""
+    """Elastic moduli (Pa), N and sigma_c (Pa) of intact and failed rock, and N_psi of failed rock (`dilation`)."""
 
     youngs_modulus: float
     poisson_ratio: float
@@ -153,7 +153,7 @@ class PlasticRing(ABC):
         return -inward
 
     def _particular(self, zone: Zone, r, beta: float):
-        """The part of u that the elastic strains drive: A r x / (m + 1 + beta) + B r / (1 + beta)."""
+        """Particular solution for u driven by the elastic strains: A r x / (m + 1 + beta) + B r / (1 + beta)."""
         power, constant = (self._drive(part) for part in (zone.power, zone.constant))
         x = (r / self.radius) ** self.exponent
         return r * (power * x / (self.exponent + 1 + beta) + constant / (1 + beta))

@@ -1,6 +1,6 @@
 """A spherical cavity in Coulomb rock under all-round stress, perfectly plastic or brittle.
 
-Both hoop stresses fail together (an edge of the Coulomb surface), so no intermediate stress is in question. Perfectly
+Both hoop stresses fail together, on an edge of the Coulomb surface, so there is no intermediate stress. Perfectly
 plastic: Yu and Houlsby (1991, Geotechnique 41, 173) at small strains, for a cavity that contracts (first Salencon 1969,
 Ann. Ponts Chauss. 4, 231); brittle: with a residual surface inside, as Park and Kim (2006, Int. J. Rock Mech. Min. Sci.
 43, 616) have it for a circular opening.
@@ -16,7 +16,7 @@ from verification.plastic.ring import PlasticRing, Zone
 
 @dataclass(frozen=True)
 class PlasticSphere(PlasticRing):
-    """See PlasticRing; two equal hoop directions."""
+    """The spherical cavity, with two equal hoop directions."""
 
     hoop_directions: ClassVar[int] = 2
 

@@ -18,14 +18,14 @@ from verification.plastic.ring import PlasticRing, Zone
 
 @dataclass(frozen=True)
 class PlasticTunnel(PlasticRing):
-    """See PlasticRing; the third direction is the tunnel's axis. edge: let axial stress become a major one."""
+    """The tunnel; the third direction is its axis. edge: whether axial stress may become a major one."""
 
     edge: bool = True
     hoop_directions: ClassVar[int] = 1
 
     @property
     def edge_radius(self) -> float:
-        """Where axial stress reaches the hoop stress of failed rock, m: at most R, and the wall's where it never does.
+        """Radius at which axial stress reaches the hoop stress of failed rock, m: between the wall's radius and R.
 
         p + nu (ds_r + ds_t) = p + ds_t with ds_r = k x - k - p, ds_t = N k x - k - p, x = (r/a)^m.
         """
@@ -36,7 +36,7 @@ class PlasticTunnel(PlasticRing):
         )
 
     def zones(self) -> list[Zone]:
-        """On the face of hoop and radial stress, and inside `edge_radius` on the edge."""
+        """One zone on the face of hoop and radial stress, and one on the edge inside `edge_radius`."""
         nu, k, hoop = self.rock.poisson_ratio, self.attraction, self.rock.residual_friction * self.attraction
         rest = -(k + self.pressure)
         zones = [Zone(self.plastic_radius, (k, hoop, nu * (k + hoop)), (rest, rest, 2 * nu * rest))]
@@ -45,5 +45,5 @@ class PlasticTunnel(PlasticRing):
         return zones
 
     def elastic_third(self, radial: np.ndarray, hoop: np.ndarray) -> np.ndarray:
-        """Axial stress: plane strain."""
+        """Axial stress in plane strain."""
         return self.pressure + self.rock.poisson_ratio * (radial + hoop - 2 * self.pressure)

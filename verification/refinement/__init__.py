@@ -1,1 +1,1 @@
-"""Cells and increments that follow the rock."""
+"""Cells and increments that are chosen by the rock."""

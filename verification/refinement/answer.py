@@ -1,4 +1,4 @@
-"""One stope on cells that follow the rock beside cells that are fine all over, and its load in ever more increments."""
+"""One stope on cells that follow the rock, against cells that are fine everywhere, and with ever more increments."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,8 +15,11 @@ SECTION_HALF_WIDTH = 22.0  # Half the width of the drawn sections around the mid
 
 
 class Run:
-    """What the step came to: potency m3 of the drop and of later flow, summed over rock that failed in it; volume m3;
-    share that overshot; V-cycles; processor time without compiling, s; MiB."""
+    """Results of the step. potency, flow: potency m3 of the drop and of later flow, summed over rock that failed in it.
+
+    volume: of failed rock, m3. overshoot: over the drop, of rock that fails first in an increment. cycles: V-cycles.
+    seconds: processor time without compiling, s. memory: MiB.
+    """
 
     def __init__(self, variant: Variant):
         self.state = variant.step(STEP)
@@ -75,7 +78,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 
 def same(name: str, other: str, run: Run, expected: Run, bound: float | None) -> list[Row]:
-    """Potency and failed volume of a run beside those of another."""
+    """Potency and failed volume of a run against those of another."""
     remark = f"{run.facts['cells']} cells, {run.facts['finest_cells']} of the finest; {expected.facts['cells']} cells"
     return [
         Row.relative(f"{name}: {what} as with {other}, {unit}", wanted, found, bound, remark)
@@ -87,7 +90,7 @@ def same(name: str, other: str, run: Run, expected: Run, bound: float | None) ->
 
 
 def plastic(runs: dict[str, Run], settings: dict, allowed: dict) -> list[Row]:
-    """V-cycles where no strength is lost, on ever finer cells; what a looser tolerance makes of flow and cycles."""
+    """V-cycles where no strength is lost, on ever finer cells, and the effect of a looser tolerance on flow."""
     rows = []
     for name in settings["plastic"]:
         run = runs[name]
@@ -103,7 +106,7 @@ def plastic(runs: dict[str, Run], settings: dict, allowed: dict) -> list[Row]:
 
 
 def draw(results: Results, runs: dict[str, Run]) -> Figure:
-    """Sections through the stope on both grids; the excess of ever fewer increments; the cost of a failed particle."""
+    """Sections through the stope on both grids, excess potency by increments, and cost of a failed particle."""
     settings = results.settings
     figure = style.new_figure(height=8.2)
     (left, right), (below, cost) = figure.subplots(2, 2)
@@ -135,7 +138,7 @@ def draw(results: Results, runs: dict[str, Run]) -> Figure:
 
 
 def draw_section(panel: Axes, run: Run) -> None:
-    """Cells that the plane through the middle of the stope along x cuts, those with failed rock filled."""
+    """Cells cut by the section along x through the middle of the stope. Those with failed rock are filled."""
     state, middle = run.state, np.array([80.0, 80.0, 980.0])
     low, size = state.cell_origin.values, state.cell_size.values
     cut = (low[:, 1] <= middle[1]) & (low[:, 1] + size > middle[1])

@@ -1,4 +1,4 @@
-"""What the page of the study sets side by side."""
+"""Tables of the study's page."""
 
 from verification.page_tables import Pivot
 

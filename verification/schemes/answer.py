@@ -1,4 +1,4 @@
-"""Schemes `explicit` and `multigrid` side by side: one elastic equilibrium, and one brittle failure on average."""
+"""Schemes `explicit` and `multigrid` compared: the same elastic equilibrium, and brittle failure alike on average."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -25,7 +25,7 @@ QUANTITIES = {
 
 @dataclass(frozen=True)
 class Means:
-    """A quantity of the runs (run,) of two variants: their means, and how well these are known."""
+    """A quantity of the runs (run,) of two variants: the difference of their means and its standard error."""
 
     first: np.ndarray
     other: np.ndarray
@@ -42,7 +42,7 @@ class Means:
 
     @property
     def apart(self) -> float:
-        """Difference in standard errors; 0 where there is none, else endless where no run differs from another."""
+        """Difference in standard errors. It is 0 without a difference, else infinite where the runs do not scatter."""
         if self.difference == 0.0:
             return 0.0
         return abs(self.difference) / self.error if self.error else np.inf
@@ -75,7 +75,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 
 def elastic_rows(schemes: dict[str, Variant], allowed: float) -> list[Row]:
-    """Difference of stress for each pair of ways to the elastic equilibrium."""
+    """Difference of elastic stress for each pair of schemes."""
     rows = []
     for (one, first), (other, second) in combinations(schemes.items(), 2):
         states = first.elastic, second.elastic
@@ -89,9 +89,9 @@ def elastic_rows(schemes: dict[str, Variant], allowed: float) -> list[Row]:
 
 
 def stress_difference(one: xr.Dataset, other: xr.Dataset, variant: Variant) -> tuple[float, float]:
-    """Root mean square over all rock, by volume, and largest difference of stress, over r.m.s. virgin stress there.
+    """R.m.s. difference of stress over all rock, by volume, and largest difference, both over r.m.s. virgin stress.
 
-    Of a tensor the size is sqrt(s_ij s_ij).
+    The size of a tensor is sqrt(s_ij s_ij).
     """
     rock = np.flatnonzero((one.volume.values > 0.0) & (one.excavation.values < 0))
     volume = one.volume.values[rock]
@@ -103,7 +103,7 @@ def stress_difference(one: xr.Dataset, other: xr.Dataset, variant: Variant) -> t
 
 
 def brittle_rows(scene: str, pairs: Pairs, allowed: dict[str, float]) -> list[Row]:
-    """Means of both schemes and their spread, the mean difference of pairs where it is bounded, and alike pairs."""
+    """Means of both schemes and their scatter, the mean difference of pairs where it has a bound, and equal pairs."""
     rows = []
     for quantity, (name, bound) in QUANTITIES.items():
         what = f"{scene}, brittle: {name}"

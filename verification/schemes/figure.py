@@ -1,4 +1,4 @@
-"""Figure of the two schemes: the way to elastic equilibrium, and what brittle runs make of the rock, pair by pair."""
+"""Figure of the two schemes: convergence to the elastic equilibrium, and results of brittle runs pair by pair."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -57,7 +57,7 @@ def convergence(axes: Axes, scene: str, schemes: dict[str, Variant]) -> None:
 
 
 def compare(axes: Axes, quantity: str, pairs: Pairs) -> None:
-    """Runs of both variants, those of a pair joined; beside them mean and standard error."""
+    """Runs of both variants with lines that join pairs, and beside them mean and standard error."""
     axes.set(xlim=(-0.5, 1.5), ylabel=LABELS[quantity])
     axes.set_xticks([0, 1], [name.replace("_", "\n") for name in pairs.runs])
     if quantity == "b" and not pairs.has_b:

@@ -1,6 +1,6 @@
-"""Runs of one brittle scene that differ by what nobody can know better, and what each of them makes of the rock.
+"""Runs of one brittle scene that differ by unknown details, and the failed rock and events of each.
 
-Brittle failure localises: one run is one realisation, and schemes are compared by their runs together.
+Brittle failure localises, so one run is one realisation. Schemes are compared by all their runs.
 """
 
 import copy
@@ -27,11 +27,11 @@ from workflow.mine import Mine
 
 @dataclass(frozen=True)
 class Run:
-    """What a run's last step did.
+    """Results of a run's last step.
 
-    potency: sum over particles of the scalar of seismic strain times volume, m3; failed_volume m3; failed: particles
-    that have failed by its end (bool); sizes: log10 potency (m3) of resolved events; floor: the smallest that can be
-    resolved, m3; iterations of all its steps, and in how many generations failure spread in a part of the mine.
+    potency: sum over particles of the scalar of seismic strain times volume, m3. failed_volume: m3. failed: whether a
+    particle has failed by its end. sizes: log10 potency (m3) of resolved events. floor: smallest potency that can be
+    resolved, m3. iterations: of all steps. in_parts: generations of failure that were solved in a subdomain.
     """
 
     potency: float
@@ -50,17 +50,17 @@ class Run:
 
 @dataclass(frozen=True)
 class Pairs:
-    """The same runs of two variants, in one order: runs by name of the scheme, explicit first, or of the variant."""
+    """The same runs of two variants in one order, by name of the scheme, explicit first, or of the variant."""
 
     runs: dict[str, list[Run]]
 
     @cached_property
     def cut(self) -> float:
-        """log10 of the potency (m3) from which b is counted: the largest floor of all runs; NaN without failed rock."""
+        """log10 potency (m3) from which b is estimated: the largest floor of all runs; NaN without failed rock."""
         return float(log_potency(np.max([run.floor for runs in self.runs.values() for run in runs])))
 
     def b_values(self) -> dict[str, list[BValue]]:
-        """b of log potency of each run, of its resolved events from the cut on; NaN of fewer than MIN_EVENTS_FOR_B."""
+        """b of log potency of each run's resolved events from the cut on; NaN of fewer than MIN_EVENTS_FOR_B."""
         return {name: [estimate_b(run.sizes, self.cut) for run in runs] for name, runs in self.runs.items()}
 
     def values(self, quantity: str) -> tuple[np.ndarray, np.ndarray]:
@@ -78,7 +78,7 @@ class Pairs:
 
     @property
     def why_no_b(self) -> str:
-        """How many events there are, where they are too few."""
+        """Remark with the number of events where they are too few."""
         counted = [value.events for values in self.b_values().values() for value in values]
         return (
             f"too few events: {min(counted)} to {max(counted)} from the cut on, {MIN_EVENTS_FOR_B} needed in every run"
@@ -91,17 +91,17 @@ class Pairs:
 
     @property
     def same_scene(self) -> bool:
-        """Whether the runs differ by their scheme alone: pairs share all else, and particles can be compared."""
+        """Whether the runs of a pair differ by their scheme alone, so that their particles can be compared."""
         return set(self.runs) == {"explicit", "multigrid"}
 
     @property
     def alike(self) -> int:
-        """In how many pairs the same particles fail."""
+        """Number of pairs in which the same particles fail."""
         return sum(np.array_equal(one.failed, other.failed) for one, other in zip(*self.runs.values(), strict=True))
 
 
 def read_pairs(variants: tuple[Variant, Variant], increments: list[int]) -> Pairs:
-    """The runs of two variants, that differ by their scheme alone, or, with one scheme, by a mirror."""
+    """The runs of two variants that differ by their scheme alone or, with one scheme, by a mirror."""
     schemes = [variant.values["solver"]["scheme"] for variant in variants]
     names = schemes if schemes[0] != schemes[1] else [variant.mine.name.partition("-")[2] for variant in variants]
     return Pairs({name: list(read_runs(variant, increments)) for name, variant in zip(names, variants, strict=True)})
@@ -110,8 +110,8 @@ def read_pairs(variants: tuple[Variant, Variant], increments: list[int]) -> Pair
 def read_runs(variant: Variant, increments: list[int]) -> Iterator[Run]:
     """Runs of a variant: the members of its ensemble, or, without one, one for each number of increments.
 
-    One of those may be the variant's own. The others are computed here, from its grid and elastic state: to start a
-    process for each stage of each would cost more than the stages of scenes so small.
+    One of those may be the variant's own. The others are computed here from its grid and elastic state, since starting
+    a process for each stage would cost more than the stages of these small scenes.
     """
     if variant.values["ensemble"]:
         for number in range(1, variant.mine.members + 1):
@@ -127,14 +127,14 @@ def read_runs(variant: Variant, increments: list[int]) -> Iterator[Run]:
 
 
 def with_increments(mine: Mine, increments: int) -> Mine:
-    """The same mine, its rock taken out in so many parts."""
+    """The same mine, whose steps are unloaded in so many increments."""
     changed = copy.copy(mine)
     changed.values = mine.values | {"solver": mine.values["solver"] | {"increments": increments}}
     return changed
 
 
 def compute(mine: Mine, variant: Variant) -> list[xr.Dataset]:
-    """States after each step, by the ordinary stage. Raises InputError where one finds no rest."""
+    """States after each step, by the ordinary stage. Raises InputError where a step finds no equilibrium."""
     states = [variant.elastic]
     with TemporaryDirectory() as folder:
         for step in mine.mined_steps:
@@ -148,7 +148,7 @@ def compute(mine: Mine, variant: Variant) -> list[xr.Dataset]:
 
 
 def describe(states: list[xr.Dataset], mine: Mine) -> Run:
-    """What the last of the states says."""
+    """Run of these states."""
     last = states[-1]
     events = extract_events(last, mine.event_slice())[0]
     strain, volume = tensor_from_voigt(last.seismic_strain.values), last.volume.values
@@ -164,7 +164,7 @@ def describe(states: list[xr.Dataset], mine: Mine) -> Run:
 
 
 def _generations_in_parts(state: xr.Dataset) -> int:
-    """Generations of failure after which a part of the mine came to rest before the whole."""
+    """Number of generations of failure after which a subdomain reached equilibrium before the whole mine."""
     part = state.convergence_cells.values < state.sizes["cell"]
     generations = state.convergence_increment.values[part], state.convergence_generation.values[part]
     return len(np.unique(np.stack(generations), axis=1).T)

@@ -1,4 +1,4 @@
-"""Elastic sphere, empty or filled, in all-round and in uniaxial stress, beside Goodier's and Eshelby's field."""
+"""Elastic sphere, empty or filled, in all-round and uniaxial stress, against Goodier's and Eshelby's fields."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -45,7 +45,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 
 def stress_row(name: str, cavity: Cavity, exact: SphericalInclusion, pressure: float, results: Results) -> Row:
-    """Error over all components of the stress in the rock."""
+    """R.m.s. error of the stress in the rock over all components."""
     outer = results.settings["outer_radii"]
     ring = cavity.ring(outer)
     square = np.square(cavity.stress[ring] - exact.stress(cavity.place[ring])).sum(axis=(1, 2)) / 6
@@ -55,7 +55,7 @@ def stress_row(name: str, cavity: Cavity, exact: SphericalInclusion, pressure: f
 
 
 def closure_rows(name: str, cavity: Cavity, exact: SphericalInclusion, allowed: float) -> list[Row]:
-    """Inward displacement of the wall: all round, or around the axis of the stress and around its equator."""
+    """Inward displacement of the wall, all round; in uniaxial stress near the pole and near the equator."""
     directions = cavity.wall_directions()
     along = directions[:, 2]
     places = {"wall": np.ones(len(along), bool)}
@@ -78,7 +78,7 @@ def closure_rows(name: str, cavity: Cavity, exact: SphericalInclusion, allowed: 
 
 
 def inclusion_rows(name: str, cavity: Cavity, exact: SphericalInclusion, pressure: float, allowed: float) -> list[Row]:
-    """Error of the stress inside the fill, uniform in theory, in terms of the far stress and of its own."""
+    """Error of the stress inside the fill, which is uniform in theory, over the far stress and over itself."""
     inside = cavity.fill & (cavity.distance < cavity.radius - INTERIOR_CLEARANCE * cavity.cell)
     error = np.square(cavity.stress[inside] - exact.stress_inside).sum(axis=(1, 2))
     size = float(np.sqrt(np.average(error, weights=cavity.volume[inside])))

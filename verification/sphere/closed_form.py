@@ -4,9 +4,9 @@ Eshelby (1957, Proc. R. Soc. A 241, 376): an elastic sphere in elastic rock stra
 itself would with a uniform eigenstrain. Here the rock carries virgin stress and the inclusion is placed without stress
 in the virgin geometry, so with strains counted from the virgin state
 
-    C_inclusion e = sigma_0 + C_rock (e - e*),    e = S e*    inside,
+    C_inclusion e = sigma_0 + C_rock (e - e*),    e = S e*    inside.
 
-which two numbers solve, since S of a sphere is isotropic: S = alpha (volumetric) + beta (deviatoric). A cavity is an
+Two numbers solve this, since S of a sphere is isotropic: S = alpha (volumetric) + beta (deviatoric). A cavity is an
 inclusion without stiffness (Goodier 1933, Trans. ASME 55, 39). Outside, a volumetric eigenstrain moves rock as x/r^3, a
 deviatoric one d as
 
@@ -26,7 +26,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Elastic:
-    """An isotropic elastic material: Young's modulus Pa (0: nothing there), Poisson's ratio."""
+    """An isotropic elastic material: Young's modulus Pa (0 for a cavity), Poisson's ratio."""
 
     youngs_modulus: float
     poisson_ratio: float
@@ -81,7 +81,7 @@ class SphericalInclusion:
 
     @property
     def strain_inside(self) -> np.ndarray:
-        """Uniform strain (3, 3) of the inclusion; of a cavity, that of its wall: u = strain x there."""
+        """Uniform strain (3, 3) of the inclusion. In a cavity it gives the displacement of the wall, u = strain x."""
         alpha, beta = self._shape_factors
         volumetric, deviator = self.eigenstrain
         return alpha * volumetric + beta * deviator
@@ -92,7 +92,7 @@ class SphericalInclusion:
         return self.inclusion.stress(self.strain_inside)
 
     def _outside(self, points: np.ndarray) -> tuple:
-        """What both fields are made of: n, w = d.n, q = n.d.n, and the radial functions of the deviatoric part."""
+        """Terms of both fields: r, n, w = d.n, q = n.d.n, and radial functions of both parts."""
         r = np.linalg.norm(points, axis=-1)
         n = points / r[:, None]
         w = n @ self.eigenstrain[1]
@@ -107,7 +107,7 @@ class SphericalInclusion:
         return r, n, w, (n * w).sum(axis=-1), along_d, along_x, slope_d, slope_x, shrink
 
     def displacement(self, points: np.ndarray) -> np.ndarray:
-        """Displacement (point, 3) m; inside a cavity that which carries its wall on."""
+        """Displacement (point, 3) m. Inside a cavity the displacement of the wall is continued."""
         points = np.asarray(points, float)
         inside = np.linalg.norm(points, axis=-1) < self.radius
         result = points @ self.strain_inside

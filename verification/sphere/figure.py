@@ -1,4 +1,4 @@
-"""Figure of the elastic sphere: stress against distance beside theory, its error, and a section through the rock."""
+"""Figure of the elastic sphere: stress against distance with theory, and sections of stress and of its error."""
 
 import numpy as np
 from matplotlib.colors import TwoSlopeNorm
@@ -33,16 +33,16 @@ def draw(fields: dict[str, tuple[Cavity, SphericalInclusion]], outer_radii: floa
 
 
 def profile(axes, name: str, cavity: Cavity, exact: SphericalInclusion, title: str, axis: int) -> None:
-    """zz and xx along an axis: particles of the first row of cells beside it, and the exact line."""
+    """zz and xx along an axis: particles of the first row of cells beside it, and the exact lines."""
     off = np.delete(cavity.place, axis, axis=1)
     size = cavity.grid.cell_size.values[cavity.particle_cell]
-    shown = cavity.fill | (
-        cavity.distance > cavity.radius
-    )  # the rock's share of a cut cell may have its centre in the void
+    shown = cavity.fill | (cavity.distance > cavity.radius)  # Particles of cut cells may lie in the void.
     near = np.flatnonzero((off < size[:, None]).all(axis=1) & shown & (cavity.distance < PROFILE_RADII * cavity.radius))
     line = np.zeros((500, 3))
     line[:, axis] = np.linspace(1e-3, PROFILE_RADII, 500) * cavity.radius
-    line[np.abs(line[:, axis] - cavity.radius) < 0.005 * cavity.radius] = np.nan  # the jump at the wall
+    line[np.abs(line[:, axis] - cavity.radius) < 0.005 * cavity.radius] = (
+        np.nan
+    )  # The lines break at the wall, where stress jumps.
     theory = exact.stress(np.nan_to_num(line, nan=cavity.radius))
     theory[np.isnan(line).any(axis=1)] = np.nan
     for (i, j), colour in zip(PROFILE_COMPONENTS, COLOURS.values(), strict=True):
@@ -56,7 +56,7 @@ def profile(axes, name: str, cavity: Cavity, exact: SphericalInclusion, title: s
 
 
 def section(figure: Figure, both, cavity: Cavity, exact: SphericalInclusion) -> None:
-    """zz in the plane y = 0 beside the axes of symmetry, and its error."""
+    """zz in the plane y = 0, and its error."""
     reach = SECTION_RADII * cavity.radius
     axis = (np.arange(SECTION_PIXELS) + 0.5) / SECTION_PIXELS * reach
     x, z = np.meshgrid(axis, axis)

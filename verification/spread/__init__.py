@@ -1,1 +1,1 @@
-"""What a catalogue's spread consists of: chance, ways of loading, cells, closeness, as variances."""
+"""Spread of a catalogue's numbers as variances by source: chance, way of loading, cells, closeness."""

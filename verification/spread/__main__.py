@@ -1,4 +1,4 @@
-"""Command line of what a catalogue's spread consists of: python -m verification.spread report."""
+"""Command line of the spread of a catalogue: python -m verification.spread report."""
 
 import argparse
 import json
@@ -8,7 +8,7 @@ from verification.command_line import Stage, run_command
 
 
 def report(arguments: argparse.Namespace) -> None:
-    """Table and page of all studies."""
+    """Write table and page of all studies."""
     from verification.results import read_results
     from verification.spread.page import Scene, write_report
     from verification.studies import load_study

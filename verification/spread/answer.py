@@ -1,4 +1,4 @@
-"""One study of a catalogue's spread as any study is answered: standard deviations as rows; nothing is demanded."""
+"""Answer of one study of a catalogue's spread: standard deviations as rows without bounds."""
 
 from matplotlib.figure import Figure
 
@@ -10,7 +10,7 @@ from verification.spread.runs import SOURCES
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Rows and figure of the study. expected: the mine's own run; obtained: the mean; error: standard deviation."""
+    """Rows and figure of the study. expected: the mine's own run; obtained: the mean; error: the deviation."""
     scene, rows = Scene.of(results), []
     for variance in scene.variances:
         known = variance.defined

@@ -1,4 +1,4 @@
-"""Every run of every source as a dot, one panel for each quantity, with the standard deviation between them."""
+"""Figure of the spread: a panel for each quantity, a dot for each run of a source, and their standard deviation."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +14,7 @@ DEVIATION_OFFSET = 0.28  # Distance of a standard deviation from its dots, in ro
 
 
 def draw(base: Catalogue, found: list[Variance]) -> Figure:
-    """base: the mine's own run, a vertical line."""
+    """All panels. base: the mine's own run, drawn as a vertical line."""
     figure = style.new_figure(height=6.8)
     panels = figure.subplots(3, 2).flat
     panels[-1].set_axis_off()
@@ -50,20 +50,20 @@ def _draw_row(panel: Axes, place: int, variance: Variance, colour: str) -> None:
 
 
 def _title(variance: Variance) -> str:
-    """A row's source, and in how many of its runs the quantity is defined if it is not in all."""
+    """Source of a row, and the number of runs that define the quantity where not all do."""
     runs = f"\nin {len(variance.defined)} of {len(variance.values)} runs" if variance.why else ""
     return SOURCES[variance.source] + runs
 
 
 def _label_row(panel: Axes, place: int, variance: Variance) -> None:
-    """Names of the runs above their dots, but for members, which are numbered only."""
+    """Write the names of runs above their dots. Members have numbers only and are left out."""
     if variance.source != MEMBERS:
         for text, value in _labels(variance, CHARACTER_WIDTH * np.ptp(panel.get_xlim())):
             panel.annotate(text, (value, place), xytext=(0, 5), textcoords="offset points", fontsize=7)
 
 
 def _labels(variance: Variance, character: float) -> list[tuple[str, float]]:
-    """What runs are called, and where each text begins: one that would reach the next takes that in."""
+    """Labels of runs and the place of each. A label that would reach the next one takes it in."""
     found: list[tuple[str, float]] = []
     for index in np.argsort(variance.values, kind="stable"):
         label, value = variance.labels[index], variance.values[index]

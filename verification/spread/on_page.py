@@ -1,4 +1,4 @@
-"""What the page of the study shows of its table.csv."""
+"""Tables of the study's page, from its table.csv."""
 
 from verification.page_tables import Columns
 

@@ -1,4 +1,4 @@
-"""results/catalog_spread: table.csv and report.html, that needs nothing else."""
+"""Output in results/catalog_spread: table.csv, figures, and report.html, which refers to no other file."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,20 +31,20 @@ class Scene:
 
     @cached_property
     def variances(self) -> list[Variance]:
-        """Of every quantity and source."""
+        """Variance of every quantity by every source."""
         return variances(self.sources)
 
     def by_quantity(self) -> list[tuple[str, list[Variance]]]:
-        """The rows of the table: a quantity, and its variance by source."""
+        """Rows of the page's table: title of a quantity, and its variances by source."""
         return [(quantity.title, [v for v in self.variances if v.quantity is quantity]) for quantity in QUANTITIES]
 
     @property
     def member_cost(self) -> float:
-        """Processor time of a member's steps and events over the mine's own, mean; NaN where nothing measured it."""
+        """Mean processor time of a member's steps and events over the mine's own; NaN where a log does not state it."""
         return float(np.mean([run.seconds for run in self.sources[MEMBERS]]) / self.base.seconds)
 
     def bought(self) -> list[str]:
-        """What share of each quantity's variance members show, in words, where that is known."""
+        """Share of each quantity's variance that members show, in words, where it is known."""
         members = [variance for variance in self.variances if variance.source == MEMBERS]
         return [f"{100 * v.share:.0f} % of that of {v.quantity.title}" for v in members if np.isfinite(v.share)]
 

@@ -1,7 +1,7 @@
-"""The catalogues of a study, by what sets them apart: perturbed members, ways of loading, cells, closeness.
+"""The catalogues of a study by source of their spread: perturbed members, ways of loading, cells, closeness.
 
-Each source is a list of catalogues that differ in it alone; the mine's own run is one of each list but that of members,
-which are the perturbed ones by themselves.
+The catalogues of a source differ in it alone. The mine's own run is one of each source, except that members are the
+perturbed runs only.
 """
 
 import json
@@ -32,7 +32,7 @@ KNOB_OF = {LOADING: "increments", CELLS: "cell"}
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number of a catalogue, of whose values variances are taken."""
+    """A number of a catalogue whose variance is taken."""
 
     key: str
     title: str
@@ -41,12 +41,11 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """The events of a run's last step. label: what sets it apart in its source, in words.
+    """The events of a run's last step. label: how the run differs from others of its source.
 
-    potency m3: summed over the rock that failed, in events or not; sizes (event,): log10 potency (m3) of resolved
-    events; cut: the smallest that can be resolved, log10 m3; law: that their sizes follow from there (size_law), b: of
-    a power law, NaN where they follow none. seconds: processor time of the run's mining steps and their events, without
-    compiling, NaN where unknown.
+    potency: sum over all failed rock, m3. sizes (event,): log10 potency (m3) of resolved events. cut: log10 of the
+    smallest potency (m3) that can be resolved. law: of the sizes above the cut (size_law). b: of a power law, NaN where
+    they follow none. seconds: processor time of the mining steps and their events without compiling, NaN where unknown.
     """
 
     label: str
@@ -73,7 +72,7 @@ QUANTITIES = (
 
 
 def catalogue(label: str, events: xr.Dataset, settings: ComparisonSettings, seconds: float = np.nan) -> Catalogue:
-    """What a dataset of events says. b is given only of sizes that a power law without an upper end fits."""
+    """Catalogue of a dataset of events. b is given only where a power law without an upper end fits the sizes."""
     sizes = log_potency(events.potency.values[events.resolved.values == 1])
     cut = float(log_potency(events.attrs["potency_floor"]))
     found = fit(sizes, cut, 0.0, False, settings)
@@ -90,7 +89,7 @@ def catalogue(label: str, events: xr.Dataset, settings: ComparisonSettings, seco
 
 
 def read_sources(results: Results) -> dict[str, list[Catalogue]]:
-    """Catalogues of each source. Raises InputError where the study names a variant that there is not, or no members."""
+    """Catalogues of each source. Raises InputError where the study names an unknown variant or has no members."""
     chosen, name = results.settings, results.study.name
     for variant in [chosen["base"], *chosen[LOADING], *chosen[CELLS]]:
         if variant not in results.variants:

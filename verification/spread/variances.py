@@ -1,9 +1,9 @@
 """Variances of a catalogue's numbers by source, and the share of each in their sum.
 
-A run that is loaded in another way, or has other cells, is another realisation as well: which rock fails first has
-changed, too. What its source adds is therefore the variance between its runs less that between members, if there is so
-much. Closeness counts the same rock otherwise, and has nothing to be taken off. The sum is that of independent sources,
-each at the values tried: others give other variances.
+A run that is loaded in another way, or has other cells, is another realisation as well, since other rock fails first.
+The variance that its source adds is therefore that between its runs less that between members, and at least zero.
+Closeness counts the same rock in another way, so nothing is subtracted. The sum takes the sources as independent. Other
+values of a source would give another variance.
 """
 
 from dataclasses import dataclass
@@ -40,17 +40,17 @@ class Variance:
 
     @property
     def defined(self) -> np.ndarray:
-        """The values that there are."""
+        """Values that are defined."""
         return self.values[np.isfinite(self.values)]
 
     @property
     def deviation(self) -> float:
-        """Standard deviation between runs, as found."""
+        """Standard deviation between runs."""
         return float(np.sqrt(self.total))
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval of the standard deviation, of normal values: of what is drawn at random, members alone."""
+        """95 % interval of the standard deviation for normal values; NaN except for members, which are random draws."""
         count = len(self.defined)
         if self.source != MEMBERS or not np.isfinite(self.total):
             return np.nan, np.nan
@@ -59,7 +59,7 @@ class Variance:
 
 
 def variances(sources: dict[str, list[Catalogue]]) -> list[Variance]:
-    """Of every quantity over the runs of every source, source by source within each quantity."""
+    """Variance of every quantity by every source, source by source within each quantity."""
     return [variance for quantity in QUANTITIES for variance in _of_quantity(quantity, sources)]
 
 
@@ -69,7 +69,7 @@ def _of_quantity(quantity: Quantity, sources: dict[str, list[Catalogue]]) -> lis
     chance = total[MEMBERS]
     own = {source: max(0.0, found - chance) if source in ALSO_CHANCE else found for source, found in total.items()}
     own = {source: own[source] if np.isfinite(chance) else np.nan for source in own}
-    together = sum(own.values())  # NaN where one is not known
+    together = sum(own.values())  # NaN where one is unknown.
     return [
         Variance(
             source,
@@ -91,7 +91,7 @@ def _variance(values: np.ndarray) -> float:
 
 
 def _why(quantity: Quantity, values: np.ndarray, runs: list[Catalogue]) -> str:
-    """In how many runs the quantity is not defined, and why; empty where it is in all."""
+    """Number of runs that do not define the quantity, and why; empty where all do."""
     without = [run for run, value in zip(runs, values, strict=True) if not np.isfinite(value)]
     if not without:
         return ""
@@ -101,7 +101,7 @@ def _why(quantity: Quantity, values: np.ndarray, runs: list[Catalogue]) -> str:
 
 
 def make_table(studies: dict[str, list[Variance]]) -> pd.DataFrame:
-    """One row for each scene, quantity and source; potency and number as log10, so that 0.1 is a quarter."""
+    """One row for each scene, quantity and source. Potency and number are logarithms: 0.1 is a factor of 1.26."""
     rows = []
     for scene, found in studies.items():
         for variance in found:

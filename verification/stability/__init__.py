@@ -1,4 +1,4 @@
-"""Where the numerics stop being trustworthy: one knob at a time to its extremes, each run beside a known truth.
+"""Limits of the numerics: one knob at a time is turned to its extremes, and each run is compared with a known truth.
 
-A reduced set runs with the tests; all of it by ``snakemake --cores all stability``.
+A reduced set runs with the tests. ``snakemake --cores all stability`` runs all of it.
 """

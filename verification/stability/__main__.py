@@ -7,7 +7,7 @@ from verification.command_line import Stage, run_command
 
 
 def points(arguments: argparse.Namespace) -> None:
-    """What the cases of one knob came to."""
+    """Run the cases of one knob."""
     from common.provenance import use_numba_cache
 
     use_numba_cache()
@@ -18,7 +18,7 @@ def points(arguments: argparse.Namespace) -> None:
 
 
 def report(arguments: argparse.Namespace) -> None:
-    """Table and page of all knobs."""
+    """Write table and page of all knobs."""
     from verification.stability.page import write_report
     from verification.stability.points import read_points
 
@@ -26,7 +26,7 @@ def report(arguments: argparse.Namespace) -> None:
 
 
 def verdict(arguments: argparse.Namespace) -> None:
-    """Fail in one line where a case is a fault, or wrong beyond what is known."""
+    """Fail in one line where a case is a fault, or its error exceeds what is known."""
     from verification.stability.verdict import check_table
 
     check_table(Path(arguments.table), arguments.page)

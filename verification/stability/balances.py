@@ -1,4 +1,4 @@
-"""Mass, momentum and energy of every state that a run stores: recorded by the stages, checked here."""
+"""Balances of mass, momentum and energy of every state that a run stores. The stages record them."""
 
 import json
 
@@ -18,12 +18,12 @@ MAX_ENERGY_LEFT_SHARE = 1e-6  # Round-off of a balance, as a share of its larges
 MAX_ENERGY_GAINED_SHARE = 1e-9  # Round-off of energy gained or dissipated, as a share of the largest term.
 NO_TERMS = {
     *("energy_balance", "energy_left", "energy_left_share", "energy_elastic", "energy_round_off"),
-    "energy_refined",  # counted, no part of the balance's size
+    "energy_refined",  # It is recorded, but is no term of the balance.
 }
 
 
 def broken(values: dict, outcome: Outcome) -> list[str]:
-    """What is not conserved, one line each; nothing for a sound run."""
+    """One line for each quantity that is not conserved; none for a sound run."""
     found, states = [], {name: state for name, state in outcome.stored.items() if name != "grid"}
     largest = 0.0
     for name, state in states.items():
@@ -34,9 +34,9 @@ def broken(values: dict, outcome: Outcome) -> list[str]:
 
 
 def lacking(outcome: Outcome) -> tuple[float, str]:
-    """The largest share of its terms that an energy balance lacks, and, where that is too much, a line about it.
+    """The largest energy that a balance leaves over, as a share of its largest term, and a line where it is too much.
 
-    Terms are counted one by one, the work of the forces that a state at rest leaves unbalanced among them.
+    The work of the forces that an equilibrium leaves unbalanced is one of the terms.
     """
     worst, line, largest = 0.0, "", 0.0
     for name, state in outcome.stored.items():
@@ -53,7 +53,7 @@ def lacking(outcome: Outcome) -> tuple[float, str]:
 
 
 def _mass(values: dict, grid: xr.Dataset, state: xr.Dataset):
-    """No negative volume; what is there and what is mined fill the domain; mass is volume by density."""
+    """Yield a line where a volume is negative, mass is not density times volume, or volumes do not fill the domain."""
     volume, attributes = state.volume.values, state.attrs
     if (volume < 0.0).any():
         yield f"{(volume < 0.0).sum()} particles of negative volume"
@@ -64,7 +64,7 @@ def _mass(values: dict, grid: xr.Dataset, state: xr.Dataset):
         yield f"mass {attributes['mass']:.10g} kg, its particles {mass:.10g} kg"
     plain = not state.sizes["loose"] and all(entry.get("fill", "none") == "none" for entry in values["excavations"])
     if not plain or len(state.cell_level) != len(grid.cell_level):
-        return  # pieces that fall, fill and cells that are split take shares of cells anew
+        return  # Falling pieces, fill and split cells assign shares of cells again.
     sides = np.asarray(grid.attrs["domain_upper"]) - np.asarray(grid.attrs["domain_lower"])
     domain = float(np.prod(sides[sides > 0.0])) * float(attributes["thickness"])
     order = [step["name"] for step in values["steps"]]
@@ -75,7 +75,7 @@ def _mass(values: dict, grid: xr.Dataset, state: xr.Dataset):
 
 
 def _gone(grid: xr.Dataset, mined: list[bool]) -> tuple[float, float]:
-    """Volume that excavations take of finest cells, each sample once, and what slivers they may take besides, m3."""
+    """Volume, m3, that excavations take of finest cells, each sample once, and that of slivers they may also take."""
     pieces = read_pieces(grid)
     chosen = np.flatnonzero(np.asarray(mined)[pieces.excavation])
     places, cell = np.unique(pieces.place[chosen], axis=0, return_inverse=True)
@@ -99,7 +99,7 @@ def _momentum(state: xr.Dataset):
 
 
 def _sizes(state: xr.Dataset) -> list[float]:
-    """Sizes of the terms of the energy balance, J; NaN is none."""
+    """Sizes of the terms of the energy balance, J, without those that are NaN."""
     terms = [abs(float(value)) for key, value in state.attrs.items() if _is_term(key)]
     return [term for term in terms if np.isfinite(term)] or [0.0]
 
@@ -109,7 +109,7 @@ def _is_term(key: str) -> bool:
 
 
 def _gained(values: dict, state: xr.Dataset, largest: float):
-    """Nothing is gained unless rock dilates above its friction, and failure takes energy."""
+    """Yield a line where energy is gained although no rock dilates above its friction, or failure dissipates none."""
     gained, dissipated = (float(state.attrs[f"energy_{name}"]) for name in ("gained", "dissipated"))
     if gained > MAX_ENERGY_GAINED_SHARE * largest and not any(
         rock.get("allow_psi_above_phi") for rock in values["materials"].values()

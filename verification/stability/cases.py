@@ -1,4 +1,4 @@
-"""What a case is: one value of a knob, the scene it is turned in, who judges it, and what error is allowed."""
+"""A case: one value of a knob, the scene in which it is turned, the judge of its result, and the allowed error."""
 
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
@@ -10,12 +10,13 @@ from verification.stability.judges import Judge
 
 @dataclass(frozen=True)
 class Case:
-    """value: of the knob, a number or in words; series: which scene, scheme or kind of rock, in words.
+    """One value of a knob, and what its run must come to.
 
-    judge: None where a sound state and its balances are all that can be asked (the page counts these by themselves).
-    known: why the case is converged and wrong all the same, and the error up to which it may be.
-    under: what is driven within the process while it runs (drive.py). refused: how the line begins, and what else it
-    says, that a mistake must be refused with; the mine is then read only.
+    series: scene, scheme or kind of rock, in words. value: of the knob, a number or words. values: the scene as a mine
+    file would hold it. judge: None where only a sound state and its balances can be asked; the page counts these apart.
+    known: why the case converges to a wrong answer, and its largest known error. under: what is changed within the
+    process while the case runs (shapes.py). refused: how the refusal of a mistake begins and what else it says; the
+    mine is then only read.
     """
 
     series: str
@@ -30,7 +31,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Knob:
-    """What is turned. scale: of its axis, log | linear | words | none; about: what the page says of it."""
+    """A quantity that is varied. scale: of its axis, log | linear | words | none. about: its text on the page."""
 
     key: str
     title: str

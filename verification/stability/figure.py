@@ -1,4 +1,4 @@
-"""For each knob, where along its range runs are right, wrong (by how much), ended or refused."""
+"""Figure of the limits: error of each run against the value of its knob, and which runs ended or were refused."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,7 +8,7 @@ from catalogs.figures import style
 from verification.stability.cases import Knob
 from verification.stability.points import ENDED, FAULT, REFUSED, RIGHT, SOUND, WRONG, Point
 
-LOOKS = {  # colours of Okabe and Ito; shapes tell them apart, too
+LOOKS = {  # Mark and colour of each kind, in the palette of Okabe and Ito (2008).
     RIGHT: ("o", "#009e73"),
     SOUND: ("o", "#56b4e9"),
     WRONG: ("X", "#d55e00"),
@@ -24,7 +24,7 @@ ERROR_TICKS = (1e-8, 1e-6, 1e-4, 1e-2, 1.0)
 
 
 def draw(knobs: list[tuple[Knob, list[Point]]]) -> Figure:
-    """One panel a knob: its value, and the error of each run; runs without one stand in bands above."""
+    """One panel for each knob with the error of each run. Runs without an error stand in bands above."""
     rows = -(-len(knobs) // COLUMNS)
     figure = style.new_figure(height=2.5 * rows + 0.5)
     panels = figure.subplots(rows, COLUMNS, squeeze=False).reshape(-1)
@@ -39,7 +39,7 @@ def draw(knobs: list[tuple[Knob, list[Point]]]) -> Figure:
 
 
 def places(knob: Knob, points: list[Point]) -> tuple[dict, list]:
-    """Where each value stands on the axis of its knob, and the values of its ticks: words are evenly apart."""
+    """Place of each value on the axis of its knob, and the words of its ticks, which are evenly spaced."""
     values = list(dict.fromkeys(point.value for point in points))
     if knob.scale == "words":
         return {value: float(index) for index, value in enumerate(values)}, values

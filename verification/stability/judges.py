@@ -1,6 +1,7 @@
-"""By how much a run is wrong, as a share: beside a closed form, or beside a run that must answer alike.
+"""Errors of runs as shares, compared with a closed form or with a run that must give the same answer.
 
-A judge takes the scene, how it ended, and a function that runs another scene; inf where nothing can be compared.
+A judge takes the scene, its outcome, and a function that runs another scene. It returns inf where nothing can be
+compared.
 """
 
 from collections.abc import Callable
@@ -20,7 +21,7 @@ Judge = Callable[[dict, Outcome, Callable[[dict], Outcome]], float]
 
 
 def number(text) -> float:
-    """Of a quantity in a unit of its own that is the SI unit."""
+    """Number of a quantity that is written in its SI unit."""
     return float(str(text).split()[0])
 
 
@@ -35,11 +36,11 @@ def dimension_of(values: dict) -> int:
 
 
 def closure_error(values: dict, outcome: Outcome, run=None) -> float:
-    """Rock's motion around an elastic hole, between 1.5 and 3 radii, beside the closed form, in shares of it.
+    """Error of the mean closure of an elastic hole at distances between CLOSURE_RADII, as a share of the empty hole's.
 
-    u r^(d - 1) = (p - q) a^d / (2 (d - 1) G), q: what a fill placed at once bears, (p - q) / (2 (d - 1) G) = q / s with
-    s = 2 (lambda + G) of the fill for a disc in plane strain and 3 lambda + 2 G for a ball. With a fill relative to the
-    empty hole's closure, as a stiff fill leaves none.
+    u r^(d - 1) = (p - q) a^d / (2 (d - 1) G) with q the stress in a fill that is placed at once. It follows from
+    (p - q) / (2 (d - 1) G) = q / s, s = 2 (lambda + G) of the fill for a disc in plane strain and 3 lambda + 2 G for a
+    ball. The empty hole's closure is the scale, since a stiff fill leaves no closure.
     """
     d = dimension_of(values)
     entry, host = values["excavations"][0], values["materials"]["host"]
@@ -57,7 +58,7 @@ def closure_error(values: dict, outcome: Outcome, run=None) -> float:
 
 
 def _inward(values: dict, outcome: Outcome, state: xr.Dataset, near: float, out: float) -> tuple:
-    """Motion (k,) m towards a hole's middle of the nodes between so many radii, and how far they are from it, m."""
+    """Inward displacement (node,) m of the nodes between so many radii of a hole, and their distance (node,) m."""
     entry, center = values["excavations"][0], np.zeros(3)
     center[[0, 2] if dimension_of(values) == 2 else slice(None)] = [number(value) for value in entry["center"]]
     place = state.node_position.values - center
@@ -67,7 +68,7 @@ def _inward(values: dict, outcome: Outcome, state: xr.Dataset, near: float, out:
 
 
 def plastic_ring(values: dict):
-    """The closed form of the hole of a scene in its Coulomb rock. Friction must be above zero."""
+    """Closed form of a scene's hole in Coulomb rock. Friction must be above zero."""
     host = values["materials"]["host"]
     pairs = {
         name: {state: number(value) for state, value in host[name].items()}
@@ -80,9 +81,10 @@ def plastic_ring(values: dict):
 
 
 def front(values: dict) -> float:
-    """Radius, m, up to which rock around the hole fails in closed form; without friction it is the limit of N to 1.
+    """Radius, m, up to which rock around the hole fails in closed form.
 
-    Then s_r = n sigma_c ln(r / a) in failed rock, and q = ((n + 1) p - n sigma_c) / (n + 1) at the front.
+    Without friction it is the limit N to 1: s_r = n sigma_c ln(r / a) in failed rock, and
+    q = ((n + 1) p - n sigma_c) / (n + 1) at the front.
     """
     host, n = values["materials"]["host"], dimension_of(values) - 1
     if number(host["friction_angle"]["intact"]) > 0.0:
@@ -94,7 +96,7 @@ def front(values: dict) -> float:
 
 
 def front_error(values: dict, outcome: Outcome, run=None) -> float:
-    """Radius up to which rock has failed, from the volume that has, beside the closed form's."""
+    """Error of the radius of failed rock, which follows from its volume, as a share of the closed form's."""
     d, radius = dimension_of(values), number(values["excavations"][0]["radius"])
     shape = np.pi if d == 2 else 4.0 / 3.0 * np.pi
     failed = float(last(outcome).attrs["failed_volume"])
@@ -102,7 +104,7 @@ def front_error(values: dict, outcome: Outcome, run=None) -> float:
 
 
 def wall_error(values: dict, outcome: Outcome, run=None) -> float:
-    """Motion between 1.1 radii and the front, where dilation shows, beside the closed form's; the mean of sizes."""
+    """Mean error of the closure between 1.1 radii and the front, where dilation shows, over the closed form's mean."""
     ring = plastic_ring(values)
     inward, distance = _inward(values, outcome, last(outcome), 1.1, ring.plastic_radius / ring.radius)
     if not len(inward):
@@ -112,7 +114,7 @@ def wall_error(values: dict, outcome: Outcome, run=None) -> float:
 
 
 def rise_error(values: dict, outcome: Outcome, run=None) -> float:
-    """How a column rises beside u = p z / (lambda + 2 mu) in each layer: the largest error of a node over the rise."""
+    """Largest error of a column's rise, u = p z / (lambda + 2 mu) in each layer, over the largest rise."""
     pressure = -number(values["insitu_stress"]["constant"]["zz"])
     state, top = outcome.stored["elastic"], number(values["domain"]["upper"][1])
     stiff = []
@@ -127,9 +129,9 @@ def rise_error(values: dict, outcome: Outcome, run=None) -> float:
 
 
 def same_motion(change: Callable[[dict], dict], turn: int = 1, stage: str = "elastic") -> Judge:
-    """Motion beside that of the changed scene, at the same places: the largest difference over the largest.
+    """Judge by the motion of the changed scene at the same places: the largest difference over the largest motion.
 
-    turn: -1 where the other's x is turned round; stage "last": at the end.
+    turn: -1 where x of the changed scene is mirrored. stage: "elastic", or "last" for the last state.
     """
 
     def judge(values: dict, outcome: Outcome, run) -> float:
@@ -150,7 +152,7 @@ def same_motion(change: Callable[[dict], dict], turn: int = 1, stage: str = "ela
 
 
 def same_fact(name: str, change: Callable[[dict], dict], stage: str = "elastic") -> Judge:
-    """A state's attribute beside that of the changed scene, over the larger of the two; stage "last": at the end."""
+    """Judge by an attribute of the changed scene's state: the difference over the larger of the two. stage as above."""
 
     def judge(values: dict, outcome: Outcome, run) -> float:
         other = run(change(values))
@@ -175,12 +177,12 @@ def other_scheme(values: dict) -> dict:
 
 
 def tighter(values: dict) -> dict:
-    """The scene to a tolerance that leaves next to nothing."""
+    """The scene at a tolerance of 1e-9."""
     return merge(values, {"solver": {"tolerance": 1e-9}})
 
 
 def mirrored(values: dict) -> dict:
-    """A section with x turned round."""
+    """A section mirrored in x."""
     boxes = [
         entry | {"lower": [_minus(entry["upper"][0]), entry["lower"][1]],
                  "upper": [_minus(entry["lower"][0]), entry["upper"][1]]}
@@ -194,5 +196,5 @@ def _minus(length: str) -> str:
 
 
 def finer(values: dict) -> dict:
-    """The scene on cells of half the size, all over."""
+    """The scene on cells of half the size everywhere."""
     return merge(values, {"grid": {"coarse_cell": f"{number(values['grid']['coarse_cell']) / 2!r} m"}})

@@ -1,4 +1,4 @@
-"""All knobs, by key: one job of the targets each."""
+"""All knobs by key. Each is one job of the targets."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""results/stability: table.csv, a figure, and report.html that needs nothing else."""
+"""Output in results/stability: table.csv, figure.svg, and report.html, which refers to no other file."""
 
 from collections import Counter
 from dataclasses import asdict
@@ -14,8 +14,8 @@ from verification.stability.figure import draw
 from verification.stability.knobs import knob_of
 from verification.stability.points import ENDED, KINDS, REFUSED, RIGHT, SOUND, WRONG, Point
 
-CLASSES = ("right", "sound", "wrong", "ended", "refused", "fault")  # of the page's style
-NO_AXIS = "none"  # scale of a knob that is shown as a table
+CLASSES = ("right", "sound", "wrong", "ended", "refused", "fault")  # Style classes of the page.
+NO_AXIS = "none"  # Scale of a knob that is shown as a table.
 
 
 def write_report(groups: list[list[Point]], table: Path, page: Path) -> None:
@@ -47,7 +47,7 @@ def write_report(groups: list[list[Point]], table: Path, page: Path) -> None:
 
 
 def _section(group: list[Point]) -> dict:
-    """What the template shows of a knob: counts, a row for each series, and what is not converged and right."""
+    """What the template shows of a knob: counts, a row for each series, and the cases that are not right."""
     knob = knob_of(group[0].knob)
     series: dict[str, list[Point]] = {}
     for point in group:
@@ -65,7 +65,7 @@ def _section(group: list[Point]) -> dict:
 
 
 def ranges(points: list[Point]) -> list[tuple[str, str]]:
-    """Of a series in its order: stretches of one kind, with the largest error where there is one; words."""
+    """Stretches of one kind in a series, in its order: kind, and a text with the largest error where there is one."""
     found, start = [], 0
     for end in range(1, len(points) + 1):
         if end < len(points) and points[end].kind == points[start].kind:
@@ -81,14 +81,14 @@ def ranges(points: list[Point]) -> list[tuple[str, str]]:
 
 
 def _balances(points: list[Point]) -> dict[str, float]:
-    """The worst of all runs that came to rest, and how many were looked at."""
+    """Largest momentum error of all runs that reached equilibrium, and their number."""
     rest = [point for point in points if point.kind not in (ENDED, REFUSED) and np.isfinite(point.mass)]
     momentum = [point.momentum_error for point in rest if np.isfinite(point.momentum_error)]
     return {"runs": len(rest), "momentum": max(momentum, default=0.0)}
 
 
 def error_text(error: float) -> str:
-    """A share in per cent, two digits."""
+    """A share in per cent with two digits."""
     if error is None or not np.isfinite(error):
         return "nothing to compare with" if error is not None and np.isinf(error) else ""
     percent = 100 * error
@@ -96,5 +96,5 @@ def error_text(error: float) -> str:
 
 
 def value_text(value) -> str:
-    """A value of a knob."""
+    """A value of a knob as text."""
     return f"{value:g}" if isinstance(value, float | int) else value

@@ -1,4 +1,4 @@
-"""Cases run, each into one of five kinds: right, wrong, ended, refused; a fault is none of these."""
+"""Runs of the cases. Each ends as one of KINDS; a fault is what must never happen."""
 
 import json
 import logging
@@ -36,11 +36,11 @@ MAX_RUNS_KEPT = 8  # Judges ask for the same run again.
 
 @dataclass(frozen=True)
 class Point:
-    """A case and what became of it.
+    """A case and its result.
 
-    error: what its judge says, NaN where it has none or nothing to judge; known: why it is wrong, where that is known;
-    fails: whether the target must fail for it; mass kg and momentum N, energy J left over: the largest of its states,
-    left as a share.
+    error: by its judge, NaN where there is none or nothing to judge. known: why the case is wrong, where that is known.
+    fails: whether the target must fail for it. seconds: processor time. mass (kg), momentum_error (share), net_force
+    (N), energy_left_share: the largest of all states.
     """
 
     knob: str
@@ -60,14 +60,14 @@ class Point:
 
 
 class Runner:
-    """Scenes through their stages, in a folder; the last few are kept."""
+    """Runs scenes through their stages in a folder, and keeps the last MAX_RUNS_KEPT outcomes."""
 
     def __init__(self, folder: Path):
         self.folder = folder
         self.kept: dict[str, Outcome] = {}
 
     def __call__(self, values: dict) -> Outcome:
-        """How a scene ends."""
+        """Outcome of a scene."""
         key = json.dumps(values, sort_keys=True)
         if key not in self.kept:
             outcome = run_stages(values, self.folder)
@@ -78,7 +78,7 @@ class Runner:
 
 
 def measure(knob: Knob) -> list[Point]:
-    """All cases of a knob."""
+    """Run all cases of a knob."""
     with tempfile.TemporaryDirectory() as folder:
         run = Runner(Path(folder))
         points = []
@@ -91,7 +91,7 @@ def measure(knob: Knob) -> list[Point]:
 
 
 def _judged(case: Case, run: Runner) -> tuple[str, float, str, dict]:
-    """Kind, error, line and balances of a case that is run."""
+    """Kind, error, message and balances of a case that is run."""
     with case.under():
         outcome = run_stages(case.values, run.folder)
     facts = balances_of(outcome)
@@ -110,17 +110,17 @@ def _judged(case: Case, run: Runner) -> tuple[str, float, str, dict]:
     attributes = [state.attrs for name, state in outcome.stored.items() if name != "grid"]
     cut = [f"labelled truncated: {state['truncated_where']}" for state in attributes if state["truncated"]]
     is_right = error <= case.allowed and not line
-    kind = RIGHT if is_right else ENDED if cut else WRONG  # where the label says that rock was kept from failing
+    kind = RIGHT if is_right else ENDED if cut else WRONG  # The label says that rock was kept from failing.
     return kind, float(error), line or (cut[0] if cut else ""), facts
 
 
 def _told(message: str, run: Runner) -> str:
-    """A line without the folder that the run was made in."""
+    """A message without the folder of the run."""
     return message.removeprefix(f"{run.folder / 'mine.yaml'}: ").replace(str(run.folder), "...")
 
 
 def _mistake(case: Case, run: Runner) -> tuple[str, float, str, dict]:
-    """The same of a mistake in a mine's file: read, and to be refused in the right words."""
+    """Kind, error, message and no balances of a mistake in a mine's file, which must be refused in the right words."""
     assert case.refused is not None
     begins, says = case.refused
     file = write_mine(case.values, run.folder / "mine.yaml")
@@ -131,13 +131,13 @@ def _mistake(case: Case, run: Runner) -> tuple[str, float, str, dict]:
         if told.startswith(begins) and says in told and "\n" not in told:
             return REFUSED, math.nan, told, {}
         return FAULT, math.nan, f"refused in other words: {told}", {}
-    except Exception:  # what a user would see as a traceback is the finding here
+    except Exception:  # A traceback that a user would see is a finding here.
         return FAULT, math.nan, traceback.format_exc().strip().replace("\n", " | "), {}
     return WRONG, math.inf, "not refused", {}
 
 
 def balances_of(outcome: Outcome) -> dict[str, float]:
-    """The largest of each over the states of a run."""
+    """Largest value of each balance over the states of a run."""
     states = [state.attrs for name, state in outcome.stored.items() if name != "grid"]
     names = ("mass", "momentum_error", "net_force", "energy_left_share")
     return {name: float(np.max([state[name] for state in states])) for name in names} if states else {}
@@ -153,7 +153,7 @@ def _point(knob: Knob, case: Case, kind: str, error: float, message: str, facts:
 
 
 def write_points(points: Iterable[Point], path: Path) -> None:
-    """As JSON, atomically; numbers that are none as such."""
+    """Write points as JSON, atomically. NaN and infinity stay what they are."""
     with atomic_path(path) as temporary:
         temporary.write_text(json.dumps([asdict(point) for point in points], indent=1), encoding="utf-8")
 

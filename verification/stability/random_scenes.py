@@ -1,4 +1,4 @@
-"""The core: mines drawn by seed and their relations (verification.extremes), and mistakes in a mine's file."""
+"""Knobs of scenes drawn by seed, with their relations (verification.extremes), and of mistakes in a mine's file."""
 
 import copy
 from collections.abc import Iterable, Iterator
@@ -14,7 +14,7 @@ SCENES_PER_COMPARISON = 5  # One in so many scenes is compared with its relation
 
 
 def related(name: str):
-    """Judge: 0 where the relation of this name holds, else inf."""
+    """Judge that gives 0 where the relation of this name holds, else inf."""
 
     def judge(values: dict, outcome: Outcome, run) -> float:
         return float("inf") if compare(name, values, outcome, run) else 0.0
@@ -23,7 +23,7 @@ def related(name: str):
 
 
 def drawn(seeds: Iterable[int]) -> Iterator[Case]:
-    """A scene for each seed."""
+    """One case for each seed, and one for each relation where the scene is compared."""
     for seed in seeds:
         if seed % SCENES_PER_COMPARISON:
             yield Case("by itself", seed, random_mine(seed), None, 0.0)
@@ -33,7 +33,7 @@ def drawn(seeds: Iterable[int]) -> Iterator[Case]:
 
 
 def of_seeds(first: int, last: int) -> Knob:
-    """The scenes of these seeds, the last one left out."""
+    """Knob of the scenes of seeds `first` to `last` - 1."""
     return Knob(
         f"seeds_{first}_{last}",
         f"scenes of seeds {first} to {last - 1}",
@@ -45,7 +45,7 @@ def of_seeds(first: int, last: int) -> Knob:
 
 
 def mistakes() -> Iterator[Case]:
-    """A tiny mine with one mistake each: to be refused, in the words that the list says."""
+    """A tiny mine with one mistake in each case, which must be refused in the words of the list."""
     for number, (key, value, begins, says) in enumerate(FAULTS, 1):
         scene = changed(copy.deepcopy(TINY), **{key: value})
         yield Case("one mistake", f"{number}. {key}: {value}"[:64], scene, None, 0.0, refused=(begins, says))

@@ -1,4 +1,4 @@
-"""Cases of rock, stress and size: knobs of a mine file that are numbers."""
+"""Cases of rock, stress, size and grid, whose knobs are numbers in a mine file."""
 
 from collections.abc import Iterator
 
@@ -37,7 +37,7 @@ def stiffness() -> Iterator[Case]:
         if abs(power) <= 4:
             scene = filled(MODULUS * 10.0**power, solver={"scheme": "explicit"})
             yield Case("filled tunnel, explicit", 10.0**power, scene, closure_error, MAX_TUNNEL_ERROR)
-        pressure = 1e-4 * MODULUS * min(1.0, 10.0**power)  # strains of the softer layer stay small
+        pressure = 1e-4 * MODULUS * min(1.0, 10.0**power)  # Strains of the softer layer stay small.
         yield Case("two layers", 10.0**power, column(32, pressure, MODULUS * 10.0**power), rise_error, MAX_RISE_ERROR)
 
 
@@ -63,7 +63,7 @@ def poisson() -> Iterator[Case]:
 
 def friction() -> Iterator[Case]:
     for angle in (0.0, 1.0, 5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0):
-        cohesion = 8e6 if angle < 20.0 else 3e6  # rock of 3 MPa would fail up to where the boundary holds it
+        cohesion = 8e6 if angle < 20.0 else 3e6  # Rock of 3 MPa would fail up to the boundary.
         rock = coulomb(angle, cohesion, min(10.0, angle))
         yield Case("plastic tunnel", angle, failing(rock), front_error, MAX_TUNNEL_ERROR)
         scene = failing(rock, solver={"scheme": "explicit"})
@@ -137,9 +137,7 @@ def levels() -> Iterator[Case]:
         for buffer in (1, 3):
             grid = {"coarse_cell": "32.0 m", "levels": count, "buffer_cells": buffer}
             cell = 32.0 / 2 ** (count - 1)
-            allowed = max(
-                MAX_TUNNEL_ERROR, 0.4 * cell / 4.0
-            )  # a cell of the radius is wrong by 40 % of its share of it
+            allowed = max(MAX_TUNNEL_ERROR, 0.4 * cell / 4.0)  # A wall may be wrong by 0.4 of a cell.
             yield Case(f"tunnel, {buffer} rings", count, hole(grid=grid), closure_error, allowed)
     for count in (2, 3, 4):
         scene = hole(3, grid={"coarse_cell": f"{2.0 ** (count - 1)!r} m", "levels": count})
@@ -149,7 +147,7 @@ def levels() -> Iterator[Case]:
 
 def length() -> Iterator[Case]:
     for height in (8, 32, 128, 512, 2048, 8192):
-        pressure = PRESSURE * min(1.0, 128 / height)  # it may not rise by more than a cell
+        pressure = PRESSURE * min(1.0, 128 / height)  # The column must not rise by more than a cell.
         yield Case("column of 2 cells", height, column(height, pressure), rise_error, MAX_RISE_ERROR)
         tight = merge(column(height, pressure), {"solver": {"tolerance": 1e-9}})
         yield Case("the same to 1e-9", height, tight, rise_error, MAX_RISE_ERROR)

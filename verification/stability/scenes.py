@@ -1,4 +1,4 @@
-"""Scenes that are driven to their extremes, as mine files would hold them."""
+"""Scenes of the limits of the numerics, as mine files would hold them."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ MINED_HEIGHT = 4.0  # Height of what is mined at the top of a column, m.
 
 
 def elastic(modulus: float = MODULUS, poisson: float = POISSON) -> dict:
-    """Elastic rock; modulus Pa."""
+    """Elastic rock. modulus: Pa."""
     return {
         "model": "elastic", "youngs_modulus": f"{float(modulus)!r} Pa", "poisson_ratio": float(poisson),
         "density": "2700 kg/m^3",
@@ -25,9 +25,9 @@ def elastic(modulus: float = MODULUS, poisson: float = POISSON) -> dict:
 def coulomb(
     friction: float = 30.0, cohesion: float = 3e6, dilation: float = 10.0, share: float = 1.0, **changes
 ) -> dict:
-    """Coulomb rock without a cut-off, cohesion Pa; share: of cohesion, that failed rock keeps (1: perfectly plastic).
+    """Coulomb rock without a tension cut-off. Angles in degrees, cohesion in Pa.
 
-    Under 20 MPa the tunnel's front stands 1.4 radii deep in it, 3 cells from the wall.
+    share: of cohesion that failed rock keeps (1: perfectly plastic).
     """
     angles = {
         "friction_angle": {"intact": f"{float(friction)!r} deg", "residual": f"{float(friction)!r} deg"},
@@ -43,8 +43,10 @@ def lengths(values) -> list[str]:
 
 
 def hole(dimension: int = 2, scale: float = 1.0, offset: float = 0.0, pressure: float = PRESSURE, **changes) -> dict:
-    """A round hole (tunnel across, or sphere) of 4 m under all-round stress; all lengths times scale, x moved by
-    offset (m), pressure Pa; changes: merged over it."""
+    """A round hole (a tunnel's section, or a sphere) of RADIUS under all-round stress.
+
+    scale: factor of all lengths. offset: shift along x, m. pressure: Pa. changes: merged over the scene.
+    """
     half, finest = HALF_WIDTH[dimension] * scale, FINEST_CELL[dimension] * scale
     middle = np.zeros(dimension)
     middle[0] = offset
@@ -70,22 +72,23 @@ def hole(dimension: int = 2, scale: float = 1.0, offset: float = 0.0, pressure: 
 
 
 def failing(rock: dict, dimension: int = 2, **changes) -> dict:
-    """The hole in rock that fails, whose cells follow the rock; what does not come to rest is given up sooner."""
+    """The hole in rock that fails, on cells that follow the rock, with a smaller limit of iterations."""
     base = {"materials": {"host": rock}, "grid": ADAPTIVE, "solver": {"max_iterations": 1500}}
     return hole(dimension, **merge(base, changes))
 
 
 def filled(modulus: float, poisson: float = POISSON, dimension: int = 2, **changes) -> dict:
-    """The hole with a fill of this modulus, Pa, placed at once."""
+    """The hole with a fill of this modulus (Pa) that is placed at once."""
     values = hole(dimension, **changes)
     values["excavations"][0]["fill"] = "fill"
     return merge(values, {"materials": {"fill": elastic(modulus, poisson)}})
 
 
 def column(height: int, pressure: float = PRESSURE, upper: float = MODULUS, **changes) -> dict:
-    """A column two cells of 1 m wide between rollers, of `height` such cells, of which the 4 m on top are mined.
+    """A column between rollers, two cells of 1 m wide and `height` such cells high, whose top is mined.
 
-    The rest rises: uniaxial strain, linear in each layer, exact on any grid. upper: modulus of its upper half, Pa.
+    The rest rises in uniaxial strain. Its displacement is linear in each layer, and so exact on any grid. upper:
+    modulus of the upper half, Pa.
     """
     values = {
         "name": "column",
@@ -113,7 +116,7 @@ def column(height: int, pressure: float = PRESSURE, upper: float = MODULUS, **ch
 
 
 def section(boxes: list, host: dict | None = None, cell: float = SECTION_CELL, **changes) -> dict:
-    """A weightless section of 32 m, x from -16 m, boxes (x0, z0, x1, z1) m mined at once; cell: the finest, m."""
+    """A weightless section of SECTION_SIDE. boxes (x0, z0, x1, z1), m, are mined at once. cell: the finest, m."""
     values = {
         "name": "section",
         "plane": "xz",

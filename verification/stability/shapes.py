@@ -32,7 +32,7 @@ MAX_CHANGE_ON_FINER_CELLS = 0.15  # Share of the energy set in motion. Corners o
 MAX_PLASTIC_DIFFERENCE = 0.05
 MOTION = "energy_motion"
 BOXES: dict[str, list[tuple[float, float, float, float]]] = {
-    # x0, z0, x1, z1 in a section of 32 m with finest cells of 1 m, x = 0 in its middle; not symmetric on purpose
+    # x0, z0, x1, z1, m. The section has finest cells of 1 m and x = 0 in its middle. The boxes are not symmetric.
     "two cells wide": [(-6, 10, -4, 20)],
     "one cell wide": [(-6, 10, -5, 20)],
     "one cell": [(3, 10, 4, 11)],
@@ -130,7 +130,7 @@ def walls() -> Iterator[Case]:
 
 @contextmanager
 def courant(factor: float, damping: float) -> Iterator[None]:
-    """Time steps of `factor` times the limit without damping; the body takes 0.98 / sqrt(1 + damping) by itself."""
+    """Set the time step to `factor` times its limit without damping, in place of the share that the body takes."""
     with patch.object(body, "TIME_STEP_SHARE", factor * np.sqrt(1.0 + damping)):
         yield
 
@@ -158,7 +158,7 @@ def damping() -> Iterator[Case]:
 
 @contextmanager
 def single_precision() -> Iterator[None]:
-    """Stress, displacement and hourglass forces rounded to float32 after every update of stress, by either scheme."""
+    """Round stress, displacement and hourglass forces to float32 after every update of stress, in either scheme."""
     update = body.Body.update
 
     def rounded(self: body.Body, *arguments) -> None:

@@ -1,4 +1,4 @@
-"""What makes the target fail: a fault, or a wrong answer beyond what is known."""
+"""Verdict of the target: it fails for a fault, and for an error beyond what is known."""
 
 import logging
 from pathlib import Path
@@ -9,7 +9,7 @@ from common.errors import InputError
 
 
 def check_table(table: Path, page: str) -> None:
-    """Raise InputError, one line, that counts the cases that must not be and names the first of them."""
+    """Raise InputError, one line, that counts the failing cases and names the first of them."""
     rows = pd.read_csv(table, keep_default_na=False)
     failing = rows[rows.fails == "yes"]
     for row in failing.itertuples():

@@ -11,7 +11,7 @@ from verification.statistics.size_recovery import difference_row, estimate_cases
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """b-values, then axes and angles, then locations; one figure of all."""
+    """Rows on b-values, axes and angles, and locations; one figure of all."""
     settings, allowed, seed = results.settings, results.allowed, results.settings["seed"]
     estimates = estimate_cases(settings["sizes"], seed)
     uncorrected = estimate_cases(settings["sizes"], seed, "uncorrected")

@@ -1,4 +1,4 @@
-"""One figure of the statistics study: b and its intervals, Kagan angles, locations."""
+"""Figure of the statistics study: b and its intervals, Kagan angles, locations."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +18,7 @@ def draw(
     settings: dict,
     allowed: dict,
 ) -> Figure:
-    """estimates: one per case; alarms: share by situation."""
+    """All panels. estimates: one for each case. alarms: share of false alarms by situation."""
     figure = style.new_figure(height=9.0)
     top, bottom = figure.subfigures(2, 1, height_ratios=[1.25, 1.0])
     scatter, bias, coverage = top.subplots(1, 3)
@@ -33,7 +33,7 @@ def draw(
 
 
 def _draw_scatter(axes: Axes, estimates: list[Estimates]) -> None:
-    """Middle 95 % of b over its truth, and its mean, case by case."""
+    """Central 95 % of b over its true value, and its mean, case by case."""
     place = np.arange(len(estimates))
     for row, one in enumerate(estimates):
         lower, upper = np.quantile(one.value, [0.025, 0.975]) / one.case["b"]
@@ -75,7 +75,7 @@ def _draw_coverage(axes: Axes, estimates: list[Estimates], confidence: float, al
 
 
 def _draw_kagan(axes: Axes, pairs: RandomPairs) -> None:
-    """Density of the angle between random double couples beside the closed form up to 90 degrees."""
+    """Density of the angle between random double couples, with the closed form up to 90 degrees."""
     edges = np.arange(0.0, 121.0, 3.0)
     share = np.histogram(pairs.random, bins=edges)[0] / len(pairs.random)
     axes.stairs(100.0 * share / np.diff(edges), edges, fill=True, color=style.MODELLED, alpha=0.35, label="simulated")

@@ -16,7 +16,7 @@ STEP_CENTRES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.75**0.5, 0.0]
 
 @dataclass(frozen=True)
 class Power:
-    """Shares of pairs with a shift that the comparison and Hotelling's test found, and the latter's exact power."""
+    """Share of shifts found by the comparison (found) and by Hotelling's test, and that test's exact power (best)."""
 
     pairs: int
     found: float
@@ -38,7 +38,7 @@ def false_alarms(settings: dict, seed: int) -> dict[str, float]:
 
 
 def find_shift(settings: dict, seed: int) -> Power:
-    """How often a shift along x of independent events, in blocks of a day, is found."""
+    """Share of pairs in which a shift of independent events along x, in blocks of a day, is found."""
     chosen, level = settings["shift"], settings["level"]
     generator = np.random.default_rng([seed, 99])
     events = chosen["events"]
@@ -81,7 +81,7 @@ def hotelling_power(events: int, shift: NDArray, level: float) -> float:
 
 
 def location_rows(alarms: dict[str, float], power: Power, settings: dict, allowed: dict) -> list[Row]:
-    """False alarms of each situation, and the power."""
+    """Rows of false alarms by situation, and of the power."""
     level, shift = settings["level"], settings["shift"]
     chance = (level * (1.0 - level) / settings["pairs"]) ** 0.5
     rows = [

@@ -1,4 +1,4 @@
-"""Axes, Kagan angles and source shares of tensors whose answers are known."""
+"""Axes, Kagan angles and source shares of tensors whose true values are known."""
 
 from dataclasses import dataclass
 
@@ -59,13 +59,13 @@ def random_pairs(settings: dict, seed: int) -> RandomPairs:
     known = np.linspace(0.0, 90.0, count)
     turn = Rotation.from_rotvec(np.radians(known)[:, None] * axis).as_matrix()
     end = start @ np.swapaxes(turn, 1, 2)
-    flip = generator.choice([-1.0, 1.0], size=(count, 3, 1))  # axes have no sense
+    flip = generator.choice([-1.0, 1.0], size=(count, 3, 1))  # An axis has no direction of its own.
     uniform = mechanisms.random_frames(settings["random_pairs"], generator)
     return RandomPairs(known, mechanisms.kagan_angle(start, end * flip), mechanisms.kagan_angle(uniform, np.eye(3)))
 
 
 def mechanism_rows(settings: dict, pairs: RandomPairs, seed: int, allowed: dict) -> list[Row]:
-    """Axes, angles, shares and cones."""
+    """Rows of axes, angles, shares and cones."""
     rows = [_known_row(known, allowed["angle"]) for known in settings["known"]]
     rows.append(_axes_row(settings["pairs"], seed, allowed["angle"]))
     worst = float(np.max(np.abs(pairs.found - pairs.known)))
@@ -96,7 +96,7 @@ def mechanism_rows(settings: dict, pairs: RandomPairs, seed: int, allowed: dict)
 
 
 def _known_row(known: dict, allowed: float) -> Row:
-    """A textbook mechanism through to trend and plunge."""
+    """Axes of a textbook mechanism against their trends and plunges."""
     axes = principal_axes(double_couple(*fault_vectors(*known["plane"])))
     expected = mechanisms.axis_from_trend_plunge(*np.array(known["axes"], dtype=float).T)
     worst = float(np.max(mechanisms.angle_between_axes(axes, expected)))
@@ -122,7 +122,7 @@ def _share_row(allowed: float) -> Row:
     tensors = np.array(
         [np.eye(3), np.diag([1.0, 0, -1]), np.diag([2.0, -1, -1]), crack, moment_from_potency(crack, 1.0, 1.0)]
     )
-    # a crack: potency 1/3 and 2/3; its moment with lambda = mu is diag(1, 1, 3) mu: 5/3 and 4/3 over 3
+    # Shares of a crack's potency are 1/3 and 2/3. Its moment with lambda = mu is diag(1, 1, 3) mu: 5/9 and 4/9.
     exact = np.array([[1, 0, 0], [0, 0, 1], [0, 1, 0], [1 / 3, 2 / 3, 0], [5 / 9, 4 / 9, 0]])
     worst = float(np.max(np.abs(source_shares(tensors) - exact)))
     what = "shares of an explosion, a double couple, a CLVD and a crack (potency, moment): worst error"
@@ -130,7 +130,7 @@ def _share_row(allowed: float) -> Row:
 
 
 def _cone_row(chosen: dict, seed: int, allowed: float) -> Row:
-    """How often the 95 % cone around the mean P axis holds the true one."""
+    """Coverage of the 95 % cone around the mean P axis."""
     generator = np.random.default_rng([seed, 3])
     truth = mechanisms.random_frames(1, generator)[0]
     events, held = chosen["events"], 0

@@ -9,7 +9,7 @@ LN10 = np.log(10.0)
 def simulated_sizes(
     generator: np.random.Generator, count: int, b: float, span: float = np.inf, bin_width: float = 0.0
 ) -> NDArray:
-    """log10 sizes (count,) above 0 with slope b, cut off at `span`, put on bins: each the lower edge of its bin."""
+    """log10 sizes (count,) above 0 with slope b that end at `span`. Binned sizes are the lower edges of their bins."""
     x = -np.log1p(-generator.random(count) * -np.expm1(-b * LN10 * span)) / (b * LN10)
     return np.floor(x / bin_width) * bin_width if bin_width else x
 
@@ -66,7 +66,7 @@ def branching_events(
 def burst_events(
     generator: np.random.Generator, days: float, bursts: float, each: float, spread: float = 30.0, kernel: float = 8.0
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """The same of a Poisson number of bursts at any time, each of a Poisson number of events within an hour or so."""
+    """As branching_events, for a Poisson number of bursts, each of a Poisson number of events within about an hour."""
     count = generator.poisson(bursts)
     cluster = np.repeat(np.arange(count), generator.poisson(each, count))
     time = generator.uniform(0.0, days, count)[cluster] + generator.exponential(1.0 / 24.0, len(cluster))

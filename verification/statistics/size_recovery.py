@@ -64,7 +64,7 @@ def _estimate(case: dict, catalogues: int, confidence: float, generator: np.rand
 
 
 def size_rows(estimates: list[Estimates], uncorrected: list[Estimates], confidence: float, allowed: dict) -> list[Row]:
-    """Bias, coverage and stated error of each case; what ignoring a bound or bins would do."""
+    """Rows of bias, coverage and stated error by case, and of what ignoring a bound or bins would do."""
     rows = []
     for one in estimates:
         truth, scatter = one.case["b"], float(one.value.std())
@@ -99,7 +99,7 @@ def size_rows(estimates: list[Estimates], uncorrected: list[Estimates], confiden
 
 
 def difference_row(settings: dict, seed: int, allowed: float) -> Row:
-    """How often two catalogues of one b are said to differ."""
+    """Row of how often two catalogues of one b are said to differ."""
     chosen, confidence, count = settings["difference"], settings["confidence"], settings["catalogues"]
     generator = np.random.default_rng([seed, 99])
     alarms = 0

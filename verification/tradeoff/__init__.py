@@ -1,1 +1,1 @@
-"""What each knob buys: speed against accuracy, over scenes with closed forms and with limits of their finest runs."""
+"""Speed against accuracy: what each setting gains, over scenes with closed forms or with limits of ever finer runs."""

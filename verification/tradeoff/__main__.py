@@ -8,7 +8,7 @@ from verification.command_line import Stage, run_command
 
 
 def points(arguments: argparse.Namespace) -> None:
-    """What the runs of one study came to and cost."""
+    """Write results and costs of the runs of one study."""
     from verification.results import read_results
     from verification.studies import load_study
     from verification.tradeoff.points import measure_study, write_points
@@ -19,7 +19,7 @@ def points(arguments: argparse.Namespace) -> None:
 
 
 def report(arguments: argparse.Namespace) -> None:
-    """Table and page of all studies."""
+    """Write table and page of all studies."""
     from verification.studies import load_study
     from verification.tradeoff.page import write_report
     from verification.tradeoff.points import read_points

@@ -1,4 +1,4 @@
-"""A scene's price list as a picture: error against time with the Pareto front, and what each knob changes by itself."""
+"""Figure of one scene: error against time with the Pareto front, and what each knob changes by itself."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,7 +24,7 @@ LOOKS = {
 
 
 def draw(scene: Scene) -> Figure:
-    """Left: error of the main measure against time, one line a knob. Right: what each knob does to it, and to time."""
+    """Left: error of the main measure against time, a line for each knob. Right: change of measure and time by knob."""
     figure = style.new_figure(height=5.2)
     left, right = figure.subplots(1, 2)
     prices(left, scene)
@@ -39,7 +39,7 @@ def draw(scene: Scene) -> Figure:
 
 
 def prices(panel: Axes, scene: Scene) -> None:
-    """Error against time, log-log; the front as steps, its runs named by number as in the table."""
+    """Error against time, log-log. The front is drawn as steps; its runs have the numbers of the table."""
     for line in scene.lines:
         numbers = [member for member in line.members if not isinstance(member.settings[line.knob], str)]
         for members, look in ((numbers, "-"), ([m for m in line.members if m not in numbers], "none")):
@@ -72,7 +72,7 @@ def prices(panel: Axes, scene: Scene) -> None:
 
 
 def changes(panel: Axes, scene: Scene) -> None:
-    """How many times as fast a knob's value is as the base, and what it changes by itself, log-log."""
+    """Change of the main measure against the gain in speed, for each value of a knob, log-log."""
     for line in scene.lines:
         others = [member for member in line.members if member is not line.anchor]
         moved = [100 * max(MIN_DRAWN_CHANGE, abs(change(scene, line, member))) for member in others]
@@ -103,7 +103,7 @@ def _plot(panel: Axes, x: list, y: list, line: Line, label: str | None, linestyl
 
 
 def _plain(axis) -> None:
-    """Numbers as people write them, at 1, 2 and 5 where there are few decades."""
+    """Plain numbers at the ticks, at 1, 2 and 5 where there are few decades."""
     low, high = axis.get_view_interval()
     few = high / low < 300
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))

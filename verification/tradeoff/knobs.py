@@ -1,18 +1,18 @@
-"""What of a configuration trades speed for accuracy, read from it, so that no variant can be mislabelled."""
+"""Settings that trade speed for accuracy. They are read from a configuration, so that no variant is mislabelled."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from seismic.event_settings import ClusterSettings
 
-CHOSEN = "by their error"  # value of the knob increments where the configuration leaves their number open
+CHOSEN = "by their error"  # Value of the knob increments where the configuration leaves their number open.
 
 Value = float | str
 
 
 @dataclass(frozen=True)
 class Knob:
-    """key: column of the table; of: its value in a configuration in SI units; text: of a value, with its unit."""
+    """A setting. key: column of the table. of: reads it from a configuration (SI). text: writes it with its unit."""
 
     key: str
     title: str
@@ -64,10 +64,10 @@ def settings_of(values: dict) -> dict[str, Value]:
 
 
 def changed(settings: dict[str, Value], base: dict[str, Value]) -> list[str]:
-    """Keys of the knobs that stand otherwise than in the base."""
+    """Keys of the knobs whose value differs from that of the base."""
     return [key for key in settings if settings[key] != base[key]]
 
 
 def label(settings: dict[str, Value], keys: list[str]) -> str:
-    """What these knobs stand at, in words: "tolerance 1e-03, finest cell 2.5 m"."""
+    """Values of these knobs in words: "tolerance 1e-03, finest cell 2.5 m"."""
     return ", ".join(f"{BY_KEY[key].title} {BY_KEY[key].text(settings[key])}" for key in keys)

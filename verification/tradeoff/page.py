@@ -1,4 +1,4 @@
-"""results/tradeoff: table.csv, one figure a scene, and report.html that needs nothing else."""
+"""Output in results/tradeoff: table.csv, a figure of each scene, and report.html, which refers to no other file."""
 
 from pathlib import Path
 
@@ -37,11 +37,11 @@ def write_report(scenes: list[Scene], table: Path, page: Path) -> None:
 
 
 def make_table(scenes: list[Scene]) -> pd.DataFrame:
-    """One row a run; units stand in the names of the columns, errors are shares or in the measure's unit.
+    """One row for each run. Names of columns hold the units; errors are shares or in the measure's unit.
 
-    accuracy: the preset; processor_s: processor time of all stages, without compiling; work_s: less the start of their
-    processes; times_as_fast: as the base, each by the median of all runs with its rock; wall_s: as a clock saw them,
-    compiling included; compiling_s: what compiling took, of a processor.
+    accuracy: the preset. processor_s: processor time of all stages without compiling. work_s: the same less the start
+    of their processes. times_as_fast: speed over that of the base, each by the median of all runs with the same rock.
+    wall_s: wall time, compiling included. compiling_s: processor time of compiling.
     """
     rows = []
     for scene in scenes:
@@ -125,7 +125,7 @@ def _cells(scene: Scene, point: Point) -> list[tuple[str, str]]:
 
 
 def _truth(scene: Scene, measure: Measure) -> str:
-    """Where a measure's truth is from, in words; empty where its value is its error."""
+    """Source of a measure's truth in words; empty where its value is its error."""
     limit = scene.truths[measure.key]
     if measure.kind == ITSELF:
         return ""

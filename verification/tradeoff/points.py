@@ -1,4 +1,4 @@
-"""One point for each variant of a study: what its knobs stand at, what it came to, and what it cost."""
+"""One point for each variant of a study: values of its knobs, its measures, and its costs."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -18,12 +18,12 @@ UNKNOWN = Costs(np.nan, np.nan, np.nan, np.nan)
 
 @dataclass(frozen=True)
 class Point:
-    """A run. accuracy: the preset it was made with; settings: value of each knob; measures: see tradeoff.measures.
+    """A run. accuracy: its preset. settings: value of each knob. measures: see tradeoff.measures.
 
-    seconds: processor time of all its stages, starts of processes included, compiling not; stages: how many; least: of
-    the quickest of them, s; wall: wall time of all, s; compiling: processor time of that, s, in wall alone; memory: the
-    largest of any, MiB, more where it compiled; cells: at the end; failed: particles, at the end. NaN where a stage
-    left no closing line in its log.
+    seconds: processor time of all stages with the starts of their processes and without compiling, s. stages: their
+    number. least: processor time of the quickest stage, s. wall: wall time of all, s. compiling: processor time of
+    compiling, s. memory: largest of any stage, MiB, more where it compiled. cells, failed: cells and failed particles
+    at the end. Costs are NaN where a stage left no closing line in its log.
     """
 
     variant: str
@@ -42,7 +42,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Points:
-    """Those of one study; exact: what closed forms say of measures."""
+    """Points of one study. exact: values of measures in closed form."""
 
     study: str
     exact: dict[str, float]
@@ -50,7 +50,7 @@ class Points:
 
 
 def measure_study(results: Results) -> Points:
-    """All variants of a study. Raises InputError where it names a kind of scene that there is not."""
+    """Points of all variants of a study. Raises InputError where the study names an unknown kind of scene."""
     kind = results.settings["scene"]
     if kind not in SCENES:
         raise InputError(f"{results.study.name}: settings.scene: no '{kind}'; there are {', '.join(SCENES)}")
@@ -60,7 +60,7 @@ def measure_study(results: Results) -> Points:
         measures, exact = SCENES[kind](results, variant)
         points.append(_point(name, variant, measures, results.study.events))
         if name not in results.settings.get("limit", []):
-            variant.kept.clear()  # states of millions of cells
+            variant.kept.clear()  # States are large.
     return Points(results.study.name, exact, points)
 
 
@@ -88,7 +88,7 @@ def _point(name: str, variant: Variant, measures: dict[str, float], with_events:
 
 
 def write_points(points: Points, path: Path) -> None:
-    """As JSON, atomically."""
+    """Write points as JSON, atomically."""
     with atomic_path(path) as temporary:
         temporary.write_text(json.dumps(asdict(points), indent=1) + "\n", encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""The runs of a scene beside each other: their errors, their noise, and lines of runs that differ by one knob alone."""
+"""The runs of a scene compared: errors, noise, the Pareto front, and lines of runs that differ by one knob."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ MIN_SPEEDUP = 1.05  # A run counts as faster from here on, however little repeat
 
 
 def pareto_front(cost: ArrayLike, error: ArrayLike) -> NDArray[np.bool_]:
-    """Which points (point,) no other beats: none costs as little and errs as little, and less in one of the two.
+    """Points (point,) bool on the Pareto front: no other has at most their cost and error, and less of one of them.
 
-    Equal points are all on it; points with a cost or error that is not finite are not, and beat none.
+    Equal points are all on the front. Points whose cost or error is not finite are not, and dominate no other.
     """
     cost, error = np.asarray(cost, float), np.asarray(error, float)
     front = np.zeros(len(cost), bool)
     usable = np.flatnonzero(np.isfinite(cost) & np.isfinite(error))
-    best = np.inf  # error of all that cost less
+    best = np.inf  # Least error of all points that cost less.
     order = usable[np.lexsort((error[usable], cost[usable]))]
     for index in order:
         same = front & (cost == cost[index]) & (error == error[index])
@@ -37,8 +37,10 @@ def pareto_front(cost: ArrayLike, error: ArrayLike) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Line:
-    """Runs, by the knob's value, that differ in it alone, and which of them stands as the base does; beside: what else
-    all of them have otherwise than the base, in words."""
+    """Runs that differ by one knob alone, in the order of its values.
+
+    anchor: the run with the base's value of the knob. beside: other settings that the whole line changes, in words.
+    """
 
     knob: str
     members: list[Point]
@@ -47,7 +49,7 @@ class Line:
 
 
 class Scene:
-    """A study's points and what follows from them. Raises InputError where its base or limit is no variant."""
+    """A study's points and what follows from them. Raises InputError where its base or limit names no variant."""
 
     def __init__(self, study: Study, points: Points):
         self.study, self.points, self.exact = study, points.points, points.exact
@@ -62,53 +64,56 @@ class Scene:
 
     @property
     def start(self) -> float:
-        """Processor time that the start of a stage's process takes at most, s: that of the quickest stage."""
+        """Upper bound of the processor time of a process's start, s: that of the quickest stage."""
         said = [point.least for point in self.points if np.isfinite(point.least)]
         return min(said, default=0.0)
 
     def work(self, point: Point) -> float:
-        """Processor time of a run's stages less the starts of their processes, s, MIN_WORK at least; NaN where a log
-        does not say it."""
+        """Processor time of a run's stages less the starts of their processes, at least MIN_WORK, s.
+
+        NaN where a log does not state it.
+        """
         return float(np.maximum(MIN_WORK, point.seconds - point.stages * self.start))  # max() would drop a NaN
 
     @cached_property
     def noise(self) -> float:
-        """How many times as long the same takes: slowest over quickest of the runs whose rock is the base's; NaN where
-        there are no two."""
+        """Scatter of processor time: slowest over quickest run with the base's rock; NaN where there are no two."""
         repeats = self._works(self.base)
         return max(repeats) / min(repeats) if len(repeats) > 1 else np.nan
 
     @property
     def clear(self) -> float:
-        """How many times as fast a run has to be before it counts as faster: beyond noise, and MIN_SPEEDUP at least."""
+        """Speed over the base's from which a run counts as faster: beyond the noise, and at least MIN_SPEEDUP."""
         return float(np.fmax(MIN_SPEEDUP, self.noise))
 
     @cached_property
     def _of_rock(self) -> dict[tuple, list[Point]]:
-        """Runs whose rock is the same: repeated ones, and those that only count events otherwise."""
+        """Runs grouped by their rock: repeated runs share it, and those that differ only in how they count events."""
         groups = defaultdict(list)
         for point in self.points:
             groups[_rock(point)].append(point)
         return groups
 
     def _works(self, point: Point) -> list[float]:
-        """Work of all runs with the rock of this one whose logs say it."""
+        """Work of all runs with the rock of this one whose logs state it."""
         return [work for same in self._of_rock[_rock(point)] if np.isfinite(work := self.work(same))]
 
     def cost(self, point: Point) -> float:
-        """What a run takes, s, wherever runs are compared: the median work of those with its rock, NaN without one."""
+        """Cost by which a run is compared, s: the median work of all runs with its rock; NaN without one."""
         works = self._works(point)
         return float(np.median(works)) if works else np.nan
 
     @property
     def measures(self) -> list[Measure]:
-        """Those that the runs have."""
+        """Measures that the runs have."""
         return [measure for key, measure in MEASURES.items() if key in self.base.measures]
 
     @cached_property
     def truths(self) -> dict[str, Limit]:
-        """What each measure should be: by the closed form, as the limit of the series of cells, or as its finest run
-        has it; NaN where nothing says."""
+        """Truth of each measure: its closed form, the limit of the series of cells, or the value of the finest run.
+
+        NaN where there is none of these.
+        """
         found = {}
         for measure in self.measures:
             values = [point.measures[measure.key] for point in self.series]
@@ -123,7 +128,7 @@ class Scene:
         return found
 
     def error(self, point: Point, measure: Measure) -> float:
-        """Of a run; NaN of the run that is the truth itself."""
+        """Error of a run in a measure; NaN of the run that is the truth itself."""
         limit = self.truths[measure.key]
         is_truth = measure.key not in self.exact and measure.kind != ITSELF and np.isnan(limit.order)
         if is_truth and self.series and point is self.series[-1]:
@@ -132,7 +137,7 @@ class Scene:
 
     @cached_property
     def front(self) -> np.ndarray:
-        """Which runs (run,) are on the Pareto front of cost and error of the main measure; one of each rock at most."""
+        """Whether each run (run,) is on the Pareto front of cost and main error. At most one run of each rock is."""
         firsts = [group[0] for group in self._of_rock.values()]
         found = pareto_front([self.cost(point) for point in firsts], [self.error(point, self.main) for point in firsts])
         names = {point.variant for point, is_front in zip(firsts, found, strict=True) if is_front}
@@ -140,13 +145,13 @@ class Scene:
 
     @property
     def presets(self) -> list[Point]:
-        """Runs by the key `accuracy`, the hastiest first; the base is standard."""
+        """Runs by the key `accuracy`, the quickest preset first; the base is standard."""
         order = list(PRESETS)
         others = [point for point in self.points if point.accuracy != STANDARD]
         return sorted([*others, self.base], key=lambda point: order.index(point.accuracy))
 
     def beaten_by(self, point: Point) -> Point | None:
-        """The quickest run on the front that takes no longer and errs no more; None of one that stands there itself."""
+        """The quickest run on the front with at most the cost and error of this one; None for a run on the front."""
         cost, error = self.cost(point), self.error(point, self.main)
         front = [other for other, is_front in zip(self.points, self.front, strict=True) if is_front]
         if not np.isfinite([cost, error]).all() or any(_rock(other) == _rock(point) for other in front):
@@ -155,7 +160,7 @@ class Scene:
         return min(better, key=self.cost)
 
     def label(self, point: Point) -> str:
-        """What a run changes, in words; of a preset, its name and what that changes."""
+        """Settings that a run changes, in words, after the name of its preset."""
         text = label(point.settings, changed(point.settings, self.base.settings)) or "base"
         return text if point.accuracy == STANDARD else f"accuracy {point.accuracy} ({text})"
 
@@ -169,7 +174,7 @@ class Scene:
 
     @cached_property
     def lines(self) -> list[Line]:
-        """The line of each knob: that of the base, else the one with the most members; none where no run turns it."""
+        """The line of each knob that runs change: that through the base, else the one with the most members."""
         return [line for knob in KNOBS if (line := self._line(knob.key))]
 
     def _line(self, knob: str) -> Line | None:
@@ -188,10 +193,10 @@ class Scene:
 
 
 def _rock(point: Point) -> tuple:
-    """What the rock of a run hangs on."""
+    """Settings that determine the rock of a run."""
     return tuple(value for key, value in point.settings.items() if key not in SEISMIC)
 
 
 def _place(value: float | str) -> tuple:
-    """Numbers by size, then words."""
+    """Sort key: numbers by size, then words."""
     return (1, value) if isinstance(value, str) else (0, value)

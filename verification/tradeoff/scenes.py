@@ -1,4 +1,4 @@
-"""What each kind of scene says of a run: measures by key, and what closed forms say they should be."""
+"""Measures of a run by kind of scene, and their values in closed form."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,7 +21,7 @@ FIT_CELLS = (1.0, 6.0)  # Distances from the wall, cells, between which its stre
 
 
 def hole(results: Results, variant: Variant) -> tuple[Measures, Measures]:
-    """Kirsch's hole beside infinite rock: r.m.s. errors of stress over the wall and at a distance, mean closure."""
+    """Kirsch's hole against infinite rock: r.m.s. errors of stress at the wall and at a distance, and mean closure."""
     rock, values = Rock(variant), variant.values
     host, constant = values["materials"]["host"], values["insitu_stress"]["constant"]
     virgin = tuple(constant.get(component, 0.0) for component in ("xx", "yy", "xy"))
@@ -35,7 +35,7 @@ def hole(results: Results, variant: Variant) -> tuple[Measures, Measures]:
 
 
 def cavity(results: Results, variant: Variant) -> tuple[Measures, Measures]:
-    """Elastic sphere under all-round stress: error of the hoop stress at the wall and of the stress around, closure."""
+    """Elastic sphere under all-round stress: errors of the hoop stress at the wall and of stress around it, closure."""
     rock, exact = Cavity(variant, variant.elastic), exact_field(variant)
     pressure = read_pressure(variant)
     ring = rock.ring(results.settings["outer_radii"])
@@ -51,7 +51,7 @@ def cavity(results: Results, variant: Variant) -> tuple[Measures, Measures]:
 
 
 def wall_hoop(rock: Cavity) -> float:
-    """Hoop stress (Pa) at the wall: a quadratic in the distance through the particles a little off it."""
+    """Hoop stress (Pa) at the wall: a quadratic in the distance, fitted to the particles within FIT_CELLS."""
     off = (rock.distance - rock.radius) / rock.cell
     near = (off >= FIT_CELLS[0]) & (off <= FIT_CELLS[1])
     hoop = rock.radial_hoop_third[1, near]
@@ -64,7 +64,7 @@ def closure_of(rock: Cavity) -> float:
 
 
 def brittle_cavity(results: Results, variant: Variant) -> tuple[Measures, Measures]:
-    """Sphere in brittle rock beside its smooth ring: failed volume, closure, stress; potency has no closed form."""
+    """Sphere in brittle rock against its smooth ring: failed volume, closure, stress. Potency has no closed form."""
     state, theory = variant.step(variant.step_names[-1]), plastic_ring(variant)
     rock = Cavity(variant, state)
     ring = rock.ring(3.0)
@@ -83,7 +83,7 @@ def brittle_cavity(results: Results, variant: Variant) -> tuple[Measures, Measur
 
 
 def mine(results: Results, variant: Variant) -> tuple[Measures, Measures]:
-    """The last step of a mine and its events; closure between two walls where settings.walls says where they are."""
+    """The last step of a mine and its events, and closure between two walls where settings.walls gives their places."""
     step = variant.step_names[-1]
     state, events = variant.step(step), variant.events(step)
     failed = state.failed.values == state.attrs["step_index"]
@@ -103,15 +103,15 @@ def mine(results: Results, variant: Variant) -> tuple[Measures, Measures]:
 
 
 def resolved(events: xr.Dataset) -> xr.Dataset:
-    """Events that count in statistics."""
+    """Resolved events, which count in statistics."""
     return events.isel(event=np.flatnonzero(events.resolved.values == 1))
 
 
 def apart(one: xr.Dataset, other: xr.Dataset) -> float:
     """Energy distance of the places of the resolved events of two catalogues of one step, m (Szekely and Rizzo 2013).
 
-    2 E|X - Y| - E|X - X'| - E|Y - Y'|, each event once with each: 0 for equal catalogues. (That of
-    catalogs.energy_distance leaves out pairs of one block, and moves steps onto each other.)
+    2 E|X - Y| - E|X - X'| - E|Y - Y'| over all pairs of events, so 0 for equal catalogues. That of
+    catalogs.energy_distance leaves out pairs of one block, and moves steps onto each other.
     """
     places = [resolved(events).location.values for events in (one, other)]
     if min(map(len, places)) == 0:
@@ -121,7 +121,7 @@ def apart(one: xr.Dataset, other: xr.Dataset) -> float:
 
 
 def closure_between(state: xr.Dataset, grid: xr.Dataset, walls: np.ndarray) -> float:
-    """How much two places (2, 3) m on opposite walls came together, mm: that of the nearest nodes."""
+    """Closure between two places (2, 3) m on opposite walls, mm, from the nodes nearest to them."""
     place = (state if "node_position" in state else grid).node_position.values
     moved = state.node_displacement.values
     nearest = [int(np.square(place - wall).sum(axis=1).argmin()) for wall in walls]

@@ -1,4 +1,4 @@
-"""What each knob buys, in a sentence that is made from the runs."""
+"""Sentences on what each knob gains, made from the runs."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ CHEAP_TEXT = f"{100 * MAX_CHEAP_CHANGE:g} %"
 
 
 def share(value: float, sign: bool = False) -> str:
-    """A share in per cent, two digits."""
+    """A share in per cent with two digits."""
     if not np.isfinite(value):
         return "–"
     percent = 100 * value
@@ -27,30 +27,30 @@ def speed(scene: Scene, line: Line, member: Point) -> float:
 
 
 def is_faster(scene: Scene, line: Line, member: Point) -> bool:
-    """Clearly."""
+    """Whether a member is faster than the anchor by more than the noise."""
     return speed(scene, line, member) > scene.clear
 
 
 def pace(scene: Scene, line: Line, member: Point) -> str:
-    """The same in words."""
+    """Speed of a member over that of the anchor, in words."""
     return in_words(scene, speed(scene, line, member))
 
 
 def in_words(scene: Scene, ratio: float) -> str:
-    """How many times as fast something is, where that is clear."""
+    """A ratio of speeds in words; it counts as one where it is within the noise."""
     if 1 / scene.clear <= ratio <= scene.clear:
         return "takes as long"
     return f"{ratio:.2g} x as fast" if ratio > 1 else f"{1 / ratio:.2g} x as long"
 
 
 def change(scene: Scene, line: Line, member: Point) -> float:
-    """What the knob does to the main measure, signed: as a share of the anchor's, or of an error the difference."""
+    """Signed change of the main measure as a share of the anchor's; the difference where the measure is an error."""
     before, after = (point.measures[scene.main.key] for point in (line.anchor, member))
     return after - before if scene.main.kind == ITSELF else after / before - 1.0 if before else np.nan
 
 
 def effect(scene: Scene, line: Line, member: Point) -> str:
-    """What changes, in words: the main measure and its error, or the events where only these do."""
+    """Changes in words: of the main measure and its error, or of the events where only these change."""
     before, after = line.anchor.measures, member.measures
     if before[scene.main.key] == after[scene.main.key]:
         if before.get("events", 0) != after.get("events", 0):
@@ -69,7 +69,7 @@ def effect(scene: Scene, line: Line, member: Point) -> str:
 
 
 def verdict(scene: Scene, line: Line) -> str:
-    """Whether the knob is worth turning."""
+    """Sentence on whether the knob gains speed or accuracy."""
     knob = BY_KEY[line.knob]
     if line.knob in SEISMIC:
         return "A choice of what one event is, of which time knows nothing."
@@ -90,12 +90,12 @@ def verdict(scene: Scene, line: Line) -> str:
 
 
 def gain(scene: Scene, line: Line, member: Point) -> float:
-    """By how much of itself the error of the main measure is smaller than the anchor's."""
+    """Share by which the error of the main measure is smaller than the anchor's."""
     return 1.0 - scene.error(member, scene.main) / (scene.error(line.anchor, scene.main) or np.nan)
 
 
 def sentence(scene: Scene, line: Line) -> str:
-    """All of a line: from its anchor to each other value, what it costs and what changes."""
+    """Sentence on a whole line: speed and changes from its anchor to each other value."""
     knob = BY_KEY[line.knob]
     parts = [
         f"to {knob.text(member.settings[line.knob])}: {pace(scene, line, member)}, {effect(scene, line, member)}"
@@ -107,7 +107,7 @@ def sentence(scene: Scene, line: Line) -> str:
 
 
 def preset_sentence(scene: Scene, point: Point) -> str:
-    """Whether a run by a preset is on the Pareto front, and else what beats it, and by how much."""
+    """Sentence on whether a preset's run is on the Pareto front, and which run dominates it otherwise."""
     error = scene.error(point, scene.main)
     is_base = point is scene.base
     text = f"{'accuracy standard (the base)' if is_base else scene.label(point)}: error {share(error)}"
@@ -125,7 +125,7 @@ def preset_sentence(scene: Scene, point: Point) -> str:
 
 
 def price(scene: Scene, line: Line) -> str:
-    """The fastest value of a knob in a few words, for the table of all scenes."""
+    """Fastest value of a knob in a few words, for the table of all scenes."""
     others = [member for member in line.members if member is not line.anchor]
     fastest = max(others, key=lambda member: speed(scene, line, member))
     knob = BY_KEY[line.knob]

@@ -1,1 +1,1 @@
-"""Does what breaks depend on where walls lie in their cells?"""
+"""Dependence of failure on the place of walls within their cells."""

@@ -1,4 +1,4 @@
-"""One stope whose walls lie anywhere in their cells, beside itself with walls on cell faces and its limit."""
+"""One stope whose walls lie anywhere in their cells, against the same stope with walls on cell faces."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,7 +14,7 @@ MARKS = {"whole": "s", "mean": "o"}
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Potency of each placement beside the limit, its spread, its extrapolation; a figure of all placements."""
+    """Potency of each placement against the limit, its spread and its extrapolation; a figure of all placements."""
     settings, allowed = results.settings, results.allowed
     found = {name: released(variant) for name, variant in results.variants.items()}
     rows = []

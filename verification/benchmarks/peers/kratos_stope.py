@@ -2,11 +2,11 @@
 
 Elastic: StructuralMechanicsApplication, small displacements, one linear solution. Coulomb: GeoMechanicsApplication,
 whose GeoMohrCoulombLaw3D is Coulomb's pyramid with its corners; the law hands out elastic stiffness only, so
-equilibrium is sought by the application's quasi-Newton strategy (L-BFGS; Newton's took 31 iterations where that took
-14, and twice the time), and the matrix, which does not change, is built once. What held the walls up is taken away in
-equal increments. Its elements carry a water pressure, held at zero here. The plasticity of ConstitutiveLawsApplication
-did not converge on this block, and MPMApplication's material points step in time. Linear solver: elastic, conjugate
-gradients with AMGCL; Coulomb, sparse LU, which the quasi-Newton strategy takes whatever it is told.
+equilibrium is sought by the application's quasi-Newton strategy (L-BFGS), which is faster than its Newton strategy, and
+the matrix, which does not change, is built once. The forces that held the walls up are removed in equal increments. Its
+elements carry a water pressure, held at zero here. The plasticity of ConstitutiveLawsApplication did not converge on
+this block, and MPMApplication's material points step in time. Linear solver: elastic, conjugate gradients with AMGCL;
+Coulomb, sparse LU, which the quasi-Newton strategy takes whatever it is told.
 
 Run by benchmarks/measuring.py in an environment with kratos.txt; takes the file of a case, prints JSON. Seconds and
 processor time are those of initialisation and solution, once nodes and elements are in memory.
@@ -38,12 +38,12 @@ else:
 ITERATIONS, LINEAR_ITERATIONS = 500, 1000
 INCREMENTS = CASE.get("increments", 1)
 MATERIALS = "materials.json"
-COMPUTED = "porous_computational_model_part"  # the name that the geomechanics solver gives it
-YIELD_TOLERANCE = 1.0  # Pa, of the return to the strength surface
+COMPUTED = "porous_computational_model_part"  # The geomechanics solver gives it this name.
+YIELD_TOLERANCE = 1.0  # Tolerance of the return to the strength surface, Pa.
 
 
 def linear_solver() -> dict:
-    """AMGCL: smoothers and coarsenings differ by a seventh in time here."""
+    """AMGCL. Its smoothers and coarsenings differ little in time here."""
     return {
         "solver_type": "amgcl",
         "krylov_type": "cg",
@@ -113,7 +113,7 @@ def coulomb_settings(block: Block) -> tuple[dict, dict]:
 
 
 def write_materials() -> None:
-    """Coulomb rock; what is asked for of water has no effect while its pressure is held."""
+    """Write the material of Coulomb rock. Properties of water have no effect while its pressure is held."""
     rock = {
         "YOUNG_MODULUS": CASE["youngs_modulus"],
         "POISSON_RATIO": CASE["poisson_ratio"],
@@ -145,7 +145,7 @@ def write_materials() -> None:
 
 
 class Mining(Analysis):
-    """Takes away what held the walls up, in proportion to time, and counts iterations."""
+    """Removes the forces that held the walls up, in proportion to time, and counts iterations."""
 
     supported: list  # nodes and their forces, N, that the stope's rock bore
     iterations = 0
@@ -182,7 +182,7 @@ def fill(part, block: Block) -> None:
 
 
 def support_walls(part, block: Block) -> list:
-    """Loads on the walls' nodes, if they are taken away in increments: (node, force N)."""
+    """Loads on the walls' nodes as pairs of node and force (N), where they are removed in increments."""
     if not WITH_STRENGTH:
         return []
     force = block.support()
@@ -202,7 +202,7 @@ def hold(part, block: Block) -> None:
 
 
 def solve(block: Block) -> dict:
-    """What the supervising process wants to know."""
+    """Solve the case. Returns what is announced to the supervising process."""
     solver, processes = coulomb_settings(block) if WITH_STRENGTH else elastic_settings()
     about = {"problem_name": "stope", "parallel_type": "OpenMP", "echo_level": 0, "start_time": 0.0, "end_time": 1.0}
     parameters = {

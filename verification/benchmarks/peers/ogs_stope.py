@@ -1,10 +1,10 @@
 """The block with a stope in OpenGeoSys 6 (Python wheel): small deformation, hexahedra with 2 x 2 x 2 Gauss points.
 
 Elastic: the block stands without its stope under the in-situ stress and moves to rest in one step. Coulomb: MFront's
-MohrCoulombAbboSloan; what held the walls up is taken away in equal increments. Newton's method in both, until the
-2-norm of the residual is at most the tolerance times that of the released force (OpenGeoSys solves once more after the
-iteration that brought it there). Eigen's conjugate gradients, for the unsymmetric matrices of non-associated flow
-BiCGSTAB, with a diagonal preconditioner: its ILUT took ten times as long.
+MohrCoulombAbboSloan; the forces that held the walls up are removed in equal increments. Newton's method in both, until
+the 2-norm of the residual is at most the tolerance times that of the released force (OpenGeoSys solves once more after
+the iteration that brought it there). Eigen's conjugate gradients, for the unsymmetric matrices of non-associated flow
+BiCGSTAB, with a diagonal preconditioner, which is much faster here than its ILUT.
 
 Run by benchmarks/measuring.py in an environment with ogs.txt; takes the file of a case, prints JSON. Seconds, memory
 and processor time are those of the process `ogs`, from reading the mesh to the written result.
