@@ -1,6 +1,6 @@
 """Command lines of the catalogue stages: scene, record, quakeml, compare, spread, grid_convergence, twin, vtk, report.
 
-Each stage imports what it alone needs: ObsPy and matplotlib take seconds, and most stages use neither. A rule runs its
+Each stage imports only what it needs: ObsPy and matplotlib take seconds, and most stages use neither. A rule runs its
 stage again when what that stage imports has changed (common.sources): a stage's function has the stage's name.
 """
 
@@ -80,7 +80,7 @@ def spread(chosen: argparse.Namespace) -> None:
 
 
 def grid_convergence(chosen: argparse.Namespace) -> None:
-    """The mine's run beside the same on cells of twice the size."""
+    """The mine's run compared with the same run on cells of twice the size."""
     from catalogs.grid_convergence import compare
 
     settings = read_slice(chosen.settings)
@@ -107,7 +107,7 @@ def vtk(chosen: argparse.Namespace) -> None:
 
 
 def report(chosen: argparse.Namespace) -> None:
-    """The report a geotechnical engineer reads, and its figures."""
+    """The report for a geotechnical engineer, and its figures."""
     from catalogs.comparison_settings import ReportSlice
     from catalogs.report.page import write_report
 

@@ -6,13 +6,13 @@ chance: C clusters that begin at any time of a span T put C t / T starts before 
 the share u that lies within the distance. The product k = C t u / T (the nearest-neighbour distance of Zaliapin and
 Ben-Zion 2013, with shares in place of a fractal dimension) is below k by chance for 1 - exp(-k (1 + ln(C / k))) of the
 events: the number of points of a Poisson process under a hyperbola. An event is linked to the earlier one of least k,
-of equal k to the closest, if that chance is below a level. Rounded times leave t open by what they are rounded to, and
-it is the longest time that they allow: else events of one hour, or of one day, would seem simultaneous.
+of equal k to the closest, if that chance is below a level. Where times are rounded, t is
+the longest time that the rounding allows; otherwise events of one hour, or of one day, would seem simultaneous.
 
-A low level splits clusters, whose late events come among the others; a high one joins what is apart. Blocks that are
-split hide variance, blocks that are joined only make it less well known. So the level is that at which the mean
-location has the largest jackknife variance. A record with no more links at the lowest level than chance makes has no
-clusters: its events are blocks.
+A low level splits clusters, whose late events lie among other events; a high one joins separate clusters. Split blocks
+hide variance, and joined blocks only make it less well known. So the level is that at which the mean location has the
+largest jackknife variance. A record with no more links at the lowest level than chance makes has no clusters: each of
+its events is a block.
 """
 
 import numpy as np
@@ -76,7 +76,7 @@ def _repeats(values: NDArray) -> NDArray:
 
 
 def _widest(days: NDArray, open_by: NDArray, location: NDArray, step: NDArray, error: float) -> NDArray:
-    """Labels of the level at which the mean location is least well known, of those that leave enough blocks."""
+    """Labels of the level with the largest variance of the mean location, of those that leave enough blocks."""
     labels, chosen, largest = np.arange(len(days)), np.arange(len(days)), -1.0
     among = np.linspace(0, len(days) - 1, min(len(days), MAX_REFERENCE_EVENTS)).astype(int)
     around = [_around(location, event, among, error) for event in range(1, len(days))]

@@ -1,4 +1,4 @@
-"""Modelled events beside recorded ones: where, how large, how oriented, each as a number with an interval.
+"""Comparison of modelled with recorded events: location, size and orientation, as numbers with intervals.
 
 Layout of comparison.nc: catalogs.comparison_layout.
 """
@@ -120,18 +120,18 @@ def _period(events: xr.Dataset) -> str:
 
 
 def _period_text(record: xr.Dataset, exposure: Exposure) -> str:
-    """Which time is compared, in words."""
+    """The time that is compared, as text."""
     period = json.loads(record.attrs.get("period", "{}"))
     if not period or not np.isfinite(exposure.days):
-        return "no dated steps: all events of both are compared, and no rates"
+        return "all, since no step has dates; there are no rates"
     modelled, common = period["modelled"], period["common"]
     days = f"{exposure.days:.3g} days"
     if common == modelled:
         return f"{modelled[0][:10]} to {modelled[1][:10]}, {days}, both catalogues"
     return (
         f"only {common[0][:10]} to {common[1][:10]}, {days}: the record ({period['recorded'][0][:10]} to "
-        f"{period['recorded'][1][:10]}, as filtered) is not of all modelled months ({modelled[0][:10]} to "
-        f"{modelled[1][:10]}), and both catalogues are cut to the time they share"
+        f"{period['recorded'][1][:10]}, as filtered) does not cover all modelled months ({modelled[0][:10]} to "
+        f"{modelled[1][:10]}), and both catalogues are restricted to the time that they share"
     )
 
 
@@ -144,10 +144,10 @@ def _clusters(record: xr.Dataset, used: NDArray, step: NDArray) -> NDArray:
 
 
 def _cut(catalog: xr.Dataset, recorded: NDArray, rounded: float) -> tuple[dict, dict]:
-    """The cut both catalogues take, log10 P, and what sets it; the edge of a bin if sizes are rounded.
+    """The cut of both catalogues, log10 P, and what sets it; the edge of a bin if sizes are rounded.
 
-    The larger of the model's floor and the size from which the record is complete; of a record too small to tell that,
-    of the floor and its smallest event.
+    It is the larger of the model's floor and the size from which the record is complete. If the record is too small to
+    estimate that size, its smallest event replaces it.
     """
     recorded = recorded[np.isfinite(recorded)]
     floor = float(catalog.attrs.get("potency_floor", np.nan))
@@ -156,15 +156,19 @@ def _cut(catalog: xr.Dataset, recorded: NDArray, rounded: float) -> tuple[dict, 
     complete = fullest_bin(recorded, rounded) if np.isnan(stable) else stable
     if np.isfinite(complete):
         other, which = complete, "record completeness"
-        how = "b is stable above it" if np.isfinite(stable) else "no stable completeness: the fullest bin instead"
+        how = (
+            "b is stable above it"
+            if np.isfinite(stable)
+            else "no cut has a stable b: this is the bin with the most events"
+        )
         called, record = f"the record's completeness ({how})", f"the record is complete from {complete:.2f}: {how}"
     elif recorded.size:
         other, which = float(recorded.min()) - 0.5 * rounded, "smallest recorded"
         few = f"{recorded.size} event{'s' * (recorded.size > 1)} of {MIN_EVENTS_ABOVE_CUT} needed"
-        record = f"the record has {few} to tell from which size on it is complete"
+        record = f"the record has {few} to estimate from which size on it is complete"
         called = f"the smallest recorded event ({record})"
     else:
-        other, record = np.nan, "the record has no event to tell from which size on it is complete"
+        other, record = np.nan, "the record has no event to estimate from which size on it is complete"
     model = f"the model's floor is {floor:.2f}" if np.isfinite(floor) else "the model has no failed rock to set a floor"
     if np.isnan(floor) and np.isnan(other):
         cut, which = np.nan, "nothing"

@@ -9,9 +9,8 @@ no stable completeness), and for intervals and p-values of places and axes if th
 
 Attributes: mine, record_kind ("recorded" | "twin"), period_model, period_record, settings (JSON, defaults filled in),
 cut_is ("model floor" | "record completeness" | "smallest recorded" | "nothing"), cut_stable (1: b of the record is
-stable),
-law_model, law_record ("power law" | "truncated power law" |
-"no power law" | "too few events": what sizes above the cut follow), location_error (m, median of the events compared),
+stable), law_model, law_record ("power law" | "truncated power law" | "no power law" | "too few events": what sizes
+above the cut follow), location_error (m, median of the events compared),
 axes_present (0 | 1), summed_weight ("unit": over unit tensors where the record has orientations only | "potency"),
 size_bin_width, kagan_bin_width (degrees), config_hash, source_hash, versions. period_text, cut_text, sums_text,
 size_text, location_text and axes_text are sentences for the reader of the report; they also say why a number does not

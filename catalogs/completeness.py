@@ -1,4 +1,4 @@
-"""From which size on a catalogue is complete, and what that choice does to b.
+"""The size from which a catalogue is complete, and the effect of that choice on b.
 
 x is log10 of potency in m3. Sizes are counted in bins: those they are rounded to, or bins of the search. The number of
 events and their mean excess above every cut then follow from the counts alone, and a thousand resampled catalogues are
@@ -64,9 +64,9 @@ def completeness(x: NDArray, bin_width: float = 0.0) -> float:
 
 
 def fullest_bin(x: NDArray, bin_width: float = 0.0) -> float:
-    """Lower edge of the fullest bin (maximum curvature, Wiemer and Wyss 2000): where counting surely fails below.
+    """Lower edge of the bin with the most events (maximum curvature, Wiemer and Wyss 2000): smaller events are missing.
 
-    NaN of fewer than MIN_EVENTS_ABOVE_CUT events: the fullest of bins that hold two or three is fullest by chance.
+    NaN with fewer than MIN_EVENTS_ABOVE_CUT events: among bins of two or three events the fullest is so by chance.
     """
     x = np.asarray(x, float)
     x = x[np.isfinite(x)]

@@ -135,7 +135,7 @@ class Matched:
         return [side.centroids(weight) for side, weight in zip(self.sides, self._weighted(weights), strict=True)]
 
     def offset_scatter(self) -> Scatter:
-        """How well the centroids' offset, m, is known: the jackknife over the units of both catalogues."""
+        """Scatter of the offset of the centroids, m: the jackknife over the units of both catalogues."""
         both = [np.ones((1, count)) for count in self.blocks]
         without = [1.0 - (unit == np.arange(count)[:, None]) for unit, count in zip(self.unit, self.units, strict=True)]
         estimate = [part[0] for part in self.centroids(both)]
@@ -147,7 +147,7 @@ class Matched:
         return model + record
 
     def _freedom(self, side: int) -> float:
-        """Degrees of freedom of a catalogue's centroid: what its units are worth, less one for each step's own mean.
+        """Degrees of freedom of a catalogue's centroid: the effective number of units, less one for each step's mean.
 
         Units that all steps have, such as the model's runs, lose one degree only.
         """

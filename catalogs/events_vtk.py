@@ -1,4 +1,4 @@
-"""A catalogue as points for ParaView: sizes to scale glyphs by, axes to turn them, times to play them."""
+"""A catalogue as points for ParaView, with sizes and axes for glyphs, and times for an animation."""
 
 import os
 

@@ -1,10 +1,11 @@
-"""How long a catalogue was recorded, and what is expected in that time: number and summed potency of events.
+"""The time during which a catalogue was recorded, and the expected number and summed potency of events in it.
 
-The time both catalogues share is that of the dated steps during which was recorded (`catalogs.periods`).
+The time that both catalogues share is the part of the dated steps during which the network recorded
+(`catalogs.periods`).
 
 Events are a compound Poisson process: if they are independent, a sum S of their sizes s has the variance sum(s^2). It
-is worth S / scale equal events, scale = sum(s^2) / S (Kish 1965), and S / scale is nearly Poisson (Bohm and Zech 2014).
-Clusters raise the variance by a factor. All intervals and tests below follow from that, in closed form.
+varies like that of S / scale equal events, scale = sum(s^2) / S (Kish 1965), and S / scale is nearly Poisson (Bohm and
+Zech 2014). Clusters raise the variance by a factor. All intervals and tests below follow from that, in closed form.
 """
 
 from collections.abc import Mapping
@@ -121,7 +122,7 @@ def total_interval(sizes: NDArray, clustering: float = 1.0, largest: float | Non
 
 @dataclass(frozen=True)
 class Total:
-    """What a catalogue sums to, and the size of equal events whose sum would vary as much (its variance over it)."""
+    """Sum of a catalogue, and the size of equal events whose sum would vary as much (its variance over it)."""
 
     value: float
     scale: float

@@ -1,9 +1,9 @@
-"""How far cells decide a mine's numbers: its run beside the same on cells of twice the size.
+"""Influence of the cells on a mine's numbers: its run is compared with the same run on cells of twice the size.
 
-What a number still changes by is told from what it changed by when cells were halved, as if it fell by half each time
-(first order), and by SAFETY_FACTOR times that. It is no promise: study openings has how often it reaches to the numbers
-of finer cells. Two runs may agree by chance; MIN_ERROR_SHARE is what they may both be off by then, since other rock
-fails first in each, and walls lie in the cells now this way, now that.
+The remaining change of a number is estimated from its change when cells were halved, assuming first order, times
+SAFETY_FACTOR. The estimate is no bound: study openings shows how often it covers the numbers on finer cells. Two runs
+may agree by chance, since different rock fails first in each and walls cut the cells differently. Therefore the
+estimate is never less than MIN_ERROR_SHARE.
 
 Layout of grid_convergence.nc
 -----------------------------
@@ -13,7 +13,7 @@ Dimensions: cell (edge of the finest cells, m: the mine's, twice it), period (th
   failed_volume (cell, period) m3      rock that failed in the period
   events (cell, period)                resolved events from the larger floor of both catalogues on
   largest (cell, period)               log10 of the largest potency (m3), NaN without events
-  potency_error, failed_volume_error (period)   share that these may be off by, NaN where nothing failed
+  potency_error, failed_volume_error (period)   uncertainty as a share of these, NaN where nothing failed
 Attributes: mine, floor (log10 P in m3), left_out (excavations that cells of twice the size have no part of, JSON),
 narrow (others that are narrow for these cells, JSON), config_hash, source_hash, versions.
 """
@@ -39,7 +39,7 @@ MIN_ERROR_SHARE = 0.10
 def compare(
     catalogs: list[xr.Dataset], steps: list[list[dict]], coarse_grid: dict, settings: GridConvergenceSettings | dict
 ) -> xr.Dataset:
-    """Numbers of both runs and what they say of the error; layout as at the head of this module.
+    """Numbers of both runs and the estimated error; layout as at the head of this module.
 
     catalogs: of both runs; steps: attributes of the states of their dated steps; each the mine's own first.
     coarse_grid: attributes of the grid of cells of twice the size.
@@ -79,7 +79,7 @@ def compare(
 
 
 def share_off(own: NDArray, coarse: NDArray) -> NDArray:
-    """Share that numbers (n,) may be off by, from those on cells of twice the size; NaN where both are zero."""
+    """Relative uncertainty of numbers (n,), from those on cells of twice the size; NaN where both are zero."""
     own, coarse = np.asarray(own, float), np.asarray(coarse, float)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.maximum(SAFETY_FACTOR * np.abs(own - coarse) / own, MIN_ERROR_SHARE)

@@ -1,8 +1,8 @@
-"""Errors of an estimate from blocks: the jackknife, and Student's t of as many blocks as they are worth.
+"""Errors of an estimate from blocks: the jackknife, and Student's t with the effective number of blocks.
 
 Blocks are independent of each other, what is in them is not. The estimate without one block, less the estimate, is
-squared and summed (CR3: MacKinnon and White 1985), which holds for blocks of unequal sizes where a bootstrap of so few
-scatters too little. Blocks of shares h_j are worth 1 / sum h_j^2 equal ones (Kish 1965).
+squared and summed (CR3: MacKinnon and White 1985), which holds for blocks of unequal sizes, where a bootstrap of so few
+blocks scatters too little. Blocks of shares h_j are worth 1 / sum h_j^2 equal ones (Kish 1965).
 """
 
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class Scatter:
         return np.stack([estimate - half, estimate + half], axis=-1)
 
     def lengths(self, draws: int, generator: np.random.Generator) -> NDArray:
-        """How far the estimate may be off (draw,): lengths of vectors of Student's t with this covariance."""
+        """Errors of the estimate (draw,): lengths of vectors of Student's t with this covariance."""
         values, vectors = np.linalg.eigh(self.covariance)
         vector = generator.normal(size=(draws, 3)) * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
         return np.linalg.norm(vector, axis=1) * np.sqrt(self.freedom / generator.chisquare(self.freedom, draws))

@@ -1,4 +1,4 @@
-"""How well each recorded event is located: its own stated uncertainty, else the record's location error."""
+"""Location error of each recorded event: its own stated uncertainty, else the record's location error."""
 
 import numpy as np
 import xarray as xr

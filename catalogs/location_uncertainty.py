@@ -1,4 +1,4 @@
-"""What a QuakeML origin says of its own location error."""
+"""The location error that a QuakeML origin states."""
 
 import numpy as np
 from obspy.core.event import Origin

@@ -1,10 +1,10 @@
-"""The mean of many axes, how well it is known, and whether there is one: axes may lie in a girdle, or anywhere.
+"""The mean of many axes, its error, and whether it exists: axes may also lie in a girdle, or in any direction.
 
 The orientation matrix is the mean of a a^T (Scheidegger 1965); its eigenvalues S1 >= S2 >= S3 add up to 1. Woodcock's
 (1977) K = ln(S1 / S2) / ln(S2 / S3) is above 1 for a cluster about the eigenvector of S1, below 1 for a girdle about
-that of S3, its pole. A tight cluster that is longer than wide has a K below 1, too, and a good mean all the same: a
-girdle is asked to have more of a girdle than of a point, 2 (S2 - S3) > S1 - S2 (Vollmer 1990). Uniform axes have
-S = 1/3 three times.
+that of S3, its pole. A tight cluster that is longer than wide has a K below 1, too, but it has a good mean. Therefore a
+girdle must also be more of a girdle than of a point, 2 (S2 - S3) > S1 - S2 (Vollmer 1990). Uniform axes have S = 1/3
+three times.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ MAX_CONE = 45.0  # degrees; a wider 95 % cone shows that there is no mean
 class AxesSample:
     """Axes of one catalogue: rows P, B, T (event, 3, 3), NaN where unclear; where (event, 3) m, and blocks (event,).
 
-    blocks: None for a model that ran once, of which nothing says how it would scatter.
+    blocks: None for a model that ran once, whose scatter is not known.
     """
 
     axes: NDArray
@@ -75,7 +75,7 @@ class MeanAxis:
 def describe_axes(axes: NDArray, labels: NDArray, blocks_known: bool) -> MeanAxis:
     """What axes (event, 3), NaN where unclear, have in common; labels (event,): the block of each, 0, 1, ...
 
-    Axes are taken for uniform unless Bingham's statistic, 15/2 n sum (S_i - 1/3)^2 of chi-square with 5 degrees of
+    Axes are taken as uniform unless Bingham's statistic, 15/2 n sum (S_i - 1/3)^2 of chi-square with 5 degrees of
     freedom (Mardia and Jupp 2000, 10.7), says otherwise. n: how many independent axes the events are worth, their
     number over the design effect: the jackknife's variance of the orientation matrix over that of independent events.
     """

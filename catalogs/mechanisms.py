@@ -123,7 +123,7 @@ def compare_axes(model: AxesSample, record: AxesSample, seed: int = 0, resamplin
     """Mean axes, their cones and angles, and Kagan angles of two catalogues, as named in catalogs.comparison_layout.
 
     Cones, intervals of the angle between mean axes and its p-value: the jackknife over blocks (`catalogs.jackknife`).
-    The angle cannot be off by more than the difference of the mean axes is. Intervals of Kagan angles weigh blocks at
+    The error of the angle is at most that of the difference of the mean axes. Intervals of Kagan angles weigh blocks at
     random. NaN where they need blocks that a model which ran once has not, or a mean that a girdle has not. Of all
     pairs of events at most MAX_KAGAN_PAIRS are drawn for the Kagan angles; record_record leaves out an event with
     itself.
@@ -164,7 +164,7 @@ def compare_axes(model: AxesSample, record: AxesSample, seed: int = 0, resamplin
 
 
 def _off(scatter: Scatter | None, draws: int, generator: np.random.Generator) -> NDArray:
-    """Angles (draw,), degrees, that a mean axis may be off by; NaN without a scatter."""
+    """Errors (draw,) of a mean axis, degrees; NaN without a scatter."""
     if scatter is None:
         return np.full(1, np.nan)
     return np.degrees(2 * np.arcsin(np.minimum(scatter.lengths(draws, generator), np.sqrt(2)) / 2))

@@ -1,9 +1,9 @@
-"""When was recorded: a file of events does not say when the network was switched on, only when something happened."""
+"""The time of recording. A file of events states when events occurred, not when the network was switched on."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-FIRST, LAST = np.datetime64("1678-01-01"), np.datetime64("2261-12-31")  # that nanoseconds can tell
+FIRST, LAST = np.datetime64("1678-01-01"), np.datetime64("2261-12-31")  # limits of times in nanoseconds
 # A longer silence has a chance of 0.1 % if days with events are random.
 MAX_SILENCE_IN_MEAN_WAITS = np.log(1000.0)
 ALL_STEPS = "all"  # Name, beside those of the steps, of all dated steps together.

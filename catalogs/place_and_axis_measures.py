@@ -44,7 +44,7 @@ MAX_AXES_RESAMPLINGS = 499
 
 
 def location_measures(both, used, blocks, runs: int, steps, settings: ComparisonSettings) -> tuple[dict, dict]:
-    """Centroids, energy distance, nearest distances and cross-K, the model smeared by the record's location errors."""
+    """Centroids, energy distance, nearest distances and cross-K, with the record's location errors in the model."""
     generator = np.random.default_rng([settings.seed, 1])
     errors = location_errors(both[1])[used[1]]
     chosen = [_thin(np.flatnonzero(kept), MAX_EVENTS_COMPARED, generator) for kept in used]
@@ -92,9 +92,9 @@ def location_measures(both, used, blocks, runs: int, steps, settings: Comparison
         count = [int(np.sum(used[0])), len(np.unique(blocks[1][used[1]]))]
         of_runs = " of two runs" if runs > 1 else ""
         text = (
-            f"locations cannot be compared: that takes two modelled events{of_runs} above the cut and two clusters of "
-            f"recorded ones in one step, and {MIN_BLOCKS} clusters in all; the model has "
-            f"{plural(count[0], 'event')}, the record {plural(count[1], 'cluster')}"
+            f"locations cannot be compared: the comparison needs two modelled events{of_runs} above the cut and two "
+            f"clusters of recorded events in one step, and {MIN_BLOCKS} clusters in all. The model has "
+            f"{plural(count[0], 'event')}, and the record has {plural(count[1], 'cluster')}"
         )
     else:
         text = _location_text(found, runs, errors)
@@ -102,24 +102,33 @@ def location_measures(both, used, blocks, runs: int, steps, settings: Comparison
 
 
 def _location_text(found: LocationComparison, runs: int, errors: NDArray) -> str:
-    """The numbers in a sentence, what they rest on, and what they lack."""
-    smeared = f"model smeared by {np.median(errors):g} m"
+    """The numbers in sentences, what they are computed from, and why they have no interval."""
+    smeared = f"Modelled events were first moved at random by the record's location error, {np.median(errors):g} m"
     if np.ptp(errors) > 0:
         low, high = np.quantile(errors, INTERVAL_95)
-        smeared = f"model smeared by the errors of the recorded events ({low:.3g} to {high:.3g} m)"
-    steps = f"within {plural(found.steps, 'step')}"
+        smeared = (
+            f"Modelled events were first moved at random by the location errors of recorded ones, {low:.3g} to "
+            f"{high:.3g} m"
+        )
+    basis = f"{smeared}. Locations are compared within {'each of ' if found.steps > 1 else ''}"
+    basis += f"{plural(found.steps, 'step')}"
     if found.blocks[0] < MIN_BLOCKS:
         untested = _untested(runs, found.blocks[0], "places", "events above the cut in a step shared with the record")
         return (
-            f"energy distance {found.energy_distance:.1f} m; centroids {found.offset_distance:.0f} m apart; {smeared}; "
-            f"{steps}; {untested}"
+            f"the energy distance is {found.energy_distance:.1f} m, and the centroids are "
+            f"{found.offset_distance:.0f} m apart. {basis}. {untested}"
         )
     (low, high), (near, far) = np.asarray(found.energy_interval), np.asarray(found.offset_distance_interval)
     return (
-        f"energy distance {found.energy_distance:.1f} m ({low:.1f} to {high:.1f}), p = {found.energy_p_value:.3f}; "
-        f"centroids {found.offset_distance:.0f} m apart ({near:.0f} to {far:.0f}); {smeared}; {steps}; resampled: "
-        f"{found.blocks[0]} runs of the model, {found.blocks[1]} clusters of recorded events"
+        f"the energy distance is {found.energy_distance:.1f} m ({low:.1f} to {high:.1f}), p = "
+        f"{found.energy_p_value:.3f}. The centroids are {found.offset_distance:.0f} m apart ({near:.0f} to {far:.0f}). "
+        f"{basis}. {_resampled(found.blocks[0], found.blocks[1])}"
     )
+
+
+def _resampled(runs: int, clusters: int) -> str:
+    """What the intervals are computed from."""
+    return f"Intervals come from resampling {runs} runs of the model and {clusters} clusters of recorded events"
 
 
 def plural(count: int, name: str) -> str:
@@ -132,15 +141,16 @@ def _untested(runs: int, counting: int, what: str, lacking: str) -> str:
     that count."""
     if runs < MIN_BLOCKS:
         why = (
-            f"the model ran {'once' if runs == 1 else f'{runs} times'}, so that chance cannot be told from a "
-            f"difference; set ensemble to {MIN_BLOCKS - 1} or more, better to 8"
+            f"the model ran {'once' if runs == 1 else f'{runs} times'}, and {MIN_BLOCKS} runs are needed to "
+            f"distinguish chance from a difference. Set ensemble to {MIN_BLOCKS - 1} or more, better to 8"
         )
     else:
         have = {0: "none has", 1: "only 1 has"}.get(counting, f"only {counting} have")
         why = (
-            f"of the model's {runs} runs {have} {lacking}, and {MIN_BLOCKS} are needed to tell chance from a difference"
+            f"of the model's {runs} runs {have} {lacking}, and {MIN_BLOCKS} are needed to distinguish chance from a "
+            "difference"
         )
-    return f"no interval and no p-value of {what}: {why}"
+    return f"There is no interval and no p-value of {what}: {why}"
 
 
 def _thin(index: NDArray, most: int, generator: np.random.Generator) -> NDArray:
@@ -154,7 +164,7 @@ def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -
     tensors = [events["potency_tensor"].values for events in both]
     known = [kept & np.isfinite(tensor).all(axis=(1, 2)) for kept, tensor in zip(used, tensors, strict=True)]
     apart = "orientation_tensor" in record
-    weight, text = "potency", "potency tensors of the events compared"
+    weight, text = "potency", "the axes are those of the potency tensors of the events compared"
     record_tensors = tensors[1][known[1]]
     if apart:
         known[0] = known[0] & _during(model["time"].values, record.attrs.get("orientation_filter"))
@@ -168,7 +178,8 @@ def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -
         days = time.astype("datetime64[D]")
         period = f"{days.min()} to {days.max()}" if days.size else "no time"
         text = (
-            f"orientations from a catalogue of their own, {period}; tensors at unit size, model's events of that time"
+            f"recorded orientations are from a catalogue of their own, {period}. They are compared with modelled "
+            "events of that time. All tensors have unit size"
         )
     else:
         samples = [_sample(record, tensors[1], known[1], blocks[1])]
@@ -183,11 +194,14 @@ def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -
     if not np.isfinite(record_tensors).any():
         text = "the record has no tensors: axes cannot be compared"
     elif min(count) < MIN_EVENTS_WITH_AXES:
-        text = f"too few events with tensors: {count[0]} modelled, {count[1]} recorded; axes not compared"
+        text = (
+            f"axes are not compared: {MIN_EVENTS_WITH_AXES} events with tensors are needed in each catalogue, and "
+            f"{count[0]} modelled and {count[1]} recorded ones have tensors"
+        )
     elif not present:
         text = (
             f"axes are not compared: the {count[1]} recorded events with tensors are of {plural(clusters, 'cluster')}, "
-            f"and {MIN_BLOCKS} are needed to tell how far their mean may be off"
+            f"and {MIN_BLOCKS} are needed to estimate the error of their mean"
         )
 
     variables = _absent_axes()
@@ -205,8 +219,8 @@ def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -
         clear = np.array([one.clear_share(weight) for one, weight in zip(samples, size, strict=True)])
         variables["axis_clear_share"] = (dims["axis_clear_share"], clear)
         text += _left_out(clear, "events" if apart else "potency") + _shapes_text(found)
-        text += f"; resampled: {counting} runs of the model, {clusters} clusters of recorded events" if tested else ""
-        text += "" if tested else f"; {_untested(runs, counting, 'axes', 'events with clear axes')}"
+        untested = "" if tested else _untested(runs, counting, "axes", "events with clear axes")
+        text += f". {untested or _resampled(counting, clusters)}"
     variables |= {
         "events_with_axes": ("catalogue", np.array(count, np.int64)),
         "model_axes_used": ("event_model", known[0].astype(np.int8)),
@@ -216,7 +230,7 @@ def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -
 
 
 def _left_out(clear: NDArray, of: str) -> str:
-    """What of the catalogues has no clear axes, in words; empty where all have."""
+    """The shares of both catalogues without clear axes, as a sentence; empty if all have clear axes."""
     if (clear > 1.0 - MIN_SHARE_LEFT_OUT_TOLD).all():
         return ""
     shares = [
@@ -224,14 +238,14 @@ def _left_out(clear: NDArray, of: str) -> str:
         for row in clear
     ]
     return (
-        f"; left out where two principal values are within {100 * MIN_PRINCIPAL_GAP:g} % of the largest: of the "
-        f"model's potency {shares[0]}, of the record's {of} {shares[1]}; Kagan angles take "
-        "sources with three clear axes"
+        ". An axis is left out where its principal value differs from another one by less than "
+        f"{100 * MIN_PRINCIPAL_GAP:g} % of the largest. These are, of the model's potency, {shares[0]}; of the "
+        f"record's {of}, {shares[1]}. Kagan angles are computed for sources with three clear axes"
     )
 
 
 def _shapes_text(found: dict[str, NDArray]) -> str:
-    """Which axes have no mean, and what they have instead, in words; empty where all have one."""
+    """Which axes have no mean, and what they form instead, in sentences; empty if all have a mean."""
     said = []
     for row, which in enumerate(("modelled", "recorded")):
         for column, name in enumerate(AXIS_NAMES):
@@ -241,7 +255,8 @@ def _shapes_text(found: dict[str, NDArray]) -> str:
                 said.append(f"{which} {name} axes lie in a girdle about {pole} (Woodcock K {k:.2f})")
             elif shape == UNIFORM:
                 said.append(f"{which} {name} axes have no preferred direction")
-    return f"; {', '.join(said)}: no mean axis of these" if said else ""
+    said[:1] = [one[:1].upper() + one[1:] for one in said[:1]]
+    return f". {', '.join(said)}. These axes have no mean" if said else ""
 
 
 def _sample(events: xr.Dataset, tensor: NDArray, kept: NDArray, blocks: NDArray | None) -> AxesSample:

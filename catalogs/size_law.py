@@ -3,7 +3,7 @@
 The largest distance between the distribution found and the one fitted is compared with what catalogues of the fitted
 law give when they are fitted again (Lilliefors 1969; the parametric bootstrap of Clauset, Shalizi and Newman 2009): as
 the parameters come from the same sizes, the tables of Kolmogorov and Smirnov would let nearly every law pass. That
-distance hardly sees the few events that an upper end takes away, so an unbounded law must also explain how small the
+distance is insensitive to the few events that an upper end removes, so an unbounded law must also explain how small the
 largest event is.
 """
 

@@ -1,4 +1,4 @@
-"""The comparison of sizes as variables of comparison.nc (their layout: catalogs.comparison_layout), and its words."""
+"""The comparison of sizes as variables of comparison.nc (their layout: catalogs.comparison_layout), and their text."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,7 +11,7 @@ from catalogs.comparison_layout import CATALOGUES
 from catalogs.comparison_settings import ComparisonSettings
 from catalogs.size_law import FEW, NONE, POWER, TRUNCATED, Law, find_law
 
-LAW_RESAMPLINGS, LAW_SEED = 999, 1  # the verdict on the law hangs on the sizes alone, not on the comparison's seed
+LAW_RESAMPLINGS, LAW_SEED = 999, 1  # the verdict on the law depends on the sizes only, not on the comparison's seed
 SIZE_BIN_WIDTH = 0.2  # Bins of log10 potency in plots: 0.13 of Mw, where 0.1 is usual.
 
 
@@ -120,7 +120,7 @@ def size_measures(
         result[name] = (("catalogue", "trial_cut"), np.array([column(values, key) for values in table], float))
     said = [_text(name, one, size) for name, one, size in zip(CATALOGUES, fits, stable, strict=True)]
     laws = {f"law_{name}": one.law.name for name, one in zip(CATALOGUES, fits, strict=True)}
-    return result, {"size_text": "; ".join(said), **laws}
+    return result, {"size_text": ". ".join(said), **laws}
 
 
 def _by_cut(x: NDArray, grid: NDArray, bin_width: float) -> list[sizes.BValue]:
@@ -138,22 +138,24 @@ def _difference(fits: list[Fit]) -> sizes.BDifference:
 
 
 def _text(name: str, one: Fit, stable: float) -> str:
-    """Law and b of one catalogue in words."""
+    """Law and b of one catalogue as sentences."""
     value, law = one.plain, one.law
     if not np.isfinite(value.b):
-        why = f"{sizes.MIN_EVENTS_FOR_B} are needed" if value.events < sizes.MIN_EVENTS_FOR_B else "all of one size"
-        return f"{name}: no b, n = {value.events} ({why})"
-    complete = f"complete from log P = {stable:.1f}" if np.isfinite(stable) else "no stable completeness"
+        few = value.events < sizes.MIN_EVENTS_FOR_B
+        why = f", and {sizes.MIN_EVENTS_FOR_B} are needed" if few else " of one size"
+        return f"The {name} has no b: it has {value.events} event{'s' * (value.events != 1)}{why}"
+    complete = f"complete from log P = {stable:.1f} on" if np.isfinite(stable) else "of no stable completeness"
     power, bounded = _chance(law.power_p_value), _chance(law.truncated_p_value)
     if one.quoted is None:
-        said = f"no power law ({power}), nor one that ends at its largest event ({bounded}), so no b describes it"
+        said = f"follow neither a power law ({power}) nor one that ends at the largest event ({bounded}): no b is given"
     else:
         b = f"b = {one.quoted.b:.2f} ({one.quoted.lower:.2f} to {one.quoted.upper:.2f})"
-        end = f", or {one.bounded.b:.2f} if it ends at the largest event: the interval holds both"
-        said = f"{b}, a power law ({power}){end if np.isfinite(one.bounded.b) else ''}"
+        end = f". If the law ends at the largest event, b is {one.bounded.b:.2f}; the interval contains both values"
+        said = f"follow a power law ({power}) with {b}{end if np.isfinite(one.bounded.b) else ''}"
         if law.name == TRUNCATED:
-            said = f"no power law ({power}) but one that ends at log P = {one.bounded.bound:.1f} ({bounded}), {b}"
-    return f"{name}: {said}, n = {value.events}, {complete}"
+            end = f"one that ends at log P = {one.bounded.bound:.1f} ({bounded})"
+            said = f"follow no power law ({power}) but {end}, with {b}"
+    return f"The sizes of the {name} {said}. Its {value.events} events are {complete}"
 
 
 def _chance(p_value: float) -> str:

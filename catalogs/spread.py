@@ -1,7 +1,7 @@
-"""How far the runs of an ensemble are apart: the mine's own and its perturbed members, in numbers.
+"""Spread of the runs of an ensemble: the mine's own run and its perturbed members.
 
 Brittle failure localises: which rock fails first decides what fails next, and one run is one realisation. Members
-differ from the mine's own run at random, within what nobody can know better (mpm_core/equilibrium/perturbation.py).
+differ from the mine's own run at random, by less than can be measured (mpm_core/equilibrium/perturbation.py).
 
 Layout of spread.nc
 -------------------

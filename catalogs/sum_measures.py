@@ -77,7 +77,7 @@ def cluster_size(clusters: NDArray) -> float:
 
 
 def potency_clustering(potency: NDArray, clustering: float) -> float:
-    """By what clusters raise the variance of summed potency (event,), if sizes do not hang on the cluster."""
+    """Factor by which clusters raise the variance of summed potency (event,), if sizes do not depend on the cluster."""
     if not len(potency):
         return 1.0
     worth = potency.sum() ** 2 / np.sum(potency**2)
@@ -104,35 +104,38 @@ def _model(runs: list[NDArray], weight, scale: float) -> Total:
 
 
 def _text(potency, runs, interval, counted, clustering: float, days: float) -> str:
-    """What is expected of the record, what the model makes, whether the two agree, and what the intervals contain."""
+    """In sentences: the expected number of recorded events, that of the model, their p-value, and what the intervals
+    contain."""
     model, record = len(runs[0]), len(potency[1])
     made = f"{model}" if len(runs) == 1 else f"{np.mean([len(run) for run in runs]):.1f} (mean of {len(runs)} runs)"
     when = f" in {days:.3g} days" if np.isfinite(days) else ""
-    said = (
-        f"{record} recorded event{'s' * (record > 1)}{when}: {interval[0]:.3g} to {interval[1]:.3g} are expected (95 %)"
-    )
+    said = f"the record has {record} event{'s' * (record > 1)}{when}. The expected number of recorded events is "
+    said += f"{interval[0]:.3g} to {interval[1]:.3g} (95 %)"
     if not record:
-        said = f"no recorded event{when}: fewer than {interval[1]:.3g} are expected (95 %)"
+        said = f"the record has no event{when}. The expected number of recorded events is less than "
+        said += f"{interval[1]:.3g} (95 %)"
     if clustering > 1.0 and record:
-        said += f" (they come in clusters, which raises the variance of their number {clustering:.2g} times)"
-    said += f"; the model makes {made}"
+        said += f"; events come in clusters, which raises the variance of their number {clustering:.2g} times"
+    said += f". The model makes {made}"
     if np.isfinite(counted.p_value):
-        said += f", p = {counted.p_value:.2g}" if counted.p_value >= 5e-4 else ", p < 0.001"
-        said += " if both expect as many"
+        said += f"; p = {counted.p_value:.2g}" if counted.p_value >= 5e-4 else "; p < 0.001"
+        said += " if both expected numbers are equal"
     said += ". "
     if record:
         largest = [float(np.log10(values.max())) for values in (potency[1], np.concatenate(potency))]
         said += (
-            f"Intervals of potency hold for events up to the largest seen, log P = {largest[0]:.2f} in the record and "
-            f"{largest[1]:.2f} in both: a power law without an upper end has no mean where its b is below 1"
+            f"Intervals of potency hold for events up to the largest one, of log P = {largest[0]:.2f} in the record "
+            f"and {largest[1]:.2f} in both, since a power law without an upper end has no mean where its b is below 1"
         )
         worth = potency[1].sum() ** 2 / np.sum(potency[1] ** 2)
-        said += f"; the record's potency is worth that of {worth:.1f} equal events" if worth < MIN_EQUAL_EVENTS else ""
+        said += (
+            f". The record's potency varies like that of {worth:.1f} equal events" if worth < MIN_EQUAL_EVENTS else ""
+        )
         said += ". "
     chance = (
-        "The model's chance is taken as that of independent events, which is the least it can be; an ensemble of "
-        f"{MIN_RUNS_FOR_VARIANCE - 1} members or more would tell it"
+        "The events of the model are assumed to be independent, which is the least that chance can do. An ensemble of "
+        f"{MIN_RUNS_FOR_VARIANCE - 1} members or more would measure it"
     )
     if len(runs) > 1:
-        chance = f"The model's chance is what its {len(runs)} runs differ by"
+        chance = f"The chance of the model is estimated from the differences between its {len(runs)} runs"
     return said + chance

@@ -1,7 +1,7 @@
-"""What a stage took: said in the closing line of its log, and read back from there.
+"""Time and memory of a stage: written into the closing line of its log, and read from there.
 
-Processor time is the process's own, of all its threads. Wall time scatters by a factor of several on a machine that
-does other things too, and who looks from outside now and then (Snakemake's benchmark files) misses a process's end.
+Processor time is that of all threads of the process. Wall time varies by a factor of several on a busy machine, and
+samples from outside (Snakemake's benchmark files) miss the end of a process.
 """
 
 import os
@@ -20,8 +20,8 @@ CLOSING = re.compile(
 
 @dataclass(frozen=True)
 class Costs:
-    """Of a stage. seconds: wall time; processor: user and system time of all threads, s; compiling: what of that went
-    into kernels, s, which the next run finds compiled; memory: largest resident, MiB."""
+    """Costs of a stage. seconds: wall time; processor: user and system time of all threads, s; compiling: the part of
+    it that compiled kernels, s, which the next run reuses; memory: largest resident memory, MiB."""
 
     seconds: float
     processor: float
@@ -30,7 +30,7 @@ class Costs:
 
     @property
     def running(self) -> float:
-        """Processor time that every run takes, s: that of compiling is left out."""
+        """Processor time of every run, s: without compiling."""
         return self.processor - self.compiling
 
     def closing_line(self, stage: str) -> str:
@@ -43,7 +43,7 @@ class Costs:
 
 
 def cost_of(log: str | os.PathLike) -> Costs | None:
-    """What the stage with this log took; None of one that has not finished, or left no log."""
+    """Costs of the stage with this log; None if it has not finished or has no log."""
     try:
         lines = Path(log).read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
@@ -60,13 +60,13 @@ class Compiling:
         self._here = threading.local()  # threads compile one at a time, but others may run meanwhile
 
     def begin(self) -> None:
-        """A kernel is compiled on this thread from now on."""
+        """Note that this thread begins to compile a kernel."""
         self._here.depth = getattr(self._here, "depth", 0) + 1
         if self._here.depth == 1:
             self._here.since = time.thread_time()
 
     def end(self) -> None:
-        """It is compiled."""
+        """Note that the kernel is compiled."""
         self._here.depth -= 1
         if self._here.depth == 0:
             self.seconds += time.thread_time() - self._here.since
@@ -76,7 +76,7 @@ COMPILING = Compiling()  # of this process
 
 
 class Clock:
-    """What the stage at work has taken so far, of which processes that were killed may have done a part."""
+    """Costs of the running stage so far, including those of earlier processes that were killed."""
 
     def __init__(self):
         self.start()
@@ -87,7 +87,7 @@ class Clock:
         self._earlier = 0.0, 0.0, 0.0
 
     def taken(self) -> tuple[float, float, float]:
-        """Wall time, processor time and what of that was compiling, s, with those of earlier processes."""
+        """Wall time, processor time and its compiling part, s, including earlier processes."""
         now = time.perf_counter(), time.process_time(), COMPILING.seconds
         wall, processor, compiling = (
             earlier + until - since for earlier, until, since in zip(self._earlier, now, self._since, strict=True)
@@ -95,7 +95,7 @@ class Clock:
         return wall, processor, compiling
 
     def go_on(self, taken: Iterable[float]) -> None:
-        """An earlier process had taken so much up to where this one goes on from."""
+        """Add the costs of an earlier process, up to the point from which this one continues."""
         wall, processor, compiling = taken
         self._earlier = float(wall), float(processor), float(compiling)
 

@@ -1,4 +1,4 @@
-"""netCDF files that are whole or absent, have the same bytes for the same content, and tell when a byte has changed.
+"""netCDF files that are complete or absent, have the same bytes for the same content, and show if a byte has changed.
 
 Large arrays of numbers carry netCDF's own checksum (fletcher32), which the library compares when it reads them. All
 else (attributes, names, text, times, small arrays) goes into the attribute `checksum`, which is compared on opening.
@@ -55,7 +55,7 @@ def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
 
 
 def clear_parts(path: str | os.PathLike) -> None:
-    """Remove what processes that were killed as they wrote `path` have left beside it.
+    """Remove partial files that killed processes have left beside `path`.
 
     One process writes a file at a time (Snakemake locks it); what belongs to a process that lives is left alone.
     """
@@ -99,7 +99,7 @@ def is_compressible(values: np.ndarray) -> bool:
 
 
 def rows_of_chunk(rows: int) -> int:
-    """Rows of each chunk, so that chunks are of one size and the last is not filled up with nothing."""
+    """Rows of each chunk: chunks have equal sizes, and the last one has no padding."""
     return -(-rows // -(-rows // MAX_CHUNK_ROWS))
 
 
@@ -139,7 +139,7 @@ def plain(attributes: dict) -> dict[str, str | float | list]:
 
 @contextmanager
 def open_dataset(path: str | os.PathLike) -> Iterator[xr.Dataset]:
-    """A netCDF file whose values are read when asked for, and not kept; closed at the end of the block.
+    """A netCDF file whose values are read on demand, and not kept; closed at the end of the block.
 
     Raises InputError for a missing or unreadable file, and for one whose bytes are not those that were written, also
     where a block that reads its values finds that.
@@ -161,7 +161,7 @@ def open_dataset(path: str | os.PathLike) -> Iterator[xr.Dataset]:
 
 
 def is_as_written(dataset: xr.Dataset) -> bool:
-    """Whether attributes, text and small arrays are what the file's checksum says; True for a file without one."""
+    """Whether attributes, text and small arrays match the file's checksum; True for a file without one."""
     try:
         return dataset.attrs.get(CHECKSUM) in (None, checksum(dataset))
     except (OSError, ValueError, RuntimeError):

@@ -1,4 +1,4 @@
-"""A disk without room is told as such, with its folder: netCDF says "HDF error" only, others a number."""
+"""Messages for a full disk that name its folder: netCDF reports only "HDF error", other libraries a number."""
 
 import errno
 import os
@@ -13,10 +13,10 @@ PROBE_BYTES = 1 << 20  # Bytes that the probe writes. A library that has failed 
 
 
 def no_room(error: BaseException, folder: str | os.PathLike, half: Path | None = None) -> InputError | None:
-    """What to tell the user if `error` came of a lack of room in `folder`, else None.
+    """Message for the user if `error` was caused by a full disk at `folder`, else None.
 
-    half: the file that was being written, about to be removed. A library that hides the system's reason is not asked:
-    the system is, whether it would take any more.
+    half: the file that was being written, which is about to be removed. Some libraries hide the system's reason, so
+    this function tests whether the system can write any more.
     """
     reason = error if isinstance(error, OSError) and error.errno in NO_ROOM else None
     if reason is None and half is not None and half.exists() and not isinstance(error, InputError):
@@ -29,7 +29,7 @@ def no_room(error: BaseException, folder: str | os.PathLike, half: Path | None =
 
 
 def full_one(folders: Sequence[str | Path]) -> Path:
-    """The first of these folders that takes no more, or the first: an error of a write does not say of which file."""
+    """The first of these folders whose disk is full, or the first one: a write error does not name its file."""
     for folder in folders:
         try:
             with tempfile.TemporaryFile(dir=Path(folder)) as file:

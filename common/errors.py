@@ -1,4 +1,4 @@
-"""The exceptions that a user is meant to read."""
+"""Exceptions whose messages are written for the user."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -30,7 +30,7 @@ class InputErrors(InputError):
 
 
 class Mistakes:
-    """Gathers mistakes of which one does not hide the others."""
+    """Gathers mistakes, so that one does not hide the others."""
 
     def __init__(self):
         self.lines: list[str] = []

@@ -1,4 +1,4 @@
-"""What a variable of a dataset is: one form for all tables of variables, and one check."""
+"""Declaration of a variable of a dataset: one form for all tables of variables, and one check."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -27,11 +27,11 @@ class Field:
 
     @property
     def attributes(self) -> dict[str, str]:
-        """What a file says of the variable."""
+        """Attributes of the variable in a file."""
         return {"long_name": self.meaning} | ({"units": self.unit} if self.unit else {})
 
     def check(self, dataset: xr.Dataset, source: str) -> None:
-        """Raise InputError, one line that names `source`, if the dataset has no such variable or another one."""
+        """Raise InputError, one line that names `source`, if the variable is missing or not as declared."""
         if self.name not in dataset.variables:
             raise InputError(f"{source}: {self.name} is missing; {FILE_REMEDY}")
         found = dataset.variables[self.name]

@@ -1,4 +1,4 @@
-"""Where on Earth a mine's coordinates lie, as its configuration says it."""
+"""Place of a mine's coordinates on Earth, from its configuration."""
 
 from typing import Self
 
@@ -32,5 +32,5 @@ class Frame(Settings):
 
     @property
     def has_place(self) -> bool:
-        """Whether it says where on Earth the mine is: QuakeML cannot do without, all else can."""
+        """Whether the mine has a place on Earth. Only QuakeML needs one."""
         return self.crs is not None or self.latitude is not None

@@ -1,4 +1,4 @@
-"""Which part of its cell a particle stands for."""
+"""Centre of the part of its cell that a particle represents."""
 
 import numpy as np
 import xarray as xr

@@ -1,4 +1,4 @@
-"""What a stage says on the terminal while it runs: what it does, and now and then where it stands."""
+"""Messages of a running stage on the terminal: what it does, and its progress from time to time."""
 
 import functools
 import logging
@@ -12,14 +12,14 @@ from common.costs import COMPILING
 from common.provenance import KERNEL_PACKAGES
 
 SECONDS_TO_FIRST_LINE = 1.0  # A stage that ends sooner says only that it has ended.
-SECONDS_BETWEEN_LINES = 30.0  # Seconds between two lines on where a stage stands.
+SECONDS_BETWEEN_LINES = 30.0  # Seconds between two lines on the progress of a stage.
 COMPILER = "numba.core.dispatcher"  # the module that says what it compiles
 
 
 class Progress(logging.Handler):
-    """Says what the stage `name` does, and then, where no progress bar can, the latest line of its log.
+    """Prints what the stage `name` does, and then the latest line of its log where there is no progress bar.
 
-    A thread of its own: a stage is silent while it reads, compiles or writes.
+    It has a thread of its own, since a stage is silent while it reads, compiles or writes.
     """
 
     def __init__(self, name: str, does: str):
@@ -37,7 +37,7 @@ class Progress(logging.Handler):
         self.thread.join()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep a line of the log, to be told when it is time to."""
+        """Keep a line of the log, to be printed later."""
         self.latest = record.getMessage().partition("\n")[0]
 
     def _tell(self) -> None:
@@ -53,7 +53,7 @@ class Progress(logging.Handler):
 
 
 class _WithNumba:
-    """Finds no module for Python, but learns when the compiler is imported."""
+    """Import hook that finds no module, but notes when the compiler is imported."""
 
     @staticmethod
     def find_spec(name: str, path=None, target=None) -> None:
@@ -63,9 +63,9 @@ class _WithNumba:
 
 
 def log_compilation() -> None:
-    """Let the log name each kernel that is compiled, and count the time: a first run takes minutes over it.
+    """Let the log name each kernel that is compiled, and count the time: a first run spends minutes on it.
 
-    From when the stage imports numba: most do not, and need not wait for it.
+    It begins when the stage imports numba. Most stages do not import it, and need not wait for it.
     """
     if COMPILER in sys.modules:
         _listen()

@@ -1,8 +1,8 @@
 """What a result was made from: configuration, sources, inputs and package versions, never the time of day.
 
 A result carries `made_from`, a digest of its slice of the configuration, the sources of its stage, the content of the
-files that the slice names, and the `made_from` of the results that it was made of. So it stands for all that came
-before it, and the workflow compares it with what it would be now (workflow/stage_inputs.py), whatever the times say.
+files that the slice names, and the `made_from` of the results that it was made of. So it identifies all that came
+before it. The workflow compares it with its present value (workflow/stage_inputs.py), independently of file times.
 """
 
 import functools
@@ -100,7 +100,7 @@ def content_of(path: Path) -> str:
 
 
 def read_made_from(path: str | os.PathLike) -> str | None:
-    """What a result says that it was made from; None if it is missing, cannot be read or does not say.
+    """The `made_from` that a result carries; None if it is missing, cannot be read or carries none.
 
     A dataset has it as an attribute, a page or QuakeML file in a comment at its end (see comment).
     """

@@ -21,7 +21,7 @@ def units():
 
 @cache
 def factor(text: str, unit: str) -> float:
-    """How many `unit` the unit `text` has. Raises ValueError with the reason; a large mine has a few of them."""
+    """How many `unit` the unit `text` has. Raises ValueError with the reason; a large mine uses only a few units."""
     import pint
 
     try:

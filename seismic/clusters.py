@@ -90,7 +90,7 @@ def neighbour_pairs(
     point = np.column_stack([position - position.mean(axis=0), family * apart])
     pairs = [np.empty((0, 2), np.intp)]
     for rank, largest in enumerate(sizes):
-        # twice RADIUS_ROUND_OFF: the tree only proposes, the distances below decide
+        # twice RADIUS_ROUND_OFF: the tree only proposes pairs; the distances below decide
         radius = radius_cells * (1.0 + 2.0 * RADIUS_ROUND_OFF) * largest
         own = np.flatnonzero(size == rank)
         tree = cKDTree(point[own])

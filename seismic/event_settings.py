@@ -54,12 +54,12 @@ class SeismicSettings(Settings):
 
     @property
     def clustering(self) -> ClusterSettings:
-        """How a family is separated."""
+        """Settings by which a family is separated into events."""
         return self.cluster or ClusterSettings()
 
     @property
     def fewest(self) -> int:
-        """Particles of the smallest event that is resolved."""
+        """Smallest number of particles of a resolved event."""
         return self.clustering.min_samples if self.method == "families" else self.least_particles
 
 

@@ -51,8 +51,8 @@ def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int 
     end, dated where it has dates: see dated). settings: EventSettings, or their values; their start and end, if given,
     are the step's, since the mechanics know no dates. reach: over what regions are linked (seismic.regions). Moments
     have the moduli of the rock that failed.
-    Events stand in the order in which they begin. An undated step gives events without times, to be looked at; they
-    enter no catalogue. Particles that failed without a drop (no seismic strain) have no mechanism and join no event.
+    Events are in the order in which they begin. Events of an undated step have no times and enter no catalogue.
+    Particles that failed without a drop (no seismic strain) have no mechanism and join no event.
     Raises InputError for a dataset that lacks something or contradicts itself.
     """
     chosen = EventSettings.of(settings, "seismic")

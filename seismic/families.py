@@ -1,8 +1,8 @@
 """Families of failed particles with like mechanisms (paper 3.1).
 
-Greedy leaders: particles are visited from the largest potency down, and one that no leader is close to becomes a
-leader itself. Then each particle joins the leader it is closest to. So every particle is in exactly one family, and
-the largest source around a mechanism leads the family.
+Leaders are found greedily: particles are visited from the largest potency down, and a particle that is close to no
+leader becomes one. Then each particle joins the leader it is closest to. So every particle is in exactly one family,
+and the largest source around a mechanism leads the family.
 """
 
 import numpy as np

@@ -2,27 +2,26 @@
 
 Two failed particles are linked where their cells touch, over a face, an edge or a corner, they failed in the same
 increment at most one generation apart, and the cosine of their potency tensors is above the threshold. Links through
-faces alone would cut a crack one cell thick into its level stretches: the cells along a plane hang together over faces
-and edges (Andres et al. 1997), those along a line over corners, too. In turn two cracks stay apart only where the
-intact cells between them hang together through faces (Kong and Rosenfeld 1989).
+faces alone would cut a crack one cell thick into its level stretches: the cells along a plane are connected over faces
+and edges (Andres et al. 1997), those along a line over corners, too. In return two cracks are separate only where the
+intact cells between them are connected through faces (Kong and Rosenfeld 1989).
 
 Regions grow from single particles along these links: in each round every region chooses one that it is linked to, and
-two that choose each other join. Chosen is that of the largest
+two that choose each other join. It chooses the one with the largest
 
     cosine of both tensors * links between both / sqrt(particles of the smaller)
 
-(the surface of a region grows about so with its particles, and links count a surface by its area, however it lies among
-the cells: to within 12 %, where links over faces alone differ by 73 %), of those with which the region may join at all:
-if
+among those with which it may join. (The surface of a region grows roughly with this root, and the number of links
+measures the area of a surface with little influence of its orientation; study clustering.) Two regions may join if
 
     |sum P| >= threshold * sum |P|    over the particles of both,
 
 where the left side over the right one is the mean cosine between a particle and its event's tensor, weighted by
-potency; and if no particle is opposed to that tensor, so no chain of links turns a mechanism round. What then chooses a
-region that has just grown, and is far smaller (MAX_JOINING_SHARE), joins it in the same round, the best first, if it
-still may: else a large region would take one neighbour a round. It ends when none may join. Which regions join depends
-on what is around them, not on the rest of the mine, and not on the order of the particles: sums are taken in the order
-of their places, and equal choices are settled by a lot drawn from these.
+potency; and if no particle is opposed to that tensor, so a chain of links cannot join opposite mechanisms. Much smaller
+regions (MAX_JOINING_SHARE) that choose a region which has just grown join it in the same round, the best first, if they
+still may: otherwise a large region would absorb one neighbour a round. The process ends when no two regions may join.
+Which regions join depends on their surroundings, not on the rest of the mine, and not on the order of the particles:
+sums are added in the order of the particles' positions, and ties are broken by a number derived from these.
 """
 
 import numpy as np
@@ -157,8 +156,9 @@ def grow(
 def _gather(linked, region, first, second, shared, start, place):
     """The links between regions, after their particles' regions have changed: first, second, shared (link,).
 
-    Those of one pair are one, which shares what they shared; first < second, in the order of first. linked (k,): the
-    regions that had links, ascending; start, place (region,): to work with, place -1 at first and then as it was left.
+    Links between the same pair of regions are merged into one, and their counts `shared` are added; first < second, in
+    the order of first. linked (k,): the regions that had links, ascending; start, place (region,): work arrays; place
+    is -1 before the first call, and later calls get it as the one before left it.
     """
     for a in linked:
         start[a] = 0
@@ -194,7 +194,7 @@ def _gather(linked, region, first, second, shared, start, place):
 
 @njit(cache=True)
 def _with_links(linked, first, second, mark):
-    """Those of some regions, (k,) ascending, that have links still; mark (region,): to work with."""
+    """The regions among `linked` that still have links, (k,) ascending; mark (region,): work array."""
     for a in linked:
         mark[a] = 0
     for link in range(len(first)):
@@ -240,7 +240,7 @@ def _choose(tensor, total, scalar, size, least, following, lot, first, second, s
 
 @njit(cache=True)
 def _may_join(a, b, threshold, tensor, total, scalar, least, following):
-    """Whether two regions would be alike enough together, and no particle of either opposed to their tensor."""
+    """Whether two regions may join: their mechanisms are similar, and no particle is opposed to their tensor."""
     aa, ab, bb = _products(total, a, b)
     joined = np.sqrt(aa + 2.0 * ab + bb)
     if joined < threshold * (scalar[a] + scalar[b]):
@@ -269,12 +269,12 @@ def _opposed(particle, a, b, tensor, total, following):
 
 @njit(cache=True)
 def _join(linked, best, score, threshold, small, tensor, total, scalar, size, least, region, following, last, hub):
-    """Join regions that chose each other, and small ones to their choice, in place; how many regions are gone.
+    """Join regions that chose each other, and small ones to their choice, in place. Returns how many vanish.
 
     linked (k,): the regions that have links, ascending; best, score: as _choose left them.
     The particles of a region are a chain: it begins at the region's number, `following` (particle,) leads on, -1 at its
-    end, and last (region,) is that end. hub (region,), to work with: what a region that has grown, or is part of one,
-    belongs to now.
+    end, and last (region,) is that end. hub (region,), work array: the region that a grown region, or a part of one,
+    now belongs to.
     """
     for a in linked:
         hub[a] = -1

@@ -1,4 +1,4 @@
-"""What the particles of events say about them: how much is unlike, and how much the load has made an event at once."""
+"""Shares of the potency: in particles unlike their event, and in events that one increment of the load has caused."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,10 @@ def unlike_share(potency: NDArray, event: NDArray, event_potency: NDArray, thres
 
 
 def at_once_share(weight: NDArray, event: NDArray, failure_order: NDArray, least: int) -> float:
-    """Share of the scalar potency in rock that an increment of the load took above strength at once, as an event.
+    """Share of the scalar potency in events whose rock one increment of the load brought above its strength.
 
     That is rock that fails before any other of its increment (generation 0), where one event has `least` such particles
-    and more: put on in smaller increments they fail one after another, some of them never, and are other events.
+    and more. In smaller increments they would fail one after another, some of them never, and form other events.
     weight (particle,) m3; event (particle,); failure_order (particle, 2): increment and generation.
     """
     first = failure_order[:, 1] == 0

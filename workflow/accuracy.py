@@ -1,7 +1,7 @@
-"""`accuracy`: a mine as its file says it, in a hurry, or with patience.
+"""`accuracy`: presets of cells, tolerances and increments for a mine.
 
-What a file says is `standard`. The other two change its cells, tolerances and increments in proportion, so that what
-they cost and err by is told once (study openings). `snakemake tradeoff` measures each of them alone.
+`standard` takes the mine file as it is. The other two change cells, tolerances and increments in proportion. Study
+openings measures their costs and errors, and `snakemake tradeoff` those of each change alone.
 """
 
 import math
@@ -11,12 +11,15 @@ from common.errors import InputError
 from mpm_core.settings import MAX_LEVELS
 from workflow.plan import Plan
 
-LOOSEST = {"tolerance": 1e-2, "cascade_tolerance": 0.05}  # looser, rock is not at rest when its failure is looked for
+LOOSEST = {
+    "tolerance": 1e-2,
+    "cascade_tolerance": 0.05,
+}  # with larger ones rock is far from equilibrium when failure is checked
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """levels: of cells, more than the file's; tolerances, overshoot: times the file's."""
+    """levels: number added to the file's; tolerances, overshoot: factors on the file's."""
 
     levels: int
     tolerances: float
@@ -55,4 +58,6 @@ def apply_accuracy(mine: Plan) -> None:
     for key, loosest in LOOSEST.items():
         solver[key] = max(solver[key], min(solver[key] * preset.tolerances, loosest))
     solver["max_overshoot"] = min(max(solver["max_overshoot"] * preset.overshoot, 0.001), 1.0)
-    solver["increments"] = min(math.ceil(solver["increments"] / preset.overshoot), 1000)  # 0: as the error asks
+    solver["increments"] = min(
+        math.ceil(solver["increments"] / preset.overshoot), 1000
+    )  # 0: their size follows from max_overshoot

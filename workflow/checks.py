@@ -1,4 +1,4 @@
-"""What the schema cannot say about a mine: steps in order, names that match, the domain, the virgin stress."""
+"""Checks of a mine that the schema cannot express: order of steps, names, the domain, the virgin stress."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -17,7 +17,7 @@ from workflow.mine_settings import MineSettings
 from workflow.record_checks import check_filter, check_frame, check_record
 from workflow.shapes import check_form, check_place, check_repeated
 
-PLANNED = "planned"  # shapes the grid now, is mined when it gets a step
+PLANNED = "planned"  # it is part of the grid, and is mined when it gets a step
 IN_PLANE = {"xz": ("xx", "zz", "xz"), "xy": ("xx", "yy", "xy"), None: ("xx", "yy", "zz", "yz", "xz", "xy")}
 RESERVED = ("verification", "benchmarks", "extremes", "tradeoff", "stability", "catalog_spread")  # folders of results
 LEAST_HOURGLASS = 0.001  # a thousandth of it makes a stage twenty times as long, zero has no answer
@@ -26,10 +26,10 @@ MOST_CELLS = 10**9  # coarse ones; the finer come on top
 
 
 def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
-    """Fill in what a mine's file leaves to us, and gather what the schema cannot say.
+    """Complete a mine, and gather the mistakes that the schema cannot find.
 
-    broken: sections of the configuration with mistakes already. What needs one of them is not checked: it would tell
-    the same mistake once more.
+    broken: sections of the configuration with mistakes already. Checks that need one of them are left out: they would
+    report the same mistake again.
     """
     broken = set(broken)
 

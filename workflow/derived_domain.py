@@ -1,4 +1,4 @@
-"""What follows from a mine's file by itself: the domain around its openings, the largest cell, the number of levels."""
+"""Values that follow from a mine file: the domain around its openings, the largest cell, the number of levels."""
 
 import functools
 import logging
@@ -27,7 +27,7 @@ SAME = 1e-9  # share by which sizes differ that are the same
 
 
 def complete(mine: Mine) -> None:
-    """Fill in what a mine's file leaves to us of domain and grid. Raises InputError, one line, for what contradicts."""
+    """Complete domain and grid of a mine file. Raises InputError, one line, for what contradicts."""
     domain, grid = mine.values.setdefault("domain", {}), mine.values["grid"]
     finest = grid.pop("finest_cell", None)
     if finest is not None:

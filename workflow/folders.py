@@ -1,4 +1,4 @@
-"""Which mine is behind a folder of results: the run's own, its coarse companion, a member of its ensemble.
+"""The mine of a folder of results: the run's own mine, its coarse companion, or a member of its ensemble.
 
 The verification adds mines of its own (`Folders.add`): the variants of its studies.
 """
@@ -16,7 +16,7 @@ ALL_CORES = 64
 
 
 class OtherMines(Protocol):
-    """Mines beside the run's own."""
+    """Mines other than the run's own."""
 
     pattern: str  # of their folders below results, a regular expression
 
@@ -36,7 +36,7 @@ class Folders:
         self.mine_at = functools.cache(self._mine_at)
 
     def add(self, others: OtherMines) -> None:
-        """Let folders of other mines count, too."""
+        """Add the folders of other mines."""
         self.others = others
 
     @property
@@ -70,6 +70,6 @@ class Folders:
         return place if part.startswith(ENSEMBLE) else folder
 
     def threads(self, folder: str) -> int:
-        """Threads of a stage of the mechanics: all that there are, unless the folder's mine is small."""
+        """Threads of a stage of the mechanics: all of them, unless the folder's mine is small."""
         place, _ = self.parts(folder)
         return ALL_CORES if self.others is None or place == self.mine.name else self.others.threads_at(place)

@@ -1,4 +1,4 @@
-"""What is made from the models of the settings: default file, JSON schema, table of keys.
+"""Files that are generated from the models of the settings: default file, JSON schema, table of keys.
 
 python -m workflow.generate     writes config/default.yaml, config/README.md and workflow/schemas/config.schema.yaml
 """
@@ -21,7 +21,7 @@ from workflow.mine_settings import MineSettings
 BASE = Path(__file__).parent.parent
 COMMENT = 30  # column of comments
 SHAPE = "shape or file"  # section of the keys that all solids share
-SLIP = 1e6  # bounds from here on keep slips of the keyboard out and tell a reader nothing
+SLIP = 1e6  # bounds from here on only catch typing errors, and are not shown
 DEFAULT_HEAD = """\
 # Every parameter that has a default, generated from the models of the settings: python -m workflow.generate
 # A mine file (config/mines/<mine>.yaml) overrides what it needs. Materials, excavations, rock bodies, loads, strains,
@@ -142,12 +142,12 @@ def _default_lines(model: type[Settings], depth: int) -> Iterator[str]:
 
 
 def schema() -> dict:
-    """The JSON schema, with the keyword `unit` of ours."""
+    """The JSON schema, with this project's own keyword `unit`."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_tidy(MineSettings.model_json_schema())}
 
 
 def _tidy(part: Any) -> Any:
-    """A part of pydantic's schema without what says nothing: titles, and defaults that stand in another section."""
+    """A part of pydantic's schema without titles and without defaults that another section has."""
     if isinstance(part, list):
         return [_tidy(entry) for entry in part]
     if not isinstance(part, dict):
@@ -221,7 +221,7 @@ def _choice(section: type[Settings]) -> str:
 
 
 def _kind(model: type[Settings], name: str, section: type[Settings] | None) -> str:
-    """What a field takes, in words."""
+    """The values that a field accepts, as text."""
     part = schema_of(model)["properties"][name]
     words = _words(part, model)
     return f"{words}" if words else f"{section.__name__ if section else ''}"
@@ -277,7 +277,7 @@ def _meaning(field: FieldInfo, section: type[Settings] | None) -> str:
 
 
 def main() -> None:
-    """Write what has changed."""
+    """Write the files that have changed."""
     CommandLine(prog="python -m workflow.generate", description=__doc__).parse_args()
     for path, text in generated().items():
         if not path.is_file() or path.read_text(encoding="utf-8") != text:

@@ -1,4 +1,4 @@
-"""Where in a mine's file a key stands, to tell mistakes in the order of the file."""
+"""Position of a key in a mine file, to list mistakes in the order of the file."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -73,7 +73,7 @@ def _children(node: yaml.Node) -> Iterator[tuple[str | int, tuple[int, yaml.Node
 
 
 def _is_said(overrides: dict, parts: list[str | int]) -> bool:
-    """Whether a key, or what it is in, is said by --config."""
+    """Whether --config sets a key or its section."""
     for part in parts:
         if not isinstance(overrides, dict):
             return True

@@ -1,7 +1,7 @@
-"""Results of an earlier plan that still lie in the mine's folder: of a step taken back, a member or record given up.
+"""Results of an earlier plan in the mine's folder: of a step, a member or a record that was removed from the plan.
 
-They are left where they are. Put back into the plan, they count again if they are of its settings
-(common.provenance).
+They are not deleted. If the step, member or record returns to the plan, they are used again where they match its
+settings (common.provenance).
 """
 
 from collections.abc import Iterable

@@ -15,7 +15,7 @@ GRID_KEYS = ("coarse_cell", "levels", "buffer_cells", "cut_cells", "volume_error
 
 
 def shape_keys(entry: dict) -> dict:
-    """Of an excavation, rock body or load, what says its shape or file."""
+    """The keys of an excavation, rock body or load that define its shape or file."""
     return {key: entry[key] for key in ShapeSettings.model_fields if key in entry}
 
 
@@ -51,7 +51,7 @@ class Mine(Plan):
         return {"name": entry["name"], **made}
 
     def expected(self) -> dict:
-        """What a derived domain's distance is and promises."""
+        """Distance and expected error of a derived domain."""
         return {key: getattr(self.far_field, key) for key in ("distance", "error", "radius", "limited")}
 
     def solids_slice(self) -> dict:
@@ -174,7 +174,7 @@ class Mine(Plan):
         }
 
     def report_slice(self) -> dict:
-        """What the report tells of the configuration: as written, the default, what is mined when."""
+        """What the report shows of the configuration: as written, the default, and when each excavation is mined."""
         return {
             "config": self.text,
             "default": self.default,

@@ -1,4 +1,4 @@
-"""A mine's configuration: the packages' settings in one model, and what the workflow adds, names of steps above all."""
+"""A mine's configuration: the packages' settings in one model, and the workflow's own, such as names of steps."""
 
 from typing import Annotated, Literal, Self
 

@@ -1,4 +1,4 @@
-"""What can be said of a record and of the frame before anything is read: columns, boxes, dates, places on the globe."""
+"""Checks of a record and of the frame before anything is read: columns, boxes, dates, places on the globe."""
 
 import math
 
@@ -15,7 +15,7 @@ BEYOND_USE = 3.0  # degrees that a projected system may be used beyond its zone:
 
 
 def check_record(mine: Mine, mistakes: Mistakes) -> None:
-    """The record of a mine, as far as it can be judged by itself."""
+    """Check the settings of a mine's record."""
     record = mine.values.get("record")
     if not record:
         return
@@ -32,7 +32,7 @@ def check_record(mine: Mine, mistakes: Mistakes) -> None:
 
 
 def _check_part(where: str, part: dict) -> None:
-    """Dates that are some and in order; boxes of three coordinates, and bounds, that are not upside down."""
+    """Check that dates are valid and in order, boxes have three coordinates, and lower bounds are below upper ones."""
     dates = {key: read_date(f"{where}.{key}", part[key]) for key in ("start", "end") if key in part}
     if len(dates) == 2 and dates["start"] >= dates["end"]:
         raise InputError(f"{where}.end: {part['end']} is not after start {part['start']}")
@@ -49,7 +49,7 @@ def _check_part(where: str, part: dict) -> None:
 
 
 def check_filter(mine: Mine, _: Mistakes) -> None:
-    """The record is cropped to the domain: a box beside it would leave nothing. Raises InputError."""
+    """Check that the filter's box reaches into the domain, to which the record is cropped. Raises InputError."""
     chosen = mine.values.get("record", {}).get("filter", {})
     axes = {"xz": (0, 2), "xy": (0, 1)}.get(mine.plane, (0, 1, 2))
     domain = mine.values["domain"]
@@ -63,7 +63,7 @@ def check_filter(mine: Mine, _: Mistakes) -> None:
 
 
 def check_frame(mine: Mine, _: Mistakes) -> None:
-    """The domain's corners have a place on the globe, near where the frame says that it is. Raises InputError."""
+    """Check that the domain's corners have a place on the globe, near that of the frame. Raises InputError."""
     frame, domain = mine.values["frame"], mine.values["domain"]
     axes = (0, 1) if mine.plane != "xz" else (0,)
     corners = [[domain[end][axis] for axis in axes] + [0.0] * (2 - len(axes)) for end in ("lower", "upper")]

@@ -1,4 +1,4 @@
-"""Which results a mine has, and which of them each rule reads. Rules call these functions with their wildcards."""
+"""The results of a mine, and the results that each rule reads. Rules call these functions with their wildcards."""
 
 import sys
 
@@ -38,7 +38,7 @@ class ResultFiles:
         return [self.own(f"{folder}/{step}.nc") for step in self.mine.mined_steps]
 
     def all(self) -> list[str]:
-        """Every stage's file: a missing intermediate is made again, not overlooked behind a standing report."""
+        """The files of all stages, so that a missing intermediate file is made again although the report exists."""
         made = {
             "report.html": True,
             "catalog.nc": self.has_catalog,
@@ -107,7 +107,7 @@ class ResultFiles:
         return [f"results/{wildcards.mine}/steps/{step}.nc" for step in self.mine_of(wildcards).dated_steps]
 
     def coarse_dated_steps(self, wildcards: Wildcards) -> list[str]:
-        """The same of the companion on cells of twice the size."""
+        """States of the dated steps of the companion on cells of twice the size."""
         return [f"results/{wildcards.mine}/{COARSE}/steps/{step}.nc" for step in self.mine_of(wildcards).dated_steps]
 
     def runs(self, wildcards: Wildcards) -> list[str]:

@@ -1,4 +1,4 @@
-"""Memory that a rule asks for (`mem_mb`), from the size of the grid that its stage works on.
+"""Memory that a rule requests (`mem_mb`), from the size of the grid of its stage.
 
 It is a promise to a cluster's scheduler, and what `--resources mem_mb=` shares out; the stages of the mechanics look at
 the free memory themselves (mpm_core.stages.stage_memory) before they start. Rules that are not here ask for a round

@@ -1,4 +1,4 @@
-"""What else rules ask for: options of command lines, flags of outputs, memory."""
+"""Other entries of rules: options of command lines, flags of outputs, memory."""
 
 from collections.abc import Callable
 

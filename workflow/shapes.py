@@ -1,4 +1,4 @@
-"""Solids as the configuration gives them: the keys of each shape, sizes that can be, places inside the domain, repeats.
+"""Checks of the solids in a configuration: keys of each shape, sizes, places inside the domain, repeated solids.
 
 From the numbers alone: the grid stage makes their surfaces.
 """

@@ -1,7 +1,7 @@
-"""Snakemake's command line, looked at before Snakemake reads it: it ends in tracebacks for what is refused here.
+"""Check of the command line before Snakemake reads it: Snakemake ends in tracebacks for what is refused here.
 
-Its own reader of --config makes text of all numbers in a section, `solver={increments: 2}`; here they are read as in a
-mine's file.
+Snakemake's own reader of --config turns all numbers in a section, `solver={increments: 2}`, into text. Here they are
+read as in a mine file.
 """
 
 import argparse
@@ -21,7 +21,7 @@ WORD = re.compile(r"[\w-]+")
 
 
 def check_command_line(arguments: argparse.Namespace, words: Sequence[str]) -> None:
-    """Look at Snakemake's arguments and at the words that they were made from. Raises InputError."""
+    """Check Snakemake's arguments and the words that they were made from. Raises InputError."""
     check_files(arguments.configfile)
     if sum(bool(OPTION.match(word)) for word in words) > 1:
         raise InputError(
@@ -51,7 +51,7 @@ def read_overrides(entries: Sequence[str] | None) -> dict:
 
 
 def _right_way(key: str, value: str) -> str:
-    """How to write what was meant by a key that Snakemake does not take."""
+    """The right form of a key that Snakemake does not accept."""
     section, *parts = key.split(".")
     if any(part.isdigit() for part in parts):
         return (

@@ -1,4 +1,4 @@
-"""What of a configuration stands in spite of its mistakes, so that the rest of it is checked, too."""
+"""The part of a configuration that has no mistakes, so that it is checked, too."""
 
 from collections.abc import Iterable
 
@@ -7,7 +7,7 @@ from workflow.key_order import parts_of
 from workflow.mine_settings import MineSettings
 
 ELASTIC = {"model": "elastic", "youngs_modulus": "1 GPa", "poisson_ratio": 0.25, "density": "2000 kg/m^3"}
-IN_PLACE = {  # of what a mine cannot do without
+IN_PLACE = {  # of required keys
     "name": "mine",
     "frame": {"surface": "0 m"},
     "insitu_stress": {"constant": {}},
@@ -48,6 +48,6 @@ def sound_part(text: dict, keys: Iterable[str]) -> tuple[dict, MineSettings | No
 
 
 def _named(section: str, entry) -> dict | None:
-    """What is left of an entry that is wrong."""
+    """What remains of a wrong entry."""
     is_named = section == "steps" and isinstance(entry, dict) and isinstance(entry.get("name"), str)
     return {"name": entry["name"]} if is_named else None

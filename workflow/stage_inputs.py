@@ -1,4 +1,4 @@
-"""The slice of the configuration that each stage depends on, and whether the stage's result is still of its inputs."""
+"""The slice of the configuration that each stage depends on, and whether its result still matches its inputs."""
 
 import functools
 import os

@@ -1,4 +1,4 @@
-"""A configuration file as text, looked at before its values are used: what YAML allows and no mine needs is refused.
+"""Check of a configuration file before its values are used: it refuses what YAML allows and no mine needs.
 
 Snakemake reads the files of --configfile before it reads the Snakefile, and evaluates Python in one that says
 `__use_yte__`. Only a profile comes earlier: ours (profiles/default) has them looked at here first. The Snakefile does
@@ -30,7 +30,7 @@ SWALLOWED = (
 
 
 def check_files(paths: list[Path]) -> None:
-    """Look at all files of --configfile. Raises InputError; a target among them is named as what it is."""
+    """Check all files of --configfile. Raises InputError; a target among them is named as what it is."""
     for number, path in enumerate(paths):
         if number and not path.is_file():
             raise InputError(f"{path}: no configuration file; {SWALLOWED.format(target=path)}")
@@ -76,7 +76,7 @@ def read_text(source: str | Path, text: str):
 
 
 def _read(path: str | Path, text: str, loader: type):
-    """What a text holds. What the fast loader does not take is for the slow one to judge."""
+    """The content of a text. The slow loader decides about what the fast loader refuses."""
     try:
         _check_structure(path, text, loader)
         return yaml.load(text, Loader=loader)

@@ -1,4 +1,4 @@
-"""What a user reads while the pipeline runs: each stage's own line, progress, and Snakemake's errors.
+"""Messages on the terminal while the pipeline runs: a line for each stage, progress, and Snakemake's errors.
 
 Snakemake's `quiet: all` would hide a locked folder or a missing input too, and without it a failed stage is echoed as a
 shell command. Its log file (.snakemake/log) keeps everything.
@@ -41,7 +41,7 @@ REPORTED_ITSELF = ("exit status 1.", "exit status 2.", "exit status 130.")  # a 
 
 
 class OneLine(logging.Filter):
-    """Drops Snakemake's chatter, and the echo of a failed command of which the stage has told the reason itself.
+    """Filter of Snakemake's minor messages, and of the echo of a failed command whose stage has given the reason.
 
     The table of jobs comes once: a dry run would show it before and after its list of jobs, which is left out.
     """
@@ -95,7 +95,7 @@ class LogHandler(LogHandlerBase):
         self.addFilter(OneLine())
 
     def setFormatter(self, formatter: logging.Formatter | None) -> None:
-        """Hand it on to what writes."""
+        """Pass the formatter to the handler that writes."""
         self.text.setFormatter(formatter)
 
     def emit(self, record: logging.LogRecord) -> None:

@@ -1,4 +1,4 @@
-"""A configuration as YAML reads it, made what its writer meant."""
+"""A configuration as YAML reads it, converted to what its writer meant."""
 
 import datetime
 import math

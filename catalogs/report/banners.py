@@ -35,26 +35,28 @@ def banners(evidence: Evidence) -> list[tuple[str, str]]:
         first, more = ", ".join(at_once[:MAX_NAMED]), len(at_once) - MAX_NAMED
         text = f"These excavations are filled while they are mined: {first}{f' and {more} more' if more > 0 else ''}. "
         text += "Their fill is in place while their own step unloads the rock, and it supports walls and failed rock. "
-        found.append(("note", text + "An opening that stands empty first (filled: a later step) makes more events."))
+        found.append(("note", text + "An opening that is filled in a later step (key filled) makes more events."))
     if evidence.is_twin:
         text = "The record shown is a twin: a catalogue that this pipeline made itself with other settings. "
         found.append(("twin", text + "It was not measured."))
     if evidence.record is None and evidence.steps and "record" not in evidence.config:
         found.append(("note", "No recorded catalogue was given, so this report cannot say how well the model fits."))
     if evidence.comparison is not None and evidence.comparison["events_above_cut"].values.all():
-        found.append(("note", f"Model and record are compared at {typeset(evidence.comparison.attrs['cut_text'])}."))
+        found.append(("note", f"Model and record are compared from {typeset(evidence.comparison.attrs['cut_text'])}."))
     return found
 
 
 def draft(evidence: Evidence) -> str:
-    """What a draft changes of what the mine's file says."""
+    """What a draft changes in the settings of the mine file."""
     lost = json.loads(evidence.grid.attrs.get("draft_would_lose", "[]"))
     cells = "" if lost else "cells of twice the size, "
-    text = f"A draft: {cells}looser tolerances and larger increments than section {section_number('config')} says. "
+    text = (
+        f"A draft has {cells}looser tolerances and larger increments than section {section_number('config')} states. "
+    )
     if lost:
-        text += f"Its cells are those of the mine's file, since hardly any of twice the size would lie in {lost[0]}"
-        text += f" and {plural(len(lost) - 1, 'other excavation')}. " if len(lost) > 1 else ". "
-    return text + "Its numbers are a first look: those to use come without accuracy: draft."
+        text += "It keeps the cells of the mine file, since hardly any cell of twice the size would lie wholly in "
+        text += f"{lost[0]}" + (f" and {plural(len(lost) - 1, 'other excavation')}. " if len(lost) > 1 else ". ")
+    return text + "Its numbers are preliminary. Compute the mine without accuracy: draft for numbers to use."
 
 
 def off_volume(evidence: Evidence) -> str:
@@ -81,8 +83,8 @@ def open_surfaces(evidence: Evidence) -> str:
     named = ", ".join(f"{name} {percent(share)}" for share, name in rows[:MAX_NAMED])
     more = f" and {len(rows) - MAX_NAMED} more" if len(rows) > MAX_NAMED else ""
     return (
-        f"Large parts of the surface are missing or look the other way: {named}{more} of the volume hangs on how it is "
-        "closed. Export these solids again as closed surfaces."
+        f"Large parts of the surface are missing or look the other way: {named}{more} of the volume depends on how it "
+        "is closed. Export these solids again as closed surfaces."
     )
 
 

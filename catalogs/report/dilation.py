@@ -9,7 +9,7 @@ MAX_ROCKS_NAMED = 4  # Rocks that the sentence names.
 
 
 def iso_share(evidence: Evidence) -> str:
-    """What the rocks' dilation angles make of the isotropic share, in sentences; empty where no rock has one."""
+    """The isotropic share that follows from the rocks' dilation angles, in sentences; empty if no rock has one."""
     materials = evidence.config.get("materials", {})
     rocks = []
     for name in sorted(materials, key=lambda name: name != "host"):
@@ -27,8 +27,9 @@ def iso_share(evidence: Evidence) -> str:
     return (
         f"The ISO share of rock that fails in shear follows from its dilation angle, an input: {shares}. "
         "In an event of cells whose mechanisms differ it is somewhat larger, and where rock tears it is a third. "
-        "An ISO share near the record's is no agreement of model and record: it says which angle was chosen. Openings "
-        "that close in an event, the implosive part of many sources in mines (McGarr 1992), are not in the tensor."
+        "If the ISO share is near the record's, this reflects the chosen angle and is no evidence for the model. The "
+        "tensor does not include openings that close in an event, the implosive part of many sources in mines (McGarr "
+        "1992)."
     )
 
 

@@ -1,4 +1,4 @@
-"""What cells and increments leave uncertain, as words and rows: the run beside one on cells of twice the size."""
+"""The uncertainty from cells and increments, as sentences and rows: the run compared with one on larger cells."""
 
 import json
 
@@ -16,7 +16,7 @@ MAX_ERROR_SHARE = 0.5  # A larger change between two cell sizes is beyond first-
 
 
 def discretisation(evidence: Evidence) -> list[str]:
-    """How far the dated steps' numbers hang on cells and increments, in a paragraph; none without events."""
+    """How far the dated steps' numbers depend on cells and increments, in a paragraph; none without events."""
     if evidence.catalog is None or not evidence.catalog.sizes["event"]:
         return []
     parts = _increments(evidence)

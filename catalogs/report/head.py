@@ -13,11 +13,11 @@ from catalogs.sizes import log_potency
 
 
 def missing_potency(evidence: Evidence) -> list[str]:
-    """One sentence or two on rock that was too coarse to fail; empty where there is none.
+    """One sentence or two on rock in cells that were too coarse to fail; empty if there is none.
 
-    What a step's events would release more is estimated by its truncated share s: rock above strength in coarse cells,
-    taken to release per volume what the failed rock of the step did, so s / (1 - s) of it. An estimate: no run without
-    coarse rock was set beside it.
+    The missing potency of a step is estimated from its truncated share s, that of rock above its strength in coarse
+    cells. This rock is assumed to release as much per volume as the rock that failed, so s / (1 - s) of the step's
+    potency. The estimate has not been compared with a run without coarse rock.
     """
     short = [step for step in evidence.dated if int(step["truncated"])]
     before = [stage.attrs for stage in evidence.stages if int(stage.attrs["truncated"]) and stage.attrs not in short]
@@ -39,7 +39,7 @@ def missing_potency(evidence: Evidence) -> list[str]:
         if step["truncated_share"] < 1
     )
     whole_sum = float(evidence.catalog["potency"].values.sum())
-    lead = f"About {number(more, 2)} m³ of potency is missing beside the {number(whole_sum)} m³ of the model's events: "
+    lead = f"About {number(more, 2)} m³ of potency is missing from the {number(whole_sum)} m³ of the model's events: "
     return [lead + text[0].lower() + text[1:] + place]
 
 
@@ -108,7 +108,8 @@ def _count(catalog: xr.Dataset, chosen: np.ndarray, cut: float) -> tuple[str, st
 
 
 def caption(evidence: Evidence) -> str:
-    """From which size on the table counts."""
+    """Which events the table counts."""
     if evidence.comparison is None or not np.isfinite(evidence.comparison["cut"]):
-        return f"Events of enough particles, {plural(len(evidence.dated), 'dated step')}."
-    return f"Events of {typeset(str(evidence.comparison.attrs['cut_text'])).split(',')[0]}."
+        return f"The table counts events of enough particles in {plural(len(evidence.dated), 'dated step')}."
+    cut = typeset(str(evidence.comparison.attrs["cut_text"])).split(",")[0]
+    return f"The table counts events of {cut}."

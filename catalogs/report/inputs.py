@@ -53,7 +53,7 @@ class Excavation:
 
 @dataclass
 class Evidence:
-    """Everything the report tells of.
+    """Everything that the report shows.
 
     stages: elastic, then the steps in order, each with its convergence table and attributes only; state: what is
     STATE_VARIABLES of the last of them; catalog, record, comparison, spread, closeness, grid_convergence: None where

@@ -16,8 +16,8 @@ def sentences(evidence: Evidence) -> list[str]:
     if evidence.record is None:
         if "record" in evidence.config and evidence.steps:
             return [
-                "The record is not compared: no step of this mine has dates, so the model has no catalogue to set "
-                "beside it. Give steps start and end."
+                "The record is not compared: no step of this mine has dates, so the model has no catalogue to compare "
+                "it with. Give steps start and end."
             ]
         return []
     text = evidence.comparison.attrs.get("period_text", "") if evidence.comparison is not None else ""
@@ -67,7 +67,7 @@ def _counted(evidence: Evidence) -> str:
         return ""
     counts = [int(value) for value in comparison["events_above_cut"].values]
     cut = typeset(str(comparison.attrs["cut_text"])).split(",")[0]
-    return f" Compared are those of {cut}: {plural(counts[1], 'event')} of the record, {whole(counts[0])} of the model."
+    return f" Events of {cut} are compared: {whole(counts[1])} of the record and {whole(counts[0])} of the model."
 
 
 def _impossible(evidence: Evidence) -> list[str]:
@@ -86,7 +86,7 @@ def _impossible(evidence: Evidence) -> list[str]:
     ]
     if without:
         cut = typeset(str(attributes.get("cut_text", "")))
-        text = f"Places, sizes and axes cannot be compared: {', and '.join(without)}. Counted are events of {cut}."
+        text = f"Places, sizes and axes cannot be compared: {', and '.join(without)}. Events of {cut} are counted."
         return [text, as_sentence(attributes["sums_text"])]
     found = []
     if not np.isfinite(comparison["energy_distance"]):
@@ -95,7 +95,7 @@ def _impossible(evidence: Evidence) -> list[str]:
         runs = int(comparison["blocks"][0])
         found.append(
             f"Differences of places and axes have no interval and no p-value: fewer than {MIN_BLOCKS} runs of the "
-            "model do not say how another would differ. Set ensemble: 8 for them."
+            "model do not show how another run would differ. Set ensemble: 8."
             if runs < MIN_BLOCKS
             else f"Differences of places have no interval and no p-value: fewer than {MIN_BLOCKS} of the model's "
             f"{runs} runs have events of such a size in a step that the record shares."
@@ -104,9 +104,9 @@ def _impossible(evidence: Evidence) -> list[str]:
     if not np.isfinite(comparison["b_difference"]):
         laws = [f"those of {name} {_follow(attributes[f'law_{name.split()[1]}'])}" for name in names]
         why = (
-            f"{MIN_EVENTS_FOR_B} events are needed in each, {' and '.join(few)}"
+            f"{MIN_EVENTS_FOR_B} events are needed in each catalogue, and {' and '.join(few)}"
             if few
-            else f"sizes are no power law, {', '.join(laws)}"
+            else f"the sizes of both catalogues must follow a power law; {', and '.join(laws)}"
         )
         found.append(f"b is not compared: {why}.")
     if not int(attributes.get("axes_present", 0)):

@@ -1,4 +1,4 @@
-"""The scene as the report tells of it: excavations by step where they are many, and what is expected of the domain."""
+"""The scene in the report: excavations by step if they are many, and the expected error of the domain."""
 
 import numpy as np
 import xarray as xr
@@ -42,12 +42,12 @@ def far_field(grid: xr.Dataset) -> str:
     distance, error = float(grid.attrs["far_field_distance"]), float(grid.attrs["far_field_error"])
     short = {
         "memory": " A larger one would take too much memory on these cells.",
-        "strength": " It ends there because virgin rock beyond it stands above its strength.",
+        "strength": " It ends there because virgin rock beyond it is above its strength.",
         "": "",
     }[grid.attrs["far_field_limited"]]
     return (
-        f"The domain follows from the openings: its boundary is {distance:.0f} m from the nearest of them, and in "
-        f"elastic rock moves wall stress by {error:.2g} % of the largest at most (closed-form estimate).{short}"
+        f"The domain follows from the openings: its boundary is {distance:.0f} m from the nearest of them. In elastic "
+        f"rock it changes the stress at a wall by at most {error:.2g} % of the largest (closed-form estimate).{short}"
     )
 
 
@@ -60,6 +60,6 @@ def above_cap(evidence: Evidence) -> str:
     if last["cells"] <= grid["max_cells"]:
         return ""
     return (
-        f"There are {whole(last['cells'])} cells in the end, more than grid.max_cells ({whole(grid['max_cells'])}): "
-        "openings get theirs all the same, and rock that then comes near its strength stays in coarse cells."
+        f"The last step has {whole(last['cells'])} cells, more than grid.max_cells ({whole(grid['max_cells'])}). Cells "
+        "of openings are refined in any case. Rock that comes near its strength then stays in coarse cells."
     )

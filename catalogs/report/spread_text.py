@@ -1,4 +1,4 @@
-"""The spread of an ensemble as words and rows: what one run is worth as a forecast of another."""
+"""The spread of an ensemble as sentences and rows: how far one run differs from another."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""The report's words and tables: plain sentences and rows of text from the datasets."""
+"""The report's sentences and tables, from the datasets."""
 
 import json
 import re
@@ -83,7 +83,7 @@ def headline(evidence: Evidence) -> list[str]:
     if not evidence.steps:
         return ["This scene has no mining steps: it stops at elastic equilibrium, and the model makes no events."]
     if evidence.catalog is None:
-        return ["The mining steps are computed; no catalogue of events was asked for."]
+        return ["The mining steps are computed; no catalogue of events was requested."]
     catalog, names = evidence.catalog, [step["step"] for step in evidence.dated]
     if not names:
         return ["No mining step has dates: what fails here failed before the record begins, and enters no catalogue."]
@@ -176,7 +176,7 @@ def budget_rows(evidence: Evidence) -> tuple[list[str], list[dict], dict]:
     if "closure" in budget:
         rows.append(
             {
-                "name": "what does not close, relative",
+                "name": "remainder, relative",
                 "values": [f"{value:.0e}".replace("-", "−") for value in budget["closure"]],
             }
         )

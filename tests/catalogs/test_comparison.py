@@ -67,7 +67,7 @@ def test_axes_of_a_record_of_two_events_are_not_compared():
     assert result.attrs["axes_present"] == 0
     assert result["mean_angle"].isnull().all()
     assert result["mean_cone"].isnull().all()
-    assert "3 are needed to tell how far their mean may be off" in result.attrs["axes_text"]
+    assert "3 are needed to estimate the error of their mean" in result.attrs["axes_text"]
 
 
 PLACES_AND_AXES = ("energy_p_value", "mean_angle_p_value", "energy_distance_interval", "centroid_offset_interval",
@@ -88,7 +88,7 @@ def test_a_model_that_ran_fewer_than_three_times_has_no_interval_of_places_and_a
         assert np.isfinite(result[name]).all() == (members == 2), name
     assert np.isfinite(result["mean_cone"].sel(catalogue="record")).all()
     for name in ("location_text", "axes_text"):
-        asked = "set ensemble to 2 or more, better to 8" in result.attrs[name]
+        asked = "Set ensemble to 2 or more, better to 8" in result.attrs[name]
         assert asked == (members < 2), result.attrs[name]
 
 
@@ -108,9 +108,9 @@ def test_an_ensemble_whose_runs_have_no_events_is_not_said_to_have_run_once(othe
     assert np.isfinite(result["mean_angle_p_value"]).all() == (have is None)
     for name in ("location_text", "axes_text"):
         said = result.attrs[name]
-        assert "set ensemble" not in said
+        assert "Set ensemble" not in said
         if have is None:
-            assert "resampled: 3 runs" in said
+            assert "Intervals come from resampling 3 runs" in said
         elif "cannot be compared" in said:
             assert have == "only 1 has"
             assert "two modelled events of two runs" in said
@@ -209,7 +209,7 @@ def test_nothing_modelled_is_a_comparison_too():
     result = compare(catalog.isel(event=[]), as_record(catalog), QUICK)
     assert np.isnan(result["energy_distance"])
     assert "locations cannot be compared" in result.attrs["location_text"]
-    assert "the model has 0" in result.attrs["location_text"]
+    assert "The model has 0" in result.attrs["location_text"]
     assert result["events_total"].values.tolist() == [0, 200]
 
 
@@ -244,7 +244,7 @@ def test_an_empty_record_is_compared_and_the_sentences_say_why_nothing_came_out(
     for one in (result, both):
         said = " ".join(one.attrs[name] for name in ("cut_text", "size_text", "location_text", "axes_text"))
         assert "nan" not in said
-        assert "record: no b, n = 0 (10 are needed)" in said
+        assert "The record has no b: it has 0 events, and 10 are needed" in said
     assert both.attrs["cut_is"] == ("model floor" if floor > 0 else "nothing")
 
 
@@ -253,7 +253,7 @@ def test_few_events_give_no_b_and_say_so():
     record = as_record(made_up_catalog(200, seed=8))
     result = compare(made_up_catalog(200), record.isel(event=np.arange(9)), QUICK)
     assert np.isnan(result["b"][1])
-    assert re.search(r"record: no b, n = \d \(10 are needed\)", result.attrs["size_text"])
+    assert re.search(r"The record has no b: it has \d events, and 10 are needed", result.attrs["size_text"])
     assert "nan" not in result.attrs["size_text"]
 
 
@@ -269,7 +269,7 @@ def test_no_recorded_event_is_a_result():
     low, high = result["event_ratio_interval"].values
     assert low > 30
     assert np.isinf(high)
-    expected = "no recorded event in 60 days: fewer than 3.69 are expected (95 %); the model makes "
+    expected = "the record has no event in 60 days. The expected number of recorded events is less than 3.69 (95 %). "
     assert result.attrs["sums_text"].startswith(expected)
     quiet = compare(catalog.isel(event=[0]), as_record(catalog.isel(event=[])), QUICK | {"steps": STEPS})
     assert quiet["event_ratio_p_value"] > 0.2
@@ -311,8 +311,8 @@ def test_members_are_the_models_chance():
     assert other["model_runs"] == 5
     above = [np.sum(run["potency"].values >= 10 ** float(other["cut"])) for run in (catalog, *apart)]
     np.testing.assert_allclose(other["event_ratio"], np.mean(above) / float(other["events_above_cut"][1]))
-    assert "the least it can be" in one.attrs["sums_text"]
-    assert "what its 5 runs differ by" in other.attrs["sums_text"]
+    assert "the least that chance can do" in one.attrs["sums_text"]
+    assert "differences between its 5 runs" in other.attrs["sums_text"]
 
 
 def test_a_quiet_record_has_a_ratio_of_potency_if_other_runs_have_events():

@@ -69,7 +69,7 @@ def test_missing_potency_is_each_steps_own_share():
     catalog = events_of([1.0, 2.0, 2.0, 5.0], ["a", "a", "b", "c"])
     dated = [step("a", 0.25, 1), step("b", 0.5, 2), step("c", 0.0, 3)]
     (text,) = missing_potency(SimpleNamespace(dated=dated, steps=dated, stages=[], catalog=catalog))
-    assert text.startswith("About 3.0 m³ of potency is missing beside the 10.0 m³")
+    assert text.startswith("About 3.0 m³ of potency is missing from the 10.0 m³")
     assert "25 to 50 %" in text
     assert "most in b, x 0 to 2 m." in text
     assert missing_potency(SimpleNamespace(dated=dated[2:], steps=dated, stages=[], catalog=catalog)) == []

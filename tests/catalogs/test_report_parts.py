@@ -121,7 +121,7 @@ def test_result_says_so_when_all_of_the_record_lies_inside():
     counts = {"events_above_cut": ("catalogue", [12, 31])}
     record.comparison = xr.Dataset(counts, attrs={"cut_text": "log P >= -1.50, the record's completeness"})
     assert report_record._account(record).endswith(
-        "domain. Compared are those of log P ≥ −1.50: 31 events of the record, 12 of the model."
+        "domain. Events of log P ≥ −1.50 are compared: 31 of the record and 12 of the model."
     )
     none = evidence_of(0, rows=60, filter=json.dumps([domain | {"before": 0, "after": 0}]))
     assert report_record._account(none).endswith("No event lies in the modelled months.")
@@ -161,7 +161,7 @@ def test_more_cells_than_the_cap_are_told():
     """On an adaptive grid."""
     grid = {"refinement": "adaptive", "max_cells": 300}
     evidence = SimpleNamespace(stages=[SimpleNamespace(attrs={"cells": 1234})], config={"grid": grid})
-    assert above_cap(evidence).startswith("There are 1\u202f234 cells in the end, more than grid.max_cells (300)")
+    assert above_cap(evidence).startswith("The last step has 1\u202f234 cells, more than grid.max_cells (300)")
     for other in ({"max_cells": 1234}, {"refinement": "static"}):
         evidence.config = {"grid": grid | other}
         assert above_cap(evidence) == ""
@@ -189,8 +189,8 @@ def test_isotropic_share_is_said_to_be_an_input():
     planes = rock | {"planes": {"dilation_angle": {"intact": "9 deg", "residual": "5 deg"}}}
     said_of_planes = iso_share(SimpleNamespace(config={"materials": {"host": planes}}))
     assert "host (10°), 5.3 % in slip on the planes of host (5°)." in said_of_planes
-    assert "is no agreement of model and record" in said
-    assert "(McGarr 1992), are not in the tensor." in said
+    assert "is no evidence for the model" in said
+    assert "in mines (McGarr 1992)." in said
     assert iso_share(SimpleNamespace(config={"materials": {"fill": {"model": "elastic"}}})) == ""
     assert iso_share(SimpleNamespace(config={})) == ""
 
