@@ -9,4 +9,9 @@ TABLES = (
         r"(?P<row>(?:radial|hoop|shear|closure|displacement).+)",
         "error, %",
     ),
+    Pivot(
+        "Hoop stress within a cell of the wall, r.m.s. error by cell size (% of its mean)",
+        r"(?P<row>\w+): hoop stress within a cell of the wall, h = (?P<column>[\d.]+ m), r.m.s. share",
+        "error, %",
+    ),
 )

@@ -111,15 +111,16 @@ def order_rows(series: dict[str, list[Point]], least: float, distance: float) ->
 
 
 def wall_rows(series: dict[str, list[Point]], cell: float, method: str, allowed: float) -> list[Row]:
-    """Rows of the hoop stress at the wall on grids of one cell size.
+    """Rows of the hoop stress at the wall on every grid; on those of one cell size it is extrapolated to the wall.
 
     method: treatment of cut cells that is extrapolated. allowed: extrapolated error over the least of the others.
     """
+    rows = []
+    for name, points in series.items():
+        for point in points:
+            quantity = f"{name}: hoop stress within a cell of the wall, h = {point.cell:g} m, r.m.s. share"
+            rows.append(Row(quantity, 0.0, point.wall, point.wall))
     found = {name: point for name, points in series.items() for point in points if np.isclose(point.cell, cell)}
-    rows = [
-        Row(f"{name}: hoop stress within a cell of the wall, h = {cell:g} m, r.m.s. share", 0.0, point.wall, point.wall)
-        for name, point in found.items()
-    ]
     if method in found:
         best = min(point.wall for point in found.values())
         error = found[method].extrapolated
