@@ -114,7 +114,7 @@ def refuse(refusals: Sequence[PydanticCustomError]) -> None:
 
 
 def _again(found: Mapping) -> InitErrorDetails:
-    """An error that pydantic has told, to be raised once more from further out."""
+    """An error that pydantic has reported, to be raised again by an outer model."""
     kind, context = found["type"], found.get("ctx", {})
     own = PydanticCustomError("refused", "{reason}", context) if kind == "refused" else kind
     return InitErrorDetails(type=own, loc=found["loc"], input=found["input"], ctx=context)
@@ -140,7 +140,7 @@ class Unit:
         return core_schema.with_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema, handler) -> dict:
-        """Text, with our keyword `unit`; bounds are in that unit."""
+        """Text, with this project's keyword `unit`; bounds are in that unit."""
         return {"type": "string", "unit": self.unit, **self.bounds}
 
     def read(self, value, info: ValidationInfo) -> float:
@@ -280,7 +280,7 @@ def told(error: ValidationError, where: str = "") -> list[str]:
 
 
 def _reason(found: Mapping) -> str:
-    """What is wrong with a value, in the words of JSON schema's messages."""
+    """The mistake in a value, in the form of JSON schema's messages."""
     kind, context, value = found["type"], found.get("ctx", {}), short(found["input"])
     if kind == "missing":
         return "missing key"

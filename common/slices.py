@@ -12,7 +12,7 @@ OURS = "slices stand in results/<mine>/slices; a run makes those anew that are d
 
 
 def content_hash(text: str) -> str:
-    """What the name of a slice's file ends in."""
+    """The end of the name of a slice's file."""
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

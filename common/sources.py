@@ -1,4 +1,4 @@
-"""Which files a command of this repository runs, read from the sources: what its module imports, and what that imports.
+"""The files that a command of this repository runs, from the sources: its module's imports, and theirs.
 
 An import within a function counts, and so does the package that a module stands in. A file that is no module (a
 template, a schema) belongs to the modules beside it that say its name, or that of its folder, in double quotes.

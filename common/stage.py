@@ -29,7 +29,7 @@ INTERRUPTED = 130  # what a shell makes of SIGINT
 
 
 def name_parent_of_stages() -> None:
-    """Tell the stages that this process starts who their parent is (the workflow calls this, once)."""
+    """Pass the process number to the stages that this process starts (the workflow calls this, once)."""
     os.environ[PIPELINE_PROCESS] = str(os.getpid())
 
 
@@ -46,7 +46,7 @@ def die_with_parent() -> None:
 
 
 class LogFile(logging.FileHandler):
-    """A log that a full disk cuts short without a word for each line; `lost` is the reason."""
+    """A log that does not report each line that a full disk refuses; `lost` is the reason."""
 
     lost: BaseException | None = None
 

@@ -1,4 +1,4 @@
-"""From what a file holds (a potency, a moment, a magnitude, a tensor) to a catalogue: common.event_table."""
+"""Catalogue (common.event_table) from the sizes that a file holds: potency, moment, magnitude or tensor."""
 
 import numpy as np
 import xarray as xr

@@ -1,4 +1,4 @@
-"""Records in CSV: the configuration says which column is what."""
+"""Records in CSV: the configuration states the meaning of each column."""
 
 import codecs
 import re
@@ -116,7 +116,7 @@ class Record(EventFileSettings):
         return self
 
     def _check_columns(self) -> None:
-        """What the columns of a CSV file ask of other keys."""
+        """Check the keys that the columns of a CSV file require."""
         named = self.columns.model_fields_set
         for kind in LINEAR_SIZES:
             name = getattr(self.columns, kind) or ""
@@ -230,7 +230,7 @@ def _times_text(time: np.ndarray, local: int, zone: str | None) -> str:
 
 
 def _check_untold_kinds(table: Table, named: set[str], settings: RecordSlice) -> None:
-    """Raise InputError for a column of which nothing is said, and whose cells say that events are no seismicity."""
+    """Raise InputError for a column that the settings do not name and whose cells mark events as not seismic."""
     limits, kept = settings.filter, kept_words(settings)
     asked = {*((limits and limits.only) or ()), *((limits and limits.without) or ())}
     for name in table.rows:

@@ -71,7 +71,7 @@ class Table:
         return text.where(~text.str.lower().isin(EMPTY_WORDS), "")
 
     def words(self, name: str) -> pd.Series:
-        """A column as text whose letters count. Raises InputError where they hang on an encoding that is not known."""
+        """A column as text whose letters matter. Raises InputError if they need an unknown encoding."""
         text = self.text(name)
         foreign = text[~text.map(str.isascii)]
         if not self.sure and len(foreign):
@@ -124,7 +124,7 @@ class Table:
         self.decimal = "comma" if comma.any() else "point"
 
     def take_units(self, names: list[str]) -> None:
-        """Take the first row out if it is a line of units: no number in any of the named columns, but text in one."""
+        """Remove the first row if it is a line of units: the named columns have no number in it, but text."""
         if self.rows.empty:
             return
         first = {name: self.text(name).iloc[0].strip("[]() ") for name in self.rows}
@@ -269,5 +269,5 @@ def _header(lines: list[str], named: set[str]) -> tuple[int, str, list[str]]:
 
 
 def _apart(header: list[str]) -> list[str]:
-    """Names of their own for columns without one, or whose name is there before."""
+    """Unique names for columns without a name, or with a repeated one."""
     return [name if name and name not in header[:place] else f"{name}#{place + 1}" for place, name in enumerate(header)]

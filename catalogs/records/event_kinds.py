@@ -1,4 +1,4 @@
-"""What of a record is seismicity: rock that breaks or slips, whatever set it off. All else is left out, and counted.
+"""Which events of a record are seismic: rock that breaks or slips, of any cause. All others are left out and counted.
 
 Event types are those of QuakeML 1.2 (Storchak et al. 2012) and words that mines' systems write. Types that say nothing
 count: "not reported" is what QuakeML 1.2 made of the "null" of its forerunners. A word that is not known here, and one
@@ -53,7 +53,7 @@ def is_left_out(kind: str, word: str) -> bool:
 
 
 def kept_words(settings: RecordSlice) -> set[str]:
-    """Plain words of what counts although it is no seismicity."""
+    """Plain words of the kinds that are compared although they are not seismic."""
     return {plain_word(text) for text in _listed(settings.filter.keep if settings.filter else None)}
 
 

@@ -1,4 +1,4 @@
-"""What part of a record is compared: whole events, a box, dates, sizes, quality columns, the model's domain.
+"""The part of a record that is compared: complete events, a box, dates, sizes, quality columns, the model's domain.
 
 Each takes its count before and after with it, so that the report can say what was left out.
 """
@@ -42,7 +42,7 @@ def filter_events(
     words: Mapping[str, np.ndarray] | None = None,
     kinds: Mapping[str, np.ndarray] | None = None,
 ) -> xr.Dataset:
-    """The whole events that pass every filter and lie in the domain; attrs["filter"]: what each took (JSON).
+    """The complete events that pass every filter and lie in the domain; attrs["filter"]: what each left out (JSON).
 
     attrs["rows"]: events of the file; attrs["dropped"] (JSON): how many of them are no seismicity
     (catalogs.records.event_kinds), lack a time, a place or a size, or are `repeated` (event,) bool.
@@ -142,7 +142,7 @@ def _day(moment: np.datetime64) -> str:
 
 
 def _warn(crop: Mapping, source: str) -> None:
-    """Tell on the terminal, too, that much of a record, or all of it, is not compared."""
+    """Warn on the terminal, too, that much of a record, or all of it, is not compared."""
     outside = crop["before"] - crop["after"]
     if not crop["after"]:
         near = "" if crop["nearest"] is None else f"; the nearest lies {crop['nearest']:.0f} m away"

@@ -65,7 +65,7 @@ def moment_magnitudes(
 
 
 def sizes_text(used: Mapping[str, int], conversions: Mapping) -> str:
-    """How many magnitudes of each type were read, and as what."""
+    """How many magnitudes of each type were read, and their conversion."""
     told = []
     for name, count in used.items():
         conversion = _conversion(name, conversions)
@@ -79,7 +79,7 @@ def sizes_text(used: Mapping[str, int], conversions: Mapping) -> str:
 
 
 def _conversion(kind: str, conversions: Mapping) -> Conversion | str | None:
-    """What is stated for a type: under its own name, else under one that differs from it by upper and lower case only.
+    """The conversion of a type: under its own name, else under one that differs by upper and lower case only.
 
     Raises InputError where two such names state different things.
     """

@@ -1,4 +1,4 @@
-"""Records in QuakeML: our own, read back as they were written, or any other, through latitude, longitude and depth.
+"""Records in QuakeML: this project's own files, read back as written, or others, by latitude, longitude and depth.
 
 What needs ObsPy or PROJ is imported where it is used: to check a mine file must not wait for them.
 """
@@ -117,7 +117,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
 
 
 def _origin(event: "Event", words: "Words") -> int | None:
-    """Place of the origin that counts among an event's: the preferred one, else the first that is not rejected."""
+    """Index of the origin of an event that is used: the preferred one, else the first that is not rejected."""
     preferred = event.preferred_origin()
     if preferred is not None and preferred in event.origins:
         return event.origins.index(preferred)
@@ -136,7 +136,7 @@ def _leave_out_rejected(event: "Event") -> None:
 
 
 def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dataset:
-    """Our own file as this mine's record: what it is and how well located is the configuration's to say."""
+    """This project's own file as this mine's record: its kind and location error come from the configuration."""
     check_sizes(record["mw"].values, str(path))
     record.attrs |= {
         "mine": settings.mine or record.attrs["mine"],
