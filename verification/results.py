@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import xarray as xr
@@ -27,10 +28,10 @@ class Variant:
     costs: Callable[[str], Costs | None] = lambda stage: None
     kept: dict[str, xr.Dataset] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def values(self) -> dict:
-        """The whole configuration in SI units."""
-        return self.mine.values
+        """The whole configuration as plain values in SI units."""
+        return self.mine.settings.given()
 
     @property
     def step_names(self) -> list[str]:

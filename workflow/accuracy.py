@@ -32,13 +32,13 @@ PRESETS = {DRAFT: Accuracy(-1, 3.0, 2.0), STANDARD: Accuracy(0, 1.0, 1.0), FINE:
 
 def apply_accuracy(mine: Plan) -> None:
     """Change cells and solver of a mine, its grid complete. Raises InputError where cells cannot."""
-    name = mine.values["accuracy"]
-    preset, grid, solver = PRESETS[name], mine.values["grid"], mine.values["solver"]
-    if preset == PRESETS[STANDARD]:
+    name, grid, solver = mine.settings.accuracy, mine.settings.grid, mine.settings.solver
+    preset = PRESETS[name]
+    if name == STANDARD:
         return
-    levels = grid["levels"] + preset.levels
+    levels = grid.levels + preset.levels
     if levels < 1:
-        coarse = grid["coarse_cell"]
+        coarse = grid.coarse_cell
         larger = (
             "take grid.levels: 2 or more"
             if mine.far_field
@@ -54,10 +54,12 @@ def apply_accuracy(mine: Plan) -> None:
             f"accuracy: {name}: halves the finest cells, but there are {MAX_LEVELS} sizes of cell, the most that "
             f"there can be; leave accuracy out, or take {fewer}"
         )
-    grid |= {"levels": levels, "resized_by": name}
-    for key, loosest in LOOSEST.items():
-        solver[key] = max(solver[key], min(solver[key] * preset.tolerances, loosest))
-    solver["max_overshoot"] = min(max(solver["max_overshoot"] * preset.overshoot, 0.001), 1.0)
-    solver["increments"] = min(
-        math.ceil(solver["increments"] / preset.overshoot), 1000
-    )  # 0: their size follows from max_overshoot
+    mine.change("grid", levels=levels)
+    mine.resized_by = name
+    tolerances = {key: getattr(solver, key) for key in LOOSEST}
+    mine.change(
+        "solver",
+        **{key: max(value, min(value * preset.tolerances, LOOSEST[key])) for key, value in tolerances.items()},
+        max_overshoot=min(max(solver.max_overshoot * preset.overshoot, 0.001), 1.0),
+        increments=min(math.ceil(solver.increments / preset.overshoot), 1000),  # 0 stays: max_overshoot decides
+    )

@@ -1,19 +1,21 @@
 """Checks of a mine that the schema cannot express: order of steps, names, the domain, the virgin stress."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from catalogs.periods import ALL_STEPS
 from common.errors import InputError, InputErrors, Mistakes
+from common.setting_types import is_list
 from mpm_core.constitutive.laws import can_fail
 from mpm_core.grid.domain import base_cells
 from mpm_core.scene.scene import check_virgin_stress, parse_scene
+from mpm_core.settings import ShapeSettings
 from workflow.accuracy import DRAFT, apply_accuracy
 from workflow.dates import is_date, read_date
 from workflow.derived_domain import complete, largest_cell_name
 from workflow.key_order import key_in, parts_of, section_of
-from workflow.mine import Mine
-from workflow.mine_settings import MineSettings
+from workflow.mine import Mine, in_voigt_order
+from workflow.mine_settings import BoundaryStrain, Excavation, Load, MineSettings, RockBody
 from workflow.record_checks import check_filter, check_frame, check_record
 from workflow.shapes import check_form, check_place, check_repeated
 
@@ -49,7 +51,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     follows = () if mine.has_corners else ("frame", "insitu_stress", "materials", "rock_bodies", "excavations", "loads")
     before = len(mistakes.lines)
     check(lambda mine, _: complete(mine), *cells, *follows)
-    if len(mistakes.lines) > before or not mine.has_corners or "coarse_cell" not in mine.values.get("grid", {}):
+    if len(mistakes.lines) > before or not mine.has_corners or mine.settings.grid.coarse_cell is None:
         broken |= {"domain", "grid"}
     check(lambda mine, _: apply_accuracy(mine), "solver", *cells)
     check(_check_domain, *cells)
@@ -73,11 +75,11 @@ def _check_virgin(mine: Mine, _: Mistakes) -> None:
     """Raise InputError where virgin rock would fail before anything is mined; that a derived domain has none is its
     own affair (workflow/derived_domain.py)."""
     scene = parse_scene(mine.scene_slice(len(mine.steps) - 1))
-    domain = mine.values["domain"]
+    domain = mine.settings.domain
     if mine.plane == "xy":
         check_virgin_stress(scene, {"": scene.insitu.surface})
     else:
-        check_virgin_stress(scene, {f" (domain.{end})": domain[end][-1] for end in ("lower", "upper")})
+        check_virgin_stress(scene, {" (domain.lower)": domain.lower[-1], " (domain.upper)": domain.upper[-1]})
 
 
 def _check_steps(mine: Mine, mistakes: Mistakes) -> None:
@@ -87,58 +89,65 @@ def _check_steps(mine: Mine, mistakes: Mistakes) -> None:
 
 
 def _check_step(mine: Mine, index: int) -> None:
-    names, step = [step["name"] for step in mine.steps], mine.steps[index]
+    names, step = [step.name for step in mine.steps], mine.steps[index]
     implicit = len(mine.steps) > len(mine.listed_steps)  # the first, history
-    where = f"steps.{step['name']}"
-    if implicit and index and step["name"].lower() == names[0]:
+    where = f"steps.{step.name}"
+    if implicit and index and step.name.lower() == names[0]:
         raise InputError(
             f"{where}: an undated step '{names[0]}' stands before the first dated one by itself; give this step "
             "another name, or leave out its dates if it is that"
         )
-    if names.index(step["name"]) != index:
+    if names.index(step.name) != index:
         raise InputError(f"{where}: this name stands twice; steps need names of their own")
-    if step["name"].lower() in [name.lower() for name in names[:index]]:
+    if step.name.lower() in [name.lower() for name in names[:index]]:
         raise InputError(
             f"{where}: differs from another step in capitals alone, which some disks take for the same file"
         )
-    if step["name"] == PLANNED:
+    if step.name == PLANNED:
         raise InputError(f"{where}: '{PLANNED}' means not yet scheduled; give the step another name")
-    if step["name"] == ALL_STEPS:
+    if step.name == ALL_STEPS:
         raise InputError(f"{where}: '{ALL_STEPS}' means all dated steps in results; give the step another name")
-    if ("start" in step) != ("end" in step):
+    if (step.start is None) != (step.end is None):
         raise InputError(f"{where}: a dated step needs both start and end")
-    if "start" not in step and any("start" in earlier for earlier in mine.steps[:index]):
-        raise InputError(f"{where}: an undated step is history and must stand before the first dated one")
-    start, end = (read_date(f"{where}.{key}", step[key]) if key in step else None for key in ("start", "end"))
-    if start and end and start >= end:
-        raise InputError(f"{where}.end: {step['end']} is not after start {step['start']}")
-    earlier = [other["end"] for other in mine.steps[:index] if "end" in other]
-    if start and earlier and is_date(earlier[-1]) and start < read_date(where, earlier[-1]):
-        raise InputError(f"{where}.start: {step['start']} is before the end of the step before, {earlier[-1]}")
+    if not step.is_dated:
+        if any(earlier.is_dated for earlier in mine.steps[:index]):
+            raise InputError(f"{where}: an undated step is history and must stand before the first dated one")
+        return
+    start, end = read_date(f"{where}.start", step.start), read_date(f"{where}.end", step.end)
+    if start >= end:
+        raise InputError(f"{where}.end: {step.end} is not after start {step.start}")
+    ends = [earlier.end for earlier in mine.steps[:index] if earlier.end is not None]
+    if ends and is_date(ends[-1]) and start < read_date(where, ends[-1]):
+        raise InputError(f"{where}.start: {step.start} is before the end of the step before, {ends[-1]}")
 
 
-def _solids(mine: Mine) -> Iterator[tuple[str, dict]]:
-    """Whatever has a shape: how messages name it, and its entry."""
-    sections = {"excavations": mine.excavations} | {key: mine.values.get(key, []) for key in ("rock_bodies", "loads")}
-    for section, entries in sections.items():
-        yield from ((f"{section}.{entry['name']}", entry) for entry in entries)
+def _solids(mine: Mine) -> Iterator[tuple[str, ShapeSettings]]:
+    """Whatever has a shape: how messages name it, and its settings."""
+    settings = mine.settings
+    sections: dict[str, Sequence[ShapeSettings]] = {
+        "excavations": mine.excavations,
+        "rock_bodies": settings.rock_bodies,
+        "loads": settings.loads,
+    }
+    for section, solids in sections.items():
+        yield from ((f"{section}.{solid.name}", solid) for solid in solids)
 
 
 def _check_forms(mine: Mine, mistakes: Mistakes) -> None:
-    for where, entry in _solids(mine):
+    for where, solid in _solids(mine):
         with mistakes.gather():
-            check_form(mine, where, entry)
-            if "file" in entry and where.startswith("loads."):
+            check_form(mine, where, solid)
+            if solid.file is not None and isinstance(solid, Load):
                 raise InputError(f"{where}.file: a load acts on a shape; give one instead")
-        if "force" in entry:
+        if isinstance(solid, Load):
             with mistakes.gather():
-                _check_force(mine, where, entry)
-    for entry in mine.values.get("strains", []):
-        for name in entry["strain"]:
+                _check_force(mine, where, solid)
+    for entry in mine.settings.strains:
+        for name in entry.strain.given():
             with mistakes.gather():
                 if name not in IN_PLANE[mine.plane]:
                     raise InputError(
-                        f"strains.{entry['name']}.strain.{name}: out of the plane, where plane strain has none; "
+                        f"strains.{entry.name}.strain.{name}: out of the plane, where plane strain has none; "
                         f"give {', '.join(IN_PLANE[mine.plane])}"
                     )
 
@@ -146,9 +155,9 @@ def _check_forms(mine: Mine, mistakes: Mistakes) -> None:
 def _check_places(mine: Mine, mistakes: Mistakes) -> None:
     """Where all solids lie outside the domain, the first stands for them: the domain may be the mistake."""
     found, solids = Mistakes(), list(_solids(mine))
-    for where, entry in solids:
+    for where, solid in solids:
         with found.gather():
-            check_place(mine, where, entry)
+            check_place(mine, where, solid)
     if len(found.lines) == len(solids) > 1:
         found.lines = [found.lines[0].replace("lies outside", "lies, as all others do, outside", 1)]
     mistakes.lines += found.lines
@@ -156,114 +165,119 @@ def _check_places(mine: Mine, mistakes: Mistakes) -> None:
 
 def _check_references(mine: Mine, mistakes: Mistakes) -> None:
     """Names that stand once, and names that refer to a step or a material, where those names are right."""
-    names = [step["name"] for step in mine.steps]
+    settings, names = mine.settings, [step.name for step in mine.steps]
     told = [parts_of(key_in(line)) for line in mistakes.lines]
     knows_steps = all(parts[0] != "steps" or parts[-1] in ("start", "end") for parts in told)
     knows_materials = ["materials"] not in told
-    materials = mine.values["materials"]
-    for section in ("excavations", "rock_bodies", "loads", "strains"):
+    materials = settings.materials
+    sections: dict[str, Sequence[Excavation | RockBody | Load | BoundaryStrain]] = {
+        "excavations": mine.excavations,
+        "rock_bodies": settings.rock_bodies,
+        "loads": settings.loads,
+        "strains": settings.strains,
+    }
+    for section, entries in sections.items():
         seen = set()
-        for entry in mine.excavations if section == "excavations" else mine.values.get(section, []):
-            where = f"{section}.{entry['name']}"
+        for entry in entries:
+            where = f"{section}.{entry.name}"
             with mistakes.gather():
-                if entry["name"] in seen:
+                if entry.name in seen:
                     raise InputError(f"{where}: this name stands twice")
-            seen.add(entry["name"])
+            seen.add(entry.name)
             with mistakes.gather():
-                if section == "excavations":
+                if isinstance(entry, Excavation):
                     _check_mined(mine, where, entry, knows_steps, knows_materials)
-                elif section == "rock_bodies" and knows_materials and entry["material"] not in materials:
-                    raise InputError(
-                        f"{where}.material: '{entry['material']}' is not one of the materials {', '.join(materials)}"
-                    )
-                elif section in ("loads", "strains") and knows_steps and entry["step"] not in names:
-                    raise InputError(f"{where}.step: '{entry['step']}' is not one of the steps {', '.join(names)}")
+                elif isinstance(entry, RockBody):
+                    if knows_materials and entry.material not in materials:
+                        raise InputError(
+                            f"{where}.material: '{entry.material}' is not one of the materials {', '.join(materials)}"
+                        )
+                elif knows_steps and entry.step not in names:
+                    raise InputError(f"{where}.step: '{entry.step}' is not one of the steps {', '.join(names)}")
 
 
-def _check_mined(mine: Mine, where: str, entry: dict, knows_steps: bool, knows_materials: bool) -> None:
+def _check_mined(mine: Mine, where: str, entry: Excavation, knows_steps: bool, knows_materials: bool) -> None:
     """When an excavation is mined and filled, with what, and the pressure in between. Raises InputErrors."""
-    names, materials = [step["name"] for step in mine.steps], mine.values["materials"]
-    found, fill = Mistakes(), entry.get("fill", "none")
-    for key in ("step", "filled"):
+    names, materials = [step.name for step in mine.steps], mine.settings.materials
+    found, fill = Mistakes(), entry.fill_material
+    for key, step in (("step", entry.step), ("filled", entry.fill_step)):
         with found.gather():
-            if knows_steps and key in entry and entry[key] not in (*names, PLANNED):
-                raise InputError(f"{where}.{key}: '{entry[key]}' is not one of the steps {', '.join(names)}, {PLANNED}")
+            if knows_steps and key in entry.model_fields_set and step not in (*names, PLANNED):
+                raise InputError(f"{where}.{key}: '{step}' is not one of the steps {', '.join(names)}, {PLANNED}")
     with found.gather():
-        if knows_materials and fill != "none" and fill not in materials:
+        if knows_materials and fill is not None and fill not in materials:
             raise InputError(f"{where}.fill: '{fill}' is not one of the materials {', '.join(materials)}, none")
-        if knows_materials and fill != "none" and can_fail(materials[fill]):
-            raise InputError(f"{where}.fill: '{fill}' is {materials[fill]['model']}; only elastic fill is supported")
-        if "filled" in entry and fill == "none":
+        if knows_materials and fill is not None and can_fail(materials[fill]):
+            raise InputError(f"{where}.fill: '{fill}' is {materials[fill].model}; only elastic fill is supported")
+        if entry.filled is not None and fill is None:
             raise InputError(f"{where}.filled: there is no fill to place; name a material in fill")
     if found.lines:
         raise InputErrors(found.lines)
     if not knows_steps:
         return
-    mined, filled = mine.step_index(entry["step"]), mine.step_index(entry.get("filled", entry["step"]))
+    mined, filled = mine.step_index(entry.step), mine.step_index(entry.fill_step)
     if -1 < filled < mined or (mined == -1 and filled > -1):
-        raise InputError(
-            f"{where}.filled: '{entry['filled']}' comes before the excavation is mined in '{entry['step']}'"
-        )
+        raise InputError(f"{where}.filled: '{entry.filled}' comes before the excavation is mined in '{entry.step}'")
     _check_pressure(mine, where, entry, mined, filled)
 
 
-def _check_pressure(mine, where: str, entry: dict, mined: int, filled: int) -> None:
+def _check_pressure(mine: Mine, where: str, entry: Excavation, mined: int, filled: int) -> None:
     """Pressure begins when the excavation is mined or later, and before it is filled."""
-    if "pressure" not in entry:
+    if entry.pressure is None:
         return
-    given, names = entry["pressure"], [step["name"] for step in mine.steps]
+    given, names = entry.pressure, [step.name for step in mine.steps]
     by_step = isinstance(given, dict)
-    for step in given if by_step else [entry["step"]]:
+    for step in given if by_step else [entry.step]:
         key, index = f"{where}.pressure.{step}" if by_step else f"{where}.pressure", mine.step_index(step)
         if by_step and index < 0:
             raise InputError(f"{key}: '{step}' is not one of the steps {', '.join(names)}")
         if by_step and not 0 <= mined <= index:
-            raise InputError(f"{key}: comes before the excavation is mined in '{entry['step']}'; leave it out")
-        if entry.get("fill", "none") != "none" and -1 < filled <= index:
+            raise InputError(f"{key}: comes before the excavation is mined in '{entry.step}'; leave it out")
+        if entry.fill_material is not None and -1 < filled <= index:
             raise InputError(
                 f"{key}: the excavation is filled by then, and pressure acts on the walls of an opening; leave one "
                 "out, or place the fill in a later step (filled)"
             )
 
 
-def _check_force(mine, where: str, entry: dict) -> None:
-    single = not isinstance(entry["force"], list)
-    if single and "toward" not in entry:
+def _check_force(mine: Mine, where: str, load: Load) -> None:
+    single, toward = not is_list(load.force), load.toward
+    if single and toward is None:
         raise InputError(
             f"{where}.force: a single magnitude needs the point it is directed to; add toward, or give three"
         )
-    if "toward" in entry:
+    if toward is not None:
         if not single:
             raise InputError(f"{where}.force: with toward the force is a single magnitude, for example '1 kN'")
-        line = isinstance(entry["toward"][0], list)
-        for point in entry["toward"] if line else [entry["toward"]]:
+        line = is_list(toward[0])
+        for point in toward if line else [toward]:
             if len(point) != mine.dimension:
                 raise InputError(f"{where}.toward: {len(point)} coordinates; this scene has {mine.dimension}")
-        if line and (mine.dimension == 2 or entry["toward"][0] == entry["toward"][1]):
+        if line and (mine.dimension == 2 or toward[0] == toward[1]):
             raise InputError(f"{where}.toward: two points are a line, in three dimensions; give one, or two different")
 
 
 def _check_domain(mine: Mine, mistakes: Mistakes) -> None:
-    count = mine.values["grid"]["particles_per_cell"]
+    count = mine.settings.grid.particles_per_cell
     with mistakes.gather():
         if round(count ** (1 / mine.dimension)) ** mine.dimension != count:
             raise InputError(f"grid.particles_per_cell: {count} is not n^{mine.dimension} in {mine.dimension}-D")
-    domain, coarse = mine.values["domain"], mine.values["grid"]["coarse_cell"]
+    domain, coarse = mine.settings.domain, mine.settings.grid.coarse_cell
     before = len(mistakes.lines)
-    for key in ("lower", "upper"):
+    for key, corner in (("lower", domain.lower), ("upper", domain.upper)):
         with mistakes.gather():
-            if len(domain[key]) != mine.dimension:
-                raise InputError(f"domain.{key}: {len(domain[key])} coordinates; this scene has {mine.dimension}")
+            if len(corner) != mine.dimension:
+                raise InputError(f"domain.{key}: {len(corner)} coordinates; this scene has {mine.dimension}")
     if len(mistakes.lines) > before:
         return
-    for axis, (low, high) in enumerate(zip(domain["lower"], domain["upper"], strict=True)):
+    for axis, (low, high) in enumerate(zip(domain.lower, domain.upper, strict=True)):
         with mistakes.gather():
             if high <= low:
                 raise InputError(f"domain.upper[{axis}]: {high:g} m is not above domain.lower[{axis}], {low:g} m")
     if len(mistakes.lines) > before:
         return
-    base_cells(domain["lower"], domain["upper"], coarse, largest_cell_name(mine))
-    cells = math.prod((high - low) / coarse for low, high in zip(domain["lower"], domain["upper"], strict=True))
+    base_cells(domain.lower, domain.upper, coarse, largest_cell_name(mine))
+    cells = math.prod((high - low) / coarse for low, high in zip(domain.lower, domain.upper, strict=True))
     if cells > MOST_CELLS:
         raise InputError(
             f"grid.{'coarse_cell' if 'coarse_cell' in mine.written_cells else 'finest_cell'}: the largest cells, "
@@ -272,15 +286,15 @@ def _check_domain(mine: Mine, mistakes: Mistakes) -> None:
 
 
 def _check_solver(mine: Mine, mistakes: Mistakes) -> None:
-    solver, grid = mine.values["solver"], mine.values["grid"]
-    count, is_mean = grid["particles_per_cell"], grid["cut_cells"] == "mean"
+    solver, grid = mine.settings.solver, mine.settings.grid
+    count, is_mean = grid.particles_per_cell, grid.cut_cells == "mean"
     fewest = 1 if is_mean else count
     others = ", or more grid.particles_per_cell" + (" and grid.cut_cells: whole or subdivide" if is_mean else "")
-    stiff = {name: rock["poisson_ratio"] for name, rock in mine.values["materials"].items()}
+    stiff = {name: material.poisson_ratio for name, material in mine.settings.materials.items()}
     with mistakes.gather():
-        if solver["hourglass"] < LEAST_HOURGLASS and fewest == 1:
+        if solver.hourglass < LEAST_HOURGLASS and fewest == 1:
             raise InputError(
-                f"solver.hourglass: {solver['hourglass']:g} leaves cells of one particle without stiffness against "
+                f"solver.hourglass: {solver.hourglass:g} leaves cells of one particle without stiffness against "
                 f"hourglass patterns; take {LEAST_HOURGLASS:g} to 1{others}"
             )
     for name, ratio in stiff.items():
@@ -290,9 +304,9 @@ def _check_solver(mine: Mine, mistakes: Mistakes) -> None:
                     f"materials.{name}.poisson_ratio: {ratio:g} locks cells of {count} particles, which then hardly "
                     f"deform; take at most {MOST_POISSON:g}, or grid.particles_per_cell: 1"
                 )
-    if solver["move"] and fewest == 1:
+    if solver.move and fewest == 1:
         raise InputError("solver.move: a lone particle must rest where it is" + others.replace(", or", "; take"))
-    if solver["move"] and solver["scheme"] != "explicit":
+    if solver.move and solver.scheme != "explicit":
         raise InputError("solver.move: particles move with scheme explicit only; set solver.scheme: explicit")
 
 
@@ -301,11 +315,11 @@ def _check_ensemble(mine: Mine, _: Mistakes) -> None:
         return
     if not mine.dated_steps:
         raise InputError("ensemble: no step has dates, hence no catalogue to show the spread of; set it to 0")
-    bodies = {"host", *(entry["material"] for entry in mine.values.get("rock_bodies", []))}
-    if not any(can_fail(mine.values["materials"][name]) for name in bodies):
+    bodies = {"host", *(body.material for body in mine.settings.rock_bodies)}
+    if not any(can_fail(mine.settings.materials[name]) for name in bodies):
         raise InputError("ensemble: no rock can fail (materials), so all members are the same; set it to 0")
-    if mine.values["solver"]["increments"] == 1:
-        is_draft = mine.values["accuracy"] == DRAFT
+    if mine.settings.solver.increments == 1:
+        is_draft = mine.settings.accuracy == DRAFT
         said = "accuracy: draft has made 1 of solver.increments" if is_draft else "solver.increments is 1"
         raise InputError(
             f"ensemble: members differ by the parts in which they take rock out, and {said}; set that to "
@@ -315,16 +329,16 @@ def _check_ensemble(mine: Mine, _: Mistakes) -> None:
 
 def _check_compression(mine: Mine, mistakes: Mistakes) -> None:
     """Compression is negative: rock in place is under tension along an axis nowhere, at no depth of a mine."""
-    insitu = mine.values["insitu_stress"]
-    if insitu.get("gradient", {}).get("zz", 0.0) > 0.0:
+    insitu, normal = mine.settings.insitu_stress, ("xx", "yy", "zz")
+    constants, gradients = (in_voigt_order(part)[:3] for part in (insitu.constant, insitu.gradient))
+    if gradients[2] > 0.0:
         raise InputError(
             "insitu_stress.gradient.zz: positive, rock would weigh less than nothing; compression is negative, "
             "and gradients are per metre of depth below frame.surface"
         )
-    domain, surface = mine.values["domain"], mine.values["frame"]["surface"]
-    depths = [0.0] if mine.plane == "xy" else [surface - domain[key][-1] for key in ("lower", "upper")]
-    for name in ("xx", "yy", "zz"):
-        constant, gradient = (insitu.get(key, {}).get(name, 0.0) for key in ("constant", "gradient"))
+    domain, surface = mine.settings.domain, mine.settings.frame.surface
+    depths = [0.0] if mine.plane == "xy" else [surface - corner[-1] for corner in (domain.lower, domain.upper)]
+    for name, constant, gradient in zip(normal, constants, gradients, strict=True):
         with mistakes.gather():
             if all(constant + gradient * depth > 0.0 for depth in depths):
                 raise InputError(

@@ -35,7 +35,7 @@ def load(
     if mistakes.lines:
         text, settings = sound_part(text, map(key_in, mistakes.lines))
     if settings:
-        mine = Mine(settings.given(), text, mine_file.parent, default or {})
+        mine = Mine(settings, text, mine_file.parent, default or {})
         check_mine(mine, mistakes, {section_of(line) for line in mistakes.lines})
     if mistakes.lines:
         lines = sorted_by_place(list(dict.fromkeys(mistakes.lines)), mine_file, overrides or {})

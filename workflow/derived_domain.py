@@ -3,23 +3,29 @@
 import functools
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from common.errors import InputError
-from common.voigt import NAMES
-from mpm_core.constitutive.laws import Materials
-from mpm_core.geometry.shapes import Shape, shape_of
-from mpm_core.geometry.shapes.shape import Opening
+from mpm_core.geometry.shapes.shape import Opening, Shape
 from mpm_core.grid.domain import base_cells
 from mpm_core.scene.far_field import MAX_LIMITED_BOUNDARY_ERROR, STRENGTH, FarField, bounds, derive_domain
 from mpm_core.scene.insitu_stress import InsituStress
 from mpm_core.scene.scene import FACES, PLANES, virgin_excess
 from mpm_core.scene.scene_solids import prisms_of
-from mpm_core.settings import DEFAULT_COARSE_CELL, DEFAULT_LEVELS, MAX_LEVELS, FileSettings, SolidSettings
+from mpm_core.settings import (
+    DEFAULT_COARSE_CELL,
+    DEFAULT_LEVELS,
+    MAX_LEVELS,
+    Boundary,
+    FileSettings,
+    GridSettings,
+    ShapeSettings,
+    SolidSettings,
+)
 from workflow.accuracy import PRESETS
-from workflow.mine import Mine, shape_keys
+from workflow.mine import Mine, in_voigt_order
 from workflow.shapes import check_form
 
 DEEPEST = 1e5  # m from the openings: virgin rock is not looked at further away
@@ -28,11 +34,9 @@ SAME = 1e-9  # share by which sizes differ that are the same
 
 def complete(mine: Mine) -> None:
     """Complete domain and grid of a mine file. Raises InputError, one line, for what contradicts."""
-    domain, grid = mine.values.setdefault("domain", {}), mine.values["grid"]
-    finest = grid.pop("finest_cell", None)
-    if finest is not None:
-        _check_sizes(grid, finest)
-    missing = [key for key in ("lower", "upper") if key not in domain]
+    domain, finest = mine.settings.domain, mine.settings.grid.finest_cell
+    coarse, levels = _sizes(mine.settings.grid)
+    missing = [key for key in ("lower", "upper") if getattr(domain, key) is None]
     if len(missing) == 1:
         raise InputError(f"domain.{missing[0]}: missing key; give both corners, or none and grid.finest_cell")
     if missing and finest is None:
@@ -40,101 +44,106 @@ def complete(mine: Mine) -> None:
             "domain: missing key: give lower and upper, or grid.finest_cell, from which the domain follows"
         )
     if missing:
-        _derive(mine, finest)
-    elif finest is None and "coarse_cell" not in grid:
-        levels = grid.get("levels", DEFAULT_LEVELS)
-        _divide(mine, DEFAULT_COARSE_CELL / 2 ** (levels - 1), range(levels, levels - 1 if "levels" in grid else 0, -1))
-    elif "coarse_cell" not in grid:
-        _divide(mine, finest, range(_levels(mine)[1], 0, -1))
-    grid.setdefault("coarse_cell", DEFAULT_COARSE_CELL)
-    grid.setdefault("levels", DEFAULT_LEVELS)
-    domain.setdefault("boundary", "fixed")
+        coarse, levels = _derive(mine, finest, levels)
+    elif finest is None and coarse is None:
+        most = levels or DEFAULT_LEVELS
+        finest = DEFAULT_COARSE_CELL / 2 ** (most - 1)
+        coarse, levels = _divide(mine, finest, [most] if levels else range(most, 0, -1))
+    elif coarse is None:
+        coarse, levels = _divide(mine, finest, range(_levels(mine)[1], 0, -1))
+    # the finest follow from these from now on
+    mine.change("grid", finest_cell=None, coarse_cell=coarse, levels=levels or DEFAULT_LEVELS)
+    if mine.settings.domain.boundary is None:
+        mine.change("domain", boundary="fixed")
 
 
-def _check_sizes(grid: dict, finest: float) -> None:
-    """Raise InputError for sizes of cells that contradict each other; what follows from two of them is filled in."""
-    if "coarse_cell" in grid:
-        coarse, doubled = grid["coarse_cell"], round(np.log2(grid["coarse_cell"] / finest))
+def _sizes(grid: GridSettings) -> tuple[float | None, int | None]:
+    """Size of the largest cells, m, and number of levels, as they are given or follow from the size of the finest.
+
+    Raises InputError for those that contradict each other.
+    """
+    finest, coarse, levels = grid.finest_cell, grid.coarse_cell, grid.levels
+    if finest is None:
+        return coarse, levels
+    if coarse is not None:
+        doubled = round(np.log2(coarse / finest))
         if not 0 <= doubled < MAX_LEVELS or abs(coarse - finest * 2**doubled) > SAME * coarse:
             raise InputError(
                 f"grid.finest_cell: {finest:.15g} m doubled up to {MAX_LEVELS - 1} times does not make "
                 f"grid.coarse_cell, {coarse:.15g} m; leave one of the two out"
             )
-        if grid.setdefault("levels", doubled + 1) != doubled + 1:
+        if levels not in (None, doubled + 1):
             raise InputError(
                 f"grid.finest_cell: {finest:.15g} m, but grid.coarse_cell {coarse:.15g} m and grid.levels "
-                f"{grid['levels']} make {coarse / 2 ** (grid['levels'] - 1):.15g} m; leave one of the three out"
+                f"{levels} make {coarse / 2 ** (levels - 1):.15g} m; leave one of the three out"
             )
-    elif "levels" in grid:
-        grid["coarse_cell"] = finest * 2 ** (grid["levels"] - 1)
+        return coarse, doubled + 1
+    return (None, None) if levels is None else (finest * 2 ** (levels - 1), levels)
 
 
 def largest_cell_name(mine: Mine) -> str:
     """What the largest cell is by the keys that the mine's file gives."""
     if "coarse_cell" in mine.written_cells:
         return "grid.coarse_cell"
-    return f"grid.finest_cell times 2^{mine.values['grid']['levels'] - 1} (grid.levels)"
+    return f"grid.finest_cell times 2^{mine.settings.grid.levels - 1} (grid.levels)"
 
 
 def _levels(mine: Mine) -> tuple[int, int]:
     """Fewest and most levels of cells that leave the preset of accuracy a level to take away or to add."""
-    more = PRESETS[mine.values["accuracy"]].levels
+    more = PRESETS[mine.settings.accuracy].levels
     return 1 + max(-more, 0), MAX_LEVELS - max(more, 0)
 
 
-def _divide(mine: Mine, finest: float, choices: range) -> None:
-    """The first of so many levels of cells, from finest m on, of which the largest tile a domain that is given."""
-    lower, upper = (np.array(mine.values["domain"][key]) for key in ("lower", "upper"))
-    grid = mine.values["grid"]
+def _divide(mine: Mine, finest: float, choices: Sequence[int]) -> tuple[float, int]:
+    """Size of the largest cells, m, and the first of these numbers of levels, from finest m on, with which they tile a
+    domain that is given. Raises InputError if there is none."""
+    lower, upper = (np.array(corner) for corner in (mine.settings.domain.lower, mine.settings.domain.upper))
     if not len(lower) == len(upper) == mine.dimension or (upper <= lower).any():
-        grid |= {"coarse_cell": finest, "levels": 1}
-        return  # said by the checks that follow
+        return finest, 1  # said by the checks that follow
     for levels in choices:
         coarse = finest * 2 ** (levels - 1)
         try:
             base_cells(lower, upper, coarse)
         except InputError:
             continue
-        grid |= {"coarse_cell": coarse, "levels": levels}
-        return
+        return coarse, levels
     sides = ", ".join(f"{side:.15g} m" for side in upper - lower)
     problem = f"the sides of the domain ({sides}) are no whole multiples of {coarse:.15g} m"
     if "finest_cell" in mine.written_cells:
         raise InputError(f"grid.finest_cell: {problem}; change one, or leave domain.lower and domain.upper out")
-    which = f"the largest of {levels} sizes of cell (grid.levels)" if "levels" in grid else "a size of cell"
+    is_given = "levels" in mine.written_cells
+    which = f"the largest of {levels} sizes of cell (grid.levels)" if is_given else "a size of cell"
     raise InputError(
         f"grid.finest_cell: missing key: {problem}, {which} where none is given; give one that divides them"
     )
 
 
-def _derive(mine: Mine, finest: float) -> None:
-    """The domain from all that is mined or loaded."""
-    values, domain, grid = mine.values, mine.values["domain"], mine.values["grid"]
+def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
+    """Derive the domain from all that is mined or loaded; size of the largest cells, m, and number of levels."""
+    settings = mine.settings
     openings = list(_openings(mine))
     if not openings:
         raise InputError("domain.lower: missing key; without excavations and loads the domain follows from nothing")
-    for section in ("lower", "upper"):
-        domain.pop(section, None)
-    asked = "boundary" in domain
+    asked = settings.domain.boundary is not None
     faces = mine.boundary()
     mined = PLANES[mine.plane]
     held = [face for face in FACES if "xyz".index(face[0]) in mined and (face, faces[face]) != ("z_upper", "free")]
     conditions = [faces[face] for face in held]
-    rocks = ["host", *(body["material"] for body in values.get("rock_bodies", []))]
+    rocks = ["host", *(body.material for body in settings.rock_bodies)]
     heights = bounds(openings)[:, -1]
     sound = _sound(mine, heights) if 2 in mined else (-np.inf, np.inf)
     found = derive_domain(
         openings,
         finest,
-        [values["materials"][name]["poisson_ratio"] for name in rocks if name in values["materials"]],
+        [settings.materials[name].poisson_ratio for name in rocks if name in settings.materials],
         conditions if asked else ["fixed"],
-        levels=(grid["levels"],) * 2 if "levels" in grid else _levels(mine),
-        ground=values["frame"]["surface"] if 2 in mined else None,
+        levels=(levels, levels) if levels else _levels(mine),
+        ground=settings.frame.surface if 2 in mined else None,
         sound=sound,
     )
     if found.limited == STRENGTH and found.error > MAX_LIMITED_BOUNDARY_ERROR:
         raise InputError(_no_room(mine, found, heights, sound))
-    top, surface = float(found.upper[-1]), values["frame"]["surface"]
+    top, surface = float(found.upper[-1]), settings.frame.surface
     at_surface = 2 in mined and top == surface
     if at_surface and asked and faces["z_upper"] not in ("free", "traction"):
         raise InputError(
@@ -147,10 +156,10 @@ def _derive(mine: Mine, finest: float) -> None:
             f"{surface:g} m: its rock would lose the stress from above; leave that out, or give domain.lower and upper"
         )
     if at_surface and not asked:
-        domain["boundary"] = {"z_upper": "free", "others": "fixed"}
-    domain |= {"lower": found.lower.tolist(), "upper": found.upper.tolist()}
-    grid |= {"coarse_cell": found.coarse_cell, "levels": found.levels}
+        mine.change("domain", boundary=Boundary(z_upper="free", others="fixed"))
+    mine.change("domain", lower=tuple(found.lower.tolist()), upper=tuple(found.upper.tolist()))
     mine.far_field = found
+    return found.coarse_cell, found.levels
 
 
 def _sound(mine: Mine, heights: np.ndarray) -> tuple[float, float]:
@@ -159,13 +168,8 @@ def _sound(mine: Mine, heights: np.ndarray) -> tuple[float, float]:
     Raises InputError where it does not at the openings themselves. What a law admits is convex, and stress is linear in
     depth: there is one such stretch.
     """
-    values = mine.values
-    host = Materials.of({"materials": {"host": values["materials"]["host"]}}).materials["host"]
-    constant, gradient = (
-        np.array([values["insitu_stress"].get(key, {}).get(name, 0.0) for name in NAMES])
-        for key in ("constant", "gradient")
-    )
-    surface = values["frame"]["surface"]
+    host, surface, stress = mine.settings.materials["host"], mine.settings.frame.surface, mine.settings.insitu_stress
+    constant, gradient = (np.array(in_voigt_order(part)) for part in (stress.constant, stress.gradient))
     insitu = InsituStress(constant, gradient, surface)
     for place, elevation in zip(("lower", "upper"), np.minimum(heights, surface), strict=True):
         if (excess := virgin_excess(host, insitu, elevation)) > 0.0:
@@ -204,43 +208,41 @@ def _no_room(mine: Mine, found: FarField, heights: np.ndarray, sound: tuple[floa
 
 def _openings(mine: Mine) -> Iterator[Opening]:
     """All excavations, planned ones too, and loads; a tunnel stretch by stretch."""
-    sections = {"excavations": mine.excavations, "loads": mine.values.get("loads", [])}
-    for section, entries in sections.items():
-        for entry in entries:
-            where = f"{section}.{entry['name']}"
-            if entry.get("outside"):
+    sections: dict[str, Sequence[ShapeSettings]] = {"excavations": mine.excavations, "loads": mine.settings.loads}
+    for section, solids in sections.items():
+        for solid in solids:
+            where = f"{section}.{solid.name}"
+            if section == "excavations" and solid.outside:
                 raise InputError(f"{where}.outside: the domain follows from the excavations; give lower and upper")
-            check_form(mine, where, entry)
+            shape = check_form(mine, where, solid)
             try:
-                found = list(_opening(mine, where, entry))
+                found = list(shape.openings(mine.dimension) if shape else _openings_of_file(mine, where, solid))
             except InputError as error:
                 text = str(error)
                 raise InputError(text if text.startswith(where) else f"{where}: {text}") from error
             lowest = min((float(opening.lower[-1]) for opening in found), default=-np.inf)
-            if 2 in PLANES[mine.plane] and lowest >= mine.values["frame"]["surface"]:
+            if 2 in PLANES[mine.plane] and lowest >= mine.settings.frame.surface:
                 raise InputError(
                     f"{where}: lies above the ground, z {lowest:g} m and more (frame.surface: "
-                    f"{mine.values['frame']['surface']:g} m); check its coordinates and frame.surface"
+                    f"{mine.settings.frame.surface:g} m); check its coordinates and frame.surface"
                 )
             yield from found
 
 
-def _opening(mine: Mine, where: str, entry: dict) -> Iterator[Opening]:
-    if "file" not in entry:
-        yield from shape_of(entry, mine.dimension, where).openings(mine.dimension)
-    elif "shape" in entry:
-        for prism in _prisms(mine, where, entry):
+def _openings_of_file(mine: Mine, where: str, solid: SolidSettings) -> Iterator[Opening]:
+    if solid.shape:
+        for prism in _prisms(mine, where, solid):
             yield from prism.openings(mine.dimension)
     else:
-        path = mine.path(entry["file"])
+        path = mine.path(solid.file)
         stamp = os.stat(path)
-        yield _of_file(str(path), entry["name"], _picked(entry), stamp.st_mtime_ns, stamp.st_size)
+        yield _of_file(str(path), solid.name, _picked(solid), stamp.st_mtime_ns, stamp.st_size)
 
 
-def _picked(entry: dict) -> tuple:
+def _picked(solid: SolidSettings) -> tuple:
     """What of a file is meant, as a tuple that a cache may keep."""
-    keys = [key for key in FileSettings.model_fields if key in entry and key != "file"]
-    return tuple((key, tuple(entry[key]) if key == "offset" else entry[key]) for key in keys)
+    keys = [key for key in FileSettings.model_fields if key in solid.model_fields_set and key != "file"]
+    return tuple((key, getattr(solid, key)) for key in keys)
 
 
 @functools.cache
@@ -259,11 +261,10 @@ def _of_file(path: str, name: str, picked: tuple, stamp: int, size: int) -> Open
     return Opening(lower, upper, sides, volume, np.stack([lower, upper])[None])
 
 
-def _prisms(mine: Mine, where: str, entry: dict) -> list[Shape]:
+def _prisms(mine: Mine, where: str, solid: SolidSettings) -> list[Shape]:
     """A prism for each outline of a drawing; holes in them count as mined."""
-    keys = shape_keys(entry) | {"name": entry["name"], "file": mine.path(entry["file"]).as_posix()}
     with _quiet():
-        return prisms_of(SolidSettings.of(keys, where), where)
+        return prisms_of(solid.model_copy(update={"file": mine.path(solid.file).as_posix()}), where)
 
 
 class _quiet:

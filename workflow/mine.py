@@ -5,18 +5,26 @@ not mined yet looks the same in a slice whether it is planned or dated later: gi
 that month.
 """
 
+from common.setting_types import Settings
 from common.voigt import NAMES
 from mpm_core.equilibrium.perturbation import MAX_STRENGTH_PERTURBATION
-from mpm_core.scene.scene import parse_scene
-from mpm_core.settings import ShapeSettings
+from mpm_core.settings import ShapeSettings, SolidSettings
+from workflow.mine_settings import BoundaryStrain, Excavation, Load
 from workflow.plan import Plan
 
-GRID_KEYS = ("coarse_cell", "levels", "buffer_cells", "cut_cells", "volume_error", "resized_by")
+GRID_KEYS = {"coarse_cell", "levels", "buffer_cells", "cut_cells", "volume_error"}
+SHAPE_KEYS = set(ShapeSettings.model_fields)
 
 
-def shape_keys(entry: dict) -> dict:
-    """The keys of an excavation, rock body or load that define its shape or file."""
-    return {key: entry[key] for key in ShapeSettings.model_fields if key in entry}
+def shape_keys(solid: ShapeSettings) -> dict:
+    """The keys of an excavation, rock body or load that define its shape or file, as plain values."""
+    return solid.model_dump(mode="json", include=SHAPE_KEYS, exclude_unset=True)
+
+
+def in_voigt_order(components: Settings | None) -> list[float]:
+    """The six components of a stress, gradient or strain; zero where they are not given."""
+    given = components.given() if components else {}
+    return [given.get(name, 0.0) for name in NAMES]
 
 
 class Mine(Plan):
@@ -24,31 +32,33 @@ class Mine(Plan):
 
     def grid_slice(self) -> dict:
         """What grid.nc depends on: shapes, cells, the domain; no material, and of steps what the first one mines."""
-        values = self.values
-        grid = {key: values["grid"][key] for key in GRID_KEYS if key in values["grid"]}
-        later = [number for number, entry in enumerate(self.excavations) if self.step_index(entry["step"]) != 0]
+        settings = self.settings
+        grid = settings.grid.model_dump(mode="json", include=GRID_KEYS, exclude_unset=True)
+        later = [number for number, entry in enumerate(self.excavations) if self.step_index(entry.step) != 0]
         return {
             "name": self.name,
             "plane": self.plane,
-            "thickness": values["thickness"],
-            "domain": {key: values["domain"][key] for key in ("lower", "upper")},
-            "grid": grid,
-            "excavations": [self._shape(entry) for entry in self.excavations],
-            "rock_bodies": [
-                {**self._shape(entry), "refine": entry.get("refine", False)} for entry in values.get("rock_bodies", [])
-            ],
+            "thickness": settings.thickness,
+            "domain": self._corners(),
+            "grid": {**grid, **({"resized_by": self.resized_by} if self.resized_by else {})},
+            "excavations": [self._shape(excavation) for excavation in self.excavations],
+            "rock_bodies": [{**self._shape(body), "refine": body.refine} for body in settings.rock_bodies],
             **({"later": later} if later and self.is_adaptive else {}),
             **({"far_field": self.expected()} if self.far_field else {}),
         }
 
-    def _shape(self, entry: dict) -> dict:
+    def _corners(self) -> dict:
+        """Corners of the domain, m."""
+        return self.settings.domain.model_dump(mode="json", include={"lower", "upper"})
+
+    def _shape(self, solid: SolidSettings) -> dict:
         """Name and shape of a solid, its file as a path from the working directory."""
-        made = shape_keys(entry)
-        if entry.get("outside"):
+        made = shape_keys(solid)
+        if solid.outside:
             made["outside"] = True
         if "file" in made:
             made["file"] = self.path(made["file"]).as_posix()
-        return {"name": entry["name"], **made}
+        return {"name": solid.name, **made}
 
     def expected(self) -> dict:
         """Distance and expected error of a derived domain."""
@@ -56,80 +66,71 @@ class Mine(Plan):
 
     def solids_slice(self) -> dict:
         """What the picture of the solids depends on: their shapes, and the index of the step that mines each, or -1."""
-        return self.grid_slice() | {"mined": [self.step_index(entry["step"]) for entry in self.excavations]}
+        return self.grid_slice() | {"mined": [self.step_index(entry.step) for entry in self.excavations]}
 
     def scene_slice(self, last: int) -> dict:
         """What the mechanics up to step number `last` depend on, for mpm_core.scene.scene.parse_scene."""
-        values = self.values
+        settings = self.settings
 
-        def excavation(entry: dict) -> dict:
-            mined = self.step_index(entry["step"])
-            filled = self.step_index(entry.get("filled", entry["step"]))
-            fill = entry.get("fill", "none")
-            placed = fill != "none" and 0 <= filled <= last
+        def excavation(entry: Excavation) -> dict:
+            mined, filled = self.step_index(entry.step), self.step_index(entry.fill_step)
+            placed = entry.fill_material is not None and 0 <= filled <= last
             pressure = [pair for pair in self.pressure(entry) if mined <= pair[0] <= last]
             return {
-                "name": entry["name"],
+                "name": entry.name,
                 "mined": mined if mined <= last else -1,
-                "fill": fill if placed else None,
+                "fill": entry.fill_material if placed else None,
                 "filled": filled if placed else -1,
                 **({"pressure": pressure} if pressure else {}),
             }
 
-        def components(key: str) -> list[float]:
-            given = values["insitu_stress"].get(key, {})
-            return [given.get(name, 0.0) for name in NAMES]
-
-        def load(entry: dict) -> dict:
-            toward = {"toward": entry["toward"]} if "toward" in entry else {}
-            since = self.step_index(entry["step"])
+        def load(entry: Load) -> dict:
             return {
-                "name": entry["name"],
-                "since": since,
-                "force": entry["force"],
-                **toward,
+                "name": entry.name,
+                "since": self.step_index(entry.step),
+                **entry.model_dump(mode="json", include={"force", "toward"}, exclude_unset=True),
                 "shape": shape_keys(entry),
             }
 
-        def listed(section: str) -> list[dict]:
-            return [entry for entry in values.get(section, []) if self.step_index(entry["step"]) <= last]
+        def strain(entry: BoundaryStrain) -> dict:
+            since = self.step_index(entry.step)
+            return {"name": entry.name, "since": since, "strain": in_voigt_order(entry.strain)}
 
-        strains = [
-            {
-                "name": entry["name"],
-                "since": self.step_index(entry["step"]),
-                "strain": [entry["strain"].get(name, 0.0) for name in NAMES],
-            }
-            for entry in listed("strains")
-        ]
+        loads = [load(entry) for entry in settings.loads if self.step_index(entry.step) <= last]
+        strains = [strain(entry) for entry in settings.strains if self.step_index(entry.step) <= last]
         excavations = [excavation(entry) for entry in self.excavations]
-        used = {"host", *(entry["material"] for entry in values.get("rock_bodies", []))}
+        used = {"host", *(body.material for body in settings.rock_bodies)}
         used |= {entry["fill"] for entry in excavations if entry["fill"]}
         return {
             "name": self.name,
             "plane": self.plane,
-            "thickness": values["thickness"],
-            "particles_per_cell": round(values["grid"]["particles_per_cell"] ** (1 / self.dimension)),
-            "cut_cells": values["grid"]["cut_cells"],
+            "thickness": settings.thickness,
+            "particles_per_cell": round(settings.grid.particles_per_cell ** (1 / self.dimension)),
+            "cut_cells": settings.grid.cut_cells,
             "boundary": self.boundary(),
-            "surface": values["frame"]["surface"],
-            "insitu_stress": {key: components(key) for key in ("constant", "gradient")},
-            "materials": {name: entry for name, entry in values["materials"].items() if name in used},
-            "rock_bodies": [{"material": entry["material"]} for entry in values.get("rock_bodies", [])],
+            "surface": settings.frame.surface,
+            "insitu_stress": self._insitu_stress(),
+            "materials": {name: material.given() for name, material in settings.materials.items() if name in used},
+            "rock_bodies": [{"material": body.material} for body in settings.rock_bodies],
             "excavations": excavations,
-            "loads": [load(entry) for entry in listed("loads")],
+            "loads": loads,
             **({"strains": strains} if strains else {}),
             **({"refinement": self._refinement()} if self.is_adaptive else {}),
             **({"perturbation": self.perturbation} if self.perturbation else {}),
-            "steps": [{"name": step["name"]} for step in self.steps[: last + 1]],  # rock knows no dates
-            "solver": values["solver"],
+            "steps": [{"name": step.name} for step in self.steps[: last + 1]],  # rock knows no dates
+            "solver": settings.solver.given(),
         }
+
+    def _insitu_stress(self) -> dict[str, list[float]]:
+        """Stress at frame.surface, Pa, and its change per metre of depth, Pa/m, in Voigt order."""
+        stress = self.settings.insitu_stress
+        return {"constant": in_voigt_order(stress.constant), "gradient": in_voigt_order(stress.gradient)}
 
     def _refinement(self) -> dict:
         """How cells follow the rock, and the rock bodies that parts of them are of."""
-        grid = self.values["grid"]
-        bodies = [self._shape(entry) for entry in self.values.get("rock_bodies", [])]
-        return {"rings": grid["buffer_cells"], "max_cells": grid["max_cells"], "bodies": bodies}
+        grid = self.settings.grid
+        bodies = [self._shape(body) for body in self.settings.rock_bodies]
+        return {"rings": grid.buffer_cells, "max_cells": grid.max_cells, "bodies": bodies}
 
     def step_slice(self, step: str) -> dict:
         """What steps/<step>.nc depends on, beside the state of the step before."""
@@ -137,20 +138,25 @@ class Mine(Plan):
 
     def picture_slice(self) -> dict:
         """What the picture of the scene depends on: name, whether it has dates, and excavations of every step."""
-        mined: dict[str, list[str]] = {step["name"]: [] for step in self.steps}
+        mined: dict[str, list[str]] = {step.name: [] for step in self.steps}
         for entry in self.excavations:
-            if entry["step"] in mined:
-                mined[entry["step"]].append(entry["name"])
-        steps = [
-            {"name": step["name"], "dated": "start" in step, "excavations": mined[step["name"]]} for step in self.steps
-        ]
-        return {"steps": steps}
+            if entry.step in mined:
+                mined[entry.step].append(entry.name)
+        return {
+            "steps": [
+                {"name": step.name, "dated": step.is_dated, "excavations": mined[step.name]} for step in self.steps
+            ]
+        }
 
     def event_slice(self, step: str = "") -> dict:
         """What events and catalogue depend on, beside the steps; of the events of one step, its dates too."""
-        flat = {"thickness": self.values["thickness"]} if self.plane else {}
-        dates = {key: self.steps[self.step_index(step)].get(key, "") for key in ("start", "end")} if step else {}
-        return {"mine": self.name, "frame": self.values["frame"], **flat, **self.values["seismic"], **dates}
+        settings = self.settings
+        flat = {"thickness": settings.thickness} if self.plane else {}
+        slice_ = {"mine": self.name, "frame": settings.frame.given(), **flat, **settings.seismic.given()}
+        if step:
+            own = self.steps[self.step_index(step)]
+            slice_ |= {"start": own.start or "", "end": own.end or ""}
+        return slice_
 
     def spread_slice(self) -> dict:
         """What spread.nc depends on, beside the runs of the ensemble."""
@@ -167,9 +173,9 @@ class Mine(Plan):
 
     def comparison_slice(self) -> dict:
         """What comparison.nc depends on, beside the two catalogues and the events of the ensemble's members."""
-        dated = [step for step in self.listed_steps if "start" in step]
-        return self.values["comparison"] | {
-            "steps": [{key: step[key] for key in ("name", "start", "end")} for step in dated],
+        return {
+            **self.settings.comparison.given(),
+            "steps": [step.given() for step in self.listed_steps if step.is_dated],
             **({"members": self.members} if self.members else {}),
         }
 
@@ -179,7 +185,7 @@ class Mine(Plan):
             "config": self.text,
             "default": self.default,
             "excavations": self.schedule(),
-            "insitu": self.scene_slice(0)["insitu_stress"] | {"surface": self.values["frame"]["surface"]},
+            "insitu": self._insitu_stress() | {"surface": self.settings.frame.surface},
         }
 
     def slice_of(self, stage: str) -> dict:
@@ -195,7 +201,7 @@ class Mine(Plan):
             "catalog": self.event_slice,
             "closeness": self.event_slice,
             "quakeml": dict,
-            "record": self.record_slice if "record" in self.values else dict,
+            "record": self.record_slice if self.settings.record else dict,
             "comparison": self.comparison_slice,
             "spread": self.spread_slice,
             "grid_convergence": self.convergence_slice,
@@ -205,16 +211,17 @@ class Mine(Plan):
 
     def record_slice(self) -> dict:
         """What record.nc depends on, beside the recorded data."""
-        host = parse_scene(self.scene_slice(0)).materials["host"]
-        dated = [step for step in self.listed_steps if "start" in step]
+        settings, host = self.settings, self.settings.materials["host"]
+        dated = [step for step in self.listed_steps if step.is_dated]
         # Only what was recorded while the model mines, and where, is comparable; the configuration may choose less.
-        period = {"start": dated[0]["start"], "end": dated[-1]["end"]} if dated else {}
-        domain = {key: self.values["domain"][key] for key in ("lower", "upper")}
-        record = {
-            **self.values["record"],
+        period = {"start": dated[0].start, "end": dated[-1].end} if dated else {}
+        return {
+            "mine": self.name,
+            "frame": settings.frame.given(),
+            "lame_lambda": host.lame_lambda,
+            "shear_modulus": host.shear_modulus,
+            **settings.record.given(),
             "period": period,
-            "domain": domain | {"plane": self.plane},
-            "file": self.path(self.values["record"]["file"]).as_posix(),
+            "domain": self._corners() | {"plane": self.plane},
+            "file": self.path(settings.record.file).as_posix(),
         }
-        elastic = {"lame_lambda": host.lame_lambda, "shear_modulus": host.shear_modulus}
-        return {"mine": self.name, "frame": self.values["frame"], **elastic, **record}

@@ -62,6 +62,16 @@ class Excavation(SolidSettings):
     """Pressure on the walls from inside. It starts with the step that mines the excavation and ends when it is filled.
     Pressures by step, each until the next: {history: 5 MPa, "2019-08": 0 MPa}."""
 
+    @property
+    def fill_material(self) -> str | None:
+        """Name of the material that fills it; None where it stays open."""
+        return None if self.fill == "none" else self.fill
+
+    @property
+    def fill_step(self) -> str:
+        """Name of the step in which its fill is placed."""
+        return self.step if self.filled is None else self.filled
+
 
 class ExcavationsFrom(Settings):
     """Excavations that are made from recorded data."""
@@ -135,6 +145,11 @@ class Step(Settings):
     end: Date = None
     """First date after the step."""
 
+    @property
+    def is_dated(self) -> bool:
+        """Whether its events enter the catalogue."""
+        return self.start is not None
+
 
 class MineSettings(Settings):
     """All of a mine's configuration."""
@@ -157,7 +172,7 @@ class MineSettings(Settings):
     """Whether the mine is also run on cells of twice the size, so that the report can state how uncertain the cells
     leave its numbers. Default: true in 3-D if steps have dates. A draft has no such run."""
     frame: Frame
-    domain: DomainSettings = None
+    domain: DomainSettings = DomainSettings()
     grid: GridSettings = GridSettings()
     insitu_stress: InsituSettings
     materials: dict[Name, AnyMaterial]

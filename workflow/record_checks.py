@@ -16,19 +16,21 @@ BEYOND_USE = 3.0  # degrees that a projected system may be used beyond its zone:
 
 def check_record(mine: Mine, mistakes: Mistakes) -> None:
     """Check the settings of a mine's record."""
-    record = mine.values.get("record")
-    if not record:
+    record = mine.settings.record
+    if record is None:
         return
-    if not READERS[record["reader"]].READS_FOLDER and not is_file(mine.path(record["file"])):
-        mistakes.add(f"record.file: {mine.path(record['file'])} is missing; paths resolve from {mine.folder}")
-    if "latitude" in record.get("columns", {}) and "x" not in record["columns"] and not mine.has_place:
+    if not READERS[record.reader].READS_FOLDER and not is_file(mine.path(record.file)):
+        mistakes.add(f"record.file: {mine.path(record.file)} is missing; paths resolve from {mine.folder}")
+    columns = getattr(record, "columns", None)
+    if columns and columns.latitude is not None and columns.x is None and not mine.settings.frame.has_place:
         mistakes.add(
             "record.columns.latitude: the frame has no place on Earth to take it from; give frame.latitude and "
             "frame.longitude, or frame.crs, or the columns x, y and z"
         )
-    for part in ("filter", "orientations"):
-        with mistakes.gather():
-            _check_part(f"record.{part}", record.get(part, {}))
+    for name in ("filter", "orientations"):
+        if part := getattr(record, name, None):
+            with mistakes.gather():
+                _check_part(f"record.{name}", part.given())
 
 
 def _check_part(where: str, part: dict) -> None:
@@ -50,11 +52,14 @@ def _check_part(where: str, part: dict) -> None:
 
 def check_filter(mine: Mine, _: Mistakes) -> None:
     """Check that the filter's box reaches into the domain, to which the record is cropped. Raises InputError."""
-    chosen = mine.values.get("record", {}).get("filter", {})
+    record, domain = mine.settings.record, mine.settings.domain
+    chosen = record and record.filter
+    if not chosen:
+        return
+    lowest, highest = chosen.lower or [-math.inf] * 3, chosen.upper or [math.inf] * 3
     axes = {"xz": (0, 2), "xy": (0, 1)}.get(mine.plane, (0, 1, 2))
-    domain = mine.values["domain"]
-    for axis, lower, upper in zip(axes, domain["lower"], domain["upper"], strict=True):
-        low, high = chosen.get("lower", [-math.inf] * 3)[axis], chosen.get("upper", [math.inf] * 3)[axis]
+    for axis, lower, upper in zip(axes, domain.lower, domain.upper, strict=True):
+        low, high = lowest[axis], highest[axis]
         if low >= upper or high <= lower:
             raise InputError(
                 f"record.filter: the box lies outside the domain, {'xyz'[axis]} {lower:g} to {upper:g} m, to which the "
@@ -64,12 +69,12 @@ def check_filter(mine: Mine, _: Mistakes) -> None:
 
 def check_frame(mine: Mine, _: Mistakes) -> None:
     """Check that the domain's corners have a place on the globe, near that of the frame. Raises InputError."""
-    frame, domain = mine.values["frame"], mine.values["domain"]
+    frame, domain = mine.settings.frame, mine.settings.domain
     axes = (0, 1) if mine.plane != "xz" else (0,)
-    corners = [[domain[end][axis] for axis in axes] + [0.0] * (2 - len(axes)) for end in ("lower", "upper")]
-    if "crs" not in frame:
+    corners = [[end[axis] for axis in axes] + [0.0] * (2 - len(axes)) for end in (domain.lower, domain.upper)]
+    if frame.crs is None:
         farthest = max(math.hypot(*corner) for corner in corners)
-        if "latitude" in frame and farthest > FARTHEST_FROM_ORIGIN:
+        if frame.latitude is not None and farthest > FARTHEST_FROM_ORIGIN:
             raise InputError(
                 f"frame: the domain lies {farthest / 1000:.0f} km from the frame's origin; x and y count from the "
                 "point of that latitude and longitude. For eastings and northings of a map give crs instead (EPSG code)"
@@ -87,7 +92,7 @@ def check_frame(mine: Mine, _: Mistakes) -> None:
     if away > BEYOND_USE:
         raise InputError(
             f"frame.crs: the domain lies at latitude {latitude[0]:.1f}, longitude {longitude[0]:.1f}, outside the area "
-            f"of {frame['crs'][:40]} (longitude {west:g} to {east:g}, latitude {south:g} to {north:g}); coordinates of "
+            f"of {frame.crs[:40]} (longitude {west:g} to {east:g}, latitude {south:g} to {north:g}); coordinates of "
             "a mine grid need its own false origin, as PROJ text or WKT"
         )
 

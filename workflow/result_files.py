@@ -25,8 +25,8 @@ class ResultFiles:
         self.folders = folders
         self.mine = folders.mine
         self.has_catalog = bool(self.mine.dated_steps)
-        self.has_quakeml = self.has_catalog and self.mine.has_place
-        self.has_record = self.has_catalog and "record" in self.mine.values
+        self.has_quakeml = self.has_catalog and self.mine.settings.frame.has_place
+        self.has_record = self.has_catalog and self.mine.settings.record is not None
         self.has_coarse = self.mine.has_companion
 
     def own(self, path: str) -> str:
@@ -63,7 +63,7 @@ class ResultFiles:
 
     def record_data(self) -> str | list[str]:
         """The file that the record is read from. A folder's reader looks after its own files."""
-        if not self.has_record or READERS[self.mine.values["record"]["reader"]].READS_FOLDER:
+        if not self.has_record or READERS[self.mine.settings.record.reader].READS_FOLDER:
             return []
         return self.mine.record_slice()["file"]
 

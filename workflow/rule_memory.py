@@ -42,9 +42,9 @@ def cells_of(path: str) -> int:
 
 def mechanics_mb(mine: Mine, grid: str, elastic: bool) -> int:
     """MB that the elastic stage, or a mining step, needs at its peak on the cells of a grid.nc or a state."""
-    cells, values = cells_of(grid), mine.values
-    particles = cells * values["grid"]["particles_per_cell"]
-    needed = stage_bytes(values["solver"]["scheme"], mine.dimension, cells, particles, elastic, mine.is_adaptive)
+    cells, settings = cells_of(grid), mine.settings
+    particles = cells * settings.grid.particles_per_cell
+    needed = stage_bytes(settings.solver.scheme, mine.dimension, cells, particles, elastic, mine.is_adaptive)
     return round((COMPILING + needed) / MB)
 
 
@@ -58,5 +58,5 @@ def reading_mb(mine: Mine, grid: str, stage: str, results: list[str]) -> int:
     # states have more cells than the grid where these follow the rock; a catalogue has none
     made = [path for path in results if str(path).endswith(".nc") and os.path.exists(path)]
     cells = max(cells_of(path) for path in (grid, *made))
-    particles = cells * mine.values["grid"]["particles_per_cell"]
+    particles = cells * mine.settings.grid.particles_per_cell
     return round((LIBRARIES + GRID * cells + READS[stage] * particles) / MB)

@@ -6,22 +6,23 @@ From the numbers alone: the grid stage makes their surfaces.
 import numpy as np
 
 from common.errors import InputError, Mistakes
-from mpm_core.geometry.shapes import checked, shape_model, shape_of
+from mpm_core.geometry.shapes import Shape, checked, shape_model, shape_of
 from mpm_core.geometry.shapes.prism import DrawnPrism
-from mpm_core.settings import FileSettings
-from workflow.mine import Mine, shape_keys
+from mpm_core.settings import FileSettings, ShapeSettings
+from workflow.mine import SHAPE_KEYS, Mine, shape_keys
+from workflow.mine_settings import Excavation
 
 
-def check_place(mine: Mine, where: str, entry: dict) -> None:
-    """Raise InputError for an entry whose shape lies outside the domain, or lacks what check_form asks for.
+def check_place(mine: Mine, where: str, solid: ShapeSettings) -> None:
+    """Raise InputError for a solid whose shape lies outside the domain, or lacks what check_form asks for.
 
     A rock body may lie outside a domain that follows from the excavations: the grid's stage leaves it out, and says so.
     """
-    check_form(mine, where, entry)
-    if "file" in entry or (where.startswith("rock_bodies.") and mine.far_field):
+    shape = check_form(mine, where, solid)
+    if shape is None or (where.startswith("rock_bodies.") and mine.far_field):
         return
-    lower, upper = shape_of(entry, mine.dimension, where).extent(mine.dimension)
-    domain = [np.array(mine.values["domain"][key]) for key in ("lower", "upper")]
+    lower, upper = shape.extent(mine.dimension)
+    domain = [np.array(corner) for corner in (mine.settings.domain.lower, mine.settings.domain.upper)]
     if (upper <= domain[0]).any() or (lower >= domain[1]).any():
         raise InputError(
             f"{where}: lies outside the domain ({_span(lower, upper)}; domain {_span(*domain)}): check its coordinates "
@@ -29,30 +30,34 @@ def check_place(mine: Mine, where: str, entry: dict) -> None:
         )
 
 
-def check_form(mine: Mine, where: str, entry: dict) -> None:
-    """Raise InputError for an entry whose shape lacks keys, or whose file is missing; wherever it lies."""
-    if ("shape" in entry) == ("file" in entry) and entry.get("shape") != "prism":
+def check_form(mine: Mine, where: str, solid: ShapeSettings) -> Shape | None:
+    """The shape of a solid, wherever it lies; None for one from a file.
+
+    Raises InputError for a shape that lacks keys, or a file that is missing.
+    """
+    name = solid.shape
+    if (name is None) == (solid.file is None) and name != "prism":
         raise InputError(f"{where}: give either a shape or a file")
-    given = set(shape_keys(entry)) - {"shape"}
-    if "file" not in entry:
-        name = entry["shape"]
+    given = (solid.model_fields_set & SHAPE_KEYS) - {"shape"}
+    if solid.file is None:
         model = shape_model(name, mine.dimension, where)
         needed = {key for key, field in model.model_fields.items() if field.is_required()}
         if missing := needed - given:
             raise InputError(f"{where}.{min(missing)}: missing; shape {name} needs {', '.join(sorted(needed))}")
         _check_keys(where, name, given, set(model.model_fields))
-        shape_of(entry, mine.dimension, where)
-        return
+        return shape_of(shape_keys(solid), mine.dimension, where)
     if mine.dimension == 2:
         raise InputError(f"{where}.file: a plane strain scene needs a shape in its plane, not a solid")
-    if "shape" in entry:
+    if name:
         prism_keys = set(DrawnPrism.model_fields)
         _check_keys(where, "prism from a file", given, set(FileSettings.model_fields) - {"element"} | prism_keys)
-        checked(DrawnPrism.of({key: entry[key] for key in given & prism_keys}, where), mine.dimension, where)
+        drawn = {key: value for key, value in shape_keys(solid).items() if key in prism_keys}
+        checked(DrawnPrism.of(drawn, where), mine.dimension, where)
     else:
         _check_keys(where, "file", given, set(FileSettings.model_fields))
-    if not is_file(mine.path(entry["file"])):
-        raise InputError(f"{where}.file: {mine.path(entry['file'])} is missing; paths resolve from {mine.folder}")
+    if not is_file(mine.path(solid.file)):
+        raise InputError(f"{where}.file: {mine.path(solid.file)} is missing; paths resolve from {mine.folder}")
+    return None
 
 
 def is_file(path) -> bool:
@@ -75,23 +80,21 @@ def _span(lower, upper) -> str:
 def check_repeated(mine: Mine, mistakes: Mistakes) -> None:
     """Gather the same solid mined twice: the second finds nothing, unless the first was filled before."""
 
-    def filled_before(first: dict, second: dict) -> bool:
-        filled, mined = mine.step_index(first.get("filled", first["step"])), mine.step_index(second["step"])
-        return first.get("fill", "none") != "none" and 0 <= filled and (filled < mined or mined < 0)
+    def filled_before(first: Excavation, second: Excavation) -> bool:
+        filled, mined = mine.step_index(first.fill_step), mine.step_index(second.step)
+        return first.fill_material is not None and 0 <= filled and (filled < mined or mined < 0)
 
-    by_solid: dict[str, list[dict]] = {}
+    by_solid: dict[str, list[Excavation]] = {}
     for entry in mine.excavations:
-        by_solid.setdefault(repr(sorted(shape_keys(entry).items())) + str(entry.get("outside", False)), []).append(
-            entry
-        )
+        by_solid.setdefault(repr((sorted(shape_keys(entry).items()), entry.outside)), []).append(entry)
     for entries in by_solid.values():
-        for second in entries[1:]:
-            earlier = entries[: entries.index(second)]
+        for number, second in enumerate(entries[1:], 1):
+            earlier = entries[:number]
             first = next(
                 (one for one in earlier if not filled_before(one, second) and not filled_before(second, one)), None
             )
             if first is not None:
                 mistakes.add(
-                    f"excavations.{second['name']}: the same solid as excavations.{first['name']}, which leaves "
+                    f"excavations.{second.name}: the same solid as excavations.{first.name}, which leaves "
                     "nothing to mine; leave one out, or have the first filled before"
                 )

@@ -127,7 +127,7 @@ def test_members_of_an_ensemble_are_read_not_computed(tmp_path, monkeypatch):
         return states[path.endswith("mining.nc")]
 
     monkeypatch.setattr(schemes_runs, "compute", None)
-    variant.mine.values["ensemble"] = 2
+    variant.mine.settings = variant.mine.settings.model_copy(update={"ensemble": 2})
     runs = list(schemes_runs.read_runs(Variant(variant.mine, read), []))
     assert asked == [f"ensemble/{number}/steps/{step}.nc" for number in (1, 2) for step in ("history", "mining")]
     assert runs[0].failed_volume == states[-1].attrs["failed_volume"]
@@ -153,13 +153,13 @@ def test_a_scene_may_be_that_of_a_mine(tmp_path):
     )
     whole, first, elastic = (study.mines[name] for name in ("all", "first", "elastic"))
     assert whole.mined_steps == ["history", "2019-08", "2019-09", "2019-10"]
-    assert whole.values["solver"]["tolerance"] == 1e-7
-    assert whole.values["grid"]["buffer_cells"] == 1
-    assert "record" not in whole.values
+    assert whole.settings.solver.tolerance == 1e-7
+    assert whole.settings.grid.buffer_cells == 1
+    assert whole.settings.record is None
     assert (first.mined_steps, elastic.mined_steps) == (["history", "2019-08"], [])
-    planned = {entry["name"] for entry in first.excavations if entry["step"] == "planned"}
+    planned = {entry.name for entry in first.excavations if entry.step == "planned"}
     assert planned == {"stope_2", "stope_3", "stope_4"}
-    assert {entry["name"] for entry in elastic.excavations if entry["step"] == "planned"} == planned | {"stope_1"}
+    assert {entry.name for entry in elastic.excavations if entry.step == "planned"} == planned | {"stope_1"}
     assert whole.grid_slice()["excavations"] == first.grid_slice()["excavations"]
 
 

@@ -12,25 +12,25 @@ from mpm_core.stages.grid_stage import compare_volumes, make_grid
 
 def test_what_a_file_says_is_standard(accept):
     plain, said = accept(TINY), accept(TINY, accuracy="standard")
-    assert plain.values == said.values
-    assert (plain.values["grid"]["levels"], plain.values["solver"]["tolerance"]) == (2, 1e-3)
+    assert plain.settings == said.settings
+    assert (plain.settings.grid.levels, plain.settings.solver.tolerance) == (2, 1e-3)
 
 
 def test_a_draft_has_larger_cells_looser_tolerances_and_fewer_increments(accept):
     mine = accept(TINY, accuracy="draft", **{"solver.increments": 5, "solver.cascade_tolerance": 1e-4})
-    grid, solver = mine.values["grid"], mine.values["solver"]
-    assert (grid["levels"], grid["coarse_cell"]) == (1, 10.0)
-    assert (solver["increments"], solver["max_overshoot"]) == (3, 0.4)
-    assert [solver["tolerance"], solver["cascade_tolerance"]] == pytest.approx([3e-3, 3e-4])
+    grid, solver = mine.settings.grid, mine.settings.solver
+    assert (grid.levels, grid.coarse_cell) == (1, 10.0)
+    assert (solver.increments, solver.max_overshoot) == (3, 0.4)
+    assert [solver.tolerance, solver.cascade_tolerance] == pytest.approx([3e-3, 3e-4])
     loose = accept(TINY, accuracy="draft", **{"solver.tolerance": 0.05, "solver.increments": 0})
-    assert (loose.values["solver"]["tolerance"], loose.values["solver"]["increments"]) == (0.05, 0)
+    assert (loose.settings.solver.tolerance, loose.settings.solver.increments) == (0.05, 0)
 
 
 def test_a_fine_one_has_smaller_cells_and_more_increments(accept):
     mine = accept(TINY, accuracy="fine")
-    grid, solver = mine.values["grid"], mine.values["solver"]
-    assert (grid["levels"], solver["tolerance"], solver["increments"], solver["max_overshoot"]) == (3, 1e-3, 4, 0.1)
-    assert mine.values["domain"] == accept(TINY).values["domain"]
+    grid, solver = mine.settings.grid, mine.settings.solver
+    assert (grid.levels, solver.tolerance, solver.increments, solver.max_overshoot) == (3, 1e-3, 4, 0.1)
+    assert mine.settings.domain == accept(TINY).settings.domain
     assert accept(TINY, accuracy="fine").event_slice() == accept(TINY).event_slice()
 
 

@@ -134,8 +134,8 @@ def test_an_unknown_key_is_refused_anywhere_with_its_path(path):
 def test_what_yaml_makes_of_dates_and_numbers(accept):
     """An unquoted date is a date to YAML and 1e-5 a text: both are meant."""
     mine = accept(TINY, **{"steps.1.start": datetime.date(2019, 8, 1), "solver.tolerance": "1e-5"})
-    assert mine.steps[1]["start"] == "2019-08-01"
-    assert mine.values["solver"]["tolerance"] == 1e-5
+    assert mine.steps[1].start == "2019-08-01"
+    assert mine.settings.solver.tolerance == 1e-5
 
 
 NUMBER_LIKE = ("10E2", "1e3", "007", "12:30", "on", "1_000", "0x10", "-1e-3", "2019-08-01", "1.0")
@@ -148,10 +148,11 @@ def test_a_text_that_looks_like_a_number_stays_a_text(accept, text):
     record = TINY["record"] | {"columns": TINY["record"]["columns"] | {"step": text, "time": [text, "t"]}} | words
     solid = {"name": "stope_1", "step": "2019-08", "file": "record.csv", "layer": text, "units": "m"}
     mine = accept(TINY, **{"excavations.1": solid, "record": record})
-    assert mine.values["excavations"][1]["layer"] == text
-    assert mine.values["record"]["columns"] | {"step": text, "time": [text, "t"]} == mine.values["record"]["columns"]
-    assert mine.values["record"]["filter"] == words["filter"]
-    assert mine.values["record"]["conversions"] == {text: "none"}
+    assert mine.settings.excavations[1].layer == text
+    columns = mine.settings.record.columns
+    assert (columns.step, columns.time) == (text, (text, "t"))
+    assert mine.settings.record.filter.given() == words["filter"]
+    assert mine.settings.record.conversions == {text: "none"}
     if re.fullmatch(NAME_PATTERN, text):
         material = {
             "materials": TINY["materials"] | {text: FILL},
@@ -159,16 +160,16 @@ def test_a_text_that_looks_like_a_number_stays_a_text(accept, text):
             "excavations.0.name": text,
         }
         mine = accept(TINY, **material)
-        assert (mine.values["excavations"][1]["fill"], mine.excavations[0]["name"]) == (text, text)
+        assert (mine.excavations[1].fill, mine.excavations[0].name) == (text, text)
 
 
 @pytest.mark.parametrize(("text", "number"), [("1e-5", 1e-5), ("1E-2", 1e-2), ("+1e-3", 1e-3), (".1e-1", 1e-2)])
 def test_a_number_that_yaml_takes_for_a_text_is_one_where_a_number_is_wanted(accept, refuse, text, number):
     """YAML 1.1 wants a point and a sign: 1.0e-5. 007, on and 12:30 are none, and a decimal comma is none."""
     mine = accept(TINY, **{"solver.tolerance": text, "comparison.seed": "1e3", "record.missing": ["-1e3", text]})
-    assert mine.values["solver"]["tolerance"] == number
-    assert mine.values["comparison"]["seed"] == 1000
-    assert mine.values["record"]["missing"] == [-1000.0, number]
+    assert mine.settings.solver.tolerance == number
+    assert mine.settings.comparison.seed == 1000
+    assert mine.settings.record.missing == (-1000.0, number)
     assert accept(TINY, **{"record.conversions": {"ML": {"slope": "1e0", "offset": "-1e-1"}}})
     assert "is not of type 'number'" in refuse(TINY, **{"solver.tolerance": text + "x"})
 
@@ -230,7 +231,7 @@ def test_filled_rock_is_mined_again_and_rock_that_is_gone_is_not(refuse, accept)
 def test_no_stiffness_against_hourglass_patterns_is_needed_with_more_particles(accept, refuse):
     """Eight of them hold their cell by themselves; of a cut cell, too, if it is not left with one."""
     eight = {"solver.hourglass": 0, "grid.particles_per_cell": 8}
-    assert accept(TINY, **eight, **{"grid.cut_cells": "subdivide"}).values["solver"]["hourglass"] == 0
+    assert accept(TINY, **eight, **{"grid.cut_cells": "subdivide"}).settings.solver.hourglass == 0
     assert refuse(TINY, **eight).endswith("more grid.particles_per_cell and grid.cut_cells: whole or subdivide")
 
 
@@ -238,7 +239,7 @@ def test_short_names_and_whole_numbers_as_decimals_are_good(accept):
     """A name of one letter; 2.0 is an integer to the schema and must be one to the stages."""
     mine = accept(TINY, name="x", **{"grid.levels": 2.0, "excavations.2.name": "s"})
     assert mine.name == "x"
-    assert isinstance(mine.values["grid"]["levels"], int)
+    assert isinstance(mine.settings.grid.levels, int)
 
 
 def test_tension_at_the_surface_alone_is_accepted(accept, refuse):
@@ -297,15 +298,15 @@ def test_the_schema_knows_the_columns_that_the_reader_reads(accept):
     for other in (("time",), DATE_PARTS):  # a time stands in one column, or in those of its parts
         columns = {key: f"column of {key}" for key in ColumnSettings.model_fields if key not in other}
         record = {"record.columns": columns, "record.energy_conversion": {"slope": 1, "offset": 4}}
-        assert accept(TINY, **record).values["record"]["columns"] == columns
+        assert accept(TINY, **record).settings.record.columns.given() == columns
 
 
 def test_a_frame_of_map_coordinates_takes_a_domain_of_them(accept):
     """And a projected system without an area of use, as a mine's own grid has none, is taken at its word."""
     far = changed(TINY, domain=FAR, excavations=[], steps=[], frame=UTM)
-    assert accept(far).values["frame"]["crs"] == "EPSG:32755"
+    assert accept(far).settings.frame.crs == "EPSG:32755"
     own = "+proj=lcc +lat_0=37.8 +lon_0=-105.5 +lat_1=39.75 +lat_2=38.45 +x_0=182926 +y_0=-121923 +datum=NAD83 +units=m"
-    assert accept(TINY, frame={"crs": own, "surface": "1000 m"}).values["frame"]["crs"] == own
+    assert accept(TINY, frame={"crs": own, "surface": "1000 m"}).settings.frame.crs == own
 
 
 def test_keys_of_a_file_reach_the_grid_in_metres(accept):

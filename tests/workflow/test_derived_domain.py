@@ -30,20 +30,20 @@ def free(mine: dict, cell: str = "2.5 m", **values) -> dict:
 
 
 def corners(mine) -> np.ndarray:
-    return np.array([mine.values["domain"]["lower"], mine.values["domain"]["upper"]])
+    return np.array([mine.settings.domain.lower, mine.settings.domain.upper])
 
 
 @pytest.mark.parametrize("mine", [TINY, FLAT])
 def test_a_domain_follows_from_openings_and_finest_cell(accept, mine):
     """Whole base cells, the distance on every side, and the estimate in grid.nc."""
     made = accept(free(mine))
-    grid = made.values["grid"]
+    grid = made.settings.grid
     lower, upper = corners(made)
-    base_cells(lower, upper, grid["coarse_cell"])
-    assert grid["coarse_cell"] / 2 ** (grid["levels"] - 1) == 2.5
+    base_cells(lower, upper, grid.coarse_cell)
+    assert made.finest_cell == 2.5
     assert made.boundary()["z_upper"] == "fixed"
     assert 0 < made.far_field.error <= MAX_BOUNDARY_ERROR
-    boxes = [np.array([made.excavations[1][key] for key in ("lower", "upper")])]
+    boxes = [np.array([made.excavations[1].lower, made.excavations[1].upper])]
     assert min((boxes[0][0] - lower).min(), (upper - boxes[0][1]).min()) >= made.far_field.distance
     dataset = make_grid(made.grid_slice(), {})
     assert dataset.attrs["far_field_error"] == pytest.approx(100 * made.far_field.error)
@@ -70,7 +70,7 @@ def test_a_given_domain_takes_the_largest_cells_that_divide_it(accept, refuse):
         {"finest_cell": "1.25 m", "coarse_cell": "20 m", "levels": 5},
     ):
         mine = accept(TINY, **given, grid=grid)
-        assert (mine.values["grid"]["coarse_cell"], mine.values["grid"]["levels"]) == (20.0, 5)
+        assert (mine.settings.grid.coarse_cell, mine.settings.grid.levels) == (20.0, 5)
         assert mine.far_field is None
         assert "far_field" not in mine.grid_slice()
     line = refuse(TINY, **given, grid={"finest_cell": "3 m"})
@@ -82,7 +82,7 @@ def test_a_given_domain_takes_the_largest_cells_that_divide_it(accept, refuse):
 def test_what_is_left_out_is_as_it_was(accept):
     """10 m and four levels, all faces fixed."""
     mine = accept({key: value for key, value in TINY.items() if key != "grid"})
-    assert (mine.values["grid"]["coarse_cell"], mine.values["grid"]["levels"]) == (10.0, 4)
+    assert (mine.settings.grid.coarse_cell, mine.settings.grid.levels) == (10.0, 4)
     assert set(mine.boundary().values()) == {"fixed"}
 
 
@@ -216,7 +216,7 @@ def test_an_odd_value_is_accepted_or_refused_in_one_line(path, value):
     except InputError:
         return
     json.dumps(mine.grid_slice(), allow_nan=False)
-    base_cells(*corners(mine), mine.values["grid"]["coarse_cell"])
+    base_cells(*corners(mine), mine.settings.grid.coarse_cell)
 
 
 def test_the_domain_of_a_mine_of_five_thousand_stopes_is_derived():
@@ -280,8 +280,8 @@ def test_a_domain_whose_cells_are_not_given_takes_some_that_divide_it(accept, re
         return {"domain": {"lower": ["0 m"] * 3, "upper": ["80 m", "80 m", side]}}
 
     for side, expected in (("80 m", (10.0, 4)), ("85 m", (5.0, 3)), ("83.75 m", (1.25, 1))):
-        grid = accept(mine, **sides(side), solver={"increments": 2}).values["grid"]
-        assert (grid["coarse_cell"], grid["levels"]) == expected
+        grid = accept(mine, **sides(side), solver={"increments": 2}).settings.grid
+        assert (grid.coarse_cell, grid.levels) == expected
     assert refuse(mine, **sides("83 m")).startswith(
         "grid.finest_cell: missing key: the sides of the domain (80 m, 80 m"
     )
@@ -295,8 +295,7 @@ def test_a_domain_whose_cells_are_not_given_takes_some_that_divide_it(accept, re
 def test_the_cells_of_a_derived_domain_leave_a_preset_its_level(accept, refuse):
     """A draft has larger cells to go to, a fine one smaller, however many finest cells the domain is across."""
     for cell in ("100 m", "40 m", "0.01 m"):
-        made = {name: accept(free(TINY, cell, accuracy=name)).values["grid"] for name in ("draft", "standard", "fine")}
-        finest = {name: grid["coarse_cell"] / 2 ** (grid["levels"] - 1) for name, grid in made.items()}
+        finest = {name: accept(free(TINY, cell, accuracy=name)).finest_cell for name in ("draft", "standard", "fine")}
         assert finest["draft"] == pytest.approx(2 * finest["standard"])
         assert finest["fine"] == pytest.approx(0.5 * finest["standard"])
     line = refuse(free(TINY, accuracy="draft", **{"grid.levels": 1}))
@@ -381,5 +380,5 @@ def test_what_is_derived_fits_or_the_refusal_names_what_the_file_says():
             assert is_written(mine, line.split(": ")[0]), line
             continue
         accepted += 1
-        base_cells(*corners(made), made.values["grid"]["coarse_cell"])
+        base_cells(*corners(made), made.settings.grid.coarse_cell)
     assert accepted > 200

@@ -138,7 +138,7 @@ def test_options_follow_the_inputs(files, accept):
 def test_a_folder_of_records_is_no_input(files, accept):
     """A file is; a mine that compares nothing has none."""
     assert Path(files.record_data()).name == "record.csv"
-    files.mine.values["record"]["reader"] = "elk_creek"
+    files.mine.change("record", reader="elk_creek")
     assert files.record_data() == []
     assert ResultFiles(Folders(accept(STILL))).record_data() == []
 

@@ -11,12 +11,13 @@ from workflow.configuration import load
 
 def test_values_are_si(accept):
     """Metres, pascals; angles stay degrees."""
-    values = accept(TINY, **{"materials.host.friction_angle.intact": "0.5 rad", "frame.surface": "1 km"}).values
-    assert values["materials"]["host"]["youngs_modulus"] == 57e9
-    assert values["materials"]["host"]["friction_angle"]["intact"] == pytest.approx(28.6479, abs=1e-4)
-    assert values["frame"]["surface"] == 1000.0
-    assert values["insitu_stress"]["gradient"]["yy"] == pytest.approx(-36300)
-    assert values["domain"]["upper"] == [80, 80, 80]
+    mine = accept(TINY, **{"materials.host.friction_angle.intact": "0.5 rad", "frame.surface": "1 km"})
+    slice_ = mine.scene_slice(0)
+    assert slice_["materials"]["host"]["youngs_modulus"] == 57e9
+    assert slice_["materials"]["host"]["friction_angle"]["intact"] == pytest.approx(28.6479, abs=1e-4)
+    assert slice_["surface"] == 1000.0
+    assert slice_["insitu_stress"]["gradient"][1] == pytest.approx(-36300)
+    assert mine.grid_slice()["domain"]["upper"] == [80, 80, 80]
 
 
 def test_a_planned_stope_looks_like_one_dated_later(accept):

@@ -66,10 +66,11 @@ def run(mine: Mine, begin=lambda: None) -> tuple[dict, xr.Dataset, xr.Dataset]:
 
 def closure_of(mine: Mine, grid: xr.Dataset, state: xr.Dataset) -> float:
     """Convergence of the stope's side walls, m."""
-    stope, cell = mine.values["excavations"][0], mine.values["grid"]["coarse_cell"]
-    lower = np.array(mine.values["domain"]["lower"])
+    stope, cell = mine.excavations[0], mine.settings.grid.coarse_cell
+    lower = np.array(mine.settings.domain.lower)
     index = np.rint((grid.node_position.values - lower) / cell).astype(int)
     corners = {
-        f"stope_{side}": np.rint((np.array(stope[side]) - lower) / cell).astype(int) for side in ("lower", "upper")
+        f"stope_{side}": np.rint((np.array(corner) - lower) / cell).astype(int)
+        for side, corner in (("lower", stope.lower), ("upper", stope.upper))
     }
     return closure(corners, index, state.node_displacement.values)

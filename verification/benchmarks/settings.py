@@ -88,27 +88,26 @@ class Settings:
     def numbers(self, case: Case, threads: int) -> dict:
         """The case as peers/stope.py describes it: SI numbers, lengths in cells."""
         mine = self.mine(case)
-        values, host = mine.values, mine.values["materials"]["host"]
-        cell, stope = values["grid"]["coarse_cell"], values["excavations"][0]
-        lower = values["domain"]["lower"]
+        settings, host, stope = mine.settings, mine.settings.materials["host"], mine.excavations[0]
+        cell, lower = settings.grid.coarse_cell, settings.domain.lower
 
-        def in_cells(corner: list[float]) -> list[int]:
+        def in_cells(corner: tuple[float, ...]) -> list[int]:
             return [round((place - start) / cell) for place, start in zip(corner, lower, strict=True)]
 
         numbers = {
-            "cells": in_cells(values["domain"]["upper"]),
-            "stope_lower": in_cells(stope["lower"]),
-            "stope_upper": in_cells(stope["upper"]),
+            "cells": in_cells(settings.domain.upper),
+            "stope_lower": in_cells(stope.lower),
+            "stope_upper": in_cells(stope.upper),
             "cell": cell,
-            "stress": [values["insitu_stress"]["constant"][axes] for axes in ("xx", "yy", "zz")],
-            "youngs_modulus": host["youngs_modulus"],
-            "poisson_ratio": host["poisson_ratio"],
-            "tolerance": values["solver"]["tolerance"],
+            "stress": [getattr(settings.insitu_stress.constant, axes) for axes in ("xx", "yy", "zz")],
+            "youngs_modulus": host.youngs_modulus,
+            "poisson_ratio": host.poisson_ratio,
+            "tolerance": settings.solver.tolerance,
             "threads": threads,
         }
-        if host["model"] == "coulomb":
-            numbers |= {key: host[key]["intact"] for key in ("cohesion", "friction_angle", "dilation_angle")}
-            numbers["increments"] = values["solver"]["increments"]
+        if host.model == "coulomb":
+            numbers |= {key: getattr(host, key).intact for key in ("cohesion", "friction_angle", "dilation_angle")}
+            numbers["increments"] = settings.solver.increments
         return numbers
 
 

@@ -85,7 +85,7 @@ class PressedDisc:
             if self._outline(load)[:, 1].mean() < 0.0:
                 size = load["force"] / self.disc.size_of_load(1.0) if "toward" in load else load["force"][1]
                 resultant[load["step"]] = resultant.get(load["step"], 0.0) + size
-        first = self.variant.mine.steps[0]["name"]
+        first = self.variant.mine.steps[0].name
         return Loading(resultant.pop(first), resultant)
 
     @property

@@ -45,7 +45,7 @@ class PlatenDisc:
             None if cutoff == "none" else cutoff["intact"],
         )
         self.strain = {entry["step"]: -entry["strain"]["yy"] for entry in values["strains"]}
-        self.before = self.strain.pop(variant.mine.steps[0]["name"])
+        self.before = self.strain.pop(variant.mine.steps[0].name)
 
     def closing(self, step: str, share: float) -> float:
         """Approach of the platens, m, after this share of a step's strain.

@@ -102,7 +102,7 @@ class Pairs:
 
 def read_pairs(variants: tuple[Variant, Variant], increments: list[int]) -> Pairs:
     """The runs of two variants that differ by their scheme alone or, with one scheme, by a mirror."""
-    schemes = [variant.values["solver"]["scheme"] for variant in variants]
+    schemes = [variant.mine.settings.solver.scheme for variant in variants]
     names = schemes if schemes[0] != schemes[1] else [variant.mine.name.partition("-")[2] for variant in variants]
     return Pairs({name: list(read_runs(variant, increments)) for name, variant in zip(names, variants, strict=True)})
 
@@ -113,7 +113,7 @@ def read_runs(variant: Variant, increments: list[int]) -> Iterator[Run]:
     One of those may be the variant's own. The others are computed here from its grid and elastic state, since starting
     a process for each stage would cost more than the stages of these small scenes.
     """
-    if variant.values["ensemble"]:
+    if variant.mine.settings.ensemble:
         for number in range(1, variant.mine.members + 1):
             states = [variant.read(f"ensemble/{number}/steps/{step}.nc") for step in variant.step_names]
             yield describe(states, variant.mine.member(number))
@@ -121,7 +121,7 @@ def read_runs(variant: Variant, increments: list[int]) -> Iterator[Run]:
     use_threads(1)
     for parts in increments:
         mine = with_increments(variant.mine, parts)
-        own = parts == variant.values["solver"]["increments"]
+        own = parts == variant.mine.settings.solver.increments
         states = [variant.step(step) for step in variant.step_names] if own else compute(mine, variant)
         yield describe(states, mine)
 
@@ -129,7 +129,7 @@ def read_runs(variant: Variant, increments: list[int]) -> Iterator[Run]:
 def with_increments(mine: Mine, increments: int) -> Mine:
     """The same mine, whose steps are unloaded in so many increments."""
     changed = copy.copy(mine)
-    changed.values = mine.values | {"solver": mine.values["solver"] | {"increments": increments}}
+    changed.change("solver", increments=increments)
     return changed
 
 
@@ -142,7 +142,7 @@ def compute(mine: Mine, variant: Variant) -> list[xr.Dataset]:
                 scene = parse_scene(mine.step_slice(step))
                 states.append(mining_step(scene, variant.grid, states[-1], Path(folder) / "failed.npz")[0])
             except InputError as error:
-                parts = mine.values["solver"]["increments"]
+                parts = mine.settings.solver.increments
                 raise InputError(f"{mine.name}, {parts} increments, step {step}: {error}") from error
     return states[1:]
 
