@@ -57,7 +57,7 @@ def test_bounds_that_miss_the_finest_run_are_counted():
 def test_energy_of_the_sphere_is_that_of_lame_in_even_stress():
     """p^2 V 3 / (8 G) for a cavity in all-round stress p (u = p a / 4 G)."""
     study = load_study(Path(STUDIES / "openings.yaml"), DEFAULT)
-    values = dict(study.mines["sphere_finest"].values)
+    values = study.mines["sphere_finest"].settings.given()
     p, radius = 20e6, 5.0
     insitu = SimpleNamespace(at=lambda elevation: openings.np.array([[-p, -p, -p, 0.0, 0.0, 0.0]]))
     variant = SimpleNamespace(values=values, scene=lambda: SimpleNamespace(insitu=insitu))

@@ -98,11 +98,12 @@ def test_slopes_have_the_strength_of_their_factors():
     study = load_study(STUDIES / "peers.yaml", DEFAULT)
     slope = Slope(**study.settings["slope"]["rock"])
     for name, factor in study.settings["slope"]["factors"].items():
-        host = study.mines[name].values["materials"]["host"]
+        host = study.mines[name].settings.materials["host"]
         cohesion, friction = slope.reduced(factor)
         for state in ("intact", "residual"):
-            assert host["cohesion"][state] == pytest.approx(cohesion, rel=1e-6)
-            assert host["friction_angle"][state] == host["dilation_angle"][state] == pytest.approx(friction, rel=1e-6)
+            assert getattr(host.cohesion, state) == pytest.approx(cohesion, rel=1e-6)
+            assert getattr(host.friction_angle, state) == pytest.approx(friction, rel=1e-6)
+            assert getattr(host.dilation_angle, state) == getattr(host.friction_angle, state)
 
 
 def test_a_slope_stands_below_its_limit_and_not_well_above(tmp_path):

@@ -42,7 +42,7 @@ def write(folder, study: dict):
 
 def test_a_variant_changes_the_scene_and_nothing_else(tmp_path):
     study = load_study(write(tmp_path, HOLE), DEFAULT)
-    plain, coarse = study.mines["plain"].values, study.mines["coarse"].values
+    plain, coarse = (study.mines[name].settings.given() for name in ("plain", "coarse"))
     assert (plain["name"], coarse["name"]) == ("hole-plain", "hole-coarse")
     assert coarse["grid"] == plain["grid"] | {"levels": 1}
     assert coarse | {"grid": plain["grid"], "name": plain["name"]} == plain

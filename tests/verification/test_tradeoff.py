@@ -66,7 +66,7 @@ def made_up(changes: dict[str, dict], limit: tuple = ()) -> Scene:
 
     Its base has a tolerance of 1e-5 and 1e-3 between generations, whatever the defaults are.
     """
-    settings = settings_of(load_study(STUDIES / "tradeoff_stope.yaml", DEFAULT).mines["base"].values)
+    settings = settings_of(load_study(STUDIES / "tradeoff_stope.yaml", DEFAULT).mines["base"].settings)
     settings |= {"tolerance": 1e-5, "cascade": 1e-3}
     points = []
     for name, change in changes.items():
@@ -218,10 +218,10 @@ def test_a_preset_that_is_the_truth_has_nothing_to_be_judged_by():
 
 def test_knobs_are_read_from_the_configuration():
     mines = load_study(STUDIES / "tradeoff_stope.yaml", DEFAULT).mines
-    base, draft, radius = (settings_of(mines[name].values) for name in ("base", "draft", "families_radius_12"))
+    base, draft, radius = (settings_of(mines[name].settings) for name in ("base", "draft", "families_radius_12"))
     assert base["increments"] == CHOSEN
     assert changed(draft, base) == ["cell", "tolerance", "cascade", "max_overshoot"]
-    assert mines["draft"].values["accuracy"] == "draft"
+    assert mines["draft"].settings.accuracy == "draft"
     assert label(radius, changed(radius, base)) == "events are families, cluster radius 1.2 cells"
 
 

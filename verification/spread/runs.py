@@ -101,7 +101,7 @@ def read_sources(results: Results) -> dict[str, list[Catalogue]]:
     for source, key in KNOB_OF.items():
         knob = BY_KEY[key]
         variants = [results[variant] for variant in chosen[source]]
-        found[source] = [_read(variant, knob.text(knob.of(variant.values))) for variant in variants]
+        found[source] = [_read(variant, knob.text(knob.of(variant.mine.settings))) for variant in variants]
     found[CLOSENESS] = [_with_closeness(base, value) for value in chosen[CLOSENESS]]
     return found
 
@@ -129,4 +129,4 @@ def _with_closeness(variant: Variant, closeness: float) -> Catalogue:
 
 
 def _settings(variant: Variant) -> ComparisonSettings:
-    return ComparisonSettings.of(variant.values["comparison"])
+    return variant.mine.settings.comparison

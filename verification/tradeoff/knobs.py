@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from seismic.event_settings import ClusterSettings
+from workflow.mine_settings import MineSettings
 
 CHOSEN = "by their error"  # Value of the knob increments where the configuration leaves their number open.
 
@@ -12,28 +12,28 @@ Value = float | str
 
 @dataclass(frozen=True)
 class Knob:
-    """A setting. key: column of the table. of: reads it from a configuration (SI). text: writes it with its unit."""
+    """A setting. key: column of the table. of: reads it from a mine's settings. text: writes it with its unit."""
 
     key: str
     title: str
-    of: Callable[[dict], Value]
+    of: Callable[[MineSettings], Value]
     text: Callable[[Value], str] = "{:g}".format
 
 
-def _key(section: str, name: str) -> Callable[[dict], Value]:
-    return lambda values: values[section][name]
+def _key(section: str, name: str) -> Callable[[MineSettings], Value]:
+    return lambda settings: getattr(getattr(settings, section), name)
 
 
-def _cell(values: dict) -> float:
-    return values["grid"]["coarse_cell"] / 2 ** (values["grid"]["levels"] - 1)
+def _cell(settings: MineSettings) -> float:
+    return settings.grid.coarse_cell / 2 ** (settings.grid.levels - 1)
 
 
-def _width(values: dict) -> float:
-    return values["domain"]["upper"][0] - values["domain"]["lower"][0]
+def _width(settings: MineSettings) -> float:
+    return settings.domain.upper[0] - settings.domain.lower[0]
 
 
-def _radius(values: dict) -> float:
-    return (values["seismic"].get("cluster") or {}).get("radius_cells", ClusterSettings().radius_cells)
+def _radius(settings: MineSettings) -> float:
+    return settings.seismic.clustering.radius_cells
 
 
 KNOBS = (
@@ -45,11 +45,11 @@ KNOBS = (
     Knob("scheme", "scheme", _key("solver", "scheme"), str),
     Knob("tolerance", "tolerance", _key("solver", "tolerance"), "{:.0e}".format),
     Knob("cascade", "cascade tolerance", _key("solver", "cascade_tolerance"), "{:.0e}".format),
-    Knob("increments", "increments", lambda values: values["solver"]["increments"] or CHOSEN, str),
+    Knob("increments", "increments", lambda settings: settings.solver.increments or CHOSEN, str),
     Knob("max_overshoot", "largest overshoot", _key("solver", "max_overshoot")),
     Knob("hourglass", "hourglass stiffness", _key("solver", "hourglass")),
     Knob("damping", "damping", _key("solver", "damping")),
-    Knob("scaling", "density scaling", lambda values: "on" if values["solver"]["density_scaling"] else "off", str),
+    Knob("scaling", "density scaling", lambda settings: "on" if settings.solver.density_scaling else "off", str),
     Knob("method", "events are", _key("seismic", "method"), str),
     Knob("closeness", "closeness", _key("seismic", "closeness")),
     Knob("radius", "cluster radius", _radius, "{:g} cells".format),
@@ -58,9 +58,9 @@ SEISMIC = {"method", "closeness", "radius"}  # Knobs that change how events are 
 BY_KEY = {knob.key: knob for knob in KNOBS}
 
 
-def settings_of(values: dict) -> dict[str, Value]:
-    """Value of every knob in a configuration (SI units), by its key."""
-    return {knob.key: knob.of(values) for knob in KNOBS}
+def settings_of(settings: MineSettings) -> dict[str, Value]:
+    """Value of every knob in a mine's settings, by its key."""
+    return {knob.key: knob.of(settings) for knob in KNOBS}
 
 
 def changed(settings: dict[str, Value], base: dict[str, Value]) -> list[str]:

@@ -73,8 +73,9 @@ def _point(name: str, variant: Variant, measures: dict[str, float], with_events:
     last = variant.step(steps[-1]) if steps else variant.elastic
     return Point(
         variant=name,
-        accuracy=variant.values["accuracy"],
-        settings=settings_of(variant.values) | {"cell": float(variant.grid.attrs["fine_cell"])},  # drafts may keep it
+        accuracy=variant.mine.settings.accuracy,
+        settings=settings_of(variant.mine.settings)
+        | {"cell": float(variant.grid.attrs["fine_cell"])},  # drafts may keep it
         measures=measures,
         seconds=float(running.sum()),
         stages=len(stages),
