@@ -1,16 +1,28 @@
 """A mine's configuration as Snakemake has merged it: read, checked, in SI units."""
 
+import datetime
+import math
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
-from common.errors import InputErrors, Mistakes
+from common.errors import InputError, InputErrors, Mistakes
+from common.setting_types import LARGEST_INTEGER, key_of, short
 from workflow.checks import check_mine
-from workflow.key_order import key_in, section_of, sorted_by_place
+from workflow.key_order import key_in, parts_of, section_of, sorted_by_place
 from workflow.mine import Mine
 from workflow.mine_settings import MineSettings
-from workflow.sound_part import sound_part
-from workflow.yaml_habits import with_yaml_habits
 
+ELASTIC = {"model": "elastic", "youngs_modulus": "1 GPa", "poisson_ratio": 0.25, "density": "2000 kg/m^3"}
+IN_PLACE = {  # of required keys
+    "name": "mine",
+    "frame": {"surface": "0 m"},
+    "insitu_stress": {"constant": {}},
+    "materials": {"host": ELASTIC},
+    "plane": "none",
+    "ensemble": 0,
+}
+LISTS = ("excavations", "rock_bodies", "loads", "strains", "steps")
 MOST_TOLD = 20  # mistakes at once: more scroll away
 
 
@@ -43,3 +55,55 @@ def load(
             lines[MOST_TOLD:] = [f"{mine_file}: and {len(lines) - MOST_TOLD} more mistakes"]
         raise InputErrors(lines)
     return mine
+
+
+def with_yaml_habits(value, odd: dict[str, str], path=()):
+    """The value with dates as they are meant. odd: receives numbers that nothing can be computed with, by their keys.
+
+    A text that looks like a number stays text: what a key wants is for its model to say (common.setting_types.number).
+    """
+    if isinstance(value, dict):
+        return {str(key): with_yaml_habits(entry, odd, (*path, str(key))) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [with_yaml_habits(entry, odd, (*path, index)) for index, entry in enumerate(value)]
+    if isinstance(value, datetime.date | datetime.datetime):
+        return value.isoformat()
+    endless = isinstance(value, float) and not math.isfinite(value)
+    if endless or (isinstance(value, int) and abs(value) > LARGEST_INTEGER):
+        odd[key_of(path)] = f"{short(value)} is not a finite number that can be computed with"
+    return value
+
+
+def sound_part(text: dict, keys: Iterable[str]) -> tuple[dict, MineSettings | None]:
+    """The configuration without the entries and sections that these keys are in, as text and read; None if that fails.
+
+    A step or a material keeps its name, which others refer to.
+    """
+    sound = dict(text)
+    entries: dict[str, set[int]] = {name: set() for name in LISTS}
+    for section, *rest in map(parts_of, keys):
+        if section in LISTS and rest and isinstance(rest[0], int) and isinstance(text.get(section), list):
+            entries[section].add(rest[0])
+        elif section == "materials" and rest and isinstance(text.get(section), dict):
+            sound[section] = {
+                name: ELASTIC if name.startswith(str(rest[0])) else rock for name, rock in sound[section].items()
+            } | {"host": ELASTIC if rest[0] == "host" else sound[section].get("host", ELASTIC)}
+        elif section in IN_PLACE:
+            sound[section] = IN_PLACE[section]
+        else:
+            sound.pop(section, None)
+    for section, numbers in entries.items():
+        if numbers:
+            listed = enumerate(text[section])
+            kept = [_named(section, entry) if number in numbers else entry for number, entry in listed]
+            sound[section] = [entry for entry in kept if entry is not None]
+    try:
+        return sound, MineSettings.read(sound)
+    except InputError:
+        return sound, None
+
+
+def _named(section: str, entry) -> dict | None:
+    """What remains of a wrong entry."""
+    is_named = section == "steps" and isinstance(entry, dict) and isinstance(entry.get("name"), str)
+    return {"name": entry["name"]} if is_named else None

@@ -68,7 +68,7 @@ def _children(node: yaml.Node) -> Iterator[tuple[str | int, tuple[int, yaml.Node
     elif isinstance(node, yaml.SequenceNode):
         for number, entry in enumerate(node.value):
             pairs = entry.value if isinstance(entry, yaml.MappingNode) else ()
-            names = [value.value for key, value in pairs if key.value == "name"]
+            names = [value.value for key, value in pairs if key.value == "name" and isinstance(value, yaml.ScalarNode)]
             yield from ((name, (entry.start_mark.index, entry)) for name in (number, *names))
 
 

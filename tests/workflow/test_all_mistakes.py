@@ -145,3 +145,11 @@ def test_a_list_that_is_replaced_on_the_command_line_is_its_own(lines):
     """Also where a check across sections finds the mistake in it."""
     steps = yaml.safe_load("[{name: history}, {name: '2019-08', start: 2019-08-01, end: '2019-07-01'}]")
     assert lines(TINY, steps=steps) == ["--config: steps.2019-08.end: 2019-07-01 is not after start 2019-08-01"]
+
+
+def test_a_name_that_is_no_text_is_refused_as_such(lines):
+    """A list or a section where the name of an entry stands."""
+    for wrong in (["drive"], {"drive": 1}):
+        assert lines(changed(TINY, **{"excavations.0.name": wrong})) == [
+            f"excavations[0].name: {wrong} is not of type 'string'"
+        ]

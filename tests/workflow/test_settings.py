@@ -13,9 +13,9 @@ from catalogs.records.elk_creek_reader import OrientationSettings
 from common.errors import InputError
 from mpm_core.settings import SolverSettings
 from verification.studies import merge
+from workflow.configuration import with_yaml_habits
 from workflow.generate import TASKS, generated, schema, sections_of
 from workflow.mine_settings import MineSettings
-from workflow.yaml_habits import with_yaml_habits
 
 PACKAGES = ("mpm_core", "seismic", "catalogs", "common", "workflow", "verification")
 MAY_IMPORT = {
