@@ -1,0 +1,1 @@
+"""Particles that move through the grid beside particles that rest."""
