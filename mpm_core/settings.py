@@ -274,12 +274,12 @@ def _keys_of_shapes() -> dict[str, Any]:
             types.setdefault(key, [])
             types[key] += [annotations[key]] if annotations[key] not in types[key] else []
             users.setdefault(key, {}).setdefault(field.description or "", []).append(name)
-    told = {
+    meanings_text = {
         key: " ".join(f"{', '.join(some).capitalize()}: {' '.join(text.split())}." for text, some in meanings.items())
         for key, meanings in users.items()
     }
     return {
-        key: (kinds[0] if len(kinds) == 1 else choose(is_list, *kinds), Field(None, description=told[key]))
+        key: (kinds[0] if len(kinds) == 1 else choose(is_list, *kinds), Field(None, description=meanings_text[key]))
         for key, kinds in types.items()
     }
 
@@ -340,7 +340,7 @@ class GridCells(GridSettings):
     resized_by: Literal["draft", "fine", "grid_convergence"] | None = None
     """what has made the finest cells larger or smaller than the mine's file says"""
 
-    def told(self) -> str:
+    def size_text(self) -> str:
         """Size of the finest cells, and what made it so."""
         size = f"{self.coarse_cell / 2 ** (self.levels - 1):g} m"
         return size + (f" ({RESIZED[self.resized_by]})" if self.resized_by else "")

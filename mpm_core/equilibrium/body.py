@@ -11,19 +11,19 @@ dt = 2 / omega = h sqrt(rho / (d lambda + 2 mu)) is stable without damping. A lo
 off its centre, where a corner takes little of its mass: there 1 - xi^2 of the squared limit is left; a particle that
 stands for some of a cell's samples ("mean") has a limit of its own (`own_stiffening`). Local damping c
 adds up to c |f| to a restoring force: a mode at the limit then grows unless dt <= 2 / (omega sqrt(1 + c)). With density
-scaling rho is chosen so that the limit is the same everywhere: all cells then reach rest in about the same number of
-steps. Weights are not touched by it.
+scaling rho is chosen so that the limit is the same everywhere: all cells then reach equilibrium in about the same
+number of steps. Weights are not touched by it.
 
-Flow. On its way to rest the model swings past it, a cell that has just failed most of all. Were failed rock to flow
-with every step, the strain of each swing would stay: a single cell under 10 MPa came to rest 13 to 36 % below its
-residual strength, however short the time step. So what has flowed since a state near rest is taken back before each
-step, and all strain since then gets one return to the surface (backward Euler): only what lies between states near rest
-counts. Those are the ends of increments and generations (`commit`).
+Flow. On its way to equilibrium the model swings past it, a cell that has just failed most of all. Were failed rock to
+flow with every step, the strain of each swing would stay: a single cell under 10 MPa came to equilibrium 13 to 36 %
+below its residual strength, however short the time step. So what has flowed since a state near equilibrium is undone
+before each step, and all strain since then gets one return to the surface (backward Euler): only what lies between
+states near equilibrium counts. Those are the ends of increments and generations (`commit`).
 """
 
 import numpy as np
 
-from mpm_core.equilibrium.convergence import NoRest
+from mpm_core.equilibrium.convergence import NoEquilibrium
 from mpm_core.equilibrium.energy_balance import Way, count_flow
 from mpm_core.kernels.nodal_operations import (
     advance_nodes,
@@ -47,13 +47,13 @@ MAX_HOURGLASS_LAME = 9.0
 
 
 class Body:
-    """A model's particles and nodes under way to rest.
+    """A model's particles and nodes on their way to equilibrium.
 
     `model` and the arrays of `state` are the caller's, the latter changed in place; work arrays are the body's own.
     volume (particle,) m3; failed (particle,) bool; flowing (k,): failed particles that are there; mass (node,) kg;
     hourglass (cell,) N/m: stiffness of each cell now, intact_hourglass: of intact rock; free: rigid motions that
-    nothing holds; unbalanced (node, d) N: forces at free nodes when last looked at; start (node, d) m: where
-    displacement is counted from when a run away is looked for; time_step s: stable, with damping.
+    nothing holds; unbalanced (node, d) N: forces at free nodes when last computed; start (node, d) m: where
+    displacement is counted from in the check for a run away; time_step s: stable, with damping.
     """
 
     way: Way
@@ -100,18 +100,18 @@ class Body:
         self.hourglass = self.intact_hourglass.copy()
         np.subtract.at(self.hourglass, cell, (1.0 - FAILED_HOURGLASS_SHARE) * self.particle_hourglass[self.flowing])
 
-    def commit(self, at_rest: bool = True) -> None:
-        """What has flowed so far stays; from here on flow is counted anew."""
+    def commit(self, in_equilibrium: bool = True) -> None:
+        """What has flowed so far stays; from here on flow is counted from zero."""
         state = self.state
-        self.way.end(self, count_flow(self), at_rest)
+        self.way.end(self, count_flow(self), in_equilibrium)
         self.flowing = np.flatnonzero(self.failed & (self.volume > 0.0))
         count = len(self.flowing)
         self.flow_start = np.empty((count, 6)), np.empty((count, 6))
         note_flow_start(self.flowing, state.stress, state.later_strain, *self.flow_start)
 
-    def go_back(self, rest: dict[str, np.ndarray]) -> None:
-        """Return to a settled state kept earlier (state.keep); what has flowed since then is forgotten."""
-        put_back(rest, self.state)
+    def go_back(self, kept: dict[str, np.ndarray]) -> None:
+        """Return to a committed state kept earlier (state.keep); what has flowed since then is forgotten."""
+        put_back(kept, self.state)
         self.restart_flow_count()
         self.set_failed()
 
@@ -122,7 +122,7 @@ class Body:
         self.way = Way()
 
     def take_back_flow(self) -> None:
-        """Stress of failed rock as if it had not flowed since flow was last counted anew."""
+        """Stress of failed rock as if it had not flowed since `commit`."""
         model, state = self.model, self.state
         take_back_flow(
             self.flowing,
@@ -217,21 +217,21 @@ class Body:
         self.displace(np.sum(position[:, None, :] * strain, axis=2))
 
     def remove_rigid_motions(self) -> None:
-        """Take the rigid motions that nothing holds out of the displacement: the body is at rest."""
+        """Remove the rigid motions that nothing holds from the displacement: the body is in equilibrium."""
         if self.free.count:
             self.free.remove_from(self.state.displacement, self.model.node_position, self.mass)
         spread_to_hanging(self.hanging, self.model.grid.node_parents, self.state.displacement)
 
     def stop_drift(self) -> None:
-        """Take them out of the velocity: damping by component pushes a body along what nothing holds."""
+        """Remove them from the velocity: damping by component pushes a body along what nothing holds."""
         if self.free.count:
             self.free.remove_from(self.state.velocity, self.model.node_position, self.mass)
 
     def check_reach(self, ratio: float) -> None:
-        """Raise NoRest if a node has moved farther than a finest cell; ratio: the unbalanced force that is left."""
+        """Raise NoEquilibrium if a node has moved farther than a finest cell; ratio: the unbalanced force left."""
         reach = largest_difference(self.state.displacement, self.start)
         if reach > self.model.grid.fine_cell:
-            raise NoRest(
+            raise NoEquilibrium(
                 f"rock moved {reach:.3g} m in this stage, more than a finest cell: it runs away (unbalanced ratio "
                 f"{ratio:.2g}); fill the excavation, raise residual strength, or mine it in more steps"
             )

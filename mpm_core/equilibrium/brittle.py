@@ -18,8 +18,8 @@ class Brittle:
 
     present (particle,) bool: not mined; sound, sliver: particle indices; coarse: of those that could in finest cells;
     borne (particle,) Pa: overstress without failure, in a member of an ensemble (perturbation.strength_perturbation). A
-    cut cell that is less than half rock fails only beside failed rock: the smaller its share, the more wrong is its
-    stress (beside Kirsch's hole from a quarter down). Kept elastic it would line the wall with steel for ever.
+    cut cell that is less than half rock fails only next to failed rock: the smaller its share, the more wrong is its
+    stress (next to Kirsch's hole from a quarter down). Kept elastic it would line the wall with steel for ever.
     """
 
     present: np.ndarray
@@ -49,9 +49,9 @@ def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
     broken = np.zeros(len(model.cell_nodes), bool)
     broken[model.particles.cell[(state.failed >= 0) & brittle.present]] = True
     broken[model.particles.cell[sound]] = True
-    beside = np.empty(len(brittle.sliver), bool)
-    any_neighbor(model.particles.cell[brittle.sliver], brittle.neighbor_start, brittle.neighbors, broken, beside)
-    sliver = above_strength(model, state, brittle.sliver[beside], brittle.borne)
+    by_failed = np.empty(len(brittle.sliver), bool)
+    any_neighbor(model.particles.cell[brittle.sliver], brittle.neighbor_start, brittle.neighbors, broken, by_failed)
+    sliver = above_strength(model, state, brittle.sliver[by_failed], brittle.borne)
     return np.sort(np.concatenate([sound, sliver]))
 
 

@@ -21,7 +21,7 @@ from typing import Protocol
 import numpy as np
 
 from mpm_core.equilibrium.brittle import Brittle, fail, new_failures, weakest
-from mpm_core.equilibrium.convergence import History, NoRest
+from mpm_core.equilibrium.convergence import History, NoEquilibrium
 from mpm_core.equilibrium.increments import Increments
 from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
 from mpm_core.equilibrium.subdomain import Part
@@ -55,14 +55,15 @@ class Ramp:
 class Refining(Protocol):
     """Cells that follow the rock, and what a stage has on those of now."""
 
-    def asked(
-        self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, loosely: bool
+    def flagged(
+        self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, provisional: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Places (k, d) that need finer cells, of a part of the mine or the whole, and which of fresh particles (k,)
-        may fail before. loosely: not at rest to the full tolerance, another look follows."""
+        """Flagged places (k, d), which need finer cells, of a part of the mine or the whole; and which of fresh
+        particles (k,) may fail before. provisional: equilibrium is not reached to the final tolerance, so failure is
+        checked again."""
 
     def split(self, places: np.ndarray) -> "tuple[Scheme, Brittle, Ramp] | None":
-        """Split cells at places, at rest: what goes on from there; None where no more cells may be."""
+        """Split cells at places, in equilibrium: what goes on from there; None where no more cells are allowed."""
 
 
 class InStepSubdomain(Protocol):
@@ -79,19 +80,19 @@ class InStepSubdomain(Protocol):
 
 
 def needs_whole_mine(solver: SolverSettings) -> bool:
-    """Whether each generation asks the whole mine: for its last state of rest, or its weakest rock."""
+    """Whether each generation needs the whole mine: its last state in equilibrium, or its weakest rock."""
     return solver.collapse == "keep" or solver.weakest_first > 0.0
 
 
-def keep_rest(scheme: Scheme, history: History) -> None:
-    """Remember the state as one of rest."""
+def keep_equilibrium(scheme: Scheme, history: History) -> None:
+    """Keep the state as the last one in equilibrium."""
     scheme.body.commit()
     body = scheme.body
-    history.rest = keep(body.state, body.model.scene.solver.move, history.rest)
+    history.last_equilibrium = keep(body.state, body.model.scene.solver.move, history.last_equilibrium)
 
 
 def next_failures(scheme: Scheme, brittle: Brittle, part: Part | InStepSubdomain | None = None) -> np.ndarray:
-    """Rock that stands above strength at rest, particles (k,), ascending; none if the cascade is at its end.
+    """Rock above its strength in equilibrium, particles (k,), ascending; none if the cascade is at its end.
 
     In a part of the mine rock near its border waits for the whole.
     """
@@ -103,15 +104,15 @@ def next_failures(scheme: Scheme, brittle: Brittle, part: Part | InStepSubdomain
 
 
 def let_fail(scheme: Scheme, fresh: np.ndarray, step: int, history: History) -> None:
-    """Let particles (k,) fail, at rest."""
+    """Let particles (k,) fail, in equilibrium."""
     history.failures(len(fresh))
     if not len(fresh):
         return
     solver = scheme.body.model.scene.solver
     if solver.collapse == "keep":
-        keep_rest(scheme, history)
+        keep_equilibrium(scheme, history)
     if history.generation >= solver.max_generations:
-        raise NoRest(
+        raise NoEquilibrium(
             f"the cascade of failure has not ended after {solver.max_generations} generations; raise "
             "solver.max_generations, or mine in smaller steps"
         )
@@ -132,11 +133,12 @@ def relax_and_fail(
     save: Callable[[State, History], None] = lambda state, history: None,
     cells: Refining | None = None,
 ) -> np.ndarray:
-    """Relax, let fail what then stands above strength, and so on until nothing does.
+    """Reach equilibrium, let fail what is then above its strength, and so on until nothing is.
 
     From fresh failures on, failure spreads in the part of the mine around them, if that is small, and there in a part
-    of that part. Not where the last state of rest or the weakest rock of the whole is asked for. part_of_mine: the part
-    that the scheme is for. Returns the places (k, d) that need finer cells before any more fails; none at its end.
+    of that part. It does not where the last state in equilibrium or the weakest rock of the whole is needed.
+    part_of_mine: the part that the scheme is for. Returns the flagged places (k, d), which need finer cells before any
+    more fails; none at its end.
     """
     solver = scheme.body.model.scene.solver
     in_parts = scheme if isinstance(scheme, SchemeInParts) and not needs_whole_mine(solver) else None
@@ -144,8 +146,8 @@ def relax_and_fail(
         scheme.relax(external, tolerance, reference, history)
         fresh = next_failures(scheme, brittle, part_of_mine)
         if cells is not None:
-            loosely = tolerance > solver.tolerance
-            places, fresh = cells.asked(scheme.body.model, scheme.body.state, brittle, fresh, loosely)
+            provisional = tolerance > solver.tolerance
+            places, fresh = cells.flagged(scheme.body.model, scheme.body.state, brittle, fresh, provisional)
             if len(places) and not len(fresh):
                 return places
         let_fail(scheme, fresh, step, history)
@@ -166,7 +168,7 @@ def relax_and_fail(
 
 
 def reach_equilibrium(scheme: Scheme, external: np.ndarray, tolerance, reference: float, history: History) -> None:
-    """Bring cells that have just been split to rest: what they set in motion is theirs, not the rock's."""
+    """Reach equilibrium on cells that have just been split. The energy of that motion counts as that of the split."""
     energy = scheme.body.state.energy
     own = [MOTION, UNBALANCED]
     before = energy[own]
@@ -177,9 +179,9 @@ def reach_equilibrium(scheme: Scheme, external: np.ndarray, tolerance, reference
 
 
 def loose_tolerance(model: Model) -> float:
-    """Unbalanced force over the reference at which the next generation is looked for.
+    """Unbalanced force over the reference at which the next generation of failure is checked for.
 
-    Where no rock loses strength nothing drops when it is found to yield: it only flows on from there. At rest before
+    Where no rock loses strength, stress does not drop when rock yields: it flows on from there. In equilibrium before
     it does, an increment has first to be solved as if its rock were elastic, far above strength.
     """
     solver = model.scene.solver
@@ -188,11 +190,11 @@ def loose_tolerance(model: Model) -> float:
     return max(given, min(PLASTIC_TOLERANCE_FACTOR * given, MAX_PLASTIC_TOLERANCE)) if plastic else given
 
 
-def put_on_load(
+def begin_increment(
     scheme: Scheme, brittle: Brittle, ramp: Ramp, increments: Increments, tolerance: float, history: History
 ) -> None:
-    """Begin the next increment: its load, and its strain of the boundary. One that is chosen comes to rest, before
-    anything fails, and a smaller one is put on instead until it may stand."""
+    """Begin the next increment: apply its load and its strain of the boundary. Where increments are chosen, it reaches
+    equilibrium before anything fails, and smaller ones are tried until one is accepted."""
     before = keep(scheme.body.state) if increments.chosen else {}
     while True:
         increments.begin(history)
@@ -202,9 +204,9 @@ def put_on_load(
             return
         try:
             scheme.relax(ramp.at(history.load), tolerance, ramp.reference, history)
-            if increments.take(scheme.body, brittle, history):
+            if increments.accept(scheme.body, brittle, history):
                 return
-        except NoRest:
+        except NoEquilibrium:
             if increments.shrink(history):
                 raise
         scheme.go_back(before)
@@ -224,11 +226,11 @@ def run_cascade(
 
     Returns the scheme, another one where cells have been split, and whether it ended in collapse. `save` is called
     where the whole mine is between two generations; a history that stands within an increment (a saved one) goes on
-    from there. In a subdomain of the mine it ends loosely, or with the increment in which much rock near the border
-    waits; the whole goes on from there.
-    Collapse: after rock has failed it finds no rest, or fails on after solver.max_generations. That is an error
-    (NoRest), or (solver.collapse "keep") the last state of rest is the result, at cascade_tolerance, with rock above
-    strength that would fail next.
+    from there. In a subdomain of the mine it ends at the loose tolerance, or with the increment in which much rock near
+    the border waits; the whole goes on from there.
+    Collapse: after rock has failed it does not reach equilibrium, or fails on after solver.max_generations. That is an
+    error (NoEquilibrium), or (solver.collapse "keep") the last state in equilibrium is the result, at
+    cascade_tolerance, with rock above its strength that would fail next.
     """
     solver, loose = scheme.body.model.scene.solver, loose_tolerance(scheme.body.model)
     share = np.sqrt(step_subdomain.share) if step_subdomain else 1.0  # of what may be unbalanced
@@ -236,7 +238,7 @@ def run_cascade(
     under_way = history.increment > 0  # a saved history
     while under_way or history.load < 1.0:
         if not under_way:
-            put_on_load(scheme, brittle, ramp, increments, share * loose, history)
+            begin_increment(scheme, brittle, ramp, increments, share * loose, history)
         under_way = False
         external, last = ramp.at(history.load), history.load == 1.0
         try:
@@ -253,24 +255,24 @@ def run_cascade(
                         scheme, brittle, ramp = finer
                         history.splits += 1
                         external = ramp.at(history.load)
-                        if history.rest:  # what there is to go back to has these cells, too, if it finds no rest now
-                            keep_rest(scheme, history)
+                        if history.last_equilibrium:  # the state to go back to has these cells, too
+                            keep_equilibrium(scheme, history)
                         reach_equilibrium(scheme, external, tolerance, ramp.reference, history)
                     continue
                 if not last or step_subdomain or tolerance == solver.tolerance:
                     break
                 history.tightened += 1
-        except NoRest:
-            if not history.rest:
+        except NoEquilibrium:
+            if not history.last_equilibrium:
                 raise
-            scheme.go_back(history.rest)
+            scheme.go_back(history.last_equilibrium)
             if history.generation == 0:  # nothing failed since the increment before
                 history.increment, external = history.increment - 1, ramp.at(history.load_before)
-            scheme.relax(external, loose, ramp.reference, history)  # is at rest: this notes it
+            scheme.relax(external, loose, ramp.reference, history)  # in equilibrium: this notes it
             return scheme, True
         scheme.body.commit()
         if step_subdomain and step_subdomain.waits:
             break
-        if history.rest:
-            keep_rest(scheme, history)
+        if history.last_equilibrium:
+            keep_equilibrium(scheme, history)
     return scheme, False

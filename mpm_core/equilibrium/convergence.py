@@ -14,8 +14,8 @@ SECONDS_BETWEEN_RESIDUALS = 20.0
 HISTORY_COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 
 
-class NoRest(InputError):
-    """Rock under these forces does not come to rest: it runs away, or not within solver.max_iterations."""
+class NoEquilibrium(InputError):
+    """Rock under these forces does not reach equilibrium within solver.max_iterations, or runs away."""
 
 
 def norm(values: np.ndarray) -> float:
@@ -40,9 +40,10 @@ class History:
     load_before: float = 0.0  # at the end of the increment before
     size: float = 1.0  # of the next increment, where it follows its error
     bar: tqdm | None = None
-    rest: dict[str, np.ndarray] = field(default_factory=dict)  # the last state of rest, where it may be the result
-    since: tuple = (None, 0.0, 0.0)  # generation, clock and ratio from which the pace is taken
-    logged: float = field(default_factory=time.perf_counter)  # when the log was last told where it stands
+    # The last state in equilibrium, where it may be the result; empty elsewhere.
+    last_equilibrium: dict[str, np.ndarray] = field(default_factory=dict)
+    since: tuple = (None, 0.0, 0.0)  # generation, clock and ratio from which the pace is computed
+    logged: float = field(default_factory=time.perf_counter)  # when the log last said where the stage stands
 
     def check(self, ratio: float, max_ratio: float) -> None:
         """Note one check of the unbalanced force. Raises InputError if it is not a number."""
@@ -50,7 +51,8 @@ class History:
         if not np.isfinite(ratio):
             raise InputError(
                 f"unbalanced force is not a number at iteration {self.iteration} (increment {self.increment}, "
-                f"generation {self.generation}): the state is beside the output as .failed.npz; check moduli and loads"
+                f"generation {self.generation}): the state is saved next to the output as .failed.npz; "
+                "check moduli and loads"
             )
         where = f"increment {self.increment}, generation {self.generation}, unbalanced {ratio:.1e}{self._left(ratio)}"
         if self.bar is not None:
@@ -68,7 +70,7 @@ class History:
         if not self.tolerance < ratio < first:
             return ""
         pace = np.log(first / ratio) / max(time.perf_counter() - began, 1e-9)
-        return f", at rest in about {np.log(ratio / self.tolerance) / pace:.0f} s"
+        return f", equilibrium in about {np.log(ratio / self.tolerance) / pace:.0f} s"
 
     def failures(self, count: int) -> None:
         """Note how many particles failed after the latest check."""

@@ -4,7 +4,7 @@ Rock that stays in the stage has particles of volume V, full stress s = s' + s0 
 and nodes that move by du. Equilibrium is r = F - sum B^T s' V - H = 0 (H: hourglass forces), with forces F that rest
 while an increment relaxes. With G = sum B^T s0 V, weight and in-situ stress at the boundary, work is done by F + G.
 
-A way is straight, from one settled state a to the next, b. Along it strain is elastic but for the flow p of failed
+A way is straight, from one committed state a to the next, b. Along it strain is elastic but for the flow p of failed
 rock, whose path integral of stress : dp is d (kernels.energy). As stress and force are linear in strain and
 motion but for that, on every way
 
@@ -14,8 +14,8 @@ motion but for that, on every way
 
 where [] is the change from a to b. M + R is the path integral of r: what forces do beyond what rock takes up. It ends
 as waves and heat. R is the part of it that forces do which are still unbalanced at b, where rock is taken as resting:
-zero at perfect rest, and in proportion to the tolerance of the relaxation. Between two generations of failure that is
-solver.cascade_tolerance, and R the error of motion by it. So nothing but round-off is left over.
+zero in perfect equilibrium, and in proportion to the tolerance of the relaxation. Between two generations of failure
+that is solver.cascade_tolerance, and R the error of motion by it. So nothing but round-off is left over.
 
 An excavation whose support is ramped down in n increments sets 1 / n in motion of what it does at once (Salamon 1984,
 J. South. Afr. Inst. Min. Metall. 84, 233). A boundary that is strained moves slowly: the mean of its forces at both
@@ -26,9 +26,9 @@ Neither flow nor a drop is ever negative unless rock dilates above its friction:
 Cells that are split (stages/state_transfer.py) hold more energy afterwards, or less: the same displacement, felt at
 more points. That is no work of anything, and counted by itself.
 
-Failure happens at rest. What stress loses at fixed strain is dissipated, (s_trial + s_peak) / 2 : overshoot strain
-and (s_peak + s_residual) / 2 : seismic strain; the hourglass energy of its cell is lost. That nodes are out of balance
-then is the next way's r_a. Rock that is mined takes its energy with it; it is no part of these volumes, but of
+Failure happens in equilibrium. What stress loses at fixed strain is dissipated, (s_trial + s_peak) / 2 : overshoot
+strain and (s_peak + s_residual) / 2 : seismic strain; the hourglass energy of its cell is lost. That nodes are out of
+balance then is the next way's r_a. Rock that is mined takes its energy with it; it is no part of these volumes, but of
 Salamon's energy released.
 """
 
@@ -89,7 +89,7 @@ def virgin_work(body: Counted, moved: np.ndarray) -> float:
 
 
 class Way:
-    """The way from the last settled state on: what forces have done on it is counted when it ends."""
+    """The way from the last committed state on: what forces have done on it is counted when it ends."""
 
     external: np.ndarray | None
     residual: np.ndarray | None
@@ -119,9 +119,9 @@ class Way:
         if self.carried is not None:
             self.residual[:] = np.where(body.model.held, 0.0, external + self.carried)
 
-    def end(self, body: Counted, beyond: float, at_rest: bool = True) -> None:
-        """Count what was done. beyond J: how much more flow dissipates on the way than at its mean stress; at_rest:
-        what is unbalanced now (body.unbalanced) is taken as none."""
+    def end(self, body: Counted, beyond: float, in_equilibrium: bool = True) -> None:
+        """Count what was done. beyond J: how much more flow dissipates on the way than at its mean stress;
+        in_equilibrium: what is unbalanced now (body.unbalanced) counts as none."""
         if self.external is None:
             return
         assert self.start is not None  # set with the external forces
@@ -130,7 +130,7 @@ class Way:
         moved = state.displacement - self.start
         state.energy[FORCES] += work_of_forces(self.external, moved)
         state.energy[MOTION] += 0.5 * work_of_forces(self.residual, moved)
-        state.energy[UNBALANCED if at_rest else MOTION] += 0.5 * work_of_forces(body.unbalanced, moved)
+        state.energy[UNBALANCED if in_equilibrium else MOTION] += 0.5 * work_of_forces(body.unbalanced, moved)
         if self.carried is None:
             state.energy[MOTION] -= beyond
         else:

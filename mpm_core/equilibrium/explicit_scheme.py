@@ -1,4 +1,4 @@
-"""Scheme `explicit`: damped symplectic time stepping to rest (paper section 2.2, Eqs 1 to 6; equilibrium.md).
+"""Scheme `explicit`: damped symplectic time stepping to equilibrium (paper section 2.2, Eqs 1 to 6; equilibrium.md).
 
 Particles rest in their cells, so nodes keep their velocity from step to step: the grid is never reset, and the particle
 velocities of Eqs (1) and (5), which would only filter it, are not needed. moving_scheme.py is the full cycle.
@@ -12,7 +12,7 @@ flow of one return, and dissipates another energy.
 import numpy as np
 
 from mpm_core.equilibrium.body import Body
-from mpm_core.equilibrium.convergence import History, NoRest
+from mpm_core.equilibrium.convergence import History, NoEquilibrium
 from mpm_core.kernels.nodal_operations import sizes
 from mpm_core.model.model import Model
 from mpm_core.model.state import State
@@ -37,16 +37,16 @@ class ExplicitScheme:
         """Take over which particles have failed."""
         self.body.set_failed()
 
-    def go_back(self, rest: dict[str, np.ndarray]) -> None:
-        """Return to a settled state kept earlier (state.keep)."""
-        self.body.go_back(rest)
+    def go_back(self, kept: dict[str, np.ndarray]) -> None:
+        """Return to a committed state kept earlier (state.keep)."""
+        self.body.go_back(kept)
 
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         """Step until the 2-norm of the unbalanced force at free nodes is at most tolerance * reference (N).
 
-        Raises as step_to_rest.
+        Raises as step_to_equilibrium.
         """
-        step_to_rest(self.body, external, tolerance, reference, history)
+        step_to_equilibrium(self.body, external, tolerance, reference, history)
 
     def drop_work_arrays(self) -> None:
         """Nothing more is to be relaxed."""
@@ -59,11 +59,11 @@ def take_time_step(body: Body, external: np.ndarray) -> None:
     body.update(body.time_step)
 
 
-def step_to_rest(body: Body, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
+def step_to_equilibrium(body: Body, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
     """Step until the 2-norm of the unbalanced force at free nodes is at most tolerance * reference (N).
 
-    Raises NoRest after solver.max_iterations and when a node moves farther than a finest cell
-    from where `displace` has taken it, InputError for NaN.
+    Raises NoEquilibrium after solver.max_iterations and when a node moves farther than a finest cell
+    from where `displace` has moved it, InputError for NaN.
     """
     solver = body.model.scene.solver
     reference = reference or 1.0  # nothing was mined: any force at all counts
@@ -80,14 +80,14 @@ def step_to_rest(body: Body, external: np.ndarray, tolerance: float, reference: 
             body.stop_drift()
             body.check_reach(ratio)
             if iteration > 0 and iteration % ITERATIONS_PER_FLOW_COUNT == 0:
-                body.commit(at_rest=False)
+                body.commit(in_equilibrium=False)
                 body.way.begin(body, external)
         take_time_step(body, external)
         history.iteration += 1
         if history.bar is not None:
             history.bar.update()
     else:
-        raise NoRest(
+        raise NoEquilibrium(
             f"no convergence: unbalanced ratio {ratio:.3g} after {solver.max_iterations} iterations, tolerance "
             f"{tolerance:g}; raise solver.max_iterations or solver.tolerance, or mine in smaller steps"
         )

@@ -59,13 +59,13 @@ class Increments:
         else:
             history.load = (history.increment + self.delay[history.increment]) / self.count
 
-    def take(self, body: Body, brittle: Brittle, history: History) -> bool:
-        """Whether a chosen increment, at rest under its load and nothing failed yet, may stand; else it is undone in
-        the history, and the next one is smaller."""
+    def accept(self, body: Body, brittle: Brittle, history: History) -> bool:
+        """Whether a chosen increment is accepted, in equilibrium under its load and before anything fails. Otherwise it
+        is undone in the history, and the next one is smaller."""
         return self.follow(overshoot_of_next(body, brittle) / self.scene.solver.max_overshoot, history)
 
     def follow(self, ratio: float, history: History) -> bool:
-        """As `take`, of an increment whose error is so many times the one that may stand."""
+        """As `accept`, for an increment whose error is `ratio` times the largest accepted one."""
         return self._resize(
             np.clip(SIZE_SAFETY / ratio, MIN_SIZE_FACTOR, MAX_SIZE_FACTOR) if ratio > 0.0 else MAX_SIZE_FACTOR,
             ratio <= 1.0,
@@ -73,15 +73,15 @@ class Increments:
         )
 
     def shrink(self, history: History) -> bool:
-        """As `take`, of an increment that has found no rest."""
+        """As `accept`, for an increment that has not reached equilibrium."""
         return self._resize(MIN_SIZE_FACTOR, False, history)
 
-    def _resize(self, factor: float, stands: bool, history: History) -> bool:
-        taken, asked = history.load - history.load_before, history.size
-        history.size = max(2.0 ** np.floor(np.log2(taken * factor)), MIN_INCREMENT)
-        if stands or min(taken, asked) <= MIN_INCREMENT:  # a member's may be larger than what was asked for
+    def _resize(self, factor: float, accepted: bool, history: History) -> bool:
+        size, requested = history.load - history.load_before, history.size
+        history.size = max(2.0 ** np.floor(np.log2(size * factor)), MIN_INCREMENT)
+        if accepted or min(size, requested) <= MIN_INCREMENT:  # a member's may be larger than requested
             return True
-        history.size = min(history.size, 0.5 * asked)  # whatever round-off makes of it: the next try is another
+        history.size = min(history.size, 0.5 * requested)  # whatever round-off makes of it: the next try is another
         history.load, history.increment = history.load_before, history.increment - 1
         return False
 

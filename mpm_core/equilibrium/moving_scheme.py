@@ -2,7 +2,7 @@
 
 Every step is the full cycle of Eqs (1) to (6), corrected (departures.md): nothing is kept at the nodes. That is
 pure FLIP (Eq. 5): particle velocities that the nodes do not see are neither damped nor do they move or strain
-anything. They are no part of the datasets: every stage starts with particles at rest.
+anything. They are no part of the datasets: every stage starts in equilibrium, without velocity.
 
 What stays small-strain: the loads of excavations are nodal forces fixed in space, volumes and virgin stresses are those
 of each particle's first place. So particles may travel, but a wall that moves by a good part of a cell takes its load
@@ -146,28 +146,28 @@ class MovingBody(Body):
         for values in (state.velocity, self.acceleration):
             spread_to_hanging(self.hanging, model.grid.node_parents, values)
 
-    def commit(self, at_rest: bool = True) -> None:
+    def commit(self, in_equilibrium: bool = True) -> None:
         """Count what particles that move have dissipated: they flow as they go, in every step. No work of forces is
-        counted, at rest or not: nodes are new in each."""
+        counted, in equilibrium or not: nodes are new in each."""
         self.way.reset()
         dissipate(self.state, FLOW, self.dissipated * self.volume)
         self.dissipated[:] = 0.0
 
     def stop_drift(self) -> None:
-        """Take rigid motions that nothing holds out of the particles' velocity."""
+        """Remove rigid motions that nothing holds from the particles' velocity."""
         if self.free.count:
             self.free.remove_from(self.velocity, self._position(), self.particle_mass)
             self.update(0.0)
 
     def check_reach(self, ratio: float) -> None:
-        """Particles may go far; out of the domain they may not, and _relocate sees to that."""
+        """Particles may go far, but not out of the domain; _relocate sees to that."""
 
     def _position(self) -> np.ndarray:
         cell = self.state.cell
         return self.model.grid.cell_center[cell] + 0.5 * self.cell_size[cell][:, None] * self.xi
 
     def remove_rigid_motions(self) -> None:
-        """The body is at rest: particles are where they have got to."""
+        """The body is in equilibrium: particles are where they have got to."""
         super().remove_rigid_motions()
         self.state.position[:] = self._position()
 

@@ -4,7 +4,7 @@ Without failed rock: conjugate gradients with a V-cycle over the grid's levels (
 update by the kernel of `explicit`, so that stress and hourglass forces are exactly what that scheme would hold.
 
 With failed rock the unbalanced force depends on the displacement through the return to the strength surface, from the
-state in which flow was last counted anew (Body.commit), whatever the way. Its zero is sought by Anderson
+state from which flow is counted (Body.commit), whatever the way. Its zero is sought by Anderson
 acceleration with the same V-cycle, whose stiffness is elastic at first.
 
 The elastic V-cycle is far too stiff where much rock flows. After FIRST_TANGENT_CYCLE cycles, in perfectly plastic rock
@@ -21,7 +21,7 @@ import numpy as np
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.convergence import History
-from mpm_core.equilibrium.explicit_scheme import step_to_rest
+from mpm_core.equilibrium.explicit_scheme import step_to_equilibrium
 from mpm_core.equilibrium.scheme import Excerpt
 from mpm_core.equilibrium.subdomain import Part, cut_out
 from mpm_core.equilibrium.surroundings import Cubes
@@ -106,9 +106,9 @@ class MultigridScheme:
             self.solver.operator.set_patterns(constants[self.model.particles.distorted.cell])
         self.softened = failed
 
-    def go_back(self, rest: dict[str, np.ndarray]) -> None:
-        """Return to a settled state kept earlier (state.keep)."""
-        self.body.go_back(rest)
+    def go_back(self, kept: dict[str, np.ndarray]) -> None:
+        """Return to a committed state kept earlier (state.keep)."""
+        self.body.go_back(kept)
         self.stale[:], self.flow = True, None
 
     def part_around(self, brittle: Brittle, fresh: np.ndarray) -> Part | None:
@@ -120,13 +120,13 @@ class MultigridScheme:
         return None if around is None else cut_out(self.model, self.state, self.body.volume, brittle, around, fresh)
 
     def scheme_of(self, part: Part) -> "MultigridScheme":
-        """The scheme that brings a part to rest."""
+        """The scheme that brings a part to equilibrium."""
         scheme = MultigridScheme(part.model, part.state, part.volume)
         scheme.body.start = self.body.start[part.nodes]
         return scheme
 
     def take_back(self, part: Excerpt) -> None:
-        """Take over what has happened in a part, which is at rest and settled."""
+        """Take over what has happened in a part, which is in equilibrium and committed."""
         part.give_back(self.state)
         self.stale[self.model.scatter.blocks_of(part.cells)] = True
         self.body.restart_flow_count()
@@ -136,7 +136,7 @@ class MultigridScheme:
         """Nothing more is to be relaxed."""
         self.body.drop_work_arrays()
         self.anderson = self.flow = self.cubes = None
-        self.solver = None  # type: ignore[assignment]  # nothing asks for it any more
+        self.solver = None  # type: ignore[assignment]  # nothing needs it any more
         self.rows = []
 
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
@@ -165,7 +165,7 @@ class MultigridScheme:
                     "multigrid: unbalanced %.2e after %d cycles, tolerance %.2e; going on with explicit steps",
                     history.rows[-1][3], history.iteration - before, tolerance,
                 )  # fmt: skip
-                step_to_rest(self.body, external, tolerance, reference, history)
+                step_to_equilibrium(self.body, external, tolerance, reference, history)
                 self.state.velocity[:] = 0.0
                 return
         self.body.check_reach(ratio)
@@ -178,7 +178,7 @@ class MultigridScheme:
             solution = self.solver.solve(
                 self.body.unbalanced, share, MAX_ELASTIC_CYCLES, lambda _: self._count(history)
             )
-            if not solution.ratio < 1.0:  # diverged: a step away from rest, or no number
+            if not solution.ratio < 1.0:  # diverged: a step away from equilibrium, or no number
                 return False
             self._move(solution.displacement)
             ratio = self._look(external, reference, history)
@@ -193,7 +193,7 @@ class MultigridScheme:
         does not carry of them. Stress is updated at the end.
         """
         for _ in range(MAX_SOLUTIONS):
-            displacement = self._flow_to_rest(ratio, tolerance, reference, history)
+            displacement = self._flow_to_equilibrium(ratio, tolerance, reference, history)
             if displacement is None:
                 self.body.update(0.0)
                 return False
@@ -203,7 +203,9 @@ class MultigridScheme:
                 return True
         return False
 
-    def _flow_to_rest(self, ratio: float, tolerance: float, reference: float, history: History) -> np.ndarray | None:
+    def _flow_to_equilibrium(
+        self, ratio: float, tolerance: float, reference: float, history: History
+    ) -> np.ndarray | None:
         """Displacement (element,) to where residuals are at most tolerance * reference; None where it is not found."""
         solver, free = self.solver, self.solver.finest.inverse_diagonal
         flow = self._flow_forces()
@@ -272,7 +274,7 @@ class MultigridScheme:
         return self.flow
 
     def _row_arrays(self) -> list[np.ndarray]:
-        """Five work arrays (element,): to make them anew each time would cost as much as half a cycle."""
+        """Five work arrays (element,): to make them again each time would cost as much as half a cycle."""
         if not self.rows:
             self.rows = [self.solver.operator.zeros() for _ in range(5)]
         return self.rows

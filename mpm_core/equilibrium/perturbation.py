@@ -18,7 +18,7 @@ MAX_INCREMENT_DELAY = 0.5  # Largest delay of an increment's end as a share of t
 
 
 def strength_perturbation(model: Model) -> np.ndarray:
-    """Overstress that each particle bears in this member before it fails, beside the margin: (particle,) Pa; else 0.
+    """Overstress that each particle bears in this member before it fails, besides the margin: (particle,) Pa; else 0.
 
     Uniform between 0 and MAX_STRENGTH_PERTURBATION of intact cohesion: never less than in the mine's own run, so virgin
     rock stands. The number is a hash of member and place: the same on whatever grid the particle is found. The place of

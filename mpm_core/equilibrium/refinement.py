@@ -1,9 +1,9 @@
-"""Which cells are too coarse for what happens in them: where rock stands near its strength, and beside rock that fails.
+"""Which cells are too coarse for what happens in them: where rock is near its strength, and next to rock that fails.
 
 Rock in coarse cells is elastic by definition, so one can be split at any time: its displacement is known everywhere in
 it, and stress follows from that. Rock is near its strength if it would break were its stress changed by mining more
-than it is, by the share NEAR_STRENGTH_SHARE: what a coarse cell averages over, and what the next failures beside it
-will add, is in proportion to that change. Virgin rock is never near, however close to its strength it stands.
+than it is, by the share NEAR_STRENGTH_SHARE: what a coarse cell averages over, and what the next failures next to
+it will add, is in proportion to that change. Virgin rock is never near, however close to its strength it is.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ MIN_SPLIT_SHARE = 0.02
 # the step, and failure is checked again at a smaller tolerance.
 MAX_WAITING_SHARE = 1e-3
 REFINED_RINGS_AROUND_FAILURE = 1  # Rings of refined cells required around a particle before it may fail.
-# Rings around a flagged cell that are split with it, so that a crack asks for a split less often.
+# Rings around a flagged cell that are split with it, so that a crack needs a split less often.
 RINGS_SPLIT_AT_ONCE = 2
 
 
@@ -44,29 +44,29 @@ class Refinement:
         """Of a grid."""
         return cls(family_codes(grid), grid.shape >> 1, grid.present, max(grid.levels - 2, 0))
 
-    def asked(
+    def flagged(
         self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, cells: int, patience: float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
         """Cells (k, d) of the last level but one, in units of their own, around which finest cells are missing; and
         those of fresh particles (k,) that fail before any is split.
 
-        fresh: particles that stand above strength, of a part of the mine or of the whole; cells: of the whole;
+        fresh: particles above their strength, of a part of the mine or of the whole; cells: of the whole;
         patience: finest cells of rock that may wait without a split. Rock at the edge of the fine cells waits for a
         split, and all rock where that is worth it now.
         """
-        if model.grid.levels == 1:  # a draft of two sizes of cell: all cells are finest, and no split ends the asking
+        if model.grid.levels == 1:  # a draft of two sizes of cell: all cells are finest, and flags would never end
             return np.empty((0, model.dimension), np.int64), fresh
         near = brittle.coarse[near_strength(model, state, brittle.coarse)]
         places = families(model.grid, model.particles.cell[fresh])
         exposed = self._exposed(places) if len(fresh) else np.zeros(0, bool)
         cell = model.particles.cell[near]
         waiting = np.count_nonzero(exposed) + np.sum(model.grid.cell_width[cell].astype(float) ** model.dimension)
-        if waiting <= patience:  # also where nothing asks
+        if waiting <= patience:  # also where nothing is flagged
             return places[:0], fresh[~exposed]
-        asking = np.concatenate([middles(model.grid, cell), places[exposed]])
-        missing = self._missing(around(np.unique(asking, axis=0), RINGS_SPLIT_AT_ONCE, self.shape))
+        flagged = np.concatenate([middles(model.grid, cell), places[exposed]])
+        missing = self._missing(around(np.unique(flagged, axis=0), RINGS_SPLIT_AT_ONCE, self.shape))
         at_once = len(missing) << len(self.shape) > MIN_SPLIT_SHARE * cells
-        return asking, fresh[:0] if at_once else fresh[~exposed]
+        return flagged, fresh[:0] if at_once else fresh[~exposed]
 
     def _missing(self, places: np.ndarray) -> np.ndarray:
         """Those of the places (k, d) that are not split, of a subdomain its own."""

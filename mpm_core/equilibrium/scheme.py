@@ -1,4 +1,4 @@
-"""What a stage asks of a scheme: a file with a class that offers this, named in step_cells.SCHEMES and the settings."""
+"""What a stage needs of a scheme: a class that offers this, named in step_cells.SCHEMES and the settings."""
 
 from typing import Protocol, runtime_checkable
 
@@ -12,7 +12,7 @@ from mpm_core.model.state import State
 
 
 class Scheme(Protocol):
-    """Brings a body to rest. What it keeps about the body follows the body only through these methods."""
+    """Brings a body to equilibrium. What it keeps about the body follows the body only through these methods."""
 
     body: Body
 
@@ -22,13 +22,13 @@ class Scheme(Protocol):
     def set_failed(self) -> None:
         """Take over which particles have failed (state.failed)."""
 
-    def go_back(self, rest: dict[str, np.ndarray]) -> None:
-        """Return to a settled state kept earlier (state.keep); what has flowed since then is forgotten."""
+    def go_back(self, kept: dict[str, np.ndarray]) -> None:
+        """Return to a committed state kept earlier (state.keep); what has flowed since then is forgotten."""
 
     def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         """Bring the 2-norm of the unbalanced force at free nodes to at most tolerance * reference (N).
 
-        external (node, d) N. Raises NoRest where there is no rest, InputError for NaN.
+        external (node, d) N. Raises NoEquilibrium where equilibrium is not reached, InputError for NaN.
         """
 
     def drop_work_arrays(self) -> None:
@@ -54,7 +54,7 @@ class SchemeInParts(Scheme, Protocol):
         """The part around rock that has just failed, particles (k,); None where that is too much of the mine."""
 
     def scheme_of(self, part: Part) -> Scheme:
-        """The scheme that brings a part to rest."""
+        """The scheme that brings a part to equilibrium."""
 
     def take_back(self, part: Excerpt) -> None:
-        """Take over what has happened in a part, which is at rest and settled."""
+        """Take over what has happened in a part, which is in equilibrium and committed."""

@@ -1,9 +1,9 @@
 """A part of the mine on its own: the cells around rock that has just failed, held still at their border.
 
 A failure of one cell of a million is felt a few cells away. Where it spreads from there is found in the part alone; the
-whole mine comes to rest afterwards, with the part's border free again. What then fails, fails in the next part. So the
-part says only in which order rock fails, not where the mine is at rest: that is always asked of the whole. Rock so near
-the border that its failure would feel it waits for the whole.
+whole mine reaches equilibrium afterwards, with the part's border free again. What then fails, fails in the next part.
+So the part says only in which order rock fails, not where the mine is in equilibrium: that is always checked on the
+whole. Rock so near the border that its failure would feel it waits for the whole.
 """
 
 import logging

@@ -1,4 +1,4 @@
-"""Plastic flow between two states near rest, whatever the way from the one to the other."""
+"""Plastic flow between two states near equilibrium, whatever the way from the one to the other."""
 
 from numba import njit, prange
 

@@ -1,4 +1,4 @@
-"""Where a stage is, beside its output: a stage that was killed goes on from there, to the same bytes.
+"""Where a stage is, next to its output: a stage that was killed goes on from there, to the same bytes.
 
 Written between two generations of failure, where nothing is under way. It is no output that Snakemake knows of, which
 deletes the outputs of a killed stage; a stage that ends removes it.
@@ -68,14 +68,14 @@ class Checkpoint:
             return
         counters = {name: getattr(history, name) for name in COUNTERS}
         with atomic_path(self.path) as temporary, temporary.open("wb") as file:
-            beside = _named("table_", history.table()) | _named("rest_", history.rest)
+            tables = _named("table_", history.table()) | _named("rest_", history.last_equilibrium)
             failed = np.flatnonzero(state.failed >= 0)
             of_failed = {name: getattr(state, name)[failed] for name in OF_FAILED}
             others = {name: value for name, value in vars(state).items() if name not in (*OF_FAILED, *UNCHANGED)}
             split = np.concatenate([np.empty((0, grid.dimension), np.int64), *places])
             cells: dict[str, Any] = {"cells_index": grid.cell_index, "cells_level": grid.cell_level}
             cells |= {"in_district": in_district, "places": split, "full": full}
-            np.savez(file, key=self.key, taken=CLOCK.taken(), **counters | cells | others | of_failed | beside)
+            np.savez(file, key=self.key, taken=CLOCK.taken(), **counters | cells | others | of_failed | tables)
         self.last = time.perf_counter()
         self.cost = self.last - now
 
@@ -84,13 +84,13 @@ class Checkpoint:
         try:
             with np.load(self.path, allow_pickle=False) as saved:
                 if str(saved["key"]) != self.key:
-                    logging.info("%s is of other inputs; the stage starts anew", self.path)
+                    logging.info("%s is of other inputs; the stage starts from its beginning", self.path)
                     return {}
                 return {name: saved[name] for name in saved.files}
         except FileNotFoundError:
             return {}
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            logging.warning("%s is not readable (%s); the stage starts anew", self.path, error)
+            logging.warning("%s is not readable (%s); the stage starts from its beginning", self.path, error)
             return {}
 
     @staticmethod
@@ -109,7 +109,7 @@ class Checkpoint:
                 setattr(state, name, values[name].item())
         for name in COUNTERS:
             setattr(history, name, values[name].item())
-        history.rest = {name: values[f"rest_{name}"] for name in vars(state) if f"rest_{name}" in values}
+        history.last_equilibrium = {name: values[f"rest_{name}"] for name in vars(state) if f"rest_{name}" in values}
         columns = [values[f"table_{name}"].tolist() for name in HISTORY_COLUMNS]
         history.rows = list(zip(*columns, strict=True))
         logging.info(

@@ -105,9 +105,9 @@ def mining_step(
                 checkpoint.save(state, history, at_work.model.grid, in_district, at_work.places, at_work.full)
 
         def run(step_subdomain: StepSubdomain | None) -> tuple[Scheme, bool]:
-            asked = at_work if scene.refinement else None
+            refining = at_work if scene.refinement else None
             return run_cascade(
-                at_work.scheme, at_work.brittle, at_work.ramp, step, history, save, asked, step_subdomain
+                at_work.scheme, at_work.brittle, at_work.ramp, step, history, save, refining, step_subdomain
             )
 
         if step_subdomain is not None:
@@ -122,7 +122,7 @@ def mining_step(
 
 
 class following:
-    """Context of a solution: a progress bar on a terminal, and the last `state` beside the output when it fails."""
+    """Context of a solution: a progress bar on a terminal, and the last `state` next to the output when it fails."""
 
     def __init__(self, scene: Scene, name: str, failed_state: Path, state: Callable[[], State] | None = None):
         self.history = History(scene.solver.tolerance)
@@ -212,7 +212,7 @@ def hourglass_energy(body: Body) -> dict[str, float]:
 
 def mass_and_momentum(body: Body) -> dict[str, float]:
     """What must be conserved: mass of rock and fill that are there, kg; net_force, N, which is momentum gained per
-    second: the sum of what is unbalanced at free nodes; momentum_error: sum of the forces that cells put on nodes, held
+    second: the sum of what is unbalanced at free nodes; momentum_error: sum of the forces of cells on nodes, held
     ones too, over the sum of their sizes: 0 but for round-off (NaN where particles move, whose cells keep none)."""
     model, thickness = body.model, body.model.scene.thickness
     density = np.array([material.density for material in model.scene.materials.values()])

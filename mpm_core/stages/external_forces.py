@@ -246,5 +246,5 @@ def measure(change: float, whole: float, tolerance: float) -> float:
 
 def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) -> float:
     """What unbalanced forces are measured by, N: 2-norm of forces (node, d) at free nodes and, at held ones, of what
-    the strain (d, d) of the boundary asks of elastic rock. Rock that has failed carries less of it."""
+    the strain (d, d) of the boundary causes in elastic rock. Rock that has failed carries less of it."""
     return float(np.hypot(norm(force), norm(strain_reaction(model, strain, step))))

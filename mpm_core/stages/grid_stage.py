@@ -108,9 +108,9 @@ def miss(solid: Solid | Outside, cells: GridCells) -> None:
             f"{where}: its surface encloses nothing; where it stands twice, once turned inward, the two cancel: delete "
             "one of them, or leave it out"
         )
-    thin = f"{where}: it is thinner than a fraction of the finest cell, {cells.told()}"
+    thin = f"{where}: it is thinner than a fraction of the finest cell, {cells.size_text()}"
     if cells.volume_error < 1.0:
-        raise InputError(f"{thin}; take smaller cells (grid.finest_cell, or more grid.levels), or leave it out")
+        raise InputError(f"{thin}; use smaller cells (grid.finest_cell, or more grid.levels), or leave it out")
     logging.warning("%s, and left out", thin)
 
 
@@ -140,7 +140,7 @@ def compare_volumes(name: str, solid: float, gridded: float, cells: GridCells) -
     if abs(error) > cells.volume_error:
         raise InputError(
             f"excavations.{name}: {solid:.4g} m3 in the domain as a solid but {gridded:.4g} m3 on the grid "
-            f"({100 * error:+.0f} %): too thin for cells of {cells.told()}; take smaller ones "
+            f"({100 * error:+.0f} %): too thin for cells of {cells.size_text()}; use smaller ones "
             "(grid.finest_cell, or more grid.levels), mend the solid, or allow "
             f"more by grid.volume_error (now {cells.volume_error:g})"
         )
@@ -154,13 +154,13 @@ def refuse_under_resolved(names: list[str], share: np.ndarray, size: np.ndarray,
     for name, whole, volume in zip(names, share, size, strict=True):
         if whole < MIN_WHOLE_CELL_SHARE and volume > 0.0:
             logging.warning(
-                "%s: narrow for cells of %s: %.0f %% of it fills whole ones", name, cells.told(), 100 * whole
+                "%s: narrow for cells of %s: %.0f %% of it fills whole ones", name, cells.size_text(), 100 * whole
             )
     if size.sum() > 0.0 and share @ size < MIN_WHOLE_CELL_SHARE_ACCEPTED * size.sum() and cells.volume_error < 1.0:
         raise InputError(
-            f"excavations: too narrow for cells of {cells.told()}: {100 * (share @ size) / size.sum():.0f} % of their "
-            "volume fills whole ones, and the rock in the others would prop them; take cells of half their width or "
-            "less, or grid.cut_cells: whole"
+            f"excavations: too narrow for cells of {cells.size_text()}: {100 * (share @ size) / size.sum():.0f} % of "
+            "their volume fills whole ones, and the rock in the others would prop them; use cells of half their width "
+            "or less, or grid.cut_cells: whole"
         )
 
 
@@ -194,7 +194,7 @@ def cells_of_draft(values: GridSlice, solids: list[Solid | Outside], later: np.n
     )
     logging.warning(
         "accuracy: draft keeps cells of %s: hardly any cell of twice that size would lie wholly in %s%s",
-        kept.grid.told(), names, f" and {more} more" if more > 0 else "",
+        kept.grid.size_text(), names, f" and {more} more" if more > 0 else "",
     )  # fmt: skip
     return kept, lost
 
@@ -224,7 +224,8 @@ def require_memory(count: GridCount, dimension: int, cells: GridCells) -> None:
     """Raise InputError if the stages that follow, one particle to a cell, would not fit into the free memory."""
     require(
         stage_bytes("multigrid", dimension, count.cells, count.cells),
-        f"grid: {count.cells:,} cells, the finest of {cells.told()}, {count.nodes:,} nodes, in the stages that follow",
+        f"grid: {count.cells:,} cells, the finest of {cells.size_text()}, {count.nodes:,} nodes, "
+        "in the stages that follow",
         "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.buffer_cells or a smaller domain",
     )
 

@@ -1,6 +1,6 @@
 """The ground of a scene whatever its cells are: what excavations take of it, and which rock body it is of.
 
-A step asks for its rock on cells that it names. Excavations are known as parts of finest cells (grid.nc), rock bodies
+A step reads its rock on cells that it names. Excavations are known as parts of finest cells (grid.nc), rock bodies
 as solids.
 """
 

@@ -3,7 +3,7 @@
 What a split cell knows is its displacement, trilinear between its corners. Its parts take it from there, and as the
 rock in it is intact their stress and hourglass forces are those of elastic rock that has moved so since virgin. A
 uniform strain goes over unchanged; of any other the parts feel more than the one point of the cell did, and are no
-longer at rest. Cells that are not split keep what they have, to the bit.
+longer in equilibrium. Cells that are not split keep what they have, to the bit.
 """
 
 from dataclasses import dataclass, replace
@@ -55,8 +55,8 @@ def transfer(old: Model, state: State, new: Model) -> State:
     result.hourglass_force[kept] = state.hourglass_force[origin[kept]]
     result.displacement[:] = transfer_nodes(old, state.displacement, new, origin)
     result.energy[:] = state.energy
-    anew = np.flatnonzero((source >= 0) & ~as_before & (result.failed < 0) & new.particles.is_rock)
-    result.stress[anew] = elastic_stress(new, result.displacement, anew)
+    recomputed = np.flatnonzero((source >= 0) & ~as_before & (result.failed < 0) & new.particles.is_rock)
+    result.stress[recomputed] = elastic_stress(new, result.displacement, recomputed)
     changed = np.unique(new.particles.cell[(source >= 0) & ~as_before])
     result.hourglass_force[changed] = elastic_hourglass(new, result.displacement, changed)
     return result

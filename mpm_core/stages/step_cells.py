@@ -1,4 +1,4 @@
-"""A mining step on the cells that it has now: what it begins with, and the same on finer cells where rock asks."""
+"""A mining step on the cells that it has now: what it begins with, and the same on finer cells where needed."""
 
 import logging
 from collections.abc import Callable
@@ -41,7 +41,7 @@ SCHEMES: dict[str, SchemeMaker] = {"explicit": ExplicitScheme, "multigrid": Mult
 
 
 def make_scheme(model: Model, state: State, volume: np.ndarray) -> Scheme:
-    """The scheme that the scene asks for; explicit steps for particles at rest in their cells or moving."""
+    """The scheme that the scene names; explicit steps for particles that rest in their cells or move."""
     solver = model.scene.solver
     kind: SchemeMaker = MovingScheme if solver.move else SCHEMES[solver.scheme]
     return kind(model, state, volume)
@@ -55,7 +55,7 @@ def brittle_of(model: Model, volume: np.ndarray, step: int) -> Brittle:
 
 @dataclass
 class StepCells:
-    """What a step has on its cells, replaced as a whole when they are split; it is what the cascade asks (Refining).
+    """What a step has on its cells, replaced as a whole when they are split; the cascade uses it as Refining.
 
     start_cells, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
     held_up (node, d) N, on start_cells: what the ramp starts with beyond the lasting forces of the step before, which
@@ -82,20 +82,21 @@ class StepCells:
         """On the cells of now."""
         return self.scheme.body.model
 
-    def asked(
-        self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, loosely: bool
+    def flagged(
+        self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, provisional: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Places (k, d) that need finer cells, and which of fresh particles (k,) fail before that, see Refinement; none
-        and all once there are as many cells as there may be. loosely: not at rest to the full tolerance."""
+        """Flagged places (k, d), which need finer cells, and which of fresh particles (k,) fail before that, see
+        Refinement; none and all once there are as many cells as allowed. provisional: equilibrium is not reached to
+        the final tolerance."""
         if self.full:
             return np.empty((0, model.dimension), int), fresh
         patience = 0.0
-        if loosely and not self.elsewhere:  # a split of a subdomain costs little
+        if provisional and not self.elsewhere:  # a split of a subdomain costs little
             patience = MAX_WAITING_SHARE * np.count_nonzero(state.failed == self.step)
-        return self.refinement.asked(model, state, brittle, fresh, len(self.model.cell_nodes), patience)
+        return self.refinement.flagged(model, state, brittle, fresh, len(self.model.cell_nodes), patience)
 
     def split(self, places: np.ndarray) -> tuple[Scheme, Brittle, Ramp] | None:
-        """Split cells at places (k, d), at rest: what goes on from there; None where there would be too many."""
+        """Split cells at places (k, d), in equilibrium: what goes on from there; None where there would be too many."""
         grid = split(self.model.grid, places, RINGS_SPLIT_AT_ONCE, 1)
         most = self.ground.refinement.max_cells
         if (cells := len(grid.cell_level) + self.elsewhere) > most:
@@ -145,7 +146,7 @@ class StepCells:
         self.places = [saved["places"]] if len(saved["places"]) else []
 
     def renew(self) -> None:
-        """A scheme anew, for a state that was changed from outside."""
+        """A new scheme, for a state that was changed from outside."""
         body = self.scheme.body
         self.scheme = make_scheme(body.model, body.state, body.volume)
 
@@ -158,7 +159,7 @@ class StepCells:
 
 
 def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History) -> tuple[StepCells, Balance]:
-    """A step at rest, before any of its load: what it has on its cells, and the balance of its energy.
+    """A step in equilibrium, before any of its load: what it has on its cells, and the balance of its energy.
 
     A function of its own, so that nobody holds what is on these cells once they are split.
     """
@@ -181,7 +182,7 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
             if mined.unheld > model.unheld:
                 logging.warning(
                     "fill lies between walls a cell or two apart that were open before, at %d nodes: it does not hold "
-                    "them; take smaller cells, or fill in the step that mines",
+                    "them; use smaller cells, or fill in the step that mines",
                     mined.unheld,
                 )
             model, scheme = mined, make_scheme(mined, state, volume)
@@ -215,7 +216,7 @@ def measured_by(model: Model, start: np.ndarray, target: np.ndarray, more_strain
 
 
 def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History) -> Scheme:
-    """The state of the step before at rest, on cells that are fine around all that this step mines."""
+    """The state of the step before in equilibrium, on cells that are fine around all that this step mines."""
     scene, step = ground.scene, len(ground.scene.steps) - 1
     was, body = read_grid(previous)
     ground.refuse_other(was, before)

@@ -1,10 +1,10 @@
 """The subdomain of a mine that a step changes: blocks of space around what it mines, held still at their border.
 
-A month's mining is felt some widths away. There its load is put on, increment by increment, and there rock fails and
-cells are split, at the cost of that rock; what is beyond stays as it is. Then the whole mine comes to rest, with the
-border free again, and what it lets fail then fails as ever: so the whole has the last word on rest and on failure, and
-the subdomain, like a part of the mine (equilibrium/subdomain.py), only says on which way they are come to. The whole is
-set up at a step's start, and once more where cells were split.
+A month's mining is felt some widths away. There its load is applied, increment by increment, and there rock fails and
+cells are split, at the cost of that rock; what is beyond stays as it is. Then the whole mine reaches equilibrium, with
+the border free again, and what it lets fail then fails as ever: so the whole has the last word on equilibrium and on
+failure, and the subdomain, like a part of the mine (equilibrium/subdomain.py), only says on which way they are reached.
+The whole is set up at a step's start, and once more where cells were split.
 
 What a patch of half-width a changes decays as (a / distance)^d. Rock near the border waits for
 the whole. Where much of it waits the subdomain is too small, and the step goes on in the whole after that increment.
@@ -107,7 +107,7 @@ class StepSubdomain:
             blocks.of(model.grid), model.body[inside], _unsupported_inside(model.unsupported, inside), True
         )
         places = _places(model, own, inside)
-        whole.scheme.drop_work_arrays()  # the memory is needed; it is set up anew in the end
+        whole.scheme.drop_work_arrays()  # the memory is needed; it is set up again in the end
         at_start = own.virgin_state()
         take(state, at_start, places)
         volume = own.volumes(whole.step)
@@ -130,7 +130,7 @@ class StepSubdomain:
         return fresh[~near]
 
     def give_back(self) -> None:
-        """Take over into the whole mine what has happened in the subdomain, which is at rest."""
+        """Take over into the whole mine what has happened in the subdomain, which is in equilibrium."""
         own, whole = self.cells, self.whole
         own.scheme.body.commit()
         own.scheme.drop_work_arrays()
@@ -140,7 +140,7 @@ class StepSubdomain:
         else:
             whole.renew()
         inside = self.blocks.hold(whole.model.grid.cell_index)
-        assert isinstance(whole.scheme, SchemeInParts)  # asked by step_subdomain_of
+        assert isinstance(whole.scheme, SchemeInParts)  # checked by step_subdomain_of
         whole.scheme.take_back(_Excerpt(own.scheme.body.state, _places(whole.model, own.model, inside)))
 
 
@@ -162,10 +162,10 @@ class _Excerpt:
 
 
 def step_subdomain_of(whole: StepCells) -> StepSubdomain | None:
-    """The subdomain of a step that has begun, at rest; None where the whole mine is the better place for it.
+    """The subdomain of a step that has begun, in equilibrium; None where the whole mine is the better place for it.
 
     That is where it is small or the step changes much of it, for a scheme that has no parts, where all of the mine is
-    asked (the last state of rest, the weakest rock), and where loads or strains act on what may be beyond.
+    needed (the last state in equilibrium, the weakest rock), and where loads or strains act on what may be beyond.
     """
     model, scene = whole.model, whole.ground.scene
     in_parts = isinstance(whole.scheme, SchemeInParts) and not needs_whole_mine(scene.solver)

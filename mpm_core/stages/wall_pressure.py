@@ -1,12 +1,12 @@
 """Pressure on the walls of excavations, from inside: traction -p n on rock with the outward normal n.
 
-What stands open is taken as full of a weightless fluid: its stress is -p I, where that of a void is zero. By the
+What stands open counts as full of a weightless fluid: its stress is -p I, where that of a void is zero. By the
 divergence theorem the integral of B^T (p I) over the open volume is the force of the pressure on the walls; and rock
 mined where the virgin stress is -p I moves nothing.
 
 Pressure acts in all that stands open within the excavation's solid, whichever excavation opened it, until the
 excavation is filled. Where open solids overlap, the highest pressure acts; it also acts in what went with them without
-being part of any solid, remainders of cells and loose rock of their cells.
+being part of any solid, remainders of cells and unsupported rock of their cells.
 """
 
 from collections.abc import Iterator

@@ -19,7 +19,7 @@ def stage_of(**columns) -> xr.Dataset:
 
 @pytest.mark.filterwarnings("error")
 def test_a_stage_that_has_nothing_to_solve_says_so():
-    """One that mines nothing is at rest from the start: zero has no place on the axis."""
+    """One that mines nothing is in equilibrium from the start: zero has no place on the axis."""
     zero = {"increment": [1, 1], "generation": [0, 1], "iteration": [0, 0], "unbalanced_ratio": [0.0, 0.0]}
     idle = stage_of(**zero, max_ratio=[0.0, 0.0], cells=[100, 100], new_failures=[0, 0])
     figure = convergence([idle])
@@ -28,7 +28,7 @@ def test_a_stage_that_has_nothing_to_solve_says_so():
 
 
 def test_line_is_of_the_whole_mine_and_bars_of_all_that_fails():
-    """A part of the mine comes to rest between two looks at the whole: its force is left out, its failures are not."""
+    """A part of the mine reaches equilibrium between two checks of the whole: only its failures count."""
     columns = {
         "increment": [1, 1, 1, 1, 1],
         "generation": [0, 1, 2, 2, 2],

@@ -136,8 +136,8 @@ def test_the_elastic_energy_is_that_of_the_stored_stress(plane, tmp_path):
 
 @pytest.mark.parametrize("strain", [None, [-6e-4, -1e-4, 0.0, 0.0, 0.0, 0.0]])
 def test_a_relaxation_that_is_settled_on_its_way_counts_what_its_forces_do(strain, tmp_path, monkeypatch):
-    """Long relaxations by time steps count flow anew before they are at rest. What is unbalanced there does work, too:
-    without it 2 to 20 % of the balance were open."""
+    """Long relaxations by time steps count flow from zero again before they reach equilibrium. What is unbalanced there
+    does work, too: without it 2 to 20 % of the balance were open."""
     options = ROCK | {"scheme": "explicit", "strain": strain}
     monkeypatch.setattr(explicit_scheme, "ITERATIONS_PER_FLOW_COUNT", 40)
     facts = facts_of(tmp_path, **options)

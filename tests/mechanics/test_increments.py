@@ -77,18 +77,18 @@ def test_rock_that_loses_no_strength_takes_as_many_as_it_took(tmp_path):
 
 
 def test_an_increment_that_was_undone_leaves_nothing_behind(tmp_path, monkeypatch):
-    """The same loads put on at once, none of them tried: the same bits."""
+    """The same loads applied at once, none of them tried: the same bits."""
     loads, undone = [], []
-    take, begin = Increments.take, Increments.begin
+    accept, begin = Increments.accept, Increments.begin
 
     def note(self, body, brittle, history):
         tried = history.load
-        stands = take(self, body, brittle, history)
+        accepted = accept(self, body, brittle, history)
         if self.step == 1:
-            (loads if stands else undone).append(tried)
-        return stands
+            (loads if accepted else undone).append(tried)
+        return accepted
 
-    monkeypatch.setattr(Increments, "take", note)
+    monkeypatch.setattr(Increments, "accept", note)
     chosen, _ = step_of(tmp_path, increments=0)
     assert undone
 
@@ -96,7 +96,7 @@ def test_an_increment_that_was_undone_leaves_nothing_behind(tmp_path, monkeypatc
         begin(self, history)
         history.load = loads[history.increment - 1] if self.step == 1 else history.load
 
-    monkeypatch.setattr(Increments, "take", lambda *_: True)
+    monkeypatch.setattr(Increments, "accept", lambda *_: True)
     monkeypatch.setattr(Increments, "begin", given)
     scene, grid, state = begun(tmp_path, increments=0)
     again, _ = mining_step(scene, grid, state, tmp_path / "failed.npz")

@@ -18,7 +18,7 @@ from mechanics.scenes import (
 )
 from mpm_core.equilibrium import cascade
 from mpm_core.equilibrium.brittle import above_strength, find_brittle
-from mpm_core.equilibrium.convergence import NoRest
+from mpm_core.equilibrium.convergence import NoEquilibrium
 from mpm_core.equilibrium.refinement import RINGS_SPLIT_AT_ONCE, Refinement
 from mpm_core.grid import build_grid
 from mpm_core.grid.adjacency import holding_cells
@@ -216,10 +216,10 @@ def test_rock_at_the_edge_of_the_fine_cells_waits_for_a_split_that_is_worth_it()
     grid, state = model.grid, model.virgin_state()
     fresh, now = np.array([inside, edge]), Refinement.of(grid)
     for cells, waiting in ((10**6, [edge]), (10, [inside, edge])):
-        places, first = now.asked(model, state, brittle, fresh, cells)
+        places, first = now.flagged(model, state, brittle, fresh, cells)
         assert np.array_equal(places, grid.cell_index[[edge]] >> 1)
         assert set(first) == set(fresh) - set(waiting)
-    places, first = now.asked(model, state, brittle, fresh[:1], 10)
+    places, first = now.flagged(model, state, brittle, fresh[:1], 10)
     assert not len(places)
     assert np.array_equal(first, fresh[:1])
 
@@ -230,14 +230,14 @@ def test_little_rock_waits_without_a_split_while_another_look_follows(tmp_path, 
     model, brittle, inside, edge = around_a_hole()
     grid, state = model.grid, model.virgin_state()
     fresh, now = np.array([inside, edge]), Refinement.of(grid)
-    places, first = now.asked(model, state, brittle, fresh, 10**6, patience=1.0)
+    places, first = now.flagged(model, state, brittle, fresh, 10**6, patience=1.0)
     assert not len(places)
     assert np.array_equal(first, [inside])
-    assert len(now.asked(model, state, brittle, fresh, 10**6, patience=0.9)[0])
+    assert len(now.flagged(model, state, brittle, fresh, 10**6, patience=0.9)[0])
     state.stress[brittle.coarse[0], 0] = -100e6
     parts = float(grid.cell_width[model.particles.cell[brittle.coarse[0]]]) ** 2
-    assert not len(now.asked(model, state, brittle, fresh, 10**6, patience=parts + 1.0)[0])
-    assert len(now.asked(model, state, brittle, fresh, 10**6, patience=parts + 0.9)[0])
+    assert not len(now.flagged(model, state, brittle, fresh, 10**6, patience=parts + 1.0)[0])
+    assert len(now.flagged(model, state, brittle, fresh, 10**6, patience=parts + 0.9)[0])
 
     results = []
     for patience in (0.0, 0.1):
@@ -275,7 +275,7 @@ def test_a_collapse_right_after_a_split_goes_back_to_the_cells_of_now(tmp_path, 
 
     def no_rest(scheme, external, tolerance, reference, history):
         if history.splits > 1:
-            raise NoRest("never")
+            raise NoEquilibrium("never")
         return real(scheme, external, tolerance, reference, history)
 
     real = cascade.reach_equilibrium

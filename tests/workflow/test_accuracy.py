@@ -95,7 +95,7 @@ def test_a_draft_of_two_sizes_of_cell_ends(accept, tmp_path):
     ("side", "said"),
     [
         (4.0, "excavations: too narrow for cells of {}: 0 % of their volume"),
-        (0.4, "excavations.drive: adds no volume: .* than a fraction of the finest cell, {}; take smaller"),
+        (0.4, "excavations.drive: adds no volume: .* than a fraction of the finest cell, {}; use smaller"),
     ],
 )
 def test_what_refuses_cells_says_that_a_preset_has_resized_them(accept, side, said):
