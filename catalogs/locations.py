@@ -10,7 +10,7 @@ only re-weighted, so a thousand resamplings cost little. Distances in m. BLAS is
 any number.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,9 +43,14 @@ def smear(
     return location[event] + generator.normal(size=(len(event), 3)) * scale / np.sqrt(3), event
 
 
+def _no_interval() -> NDArray:
+    """An interval that is not known, (2,) NaN; it broadcasts to the shape of any interval."""
+    return np.full(2, np.nan)
+
+
 @dataclass(frozen=True)
 class LocationComparison:
-    """The numbers of `compare_locations`; an interval is (lower, upper) of 95 %, last dimension where an array.
+    """The numbers of `compare_locations`; an interval is (..., 2), the lower and upper bound of 95 %.
 
     blocks: of the model (0 where it ran once), of the record; intervals are NaN unless the model's are MIN_BLOCKS.
     """
@@ -62,14 +67,14 @@ class LocationComparison:
     nearest: NDArray
     blocks: tuple[int, int]
     steps: int
-    offset_interval: NDArray | float = np.nan
-    offset_distance_interval: NDArray | float = np.nan
-    energy_interval: NDArray | float = np.nan
-    energy_null: NDArray | float = np.nan
+    offset_interval: NDArray = field(default_factory=_no_interval)
+    offset_distance_interval: NDArray = field(default_factory=_no_interval)
+    energy_interval: NDArray = field(default_factory=_no_interval)
+    energy_null: NDArray = field(default_factory=_no_interval)
     energy_p_value: float = np.nan
-    cross_k_interval: NDArray | float = np.nan
-    cross_ratio_interval: NDArray | float = np.nan
-    nearest_interval: NDArray | float = np.nan
+    cross_k_interval: NDArray = field(default_factory=_no_interval)
+    cross_ratio_interval: NDArray = field(default_factory=_no_interval)
+    nearest_interval: NDArray = field(default_factory=_no_interval)
 
 
 def compare_locations(

@@ -118,7 +118,7 @@ def _location_text(found: LocationComparison, runs: int, errors: NDArray) -> str
             f"the energy distance is {found.energy_distance:.1f} m, and the centroids are "
             f"{found.offset_distance:.0f} m apart. {basis}. {untested}"
         )
-    (low, high), (near, far) = np.asarray(found.energy_interval), np.asarray(found.offset_distance_interval)
+    (low, high), (near, far) = found.energy_interval, found.offset_distance_interval
     return (
         f"the energy distance is {found.energy_distance:.1f} m ({low:.1f} to {high:.1f}), p = "
         f"{found.energy_p_value:.3f}. The centroids are {found.offset_distance:.0f} m apart ({near:.0f} to {far:.0f}). "

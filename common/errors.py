@@ -32,7 +32,7 @@ class InputErrors(InputError):
 class Mistakes:
     """Gathers mistakes, so that one does not hide the others."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.lines: list[str] = []
 
     @contextmanager

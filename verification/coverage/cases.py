@@ -182,10 +182,9 @@ def one_process(case: dict, chosen: dict, seed: list[int]) -> OneProcess:
         given += 1
         model = AxesSample(np.concatenate([run.axes for run in runs]), np.zeros((len(number), 3)), number)
         axes = compare_axes(model, AxesSample(record.axes, seen, clusters), index, chosen["resamplings"])
-        offsets, distances = (np.asarray(of) for of in (places.offset_interval, places.offset_distance_interval))
-        low, high = offsets.T
+        low, high = places.offset_interval.T
         held["offset"].append(np.mean((low <= 0.0) & (high >= 0.0)))
-        held["distance"].append(distances[0] <= 0.0)
+        held["distance"].append(places.offset_distance_interval[0] <= 0.0)
         held["axes"].append(axes["mean_angle_interval"][0, 0] <= 0.0)
         alarms["places"].append(places.energy_p_value <= chosen["level"])
         alarms["axes"].append(axes["mean_angle_p_value"][0] <= chosen["level"])
