@@ -53,7 +53,7 @@ class Scheduled(Settings):
     step: str = ""
     fill: str = "none"
     filled: str = ""
-    """step at whose end the fill is placed; empty: while it is mined"""
+    """step that places the fill; empty: the step that mines the excavation"""
 
 
 class InsituStress(Settings):

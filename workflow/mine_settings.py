@@ -54,8 +54,9 @@ class Excavation(SolidSettings):
     fill: str = None
     """Name of the material that fills the excavation. `none`: it stays open."""
     filled: str = None
-    """Step at whose end the fill is placed, in every open part of the solid. Without it the fill is in place while the
-    excavation's own step unloads the rock: it supports the walls from the start, and fewer events result."""
+    """Step in which the fill is placed, in every part of the solid that stands open after this step's mining. The
+    fill supports the walls while the step unloads rock. Without the key the fill is in place while the excavation's own
+    step unloads rock: it supports the walls from the start, and fewer events result."""
     pressure: choose(
         lambda value: not is_section(value), Pressure, Annotated[dict[str, Pressure], Field(min_length=1)]
     ) = None

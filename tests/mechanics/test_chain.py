@@ -83,6 +83,20 @@ def test_fill_is_placed_without_stress_in_the_deformed_rock(tmp_path):
     assert np.abs(loaded.stress.values[fill]).max() > 1e3
 
 
+def test_fill_bears_the_load_of_the_step_that_places_it(tmp_path):
+    """A void is filled in the step that mines a second one beside it: the fill is there when that rock is unloaded. Its
+    stress is that of fill that was placed a step earlier (1e-6); fill of the step after has none."""
+
+    def fill_stress(filled: int) -> np.ndarray:
+        state = chain(tmp_path, [(0, "fill", filled), (2, None, 2)], 4, solver=TIGHT)[-1]
+        return state.stress.values[(state.excavation.values == 0) & (state.volume.values > 0)]
+
+    early, with_mining, late = (fill_stress(filled) for filled in (1, 2, 3))
+    assert np.abs(early).max() > 1e3
+    np.testing.assert_allclose(with_mining, early, rtol=0, atol=1e-6 * np.abs(early).max())
+    assert np.abs(late).max() < 1.0
+
+
 WEIGHT = {"constant": [0.0] * 6, "gradient": [-0.0149e6, -0.0149e6, -0.0278e6, 0.0, 0.0, 0.0]}
 
 
