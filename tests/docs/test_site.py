@@ -87,3 +87,29 @@ def test_works_that_pages_cite_are_those_listed():
     name = r"[A-ZÀ-Ž][\w-]+"
     cite = re.compile(rf"({name})(?:, {name})*(?: and {name}| et al\.)?(?:'s?)? \(?((?:19|20)\d\d)\b")
     assert set(cite.findall(" ".join(" ".join(pages).split()))) == set(listed)
+
+
+def test_defaults_that_pages_state_are_those_of_the_settings():
+    """A default is stated as `section.key` (default 0.2)."""
+    tables = re.findall(r"^### ([\w.]+)\n(.*?)(?=^##|\Z)", KEYS.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    row = re.compile(r"^\| `(\w+)` \|[^|]*\| `([^`]+)` \|", re.MULTILINE)
+    known = {f"{path}.{key}": default for path, rows in tables for key, default in row.findall(rows)}
+    stated = re.compile(r"`([a-z_.]+)`\s\(default\s([^)]+)\)")
+    found = {pair for page in (ROOT / "docs").rglob("*.md") for pair in stated.findall(page.read_text("utf-8"))}
+    assert found
+    assert {(key, default) for key, default in found if known.get(key) != default} == set()
+
+
+def test_the_tutorial_quotes_the_mine_file_of_the_demo():
+    """Each excerpt is a run of whole lines of the file, word for word."""
+    mine = (ROOT / "config/mines/demo.yaml").read_text(encoding="utf-8")
+    excerpts = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs/tutorial.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert excerpts
+    assert [excerpt for excerpt in excerpts if f"\n{excerpt}" not in f"\n{mine}"] == []
+
+
+def test_words_of_the_glossary_are_in_alphabetical_order():
+    parts = (ROOT / "docs/reference/glossary.md").read_text(encoding="utf-8").split("\n## ")[1:]
+    words = [re.findall(r"^### (.+)$", part, re.MULTILINE) for part in parts]
+    assert all(words)
+    assert words == [sorted(part, key=str.casefold) for part in words]
