@@ -41,6 +41,22 @@ def test_the_readme_links_to_files_that_exist():
     assert [link for link in links if not (ROOT / link).exists()] == []
 
 
+def test_the_readme_is_short_and_its_anchors_are_headings():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text) <= 4500
+    anchors = re.findall(r"\]\(([^)#]+)#([^)]+)\)", text)
+    assert anchors
+    for page, anchor in anchors:
+        headings = re.findall(r"^#+ (.+)$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
+        assert anchor in {re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-") for heading in headings}
+
+
+def test_the_tutorial_installs_as_the_readme_does():
+    command = re.search(r"^python3 -m venv .*$", (ROOT / "docs/tutorial.md").read_text("utf-8"), re.MULTILINE)
+    assert command is not None
+    assert f"\n{command[0]} && .venv/bin/snakemake --cores all\n" in (ROOT / "README.md").read_text("utf-8")
+
+
 @pytest.mark.parametrize(
     ("page", "folders"),
     [("reading-the-report.md", ("catalogs/report",)), ("running.md", ("mpm_core", "catalogs"))],
