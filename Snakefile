@@ -31,7 +31,7 @@ onstart:
         sys.exit(str(error))
     folder = Path(FILES.own(""))
     if left := leftovers(folder, FILES.planned()):
-        print(message(folder, left), file=sys.stderr)
+        print(leftovers_line(folder, left), file=sys.stderr)
     if FILES.has_catalog and not FILES.has_quakeml:
         print(
             f"{MINE.name}: frame has no place on Earth: no catalog.xml, catalog.csv in mine coordinates",

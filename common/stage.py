@@ -12,12 +12,12 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import psutil
+from tqdm import tqdm
 
 from common.costs import CLOCK, Costs
 from common.disk import full_one, no_room
 from common.errors import InputError
 from common.progress import Progress, log_compilation
-from common.warnings import ToTerminal
 
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
 PIPELINE_PROCESS = "PIPELINE_PROCESS"  # environment variable: the process that starts the stages
@@ -43,6 +43,22 @@ def die_with_parent() -> None:
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         if not psutil.pid_exists(parent) or psutil.Process(parent).status() == psutil.STATUS_ZOMBIE:
             os._exit(1)
+
+
+class ToTerminal(logging.Handler):
+    """A line to stderr for each warning of this project, above a progress bar, for users who do not read the log.
+
+    Libraries log under other names.
+    """
+
+    def __init__(self, stage: str):
+        super().__init__(logging.WARNING)
+        self.stage = stage
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a warning. Errors end the stage, which prints them itself."""
+        if record.name == "root" and record.levelno == logging.WARNING:
+            tqdm.write(f"{self.stage}: {' '.join(record.getMessage().split())}", file=sys.stderr)
 
 
 class LogFile(logging.FileHandler):

@@ -1,6 +1,12 @@
-"""The slice of the configuration that each stage depends on, and whether its result still matches its inputs."""
+"""The slice of the configuration that each stage depends on, and whether its result still matches its inputs.
+
+A slice is a file, since a command line holds 128 KiB, some 500 excavations; a file holds any mine. Its name ends in a
+hash of its content, so that a rule which has the name as a parameter depends on the content. A stage has one such file:
+an earlier one is removed.
+"""
 
 import functools
+import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -9,14 +15,60 @@ from typing import TYPE_CHECKING
 from snakemake.io import unpack
 from snakemake.iocontainers import Wildcards
 
+from common.datasets import atomic_path
+from common.errors import InputError
 from common.provenance import config_hash, files_of, identity, read_made_from
+from common.slices import content_hash
 from workflow.result_files import ResultFiles
-from workflow.slice_files import SliceFiles
 
 if TYPE_CHECKING:
     from snakemake.workflow import Workflow  # which cannot be imported before snakemake.api
 
 Paths = str | list[str]
+FOLDER = "slices"  # below results/<mine>
+
+
+class SliceFiles:
+    """Names of slices, and their files once the run has begun: a dry run, a lint or an unlock leaves none."""
+
+    def __init__(self, at_once: bool = False):
+        """at_once: write each as it is named, in a process that runs jobs which another one has planned."""
+        self.at_once = at_once
+        self._waiting: dict[Path, str] = {}
+
+    def name(self, place: str, stage: str, values) -> str:
+        """Path of the slice `values` (plain, as JSON) of a stage below results/<place>; written now or when begun."""
+        text = json.dumps(values, sort_keys=True)
+        path = Path("results", place, FOLDER, f"{stage}.{content_hash(text)}.json")
+        if self.at_once:
+            _write(path, text)
+        else:
+            self._waiting[path] = text
+        return path.as_posix()
+
+    def begin(self) -> None:
+        """Write all that were named, and from now on each as it is named. Raises InputError as `_write`."""
+        self.at_once = True
+        while self._waiting:
+            _write(*self._waiting.popitem())
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a slice unless it stands there as it is, whole or not at all, and remove the stage's earlier one.
+
+    Raises InputError where the disk is full or the folder cannot be written.
+    """
+    if path.exists() and path.read_text(encoding="utf-8", errors="replace") == text:
+        return
+    try:
+        with atomic_path(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); mend its folder, or move it away") from error
+    stage = path.name.split(".")[0]
+    for earlier in path.parent.glob(f"{stage}.*{path.suffix}"):
+        if earlier != path:
+            earlier.unlink(missing_ok=True)
 
 
 class StageInputs:

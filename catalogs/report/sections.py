@@ -20,11 +20,10 @@ from catalogs.mean_axes import describe_axes
 from catalogs.mechanisms import trend_plunge
 from catalogs.report import energy_text, match, text
 from catalogs.report.closeness_text import closeness_rows, unlike
-from catalogs.report.dilation import iso_share
 from catalogs.report.gallery import Gallery
 from catalogs.report.grid_convergence_text import rows as cell_rows
 from catalogs.report.inputs import Evidence
-from catalogs.report.insitu import insitu_axes
+from catalogs.report.mechanism_inputs import insitu_axes, iso_share
 from catalogs.report.record_text import as_sentence
 from catalogs.report.scene_text import above_cap, by_step, far_field
 from catalogs.report.spread_text import section as section_of_spread

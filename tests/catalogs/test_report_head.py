@@ -13,7 +13,7 @@ from catalogs.comparison_settings import InsituStress
 from catalogs.figures import events_figure, panels, record_figure, rock_figure, sizes_figure, style, views
 from catalogs.report.head import mined_volumes, missing_potency, step_rows
 from catalogs.report.inputs import Excavation
-from catalogs.report.insitu import insitu_axes
+from catalogs.report.mechanism_inputs import insitu_axes
 
 
 def step(name: str, share: float, month: int) -> dict:

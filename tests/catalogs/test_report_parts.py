@@ -10,8 +10,8 @@ import xarray as xr
 from catalogs.figures import convergence_figure
 from catalogs.report import match, sections
 from catalogs.report import record_text as report_record
-from catalogs.report.dilation import iso_share
 from catalogs.report.inputs import Excavation, read_resources
+from catalogs.report.mechanism_inputs import iso_share
 from catalogs.report.scene_text import above_cap, by_step, far_field
 from catalogs.report.text import events_by_step, number
 from common.costs import Costs

@@ -12,7 +12,7 @@ from common.datasets import MIN_VALUES_COMPRESSED, checksum, open_dataset, read_
 from common.errors import InputError
 from common.slices import read_slice
 from common.sources import ROOT
-from workflow.slice_files import SliceFiles
+from workflow.stage_inputs import SliceFiles
 
 random = np.random.default_rng(4)
 MANY = 2 * MIN_VALUES_COMPRESSED

@@ -13,10 +13,9 @@ from sklearn.metrics import adjusted_rand_score
 
 from common.voigt import tensor_from_voigt
 from seismic import regions
-from seismic.events import extract_events
+from seismic.events import at_once_share, extract_events, unlike_share
 from seismic.families import closeness
 from seismic.regions import CORNERS, EDGES, FACES, MAX_JOINING_SHARE, find_regions
-from seismic.shares import at_once_share, unlike_share
 
 SHEAR = np.array([0, 0, 0, 0, 0, 1.0])
 OPENING = np.array([1.0, 0, 0, 0, 0, 0])

@@ -11,7 +11,7 @@ from tiny_mines import TINY, changed, finished, merged, start, write_mine
 
 from common.errors import InputError
 from workflow.configuration import load
-from workflow.owners import NOTES
+from workflow.mine_folder import NOTES
 
 
 @pytest.fixture(scope="session")

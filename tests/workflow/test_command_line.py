@@ -8,7 +8,7 @@ import pytest
 from tiny_mines import ROOT, TINY, snakemake, write_mine
 
 from common.errors import InputError
-from workflow.owners import check_owner, note_owner
+from workflow.mine_folder import check_owner, note_owner
 from workflow.snakemake_command_line import read_overrides
 
 READ_ONLY = "/sys"  # a folder of Linux that takes no files, of root neither

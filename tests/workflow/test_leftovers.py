@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tiny_mines import TINY, changed, edited, hashes, snakemake
 
-from workflow.leftovers import leftovers, message
+from workflow.mine_folder import leftovers, leftovers_line
 
 PLAN = ["results/a/steps/history.nc", "results/a/report.html", "results/a/coarse/steps/history.nc", "results/b/x.nc"]
 
@@ -30,7 +30,7 @@ def test_what_no_stage_of_the_plan_makes_is_named(tmp_path, monkeypatch):
 
 def test_many_are_counted():
     """The line stays a line."""
-    text = message(Path("results/a"), [f"steps/m{number}.nc" for number in range(20)])
+    text = leftovers_line(Path("results/a"), [f"steps/m{number}.nc" for number in range(20)])
     assert text.startswith("results/a: not part of the mine file's plan any more, and left as they are: steps/m0.nc, ")
     assert text.endswith("steps/m5.nc and 14 more")
 

@@ -13,7 +13,7 @@ from tiny_mines import ROOT, TINY, changed, edited, snakemake, write_mine
 from common.errors import InputError
 from common.provenance import config_hash
 from common.slices import read_slice
-from workflow.slice_files import SliceFiles
+from workflow.stage_inputs import SliceFiles
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
@@ -88,7 +88,7 @@ def test_a_changed_value_replaces_the_slices_of_its_stages_alone(spoiled, base):
 def test_no_room_for_a_slice_is_one_line(tmp_path):
     """And no half file."""
     script = (
-        "import resource; from workflow.slice_files import SliceFiles; "
+        "import resource; from workflow.stage_inputs import SliceFiles; "
         "resource.setrlimit(resource.RLIMIT_FSIZE, (300, resource.RLIM_INFINITY)); "
         f"SliceFiles(at_once=True).name({str(tmp_path / 'mine')!r}, 'grid', list(range(1000)))"
     )

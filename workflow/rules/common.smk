@@ -19,8 +19,7 @@ from common.stage import name_parent_of_stages
 from workflow.snakemake_command_line import asks_for_more, read_overrides
 from workflow.configuration import load
 from workflow.folders import COARSE, NAME, Folders
-from workflow.leftovers import leftovers, message
-from workflow.owners import check_owner, note_owner
+from workflow.mine_folder import check_owner, leftovers, leftovers_line, note_owner
 from workflow.result_files import ResultFiles
 from workflow.rule_options import RuleOptions, kept
 from workflow.stage_inputs import StageInputs

@@ -1,9 +1,12 @@
-"""Which part of the model's source types is an input: the isotropic share that the dilation angle sets."""
+"""Inputs that the model's mechanisms are compared with: the ISO share that dilation sets, and axes of virgin stress."""
+
+import numpy as np
 
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import number
 from common.quantities import parse_quantity
-from common.source_tensors import shear_iso_share
+from common.source_tensors import principal_axes, shear_iso_share
+from common.voigt import tensor_from_voigt
 
 MAX_ROCKS_NAMED = 4  # Rocks that the sentence names.
 
@@ -36,3 +39,15 @@ def iso_share(evidence: Evidence) -> str:
 def _of_the_drop(strength: dict) -> float:
     """Dilation angle, degrees, with which rock or planes drop to their residual strength: that part is seismic."""
     return parse_quantity(strength["dilation_angle"]["residual"], "deg")
+
+
+def insitu_axes(evidence: Evidence) -> np.ndarray | None:
+    """Most, middle and least compressive axis (3, xyz) of the virgin stress at the events' mean elevation, by potency.
+
+    None where the configuration is not known or no event is there.
+    """
+    stress, events = evidence.insitu, evidence.resolved
+    if stress is None or events is None or not events.sizes["event"]:
+        return None
+    depth = stress.surface - np.average(events["location"].values[:, 2], weights=events["potency"].values)
+    return principal_axes(tensor_from_voigt(np.array(stress.constant) + depth * np.array(stress.gradient)))
