@@ -37,7 +37,7 @@ MIN_DISTANCE_APART = 1e-3
 def cluster_labels(time: NDArray, location: NDArray, step: NDArray, error: float = 0.0) -> NDArray:
     """Cluster (event,) of each event, numbered 0, 1, ...; see the head of this module.
 
-    time (event,) datetime64; location (event, 3) m; step (event,) numbers: the mean is taken within each. error: root
+    time (event,) datetime64; location (event, 3) m; step (event,) numbers: the mean is that within each. error: root
     mean square location error, m, within which distances tell nothing. Events without a time are one cluster. Which
     events are of one cluster does not depend on their order.
     """

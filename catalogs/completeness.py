@@ -21,7 +21,7 @@ B_STABILITY_LAG = 0.3  # b at a cut is compared with b at a cut that is larger b
 MARGIN_ABOVE_STABLE_B = 0.4
 MIN_EVENTS_ABOVE_CUT = 30  # Events at the larger of the two cuts. Of 150 events two thirds may be left out.
 MAX_B_CLIMB = 1.0  # Standard errors by which b may climb over B_STABILITY_LAG.
-# Bins of log10 potency that are taken for rounding. Finer ones make no difference to b.
+# Bins of log10 potency that count as rounding. Finer ones make no difference to b.
 MIN_ROUNDING_WIDTH, MAX_ROUNDING_WIDTH = 0.02, 1.0
 
 

@@ -47,7 +47,7 @@ class Side:
         self.singles = np.arange(0, len(order), self.draws)
 
     def centroids(self, weights: NDArray) -> NDArray:
-        """Centroid (resampling, 3) of the blocks taken weights (resampling, block) times."""
+        """Centroid (resampling, 3) of the blocks, repeated weights (resampling, block) times."""
         sums = np.add.reduceat(self.points, self.starts, axis=0)
         return weights @ sums / (weights @ self.counts)[:, None]
 
@@ -131,7 +131,7 @@ class Matched:
         return found
 
     def centroids(self, weights: list[NDArray]) -> list[NDArray]:
-        """Centroid (resampling, 3), m, of model and record within steps, of the blocks taken so many times."""
+        """Centroid (resampling, 3), m, of model and record within steps, of the blocks, each counted so many times."""
         return [side.centroids(weight) for side, weight in zip(self.sides, self._weighted(weights), strict=True)]
 
     def offset_scatter(self) -> Scatter:

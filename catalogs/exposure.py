@@ -143,7 +143,7 @@ class Ratio:
 def total_ratio(first: Total, second: Total) -> Ratio:
     """The ratio of what is expected of two totals.
 
-    Each is taken as a Poisson number of equal events. Half an event is added to either (Jeffreys' prior), so that the
+    Each counts as a Poisson number of equal events. Half an event is added to either (Jeffreys' prior), so that the
     ratio follows an F distribution: of numbers of events Jeffreys' interval of a binomial share (Brown, Cai and
     DasGupta 2001), which holds the truth as often as it says on average; that of Clopper and Pearson more often.
     """

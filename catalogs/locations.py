@@ -3,8 +3,8 @@
 Events come in clusters, so a catalogue of n events holds far fewer than n independent places; resampling single
 events would find a difference between any two catalogues of one clustered process. Here whole blocks are resampled:
 clusters of a record (`catalogs.blocks`), runs of a model. A model that ran once has no blocks, so that chance cannot be
-told from a difference: then there are distances, and no interval and no p-value. Where events lie depends on what is
-mined, in model and mine alike, so offset, energy distance and p-value are taken within steps
+distinguished from a difference: then there are distances, and no interval and no p-value. Where events lie depends on
+what is mined, in model and mine alike, so offset, energy distance and p-value are computed within steps
 (`catalogs.energy_distance`): how far steps lie apart drops out. Everything is computed once between blocks and then
 only re-weighted, so a thousand resamplings cost little. Distances in m. BLAS is held to one thread: the same bytes with
 any number.
@@ -32,7 +32,7 @@ def smear(
     """Locations (event * draws, 3) as a network of such location errors would report them, and each one's event.
 
     errors: root mean square distance in 3-D, m, so errors / sqrt(3) in each coordinate: one, or those of recorded
-    events (recorded,), of which each copy takes one at random. Several draws per event lower the noise that this adds
+    events (recorded,), of which each copy has one at random. Several draws per event lower the noise that this adds
     to the comparison. No error: the locations themselves.
     """
     location, errors = np.asarray(location, float), np.atleast_1d(np.asarray(errors, float))
@@ -93,7 +93,7 @@ def compare_locations(
     """Model (event, 3) against record (event, 3), m, with block and step of each event (without steps: all of one).
 
     model_blocks: None for a model that ran once: its events count as independent where pairs of one block are left out,
-    and intervals and p-value are NaN. location_error: as `smear` takes it. None if no step has two blocks in each
+    and intervals and p-value are NaN. location_error: as in `smear`. None if no step has two blocks in each
     catalogue, or the record fewer than MIN_BLOCKS in all; with as few blocks of the model intervals are NaN, too.
     Offset, energy distance and p-value: of such steps, moved onto each other (`energy_distance.Matched`). The others:
     of all events, where they lie. Intervals of the offset: jackknife over blocks (`catalogs.jackknife`); the others

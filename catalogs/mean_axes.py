@@ -17,7 +17,7 @@ from catalogs.jackknife import Scatter, effective_blocks
 from common.source_tensors import point_down
 
 CLUSTER, GIRDLE, UNIFORM = "cluster", "girdle", "no preferred direction"
-MAX_CHANCE_OF_PATTERN = 0.05  # Axes with a pattern that is more likely by chance are taken as uniform.
+MAX_CHANCE_OF_PATTERN = 0.05  # Axes with a pattern that is more likely by chance count as uniform.
 MAX_PARALLEL_VARIANCE = 1e-12  # Variance of the orientation matrix of parallel axes, whose unit vectors are rounded.
 MAX_CONE = 45.0  # degrees; a wider 95 % cone shows that there is no mean
 
@@ -52,7 +52,7 @@ class AxesSample:
 
 @dataclass(frozen=True)
 class MeanAxis:
-    """Of one kind of axes: their mean (3,), NaN where they have none, and what it rests on.
+    """Of one kind of axes: their mean (3,), NaN where they have none, and how sure it is.
 
     values (3,): eigenvalues, largest first; shape: CLUSTER, GIRDLE, UNIFORM, or empty without axes; pole (3,): of a
     girdle, else NaN; scatter: of the mean, None without blocks or without a mean.
@@ -75,7 +75,7 @@ class MeanAxis:
 def describe_axes(axes: NDArray, labels: NDArray, blocks_known: bool) -> MeanAxis:
     """What axes (event, 3), NaN where unclear, have in common; labels (event,): the block of each, 0, 1, ...
 
-    Axes are taken as uniform unless Bingham's statistic, 15/2 n sum (S_i - 1/3)^2 of chi-square with 5 degrees of
+    Axes count as uniform unless Bingham's statistic, 15/2 n sum (S_i - 1/3)^2 of chi-square with 5 degrees of
     freedom (Mardia and Jupp 2000, 10.7), says otherwise. n: how many independent axes the events are worth, their
     number over the design effect: the jackknife's variance of the orientation matrix over that of independent events.
     """

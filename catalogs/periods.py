@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 FIRST, LAST = np.datetime64("1678-01-01"), np.datetime64("2261-12-31")  # limits of times in nanoseconds
 # A longer silence has a chance of 0.1 % if days with events are random.
 MAX_SILENCE_IN_MEAN_WAITS = np.log(1000.0)
-ALL_STEPS = "all"  # Name, beside those of the steps, of all dated steps together.
+ALL_STEPS = "all"  # Name, in addition to those of the steps, of all dated steps together.
 
 
 def recorded_period(time: NDArray) -> tuple[np.datetime64, np.datetime64]:

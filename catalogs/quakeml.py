@@ -3,12 +3,12 @@
 What any reader understands: origin time with how much earlier and later it may be, latitude, longitude, depth (m below
 sea level, = -z), moment magnitude, the moment tensor in N m, Up-South-East (rr = zz, tt = yy, pp = xx, rt = -yz,
 rp = xz, tp = -xy), with its own shares, sizes from 0 to 1 as QuakeML has them, and, where the event has P and T axes,
-principal axes and nodal planes of that tensor. Beside that, in the namespace NAMESPACE and bit for bit, stand every
+principal axes and nodal planes of that tensor. In addition, in the namespace NAMESPACE and bit for bit, stand every
 variable of common.event_table per event, among them the signed shares of the potency tensor, and the attributes once
 (JSON). Unresolved events are left out: QuakeML has no mark for them that other programs read, and these would count
 them. An event's identifier ends in its row of the catalogue and of catalog.csv. A synthetic event says so in its
 description and its creationInfo.
-ObsPy makes random resource identifiers and stamps the time unless told otherwise: here every one is given.
+ObsPy makes random resource identifiers and stamps the time by default: here every one is given.
 """
 
 import io

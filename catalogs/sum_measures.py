@@ -27,7 +27,8 @@ def sum_measures(
     both: (catalogue, record), used: which events of each count (event,); members: the model's other runs, of which
     events from `cut` (log10 m3) on count; clusters: of recorded events (event,), found by `catalogs.blocks`. With
     MIN_RUNS_FOR_VARIANCE runs or more the model is their mean, its chance what they differ by; else its events are
-    taken as independent. The record's events are as clustered as these clusters or their times say, whichever is more.
+    counted as independent. The record's events are as clustered as these clusters or their times say, whichever is
+    more.
     """
     potency = [events["potency"].values[kept] for events, kept in zip(both, used, strict=True)]
     number = [float(len(values)) for values in potency]

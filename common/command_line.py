@@ -9,4 +9,4 @@ class CommandLine(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """End with exit status 2 and one line."""
-        self.exit(2, f"{self.prog}: {' '.join(message.split())}; --help says what it takes\n")
+        self.exit(2, f"{self.prog}: {' '.join(message.split())}; --help lists its arguments\n")

@@ -35,7 +35,7 @@ RUN_AGAIN = "delete it and run the same command again"
 
 @contextmanager
 def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
-    """Give a temporary path beside `path`, unique to the process; rename it to `path` if the body succeeds.
+    """Give a temporary path next to `path`, unique to the process; rename it to `path` if the body succeeds.
 
     Raises InputError if the disk has no room for it.
     """
@@ -47,15 +47,15 @@ def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, path)
     except Exception as error:  # whatever a writer raises on a full disk: netCDF a RuntimeError, numpy an OSError
-        if told := no_room(error, path.parent, temporary):
-            raise told from error
+        if full := no_room(error, path.parent, temporary):
+            raise full from error
         raise
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def clear_parts(path: str | os.PathLike) -> None:
-    """Remove partial files that killed processes have left beside `path`.
+    """Remove partial files that killed processes have left next to `path`.
 
     One process writes a file at a time (Snakemake locks it); what belongs to a process that lives is left alone.
     """

@@ -18,7 +18,7 @@ class Field:
 
     name: str
     dims: tuple[str, ...]
-    dtype: Any  # whatever numpy takes as a type; an np.dtype from then on
+    dtype: Any  # whatever numpy accepts as a type; an np.dtype from then on
     unit: str
     meaning: str
 
@@ -35,14 +35,14 @@ class Field:
         if self.name not in dataset.variables:
             raise InputError(f"{source}: {self.name} is missing; {FILE_REMEDY}")
         found = dataset.variables[self.name]
-        for what, has, wanted in (
+        for what, has, expected in (
             ("dimensions", ", ".join(map(str, found.dims)), ", ".join(self.dims)),
             ("type", _name(found.dtype), _name(self.dtype)),
             ("unit", found.attrs.get("units", ""), self.unit),
         ):
-            if has != wanted:
+            if has != expected:
                 raise InputError(
-                    f"{source}: {self.name}: {what} {has or 'none'}, not {wanted or 'none'}; {FILE_REMEDY}"
+                    f"{source}: {self.name}: {what} {has or 'none'}, not {expected or 'none'}; {FILE_REMEDY}"
                 )
 
 

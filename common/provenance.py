@@ -26,7 +26,7 @@ KERNEL_PACKAGES = ("mpm_core", "seismic")
 CACHES_KEPT = 3
 MADE_FROM = "made_from"
 AS_WRITTEN = {"config", "default"}  # keys of the report's slice
-COMMENT_BYTES = 200  # Bytes at the end of a page in which its comment is looked for.
+COMMENT_BYTES = 200  # Bytes at the end of a page in which its comment is searched.
 
 
 def config_hash(slice_: dict) -> str:
@@ -150,7 +150,7 @@ def _writable(folders: list[Path]) -> Path:
 def use_numba_cache() -> None:
     """Point numba at a cache folder named by the hash of all sources with kernels; call before kernels are defined.
 
-    numba's own index looks at the time stamp of the file that holds a kernel, and so misses an edit of a function
+    numba's own index compares the time stamp of the file that holds a kernel, and so misses an edit of a function
     which that kernel calls in another file. A new hash means a new folder; all but the latest few are removed.
     Only files that mention numba count: constants of kernels belong there too. The folder is in the checkout or, where
     nothing can be written there, in the user's cache.

@@ -32,7 +32,7 @@ SI = "SI"  # context of a validation: quantities are numbers already
 TAG = "="  # begins the tag of a choice, which is no key of the user's
 MAX_LENGTH_SHOWN = 60  # Characters of a wrong value that its message shows.
 LARGEST_INTEGER = 2**63 - 1
-EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")  # a number that YAML 1.1 may take for text
+EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")  # a number that YAML 1.1 may read as text
 BOUNDS = {"minimum": "ge", "exclusiveMinimum": "gt", "maximum": "le", "exclusiveMaximum": "lt"}  # JSON's name, ours
 NAME_PATTERN = "^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 DATE_PATTERN = "^[0-9]{4}-[0-9]{2}-[0-9]{2}([T ][0-9:.]+Z?)?$"
@@ -73,7 +73,7 @@ class Settings(BaseModel):
         try:
             return cls.model_validate(values, context=context)
         except ValidationError as error:
-            raise InputErrors(told(error, where)) from error
+            raise InputErrors(mistake_lines(error, where)) from error
 
     def given(self) -> dict:
         """What was given, as plain values for a slice: no default, quantities as numbers in their unit."""
@@ -164,7 +164,7 @@ class Unit:
 
 
 def number(value: Any) -> Any:
-    """The number of a text such as 1e-5, which YAML 1.1 takes for text: it wants a point and a sign, 1.0e-5."""
+    """The number of a text such as 1e-5, which YAML 1.1 reads as text: it expects a point and a sign, 1.0e-5."""
     return float(value) if isinstance(value, str) and EXPONENT.fullmatch(value) else value
 
 
@@ -190,7 +190,7 @@ def real_number(**bounds: Any) -> Any:
 
 
 def choose(test: Callable[[Any], bool], first: Any, other: Any) -> Any:
-    """A type that is `first` for values that pass the test, else `other`: what is told is told of the one meant."""
+    """A type that is `first` for values that pass the test, else `other`: mistakes are reported for the type meant."""
     return Annotated[
         Annotated[first, Tag(f"{TAG}first")] | Annotated[other, Tag(f"{TAG}other")],
         Discriminator(lambda value: f"{TAG}{'first' if test(value) else 'other'}"),
@@ -270,7 +270,7 @@ TYPES = {
 }
 
 
-def told(error: ValidationError, where: str = "") -> list[str]:
+def mistake_lines(error: ValidationError, where: str = "") -> list[str]:
     """A configuration's mistakes, a line each: the key and what was expected."""
     lines = []
     for found in error.errors(include_url=False):
@@ -294,8 +294,8 @@ def _reason(found: Mapping) -> str:
         least = context.get("min_length")
         if least == 1:
             return f"{value} should be non-empty"
-        ask = f"short; give at least {least}" if least else f"long; give at most {context['max_length']}"
-        return f"{value} is too {ask}"
+        needed = f"short; give at least {least}" if least else f"long; give at most {context['max_length']}"
+        return f"{value} is too {needed}"
     for limit, words in (
         ("ge", "less than the minimum"),
         ("gt", "not above the minimum"),
@@ -309,7 +309,7 @@ def _reason(found: Mapping) -> str:
     if kind == "string_type" and isinstance(found["input"], bool | int | float):
         what = "true or false" if isinstance(found["input"], bool) else "a number"
         return f"{value} is {what} to YAML; put the text in quotes"
-    wanted = next((name for part, name in TYPES.items() if kind.startswith(part)), None)
-    if found["input"] is None and wanted in ("object", "array"):
-        return f"nothing stands below it; give it {'keys' if wanted == 'object' else 'entries'}, or leave it out"
-    return f"{value} is not of type '{wanted}'" if wanted else f"{value}: {found['msg']}"
+    expected = next((name for part, name in TYPES.items() if kind.startswith(part)), None)
+    if found["input"] is None and expected in ("object", "array"):
+        return f"nothing stands below it; give it {'keys' if expected == 'object' else 'entries'}, or leave it out"
+    return f"{value} is not of type '{expected}'" if expected else f"{value}: {found['msg']}"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from common.errors import InputError
 
-OURS = "slices stand in results/<mine>/slices; a run makes those anew that are deleted there"
+OURS = "slices stand in results/<mine>/slices; a run writes deleted ones again"
 
 
 def content_hash(text: str) -> str:

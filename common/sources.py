@@ -1,7 +1,7 @@
 """The files that a command of this repository runs, from the sources: its module's imports, and theirs.
 
 An import within a function counts, and so does the package that a module stands in. A file that is no module (a
-template, a schema) belongs to the modules beside it that say its name, or that of its folder, in double quotes.
+template, a schema) belongs to the modules next to it that say its name, or that of its folder, in double quotes.
 """
 
 import ast
@@ -28,9 +28,9 @@ def source_hash(*commands: str) -> str:
 def source_files(command: str) -> frozenset[Path]:
     """Files of this repository that `python -m <command>` may run or read. Raises ValueError if there is no such thing.
 
-    command: a module, or a package with a __main__; the same and the stage that it is told to run ("catalogs report"),
+    command: a module, or a package with a __main__; the same and the stage that it is to run ("catalogs report"),
     a function of that name in it, where what other stages import does not count; or a path with a slash, of a file or
-    of a folder with all in it, for what is neither imported nor beside its module.
+    of a folder with all in it, for what is neither imported nor next to its module.
     """
     if "/" in command:
         path = ROOT / command
@@ -57,10 +57,10 @@ def _closure(entry: Path, module: str, stage: str) -> set[Path]:
 
 @functools.cache
 def _uses(path: Path, stage: str) -> tuple[set[Path], set[Path]]:
-    """Modules that a module imports (in a stage alone, if one is named), and files beside it that it names."""
+    """Modules that a module imports (in a stage alone, if one is named), and files next to it that it names."""
     source = path.read_text(encoding="utf-8")
     collecting = gc.isenabled()
-    gc.disable()  # it would look through a growing tree again and again: twice the time
+    gc.disable()  # it would scan a growing tree again and again: twice the time
     try:
         tree = ast.parse(source)
         imported = {file for name in _imports(_of_stage(tree, stage) if stage else tree, path) for file in _files(name)}

@@ -16,7 +16,7 @@ def sizes_by_closeness(steps: Iterable[xr.Dataset], settings: EventSettings) -> 
     """Resolved events of all steps at the mine's closeness, at each of CLOSENESS_TRIED, and with fewer links.
 
     steps: datasets of mining steps, one after the other; settings: EventSettings, or their values. Gives potency
-    (event,) m3 and, beside it, choice (event,): the index of the choice with which the event was extracted; closeness
+    (event,) m3 and choice (event,): the index of the choice with which the event was extracted; closeness
     and reach (choice,): the cosine, and over what regions are linked (seismic.regions), 0 for families, which have no
     such links;
     attribute own: the index of the catalogue's own choice.

@@ -56,7 +56,7 @@ def find_clusters(
     raw = np.where(noise, len(raw) + np.arange(len(raw)), raw)  # cluster numbers are below the number of particles
     label = number_by_first(raw)
     resolved = np.bincount(label) >= cluster.min_samples
-    if cluster.method == "dbscan":  # one whose border particles a neighbour took may be small: it has a core
+    if cluster.method == "dbscan":  # one whose border particles went to a neighbour may be small: it has a core
         resolved = np.zeros(len(resolved), bool)
         resolved[label[~noise]] = True
     return label, resolved

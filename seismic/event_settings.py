@@ -27,7 +27,7 @@ class ClusterSettings(Settings):
     @model_validator(mode="after")
     def _counted(self) -> Self:
         if self.clusters is not None and self.method != "kmeans":
-            raise refusal(f"method {self.method} finds their number itself; leave it out, or take kmeans", "clusters")
+            raise refusal(f"method {self.method} finds their number itself; leave it out, or use kmeans", "clusters")
         return self
 
 
@@ -49,7 +49,7 @@ class SeismicSettings(Settings):
     @model_validator(mode="after")
     def _separated(self) -> Self:
         if self.cluster is not None and self.method != "families":
-            raise refusal("method simultaneous has no clusters; leave it out, or take method families", "cluster")
+            raise refusal("method simultaneous has no clusters; leave it out, or use method families", "cluster")
         return self
 
     @property

@@ -1,6 +1,6 @@
 """`accuracy`: presets of cells, tolerances and increments for a mine.
 
-`standard` takes the mine file as it is. The other two change cells, tolerances and increments in proportion. Study
+`standard` uses the mine file unchanged. The other two change cells, tolerances and increments in proportion. Study
 openings measures their costs and errors, and `snakemake tradeoff` those of each change alone.
 """
 
@@ -40,7 +40,7 @@ def apply_accuracy(mine: Plan) -> None:
     if levels < 1:
         coarse = grid.coarse_cell
         larger = (
-            "take grid.levels: 2 or more"
+            "use grid.levels: 2 or more"
             if mine.far_field
             else f"make sides of the domain whole multiples of {2 * coarse:g} m and the largest cells (grid) as large"
         )
@@ -52,7 +52,7 @@ def apply_accuracy(mine: Plan) -> None:
         fewer = "fewer grid.levels" if "levels" in mine.written_cells else "a smaller grid.coarse_cell"
         raise InputError(
             f"accuracy: {name}: halves the finest cells, but there are {MAX_LEVELS} sizes of cell, the most that "
-            f"there can be; leave accuracy out, or take {fewer}"
+            f"there can be; leave accuracy out, or use {fewer}"
         )
     mine.change("grid", levels=levels)
     mine.resized_by = name

@@ -56,7 +56,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(lambda mine, _: apply_accuracy(mine), "solver", *cells)
     check(_check_domain, *cells)
     check(check_frame, "frame", "domain", "plane")
-    check(_check_places, "frame", "domain", "plane")  # where the frame is wrong, they lie beside the domain too
+    check(_check_places, "frame", "domain", "plane")  # where the frame is wrong, they lie outside the domain too
     check(check_record, "record", "frame")
     check(check_filter, "record", "domain", "plane")
     check(check_repeated, "excavations", "steps")
@@ -68,7 +68,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
 
 def _check_name(mine: Mine, _: Mistakes) -> None:
     if mine.name.lower() in RESERVED:
-        raise InputError(f"name: results/{mine.name} is a folder of the pipeline's own; take another name")
+        raise InputError(f"name: results/{mine.name} is a folder of the pipeline's own; choose another name")
 
 
 def _check_virgin(mine: Mine, _: Mistakes) -> None:
@@ -100,9 +100,7 @@ def _check_step(mine: Mine, index: int) -> None:
     if names.index(step.name) != index:
         raise InputError(f"{where}: this name stands twice; steps need names of their own")
     if step.name.lower() in [name.lower() for name in names[:index]]:
-        raise InputError(
-            f"{where}: differs from another step in capitals alone, which some disks take for the same file"
-        )
+        raise InputError(f"{where}: differs from another step in capitals alone, which are the same file on some disks")
     if step.name == PLANNED:
         raise InputError(f"{where}: '{PLANNED}' means not yet scheduled; give the step another name")
     if step.name == ALL_STEPS:
@@ -166,9 +164,9 @@ def _check_places(mine: Mine, mistakes: Mistakes) -> None:
 def _check_references(mine: Mine, mistakes: Mistakes) -> None:
     """Names that stand once, and names that refer to a step or a material, where those names are right."""
     settings, names = mine.settings, [step.name for step in mine.steps]
-    told = [parts_of(key_in(line)) for line in mistakes.lines]
-    knows_steps = all(parts[0] != "steps" or parts[-1] in ("start", "end") for parts in told)
-    knows_materials = ["materials"] not in told
+    mistaken = [parts_of(key_in(line)) for line in mistakes.lines]
+    knows_steps = all(parts[0] != "steps" or parts[-1] in ("start", "end") for parts in mistaken)
+    knows_materials = ["materials"] not in mistaken
     materials = settings.materials
     sections: dict[str, Sequence[Excavation | RockBody | Load | BoundaryStrain]] = {
         "excavations": mine.excavations,
@@ -281,7 +279,7 @@ def _check_domain(mine: Mine, mistakes: Mistakes) -> None:
     if cells > MOST_CELLS:
         raise InputError(
             f"grid.{'coarse_cell' if 'coarse_cell' in mine.written_cells else 'finest_cell'}: the largest cells, "
-            f"{coarse:g} m, are {cells:.1g} coarse cells in this domain; take larger ones"
+            f"{coarse:g} m, are {cells:.1g} coarse cells in this domain; use larger ones"
         )
 
 
@@ -295,17 +293,17 @@ def _check_solver(mine: Mine, mistakes: Mistakes) -> None:
         if solver.hourglass < LEAST_HOURGLASS and fewest == 1:
             raise InputError(
                 f"solver.hourglass: {solver.hourglass:g} leaves cells of one particle without stiffness against "
-                f"hourglass patterns; take {LEAST_HOURGLASS:g} to 1{others}"
+                f"hourglass patterns; use {LEAST_HOURGLASS:g} to 1{others}"
             )
     for name, ratio in stiff.items():
         with mistakes.gather():
             if count > 1 and ratio > MOST_POISSON:
                 raise InputError(
                     f"materials.{name}.poisson_ratio: {ratio:g} locks cells of {count} particles, which then hardly "
-                    f"deform; take at most {MOST_POISSON:g}, or grid.particles_per_cell: 1"
+                    f"deform; use at most {MOST_POISSON:g}, or grid.particles_per_cell: 1"
                 )
     if solver.move and fewest == 1:
-        raise InputError("solver.move: a lone particle must rest where it is" + others.replace(", or", "; take"))
+        raise InputError("solver.move: a lone particle must rest where it is" + others.replace(", or", "; use"))
     if solver.move and solver.scheme != "explicit":
         raise InputError("solver.move: particles move with scheme explicit only; set solver.scheme: explicit")
 
@@ -322,7 +320,7 @@ def _check_ensemble(mine: Mine, _: Mistakes) -> None:
         is_draft = mine.settings.accuracy == DRAFT
         said = "accuracy: draft has made 1 of solver.increments" if is_draft else "solver.increments is 1"
         raise InputError(
-            f"ensemble: members differ by the parts in which they take rock out, and {said}; set that to "
+            f"ensemble: members differ by the increments in which they mine rock, and {said}; set that to "
             f"{3 if is_draft else 2} or more, or ensemble to 0"
         )
 

@@ -60,7 +60,8 @@ def load(
 def with_yaml_habits(value, odd: dict[str, str], path=()):
     """The value with dates as they are meant. odd: receives numbers that nothing can be computed with, by their keys.
 
-    A text that looks like a number stays text: what a key wants is for its model to say (common.setting_types.number).
+    A text that looks like a number stays text: what a key accepts is for its model to say
+    (common.setting_types.number).
     """
     if isinstance(value, dict):
         return {str(key): with_yaml_habits(entry, odd, (*path, str(key))) for key, entry in value.items()}

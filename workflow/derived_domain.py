@@ -28,7 +28,7 @@ from workflow.accuracy import PRESETS
 from workflow.mine import Mine, in_voigt_order
 from workflow.shapes import check_form
 
-DEEPEST = 1e5  # m from the openings: virgin rock is not looked at further away
+DEEPEST = 1e5  # m from the openings: virgin rock further away is not checked
 SAME = 1e-9  # share by which sizes differ that are the same
 
 
@@ -89,7 +89,7 @@ def largest_cell_name(mine: Mine) -> str:
 
 
 def _levels(mine: Mine) -> tuple[int, int]:
-    """Fewest and most levels of cells that leave the preset of accuracy a level to take away or to add."""
+    """Fewest and most levels of cells that leave the preset of accuracy a level to remove or to add."""
     more = PRESETS[mine.settings.accuracy].levels
     return 1 + max(-more, 0), MAX_LEVELS - max(more, 0)
 
@@ -124,7 +124,7 @@ def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
     openings = list(_openings(mine))
     if not openings:
         raise InputError("domain.lower: missing key; without excavations and loads the domain follows from nothing")
-    asked = settings.domain.boundary is not None
+    given = settings.domain.boundary is not None
     faces = mine.boundary()
     mined = PLANES[mine.plane]
     held = [face for face in FACES if "xyz".index(face[0]) in mined and (face, faces[face]) != ("z_upper", "free")]
@@ -136,7 +136,7 @@ def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
         openings,
         finest,
         [settings.materials[name].poisson_ratio for name in rocks if name in settings.materials],
-        conditions if asked else ["fixed"],
+        conditions if given else ["fixed"],
         levels=(levels, levels) if levels else _levels(mine),
         ground=settings.frame.surface if 2 in mined else None,
         sound=sound,
@@ -145,17 +145,17 @@ def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
         raise InputError(_no_room(mine, found, heights, sound))
     top, surface = float(found.upper[-1]), settings.frame.surface
     at_surface = 2 in mined and top == surface
-    if at_surface and asked and faces["z_upper"] not in ("free", "traction"):
+    if at_surface and given and faces["z_upper"] not in ("free", "traction"):
         raise InputError(
             f"domain.boundary: the domain that is derived ends at frame.surface, {surface:g} m, where z_upper is "
             f"{faces['z_upper']}; say {{z_upper: free, others: fixed}}, or give domain.lower and domain.upper"
         )
-    if 2 in mined and asked and not at_surface and faces["z_upper"] == "free":
+    if 2 in mined and given and not at_surface and faces["z_upper"] == "free":
         raise InputError(
             f"domain.boundary: z_upper is free, but the domain that is derived ends at {top:g} m, under frame.surface, "
             f"{surface:g} m: its rock would lose the stress from above; leave that out, or give domain.lower and upper"
         )
-    if at_surface and not asked:
+    if at_surface and not given:
         mine.change("domain", boundary=Boundary(z_upper="free", others="fixed"))
     mine.change("domain", lower=tuple(found.lower.tolist()), upper=tuple(found.upper.tolist()))
     mine.far_field = found
@@ -268,7 +268,7 @@ def _prisms(mine: Mine, where: str, solid: SolidSettings) -> list[Shape]:
 
 
 class _quiet:
-    """Warnings of reading are told where the grid is made."""
+    """Warnings of reading are given where the grid is made."""
 
     def __enter__(self):
         self.before = logging.root.manager.disable

@@ -185,7 +185,7 @@ def _example(example: str | tuple[str, str]) -> str:
 
 def _sections() -> Iterator[tuple[str, str]]:
     """Path and table of each section, those within it after it."""
-    told: set[type[Settings]] = set()
+    described: set[type[Settings]] = set()
     queue: list[tuple[str, str, type[Settings]]] = [("", "", MineSettings)]
     while queue:
         path, choice, model = queue.pop(0)
@@ -198,15 +198,15 @@ def _sections() -> Iterator[tuple[str, str]]:
             section = sections[0] if sections else None
             where = name if path in ("", SHAPE) else f"{path}.{name}"
             for model_there in sections:
-                if model_there not in told:
-                    told.add(model_there)
+                if model_there not in described:
+                    described.add(model_there)
                     queue.append((where, _choice(model_there) if len(sections) > 1 else "", model_there))
             rows.append(
                 f"| `{name}` | {_kind(model, name, section)} | {_default(field)} | {_meaning(field, section)} |"
             )
         about = " ".join((model.__doc__ or "").split())
-        if shared and ShapeSettings not in told:
-            told.add(ShapeSettings)
+        if shared and ShapeSettings not in described:
+            described.add(ShapeSettings)
             queue.append((SHAPE, "", ShapeSettings))
         about += f" It also has the keys of a [{SHAPE}](#{SHAPE.replace(' ', '-')})." if shared else ""
         head = f"### {path}{choice}\n\n{about}\n" if path else ""

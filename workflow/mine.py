@@ -1,7 +1,7 @@
 """One mine's configuration cut into the slice that each stage depends on.
 
 A slice holds only what its stage needs, so that changing a value re-runs only what it changes. An excavation that is
-not mined yet looks the same in a slice whether it is planned or dated later: giving a planned stope its month runs
+not mined yet is the same in a slice whether it is planned or dated later: giving a planned stope its month runs
 that month.
 """
 
@@ -133,7 +133,7 @@ class Mine(Plan):
         return {"rings": grid.buffer_cells, "max_cells": grid.max_cells, "bodies": bodies}
 
     def step_slice(self, step: str) -> dict:
-        """What steps/<step>.nc depends on, beside the state of the step before."""
+        """What steps/<step>.nc depends on besides the state of the step before."""
         return self.scene_slice(self.step_index(step))
 
     def picture_slice(self) -> dict:
@@ -159,7 +159,7 @@ class Mine(Plan):
         return slice_
 
     def spread_slice(self) -> dict:
-        """What spread.nc depends on, beside the runs of the ensemble."""
+        """What spread.nc depends on besides the runs of the ensemble."""
         return {
             "mine": self.name,
             "members": self.members,
@@ -168,11 +168,11 @@ class Mine(Plan):
         }
 
     def convergence_slice(self) -> dict:
-        """What grid_convergence.nc depends on, beside the runs on cells of this size and of twice the size."""
+        """What grid_convergence.nc depends on besides the runs on cells of this size and of twice the size."""
         return {"mine": self.name, "steps": self.dated_steps, "cells": [self.finest_cell, 2 * self.finest_cell]}
 
     def comparison_slice(self) -> dict:
-        """What comparison.nc depends on, beside the two catalogues and the events of the ensemble's members."""
+        """What comparison.nc depends on besides the two catalogues and the events of the ensemble's members."""
         return {
             **self.settings.comparison.given(),
             "steps": [step.given() for step in self.listed_steps if step.is_dated],
@@ -210,7 +210,7 @@ class Mine(Plan):
         return of_stage[kind]()
 
     def record_slice(self) -> dict:
-        """What record.nc depends on, beside the recorded data."""
+        """What record.nc depends on besides the recorded data."""
         settings, host = self.settings, self.settings.materials["host"]
         dated = [step for step in self.listed_steps if step.is_dated]
         # Only what was recorded while the model mines, and where, is comparable; the configuration may choose less.

@@ -163,7 +163,7 @@ class MineSettings(Settings):
     thickness: Size = 1.0
     """Thickness of a plane-strain scene, for volumes and potency."""
     accuracy: Literal["draft", "standard", "fine"] = "standard"
-    """`standard`: the mine file is taken as it is. `draft`: cells of twice the size, unless an excavation would have
+    """`standard`: the mine file is used unchanged. `draft`: cells of twice the size, unless an excavation would have
     almost no whole cells then; tolerances three times as large; an allowed overshoot twice as large. `fine`: cells of
     half the size, an allowed overshoot half as large."""
     ensemble: whole_number(ge=0, le=1000) = 0

@@ -1,4 +1,4 @@
-"""One mine's configuration in SI units: its steps, what each mines, and which runs there are beside its own."""
+"""One mine's configuration in SI units: its steps, what each mines, and which runs there are besides its own."""
 
 import copy
 import importlib
@@ -99,7 +99,7 @@ class Plan:
 
     @property
     def members(self) -> int:
-        """How many perturbed members run beside the mine's own run; a member has none."""
+        """How many perturbed members run besides the mine's own run; a member has none."""
         return 0 if self.perturbation else self.settings.ensemble
 
     def member(self, number: int) -> Self:
@@ -147,8 +147,8 @@ class Plan:
         A draft is not."""
         settings = self.settings
         possible = bool(self.dated_steps) and settings.grid.levels > 1 and not self.perturbation
-        wanted = self.dimension == 3 if settings.grid_convergence is None else settings.grid_convergence
-        return possible and wanted and settings.accuracy != "draft"
+        requested = self.dimension == 3 if settings.grid_convergence is None else settings.grid_convergence
+        return possible and requested and settings.accuracy != "draft"
 
     def coarser(self) -> Self:
         """The same mine without its finest cells: grid, states and events of its own.

@@ -24,7 +24,7 @@ def check_record(mine: Mine, mistakes: Mistakes) -> None:
     columns = getattr(record, "columns", None)
     if columns and columns.latitude is not None and columns.x is None and not mine.settings.frame.has_place:
         mistakes.add(
-            "record.columns.latitude: the frame has no place on Earth to take it from; give frame.latitude and "
+            "record.columns.latitude: the frame has no place on Earth to compute it from; give frame.latitude and "
             "frame.longitude, or frame.crs, or the columns x, y and z"
         )
     for name in ("filter", "orientations"):
@@ -88,7 +88,7 @@ def check_frame(mine: Mine, _: Mistakes) -> None:
     if use is None:
         return
     west, south, east, north = use
-    away = max(max(south - y, y - north, _beside(x, west, east)) for x, y in zip(longitude, latitude, strict=True))
+    away = max(max(south - y, y - north, _outside(x, west, east)) for x, y in zip(longitude, latitude, strict=True))
     if away > BEYOND_USE:
         raise InputError(
             f"frame.crs: the domain lies at latitude {latitude[0]:.1f}, longitude {longitude[0]:.1f}, outside the area "
@@ -97,8 +97,8 @@ def check_frame(mine: Mine, _: Mistakes) -> None:
         )
 
 
-def _beside(longitude: float, west: float, east: float) -> float:
-    """Degrees that a meridian lies beside a zone from west to east, which may cross 180 degrees."""
+def _outside(longitude: float, west: float, east: float) -> float:
+    """Degrees by which a meridian lies outside a zone from west to east, which may cross 180 degrees."""
     if (longitude - west) % 360 <= (east - west) % 360:
         return 0.0
     return min((west - longitude) % 360, (longitude - east) % 360)

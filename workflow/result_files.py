@@ -62,7 +62,7 @@ class ResultFiles:
         return files + [f"results/{place}/{file}" for place in places for file in CATALOGUES]
 
     def record_data(self) -> str | list[str]:
-        """The file that the record is read from. A folder's reader looks after its own files."""
+        """The file that the record is read from. A folder's reader finds its own files."""
         if not self.has_record or READERS[self.mine.settings.record.reader].READS_FOLDER:
             return []
         return self.mine.record_slice()["file"]

@@ -14,8 +14,8 @@ from workflow.rule_memory import mechanics_mb, reading_mb
 def kept(path: str):
     """A result whose earlier version outlives a stage that fails: stages write whole files or none.
 
-    Only for what says what it was made from (StageInputs.inputs_of), or stands beside a file of the same stage that
-    does: Snakemake would take an earlier version as current.
+    Only for what says what it was made from (StageInputs.inputs_of), or stands next to a file of the same stage that
+    does: Snakemake would use an earlier version as current.
     """
     return update(path)
 

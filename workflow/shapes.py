@@ -14,7 +14,7 @@ from workflow.mine_settings import Excavation
 
 
 def check_place(mine: Mine, where: str, solid: ShapeSettings) -> None:
-    """Raise InputError for a solid whose shape lies outside the domain, or lacks what check_form asks for.
+    """Raise InputError for a solid whose shape lies outside the domain, or lacks what check_form requires.
 
     A rock body may lie outside a domain that follows from the excavations: the grid's stage leaves it out, and says so.
     """

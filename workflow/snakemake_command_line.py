@@ -25,7 +25,7 @@ def check_command_line(arguments: argparse.Namespace, words: Sequence[str]) -> N
     check_files(arguments.configfile)
     if sum(bool(OPTION.match(word)) for word in words) > 1:
         raise InputError(
-            "--config stands twice, and Snakemake takes the last one alone; put all keys behind one: "
+            "--config stands twice, and Snakemake uses the last one alone; put all keys behind one: "
             "--config accuracy=draft ensemble=8"
         )
     read_overrides(arguments.config)
@@ -66,7 +66,7 @@ def _right_way(key: str, value: str) -> str:
 
 
 def check_folder(folder: str | Path) -> None:
-    """Raise InputError for a working directory that takes no files. Snakemake keeps its notes and results in it."""
+    """Raise InputError for a working directory that cannot be written. Snakemake keeps its notes and results in it."""
     folder = Path(folder).absolute()
     notes = folder / ".snakemake"
     try:
@@ -76,7 +76,7 @@ def check_folder(folder: str | Path) -> None:
     except OSError as error:
         if error.errno not in NO_ROOM:  # of a full disk the terminal tells (workflow/terminal.py)
             raise InputError(
-                f"{folder}: takes no files ({error.strerror}), and notes and results go there; start in another "
+                f"{folder}: cannot be written ({error.strerror}), and notes and results go there; start in another "
                 "folder, or name one with --directory"
             ) from error
 
@@ -85,7 +85,7 @@ def asks_for_more(arguments: argparse.Namespace, is_rule: Callable[[str], bool],
     """Whether targets need more than the rules so far make of this mine.
 
     Rules and files that other options name count as targets, and so do jobs that another process has planned. What
-    looks at the rules themselves, --lint, needs all.
+    checks the rules themselves, --lint, needs all.
     """
     own = re.compile(rf"(\./)?results/{re.escape(mine)}/")
     named = [*arguments.targets]

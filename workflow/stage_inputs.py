@@ -111,7 +111,7 @@ class StageInputs:
         files: names, or functions of wildcards. Where that result stands, but says that it was made from another
         configuration, other sources or other inputs than these, it is made again (common.provenance). Snakemake
         compares times and its own notes: it drops the notes of a job that fails, and gives the earlier result that it
-        puts back a new time, so that it would take it as current.
+        puts back a new time, so that it would use it as current.
         """
 
         def inputs(wildcards: Wildcards) -> dict[str, Paths]:

@@ -1,7 +1,7 @@
 """Check of a configuration file before its values are used: it refuses what YAML allows and no mine needs.
 
 Snakemake reads the files of --configfile before it reads the Snakefile, and evaluates Python in one that says
-`__use_yte__`. Only a profile comes earlier: ours (profiles/default) has them looked at here first. The Snakefile does
+`__use_yte__`. Only a profile comes earlier: ours (profiles/default) has them checked here first. The Snakefile does
 so once more, for a run with another profile.
 """
 
@@ -123,7 +123,7 @@ def _check_structure(path: str | Path, text: str, loader: type) -> None:
             if is_key and len(event.value) > MAX_KEY_CHARACTERS:
                 raise refuse(event, f"{event.value[:20]}...: a key of {len(event.value):,} characters; shorten it")
             if is_key and event.implicit[0] and (meant := meant_by(event.value)) != event.value:
-                raise refuse(event, f"{event.value}: a key that YAML takes for {meant}; put it in quotes")
+                raise refuse(event, f"{event.value}: a key that YAML reads as {meant}; put it in quotes")
             if is_key and event.value in keys:
                 raise refuse(event, f"{event.value}: this key stands twice; the second would replace the first")
             if is_key:

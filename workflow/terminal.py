@@ -46,18 +46,18 @@ class OneLine(logging.Filter):
     The table of jobs comes once: a dry run would show it before and after its list of jobs, which is left out.
     """
 
-    table_is_told = False
+    table_is_shown = False
 
-    full = False  # whether the user has been told that the disk is full
+    full = False  # whether the user has been warned that the disk is full
 
     def filter(self, record: logging.LogRecord) -> bool:
         """False for a record that says nothing to the user."""
         event = getattr(getattr(record, "event", None), "value", None)
         text = str(record.msg)
         if event == "run_info":
-            if self.table_is_told:
+            if self.table_is_shown:
                 return False
-            self.table_is_told = True
+            self.table_is_shown = True
         if event in QUIET_EVENTS or text.startswith(CHATTER):
             return False
         if full := NO_ROOM.search(text):
@@ -77,7 +77,7 @@ class OneLine(logging.Filter):
 
 
 class LogHandler(LogHandlerBase):
-    """The terminal as Snakemake's logger plugin `mine`, which profiles/default registers and asks for.
+    """The terminal as Snakemake's logger plugin `mine`, which profiles/default registers and selects.
 
     Snakemake finds plugins among installed packages alone; a workflow that is run from its folder is none.
     """

@@ -8,11 +8,11 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 from catalogs.figures import style
 
 PANELS_PER_ROW = 3
-MAX_POINTS_PER_CURVE = 4000  # More points of one curve cannot be told apart in a panel.
+MAX_POINTS_PER_CURVE = 4000  # More points of one curve cannot be distinguished in a panel.
 
 
 def running_iteration(iteration: np.ndarray) -> np.ndarray:
-    """Iteration counted through the whole stage, where the recorded one starts anew in each relaxation."""
+    """Iteration counted through the whole stage, where the recorded one starts from zero in each relaxation."""
     iteration = np.asarray(iteration, dtype=np.int64)
     restart = np.flatnonzero(np.diff(iteration) < 0) + 1
     offset = np.zeros(len(iteration), dtype=np.int64)
@@ -47,7 +47,7 @@ def _panel(axes, stage: xr.Dataset, first: bool) -> None:
         return
     iteration = running_iteration(stage["convergence_iteration"].values)
     cells = stage["convergence_cells"].values
-    # A part of the mine at rest says nothing of the mine, which has the more cells the more are split.
+    # A part of the mine in equilibrium says nothing of the mine, which has the more cells the more are split.
     whole = np.flatnonzero(cells == np.maximum.accumulate(cells))
     whole = whole[:: -(-len(whole) // MAX_POINTS_PER_CURVE)]
     shown = np.where(ratio > 0, ratio, np.nan)[whole]

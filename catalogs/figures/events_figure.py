@@ -1,4 +1,4 @@
-"""Where and when: modelled beside recorded events in the same plans and sections (paper Fig. 19)."""
+"""Where and when: modelled and recorded events in the same plans and sections (paper Fig. 19)."""
 
 from dataclasses import dataclass, replace
 

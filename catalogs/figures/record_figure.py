@@ -1,4 +1,4 @@
-"""The record in time: sizes, the potency they add up to beside the model's, and from which size on it is complete."""
+"""The record in time: sizes, the potency they add up to and the model's, and from which size on it is complete."""
 
 import numpy as np
 import xarray as xr

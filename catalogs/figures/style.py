@@ -42,7 +42,7 @@ SETTINGS = {
     "figure.dpi": DOTS_PER_INCH,
     "savefig.dpi": DOTS_PER_INCH,
     "svg.hashsalt": "rockburst-mpm",  # element names from content, not from a random number
-    "svg.fonttype": "path",  # letters as shapes: no font is asked of the reader's machine
+    "svg.fonttype": "path",  # letters as shapes: the reader's machine needs no font
     "path.simplify": True,
 }
 

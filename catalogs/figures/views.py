@@ -56,7 +56,7 @@ def projections(grid: xr.Dataset) -> list[View]:
 def cuts(grid: xr.Dataset, positions: np.ndarray, weights: np.ndarray) -> list[View]:
     """The same views as cuts, each through the fine layer that holds most of `weights` (positions (point, xyz) m).
 
-    Of layers nearly as full as the fullest, the one nearest the centre of weight is taken.
+    Of layers nearly as full as the fullest, the one nearest the centre of weight is used.
     """
     views = projections(grid)
     if int(grid.attrs["dimension"]) == 2:
@@ -240,7 +240,7 @@ def mark_cuts(axes: Axes, view: View, cut_views: list[View]) -> None:
 
 
 def edges_help(axes: Axes, cell: float) -> bool:
-    """Whether cells of edge `cell` (m) are drawn wide enough for their edges to be told from their colour."""
+    """Whether cells of edge `cell` (m) are drawn wide enough for their edges to be seen within their colour."""
     left, right = axes.get_xlim()
     inches = axes.get_position().width * axes.figure.get_figwidth()
     return 72 * inches * cell / (right - left) > MIN_CELL_WITH_EDGES

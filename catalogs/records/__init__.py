@@ -1,11 +1,11 @@
-"""Readers of recorded catalogues. Each is one module here and one entry of READERS; all other code asks the reader.
+"""Readers of recorded catalogues. Each is one module here and one entry of READERS; all other code calls the reader.
 
 What a reader's module offers:
 
 | name | what |
 |---|---|
 | NAME | value of `reader` in a mine file |
-| READS_FOLDER | whether `file` is a folder, whose files the reader looks after itself |
+| READS_FOLDER | whether `file` is a folder, whose files the reader finds itself |
 | Record | settings of a record with this reader: its keys, their units and bounds; validators refuse what cannot be |
 | RecordSlice | the same keys in the slice of the record's stage |
 | read(settings) | RecordSlice -> the events in the form of common.event_table, filtered (filters.filter_events) |

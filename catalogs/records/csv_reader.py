@@ -183,7 +183,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
     named |= dict.fromkeys(times, "record.columns.time")
     numeric = [*names.values(), *(times if settings.time_format else [])]
     table = read_table(path, named, numeric, settings.decimal, settings.encoding)
-    _check_untold_kinds(table, set(named), settings)
+    _check_unnamed_kinds(table, set(named), settings)
     table.decide_decimals(numeric)
     codes = MISSING_VALUE_CODES if settings.missing is None else settings.missing
     units = settings.units or {}
@@ -201,19 +201,19 @@ def read(settings: RecordSlice) -> xr.Dataset:
     time, local = _times(table, columns, numbers, settings, codes)
     place = _locations(table, columns, numbers, settings)
     tensor = _tensor(numbers, settings)
-    sizes, told = _sizes(table, columns, numbers, tensor, settings)
+    sizes, sizes_said = _sizes(table, columns, numbers, tensor, settings)
     other = {key: numbers[key] for key in ("time_uncertainty",) if key in columns}
     if "step" in columns:
         other["step"] = table.words(columns["step"]).to_numpy(object)
     record = build_record(settings, time, place, sizes, tensor, source=str(path), **other)
-    record.attrs |= {"sizes_text": told} if told else {}
+    record.attrs |= {"sizes_text": sizes_said} if sizes_said else {}
     record.attrs |= {"times_text": _times_text(time, local, settings.time_zone)} if local else {}
     limits = settings.filter
     has_bounds, has_words = limits and (limits.maximum or limits.minimum), limits and (limits.only or limits.without)
     quality = {name: table.numbers(name, strict=False) for name in (table.rows if has_bounds else ())}
-    asked = {*((limits and limits.only) or ()), *((limits and limits.without) or ())}
+    filtered = {*((limits and limits.only) or ()), *((limits and limits.without) or ())}
     words = {
-        name: (table.words(name) if name in asked else table.text(name)).to_numpy(object)
+        name: (table.words(name) if name in filtered else table.text(name)).to_numpy(object)
         for name in (table.rows if has_words else ())
     }
     kinds = {key: table.words(columns[key]).to_numpy(object) for key in (EVENT_TYPE, STATUS) if key in columns}
@@ -229,12 +229,12 @@ def _times_text(time: np.ndarray, local: int, zone: str | None) -> str:
     return f"{text}; {twice} in an hour that the clock showed twice, taken as the later: they may be an hour too late"
 
 
-def _check_untold_kinds(table: Table, named: set[str], settings: RecordSlice) -> None:
+def _check_unnamed_kinds(table: Table, named: set[str], settings: RecordSlice) -> None:
     """Raise InputError for a column that the settings do not name and whose cells mark events as not seismic."""
     limits, kept = settings.filter, kept_words(settings)
-    asked = {*((limits and limits.only) or ()), *((limits and limits.without) or ())}
+    filtered = {*((limits and limits.only) or ()), *((limits and limits.without) or ())}
     for name in table.rows:
-        if name in named or name in asked:
+        if name in named or name in filtered:
             continue
         cells = table.text(name).value_counts()
         for kind in (EVENT_TYPE, STATUS):
@@ -270,7 +270,7 @@ def _check_codes(key: str, codes: np.ndarray, factor: float, settings: RecordSli
 
 
 def _check_logarithm(key: str, name: str, values: np.ndarray, settings: RecordSlice) -> None:
-    """Raise InputError where numbers can only be logarithms of sizes: asked for, unless record.units has their unit.
+    """Raise InputError where numbers can only be logarithms of sizes, unless record.units has their unit.
 
     values (event,): in SI units, if the file states a unit. A record whose moments all stay below MAX_LOG_MOMENT is
     one of Mw -5.1 and less, of grains. The chance that n sizes lie within a factor r is (1 - 1 / r)^n where as many as
@@ -300,8 +300,8 @@ def _times(
         time, local = times_of_parts(parts, settings.time_zone)
         wrong = np.isnat(time) & np.all([np.isfinite(values) for values in parts.values()], axis=0)
         if wrong.any():
-            told = ", ".join(f"{values[wrong][0]:g}" for values in parts.values())
-            table.refuse(wrong, columns["year"], f"({told}) is not a date and time", "correct it")
+            date = ", ".join(f"{values[wrong][0]:g}" for values in parts.values())
+            table.refuse(wrong, columns["year"], f"({date}) is not a date and time", "correct it")
         return time, local
     if settings.time_format:
         found = [table.numbers(name) for name in names]
@@ -359,7 +359,7 @@ def _sizes(
                 from_logarithm = 10.0 ** numbers[f"log_{key}"]
             numbers[key] = _first(numbers.get(key), from_logarithm)
     sizes |= {key: numbers[key] for key in ("potency", "moment") if key in numbers}
-    told = ""
+    text = ""
     tensors = np.zeros(len(table.rows), bool) if tensor is None else np.isfinite(tensor).all(axis=(1, 2))
     if MAGNITUDE in columns or MAGNITUDE_TYPE in columns:
         source = MAGNITUDE if MAGNITUDE in columns else "mw"
@@ -370,7 +370,7 @@ def _sizes(
         conversions = settings.conversions or {}
         mw, used = moment_magnitudes(numbers[source], list(kinds), conversions, needed, table.source)
         sizes["mw"] = _first(mw, sizes.get("mw")) if source == MAGNITUDE else mw
-        told = sizes_text(used, conversions)
+        text = sizes_text(used, conversions)
     if "energy" in numbers:
         needed = ~tensors & np.all([np.isnan(values) for values in sizes.values()] or [True], axis=0)
         slope, offset = settings.energy_conversion.slope, settings.energy_conversion.offset
@@ -379,8 +379,8 @@ def _sizes(
         sizes["moment"] = _first(sizes.get("moment"), moment)
         sign = "-" if offset < 0 else "+"
         how = f"as log10 M0 = {slope:g} log10 E {sign} {abs(offset):g}"
-        told = ", ".join([*([told] if told else []), f"{int(np.isfinite(moment).sum())} of energy {how}"])
-    return sizes, told
+        text = ", ".join([*([text] if text else []), f"{int(np.isfinite(moment).sum())} of energy {how}"])
+    return sizes, text
 
 
 def _first(values: np.ndarray | None, other: np.ndarray | None) -> Any:

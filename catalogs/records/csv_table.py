@@ -1,7 +1,8 @@
 """A CSV file as mines export it, as a table of text and columns of numbers.
 
 Found from the file itself: its encoding, the separator and the line of the header (those with which the columns that
-the configuration names appear), a line of units below it, decimal commas. What cannot be told is asked for.
+the configuration names appear), a line of units below it, decimal commas. What cannot be found is required in the
+configuration.
 """
 
 import codecs
@@ -22,7 +23,7 @@ from catalogs.units import unit_quantity
 from common.errors import InputError
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar"}
-MAX_PREAMBLE_LINES = 100  # Lines in which the header is looked for.
+MAX_PREAMBLE_LINES = 100  # Lines in which the header is searched.
 EMPTY_WORDS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "nat", "#n/a")
 BETWEEN_THOUSANDS = r"(?<=\d)[ \u00a0\u202f'\u2019](?=\d{3}(?!\d))"
 NUMBER_PATTERNS = {  # by decimal mark; the other one may stand between thousands
@@ -50,7 +51,7 @@ ASK_ENCODING = (
 class Table:
     """Rows of text as they stand in the file, one per event; `source` names the file in errors.
 
-    decimal: "comma", "point", or None: to be found. sure: whether its encoding is known, and not only taken to be that
+    decimal: "comma", "point", or None: to be found. sure: whether its encoding is known, and not only assumed
     of western Europe. units: by column, from a line below the header. repeated (event,)
     bool: rows that repeat an earlier one in every column.
     """
@@ -128,8 +129,8 @@ class Table:
         if self.rows.empty:
             return
         first = {name: self.text(name).iloc[0].strip("[]() ") for name in self.rows}
-        told = [first[name] for name in names if first[name]]
-        if told and all(not re.match(r"[-+.,]?\d", text) and unit_quantity(text) is not None for text in told):
+        units = [first[name] for name in names if first[name]]
+        if units and all(not re.match(r"[-+.,]?\d", text) and unit_quantity(text) is not None for text in units):
             self.units = {name: text for name, text in first.items() if text}
             self.rows = self.rows.iloc[1:].reset_index(drop=True)
 
@@ -137,7 +138,7 @@ class Table:
         """What the numbers of a column, of kind `key`, are multiplied by to be in `unit`.
 
         Its own unit is `given`, else what stands in brackets or after a stroke behind its name ("Depth/km") or in a
-        line below the header, if that is a unit of that kind; else it is taken to be `unit`. Raises InputError where
+        line below the header, if that is a unit of that kind; else it is assumed to be `unit`. Raises InputError where
         the unit is of another kind, or where the name ends as another one: depth_km.
         """
         text = given or self.units.get(name)
@@ -205,17 +206,17 @@ def read_table(
     return table
 
 
-def check_container(content: bytes, path: Path, wanted: str) -> None:
-    """Raise InputError for what is no text but holds one; wanted: CSV or QuakeML."""
+def check_container(content: bytes, path: Path, expected: str) -> None:
+    """Raise InputError for what is no text but holds one; expected: CSV or QuakeML."""
     for begins, what in CONTAINERS.items():
         if content.startswith(begins):
-            raise InputError(f"{path}: {what}, not a {wanted} file; unpack it, or export it as {wanted}")
+            raise InputError(f"{path}: {what}, not a {expected} file; unpack it, or export it as {expected}")
 
 
 def _decoded(path: Path, encoding: str | None) -> tuple[str, bool]:
     """The text of a file, and whether its encoding is known: as named, UTF-8, or UTF-16 and UTF-32 with their mark.
 
-    Else it is taken to be that of western Europe, which is right for letters of ASCII. Raises InputError.
+    Else it is assumed to be that of western Europe, which is right for letters of ASCII. Raises InputError.
     """
     try:
         content = path.read_bytes()

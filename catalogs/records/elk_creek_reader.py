@@ -132,7 +132,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
     by their names), rigidity (Pa, 33 GPa unless given; potency = Moment Total / rigidity), orientations (absent: none;
     see read_orientations), location_error (m; absent: the median distance of pairs matched within match_within, 1 s).
 
-    Beside the variables of the event table: orientation_time, orientation_location (orientation, xyz) m,
+    In addition to the variables of the event table: orientation_time, orientation_location (orientation, xyz) m,
     orientation_tensor (orientation, xyz, axis): moment tensor over its norm, axes taken as east, north, up (SOURCE: not
     documented).
     Attributes: location_error, location_error_from (text), rigidity, caveats (JSON list of text). Raises InputError.

@@ -2,7 +2,7 @@
 
 Event types are those of QuakeML 1.2 (Storchak et al. 2012) and words that mines' systems write. Types that say nothing
 count: "not reported" is what QuakeML 1.2 made of the "null" of its forerunners. A word that is not known here, and one
-that holds blasts as well as tremors ("anthropogenic event"), is asked about.
+that holds blasts as well as tremors ("anthropogenic event"), is refused until the configuration says which it is.
 """
 
 import logging
@@ -86,8 +86,8 @@ def no_seismicity(kinds: Mapping[str, NDArray], settings: RecordSlice, source: s
                     "do not"
                 )
     if found:
-        told = ", ".join(f"{int(here.sum())} {what}" for what, here in found.items())
-        logging.warning("%s: left out: %s; record.filter.keep counts what it names", source, told)
+        left_out = ", ".join(f"{int(here.sum())} {what}" for what, here in found.items())
+        logging.warning("%s: left out: %s; record.filter.keep counts what it names", source, left_out)
     return found
 
 

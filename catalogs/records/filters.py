@@ -1,6 +1,6 @@
 """The part of a record that is compared: complete events, a box, dates, sizes, quality columns, the model's domain.
 
-Each takes its count before and after with it, so that the report can say what was left out.
+Each keeps its count before and after, so that the report can say what was left out.
 """
 
 import json
@@ -70,8 +70,8 @@ def filter_events(
     kinds = kinds or {}
     whole, dropped = _whole_events(events, no_seismicity(kinds, settings, source), repeated, source)
     attributes = {"rows": events.sizes["event"], "dropped": json.dumps(dropped)}
-    if told := types_text(kinds[EVENT_TYPE][whole]) if EVENT_TYPE in kinds else "":
-        attributes["types_text"] = told
+    if types := types_text(kinds[EVENT_TYPE][whole]) if EVENT_TYPE in kinds else "":
+        attributes["types_text"] = types
     events = events.isel(event=np.flatnonzero(whole))
     columns = {name: np.asarray(values)[whole] for name, values in columns.items()}
     words = {name: np.asarray(values)[whole] for name, values in {**kinds, **(words or {})}.items()}
@@ -187,9 +187,9 @@ def _whole_events(
         kept &= there
     seismic = len(kept) - sum(dropped.get(what, 0) for what in other)
     if seismic and not kept.any():  # blasts alone are a record of a quiet volume
-        told = ", ".join(f"{count} {what}" for what, count in dropped.items())
+        causes = ", ".join(f"{count} {what}" for what, count in dropped.items())
         keep = "; record.filter.keep counts what it names" if other else ""
-        raise InputError(f"{source}: none of its {len(kept)} events has a time, a place and a size ({told}){keep}")
+        raise InputError(f"{source}: none of its {len(kept)} events has a time, a place and a size ({causes}){keep}")
     return kept, dropped
 
 

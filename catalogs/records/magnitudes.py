@@ -54,10 +54,11 @@ def moment_magnitudes(
             continue
         used[name] = int(here.sum())
     if foreign:
-        told = ", ".join(f"{count} of {int(needed.sum())} events are of type {name}" for name, count in foreign.items())
+        total = int(needed.sum())
+        counts = ", ".join(f"{count} of {total} events are of type {name}" for name, count in foreign.items())
         first = next(iter(foreign))
         raise InputError(
-            f"{source}: {told}: only Mw is a moment; say how to convert, record.conversions: "
+            f"{source}: {counts}: only Mw is a moment; say how to convert, record.conversions: "
             f"{{{first}: {{slope: ..., offset: ...}}}} for Mw = slope {first} + offset, or {{{first}: none}} to leave "
             "them out"
         )
@@ -66,7 +67,7 @@ def moment_magnitudes(
 
 def sizes_text(used: Mapping[str, int], conversions: Mapping) -> str:
     """How many magnitudes of each type were read, and their conversion."""
-    told = []
+    texts = []
     for name, count in used.items():
         conversion = _conversion(name, conversions)
         if isinstance(conversion, Conversion):
@@ -74,8 +75,8 @@ def sizes_text(used: Mapping[str, int], conversions: Mapping) -> str:
             how = f" as Mw = {slope:g} {name} {'-' if offset < 0 else '+'} {abs(offset):g}"
         else:
             how = "" if is_moment_type(name) else " left out"
-        told.append(f"{count} {name}{how}")
-    return ", ".join(told)
+        texts.append(f"{count} {name}{how}")
+    return ", ".join(texts)
 
 
 def _conversion(kind: str, conversions: Mapping) -> Conversion | str | None:
@@ -83,16 +84,16 @@ def _conversion(kind: str, conversions: Mapping) -> Conversion | str | None:
 
     Raises InputError where two such names state different things.
     """
-    wanted = kind.strip() or UNTYPED
+    sought = kind.strip() or UNTYPED
     stated = {normalized(name): value for name, value in conversions.items()}
-    if wanted in stated:
-        return stated[wanted]
-    alike = {name: value for name, value in stated.items() if _folded(name) == _folded(wanted)}
+    if sought in stated:
+        return stated[sought]
+    alike = {name: value for name, value in stated.items() if _folded(name) == _folded(sought)}
     first = next(iter(alike.values()), None)
     if any(value != first for value in alike.values()):
         raise InputError(
-            f"record.conversions: {' and '.join(alike)} state different things, and both may be meant by type {wanted} "
-            f"of the file; name {wanted} itself"
+            f"record.conversions: {' and '.join(alike)} state different things, and both may be meant by type {sought} "
+            f"of the file; name {sought} itself"
         )
     return first
 

@@ -126,7 +126,7 @@ def _origin(event: "Event", words: "Words") -> int | None:
 
 
 def _leave_out_rejected(event: "Event") -> None:
-    """Take rejected magnitudes and mechanisms out of an event."""
+    """Remove rejected magnitudes and mechanisms from an event."""
     event.magnitudes = [one for one in event.magnitudes if one.evaluation_status != REJECTED]
     event.focal_mechanisms = [one for one in event.focal_mechanisms if one.evaluation_status != REJECTED]
     for kind in ("magnitude", "focal_mechanism"):

@@ -194,7 +194,7 @@ def _time_of_day(parts: pd.DataFrame) -> np.ndarray:
 
 
 def _day_first(first: pd.Series, second: pd.Series, text: pd.Series, order: str | None, source: str) -> bool:
-    """Whether 01/02/2019 is the first of February: told, or found from a number that is no month."""
+    """Whether 01/02/2019 is the first of February: given, or found from a number that is no month."""
     if order is not None:
         return order == "day"
     days, months = bool((first > 12).any()), bool((second > 12).any())

@@ -1,4 +1,4 @@
-"""What matters first: how much potency is missing, and each step's modelled events beside the recorded ones."""
+"""What matters first: how much potency is missing, and each step's modelled and recorded events."""
 
 import json
 

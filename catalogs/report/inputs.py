@@ -31,7 +31,7 @@ RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
 
 @dataclass(frozen=True)
 class Excavation:
-    """One row of the config's excavations beside the grid's numbers, NaN where not known: volumes in m3; whole: share
+    """One row of the config's excavations with the grid's numbers, NaN where not known: volumes in m3; whole: share
     of its volume in cells that are mined wholly; open: share that hangs on how its surface is closed."""
 
     name: str
@@ -226,7 +226,7 @@ def _order(stage: xr.Dataset) -> tuple[bool, int]:
 
 
 def read_resources(logs, steps: set[str], absent: set[str], members: int) -> list[dict]:
-    """What each stage took, from the logs of stages below a folder: columns as in `common.costs`.
+    """What each stage cost, from the logs of stages below a folder: columns as in `common.costs`.
 
     Logs of earlier plans are left out: of other steps than these, of `absent` stages, of members beyond so many. The
     companion on larger cells is one row, and so is each member of an ensemble: the sum of its times, the largest of

@@ -67,7 +67,7 @@ def spread_rows(evidence: Evidence) -> list[dict]:
 
 
 def headline(evidence: Evidence) -> list[str]:
-    """The spread in one sentence beside the catalogue's numbers, or that there is none to tell; without events none."""
+    """The spread in one sentence next to the catalogue's numbers, or that there is none; without events none."""
     if evidence.spread is not None:
         runs = evidence.spread.sel(period=ALL_STEPS)
         _, _, least, largest = runs["potency_statistics"].values

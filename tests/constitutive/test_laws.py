@@ -13,7 +13,7 @@ from mechanics.scenes import COULOMB, FILL
 from numba import njit
 from pydantic import TypeAdapter, ValidationError
 
-from common.setting_types import SI, told
+from common.setting_types import SI, mistake_lines
 from mpm_core.constitutive import laws
 from mpm_core.constitutive.general import lane_by_lane
 from mpm_core.constitutive.laws import LAWS, any_material, can_fail, coulomb, law_of_all, rows_of_all
@@ -77,7 +77,7 @@ def test_a_material_is_that_of_its_law():
 def test_what_a_law_refuses_names_the_key(changes, line):
     with pytest.raises(ValidationError) as caught:
         TypeAdapter(any_material((coulomb, von_mises))).validate_python(VON_MISES | changes, context=SI)
-    (found,) = told(caught.value)
+    (found,) = mistake_lines(caught.value)
     assert found.startswith(line)
 
 
@@ -177,15 +177,15 @@ for law in (coulomb, mix(coulomb, von_mises)):
 def test_another_process_finds_what_was_compiled_for_each_law(tmp_path):
     """A kernel keeps which law it is for by the module's name, not by a number that differs in each process."""
     tests = Path(inspect.getfile(von_mises)).parent.parent
-    told = []
+    mistake_lines = []
     for seed in ("1", "2"):
         environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONHASHSEED": seed, "NUMBA_NUM_THREADS": "1"}
         environment["PYTHONPATH"] = os.pathsep.join([str(tests), str(tests.parent)])
         run = subprocess.run(
             [sys.executable, "-c", ASK], env=environment, capture_output=True, text=True, check=True, timeout=300
         )
-        told.append([line.split() for line in run.stdout.splitlines()])
-    first, second = told
+        mistake_lines.append([line.split() for line in run.stdout.splitlines()])
+    first, second = mistake_lines
     assert [line[1:] for line in first] == [["0", "1"], ["0", "1"]]
     assert [line[1:] for line in second] == [["1", "0"], ["1", "0"]]
     assert [line[0] for line in first] == [line[0] for line in second]

@@ -64,7 +64,7 @@ def spoken(folder, *options: str) -> list[str]:
 def test_keys_of_a_section_merge_with_those_of_the_file(tmp_path):
     """Numbers as numbers; what the file says of the section beside them stays."""
     (line,) = spoken(tmp_path, "--config", "ensemble=2", "solver={increments: 1}")
-    assert "ensemble: members differ by the parts in which they take rock out, and solver.increments is 1" in line
+    assert "ensemble: members differ by the increments in which they mine rock, and solver.increments is 1" in line
     status, text = snakemake(tmp_path / "mine.yaml", tmp_path, "-n", "--config", "ensemble=2", "solver={increments: 3}")
     assert status == 0, text
 
@@ -94,7 +94,7 @@ def test_a_working_directory_that_takes_no_files_is_one_line(tmp_path, folder):
     lines = [line for line in text.splitlines() if "Using workflow specific profile" not in line]
     assert status != 0
     assert len(lines) == 1, lines
-    assert lines[0].startswith(f"{folder}: takes no files (")
+    assert lines[0].startswith(f"{folder}: cannot be written (")
 
 
 def test_results_under_a_name_of_the_command_line_are_not_replaced(tmp_path, monkeypatch):

@@ -252,7 +252,7 @@ def test_tension_at_the_surface_alone_is_accepted(accept, refuse):
 def test_particles_that_move_need_explicit_steps(refuse):
     """The other scheme solves for particles that rest."""
     moving = {"solver.move": True, "grid.particles_per_cell": 8, "solver.scheme": "multigrid"}
-    assert refuse(TINY, **moving).startswith("solver.move: a lone particle must rest where it is; take more")
+    assert refuse(TINY, **moving).startswith("solver.move: a lone particle must rest where it is; use more")
     moving["grid.cut_cells"] = "subdivide"
     assert refuse(TINY, **moving).startswith("solver.move: particles move with scheme explicit only")
 
@@ -262,7 +262,7 @@ def test_an_ensemble_that_would_show_nothing_is_refused(refuse):
     undated = {"steps": TINY["steps"][:1], "excavations.1.step": "planned", "ensemble": 2}
     assert refuse(TINY, **undated).startswith("ensemble: no step has dates")
     assert refuse(TINY, ensemble=2, **{"materials.host": FILL}).startswith("ensemble: no rock can fail")
-    assert refuse(TINY, ensemble=2, **{"solver.increments": 1}).startswith("ensemble: members differ by the parts")
+    assert refuse(TINY, ensemble=2, **{"solver.increments": 1}).startswith("ensemble: members differ by the increments")
 
 
 def test_an_ensemble_leaves_every_slice_of_the_mine_as_it_was(accept):

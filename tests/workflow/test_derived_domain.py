@@ -300,7 +300,7 @@ def test_the_cells_of_a_derived_domain_leave_a_preset_its_level(accept, refuse):
         assert finest["fine"] == pytest.approx(0.5 * finest["standard"])
     line = refuse(free(TINY, accuracy="draft", **{"grid.levels": 1}))
     assert line.startswith(
-        "accuracy: draft: leaves out the finest cells, but all cells are of 2.5 m; take grid.levels: 2"
+        "accuracy: draft: leaves out the finest cells, but all cells are of 2.5 m; use grid.levels: 2"
     )
 
 

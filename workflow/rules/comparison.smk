@@ -77,7 +77,7 @@ rule quakeml:
 
 
 rule compare:
-    """Modelled beside recorded events: location, size, axes, each with a number and its interval."""
+    """Modelled compared with recorded events: location, size, axes, each with a number and its interval."""
     input:
         STAGES.inputs_of(
             "catalogs compare",
@@ -140,7 +140,7 @@ rule spread:
 
 
 rule grid_convergence:
-    """How far cells decide the numbers: the mine's run beside the same on cells of twice the size."""
+    """How far cells decide the numbers: the mine's run compared with that on cells of twice the size."""
     input:
         STAGES.inputs_of(
             "catalogs grid_convergence",

@@ -24,7 +24,8 @@ rule elastic:
 rule mining_step:
     """Equilibrium of rock that fails after one mining step, from the state of the step before.
 
-    Before the events of steps that are done: those take one core, so that steps on all cores would wait beside an idle one.
+    Before the events of steps that are done: those take one core, so that steps on all cores would wait next to an idle
+    one.
     """
     input:
         STAGES.inputs_of(
