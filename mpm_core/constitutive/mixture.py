@@ -1,6 +1,6 @@
 """Two laws in one scene, as one law: each row says first which of the two it is of.
 
-So whoever asks for a law need not know how many a scene has, particles keep their order, and what comes out depends
+So the code that uses a law need not know how many a scene has, particles keep their order, and what comes out depends
 neither on threads nor on which laws others have.
 """
 

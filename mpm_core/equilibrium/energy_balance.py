@@ -12,10 +12,10 @@ motion but for that, on every way
     work         = stored                   + hourglass   + flow      + motion + unbalanced
     M = r_a . du / 2 - sum V (d - (s_a + s_b) : p / 2),    R = r_b . du / 2
 
-where [] is the change from a to b. M + R is the path integral of r: what forces do beyond what rock takes up. It ends
-as waves and heat. R is the part of it that forces do which are still unbalanced at b, where rock is taken as resting:
-zero in perfect equilibrium, and in proportion to the tolerance of the relaxation. Between two generations of failure
-that is solver.cascade_tolerance, and R the error of motion by it. So nothing but round-off is left over.
+where [] is the change from a to b. M + R is the path integral of r: what forces do beyond what rock absorbs. It ends
+as waves and heat. R is the part of it that forces do which are still unbalanced at b, where rock counts as in
+equilibrium: zero in perfect equilibrium, and in proportion to the tolerance of the relaxation. Between two generations
+of failure that is solver.cascade_tolerance, and R the error of motion by it. So nothing but round-off is left over.
 
 An excavation whose support is ramped down in n increments sets 1 / n in motion of what it does at once (Salamon 1984,
 J. South. Afr. Inst. Min. Metall. 84, 233). A boundary that is strained moves slowly: the mean of its forces at both

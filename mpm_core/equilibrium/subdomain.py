@@ -18,7 +18,7 @@ from mpm_core.kernels.nodal_operations import mark_nodes
 from mpm_core.model.model import Model
 from mpm_core.model.occupancy import Changes
 from mpm_core.model.particles import Particles
-from mpm_core.model.state import State, give_back, take
+from mpm_core.model.state import State, copy_from_part, copy_to_part
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Part:
 
     def give_back(self, state: State) -> None:
         """Write what has changed into the state of the whole mine."""
-        give_back(self.state, state, {"particle": self.particles, "node": self.nodes, "cell": self.cells})
+        copy_from_part(self.state, state, {"particle": self.particles, "node": self.nodes, "cell": self.cells})
 
 
 def cut_out(
@@ -77,7 +77,7 @@ def cut_out(
         severed=model.severed[:0],
     )
     own = part.virgin_state()
-    take(state, own, {"particle": indices, "node": nodes, "cell": cells})
+    copy_to_part(state, own, {"particle": indices, "node": nodes, "cell": cells})
     failed_before = own.failed >= 0
     failed_before[np.searchsorted(indices, fresh)] = False
     logging.info("in a part of %d cells", len(cells))

@@ -78,9 +78,9 @@ class Cubes:
         place = (failed >> self.halvings) - self.lower
         flat, cube = np.unique(np.ravel_multi_index(tuple(place.T), self.shape), return_inverse=True)
         places = np.stack(np.unravel_index(flat, self.shape), axis=1)
-        taken = np.zeros(np.ptp(places, axis=0) + 1, bool)
-        taken[tuple((places - places.min(axis=0)).T)] = True
-        labels, patches = ndimage.label(taken, np.ones((3,) * taken.ndim))
+        occupied = np.zeros(np.ptp(places, axis=0) + 1, bool)
+        occupied[tuple((places - places.min(axis=0)).T)] = True
+        labels, patches = ndimage.label(occupied, np.ones((3,) * occupied.ndim))
         patch = labels[tuple((places - places.min(axis=0)).T)] - 1
         every = np.arange(patches)
         widths = [

@@ -142,7 +142,7 @@ def read_origin(dataset: xr.Dataset) -> tuple[np.ndarray, float]:
 
 
 def read_pieces(dataset: xr.Dataset) -> FinestPieces:
-    """What excavations take of finest cells, from the dataset of grid.nc."""
+    """What excavations remove of finest cells, from the dataset of grid.nc."""
     return FinestPieces(_index(dataset, "piece_origin"), dataset.piece_excavation.values, dataset.piece_samples.values)
 
 

@@ -35,8 +35,8 @@ def write_vtu(
 ) -> None:
     """Write cells with the mean of their rock's fields and the step of its failure, and nodal displacement, as VTU.
 
-    fraction_of_<material>: share of a cell that this rock or fill takes; material: number, in the order of these
-    arrays, of the one that takes most, -1 where nothing is. Principal stresses count from the most compressive (1: the
+    fraction_of_<material>: share of a cell that this rock or fill has; material: number, in the order of these
+    arrays, of the one that has most, -1 where nothing is. Principal stresses count from the most compressive (1: the
     most negative) to the least (3), each with its direction.
     """
     cells = len(grid.cell_level)
@@ -82,7 +82,7 @@ def write_vtu(
 
 
 def main_excavation(pieces: FinestPieces, grid: MultiLevelGrid) -> np.ndarray:
-    """Excavation, mined or planned, that takes most of each cell: (cell,) int32, -1 none; the first of equal ones.
+    """Excavation, mined or planned, that has most of each cell: (cell,) int32, -1 none; the first of equal ones.
 
     A coarse cell is that of the part in it that is taken most.
     """

@@ -13,20 +13,20 @@ Part = TypeVar("Part")
 Mesh = tuple[np.ndarray, np.ndarray]  # vertices (v, 3), triangles (f, 3)
 
 
-def choose(parts: dict[str, list[Part]], wanted: str | None, what: str) -> list[Part]:
-    """The parts of the layer or element wanted, "*" standing for any text; of the only one, if none is named.
+def choose(parts: dict[str, list[Part]], named: str | None, what: str) -> list[Part]:
+    """The parts of the layer or element `named`, "*" standing for any text; of the only one, if none is named.
 
     Raises InputError otherwise.
     """
     if not parts:
         raise InputError("holds no triangulated surface: export the solid as one")
-    if wanted is None and len(parts) > 1:
+    if named is None and len(parts) > 1:
         raise InputError(f'has {len(parts)} {what}s: name one by `{what}`, or "{ALL_NAMES}" for all: {_shown(parts)}')
-    if wanted in parts:
-        return parts[wanted]
-    found = [part for name, some in parts.items() if wanted is None or fnmatchcase(name, wanted) for part in some]
+    if named in parts:
+        return parts[named]
+    found = [part for name, some in parts.items() if named is None or fnmatchcase(name, named) for part in some]
     if not found:
-        raise InputError(f"{what} {wanted!r} is not one of {_shown(parts)}")
+        raise InputError(f"{what} {named!r} is not one of {_shown(parts)}")
     return found
 
 

@@ -50,24 +50,24 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
     smoothed: Counter[str] = Counter()
     for kind, on_layer, entity in entities:
         found: tuple[Any, list] | None = None
-        wanted = layer is None or ALL_NAMES in layer or on_layer == layer
+        is_picked = layer is None or ALL_NAMES in layer or on_layer == layer
         if kind == "3DFACE":
             corners = entity.wcs_vertices()
             found = corners, [range(len(corners))]
         elif kind == "MESH":
             builder = MeshBuilder.from_mesh(entity)
             found = builder.vertices, builder.faces
-            smoothed[on_layer] += wanted and entity.dxf.get("subdivision_levels", 0) > 0
+            smoothed[on_layer] += is_picked and entity.dxf.get("subdivision_levels", 0) > 0
         elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
             builder = MeshBuilder.from_polyface(entity)
             found = builder.vertices, builder.faces
         elif kind in OUTLINE_ENTITIES:
-            outlines += wanted and _is_closed(entity)
+            outlines += is_picked and _is_closed(entity)
         elif kind in ACIS_ENTITIES | FLAT_ENTITIES:
-            others[kind] += wanted
+            others[kind] += is_picked
         if found is not None:
             on_it = faces.setdefault(on_layer, [])
-            if wanted:
+            if is_picked:
                 on_it.append((np.array([tuple(v) for v in found[0]], dtype=np.float64), triangles(found[1])))
     others = +others
     if not faces:
@@ -79,7 +79,7 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
     for on_layer in faces:
         if smoothed[on_layer]:
             logging.warning(
-                "%s: layer %s: %d MESH are shown smooth (subdivision levels); their cages are taken, which reach "
+                "%s: layer %s: %d MESH are shown smooth (subdivision levels); their cages are used, which reach "
                 "further out: export the smoothed mesh if that is meant",
                 path, on_layer, smoothed[on_layer],
             )  # fmt: skip
@@ -94,14 +94,14 @@ def _without_hidden(path: Path, parts: dict[str, Part], layer: str | None, hidde
         return parts
     named = ", ".join(f"{name} ({how})" for name, how in here.items())
     if layer in here or len(parts) == 1:
-        logging.warning("%s: layer %s in the drawing; taken all the same", path, named)
+        logging.warning("%s: layer %s in the drawing; used all the same", path, named)
         return parts
     if layer is None:
-        return parts  # one is asked for by name
-    logging.warning("%s: layers hidden in the drawing: %s; left out: name one to take it", path, named)
+        return parts  # one is named
+    logging.warning("%s: layers hidden in the drawing: %s; left out: name one to use it", path, named)
     left = {name: part for name, part in parts.items() if name not in here}
     if not any(fnmatchcase(name, layer) for name in left):
-        raise InputError(f"layer {layer!r}: fits hidden layers only, {named}: name one to take it, or thaw it")
+        raise InputError(f"layer {layer!r}: fits hidden layers only, {named}: name one to use it, or thaw it")
     return left
 
 

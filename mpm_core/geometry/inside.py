@@ -1,8 +1,8 @@
-"""Inside, outside, crossed, and how much of a cell: the questions the grid asks of a solid.
+"""Inside, outside, crossed, and how much of a cell: what the grid needs of a solid.
 
 Inside is where the generalised winding number W exceeds 1/2 in size. So an inverted solid has the same inside
 (W = -1), facets repeated or solids overlapping change nothing (W = 2), and a hole is closed by the surface where W
-is 1/2. Patches that look outward beside patches that look inward cancel: orientation.py turns or refuses them.
+is 1/2. Patches that look outward next to patches that look inward cancel: orientation.py turns or refuses them.
 A point outside the bounding box is outside. For `Outside`, what a solid leaves of a box, every answer is reversed.
 """
 

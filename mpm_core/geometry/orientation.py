@@ -3,7 +3,8 @@
 Neighbours over an edge that two triangles share agree if they pass it opposite ways. Where some do not, each patch of
 such neighbours is turned to agree (libigl), the way that most of its area looks in the file. A surface that agrees
 with itself is left as it is, inverted or not: an inverted shell inside another one is a cavity. A shell that is
-inverted and reaches out of what it lies in cannot be one, and is turned. What cannot be told is refused.
+inverted and reaches out of what it lies in cannot be one, and is turned. Where this cannot be decided, the surface is
+refused.
 """
 
 import igl
@@ -80,7 +81,7 @@ def _turn_patches(vertices: np.ndarray, facets: np.ndarray) -> np.ndarray:
             if (within | around | (beside & has_border[one])).sum() > 1:  # alone it may look either way
                 raise InputError(
                     f"{np.minimum(share, 1 - share)[one]:.0%} of a body's surface look the other way, and whether that "
-                    f"body is rock or a hole in the one around it cannot be told: {SURFACE_REMEDY}"
+                    f"body is rock or a hole in the one around it cannot be decided: {SURFACE_REMEDY}"
                 )
     return agreeing
 

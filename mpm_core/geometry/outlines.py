@@ -1,8 +1,8 @@
 """Closed lines in plan: one must not cross itself; of several, which are outlines, which holes in them. Plain arrays.
 
-All lines are cut where they meet. Beside the middle of each piece, on either side, the winding numbers of all lines are
-looked at. A line that does not cross itself has 0 and one other number, 1 or -1, wherever one looks. Of two lines, one
-lies within the other, or they lie beside each other, or places within both, within the first alone and within the
+All lines are cut where they meet. On either side of the middle of each piece, the winding numbers of all lines are
+computed. A line that does not cross itself has 0 and one other number, 1 or -1, everywhere. Of two lines, one
+lies within the other, or they lie next to each other, or places within both, within the first alone and within the
 second alone are all found: then they overlap.
 """
 

@@ -55,7 +55,7 @@ class Picked:
                 f"is drawn in a unit that no mine is drawn in: say `units`, one of {', '.join(METRES_PER_UNIT)}"
             )
         if self.units and own_unit and not np.isclose(unit, own_unit, rtol=1e-9):
-            logging.warning("the file says that its unit is %g m; taken as %s", own_unit, self.units)
+            logging.warning("the file says that its unit is %g m; read as %s", own_unit, self.units)
         return vertices * (unit * self.scale) + np.asarray(self.offset, dtype=np.float64)
 
 
@@ -110,7 +110,7 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
         )
         if solid.open_share > MAX_OPEN_SHARE_ACCEPTED:
             raise InputError(f"{said}; more than {100 * MAX_OPEN_SHARE_ACCEPTED:.0f} % is no volume: {SURFACE_REMEDY}")
-        logging.warning("%s; %.4g m3 are taken: %s", said, solid.volume, SURFACE_REMEDY)
+        logging.warning("%s; %.4g m3 are used: %s", said, solid.volume, SURFACE_REMEDY)
     return solid
 
 
@@ -123,7 +123,7 @@ def read_outlines(path: str | Path, name: str, picked: Picked, height: float | N
 
     path = Path(path)
     if path.suffix.lower() != ".dxf" or picked.element:
-        raise InputError(f"{path}: {name}: a prism takes its outline from a DXF polyline, by `layer`: export it as DXF")
+        raise InputError(f"{path}: {name}: a prism reads its outline from a DXF polyline, by `layer`: export it as DXF")
     lines, own_unit = _read(path, name, lambda: dxf.read_outlines(path, picked.layer))
     try:
         found = choose(lines, picked.layer, "layer")

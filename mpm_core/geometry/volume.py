@@ -4,7 +4,7 @@ A closed surface has it by Gauss's theorem, if no part overlaps another: W is wh
 sum over the facets. Where W is neither 0 nor 1 (overlaps, bodies that look different ways) what that sum has wrong is
 added up over cells; elsewhere this is exactly zero. An open surface has no such sum, and all is added up over cells.
 Cells are halved where the surface passes, or where it is open and W is near 1/2, until there are some thousand of
-them; of those the last, 64 points are asked. What all lies on the surface of its convex hull, as boxes and most prisms
+them; of those the last, 64 points are tested. What all lies on the surface of its convex hull, as boxes and most prisms
 do, has one W within it, and nothing to be added up. Plain arrays; lengths in m from a local origin.
 """
 

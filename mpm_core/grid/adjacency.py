@@ -16,11 +16,11 @@ def face_neighbors(grid: MultiLevelGrid, of: np.ndarray | None = None) -> tuple[
     Needs the 2:1 balance and the Morton order of the grid.
     """
     width = grid.cell_width
-    asked = np.full(len(width), of is None)
-    asked[[] if of is None else of] = True
+    chosen = np.full(len(width), of is None)
+    chosen[[] if of is None else of] = True
     tree = leaf_lookup(grid)
     across = np.empty((len(width), 2 * grid.dimension), dtype=np.int32)
-    _cells_across(asked, grid.cell_index, width, *tree, across)
+    _cells_across(chosen, grid.cell_index, width, *tree, across)
     indptr = np.zeros(len(width) + 1, dtype=np.int64)
     _count_neighbors(width, across, indptr[1:])
     np.cumsum(indptr, out=indptr)
@@ -113,11 +113,11 @@ def _find_cells(places, code, halvings, base_shape, first, count, found):
 
 
 @njit(parallel=True, cache=True)
-def _cells_across(asked, cell_index, width, code, halvings, base_shape, first, count, across):
-    """The leaf across each face of the cells asked for, next to the face's lowest corner: across (cell, 2 d) int32,
+def _cells_across(chosen, cell_index, width, code, halvings, base_shape, first, count, across):
+    """The leaf across each face of the chosen cells, next to the face's lowest corner: across (cell, 2 d) int32,
     written; NO_CELL outside, and for other cells."""
     for cell in prange(len(cell_index)):
-        if not asked[cell]:
+        if not chosen[cell]:
             across[cell] = NO_CELL
             continue
         place = cell_index[cell].copy()

@@ -1,4 +1,4 @@
-"""Build the grid of a scene, after saying what it will take."""
+"""Build the grid of a scene, after saying how much memory it needs."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -49,7 +49,7 @@ def _count(marks: SplitMarks) -> GridCount:
 
 
 def estimate_memory(cells: int, nodes: int, dimension: int = 3) -> GridMemory:
-    """Bytes that a grid of so many cells and nodes takes, and the most that numbering its nodes takes beside them.
+    """Bytes that a grid of so many cells and nodes takes, and the most that numbering its nodes takes in addition.
 
     Split marks come on top (see mpm_core.grid.domain.marks_memory), but are gone when nodes are numbered.
     """
@@ -72,7 +72,7 @@ def build_grid(
     """The multi-level grid of a scene.
 
     origin (d,) m, lower corner of the domain; coarse_cell m, edge of a base cell; the rest as in
-    :func:`~mpm_core.grid.octree.mark_splits`. ``before_allocation`` is told the exact numbers of cells and nodes
+    :func:`~mpm_core.grid.octree.mark_splits`. ``before_allocation`` receives the exact numbers of cells and nodes
     before they are made: it may announce them, or raise. Raises InputError if the machine has too little memory for
     the grid, ValueError for arguments out of range.
     """

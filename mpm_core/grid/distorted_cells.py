@@ -122,7 +122,7 @@ def distorted_cells(grid: MultiLevelGrid, place: np.ndarray, shift: np.ndarray) 
 
 
 def points_with_volume(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points at which cells with corners (k, 2^d, d) are asked what they hold, 2^d in each sample: places
+    """Points at which cells with corners (k, 2^d, d) are tested for what they hold, 2^d in each sample: places
     (k, 64, 2^d, d), in the corners' units, and the volumes (k, 64, 2^d) that they stand for, in cubes."""
     points = points_of_samples(corners.shape[2])
     bits = corner_offsets(corners.shape[2])

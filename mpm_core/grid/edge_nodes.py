@@ -52,7 +52,7 @@ class EdgeNodes:
 
 
 class Wishes(NamedTuple):
-    """Nodes that may move, in the order in which they are asked: place (n, d), and where each would go, goal (n, d), in
+    """Nodes that may move, in the order in which they are tried: place (n, d), and where each would go, goal (n, d), in
     finest cells from the origin; batch (n,): corners and edges of one excavation after another."""
 
     place: np.ndarray
@@ -63,7 +63,7 @@ class Wishes(NamedTuple):
 def choose_edge_nodes(
     solids: list[Solid | Outside], origin: np.ndarray, fine_cell: float, shape: np.ndarray
 ) -> EdgeNodes:
-    """The nodes that edges of these excavations ask for; shape (d,) finest cells of the domain.
+    """The nodes that edges of these excavations need; shape (d,) finest cells of the domain.
 
     Corners come first, then edges, the nearest node first. A node moves once, no two go to one place, and no cell gets
     smaller than MIN_VOLUME_RATIO; if it would, the node goes a part of the way.
@@ -96,9 +96,9 @@ def _wishes(solids: list[Solid | Outside], origin: np.ndarray, fine_cell: float,
     for solid in solids:
         edges = sharp_edges(solid.solid if isinstance(solid, Outside) else solid)
         corners, segments = ((points - origin) / fine_cell for points in (edges.corners, edges.segments))
-        for wanted in (np.repeat(corners[:, None], 2, axis=1), segments):
-            wanted = wanted[_is_edge(solid, wanted.mean(axis=1), origin, fine_cell)]
-            place, goal = _nearest_goals(wanted, shape)
+        for pairs in (np.repeat(corners[:, None], 2, axis=1), segments):
+            pairs = pairs[_is_edge(solid, pairs.mean(axis=1), origin, fine_cell)]
+            place, goal = _nearest_goals(pairs, shape)
             place, goal = _inside(solid, place, goal, origin, fine_cell)
             order = np.lexsort((*place.T, np.round(np.linalg.norm(goal - place, axis=1), 9)))
             places.append(place[order])

@@ -1,7 +1,7 @@
 """Number the corners of the leaves and find the hanging ones with their parents (paper 2.2.1).
 
 Cells come in Morton order, so an aligned block of space is one run of cells. Within a block a small dense table knows
-every node; a hash table is asked only for nodes on a block's surface, which neighbouring blocks share. That keeps
+every node; a hash table is searched only for nodes on a block's surface, which neighbouring blocks share. That keeps
 nearly all look-ups in the processor's cache.
 """
 

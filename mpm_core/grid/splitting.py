@@ -1,6 +1,6 @@
 """Cells of a grid split to the finest size at given places, with the rings and the 2:1 balance that they need.
 
-What a place asks for depends on the place alone, and the grid that follows is the union of what all places ask for and
+What a place needs depends on the place alone, and the grid that follows is the union of what all places need and
 of what was split before: splits in any order, at once or one by one, make the same grid.
 """
 
@@ -22,8 +22,8 @@ def middles(grid: MultiLevelGrid, cells: np.ndarray) -> np.ndarray:
     width = grid.cell_width[cells]
     large = cells[width > 2]
     centre = (grid.cell_index[large] + (width[width > 2] >> 1)[:, None]) >> 1
-    beside = (centre[:, None, :] + all_cells((2,) * grid.dimension) - 1).reshape(-1, grid.dimension)
-    return np.unique(np.concatenate([families(grid, cells[width == 2]), beside]), axis=0)
+    around_centre = (centre[:, None, :] + all_cells((2,) * grid.dimension) - 1).reshape(-1, grid.dimension)
+    return np.unique(np.concatenate([families(grid, cells[width == 2]), around_centre]), axis=0)
 
 
 def family_codes(grid: MultiLevelGrid) -> np.ndarray:
@@ -61,14 +61,14 @@ def split(grid: MultiLevelGrid, places: np.ndarray, rings: int, grading: int) ->
     Returns the grid itself where nothing is to be split.
     """
     finest = grid.levels - 1
-    wanted = {}
+    requested = {}
     index = places
     for level in range(finest - 1, -1, -1):
         shape = grid.shape >> finest - level
         index = around(index, rings if level == finest - 1 else max(grading, 1), shape)
-        wanted[level] = code_of(index, shape)
+        requested[level] = code_of(index, shape)
         index = _once(index >> 1, shape >> 1) if level else index
-    fresh = {level: _not_split(grid, level, codes) for level, codes in wanted.items()}
+    fresh = {level: _not_split(grid, level, codes) for level, codes in requested.items()}
     if not any(len(codes) for codes in fresh.values()):
         return grid
     keep = np.ones(len(grid.cell_level), bool)

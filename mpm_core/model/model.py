@@ -66,10 +66,10 @@ class Model:
 
     @cached_property
     def hourglass_patterns(self) -> np.ndarray:
-        """Modal sums that each hourglass pattern of the distorted cells takes: (k, 2^d - 1 - d, 2^d).
+        """Modal sums of each hourglass pattern of the distorted cells: (k, 2^d - 1 - d, 2^d).
 
-        In a cube they are the higher modes. In a distorted cell a uniform strain has a part in those, which is taken
-        off by the mean gradient of the whole cell (Flanagan and Belytschko 1981): whatever of it is mined, the patterns
+        In a cube they are the higher modes. In a distorted cell a uniform strain has a part in those, which is removed
+        by the mean gradient of the whole cell (Flanagan and Belytschko 1981): whatever of it is mined, the patterns
         stay, and so do the forces that they have built up.
         """
         corners, distorted = 1 << self.dimension, self.particles.distorted
@@ -127,8 +127,8 @@ class Model:
         """Volume in which each particle bears stress once `step` is mined and filled, (particle,).
 
         It is that of its material, but for `cut_cells: mean`: fill that shares a cell with stiffer rock would share its
-        strain, and hold failed rock, which dilates, like a jacket. It weighs, but bears nothing where a cell beside it
-        is filled wholly. In an opening so narrow that none is, it bears its share.
+        strain, and hold failed rock, which dilates, like a jacket. It weighs, but bears nothing where a cell next to
+        it is filled wholly. In an opening so narrow that none is, it bears its share.
         """
         volume = self.material_volumes(step)
         if self.scene.cut_cells == "mean" and not self.particles.is_rock.all():
@@ -136,8 +136,8 @@ class Model:
         return volume
 
     def _is_jacket(self, step: int) -> np.ndarray:
-        """Fill (particle,) bool that shares its cell with stiffer rock, where a cell filled wholly was beside it when
-        it was placed: fill that is placed or mined later takes no load off it."""
+        """Fill (particle,) bool that shares its cell with stiffer rock, where a cell filled wholly was next to it
+        when it was placed: fill that is placed or mined later does not unload it."""
         particles, cells = self.particles, len(self.cell_nodes)
         rock = self.changes.rock_samples(cells, step)
         shear = self.elastic_constants[particles.material, 1]
@@ -181,8 +181,8 @@ class Model:
         """Rigid motions that fixed and roller faces leave to rock and fill of these volumes (particle,)."""
         present = np.zeros(len(self.cell_nodes), bool)
         present[self.particles.cell[volume > 0.0]] = True
-        touched, beside = np.zeros((2, len(self.held)), bool)
-        mark_nodes(self.cell_nodes, present, touched, beside)
+        touched, shared = np.zeros((2, len(self.held)), bool)
+        mark_nodes(self.cell_nodes, present, touched, shared)
         nodes = np.flatnonzero(touched & self.held.any(axis=1))
         if not len(nodes):
             nodes = np.flatnonzero(touched)

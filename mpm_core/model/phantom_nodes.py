@@ -7,10 +7,10 @@ says nothing of the other's (Hansbo and Hansbo 2004, Comput. Methods Appl. Mech.
 Belytschko 2006, Int. J. Numer. Methods Eng. 67, 868). Kernels see a cell with other nodes, and no more.
 
 Parts hang together if solid samples face each other across a face that their cells share. Slivers of one curved wall
-may not: more nodes than need be do no harm, and as the rule asks for the cells around the node alone, a part of the
-mine has the nodes that the mine has. What was apart once stays apart, since its nodes may have moved apart: fill that
-is placed between such walls later moves with either of them, and does not hold them. A cell has one set of nodes, so
-rock on both sides of an opening within one cell stays tied.
+need not: more nodes than necessary do no harm. Since the rule depends on the cells around the node alone, a part of
+the mine has the nodes that the mine has. What was apart once stays apart, since its nodes may have moved apart: fill
+that is placed between such walls later moves with either of them, and does not hold them. A cell has one set of nodes,
+so rock on both sides of an opening within one cell stays tied.
 """
 
 from dataclasses import replace

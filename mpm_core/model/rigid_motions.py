@@ -1,4 +1,4 @@
-"""Rigid motions of a body: which of them held components leave free, taking them out, whether forces drive them.
+"""Rigid motions of a body: which of them held components leave free, how to remove them, whether forces drive them.
 
 In d dimensions there are d translations and d (d - 1) / 2 rotations. Those left free are the combinations that vanish
 wherever something is held: the null space of the motions at the held components.
@@ -46,7 +46,7 @@ class RigidMotions:
         return np.einsum("km,mpi->kpi", self.shares, units)  # no threaded BLAS: bits must not depend on threads
 
     def remove_from(self, motion: np.ndarray, position: np.ndarray, mass: np.ndarray) -> None:
-        """Take the best of them, weighted by mass (point,), out of a motion (point, d) at positions, in place.
+        """Remove the best of them, weighted by mass (point,), from a motion (point, d) at positions, in place.
 
         Points without mass keep theirs: they move with others, or not at all.
         """

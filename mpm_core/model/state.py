@@ -1,7 +1,7 @@
 """What mining changes: the arrays of a state, declared once.
 
 The declaration makes a virgin state, says what a checkpoint keeps (stages/checkpoint.py) and what a part of the mine
-takes and gives back (equilibrium/subdomain.py), and names, measures and describes each array in the files
+copies and copies back (equilibrium/subdomain.py), and names, measures and describes each array in the files
 (files/field_table.py, files/state_datasets.py). Another array is one more line here, and one in files/state_datasets.py
 if its file holds something else than the array.
 """
@@ -26,7 +26,7 @@ class Extent(Enum):
 
     ALL = auto()
     FAILED = auto()
-    """where rock has failed; elsewhere zeros, that take no memory until they are written"""
+    """where rock has failed; elsewhere zeros, which need no memory until they are written"""
     NONE = auto()
     """nowhere, unless particles move: such stages have neither checkpoints nor parts"""
 
@@ -35,8 +35,8 @@ class Extent(Enum):
 class Array:
     """One array of a state: the variable of the files that it becomes (a vector has three components there, d here).
 
-    start: its value in virgin rock, None: the array of that name of the model's particles. of_stage: it begins anew
-    with every stage. stored: whether the files have it.
+    start: its value in virgin rock, None: the array of that name of the model's particles. of_stage: it starts from
+    zero in every stage. stored: whether the files have it.
     """
 
     field: Field
@@ -168,14 +168,14 @@ def changed_in(extent: Extent) -> tuple[str, ...]:
     return tuple(name for name, array in ARRAYS.items() if array.changes is extent)
 
 
-def take(state: State, own: State, places: dict[str, np.ndarray]) -> None:
+def copy_to_part(state: State, own: State, places: dict[str, np.ndarray]) -> None:
     """Fill the state of a part of a mine; places: what cells, nodes and particles of the whole it has, by dimension."""
     for name, array in ARRAYS.items():
         if array.dims[0] in places and array.start is not None:
             setattr(own, name, getattr(state, name)[places[array.dims[0]]])
 
 
-def give_back(own: State, state: State, places: dict[str, np.ndarray]) -> None:
+def copy_from_part(own: State, state: State, places: dict[str, np.ndarray]) -> None:
     """Write what has changed in a part of a mine into the state of the whole; its energy is added to that."""
     state.energy += own.energy
     failed = np.flatnonzero(own.failed >= 0)

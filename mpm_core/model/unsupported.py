@@ -1,14 +1,16 @@
-"""Loose rock and fill: pieces that hang together through faces and that nothing holds. They fall, as if excavated.
+"""Unsupported rock and fill: pieces that hang together through faces and that nothing holds. They fall, as if
+excavated.
 
 Pieces are found on the samples of cells (occupancy.py), a quarter of a finest cell wide in 3-D, an eighth in 2-D: two
 cells hang together where material meets at their common face, not where a void thinner than a cell runs along it, nor
 at an edge or a corner only, about which a block would turn. Strength has no part in it: failed rock hangs together too.
 
 A piece is held where fixed and roller faces leave it no rigid motion. Where that is so of none, the largest of those to
-which they leave the fewest is the model (a body in space, a scene of tractions). All others are loose. Crumbs of less
-than a finest cell stay if each of their cells has held material, too: they are that cell's own, no finer is resolved.
+which they leave the fewest is the model (a body in space, a scene of tractions). All others are unsupported. Crumbs of
+less than a finest cell stay if each of their cells has held material, too: they are that cell's own, no finer is
+resolved.
 
-Base cells full of material are taken as a whole, so that what this costs depends on the cells around excavations.
+Base cells full of material count as a whole, so that what this costs depends on the cells around excavations.
 """
 
 import logging
@@ -184,7 +186,7 @@ def _motions_left(grid: MultiLevelGrid, faces: dict[tuple[int, int], list[int]],
 def find_unsupported(
     grid: MultiLevelGrid, solid: np.ndarray, faces: dict[tuple[int, int], list[int]], step: int
 ) -> Unsupported:
-    """Loose pieces in cells whose samples `solid` (cell,) uint64 are rock or fill after a step, largest first.
+    """Unsupported pieces in cells whose samples `solid` (cell,) uint64 are rock or fill after a step, largest first.
 
     faces: the components (of the computation's axes) that a face of the domain holds, by its axis and side.
     """
@@ -205,11 +207,11 @@ def find_unsupported(
     with_held = np.zeros(len(solid), bool)
     with_held[cell[held[piece]]] = True
     alone = np.bincount(piece, ~with_held[cell]) > 0
-    loose = ~held & (alone | (size >= grid.fine_cell**grid.dimension))
+    unsupported = ~held & (alone | (size >= grid.fine_cell**grid.dimension))
     rank = np.empty(len(size), np.int64)
     rank[np.lexsort((np.arange(len(size)), -size))] = np.arange(len(size))
-    _, rank[loose] = np.unique(rank[loose], return_inverse=True)
-    chosen = np.flatnonzero(loose[piece])
+    _, rank[unsupported] = np.unique(rank[unsupported], return_inverse=True)
+    chosen = np.flatnonzero(unsupported[piece])
     chosen = chosen[np.lexsort((cell[chosen], rank[piece[chosen]]))]
     return Unsupported(
         cell[chosen].astype(np.int32), samples[chosen], np.full(len(chosen), step, np.int32),
@@ -220,7 +222,7 @@ def find_unsupported(
 def describe_unsupported(
     grid: MultiLevelGrid, unsupported: Unsupported, step: int, thickness: float, axes: tuple[int, ...]
 ) -> dict:
-    """Facts of the pieces that have come loose in a step: how many, volume m3, and where the largest is."""
+    """Facts of the pieces that a step leaves unsupported: how many, volume m3, and where the largest is."""
     now = np.flatnonzero(unsupported.step == step)
     if not len(now):
         return {"loose_pieces": 0, "loose_volume": 0.0, "loose_where": ""}
@@ -231,11 +233,12 @@ def describe_unsupported(
     names = ", ".join("xyz"[axis] for axis in axes)
     places = [f"({names}) = ({', '.join(f'{value:.1f}' for value in place)}) m" for place in center[:MAX_PIECES_LOGGED]]
     for volume_of, place in zip(size * thickness, places, strict=False):
-        logging.info("loose: %.3g m3 at %s", volume_of, place)
+        logging.info("unsupported: %.3g m3 at %s", volume_of, place)
     where = f"largest {size[0] * thickness:.3g} m3 at {places[0]}"
     logging.warning(
-        "loose rock or fill: %d pieces, %.3g m3, %s, taken as excavated", len(size), size.sum() * thickness, where
-    )
+        "unsupported rock or fill: %d pieces, %.3g m3, %s, counted as excavated",
+        len(size), size.sum() * thickness, where,
+    )  # fmt: skip
     return {
         "loose_pieces": len(size),
         "loose_volume": float(size.sum() * thickness),

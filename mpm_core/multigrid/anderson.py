@@ -1,6 +1,6 @@
 """Anderson acceleration (Walker and Ni 2011): the next step from the residuals of the last few.
 
-Of the latest displacements, the combination is taken whose residual r would be the smallest if the residual were linear
+Of the latest displacements, the combination is used whose residual r would be the smallest if the residual were linear
 in between, measured by r . M r with the preconditioner M: about twice the elastic energy of the displacement that is
 still missing. (The 2-norm of r would count stiff cells most.) On a
 linear symmetric problem that is preconditioned MINRES, restarted. Differences, and M r, are kept in single precision.
@@ -81,7 +81,7 @@ class Anderson:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Forget all earlier iterations."""
         self.count = 0
 
     def next_step(

@@ -168,7 +168,7 @@ class Cycle:
         self._go_on(level, following)
 
     def _go_on(self, level: Level, steps) -> None:
-        """Take the latest step out of the residual, then make these steps of the smoother."""
+        """Subtract the latest step from the residual, then make these steps of the smoother."""
         for keep, factor in steps:
             level.operator.apply(level.step, level.change)
             smooth_next(

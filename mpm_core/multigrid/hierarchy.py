@@ -6,8 +6,8 @@ parts. Hence s of a merged cell is (1 + s) / 4, and of its parts' hourglass stif
 
 A void one cell thick leaves half of a coarse cell, a quarter of the next: rock on both sides of it would be tied
 together, the more the coarser the grid, and its closure left to the fine grids. So a coarse cell there loses more
-stiffness than its void part, and nodes beside voids move with their rock (transfer.py). Both are needed for a number of
-iterations that does not grow with the length of a slot.
+stiffness than its void part, and nodes next to voids move with their rock (transfer.py). Both are needed for a number
+of iterations that does not grow with the length of a slot.
 
 The base grid halved may reach past the domain. A free face is then a void in the coarse cell. A held face lies within
 the cell, but the coarse grid holds it only at the cell's far side: the stiffness there is that of the part inside over
@@ -39,7 +39,7 @@ def held_faces(grid: MultiLevelGrid, held: np.ndarray) -> np.ndarray:
 
 
 def held_nodes(grid: LevelGrid, faces: np.ndarray, complete: np.ndarray | None) -> np.ndarray:
-    """(node, d) bool: nodes on held faces or past them, and those beside cells that are not complete (cell,).
+    """(node, d) bool: nodes on held faces or past them, and those next to cells that are not complete (cell,).
 
     Only a part of a mine has such cells, at its border: with the node held, no motion of the coarse grid reaches it.
     None: all are complete.
@@ -78,7 +78,7 @@ def unbridged(shear: np.ndarray, power: int, most: float) -> float:
 
     That of layers in series, the harmonic over the arithmetic mean, but not less than a floor: the share of parts that
     are not void to a power. The floor is taken off the other: the next coarser grid would count it as stiffness again.
-    most: m of the rock at large; beside a body that is stiffer it is no void.
+    most: m of the rock at large; next to a body that is stiffer it is no void.
     """
     largest = shear[0]
     for part in shear:
@@ -134,7 +134,7 @@ def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray, most
 
 
 class Hierarchy:
-    """Levels, finest first. Grids are made once; stiffness, and how nodes beside voids move, as often as it changes."""
+    """Levels, finest first. Grids are made once; stiffness and motions of nodes next to voids whenever they change."""
 
     def __init__(self, grid: MultiLevelGrid, cell_nodes: np.ndarray, held: np.ndarray):
         """cell_nodes (cell, 2^d) in bit order; held (node, d) bool."""

@@ -224,7 +224,7 @@ class Level:
         self.inverse_diagonal = self.operator.zeros()
 
     def set_precision(self, precision) -> None:
-        """Single, or double beside stiff bodies, whose forces' round-off must not outweigh the host's forces."""
+        """Single, or double with stiff bodies, whose forces' round-off must not outweigh the host's forces."""
         if precision != self.operator.precision:
             self._make_arrays(precision)
 

@@ -93,7 +93,7 @@ class ElasticSolver:
         return self.finest.solution
 
     def project(self, values: np.ndarray) -> None:
-        """Take the rigid motions that nothing holds out of a flat array, in place."""
+        """Remove the rigid motions that nothing holds from a flat array, in place."""
         for motion in self.rigid:
             add_scaled(-product(motion, values), motion, values)
 
@@ -106,7 +106,7 @@ class ElasticSolver:
     ) -> Solution:
         """Displacement under nodal forces (node, d) N at free nodes, to a residual of tolerance times the force.
 
-        progress is told the ratio after every iteration. Conjugate gradients (Saad 2003, alg. 9.1); a ratio above
+        progress receives the ratio after every iteration. Conjugate gradients (Saad 2003, alg. 9.1); a ratio above
         the tolerance says that it has not been reached.
         """
         residual = self.to_rows(force)

@@ -1,9 +1,9 @@
-"""Rock bodies far stiffer than the rock around them: their motions solved for exactly, beside the V-cycle.
+"""Rock bodies far stiffer than the rock around them: their motions solved for exactly, in addition to the V-cycle.
 
 A stiff body in soft rock moves rigidly, a plate bends besides: next to no force for its own stiffness, by which the
 smoother measures everything. The coarser grids join it with its neighbours and the boundary, and thicken plates. So the
 nodes of stiff bodies are gathered in blocks, as small as a direct solution can afford by the entries of its factor (a
-dyke can afford more than a ball), single nodes if possible, and a solution in which every block moves rigidly is taken
+dyke can afford more than a ball), single nodes if possible, and a solution in which every block moves rigidly is used
 out before and after the V-cycle (deflation, Frank and Vuik 2001; balancing, Mandel 1993). Blocks belong to one body
 each; bodies that meet at an edge or a corner share its nodes by halves: a hinge.
 """
@@ -168,11 +168,11 @@ class StiffBodies:
             node, block, place, _ = blocks
             count = int(block.max()) + 1
             members = sparse.csr_array((np.ones(len(node), np.int32), (node, block)), shape=(len(self.hanging), count))
-            beside = corners @ members
+            corners_of_blocks = corners @ members
             centre = (
                 np.stack([np.bincount(block, axis, count) for axis in place.T], axis=1) / np.bincount(block)[:, None]
             )
-            order, entries = dissect((beside.T @ beside).tocsr(), centre)
+            order, entries = dissect((corners_of_blocks.T @ corners_of_blocks).tocsr(), centre)
             each = self.dimension if len(node) == count else self.dimension * (self.dimension + 1) // 2
             if entries * each**2 <= MAX_FACTOR_ENTRIES:
                 break

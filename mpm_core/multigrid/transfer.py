@@ -1,8 +1,8 @@
 """Between a grid and the next coarser one: multilinear interpolation, and its transpose for forces.
 
 A node half-way between coarse ones moves as the mean of both, but not where one side of it is void: there it moves as
-the coarse node on the side of its rock. Otherwise rock beside a void one cell thick, which the coarse grid cannot show,
-would be torn by every motion that opens or closes the void (hierarchy.py says what that costs).
+the coarse node on the side of its rock. Otherwise rock next to a void one cell thick, which the coarse grid cannot
+show, would be torn by every motion that opens or closes the void (hierarchy.py says what that costs).
 """
 
 from dataclasses import dataclass
@@ -122,7 +122,7 @@ class Transfer:
     """Links between the rows of a level and of the next coarser one, for restrict and prolong of kernels.operator_rows.
 
     parent_start (fine node + 1,), parents: coarse rows between which each free node lies; link_start (coarse node +
-    1,), links: rows of the free nodes that lie beside each coarse node; fine_weights (fine row,): 1 / parents. All
+    1,), links: rows of the free nodes that lie next to each coarse node; fine_weights (fine row,): 1 / parents. All
     int32 but the last, float32.
     """
 

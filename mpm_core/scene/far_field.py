@@ -82,7 +82,7 @@ def _deviator_of_sphere(nu: float, condition: str) -> float:
     uniform = 1.0, 0.0, 0
 
     def at_boundary(f: float, h: float, power: int) -> tuple[float, float]:
-        """What the condition wants to be zero, of a field F = f r^power, H = h r^power, at r = 1."""
+        """What is zero by the condition, of a field F = f r^power, H = h r^power, at r = 1."""
         along = f + 0.5 * power * f + h  # traction / (2 mu), along d.n; the rest along n
         across = 0.5 * power * f + power * h + nu / (1 - 2 * nu) * (power * f + (3 + power) * h)
         return {"fixed": (f, h), "roller": (f + h, along), "traction": (along, across)}[condition]
@@ -200,10 +200,10 @@ def derive_domain(
     """
     reach = reach_of(openings, poisson_ratios, conditions)
     axis_depth = 0.5 * min(float(np.min(one.sides)) for one in openings)
-    wanted = max(reach.distance(MAX_BOUNDARY_ERROR) - axis_depth, finest_cell)
+    needed = max(reach.distance(MAX_BOUNDARY_ERROR) - axis_depth, finest_cell)
     box, ground = bounds(openings), math.inf if ground is None else ground
     low, high = sound[0], min(sound[1], ground)
-    distance = wanted
+    distance = needed
     while True:
         lower, shape, used = _tile(box, distance, finest_cell, levels, (low, high), high == ground)
         if marks_memory(shape, used) <= MAX_MARKS_BYTES or distance <= finest_cell:
@@ -220,7 +220,7 @@ def derive_domain(
     if lower[-1] < low or upper[-1] > high:  # its largest cell is larger
         nearest, error = min(nearest, 0.0), math.inf
     is_cut = nearest < distance - CELL_ROUND_OFF * finest_cell
-    limited = STRENGTH if is_cut else MEMORY if distance < wanted else ""
+    limited = STRENGTH if is_cut else MEMORY if distance < needed else ""
     return FarField(lower, upper, coarse, used, nearest, error, float(reach.terms[0][1]), limited)
 
 

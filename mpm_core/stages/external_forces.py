@@ -114,8 +114,8 @@ def _of_missing_rock(model: Model, chosen: np.ndarray, step: int) -> tuple[tuple
 def _add_severed(
     model: Model, nodal: np.ndarray, body_force: np.ndarray, pressure: np.ndarray, mined_share: np.ndarray
 ) -> None:
-    """Take the virgin forces of whole cells off nodes (node, d) that are severed from them: to these all of the cell is
-    gone, mined or not, and full of what presses on their own walls.
+    """Subtract the virgin forces of whole cells at nodes (node, d) that are severed from them: to these all of the cell
+    is gone, mined or not, and full of what presses on their own walls.
 
     body_force (d,) N/m3; pressure (cell,) Pa or (0,): mean over each cell, of which mined_share (cell,) is mined.
     """
@@ -182,7 +182,8 @@ def _touched(model: Model, volume: np.ndarray) -> np.ndarray:
 
 
 def _add_lost_traction(model: Model, nodal: np.ndarray, mined_share: np.ndarray, pressure: np.ndarray) -> None:
-    """Take the virgin traction off free faces of the domain, and off traction and roller faces where rock is mined.
+    """Subtract the virgin traction from free faces of the domain, and from traction and roller faces where rock is
+    mined.
 
     A roller holds the normal component only: the virgin traction along it goes with the rock that is mined.
     pressure (cell,) Pa or (0,): mean over each cell. What it pushes outwards at such a face is no rock.
@@ -216,7 +217,7 @@ def boundary_strain(scene: Scene, step: int) -> np.ndarray:
 
 
 def strain_reaction(model: Model, strain: np.ndarray, step: int) -> np.ndarray:
-    """Forces (node, d) N that the held boundary carries if the whole model takes the strain (d, d) elastically.
+    """Forces (node, d) N that the held boundary carries if the whole model bears the strain (d, d) elastically.
 
     What is held moves, what is free does not carry: zero there. Linear in the strain, and the same whatever has failed:
     a measure for unbalanced forces, not a result.

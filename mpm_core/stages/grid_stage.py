@@ -51,7 +51,8 @@ def cut_pieces(
     cells are in or out by the half.
     """
     fine = domain.cell(domain.levels - 1)
-    # Cells of one base cell stand together (Morton order): a solid looks at few base cells, not at all finest cells.
+    # Cells of one base cell stand together (Morton order): a solid is compared with few base cells, not with all finest
+    # cells.
     halvings = domain.levels - 1
     base = index >> halvings
     start = np.flatnonzero(np.append(True, (base[1:] != base[:-1]).any(axis=1))) if len(base) else np.empty(0, int)

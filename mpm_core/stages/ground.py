@@ -1,4 +1,4 @@
-"""The ground of a scene whatever its cells are: what excavations take of it, and which rock body it is of.
+"""The ground of a scene whatever its cells are: what excavations remove of it, and which rock body it is of.
 
 A step reads its rock on cells that it names. Excavations are known as parts of finest cells (grid.nc), rock bodies
 as solids.

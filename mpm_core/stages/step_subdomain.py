@@ -27,7 +27,7 @@ from mpm_core.grid.octree import parents
 from mpm_core.grid.splitting import split, with_leaves
 from mpm_core.model.model import Model
 from mpm_core.model.occupancy import FinestPieces, Unsupported
-from mpm_core.model.state import State, give_back, take
+from mpm_core.model.state import State, copy_from_part, copy_to_part
 from mpm_core.stages.state_transfer import Cells
 from mpm_core.stages.step_cells import StepCells, brittle_of, make_scheme
 
@@ -109,7 +109,7 @@ class StepSubdomain:
         places = _places(model, own, inside)
         whole.scheme.drop_work_arrays()  # the memory is needed; it is set up again in the end
         at_start = own.virgin_state()
-        take(state, at_start, places)
+        copy_to_part(state, at_start, places)
         volume = own.volumes(whole.step)
         self.share = len(own.cell_nodes) / len(model.cell_nodes)
         self.cells = StepCells(
@@ -158,7 +158,7 @@ class _Excerpt:
 
     def give_back(self, state: State) -> None:
         """Write it into the state of the whole mine."""
-        give_back(self.state, state, self.places)
+        copy_from_part(self.state, state, self.places)
 
 
 def step_subdomain_of(whole: StepCells) -> StepSubdomain | None:

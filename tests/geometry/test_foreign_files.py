@@ -296,7 +296,7 @@ def test_a_prism_of_a_drawing_without_one_outline_is_refused(tmp_path):
     path = drawing(tmp_path / "a.dxf", add_box)
     with pytest.raises(InputError, match=r"excavations\.stope: .*a\.dxf: stope: holds no closed polyline"):
         solid_of({"shape": "prism", "file": str(path), "height": 10.0})
-    with pytest.raises(InputError, match="takes its outline from a DXF polyline"):
+    with pytest.raises(InputError, match="reads its outline from a DXF polyline"):
         solid_of({"shape": "prism", "file": "b.obj", "height": 10.0})
 
 
@@ -430,7 +430,7 @@ def test_a_mesh_that_is_shown_smooth_says_that_its_cage_is_taken(tmp_path, caplo
         assert read_solid(path, "stope", layer="A").volume == pytest.approx(64)
         assert "smooth" not in caplog.text
         assert read_solid(path, "stope", layer="B").volume == pytest.approx(64)
-    assert re.search(r"stope\.dxf: layer B: 1 MESH are shown smooth .* cages are taken", caplog.text)
+    assert re.search(r"stope\.dxf: layer B: 1 MESH are shown smooth .* cages are used", caplog.text)
 
 
 @pytest.mark.parametrize("how", ["off", "frozen"])
@@ -458,10 +458,10 @@ def test_layers_that_are_off_or_frozen_are_named(tmp_path, caplog, how, kind):
     assert not caplog.text
     with caplog.at_level(logging.WARNING):
         assert solid_of({**entry, "layer": "STOPES_OLD"}).bounds[0, 0] == 50.0
-    assert f"stope.dxf: layer STOPES_OLD ({how}) in the drawing; taken all the same" in caplog.text
+    assert f"stope.dxf: layer STOPES_OLD ({how}) in the drawing; used all the same" in caplog.text
     caplog.clear()
     with caplog.at_level(logging.WARNING):
         assert solid_of({**entry, "layer": "*"}).volume == pytest.approx(64)
-    assert f"stope.dxf: layers hidden in the drawing: STOPES_OLD ({how}); left out: name one to take it" in caplog.text
+    assert f"stope.dxf: layers hidden in the drawing: STOPES_OLD ({how}); left out: name one to use it" in caplog.text
     with pytest.raises(InputError, match=r"stope\.dxf: stope: layer '\*_OLD': fits hidden layers only, STOPES_OLD"):
         solid_of({**entry, "layer": "*_OLD"})

@@ -70,7 +70,7 @@ def test_a_cavity_stays_a_cavity(tmp_path, turn):
 def test_what_cannot_be_told_is_refused(tmp_path):
     """Half of a shell inside another one looks either way: rock or hole? Alone it would not matter."""
     hollow = joined(BALL, inverted(moved(BALL, np.eye(3) * 0.5)))
-    with pytest.raises(InputError, match=r"stope\.ply: stope: .* rock or a hole .* cannot be told: export it again"):
+    with pytest.raises(InputError, match=r"stope\.ply: stope: .* rock or a hole .* cannot be decided: export it again"):
         written(flipped(hollow, 0.48), tmp_path)
 
 

@@ -1,4 +1,4 @@
-"""Laws of failure. Each is one module here and one entry of LAWS; all other code asks the law.
+"""Laws of failure. Each is one module here and one entry of LAWS; all other code calls the law.
 
 A law is brittle: intact rock that stands above its strength drops to its intact surface and from there to its residual
 one (general.brittle_drop); failed rock returns to the residual one. What a law's module offers:

@@ -114,12 +114,12 @@ class Material(MaterialSettings):
     @model_validator(mode="after")
     def _one_description(self) -> Self:
         by_index = self.gsi is not None
-        wanted = ("gsi", "mi") if by_index else ("mb", "s", "a")
+        required = ("gsi", "mi") if by_index else ("mb", "s", "a")
         foreign = ("mb", "s", "a") if by_index else ("mi", "disturbance")
         for key in foreign:
             if getattr(self, key) is not None:
                 raise refusal("give either mb, s and a, or gsi, mi and disturbance", key)
-        for key in wanted:
+        for key in required:
             if getattr(self, key) is None:
                 raise refusal("missing key" + ("" if by_index else "; give mb, s and a, or gsi and mi"), key)
         return self

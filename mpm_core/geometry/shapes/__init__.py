@@ -1,4 +1,4 @@
-"""Shapes of solids. Each is one module here and one entry of SHAPES; all other code asks the shape (shape.py).
+"""Shapes of solids. Each is one module here and one entry of SHAPES; all other code calls the shape (shape.py).
 
 Curved surfaces are cut into enough facets that the plain inscribed ones would lose less than 0.1 % of the volume, and
 moved outward until the volume is exact. trimesh and ezdxf are imported where a shape needs them: see solid_files.py.
