@@ -34,9 +34,11 @@ MAX_LENGTH_SHOWN = 60  # Characters of a wrong value that its message shows.
 LARGEST_INTEGER = 2**63 - 1
 EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")  # a number that YAML 1.1 may read as text
 BOUNDS = {"minimum": "ge", "exclusiveMinimum": "gt", "maximum": "le", "exclusiveMaximum": "lt"}  # JSON's name, ours
+KEY_PATTERN = r"^[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)+$"
 NAME_PATTERN = "^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 DATE_PATTERN = "^[0-9]{4}-[0-9]{2}-[0-9]{2}([T ][0-9:.]+Z?)?$"
 EXPECTED = {
+    KEY_PATTERN: "keys from the top of the mine file, joined by dots, such as materials.host.cohesion.residual",
     NAME_PATTERN: "up to 64 letters, digits, - and _, of which the first is a letter or digit",
     DATE_PATTERN: "a date such as 2019-08-31 or 2019-08-31T06:00:00",
 }

@@ -1,0 +1,108 @@
+"""The posterior: Sobol points of the prior, weighted by their likelihood, and drawn again where it is narrow."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln
+from scipy.stats import chi2, norm
+
+from calibration.design import sobol_points
+
+POINTS = 2**13  # Sobol points of a round.
+MIN_EFFECTIVE_POINTS = 400.0  # Points whose weights are worth fewer equal ones are drawn again, closer.
+MAX_ROUNDS = 15
+PRIOR_SHARE = 0.1  # Of the points of a round, drawn from the prior: no part of it is left out, no weight is unbounded.
+FREEDOM = 4.0  # Degrees of freedom of the Student t distribution of all others.
+MIN_VARIANCE = 1e-8  # Of a quantity over its range: where one point has all the weight.
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Points (point, quantity) in the unit cube of the prior, with weights (point,) that sum to one.
+
+    implausibility: the smallest of all points, of the prior's whole cube. effective: how many equal weights these are
+    worth (Kish).
+    """
+
+    points: NDArray
+    weights: NDArray
+    implausibility: float
+
+    @property
+    def effective(self) -> float:
+        """Sum of the weights squared over the sum of their squares."""
+        return float(1.0 / np.sum(self.weights**2))
+
+    def quantiles(self, shares: NDArray, values: NDArray | None = None) -> NDArray:
+        """Quantiles (share, column) of the points, or of other values (point, column) of theirs."""
+        return weighted_quantiles(self.points if values is None else values, self.weights, shares)
+
+    def draws(self, count: int, seed: int) -> NDArray:
+        """So many points (draw, quantity) at random, by their weights."""
+        chosen = np.random.default_rng(seed).choice(len(self.points), count, p=self.weights)
+        return self.points[chosen]
+
+    def width_left(self, shares: tuple[float, float] = (0.05, 0.95)) -> NDArray:
+        """Width of the interval between two shares over that of the prior, (quantity,)."""
+        low, high = self.quantiles(np.array(shares))
+        return (high - low) / (shares[1] - shares[0])
+
+
+def find_posterior(
+    evaluate: Callable[[NDArray], tuple[NDArray, NDArray]], quantities: int, seed: int, points: int = POINTS
+) -> Posterior:
+    """Sample the prior and weight by likelihood; draw again near what counts until enough points count.
+
+    evaluate: points (point, quantity) to log-likelihood (point,) and implausibility (point,). The first round draws
+    from the prior. Each further one draws a share from the prior, all others from a Student t distribution with the
+    mean and the covariance of the round before (population Monte Carlo, Cappe et al. 2004); a weight is the likelihood
+    over the density that its point was drawn from.
+    """
+    drawn, log_density = sobol_points(points, quantities, seed), np.zeros(points)
+    least, best = np.inf, Posterior(drawn, np.full(points, np.nan), np.inf)
+    for round_number in range(1, MAX_ROUNDS + 1):
+        inside = ((drawn >= 0.0) & (drawn <= 1.0)).all(axis=1)
+        drawn, log_density = drawn[inside], log_density[inside]
+        log_likelihood, implausible = evaluate(drawn)
+        least = min(least, float(implausible.min()))
+        log_weight = log_likelihood - log_density
+        weights = np.exp(log_weight - log_weight.max())
+        found = Posterior(drawn, weights / weights.sum(), least)
+        if not best.effective > found.effective:  # also in the first round
+            best = found
+        if best.effective >= MIN_EFFECTIVE_POINTS:
+            break
+        mean = found.weights @ drawn
+        covariance = (found.weights[:, None] * (drawn - mean)).T @ (drawn - mean)
+        covariance = 2.0 * covariance + MIN_VARIANCE * np.eye(quantities)
+        drawn, log_density = _draw(mean, covariance, points, seed + round_number)
+    return Posterior(best.points, best.weights, least)
+
+
+def _draw(mean: NDArray, covariance: NDArray, points: int, seed: int) -> tuple[NDArray, NDArray]:
+    """Points (point, quantity) of prior and Student t distribution together, and the log-density of each."""
+    quantities = len(mean)
+    uniform = np.clip(sobol_points(points, quantities + 2, seed), 1e-12, 1.0 - 1e-12)
+    of_prior, stretch = uniform[:, -2] < PRIOR_SHARE, np.sqrt(FREEDOM / chi2.ppf(uniform[:, -1], FREEDOM))
+    factor = np.linalg.cholesky(covariance)
+    near = mean + stretch[:, None] * (norm.ppf(uniform[:, :quantities]) @ factor.T)
+    drawn = np.where(of_prior[:, None], uniform[:, :quantities], near)
+    distance = (np.linalg.solve(factor, (drawn - mean).T) ** 2).sum(axis=0)
+    log_t = gammaln((FREEDOM + quantities) / 2) - gammaln(FREEDOM / 2) - quantities / 2 * np.log(FREEDOM * np.pi)
+    log_t = log_t - np.log(np.diag(factor)).sum() - (FREEDOM + quantities) / 2 * np.log1p(distance / FREEDOM)
+    inside = ((drawn >= 0.0) & (drawn <= 1.0)).all(axis=1)
+    with np.errstate(divide="ignore"):
+        log_prior = np.log(PRIOR_SHARE * inside)
+    return drawn, np.logaddexp(log_prior, np.log(1.0 - PRIOR_SHARE) + log_t)
+
+
+def weighted_quantiles(values: NDArray, weights: NDArray, shares: NDArray) -> NDArray:
+    """Quantiles (share, column) of values (point, column) with weights (point,), by linear interpolation."""
+    found = np.empty((len(shares), values.shape[1]))
+    for column, value in enumerate(values.T):
+        order = np.argsort(value)
+        cumulative = np.cumsum(weights[order])
+        found[:, column] = np.interp(shares, cumulative - 0.5 * weights[order], value[order])
+    return found

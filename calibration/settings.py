@@ -1,0 +1,102 @@
+"""The section `calibration` of a mine file: what is calibrated within which ranges, and how many trials are run."""
+
+import math
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from common.quantities import QUANTITY_PATTERN
+from common.setting_types import KEY_PATTERN, AsTuple, Settings, real_number, refusal, whole_number
+
+Terms = Literal["potency", "number"]
+
+
+class CalibratedQuantity(Settings):
+    """A quantity of the mine file that trials change within a range. Its prior is uniform."""
+
+    key: Annotated[str, Field(pattern=KEY_PATTERN)]
+    """Key of the quantity, from the top of the mine file: materials.host.cohesion.residual."""
+    range: Annotated[tuple[str | float, ...], Field(min_length=2, max_length=2), AsTuple]
+    """Smallest and largest value, both in the same unit."""
+    scale: Literal["linear", "log"] = "linear"
+    """`log`: the logarithm of the quantity is uniform under the prior."""
+    source: Annotated[str, Field(min_length=1)]
+    """Where the range comes from: a laboratory report, a paper, a judgement."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        low, high = self.bounds
+        if not low < high:
+            raise refusal(f"{self.range[0]} to {self.range[1]} is empty; give the smaller value first", "range")
+        if self.scale == "log" and low <= 0.0:
+            raise refusal("a range with scale log must lie above 0", "range")
+        return self
+
+    def _parts(self) -> tuple[list[float], str]:
+        """Numbers of both ends and their unit. Raises PydanticCustomError where the units differ."""
+        numbers, units = [], []
+        for end in self.range:
+            found = QUANTITY_PATTERN.fullmatch(str(end).strip())
+            if not found:
+                raise refusal(f"{end!r} is not a number, with or without a unit", "range")
+            numbers.append(float(found["number"]))
+            units.append((found["unit"] or "").strip())
+        if units[0] != units[1]:
+            raise refusal(f"both ends need the same unit, here '{units[0]}' and '{units[1]}'", "range")
+        return numbers, units[0]
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Ends of the range, in `unit`."""
+        low, high = self._parts()[0]
+        return low, high
+
+    @property
+    def unit(self) -> str:
+        """The unit of the range; empty for a number without one."""
+        return self._parts()[1]
+
+    def value(self, share: float) -> float:
+        """Value, in `unit`, at a share of the range, 0 to 1."""
+        low, high = self.bounds
+        if self.scale == "log":
+            return math.exp(math.log(low) + share * (math.log(high) - math.log(low)))
+        return low + share * (high - low)
+
+    def written(self, share: float) -> str | float:
+        """The same as a mine file has it."""
+        number = float(f"{self.value(share):.6g}")
+        return f"{number:.6g} {self.unit}" if self.unit else number
+
+
+class CalibrationSettings(Settings):
+    """How uncertain quantities of a mine are calibrated to its record (`snakemake calibrate`)."""
+
+    quantities: Annotated[tuple[CalibratedQuantity, ...], Field(min_length=1, max_length=8), AsTuple]
+    """What is calibrated."""
+    trials: whole_number(ge=4, le=1000) = 40
+    """Number of trials. Each is a run of the mine with other values of the quantities; about ten for each quantity are
+    enough in most cases."""
+    replicates: whole_number(ge=0, le=50) = 4
+    """Number of further runs in the middle of the ranges that differ by chance only. They tell chance from effect."""
+    cells: Literal["doubled", "own"] = "doubled"
+    """`own`: trials have the mine's own cells. `doubled`: they have cells of twice the size, which is several times as
+    fast."""
+    pairs: whole_number(ge=2, le=50) = 4
+    """Number of trials with doubled cells that are also run on the mine's own cells. They tell what the cells
+    change."""
+    terms: Annotated[tuple[Terms, ...], Field(min_length=1), AsTuple] = ("potency", "number")
+    """What of the record counts: potency by step, number of events by step. Default: both."""
+    model_error: real_number(ge=0, le=2) = 0.1
+    """Standard deviation of the natural logarithm of potency and number that each step of the model has beside its
+    cells and chance: errors of the plan, the stress and the law."""
+    seed: whole_number(ge=0, le=2**32 - 1) = 1
+    """Seed of the random generator."""
+
+    @model_validator(mode="after")
+    def _different(self) -> Self:
+        keys = [quantity.key for quantity in self.quantities]
+        for number, key in enumerate(keys):
+            if key in keys[:number]:
+                raise refusal(f"{key} stands twice", "quantities", number, "key")
+        return self

@@ -1,0 +1,104 @@
+"""Terms of the likelihood: closed forms, limits, and intervals that hold known truths."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_t, nbinom, poisson
+
+from calibration.likelihood import DEGREES_OF_FREEDOM, Discrepancy, Recorded, implausibility, number_term, potency_term
+from calibration.posterior import find_posterior
+
+NONE = Discrepancy()
+
+
+def recorded(log_potency, variance=0.04, number=(40, 60), clustering=3.0):
+    """Two steps."""
+    return Recorded(np.array(log_potency, float), variance * np.eye(2), np.array(number), clustering)
+
+
+def test_potency_term_is_the_density_of_a_student_t_with_the_stated_covariance():
+    """Against scipy; the covariance is that of surrogate, record and both parts of the discrepancy."""
+    mean, deviation = np.array([[1.0, 2.0], [0.3, 2.5]]), np.array([[0.1, 0.2], [0.4, 0.1]])
+    discrepancy = Discrepancy(common=0.3, own=0.2)
+    record = recorded([1.2, 1.7])
+    for point, found in enumerate(potency_term(mean, deviation, record, discrepancy)):
+        covariance = np.diag(deviation[point] ** 2 + 0.04 + 0.04) + 0.09
+        shape = covariance * (DEGREES_OF_FREEDOM - 2) / DEGREES_OF_FREEDOM
+        expected = multivariate_t(mean[point], shape, DEGREES_OF_FREEDOM).logpdf(record.log_potency)
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_number_term_is_negative_binomial_and_poisson_without_clusters():
+    """Nothing left open: the closed forms; variance over mean is the clustering."""
+    expected = np.array([[35.0, 70.0]])
+    record = recorded([0, 0])
+    exact = sum(nbinom(mean / 2.0, 1 / 3.0).logpmf(number) for mean, number in zip(expected[0], (40, 60), strict=True))
+    nothing = np.zeros((1, 2))
+    np.testing.assert_allclose(number_term(np.log(expected), nothing, record, NONE), exact, rtol=1e-9)
+    record = recorded([0, 0], clustering=1.0)
+    exact = poisson(expected[0]).logpmf([40, 60]).sum()
+    np.testing.assert_allclose(number_term(np.log(expected), nothing, record, NONE), exact, atol=5e-3)
+
+
+def test_number_term_sums_to_one_over_all_numbers():
+    """It stays a distribution when the expected number is uncertain, for one step."""
+    every = np.arange(2000)
+    discrepancy = Discrepancy(common=0.3, own=0.2)
+    total = sum(
+        np.exp(
+            number_term(
+                np.log([[30.0]]),
+                np.array([[0.2]]),
+                Recorded(np.zeros(1), np.zeros((1, 1)), np.array([n]), 2.0),
+                discrepancy,
+            )
+        )[0]
+        for n in every
+    )
+    np.testing.assert_allclose(total, 1.0, atol=1e-3)
+
+
+def test_an_error_that_all_steps_share_excuses_a_common_shift_only():
+    """All steps too large by as much are likelier than steps too large and too small, given a common discrepancy."""
+    mean, deviation = np.zeros((1, 2)), np.full((1, 2), 0.1)
+    shared = Discrepancy(common=0.8)
+    together, apart = (recorded(values, number=n) for values, n in (((0.8, 0.8), (22, 22)), ((0.8, -0.8), (22, 5))))
+    assert potency_term(mean, deviation, together, shared) > potency_term(mean, deviation, apart, shared) + 2.0
+    tens = np.log(10.0) + mean
+    shared_gain, own_gain = (
+        number_term(tens, deviation, together, error) - number_term(tens, deviation, apart, error)
+        for error in (shared, Discrepancy(own=0.8))
+    )
+    assert shared_gain > own_gain + 0.5
+    assert implausibility(mean, deviation, together, NONE) > implausibility(mean, deviation, together, shared)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.4])
+def test_intervals_hold_the_truth_as_often_as_they_say(shift):
+    """A linear model of two quantities, records drawn from it with a common error: 90 % intervals hold the truth in 83
+    to 96 % of 100 records, and take less than two thirds of the prior. Without the common error in the likelihood
+    they hold it less often."""
+    random = np.random.default_rng(5)
+    truth = random.uniform(0.15, 0.85, (100, 2))
+    slopes = np.array([[3.0, 0.5], [1.0, 2.5]])
+    held, blind, widths = [], [], []
+    for true in truth:
+        log_potency = true @ slopes.T + shift * random.normal() + random.normal(0, 0.2, 2)
+        record = recorded(log_potency)
+        for discrepancy, result in ((Discrepancy(common=shift), held), (NONE, blind)):
+
+            def evaluate(points, record=record, discrepancy=discrepancy):
+                nothing = np.zeros((len(points), 2))
+                mean = points @ slopes.T
+                return potency_term(mean, nothing, record, discrepancy), implausibility(
+                    mean, nothing, record, discrepancy
+                )
+
+            found = find_posterior(evaluate, 2, seed=7, points=2**10)
+            low, high = found.quantiles(np.array([0.05, 0.95]))
+            result.append((low < true) & (true < high))
+            if discrepancy.common == shift:
+                widths.append(found.width_left())
+    assert 0.83 < np.mean(held) < 0.96
+    assert np.mean(widths) < 0.67
+    if shift:
+        assert np.mean(blind) < np.mean(held) - 0.05
