@@ -79,6 +79,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Equilibrium and failure": (("solver",), ((RENISON, "solver"),)),
     "Events": (("seismic",), ((ELK_CREEK, "seismic"),)),
     "The recorded catalogue": (("record", "comparison"), ((DEMO, "record"),)),
+    "Calibration": (("calibration",), ((DEMO, "calibration"),)),
     "Specimens of a laboratory": (("loads", "strains"), (SPECIMENS,)),
 }
 

@@ -14,6 +14,7 @@ from workflow.strict_yaml import read_yaml
 
 NOTES = Path(".snakemake/mine_files")  # next to Snakemake's own notes of what results were made from
 VTK = "vtk"  # folder of what was made for ParaView: vtk/steps/2019-08.vtu of steps/2019-08.nc
+CALIBRATION = "calibration"  # folder of trials, of which a shorter design keeps those of a longer one
 BY_ITSELF = ("solids",)  # vtk/solids.vtm and its folder are of no result
 KINDS = (".nc", ".csv", ".xml", ".html", ".vtu")
 MAX_NAMED = 6  # Results of an earlier plan that the line names.
@@ -60,6 +61,8 @@ def leftovers(folder: Path, planned: Iterable[str]) -> list[str]:
     stages = {path.removesuffix(".nc") for path in planned_paths if path.endswith(".nc")}
 
     def is_planned(path: Path) -> bool:
+        if path.parts[0] == CALIBRATION:
+            return True
         if VTK in path.parts:
             place = path.parts.index(VTK)
             of_stage = Path(*path.parts[:place], *path.parts[place + 1 :]).with_suffix("").as_posix()

@@ -4,6 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from calibration.settings import CalibrationSettings
 from catalogs.comparison_settings import ComparisonSettings
 from catalogs.records import AnyRecord
 from common.frame import Frame
@@ -189,6 +190,8 @@ class MineSettings(Settings):
     comparison: ComparisonSettings = ComparisonSettings()
     record: AnyRecord = None
     """The recorded catalogue: its file, and the meaning of its contents."""
+    calibration: CalibrationSettings = None
+    """What `snakemake calibrate` fits to the record."""
 
     @model_validator(mode="after")
     def _host(self) -> Self:

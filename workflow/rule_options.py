@@ -66,6 +66,10 @@ class RuleOptions:
         """MB that a mining step needs on the cells of the step before, and on those that it may add to them."""
         return mechanics_mb(self.files.mine_of(wildcards), input.state, elastic=False)
 
+    def trial_memory(self, wildcards: Wildcards, input: InputFiles) -> int:
+        """MB that a trial of a calibration needs, if its cells are those of the mine."""
+        return mechanics_mb(self.files.mine, input.grid, elastic=False)
+
     def reading_memory(self, stage: str) -> Callable[[Wildcards, InputFiles], int]:
         """MB that a stage needs which reads results, for those on the mine's grid."""
         return lambda wildcards, input: reading_mb(

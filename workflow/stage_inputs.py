@@ -86,12 +86,23 @@ class StageInputs:
 
         stage: by its result's name without ending. A stage without settings has no file.
         """
+        values = self.files.folders.mine_at(folder).slice_of(stage)
+        file = self._write(folder, stage, values) if values else ""
+        return file, config_hash(values), tuple(files_of(values))
+
+    def _write(self, folder: str, stage: str, values: dict) -> str:
+        """File of a slice, which is written now or when the run begins."""
         settings = self.workflow.execution_settings
         if settings and settings.no_hooks and not self.workflow.dryrun:
             self.slices.begin()
-        values = self.files.folders.mine_at(folder).slice_of(stage)
-        file = self.slices.name(folder, stage, values) if values else ""
-        return file, config_hash(values), tuple(files_of(values))
+        return self.slices.name(folder, stage, values)
+
+    def named_slice(
+        self, folder: str, stage: Callable[[Wildcards], str], values: Callable[[Wildcards], dict]
+    ) -> Callable[[Wildcards], str]:
+        """Parameter of a rule whose stage is none of every mine: the file of a slice of these values."""
+        written = functools.cache(lambda name, wildcards: self._write(folder, name, values(wildcards)))
+        return lambda wildcards: written(stage(wildcards), wildcards)
 
     def slice_of(self, stage: str) -> Callable[[Wildcards], str]:
         """Parameter of a rule: the file of the slice that its stage depends on."""

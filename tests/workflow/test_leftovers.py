@@ -22,6 +22,7 @@ def test_what_no_stage_of_the_plan_makes_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     kept = ("report.html", "steps/history.nc", "vtk/steps/history.vtu", "vtk/solids.vtm", "vtk/solids/stope.vtp")
     kept += ("coarse/steps/history.nc", "coarse/vtk/steps/history.vtu", "slices/grid.12.json", "figures/a.svg")
+    kept += ("calibration/own/1.nc", "calibration/report.html")
     left = ("coarse/steps/m2.nc", "ensemble/9/events/m1.nc", "record.nc", "steps/m2.nc", "vtk/steps/m2.vtu")
     make(tmp_path / "results/a", *kept, *left)
     assert leftovers(Path("results/a"), PLAN) == sorted(left)

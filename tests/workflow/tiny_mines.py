@@ -74,7 +74,17 @@ def merged(mine: dict) -> dict:
 
 def copy_checkout(folder: Path) -> Path:
     """A copy of all that Snakemake and the stages read of this checkout, to be edited."""
-    parts = ("workflow", "config", "profiles", "common", "mpm_core", "seismic", "catalogs", "verification")
+    parts = (
+        "workflow",
+        "config",
+        "profiles",
+        "common",
+        "calibration",
+        "mpm_core",
+        "seismic",
+        "catalogs",
+        "verification",
+    )
     for name in parts:
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "Snakefile", folder)

@@ -1,0 +1,94 @@
+"""`snakemake calibrate` for the tiny mine: trials, page, table and mine files; what it refuses before anything runs."""
+
+import csv
+
+import pytest
+import yaml
+from tiny_mines import TINY, changed, edited, merged, snakemake, write_mine
+
+from workflow.calibration_trials import CalibrationTrials
+from workflow.configuration import load
+
+QUANTITIES = [
+    {"key": "materials.host.cohesion.residual", "range": ["0.2 MPa", "1 MPa"], "scale": "log", "source": "test"},
+    {"key": "materials.host.friction_angle.residual", "range": ["15 deg", "25 deg"], "source": "test"},
+]
+CALIBRATED = changed(TINY, calibration={"quantities": QUANTITIES, "trials": 6, "replicates": 1, "pairs": 2})
+
+
+def trials_of(mine: dict, tmp_path) -> CalibrationTrials:
+    """Trials of a mine's file."""
+    file = write_mine(mine, tmp_path / "mine.yaml")
+    return CalibrationTrials(load(merged(mine), file), file)
+
+
+def test_trials_change_what_is_named_and_nothing_else(tmp_path):
+    """Elastic state and grid are those of the mine; residual rows differ from trial to trial; replicates are perturbed
+    in their steps alone; pairs differ by their cells."""
+    trials = trials_of(CALIBRATED, tmp_path)
+    assert (list(trials.numbers), list(trials.finer)) == ([1, 2, 3, 4, 5, 6, 7], [2, 3])
+    first, second, replicate = (trials.slice_of(number, "own") for number in (2, 3, 1))
+    assert first["grid"] == second["grid"] == trials.mine.grid_slice()
+    hosts = [one["elastic"]["materials"]["host"] for one in (first, second)]
+    for host, point in zip(hosts, trials.points[1:], strict=False):
+        assert host["cohesion"]["residual"] == pytest.approx(0.2e6 * 5.0 ** point[0], rel=1e-5)
+        assert host["friction_angle"]["residual"] == pytest.approx(15.0 + 10.0 * point[1], rel=1e-5)
+    without = [{**host, "cohesion": 0, "friction_angle": 0} for host in hosts]
+    assert without[0] == without[1]
+    assert "perturbation" not in replicate["elastic"]
+    assert [step["scene"]["perturbation"] for step in replicate["steps"]] == [1, 1]
+    assert trials.slice_of(2, "doubled")["grid"]["grid"]["levels"] == first["grid"]["grid"]["levels"] - 1
+
+
+@pytest.mark.parametrize(
+    ("values", "problem"),
+    [
+        ({"calibration": None}, "calibration: missing section"),
+        ({"record": None}, "record: missing"),
+        ({"calibration.cells": "doubled", "grid.levels": 1}, "calibration.cells"),
+    ],
+)
+def test_mines_that_cannot_be_calibrated_are_refused(values, problem, tmp_path):
+    """In one line, when trials are planned."""
+    mine = changed(CALIBRATED, **{key: value for key, value in values.items() if value is not None})
+    mine = {key: value for key, value in mine.items() if values.get(key, "") is not None}
+    with pytest.raises(SystemExit, match=problem) as refused:
+        list(trials_of(mine, tmp_path).numbers)
+    assert "\n" not in str(refused.value)
+
+
+def test_values_that_make_no_mine_are_refused_with_their_trial(tmp_path):
+    """A range that leaves what the law allows."""
+    wide = [{**QUANTITIES[1], "range": ["15 deg", "60 deg"]}]
+    trials = trials_of(changed(CALIBRATED, **{"calibration.quantities": wide}), tmp_path)
+    widest = 1 + int(trials.points[1:].argmax())
+    with pytest.raises(SystemExit, match=f"calibration, trial {widest + 1}"):
+        trials.slice_of(widest + 1, "own")
+
+
+@pytest.mark.slow
+def test_calibration_of_the_tiny_mine(spoiled, base):
+    """Beside results that stand: page, table, mine files that load. A second call has nothing to do. A longer design
+    keeps the trials that were run."""
+    results = spoiled / "results/tiny"
+    with edited(base / "files" / "tiny.yaml", CALIBRATED) as file:
+        status, text = snakemake(file, spoiled, "calibrate")
+        again = snakemake(file, spoiled, "--dry-run", "calibrate")
+    with edited(base / "files" / "tiny.yaml", changed(CALIBRATED, **{"calibration.trials": 8})) as file:
+        longer = snakemake(file, spoiled, "--dry-run", "calibrate")
+    assert status == 0, text
+    assert "Nothing to be done" in again[1]
+    assert sum(line.split() == ["trial", "2"] for line in longer[1].splitlines()) == 1, longer[1]
+    folder = results / "calibration"
+    page = (folder / "report.html").read_text()
+    assert "What the record says of each quantity" in page
+    assert "On cells of twice the size no rock fails in history" in page
+    assert page.count("<img") == 3
+    with open(folder / "trials.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 7
+    assert all(float(row["materials.host.cohesion.residual, MPa"]) <= 1.0 for row in rows)
+    middle = yaml.safe_load((folder / "middle.yaml").read_text())
+    mine = load(middle, folder / "middle.yaml")
+    assert mine.name == "tiny_middle"
+    assert (folder / middle["record"]["file"]).is_file()

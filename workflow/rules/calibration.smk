@@ -1,0 +1,70 @@
+"""The calibration of a mine to its record, on request: `snakemake calibrate`."""
+
+from workflow.calibration_trials import CalibrationTrials
+
+TRIALS = CalibrationTrials(MINE, MINE_FILE)
+CALIBRATION = f"results/{MINE.name}/calibration"
+
+
+rule trial:
+    """One trial: a run of the mine with other values of the calibrated quantities, as one job.
+
+    The grid of the mine itself is an input for its number of cells only, from which the memory of a trial follows.
+    """
+    input:
+        grid=FILES.own("grid.nc"),
+        solids=MINE.solids(),
+    output:
+        f"{CALIBRATION}/{{cells}}/{{trial}}.nc",
+    log:
+        f"logs/{MINE.name}/calibration/{{cells}}/{{trial}}.log",
+    benchmark:
+        f"benchmarks/{MINE.name}/calibration/{{cells}}/{{trial}}.tsv"
+    wildcard_constraints:
+        cells="doubled|own",
+        trial="[1-9][0-9]*",
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=OPTIONS.trial_memory,
+        runtime=24 * 60,
+    params:
+        code=source_hash("calibration trial"),
+        settings=STAGES.named_slice(
+            MINE.name,
+            lambda wildcards: f"calibration/{wildcards.cells}/{wildcards.trial}",
+            lambda wildcards: TRIALS.slice_of(int(wildcards.trial), wildcards.cells),
+        ),
+    shell:
+        "NUMBA_NUM_THREADS={threads} stage calibration trial --settings {params.settings:q} --output {output} --log {log}"
+
+
+rule calibrate:
+    """The posterior of the calibrated quantities, its page, and mine files."""
+    input:
+        trials=lambda wildcards: [f"{CALIBRATION}/{TRIALS.settings.cells}/{number}.nc" for number in TRIALS.numbers],
+        finer=lambda wildcards: [f"{CALIBRATION}/{TRIALS.own_cells}/{number}.nc" for number in TRIALS.finer],
+        record=FILES.own("record.nc"),
+    output:
+        page=f"{CALIBRATION}/report.html",
+        table=f"{CALIBRATION}/trials.csv",
+        mines=[f"{CALIBRATION}/{name}.yaml" for name in TRIALS.mine_files],
+    log:
+        f"logs/{MINE.name}/calibration/fit.log",
+    benchmark:
+        f"benchmarks/{MINE.name}/calibration/fit.tsv"
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        code=source_hash("calibration fit"),
+        settings=STAGES.named_slice(
+            MINE.name, lambda wildcards: "calibration/fit", lambda wildcards: TRIALS.fit_slice()
+        ),
+    shell:
+        "stage calibration fit --settings {params.settings:q} --trials {input.trials} --finer {input.finer}"
+        " --record {input.record} --output {output.page} --table {output.table} --log {log}"
