@@ -196,9 +196,9 @@ def test_virgin_rock_near_its_strength_asks_for_nothing():
     assert len(brittle.coarse)
     assert len(above_strength(model, state, brittle.coarse)) == 0
     nothing = np.empty(0, np.int64)
-    assert len(Refinement.of(grid).asked(model, state, brittle, nothing, 1000)[0]) == 0
+    assert len(Refinement.of(grid).flagged(model, state, brittle, nothing, 1000)[0]) == 0
     state.stress[brittle.coarse[0], 0] = -1e6
-    assert len(Refinement.of(grid).asked(model, state, brittle, nothing, 1000)[0])
+    assert len(Refinement.of(grid).flagged(model, state, brittle, nothing, 1000)[0])
 
 
 def around_a_hole():
@@ -257,7 +257,7 @@ def test_a_grid_without_fine_cells_gets_them_where_rock_is_near_its_strength():
     state = model.virgin_state()
     cell = np.flatnonzero((grid.cell_index == 8).all(axis=1))[0]
     state.stress[cell, 0] = -100e6
-    places, _ = Refinement.of(grid).asked(model, state, brittle, np.empty(0, np.int64), len(grid.cell_level))
+    places, _ = Refinement.of(grid).flagged(model, state, brittle, np.empty(0, np.int64), len(grid.cell_level))
     finer = split(grid, places, RINGS_SPLIT_AT_ONCE, 1)
     inside = ((finer.cell_index >= 8) & (finer.cell_index < 16)).all(axis=1)
     assert (finer.cell_level[inside] == 3).all()
