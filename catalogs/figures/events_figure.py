@@ -34,6 +34,13 @@ class Scale:
         low, high = self.log_potency
         return SMALLEST + (LARGEST - SMALLEST) * np.clip((log_potency - low) / (high - low), 0, 1)
 
+    @property
+    def key_sizes(self) -> np.ndarray:
+        """Round values of log10 potency for a key of sizes."""
+        low, high = self.log_potency
+        step = next((step for step in (1.0, 0.5, 0.2) if high - low >= 2 * step), 0.1)
+        return np.arange(np.ceil(low / step), np.floor(high / step) + 0.5) * step
+
 
 def common_scale(catalogs: list[xr.Dataset]) -> Scale:
     """Ranges that hold all events of all catalogues."""
@@ -147,9 +154,6 @@ def _keys(figure: Figure, bar: Axes, scale: Scale, hollow: bool) -> None:
         format=dates.ConciseDateFormatter(locator, show_offset=False),
     )  # fmt: skip
     bar.set_title(when, fontsize=8.5, fontweight="normal", loc="left")
-    low, high = scale.log_potency
-    step = next((step for step in (1.0, 0.5, 0.2) if high - low >= 2 * step), 0.1)
-    values = np.arange(np.ceil(low / step), np.floor(high / step) + 0.5) * step
 
     def circle(diameter: float, label: str, **look) -> Line2D:
         return Line2D([], [], linestyle="none", marker="o", markersize=diameter, label=label, **look)
@@ -159,7 +163,7 @@ def _keys(figure: Figure, bar: Axes, scale: Scale, hollow: bool) -> None:
             float(scale.diameter(value)), f"log P {value:.4g}".replace("-", "−"), color="#bbbbbb",
             markeredgecolor="k", markeredgewidth=0.3,
         )
-        for value in values
+        for value in scale.key_sizes
     ]  # fmt: skip
     if hollow:
         handles.append(circle(4.0, "not compared", markerfacecolor="none", markeredgecolor=NOT_COMPARED_COLOUR))

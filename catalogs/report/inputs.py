@@ -26,6 +26,7 @@ STATE_VARIABLES = (
 # Folders of the companion on cells of twice the size and of the members of an ensemble.
 COMPANION_FOLDERS = re.compile(r"(coarse|ensemble/(\d+))/")
 UNDATED = {"start": "", "end": "", "dated": 0}
+MODEL_LABEL = "Modelled"
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
 
 

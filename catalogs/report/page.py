@@ -25,6 +25,7 @@ from catalogs.report.record_text import sentences
 from catalogs.report.section_numbers import SECTIONS, section_number
 from catalogs.report.spread_text import headline as headline_of_spread
 from catalogs.report.text import fixed, number, percent, whole
+from catalogs.report.view_section import content_security_policy
 from common.datasets import atomic_path
 from common.pages import page_templates
 from common.provenance import comment
@@ -94,6 +95,7 @@ def write_report(
         limits=LIMITS,
         contents=SECTIONS,
         section_number=section_number,
+        policy=content_security_policy(shown["view"]["scripts"] if shown["view"] else []),
         config_lines=text.config_lines(config, default),
         versions=_versions(evidence),
         files=[(_short(path, output), attributes) for path, attributes in evidence.files.items()],

@@ -3,6 +3,7 @@
 SECTIONS = {  # by id in the page, in its order: name in the contents
     "headline": "Result",
     "scene": "Scene",
+    "view": "View",
     "convergence": "Convergence",
     "rock": "Failed rock",
     "events": "Events",

@@ -22,11 +22,12 @@ from catalogs.report import energy_text, match, text
 from catalogs.report.closeness_text import closeness_rows, unlike
 from catalogs.report.gallery import Gallery
 from catalogs.report.grid_convergence_text import rows as cell_rows
-from catalogs.report.inputs import Evidence
+from catalogs.report.inputs import MODEL_LABEL, Evidence
 from catalogs.report.mechanism_inputs import insitu_axes, iso_share
 from catalogs.report.record_text import as_sentence
 from catalogs.report.scene_text import above_cap, by_step, far_field
 from catalogs.report.spread_text import section as section_of_spread
+from catalogs.report.view_section import section as section_of_view
 from catalogs.size_law import NONE, TRUNCATED
 from catalogs.size_measures import fit
 from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY, b_by_cut, cut_grid, log_potency
@@ -34,13 +35,13 @@ from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY, b_by_cut, cut_grid, log_po
 LARGEST_EVENTS_DRAWN = 10  # Number of beach balls.
 MAX_ROWS_UNFOLDED = 40  # A longer table is folded, scrolls, or ends after EXCAVATIONS_LISTED rows.
 EXCAVATIONS_LISTED = 20  # Rows that a long table of excavations keeps: those with most potency.
-MODEL_LABEL = "Modelled"
 
 
 def sections_of(evidence: Evidence, gallery: Gallery) -> dict:
     """All sections by their names in the template; None where there is nothing to show."""
     return {
         "scene": _scene(evidence, gallery),
+        "view": section_of_view(evidence, _shown(evidence)),
         "convergence": _convergence(evidence, gallery),
         "rock": _rock(evidence, gallery),
         "events": _events(evidence, gallery),
