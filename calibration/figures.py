@@ -1,5 +1,7 @@
 """Figures of a calibration: posterior beside prior, predictions beside the record, the surrogate beside trials."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
@@ -18,7 +20,9 @@ LEVELS = (0.9, 0.5)  # Shares of the posterior within the lines of a pair.
 
 
 def axis_label(quantity: CalibratedQuantity) -> str:
-    """Last parts of the key, and the unit."""
+    """Last parts of the key, or the strength meant, and the unit."""
+    if quantity.confinement is not None:
+        return f"{quantity.title.split(': ')[1].replace(' under', chr(10) + 'under')} ({quantity.unit})"
     name = " ".join(part.replace("_", " ") for part in quantity.key.split(".")[-2:])
     return f"{name} ({quantity.unit})" if quantity.unit else name
 
@@ -30,7 +34,7 @@ def label_log_axis(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def draw_pairs(fit: Fit, quantities: list[CalibratedQuantity], trials: NDArray) -> Figure:
+def draw_pairs(fit: Fit, quantities: Sequence[CalibratedQuantity], trials: NDArray) -> Figure:
     """Marginals on the diagonal, the prior as a line; below it lines around half and 90 % of each pair, and trials."""
     count = len(quantities)
     size = min(2.4 * count, style.PAGE_WIDTH)
@@ -83,7 +87,7 @@ def _draw_pair(panel, fit: Fit, pair: tuple[int, int], values: tuple[NDArray, ND
         panel.contour(*middles, smooth.T, levels=lines, colors=style.MODELLED, linewidths=(0.8, 1.4))
 
 
-def draw_predictions(fit: Fit, steps: list[str], prior: NDArray) -> Figure:
+def draw_predictions(fit: Fit, steps: Sequence[str], prior: NDArray) -> Figure:
     """Potency and number by step: recorded, predicted by the posterior (90 %), and what trials of the prior make.
 
     prior: ln potency and ln number of the trials, corrected for the cells (trial, output).
@@ -116,7 +120,7 @@ def draw_predictions(fit: Fit, steps: list[str], prior: NDArray) -> Figure:
     return figure
 
 
-def draw_surrogate(fit: Fit, steps: list[str]) -> Figure:
+def draw_surrogate(fit: Fit, steps: Sequence[str]) -> Figure:
     """Each trial as all others predict it, beside what it made: potency and number."""
     figure = style.new_figure(height=3.6)
     mean, deviation = fit.surrogate.left_out()
@@ -137,7 +141,9 @@ def draw_surrogate(fit: Fit, steps: list[str]) -> Figure:
                 elinewidth=0.5,
                 label=step,
             )
-        ends = np.exp([made[:, part * count : (part + 1) * count].min(), made[:, part * count :][:, :count].max()])
+        ends = np.exp(
+            [made[:, part * count : (part + 1) * count].min(), made[:, part * count : (part + 1) * count].max()]
+        )
         panel.plot(ends, ends, color=style.OUTLINE, linewidth=0.8)
         panel.set(xscale="log", yscale="log", xlabel=f"{label}, computed", ylabel="predicted by the other trials")
         label_log_axis(panel.xaxis)

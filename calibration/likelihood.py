@@ -1,10 +1,12 @@
-"""How probable the record is for given quantities: terms of which each can be left out.
+"""How probable the record is for given quantities: a sum of terms of which each can be left out.
 
 Each term takes what the surrogate expects of the model at many points and what is recorded, by step, and returns
 log-likelihoods (point,). Potency is judged by its logarithm, with a Student t distribution: sums of heavy-tailed sizes
-have outliers. Numbers are judged by a negative binomial distribution, as recorded events come in clusters.
+have outliers. Numbers are judged by a negative binomial distribution, as recorded events come in clusters. Places are
+judged by the smoothed density of the modelled ones, sizes by their mean logarithm.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,66 +14,103 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp
 from scipy.stats import nbinom
 
-DEGREES_OF_FREEDOM = 5.0  # Of the Student t distribution of potency.
+from calibration.cells import CellCorrection, Discrepancy
+from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, Recorded
+
+DEGREES_OF_FREEDOM = 5.0  # Of the Student t distribution of potency and sizes.
 NODES, NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(9)  # Of the mean over what the surrogate does not know.
 MAX_IMPLAUSIBILITY = 3.0  # Above it no trial within the ranges fits the record (three-sigma rule, Pukelsheim 1994).
 
 
 @dataclass(frozen=True)
-class Recorded:
-    """What the record says of each step, in the steps' order.
+class Likelihood:
+    """Of a record: terms that count, columns of the outputs by term, the cells' correction, and the model's own error.
 
-    log_potency (step,) ln m3, covariance (step, step) of it; number (step,) of events above the common cut; clustering:
-    variance over mean of that number.
+    model_error: standard deviation of ln potency, ln number and ln mean size that each step has beside the cells.
     """
 
-    log_potency: NDArray
-    covariance: NDArray
-    number: NDArray
-    clustering: float = 1.0
+    recorded: Recorded
+    terms: Sequence[str]
+    columns: dict[str, slice]
+    correction: CellCorrection
+    model_error: float
+
+    def discrepancy(self, term: str) -> Discrepancy:
+        """Error of the cells and of the model in the outputs of a term."""
+        return self.correction.errors.get(term, Discrepancy()).with_own(self.model_error)
+
+    def __call__(self, mean: NDArray, deviation: NDArray) -> NDArray:
+        """Sum of the terms that count, (point,).
+
+        mean, deviation (point, output): what is expected of one run, and what its surrogate and chance leave open.
+        """
+        total = np.zeros(len(mean))
+        recorded = self.recorded
+        for term in self.terms:
+            part, discrepancy = self.columns[term], self.discrepancy(term)
+            known = mean[:, part], deviation[:, part]
+            if term == POTENCY:
+                total += student_term(*known, recorded.log_potency, recorded.covariance, discrepancy)
+            elif term == NUMBER:
+                total += number_term(*known, recorded.number, recorded.clustering, discrepancy)
+            elif term == PLACES:
+                total += mean[:, part] @ (recorded.number / recorded.clustering)
+            elif term == SIZES:
+                error = np.array([[recorded.excess_error**2]])
+                total += student_term(*known, np.array([recorded.log_excess]), error, discrepancy)
+        return total
+
+    def implausibility(self, mean: NDArray, deviation: NDArray) -> NDArray:
+        """Largest distance of a recorded ln potency, ln number or ln mean size from what is expected, (point,), in
+        standard deviations, of the terms that count. Places have no expected value."""
+        recorded = self.recorded
+        number = np.maximum(recorded.number, 0.5)
+        values = {
+            POTENCY: (recorded.log_potency, np.diag(recorded.covariance)),
+            NUMBER: (np.log(number), recorded.clustering / number),
+            SIZES: (np.array([recorded.log_excess]), np.array([recorded.excess_error**2])),
+        }
+        largest = np.zeros(len(mean))
+        for term in self.terms:
+            if term in values:
+                value, variance = values[term]
+                part, discrepancy = self.columns[term], self.discrepancy(term)
+                variance = variance + deviation[:, part] ** 2 + discrepancy.common**2 + discrepancy.own**2
+                distance = np.abs(value - mean[:, part]) / np.sqrt(variance)
+                largest = np.maximum(largest, distance.max(axis=1))
+        return largest
 
 
-@dataclass(frozen=True)
-class Discrepancy:
-    """How far the model itself is from the rock: standard deviations of ln potency and of ln number.
-
-    common: of an error that all steps share, such as that of the cells; own: of one that each step has for itself.
-    """
-
-    common: float = 0.0
-    own: float = 0.0
-
-    def covariance(self, steps: int) -> NDArray:
-        """(step, step)."""
-        return np.full((steps, steps), self.common**2) + self.own**2 * np.eye(steps)
-
-
-def potency_term(mean: NDArray, deviation: NDArray, recorded: Recorded, discrepancy: Discrepancy) -> NDArray:
-    """Log-density of the recorded ln potency: multivariate Student t.
+def student_term(
+    mean: NDArray, deviation: NDArray, value: NDArray, covariance: NDArray, discrepancy: Discrepancy
+) -> NDArray:
+    """Log-density (point,) of recorded values (step,) with this covariance: multivariate Student t.
 
     mean, deviation (point, step): what is expected of one run, and what its surrogate and chance leave open.
     """
-    scale = _covariance(deviation, recorded, discrepancy)
     steps, freedom = mean.shape[1], DEGREES_OF_FREEDOM
+    scale = deviation[:, :, None] ** 2 * np.eye(steps) + covariance + discrepancy.covariance(steps)
     shape = scale * (freedom - 2.0) / freedom  # `scale` is the variance, that of the t distribution is larger
     factor = np.linalg.cholesky(shape)
-    residual = np.linalg.solve(factor, (recorded.log_potency - mean)[:, :, None])[:, :, 0]
+    residual = np.linalg.solve(factor, (value - mean)[:, :, None])[:, :, 0]
     half_log_det = np.log(np.einsum("nii->ni", factor)).sum(axis=1)
     constant = gammaln((freedom + steps) / 2) - gammaln(freedom / 2) - steps / 2 * np.log(freedom * np.pi)
     return constant - half_log_det - (freedom + steps) / 2 * np.log1p((residual**2).sum(axis=1) / freedom)
 
 
-def number_term(mean: NDArray, deviation: NDArray, recorded: Recorded, discrepancy: Discrepancy) -> NDArray:
-    """Log-probability of the recorded numbers: negative binomial about the expected ones.
+def number_term(
+    mean: NDArray, deviation: NDArray, number: NDArray, clustering: float, discrepancy: Discrepancy
+) -> NDArray:
+    """Log-probability (point,) of recorded numbers (step,): negative binomial about the expected ones.
 
     mean, deviation (point, step) of ln number. What is not known is integrated out: the common part of the discrepancy
-    over all steps at once, the rest for each step by itself.
+    over all steps at once, the rest for each step by itself. clustering: variance over mean of a number.
     """
     own = np.sqrt(deviation**2 + discrepancy.own**2)
     by_common = []
     for common, weight in zip(NODES, NODE_WEIGHTS, strict=True):
         expected = np.exp(mean[:, :, None] + discrepancy.common * common + own[:, :, None] * NODES)
-        probability = _log_probability(recorded.number[:, None], expected, recorded.clustering)
+        probability = _log_probability(number[:, None], expected, clustering)
         of_step = logsumexp(probability, axis=2, b=NODE_WEIGHTS / NODE_WEIGHTS.sum())
         by_common.append(of_step.sum(axis=1) + np.log(weight / NODE_WEIGHTS.sum()))
     return np.asarray(logsumexp(by_common, axis=0))
@@ -81,15 +120,3 @@ def _log_probability(number: NDArray, expected: NDArray, clustering: float) -> N
     """Of a number with this variance over its mean; Poisson where they are equal (to a thousandth)."""
     excess = max(clustering - 1.0, 1e-3)
     return nbinom.logpmf(number, expected / excess, 1.0 / (1.0 + excess))
-
-
-def implausibility(mean: NDArray, deviation: NDArray, recorded: Recorded, discrepancy: Discrepancy) -> NDArray:
-    """Largest distance of a step's ln potency from what is expected of it, in standard deviations, (point,)."""
-    variance = np.einsum("nii->ni", _covariance(deviation, recorded, discrepancy))
-    return np.abs((recorded.log_potency - mean) / np.sqrt(variance)).max(axis=1)
-
-
-def _covariance(deviation: NDArray, recorded: Recorded, discrepancy: Discrepancy) -> NDArray:
-    """Of recorded less expected ln potency, (point, step, step)."""
-    steps = deviation.shape[1]
-    return deviation[:, :, None] ** 2 * np.eye(steps) + recorded.covariance + discrepancy.covariance(steps)

@@ -1,5 +1,6 @@
 """The page of a calibration, and the table of its trials."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,10 +9,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from calibration.figures import draw_pairs, draw_predictions, draw_surrogate
-from calibration.fit import SHARES, Fit, expected
+from calibration.fit import SHARES, Fit, Rows
 from calibration.likelihood import MAX_IMPLAUSIBILITY
 from calibration.self_test import SelfTest
 from calibration.settings import CalibratedQuantity
+from calibration.tradeoffs import best_known_strengths, correlation, telling_observations
+from calibration.trials import NUMBER, PLACES, POTENCY, SIZES
 from catalogs.figures import style
 from common.datasets import atomic_path
 from common.pages import page_templates
@@ -24,21 +27,24 @@ BEST_TRIALS = 5
 
 @dataclass(frozen=True)
 class Trials:
-    """The trials of a fit: points (trial, quantity) in the unit cube, the replicates in its middle first.
+    """The trials of a fit, in order: names, and of which kind each is: `replicate`, `design` or `further`.
 
     pairs: how many were run on finer cells, too. silent_history: whether history mines openings and no rock fails in
     it.
     """
 
-    points: NDArray
-    replicates: int
+    names: list[str]
+    kinds: list[str]
     pairs: int
     silent_history: bool
 
-    @property
-    def design(self) -> NDArray:
-        """Points of the design."""
-        return self.points[self.replicates :]
+    def count(self, kind: str) -> int:
+        """Number of trials of a kind."""
+        return self.kinds.count(kind)
+
+    def of_kind(self, kind: str) -> NDArray:
+        """Numbers, from 0, of the trials of a kind."""
+        return np.array([number for number, one in enumerate(self.kinds) if one == kind], int)
 
 
 def format_number(number: float) -> str:
@@ -51,44 +57,45 @@ def formatted(quantity: CalibratedQuantity, share: float) -> str:
     return format_number(quantity.value(share))
 
 
-def correlation(fit: Fit) -> NDArray:
-    """Correlation of the quantities (quantity, quantity) in the posterior."""
-    covariance = np.atleast_2d(np.cov(fit.posterior.points.T, aweights=fit.posterior.weights))
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    return covariance / np.outer(deviation, deviation)
-
-
-def verdict(fit: Fit, quantities: list[CalibratedQuantity]) -> list[str]:
+def verdict(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[str]:
     """What the calibration found, in sentences."""
     found = []
     least = fit.posterior.implausibility
     if not fit.fits:
         found.append(
-            f"No values within the ranges fit the record: in the nearest, the potency of some step is {least:.1f} "
-            f"standard deviations off ({MAX_IMPLAUSIBILITY:g} are plausible). Widen the ranges, or look for what the "
-            "model lacks. The intervals below mean little."
+            "No values within the ranges fit the record: in the nearest, potency, number or size of some step is "
+            f"{least:.1f} standard deviations off ({MAX_IMPLAUSIBILITY:g} are plausible). Widen the ranges, or look "
+            "for what the model lacks. The intervals below mean little."
         )
     left = fit.posterior.width_left()
-    known = [quantity for quantity, width in zip(quantities, left, strict=True) if width <= UNKNOWN_WIDTH]
-    unknown = [quantity for quantity, width in zip(quantities, left, strict=True) if width > UNKNOWN_WIDTH]
+    named = list(zip(quantities, left, strict=True))
+    known = [f"{one.title} to {100 * width:.0f} %" for one, width in named if width <= UNKNOWN_WIDTH]
+    unknown = [one.title for one, width in named if width > UNKNOWN_WIDTH]
     if known:
-        shares = [
-            f"{quantity.key} to {100 * width:.0f} %"
-            for quantity, width in zip(quantities, left, strict=True)
-            if quantity in known
-        ]
-        found.append(f"The record narrows the range of {', of '.join(shares)} of its width.")
+        found.append(f"The record narrows the range of {', of '.join(known)} of its width.")
     if unknown:
-        found.append(f"The record says hardly anything of {' and of '.join(quantity.key for quantity in unknown)}.")
+        found.append(f"The record says hardly anything of {' and of '.join(unknown)}.")
     related = correlation(fit)
     for first in range(len(quantities)):
         for other in range(first):
             if abs(related[first, other]) > RIDGE_CORRELATION:
                 way = "both larger or both smaller" if related[first, other] > 0 else "one larger and the other smaller"
                 found.append(
-                    f"The record cannot tell {quantities[other].key} from {quantities[first].key}: {way} fits as well "
-                    f"(correlation {related[first, other]:.2f})."
+                    f"The record cannot tell {quantities[other].title} from {quantities[first].title}: {way} fits as "
+                    f"well (correlation {related[first, other]:.2f})."
                 )
+    for strength in best_known_strengths(fit, quantities):
+        found.append(
+            f"Best known is the {strength.state} strength of {strength.material} under a confinement of "
+            f"{strength.confinement:.1f} MPa: {format_number(strength.low)} to {format_number(strength.high)} MPa "
+            f"(90 %), {100 * strength.width:.0f} % of what the ranges allow. A calibration may take this strength in "
+            "place of the cohesion (confinement)."
+        )
+    for one in telling_observations(fit, quantities):
+        found.append(
+            f"A measurement of {one.measured.title} to a tenth of its range would narrow {one.narrowed.title} from "
+            f"{100 * one.before:.0f} to {100 * one.after:.0f} % of its width."
+        )
     return found
 
 
@@ -96,17 +103,19 @@ def write_page(
     page: Path,
     mine: str,
     fit: Fit,
+    rows: Rows,
     trials: Trials,
     tested: SelfTest,
-    quantities: list[CalibratedQuantity],
-    steps: list[str],
+    quantities: Sequence[CalibratedQuantity],
+    steps: Sequence[str],
     draws: int,
 ) -> None:
     """Write the page, which needs nothing else, atomically."""
     with style.applied():
-        prior = expected(fit.surrogate, fit.correction, trials.design)[0]
+        evenly = np.isin(rows.trials, trials.of_kind("design"))
+        prior = fit.expected(rows.points[evenly])[0]
         figures = {
-            "pairs": draw_pairs(fit, quantities, trials.design),
+            "pairs": draw_pairs(fit, quantities, rows.points[~np.isin(rows.trials, trials.of_kind("replicate"))]),
             "predictions": draw_predictions(fit, steps, prior),
             "surrogate": draw_surrogate(fit, steps),
         }
@@ -122,8 +131,8 @@ def write_page(
             steps=step_rows(fit, steps),
             trials_sentence=trials_sentence(fit, trials),
             tested=tested_sentence(tested, quantities),
-            best=best_rows(fit, trials, quantities),
-            model_error=fit.model_error,
+            best=best_rows(fit, rows, trials, quantities),
+            model_error=fit.likelihood.model_error,
             draws=draws,
             **pictures,
         )
@@ -132,7 +141,7 @@ def write_page(
         temporary.write_text(text, encoding="utf-8")
 
 
-def quantity_rows(fit: Fit, quantities: list[CalibratedQuantity]) -> list[dict]:
+def quantity_rows(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[dict]:
     """Median, interval and width left of each quantity."""
     low, middle, high = fit.posterior.quantiles(SHARES)
     rows = []
@@ -140,7 +149,7 @@ def quantity_rows(fit: Fit, quantities: list[CalibratedQuantity]) -> list[dict]:
         unit = f" {quantity.unit}" if quantity.unit else ""
         rows.append(
             {
-                "key": quantity.key,
+                "key": quantity.title,
                 "range": f"{formatted(quantity, 0.0)} to {formatted(quantity, 1.0)}{unit}",
                 "median": f"{formatted(quantity, middle[number])}{unit}",
                 "interval": f"{formatted(quantity, low[number])} to {formatted(quantity, high[number])}{unit}",
@@ -151,7 +160,7 @@ def quantity_rows(fit: Fit, quantities: list[CalibratedQuantity]) -> list[dict]:
     return rows
 
 
-def step_rows(fit: Fit, steps: list[str]) -> list[dict]:
+def step_rows(fit: Fit, steps: Sequence[str]) -> list[dict]:
     """Recorded and predicted potency and number of each step."""
     low, middle, high = fit.intervals()
     deviation = np.sqrt(np.diag(fit.recorded.covariance))
@@ -180,11 +189,16 @@ def trials_sentence(fit: Fit, trials: Trials) -> str:
     """How many trials there were, and how well they predict each other."""
     mean, deviation = fit.surrogate.left_out()
     inside = np.mean(np.abs(fit.surrogate.outputs - mean) < 1.645 * deviation)
-    off = np.sqrt(np.mean((fit.surrogate.outputs - mean)[:, : fit.steps] ** 2))
-    text = f"{len(trials.design)} trials fill the ranges evenly"
-    text += f", and {trials.replicates} more in their middle differ by chance only. " if trials.replicates else ". "
+    potency = fit.likelihood.columns[POTENCY]
+    off = np.sqrt(np.mean((fit.surrogate.outputs - mean)[:, potency] ** 2))
+    text = f"{trials.count('design')} trials fill the ranges evenly"
+    if trials.count("replicate"):
+        text += f", and {trials.count('replicate')} more in their middle differ by chance only"
+    text += ". "
+    if trials.count("further"):
+        text += f"{trials.count('further')} further trials lie where those before left most uncertain. "
     if trials.pairs:
-        shift = np.exp(fit.correction.log_potency)
+        shift = np.exp(fit.likelihood.correction.shift[potency])
         text += (
             f"{trials.pairs} were run on the mine's own cells, too, which multiply the potency of the steps by "
             f"{', '.join(f'{value:.2f}' for value in shift)}. "
@@ -201,10 +215,10 @@ def trials_sentence(fit: Fit, trials: Trials) -> str:
     )
 
 
-def tested_sentence(tested: SelfTest, quantities: list[CalibratedQuantity]) -> str:
+def tested_sentence(tested: SelfTest, quantities: Sequence[CalibratedQuantity]) -> str:
     """How often the intervals held values that are known."""
     widths = ", ".join(
-        f"{quantity.key} {width:.2f}" for quantity, width in zip(quantities, tested.width.mean(axis=0), strict=True)
+        f"{quantity.title} {width:.2f}" for quantity, width in zip(quantities, tested.width.mean(axis=0), strict=True)
     )
     return (
         f"Each of the {len(tested.held)} designed trials was taken as the record and calibrated to without it; its "
@@ -213,32 +227,44 @@ def tested_sentence(tested: SelfTest, quantities: list[CalibratedQuantity]) -> s
     )
 
 
-def best_rows(fit: Fit, trials: Trials, quantities: list[CalibratedQuantity]) -> list[dict]:
-    """The trials with the largest likelihood, by the surrogate."""
-    values = fit.log_likelihood(trials.points)
+def best_rows(fit: Fit, rows: Rows, trials: Trials, quantities: Sequence[CalibratedQuantity]) -> list[dict]:
+    """The rows with the largest likelihood, by the surrogate."""
+    values = fit.log_likelihood(rows.points)
     order = np.argsort(-values)[:BEST_TRIALS]
     return [
         {
-            "number": int(trial) + 1,
-            "vals": [
-                formatted(quantity, share) for quantity, share in zip(quantities, trials.points[trial], strict=True)
-            ],
-            "below": f"{fit.best_log_likelihood - values[trial]:.1f}",
+            "number": trials.names[rows.trials[row]],
+            "vals": [formatted(quantity, share) for quantity, share in zip(quantities, rows.points[row], strict=True)],
+            "below": f"{fit.best_log_likelihood - values[row]:.1f}",
         }
-        for trial in order
+        for row in order
     ]
 
 
-def write_table(table: Path, fit: Fit, trials: Trials, quantities: list[CalibratedQuantity], steps: list[str]) -> None:
-    """Write what every trial was and made, atomically."""
-    columns: dict[str, NDArray] = {"trial": np.arange(1, len(trials.points) + 1)}
+def write_table(
+    table: Path,
+    fit: Fit,
+    rows: Rows,
+    trials: Trials,
+    quantities: Sequence[CalibratedQuantity],
+    steps: Sequence[str],
+) -> None:
+    """Write what every row of the trials was and made, atomically."""
+    columns: dict[str, NDArray | list] = {
+        "trial": [trials.names[trial] for trial in rows.trials],
+        "kind": [trials.kinds[trial] for trial in rows.trials],
+    }
     for number, quantity in enumerate(quantities):
-        name = f"{quantity.key}, {quantity.unit}" if quantity.unit else quantity.key
-        columns[name] = np.array([quantity.value(share) for share in trials.points[:, number]])
-    made = np.exp(fit.surrogate.outputs)
+        name = f"{quantity.title}, {quantity.unit}" if quantity.unit else quantity.title
+        columns[name] = np.array([quantity.value(share) for share in rows.points[:, number]])
+    made = rows.outputs.by_term
     for index, step in enumerate(steps):
-        columns[f"potency {step}, m3"] = made[:, index]
-        columns[f"events {step}"] = made[:, fit.steps + index]
-    columns["log-likelihood"] = fit.log_likelihood(trials.points)
+        columns[f"potency {step}, m3"] = np.exp(made[POTENCY][:, index])
+        columns[f"events {step}"] = np.exp(made[NUMBER][:, index])
+        if PLACES in made:
+            columns[f"gain {step}, nats"] = made[PLACES][:, index]
+    if SIZES in made:
+        columns["mean log potency above the cut"] = np.exp(made[SIZES][:, 0])
+    columns["log-likelihood"] = fit.log_likelihood(rows.points)
     with atomic_path(table) as temporary:
         pd.DataFrame(columns).to_csv(temporary, index=False, float_format="%.6g")

@@ -1,23 +1,61 @@
 """The section `calibration` of a mine file: what is calibrated within which ranges, and how many trials are run."""
 
 import math
+import re
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from common.quantities import QUANTITY_PATTERN
-from common.setting_types import KEY_PATTERN, AsTuple, Settings, real_number, refusal, whole_number
+from common.setting_types import KEY_PATTERN, AsTuple, Settings, Unit, real_number, refusal, whole_number
 
-Terms = Literal["potency", "number"]
+Terms = Literal["potency", "number", "places", "sizes"]
+EVENT_SECTION = "seismic."  # Keys that begin so change events, and not the rock: no run is needed for other values.
+STRENGTH = re.compile(
+    r"(?P<material>materials\.[A-Za-z0-9_-]+)\.cohesion\.(?P<state>intact|residual)"
+)  # A cohesion and what belongs to it.
+
+
+def friction_key(cohesion: str) -> str:
+    """Key of the friction angle that belongs to a cohesion's key; empty where the key is of something else."""
+    found = STRENGTH.fullmatch(cohesion)
+    return f"{found['material']}.friction_angle.{found['state']}" if found else ""
+
+
+def strength_under(confinement: float, cohesion: float, friction: float) -> float:
+    """Largest compression (Pa) that Coulomb rock bears under a confinement (Pa): q p + 2 c sqrt(q).
+
+    cohesion c in Pa; friction: angle in degrees, q = (1 + sin) / (1 - sin) of it.
+
+    >>> strength_under(0.0, 2e6, 30.0) / 1e6  # 2 c sqrt(3)
+    6.928203230275509
+    """
+    sine = math.sin(math.radians(friction))
+    slope = (1.0 + sine) / (1.0 - sine)
+    return slope * confinement + 2.0 * cohesion * math.sqrt(slope)
+
+
+def cohesion_of(strength: float, confinement: float, friction: float) -> float:
+    """Cohesion (Pa) of Coulomb rock with this strength (Pa) under a confinement (Pa): the inverse of `strength_under`.
+
+    Negative where the friction alone bears more.
+    """
+    alone = strength_under(confinement, 0.0, friction)
+    return (strength - alone) / strength_under(0.0, 1.0, friction)
 
 
 class CalibratedQuantity(Settings):
     """A quantity of the mine file that trials change within a range. Its prior is uniform."""
 
     key: Annotated[str, Field(pattern=KEY_PATTERN)]
-    """Key of the quantity, from the top of the mine file: materials.host.cohesion.residual."""
+    """Key of the quantity, from the top of the mine file: materials.host.cohesion.residual. An entry of a list is
+    called by its name: rock_bodies.dyke.material."""
     range: Annotated[tuple[str | float, ...], Field(min_length=2, max_length=2), AsTuple]
     """Smallest and largest value, both in the same unit."""
+    confinement: Annotated[float, Unit("Pa", ge=0, le=1e10)] = None
+    """With a cohesion only: the range is that of the largest principal stress (compression) at failure under this
+    confinement. The cohesion follows from it and the friction angle. A record often tells this strength, and neither
+    cohesion nor friction by itself."""
     scale: Literal["linear", "log"] = "linear"
     """`log`: the logarithm of the quantity is uniform under the prior."""
     source: Annotated[str, Field(min_length=1)]
@@ -30,7 +68,24 @@ class CalibratedQuantity(Settings):
             raise refusal(f"{self.range[0]} to {self.range[1]} is empty; give the smaller value first", "range")
         if self.scale == "log" and low <= 0.0:
             raise refusal("a range with scale log must lie above 0", "range")
+        if self.confinement is not None and not STRENGTH.fullmatch(self.key):
+            raise refusal(
+                "only a cohesion (materials.<name>.cohesion.<state>) can be given by a strength", "confinement"
+            )
         return self
+
+    @property
+    def title(self) -> str:
+        """What the quantity is called on the page: its key, or the strength that it stands for."""
+        found = STRENGTH.fullmatch(self.key)
+        if self.confinement is None or found is None:
+            return self.key
+        return f"{found['material']}: {found['state']} strength under {self.confinement / 1e6:g} MPa"
+
+    @property
+    def changes_events_only(self) -> bool:
+        """Whether the rock is the same for all values."""
+        return self.key.startswith(EVENT_SECTION)
 
     def _parts(self) -> tuple[list[float], str]:
         """Numbers of both ends and their unit. Raises PydanticCustomError where the units differ."""
@@ -75,8 +130,13 @@ class CalibrationSettings(Settings):
     quantities: Annotated[tuple[CalibratedQuantity, ...], Field(min_length=1, max_length=8), AsTuple]
     """What is calibrated."""
     trials: whole_number(ge=4, le=1000) = 40
-    """Number of trials. Each is a run of the mine with other values of the quantities; about ten for each quantity are
-    enough in most cases."""
+    """Number of trials that fill the ranges evenly. Each is a run of the mine with other values of the quantities;
+    about ten for each quantity are enough in most cases."""
+    batches: whole_number(ge=0, le=20) = 0
+    """Number of further batches of trials. Each batch is placed where the trials before it leave the prediction of the
+    record most uncertain."""
+    batch_trials: whole_number(ge=1, le=100) = 8
+    """Number of trials of a further batch."""
     replicates: whole_number(ge=0, le=50) = 4
     """Number of further runs in the middle of the ranges that differ by chance only. They tell chance from effect."""
     cells: Literal["doubled", "own"] = "doubled"
@@ -86,7 +146,8 @@ class CalibrationSettings(Settings):
     """Number of trials with doubled cells that are also run on the mine's own cells. They tell what the cells
     change."""
     terms: Annotated[tuple[Terms, ...], Field(min_length=1), AsTuple] = ("potency", "number")
-    """What of the record counts: potency by step, number of events by step. Default: both."""
+    """What of the record counts. `potency` and `number`: the summed potency and the number of events of each step.
+    `places`: where the events of each step are. `sizes`: the mean logarithm of their potency above the cut."""
     model_error: real_number(ge=0, le=2) = 0.1
     """Standard deviation of the natural logarithm of potency and number that each step of the model has beside its
     cells and chance: errors of the plan, the stress and the law."""

@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
+from calibration.trials import EXTRACTION
 from common.errors import InputError
 from mpm_core.scene.scene import parse_scene
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
@@ -14,20 +16,25 @@ from seismic.events import extract_events
 
 
 def run_trial(slices: dict, failed: Path) -> xr.Dataset:
-    """The catalogue of a trial, with its potency by step as attributes.
+    """The events of a trial, one catalogue for each setting of their extraction, with the potency before the record.
 
-    slices: `grid`, `elastic` and, for each step in order, `scene` and `events` (those of the stages of the same names);
-    failed: where a stage leaves its last state if it fails. A stage of its own for each part would cost some seconds to
-    start, which is what a small trial takes.
+    slices: `grid`, `elastic` and, for each step in order, `scene` and `events`: those of the stages of the same names,
+    of `events` one for each extraction. failed: where a stage leaves its last state if it fails. A stage of its own
+    for each part would cost some seconds to start, which is what a small trial takes. The variable `extraction` of
+    the result tells the catalogues apart (calibration.trials.extractions).
     """
     grid = make_grid(slices["grid"], {})
     state, _ = elastic_stage(parse_scene(slices["elastic"]), grid, failed)
-    events = []
+    events: list[list[xr.Dataset]] = []
     for step in slices["steps"]:
         state, _ = mining_step(parse_scene(step["scene"]), grid, state, failed)
         try:
-            events.append(extract_events(state, EventSettings.of(step["events"], "seismic"))[0])
+            settings = [EventSettings.of(one, "seismic") for one in step["events"]]
+            events.append([extract_events(state, one)[0] for one in settings])
         except InputError as error:
             raise InputError(f"step {step['name']}: {error}") from error
-    undated = sum(float(one.potency.sum()) for one in events if not one.attrs["dated"])
-    return merge(events).assign_attrs(potency_before_record=undated)
+    undated = sum(float(of_step[0].potency.sum()) for of_step in events if not of_step[0].attrs["dated"])
+    catalogues = [merge(list(one)) for one in zip(*events, strict=True)]
+    joined = xr.concat(catalogues, dim="event", combine_attrs="override")
+    joined[EXTRACTION] = ("event", np.repeat(np.arange(len(catalogues)), [one.sizes["event"] for one in catalogues]))
+    return joined.assign_attrs(potency_before_record=undated, extractions=len(catalogues))

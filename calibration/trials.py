@@ -1,4 +1,4 @@
-"""Trials as a table: the values of the quantities, and what each trial makes of every dated step."""
+"""What catalogues make of every dated step, and what a record says of the same: outputs of trials by term."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,25 +7,104 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from calibration.likelihood import Recorded
 from catalogs.completeness import completeness
+from catalogs.event_density import box_around, information_gain
 from catalogs.exposure import Exposure
+from catalogs.location_errors import location_errors
 from catalogs.sizes import log_potency
 from catalogs.sum_measures import potency_clustering
 from common.errors import InputError
 
 BOOTSTRAPS = 2000  # Resamplings of the record's potency.
+POTENCY, NUMBER, PLACES, SIZES = TERMS = ("potency", "number", "places", "sizes")
+EXTRACTION = "extraction"  # Variable of a trial's catalogue: which of its sets of events an event is of.
+MIN_DEVIATION = 1.0  # m, along each axis: places are never known better.
+BOX_MARGIN = 3.0  # Deviations by which the box of uniform events is larger than what events take up.
+AXES = 3
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What catalogues make of each dated step: ln potency (run, step) of m3 and ln number (run, step) from the cut on.
+class Recorded:
+    """What the record says of each step, in the steps' order.
 
-    A step without potency counts as the smallest resolvable event, one without events as half an event.
+    log_potency (step,) ln m3, covariance (step, step) of it; number (step,) of events above the common cut; clustering:
+    variance over mean of that number; log_excess: ln of the mean of log10 potency above the cut, and its standard
+    error.
     """
 
     log_potency: NDArray
-    log_number: NDArray
+    covariance: NDArray
+    number: NDArray
+    clustering: float = 1.0
+    log_excess: float = 0.0
+    excess_error: float = 1.0
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where events above the cut were recorded: location (event, xyz) m, step (event,) by number.
+
+    deviation (event,): standard deviation, m, along each axis of a recorded from a modelled place; error (event,): that
+    of the record alone; box: corners (2, xyz), m, of the rock in which an event may lie anywhere.
+    """
+
+    location: NDArray
+    step: NDArray
+    deviation: NDArray
+    error: NDArray
+    box: NDArray
+
+    @classmethod
+    def of_events(cls, location: NDArray, step: NDArray, like: "Places", generator: np.random.Generator) -> "Places":
+        """Places of modelled events, located with errors like those of a record."""
+        if not len(like.error):
+            return cls(location[:0], step[:0], like.deviation, like.error, like.box)
+        chosen = generator.integers(len(like.error), size=len(location))
+        error = like.error[chosen]
+        moved = location + error[:, None] * generator.standard_normal(location.shape)
+        return cls(moved, step, like.deviation[chosen], error, like.box)
+
+    def gain(self, events: NDArray, step: int) -> float:
+        """Mean information gain of modelled events (event, xyz) of a step at the recorded ones; 0 without these."""
+        chosen = self.step == step
+        if not chosen.any():
+            return 0.0
+        return float(information_gain(self.location[chosen], events, self.deviation[chosen], self.box).mean())
+
+
+class Outputs:
+    """What runs make of the steps: for each term an array (run, output of the term), and all side by side.
+
+    potency: ln m3 by step. number: ln of events from the cut on, by step. places: mean information gain at recorded
+    places, nats, by step. sizes: ln of the mean of log10 potency above the cut, one output.
+    """
+
+    def __init__(self, by_term: dict[str, NDArray]):
+        self.by_term = {term: by_term[term] for term in TERMS if term in by_term}
+
+    @property
+    def all(self) -> NDArray:
+        """(run, output), the terms in the order of TERMS."""
+        return np.concatenate(list(self.by_term.values()), axis=1)
+
+    @property
+    def columns(self) -> dict[str, slice]:
+        """Where each term stands in `all`."""
+        ends = np.cumsum([values.shape[1] for values in self.by_term.values()])
+        starts = np.concatenate([[0], ends[:-1]])
+        return {term: slice(int(a), int(b)) for term, a, b in zip(self.by_term, starts, ends, strict=True)}
+
+    def chosen(self, runs: slice | NDArray) -> "Outputs":
+        """Of some runs."""
+        return Outputs({term: values[runs] for term, values in self.by_term.items()})
+
+
+def extractions(trial: xr.Dataset) -> list[xr.Dataset]:
+    """The sets of events of a trial, each extracted from the same rock with other settings."""
+    if EXTRACTION not in trial:
+        return [trial]
+    number = trial[EXTRACTION].values
+    return [trial.isel(event=np.flatnonzero(number == one)) for one in range(int(trial.attrs["extractions"]))]
 
 
 def common_cut(catalogues: Sequence[xr.Dataset], record: xr.Dataset) -> float:
@@ -36,17 +115,50 @@ def common_cut(catalogues: Sequence[xr.Dataset], record: xr.Dataset) -> float:
     return float(np.nanmax([completeness(sizes), *floors]))
 
 
-def outcome(catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float) -> Outcome:
-    """What the catalogues make of the steps."""
-    potency = np.zeros((len(catalogues), len(steps)))
-    number = np.zeros_like(potency)
+def counted_events(events: xr.Dataset, steps: Sequence[str], cut: float) -> tuple[NDArray, NDArray]:
+    """Location (event, xyz) and number of the step (event,) of a catalogue's events that count."""
+    step = np.full(events.sizes["event"], -1)
+    for index, name in enumerate(steps):
+        step[events["step"].values == name] = index
+    used = (events["resolved"].values == 1) & (log_potency(events["potency"].values) >= cut) & (step >= 0)
+    return events["location"].values[used], step[used]
+
+
+def gains(catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float, places: Places) -> NDArray:
+    """Mean information gain of each catalogue at recorded places, nats, (run, step)."""
+    found = np.zeros((len(catalogues), len(steps)))
+    for run, events in enumerate(catalogues):
+        location, step = counted_events(events, steps, cut)
+        for index in range(len(steps)):
+            found[run, index] = places.gain(location[step == index], index)
+    return found
+
+
+def outputs(
+    catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float, terms: Sequence[str], places: Places | None
+) -> Outputs:
+    """What catalogues make of the steps: potency and number always, the other terms where they count.
+
+    A step without potency counts as the smallest resolvable event, one without events as half an event. One event a
+    decade above the cut is added to the sizes, so that a run without events has some.
+    """
+    shape = (len(catalogues), len(steps))
+    made = {POTENCY: np.zeros(shape), NUMBER: np.zeros(shape)}
+    made |= {PLACES: gains(catalogues, steps, cut, places)} if PLACES in terms and places is not None else {}
+    made |= {SIZES: np.zeros((len(catalogues), 1))} if SIZES in terms else {}
     for run, events in enumerate(catalogues):
         size, step = events["potency"].values, events["step"].values
-        counted = (events["resolved"].values == 1) & (log_potency(size) >= cut)
+        x = log_potency(size)
+        counted = (events["resolved"].values == 1) & (x >= cut)
         for index, name in enumerate(steps):
-            potency[run, index] = size[step == name].sum()
-            number[run, index] = np.count_nonzero(counted & (step == name))
-    return Outcome(np.log(np.maximum(potency, 10.0**cut)), np.log(np.maximum(number, 0.5)))
+            made[POTENCY][run, index] = size[step == name].sum()
+            made[NUMBER][run, index] = np.count_nonzero(counted & (step == name))
+        if SIZES in terms:
+            excess = x[counted & np.isin(step, list(steps))] - cut
+            made[SIZES][run, 0] = np.log((excess.sum() + 1.0) / (len(excess) + 1.0))
+    made[POTENCY] = np.log(np.maximum(made[POTENCY], 10.0**cut))
+    made[NUMBER] = np.log(np.maximum(made[NUMBER], 0.5))
+    return Outputs(made)
 
 
 def read_record(record: xr.Dataset, exposure: Exposure, cut: float, seed: int) -> Recorded:
@@ -73,7 +185,32 @@ def read_record(record: xr.Dataset, exposure: Exposure, cut: float, seed: int) -
         drawn = drawn[drawn > 0.0]
         variances[index] = np.log(drawn).var() * potency_clustering(sizes, clustering)
     number = np.array([np.count_nonzero(counted & (step == index)) for index in range(steps)])
-    return Recorded(logs, np.diag(variances), number, clustering)
+    excess = log_potency(potency[counted]) - cut
+    return Recorded(logs, np.diag(variances), number, clustering, *mean_excess(excess))
+
+
+def mean_excess(excess: NDArray) -> tuple[float, float]:
+    """ln of the mean of sizes above the cut (event,), log10 potency, one decade added as in `outputs`; its error.
+
+    Of a power law that mean is 1 / (b ln 10), with a standard error of 1 / sqrt(number) of itself.
+    """
+    number = len(excess) + 1.0
+    return float(np.log((excess.sum() + 1.0) / number)), float(1.0 / np.sqrt(number))
+
+
+def read_places(record: xr.Dataset, exposure: Exposure, cut: float, catalogues: Sequence[xr.Dataset]) -> Places:
+    """Where recorded events of dated steps above the cut are, to be compared with these catalogues."""
+    step = exposure.step(record["time"].values)
+    location = record["location"].values
+    used = (step >= 0) & (record["resolved"].values == 1) & (log_potency(record["potency"].values) >= cut)
+    used &= np.isfinite(location).all(axis=1)
+    own = [float(one.attrs["location_error"]) for one in catalogues]
+    modelled = max((error for error in own if np.isfinite(error)), default=0.0)
+    error = location_errors(record)[used] / np.sqrt(AXES)
+    deviation = np.maximum(np.hypot(error, modelled / np.sqrt(AXES)), MIN_DEVIATION)
+    every = [location[used], *(one["location"].values for one in catalogues)]
+    box = box_around(*every, margin=BOX_MARGIN * float(deviation.max(initial=MIN_DEVIATION)))
+    return Places(location[used], step[used], deviation, error, box)
 
 
 def has_silent_history(catalogues: Sequence[xr.Dataset]) -> bool:

@@ -1,7 +1,9 @@
 """The trials of a calibration as mines: what each run computes, and what the fit reads."""
 
 import functools
+import json
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -18,21 +20,27 @@ FILE_KEYS = ("file", "folder")  # keys of a mine file that hold a path
 DRAWS = 5  # mine files that are drawn from the posterior
 DOUBLED, OWN = "doubled", "own"  # cells of a trial
 MIDDLE = 0.5
+EXTRACTIONS = 4  # sets of events of a trial, each with other settings of the section `seismic`, if these are calibrated
+BATCH_TRIAL = re.compile(r"batch_(?P<batch>[0-9]+)_(?P<number>[0-9]+)")  # name of a trial of a further batch
+TRIAL = "[1-9][0-9]*|batch_[0-9]+_[0-9]+"
 
 
 class CalibrationTrials:
-    """Trials of a mine's calibration, numbered from 1: first replicates in the middle of all ranges, then the design.
+    """Trials of a mine's calibration: 1, 2, ... are replicates in the middle of all ranges, then the design. Those of
+    further batches are called batch_1_1, batch_1_2, ...
 
-    A longer design begins with the shorter one, so that no trial changes its number.
-    Nothing is computed before a rule asks for it. A mistake ends the run in one line.
+    A longer design begins with the shorter one, so that no trial changes its number. Nothing is computed before a rule
+    asks for it. A mistake ends the run in one line.
     """
 
     own_cells = OWN
+    pattern = TRIAL
     mine_files = ("middle", *(f"draw_{number}" for number in range(1, DRAWS + 1)))
 
     def __init__(self, mine: Mine, mine_file: Path):
         self.mine = mine
         self.mine_file = Path(os.path.relpath(mine_file))
+        self.folder = Path("results", mine.name, "calibration")
 
     @functools.cached_property
     def settings(self) -> CalibrationSettings:
@@ -48,9 +56,13 @@ class CalibrationTrials:
             sys.exit(f"{self.mine_file}: calibration.cells: cells of one size cannot be doubled; set it to own")
         return self.mine.settings.calibration
 
+    def batch_file(self, batch: int | str) -> str:
+        """Where the points of a further batch are written."""
+        return f"{self.folder.as_posix()}/batch_{batch}.json"
+
     @functools.cached_property
     def points(self) -> np.ndarray:
-        """Points of all trials (trial, quantity) in the unit cube."""
+        """Points of replicates and design (trial, quantity) in the unit cube."""
         from calibration.design import sobol_points  # here: runs that calibrate nothing need no scipy
 
         settings = self.settings
@@ -58,58 +70,107 @@ class CalibrationTrials:
         middle = np.full((settings.replicates, len(settings.quantities)), MIDDLE)
         return np.concatenate([middle, design])
 
-    @property
-    def numbers(self) -> range:
-        """Numbers of all trials."""
-        return range(1, len(self.points) + 1)
+    def names(self, batch: int = 0) -> list[str]:
+        """Names of the trials of replicates and design, or of a further batch."""
+        if batch:
+            return [f"batch_{batch}_{number}" for number in range(1, self.settings.batch_trials + 1)]
+        return [str(number) for number in range(1, len(self.points) + 1)]
+
+    def names_before(self, batch: int) -> list[str]:
+        """Names of all trials before a further batch, which is placed by them."""
+        return [name for one in range(batch) for name in self.names(one)]
 
     @property
-    def finer(self) -> range:
-        """Numbers of the trials that are run on the mine's own cells, too."""
-        is_coarse = self.settings.cells == DOUBLED
-        first, pairs = self.settings.replicates + 1, min(self.settings.pairs, self.settings.trials)
-        return range(first, first + pairs if is_coarse else first)
+    def all_names(self) -> list[str]:
+        """Names of all trials, in order."""
+        return self.names_before(self.settings.batches + 1)
 
-    def mine_of(self, number: int, cells: str) -> Mine:
-        """Configuration of a trial."""
-        if number not in self.numbers:
-            sys.exit(f"{self.mine.name}: calibration: no trial {number}; there are {len(self.points)}")
+    @property
+    def finer(self) -> list[str]:
+        """Names of the trials that are run on the mine's own cells, too."""
+        if self.settings.cells != DOUBLED:
+            return []
+        first = self.settings.replicates
+        return self.names()[first : first + min(self.settings.pairs, self.settings.trials)]
+
+    def rows(self, name: str) -> np.ndarray:
+        """Points (row, quantity) in the unit cube at which a trial tells of the mine: one, or EXTRACTIONS of them that
+        differ in what changes events only. Ends the run in one line if there is no such trial."""
+        from calibration.design import sobol_points
+
+        batched = BATCH_TRIAL.fullmatch(name)
+        batch, number = (int(batched["batch"]), int(batched["number"])) if batched else (0, int(name))
+        if batch > self.settings.batches or name not in self.names(batch):
+            sys.exit(f"{self.mine.name}: calibration: no trial {name}; there are {', '.join(self.all_names)}")
+        if batch:
+            point = np.array(json.loads(Path(self.batch_file(batch)).read_text(encoding="utf-8")))[number - 1]
+        else:
+            point = self.points[number - 1]
+        events_only = [index for index, one in enumerate(self.settings.quantities) if one.changes_events_only]
+        if not events_only:
+            return point[None]
+        rows = np.repeat(point[None], EXTRACTIONS, axis=0)
+        # Replicates, too, and by a sequence of their own for each trial.
+        drawn = sobol_points(EXTRACTIONS, len(events_only), hash_seed(self.settings.seed, batch, number))
+        rows[:, events_only] = drawn
+        return rows
+
+    def mine_at(self, name: str, row: np.ndarray, cells: str) -> Mine:
+        """Configuration of a trial at one of its points."""
         try:
-            text = with_values(self.mine.text, self.settings.quantities, self.points[number - 1])
+            text = with_values(self.mine.text, self.settings.quantities, row)
             text = {key: value for key, value in text.items() if key != "calibration"}
             mine = load(text | {"ensemble": 0}, self.mine_file, self.mine.default)
         except InputErrors as error:
-            sys.exit("\n".join(f"calibration, trial {number}: {line}" for line in error.lines))
+            sys.exit("\n".join(f"calibration, trial {name}: {line}" for line in error.lines))
         except InputError as error:
             sys.exit(f"{self.mine_file}: {error}")
         return mine.coarser() if cells == DOUBLED else mine
 
-    def slice_of(self, number: int, cells: str) -> dict:
+    def slice_of(self, name: str, cells: str) -> dict:
         """What a trial depends on, for calibration.trial.run_trial."""
-        mine = self.mine_of(number, cells)
-        run = mine.member(number) if number <= self.settings.replicates else mine
+        mines = [self.mine_at(name, row, cells) for row in self.rows(name)]
+        mine = mines[0]
+        is_replicate = name.isdigit() and int(name) <= self.settings.replicates
+        run = mine.member(int(name)) if is_replicate else mine
         steps = [
-            {"name": step, "scene": run.step_slice(step), "events": run.event_slice(step)} for step in run.mined_steps
+            {"name": step, "scene": run.step_slice(step), "events": [one.event_slice(step) for one in mines]}
+            for step in run.mined_steps
         ]
         return {"grid": mine.grid_slice(), "elastic": mine.slice_of("elastic"), "steps": steps}
 
-    def fit_slice(self) -> dict:
-        """What the fit depends on, beside trials and record."""
+    def fit_slice(self, batch: int | None = None) -> dict:
+        """What the fit depends on, beside trials and record; with a batch: what its points depend on."""
         mine = self.mine
-        folder = Path("results", mine.name, "calibration")
         text = {key: value for key, value in mine.text.items() if key != "calibration"}
-        return {
+        names = self.all_names if batch is None else self.names_before(batch)
+        known = {
             "mine": mine.name,
             "calibration": self.settings.given(),
-            "points": self.points.tolist(),
+            "trials": [{"name": name, "kind": self._kind(name), "rows": self.rows(name).tolist()} for name in names],
             "steps": [step.model_dump(include={"name", "start", "end"}) for step in mine.listed_steps if step.is_dated],
+        }
+        if batch is not None:
+            return known | {"batch": batch}
+        return known | {
             "has_history": any(self._mines_something(step.name) for step in mine.listed_steps if not step.is_dated),
-            "text": _moved(text, mine.folder, folder),
+            "text": _moved(text, mine.folder, self.folder),
             "draws": DRAWS,
         }
 
+    def _kind(self, name: str) -> str:
+        """As calibration.page.Trials has it."""
+        if not name.isdigit():
+            return "further"
+        return "replicate" if int(name) <= self.settings.replicates else "design"
+
     def _mines_something(self, step: str) -> bool:
         return any(excavation.step == step for excavation in self.mine.excavations)
+
+
+def hash_seed(*numbers: int) -> int:
+    """One seed of several numbers."""
+    return int(np.random.SeedSequence(numbers).generate_state(1)[0])
 
 
 def _moved(value: Any, old: Path, new: Path) -> Any:

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_t, nbinom, poisson
 
-from calibration.likelihood import DEGREES_OF_FREEDOM, Discrepancy, Recorded, implausibility, number_term, potency_term
+from calibration.cells import CellCorrection, Discrepancy
+from calibration.likelihood import DEGREES_OF_FREEDOM, Likelihood, number_term, student_term
 from calibration.posterior import find_posterior
+from calibration.trials import Recorded
 
 NONE = Discrepancy()
 
@@ -13,6 +15,22 @@ NONE = Discrepancy()
 def recorded(log_potency, variance=0.04, number=(40, 60), clustering=3.0):
     """Two steps."""
     return Recorded(np.array(log_potency, float), variance * np.eye(2), np.array(number), clustering)
+
+
+def potency_term(mean, deviation, record, discrepancy):
+    """Of two steps of a record."""
+    return student_term(mean, deviation, record.log_potency, record.covariance, discrepancy)
+
+
+def numbers(mean, deviation, record, discrepancy):
+    """Of the numbers of a record."""
+    return number_term(mean, deviation, record.number, record.clustering, discrepancy)
+
+
+def judge(record, terms=("potency",), error=NONE, model_error=0.0):
+    """Likelihood of a record of two steps, all outputs side by side."""
+    columns = {"potency": slice(0, 2), "number": slice(2, 4), "places": slice(4, 6), "sizes": slice(6, 7)}
+    return Likelihood(record, terms, columns, CellCorrection(np.zeros(7), dict.fromkeys(columns, error)), model_error)
 
 
 def test_potency_term_is_the_density_of_a_student_t_with_the_stated_covariance():
@@ -33,10 +51,10 @@ def test_number_term_is_negative_binomial_and_poisson_without_clusters():
     record = recorded([0, 0])
     exact = sum(nbinom(mean / 2.0, 1 / 3.0).logpmf(number) for mean, number in zip(expected[0], (40, 60), strict=True))
     nothing = np.zeros((1, 2))
-    np.testing.assert_allclose(number_term(np.log(expected), nothing, record, NONE), exact, rtol=1e-9)
+    np.testing.assert_allclose(numbers(np.log(expected), nothing, record, NONE), exact, rtol=1e-9)
     record = recorded([0, 0], clustering=1.0)
     exact = poisson(expected[0]).logpmf([40, 60]).sum()
-    np.testing.assert_allclose(number_term(np.log(expected), nothing, record, NONE), exact, atol=5e-3)
+    np.testing.assert_allclose(numbers(np.log(expected), nothing, record, NONE), exact, atol=5e-3)
 
 
 def test_number_term_sums_to_one_over_all_numbers():
@@ -44,15 +62,7 @@ def test_number_term_sums_to_one_over_all_numbers():
     every = np.arange(2000)
     discrepancy = Discrepancy(common=0.3, own=0.2)
     total = sum(
-        np.exp(
-            number_term(
-                np.log([[30.0]]),
-                np.array([[0.2]]),
-                Recorded(np.zeros(1), np.zeros((1, 1)), np.array([n]), 2.0),
-                discrepancy,
-            )
-        )[0]
-        for n in every
+        np.exp(number_term(np.log([[30.0]]), np.array([[0.2]]), np.array([n]), 2.0, discrepancy))[0] for n in every
     )
     np.testing.assert_allclose(total, 1.0, atol=1e-3)
 
@@ -65,11 +75,12 @@ def test_an_error_that_all_steps_share_excuses_a_common_shift_only():
     assert potency_term(mean, deviation, together, shared) > potency_term(mean, deviation, apart, shared) + 2.0
     tens = np.log(10.0) + mean
     shared_gain, own_gain = (
-        number_term(tens, deviation, together, error) - number_term(tens, deviation, apart, error)
+        numbers(tens, deviation, together, error) - numbers(tens, deviation, apart, error)
         for error in (shared, Discrepancy(own=0.8))
     )
     assert shared_gain > own_gain + 0.5
-    assert implausibility(mean, deviation, together, NONE) > implausibility(mean, deviation, together, shared)
+    implausible = [judge(together, error=error).implausibility(mean, deviation) for error in (NONE, shared)]
+    assert implausible[0] > implausible[1]
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.4])
@@ -89,9 +100,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say(shift):
             def evaluate(points, record=record, discrepancy=discrepancy):
                 nothing = np.zeros((len(points), 2))
                 mean = points @ slopes.T
-                return potency_term(mean, nothing, record, discrepancy), implausibility(
-                    mean, nothing, record, discrepancy
-                )
+                judged = judge(record, error=discrepancy)
+                return judged(mean, nothing), judged.implausibility(mean, nothing)
 
             found = find_posterior(evaluate, 2, seed=7, points=2**10)
             low, high = found.quantiles(np.array([0.05, 0.95]))
@@ -102,3 +112,37 @@ def test_intervals_hold_the_truth_as_often_as_they_say(shift):
     assert np.mean(widths) < 0.67
     if shift:
         assert np.mean(blind) < np.mean(held) - 0.05
+
+
+def test_terms_add_up_and_each_can_be_left_out():
+    """All four, in any order, are the sum of each by itself."""
+    random = np.random.default_rng(1)
+    mean, deviation = random.normal(size=(5, 7)), random.uniform(0.1, 0.3, (5, 7))
+    record = recorded([0.1, 0.2])
+    terms = ("potency", "number", "places", "sizes")
+    single = [judge(record, (term,))(mean, deviation) for term in terms]
+    np.testing.assert_allclose(judge(record, terms[::-1])(mean, deviation), sum(single))
+
+
+def test_places_count_by_independent_events():
+    """A gain of one nat in a step of forty events that come three at a time is worth 13.3 nats."""
+    mean = np.zeros((2, 7))
+    mean[1, 4] = 1.0
+    first, other = judge(recorded([0, 0], number=(40, 60), clustering=3.0), ("places",))(mean, np.zeros((2, 7)))
+    assert other - first == pytest.approx(40 / 3)
+
+
+def test_numbers_and_sizes_that_no_values_give_are_implausible():
+    """Potency right, number or mean size far off: only a likelihood that counts them says so."""
+    record = Recorded(np.zeros(2), 0.01 * np.eye(2), np.array([100, 100]), 1.0, log_excess=0.0, excess_error=0.1)
+    mean = np.array([[0.0, 0.0, np.log(100), np.log(100), 0, 0, 0.0]])
+    few, large = mean.copy(), mean.copy()
+    few[0, 3], large[0, 6] = np.log(50), 0.5
+    nothing = np.zeros((1, 7))
+    for terms, expected in (
+        (("potency",), (0.0, 0.0)),
+        (("number",), (np.log(2) * 10, 0.0)),
+        (("sizes",), (0.0, 5.0)),
+    ):
+        found = [judge(record, terms).implausibility(one, nothing)[0] for one in (few, large)]
+        np.testing.assert_allclose(found, expected, atol=1e-9)

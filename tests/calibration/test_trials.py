@@ -5,12 +5,25 @@ import pytest
 import xarray as xr
 import yaml
 
-from calibration.fit import CellCorrection, calibrate
-from calibration.likelihood import Discrepancy, Recorded
+from calibration.cells import CellCorrection, Discrepancy
+from calibration.fit import Rows, calibrate
+from calibration.further import further_points
 from calibration.mine_files import with_values, write_mine
 from calibration.self_test import calibrate_to_trials
-from calibration.settings import CalibratedQuantity, CalibrationSettings
-from calibration.trials import Outcome, common_cut, has_silent_history, outcome, read_record
+from calibration.settings import CalibratedQuantity, CalibrationSettings, cohesion_of, strength_under
+from calibration.tradeoffs import best_known_strengths, telling_observations
+from calibration.trials import (
+    Outputs,
+    Places,
+    Recorded,
+    common_cut,
+    extractions,
+    gains,
+    has_silent_history,
+    outputs,
+    read_places,
+    read_record,
+)
 from catalogs.exposure import Exposure
 from common.errors import InputError
 
@@ -48,13 +61,67 @@ EXPOSURE = Exposure(
 )
 
 
-def test_outcome_sums_all_potency_and_counts_resolved_events_above_the_cut():
+def test_outputs_sum_all_potency_and_count_resolved_events_above_the_cut():
     """Two runs; a step without anything counts as the cut, and as half an event."""
     runs = [catalogue({"one": [1.0, 2.0, 0.001], "two": []}), catalogue({"one": [0.5], "two": [4.0, 0.1]})]
-    made = outcome(runs, STEPS, cut=-1.0)
-    np.testing.assert_allclose(np.exp(made.log_potency), [[3.001, 0.1], [0.5, 4.1]])
-    np.testing.assert_allclose(np.exp(made.log_number), [[2.0, 0.5], [1.0, 2.0]])
-    np.testing.assert_allclose(np.exp(outcome([catalogue({"one": [1.0]}, resolved=0)], STEPS, -1.0).log_number), 0.5)
+    made = outputs(runs, STEPS, -1.0, (), None).by_term
+    assert list(made) == ["potency", "number"]
+    np.testing.assert_allclose(np.exp(made["potency"]), [[3.001, 0.1], [0.5, 4.1]])
+    np.testing.assert_allclose(np.exp(made["number"]), [[2.0, 0.5], [1.0, 2.0]])
+    unresolved = outputs([catalogue({"one": [1.0]}, resolved=0)], STEPS, -1.0, (), None)
+    np.testing.assert_allclose(np.exp(unresolved.by_term["number"]), 0.5)
+
+
+def test_mean_size_of_a_power_law_is_that_of_its_b():
+    """1 / (b ln 10), the same for model and record; one event a decade above the cut is all that an empty run has."""
+    x = -1.0 + np.random.default_rng(0).exponential(1 / (1.2 * np.log(10)), 4000)
+    made = outputs([catalogue({"one": 10.0**x}), catalogue({})], STEPS, -1.0, ("sizes",), None).by_term["sizes"]
+    np.testing.assert_allclose(np.exp(made[0, 0]), 1 / (1.2 * np.log(10)), rtol=0.05)
+    assert made[1, 0] == 0.0
+    days = np.linspace(0, 60, len(x))
+    recorded = read_record(record(days, 10.0**x), EXPOSURE, -1.0, seed=1)
+    np.testing.assert_allclose(recorded.log_excess, made[0, 0])
+    np.testing.assert_allclose(recorded.excess_error, 1 / np.sqrt(4001))
+
+
+def located(location, step, floor=0.01, error=2.0):
+    """Resolved events of 1 m3 at these places."""
+    count = len(location)
+    return xr.Dataset(
+        {
+            "potency": ("event", np.ones(count)),
+            "resolved": ("event", np.ones(count, np.int8)),
+            "step": ("event", np.array(step, object)),
+            "location": (("event", "xyz"), np.array(location, float)),
+        },
+        attrs={"potency_floor": floor, "potency_before_record": 1.0, "location_error": error},
+    )
+
+
+def test_places_near_recorded_ones_gain_most_in_their_own_step():
+    """A run with events where they were recorded gains; one that has them in the other step loses."""
+    there, away = np.tile([[0.0, 0, 0]], (5, 1)), np.tile([[50.0, 0, 0]], (5, 1))
+    right = located(np.concatenate([there, away]), ["one"] * 5 + ["two"] * 5)
+    swapped = located(np.concatenate([there, away]), ["two"] * 5 + ["one"] * 5)
+    recorded = record([*range(5), *range(40, 45)], [1.0] * 10)
+    recorded["location"] = (("event", "xyz"), np.concatenate([there, away]) + 1.0)
+    recorded.attrs["location_error"] = 5.0
+    places = read_places(recorded, EXPOSURE, -1.0, [right, swapped])
+    np.testing.assert_allclose(places.error, 5.0 / np.sqrt(3))
+    np.testing.assert_allclose(places.deviation, np.hypot(5.0, 2.0) / np.sqrt(3))
+    found = gains([right, swapped], STEPS, -1.0, places)
+    assert (found[0] > 2.0).all()
+    np.testing.assert_allclose(found[1], np.log(0.05), atol=0.1)
+    made = Places.of_events(there, np.zeros(5, int), places, np.random.default_rng(1))
+    assert 0.5 < (made.location - there).std() / (5.0 / np.sqrt(3)) < 1.5
+
+
+def test_a_trial_with_several_extractions_is_so_many_catalogues():
+    """In order, an empty one among them."""
+    joined = catalogue({"one": [1.0, 2.0, 3.0]}).assign_attrs(extractions=3)
+    joined["extraction"] = ("event", np.array([0, 2, 2]))
+    assert [one["potency"].values.tolist() for one in extractions(joined)] == [[1.0], [], [2.0, 3.0]]
+    assert len(extractions(catalogue({"one": [1.0]}))) == 1
 
 
 def test_events_count_from_the_largest_floor_of_all_runs_on():
@@ -96,43 +163,43 @@ def test_cells_are_corrected_by_pairs():
     """A shift that a run's steps share, and one of each step: mean, common and own error are found again."""
     generator = np.random.default_rng(4)
     runs, steps = 400, 3
-    coarse = Outcome(generator.normal(size=(runs, steps)), generator.normal(size=(runs, steps)))
+    coarse = {term: generator.normal(size=(runs, steps)) for term in ("potency", "number")}
     shift = (
         np.array([0.5, 0.2, 0.1]) + 0.3 * generator.normal(size=(runs, 1)) + 0.1 * generator.normal(size=(runs, steps))
     )
-    found = CellCorrection.of(coarse, Outcome(coarse.log_potency + shift, coarse.log_number))
-    np.testing.assert_allclose(found.log_potency, [0.5, 0.2, 0.1], atol=0.05)
-    np.testing.assert_allclose(found.potency_error.common, np.sqrt(0.3**2 + 0.1**2 / 3), rtol=0.1)
-    np.testing.assert_allclose(found.potency_error.own, 0.1 * np.sqrt(2 / 3), rtol=0.1)
-    assert found.number_error == Discrepancy(0.0, 0.0)
+    found = CellCorrection.of(Outputs(coarse), Outputs({**coarse, "potency": coarse["potency"] + shift}))
+    np.testing.assert_allclose(found.shift, [0.5, 0.2, 0.1, 0, 0, 0], atol=0.05)
+    np.testing.assert_allclose(found.errors["potency"].common, np.sqrt(0.3**2 + 0.1**2 / 3), rtol=0.1)
+    np.testing.assert_allclose(found.errors["potency"].own, 0.1 * np.sqrt(2 / 3), rtol=0.1)
+    assert found.errors["number"] == Discrepancy(0.0, 0.0)
+
+
+def simulator(points):
+    """ln potency of two steps from two quantities."""
+    return np.stack([2 + 2 * points[:, 0] + 0.5 * points[:, 1], 1 + 0.5 * points[:, 0] + 2 * points[:, 1]], axis=1)
+
+
+def trials_at(points, noise=0.05, seed=6):
+    """Rows of the made-up simulator, expected number in proportion to potency, chance of each by itself."""
+    chance = noise * np.random.default_rng(seed).normal(size=(2, len(points), 2))
+    made = {"potency": simulator(points) + chance[0], "number": np.log(20.0) + simulator(points) + chance[1]}
+    return Rows(points, Outputs(made), np.arange(len(points)))
+
+
+def fitted(rows, values, number, variance=0.01):
+    """Calibrated to a record of these values."""
+    recorded = Recorded(values, variance * np.eye(2), number, 2.0)
+    return calibrate(rows, CellCorrection.none(rows.outputs), recorded, ("potency", "number"), 0.1, seed=1)
 
 
 def test_calibration_of_a_made_up_simulator_holds_the_truth_and_refuses_another_law():
     """Potency of two steps from two quantities: the truth lies within the 90 % intervals, which take less than seven
     tenths of the prior; a record that no values give is called implausible."""
-    generator = np.random.default_rng(6)
-    points = generator.uniform(size=(40, 2))
-
-    def simulator(points):
-        return np.stack([2 + 2 * points[:, 0] + 0.5 * points[:, 1], 1 + 0.5 * points[:, 0] + 2 * points[:, 1]], axis=1)
-
-    made = simulator(points) + 0.05 * generator.normal(size=(40, 2))
-    trials = Outcome(made, np.log(20.0) + made)
+    rows = trials_at(np.random.default_rng(6).uniform(size=(40, 2)))
     truth = np.array([[0.3, 0.7]])
     expected = simulator(truth)[0]
     number = np.round(20.0 * np.exp(expected)).astype(int)
-    fits, misses = (
-        calibrate(
-            points,
-            trials,
-            CellCorrection.none(2),
-            Recorded(values, 0.01 * np.eye(2), number, 2.0),
-            ("potency", "number"),
-            0.1,
-            seed=1,
-        )
-        for values in (expected, expected + np.array([3.0, -3.0]))
-    )
+    fits, misses = (fitted(rows, values, number) for values in (expected, expected + np.array([3.0, -3.0])))
     assert fits.fits
     low, high = fits.posterior.quantiles(np.array([0.05, 0.95]))
     assert ((low < truth) & (truth < high)).all()
@@ -141,10 +208,98 @@ def test_calibration_of_a_made_up_simulator_holds_the_truth_and_refuses_another_
     assert (predicted[0, :2] < np.exp(expected)).all()
     assert (np.exp(expected) < predicted[2, :2]).all()
     assert not misses.fits
-    tested = calibrate_to_trials(fits.surrogate, 0, fits.recorded, fits.terms, fits.model_error, seed=2)
+    tested = calibrate_to_trials(fits, rows, np.arange(40), seed=2)
     assert tested.held.shape == (40, 2)
     assert 0.8 < tested.coverage < 0.98
     assert (tested.width.mean(axis=0) < 0.7).all()
+
+
+def test_further_trials_lie_where_the_record_points_and_teach_more_than_even_ones():
+    """A curved simulator with few trials: as many further ones as even ones lower the error of the prediction near the
+    truth more. They keep apart."""
+    truth = np.array([[0.25, 0.8]])
+    designed = np.random.default_rng(3).uniform(size=(48, 2))
+
+    def curved(points):
+        wave = 1.5 * np.sin(5 * points[:, 0] + 4 * points[:, 1])
+        return Rows(
+            points,
+            Outputs({"potency": simulator(points) + wave[:, None], "number": np.log(20) + simulator(points)}),
+            np.arange(len(points)),
+        )
+
+    at = curved(truth).outputs.by_term
+    number = np.round(np.exp(at["number"][0])).astype(int)
+    first = fitted(curved(designed[:16]), at["potency"][0], number)
+    added = further_points(first, 8, seed=1)
+    assert added.shape == (8, 2)
+    assert len(np.unique(added.round(2), axis=0)) > 4
+    near = first.posterior.draws(200, seed=5)
+    errors = []
+    for points in (np.concatenate([designed[:16], added]), designed[:24]):
+        found = fitted(curved(points), at["potency"][0], number)
+        predicted = found.surrogate.predict(near)[0][:, :2]
+        errors.append(np.sqrt(np.mean((predicted - curved(near).outputs.by_term["potency"]) ** 2)))
+    assert errors[0] < 0.7 * errors[1]
+
+
+def quantity(key, low, high, unit="", **more):
+    """A quantity with a range."""
+    return CalibratedQuantity.read({"key": key, "range": [f"{low} {unit}", f"{high} {unit}"], "source": "test", **more})
+
+
+def test_strength_and_cohesion_are_inverse_and_agree_with_mohr_coulomb():
+    """On the circle that touches the line: (s1 - s3) / 2 = c cos + (s1 + s3) / 2 sin."""
+    for friction in (0.0, 20.0, 45.0):
+        strength = strength_under(5e6, 3e6, friction)
+        sine, cosine = np.sin(np.radians(friction)), np.cos(np.radians(friction))
+        np.testing.assert_allclose((strength - 5e6) / 2, 3e6 * cosine + (strength + 5e6) / 2 * sine)
+        np.testing.assert_allclose(cohesion_of(strength, 5e6, friction), 3e6)
+
+
+def test_a_cohesion_given_by_a_strength_follows_from_the_friction_of_the_same_trial():
+    """Written after the friction, whichever stands first; too small a strength is refused in one line."""
+    text = {"materials": {"host": {"cohesion": {"residual": "2 MPa"}, "friction_angle": {"residual": "20 deg"}}}}
+    strength = quantity("materials.host.cohesion.residual", 10, 30, "MPa", confinement="5 MPa")
+    friction = quantity("materials.host.friction_angle.residual", 16, 24, "deg")
+    for order in ((strength, friction), (friction, strength)):
+        shares = [0.5 if one is strength else 1.0 for one in order]
+        host = with_values(text, order, shares)["materials"]["host"]
+        assert host["friction_angle"]["residual"] == "24 deg"
+        cohesion = float(host["cohesion"]["residual"].removesuffix(" Pa"))
+        np.testing.assert_allclose(strength_under(5e6, cohesion, 24.0), 20e6, rtol=1e-5)
+    assert strength.title == "materials.host: residual strength under 5 MPa"
+    with pytest.raises(InputError, match="less than friction of 20 deg alone gives"):
+        with_values(text, [strength], [0.0])
+    with pytest.raises(InputError, match="only a cohesion"):
+        quantity("materials.host.friction_angle.residual", 10, 30, "deg", confinement="5 MPa")
+
+
+def test_the_strength_that_a_ridge_tells_is_found_with_its_confinement():
+    """A posterior along all pairs that have 25 MPa under 6 MPa: that confinement and strength are named. A measured
+    friction angle would narrow the cohesion; two quantities that are unrelated are left alone."""
+    friction = quantity("materials.host.friction_angle.residual", 16, 24, "deg")
+    cohesion = quantity("materials.host.cohesion.residual", 0.5, 6, "MPa")
+    idle = quantity("materials.host.youngs_modulus", 40, 70, "GPa")
+    angles = np.linspace(16, 24, 401)
+    bond = np.array([cohesion_of(25e6, 6e6, angle) for angle in angles]) / 1e6
+    points = np.stack([(angles - 16) / 8, (bond - 0.5) / 5.5, np.random.default_rng(1).uniform(size=401)], axis=1)
+    rows = trials_at(np.random.default_rng(6).uniform(size=(12, 2)))
+    known = fitted(rows, np.zeros(2), np.ones(2, int))
+    posterior = type(known.posterior)(points, np.full(401, 1 / 401), 0.0)
+    fit = type(known)(known.surrogate, known.likelihood, posterior)
+    (found,) = best_known_strengths(fit, [friction, cohesion, idle])
+    assert found.confinement == pytest.approx(6.0, abs=0.3)
+    assert (found.material, found.state) == ("materials.host", "residual")
+    np.testing.assert_allclose([found.low, found.high], 25.0, rtol=0.02)
+    assert found.width < 0.05
+    telling = telling_observations(fit, [friction, cohesion, idle])
+    assert {(one.measured.key, one.narrowed.key) for one in telling} == {
+        (friction.key, cohesion.key),
+        (cohesion.key, friction.key),
+    }
+    for one, variance in zip(telling, points.var(axis=0)[[1, 0]], strict=True):  # closed form of a straight ridge
+        assert one.after / one.before == pytest.approx(np.sqrt(0.01 / (0.01 + variance)), rel=0.05)
 
 
 @pytest.mark.parametrize(
@@ -179,6 +334,15 @@ def test_values_of_a_range():
     assert [linear.written(share) for share in (0.0, 0.5, 1.0)] == ["16 deg", "20 deg", "24 deg"]
     log = CalibratedQuantity.read({"key": "a.b", "range": [1, 100], "scale": "log", "source": "test"})
     assert log.written(0.5) == 10.0
+
+
+def test_entries_of_lists_are_named():
+    """By their name, as messages name them; an unknown one is refused."""
+    text = {"rock_bodies": [{"name": "dyke", "dip": "60 deg"}, {"name": "lens", "dip": "30 deg"}]}
+    changed = with_values(text, [quantity("rock_bodies.lens.dip", 20, 40, "deg")], [1.0])
+    assert [body["dip"] for body in changed["rock_bodies"]] == ["60 deg", "40 deg"]
+    with pytest.raises(InputError, match=r"did you mean rock_bodies\.lens\?"):
+        with_values(text, [quantity("rock_bodies.lense.dip", 20, 40, "deg")], [1.0])
 
 
 def test_mine_files_take_the_values_and_nothing_else(tmp_path):

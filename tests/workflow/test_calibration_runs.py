@@ -2,6 +2,7 @@
 
 import csv
 
+import numpy as np
 import pytest
 import yaml
 from tiny_mines import TINY, changed, edited, merged, snakemake, write_mine
@@ -14,6 +15,7 @@ QUANTITIES = [
     {"key": "materials.host.friction_angle.residual", "range": ["15 deg", "25 deg"], "source": "test"},
 ]
 CALIBRATED = changed(TINY, calibration={"quantities": QUANTITIES, "trials": 6, "replicates": 1, "pairs": 2})
+BATCHED = changed(CALIBRATED, **{"calibration.batches": 1, "calibration.batch_trials": 2})
 
 
 def trials_of(mine: dict, tmp_path) -> CalibrationTrials:
@@ -26,8 +28,8 @@ def test_trials_change_what_is_named_and_nothing_else(tmp_path):
     """Elastic state and grid are those of the mine; residual rows differ from trial to trial; replicates are perturbed
     in their steps alone; pairs differ by their cells."""
     trials = trials_of(CALIBRATED, tmp_path)
-    assert (list(trials.numbers), list(trials.finer)) == ([1, 2, 3, 4, 5, 6, 7], [2, 3])
-    first, second, replicate = (trials.slice_of(number, "own") for number in (2, 3, 1))
+    assert (trials.all_names, trials.finer) == (["1", "2", "3", "4", "5", "6", "7"], ["2", "3"])
+    first, second, replicate = (trials.slice_of(name, "own") for name in ("2", "3", "1"))
     assert first["grid"] == second["grid"] == trials.mine.grid_slice()
     hosts = [one["elastic"]["materials"]["host"] for one in (first, second)]
     for host, point in zip(hosts, trials.points[1:], strict=False):
@@ -37,7 +39,7 @@ def test_trials_change_what_is_named_and_nothing_else(tmp_path):
     assert without[0] == without[1]
     assert "perturbation" not in replicate["elastic"]
     assert [step["scene"]["perturbation"] for step in replicate["steps"]] == [1, 1]
-    assert trials.slice_of(2, "doubled")["grid"]["grid"]["levels"] == first["grid"]["grid"]["levels"] - 1
+    assert trials.slice_of("2", "doubled")["grid"]["grid"]["levels"] == first["grid"]["grid"]["levels"] - 1
 
 
 @pytest.mark.parametrize(
@@ -53,7 +55,7 @@ def test_mines_that_cannot_be_calibrated_are_refused(values, problem, tmp_path):
     mine = changed(CALIBRATED, **{key: value for key, value in values.items() if value is not None})
     mine = {key: value for key, value in mine.items() if values.get(key, "") is not None}
     with pytest.raises(SystemExit, match=problem) as refused:
-        list(trials_of(mine, tmp_path).numbers)
+        _ = trials_of(mine, tmp_path).all_names
     assert "\n" not in str(refused.value)
 
 
@@ -63,7 +65,35 @@ def test_values_that_make_no_mine_are_refused_with_their_trial(tmp_path):
     trials = trials_of(changed(CALIBRATED, **{"calibration.quantities": wide}), tmp_path)
     widest = 1 + int(trials.points[1:].argmax())
     with pytest.raises(SystemExit, match=f"calibration, trial {widest + 1}"):
-        trials.slice_of(widest + 1, "own")
+        trials.slice_of(str(widest + 1), "own")
+
+
+def test_a_trial_has_a_row_for_each_setting_of_what_changes_events_only(tmp_path):
+    """The rock is computed once; closeness differs between the extractions of a trial, and between trials."""
+    closeness = {"key": "seismic.closeness", "range": [0.6, 0.9], "source": "test"}
+    trials = trials_of(changed(CALIBRATED, **{"calibration.quantities": [*QUANTITIES, closeness]}), tmp_path)
+    rows = [trials.rows(name) for name in ("2", "3")]
+    assert all(one.shape == (4, 3) for one in rows)
+    np.testing.assert_array_equal(rows[0][:, :2], np.repeat(trials.points[1:2, :2], 4, axis=0))
+    assert len({*rows[0][:, 2], *rows[1][:, 2]}) == 8
+    events = [step["events"] for step in trials.slice_of("2", "own")["steps"]]
+    given = [[one["closeness"] for one in step] for step in events]
+    np.testing.assert_allclose(given, np.tile(0.6 + 0.3 * rows[0][:, 2], (len(events), 1)), rtol=1e-5)
+
+
+def test_further_trials_are_at_the_points_of_their_batch(tmp_path, monkeypatch):
+    """By number; their names follow those of the design, and an unknown name is refused in one line."""
+    monkeypatch.chdir(tmp_path)
+    trials = trials_of(changed(CALIBRATED, **{"calibration.batches": 2, "calibration.batch_trials": 2}), tmp_path)
+    assert trials.all_names[7:] == ["batch_1_1", "batch_1_2", "batch_2_1", "batch_2_2"]
+    assert trials.names_before(2)[7:] == ["batch_1_1", "batch_1_2"]
+    file = tmp_path / trials.batch_file(1)
+    file.parent.mkdir(parents=True)
+    file.write_text("[[0.25, 0.5], [0.75, 0.125]]")
+    np.testing.assert_array_equal(trials.rows("batch_1_2"), [[0.75, 0.125]])
+    assert trials.fit_slice(2)["trials"][-1] == {"name": "batch_1_2", "kind": "further", "rows": [[0.75, 0.125]]}
+    with pytest.raises(SystemExit, match="no trial batch_3_1"):
+        trials.rows("batch_3_1")
 
 
 @pytest.mark.slow
@@ -71,10 +101,10 @@ def test_calibration_of_the_tiny_mine(spoiled, base):
     """Beside results that stand: page, table, mine files that load. A second call has nothing to do. A longer design
     keeps the trials that were run."""
     results = spoiled / "results/tiny"
-    with edited(base / "files" / "tiny.yaml", CALIBRATED) as file:
+    with edited(base / "files" / "tiny.yaml", BATCHED) as file:
         status, text = snakemake(file, spoiled, "calibrate")
         again = snakemake(file, spoiled, "--dry-run", "calibrate")
-    with edited(base / "files" / "tiny.yaml", changed(CALIBRATED, **{"calibration.trials": 8})) as file:
+    with edited(base / "files" / "tiny.yaml", changed(BATCHED, **{"calibration.trials": 8})) as file:
         longer = snakemake(file, spoiled, "--dry-run", "calibrate")
     assert status == 0, text
     assert "Nothing to be done" in again[1]
@@ -86,7 +116,7 @@ def test_calibration_of_the_tiny_mine(spoiled, base):
     assert page.count("<img") == 3
     with open(folder / "trials.csv") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 7
+    assert [row["kind"] for row in rows] == ["replicate", *["design"] * 6, *["further"] * 2]
     assert all(float(row["materials.host.cohesion.residual, MPa"]) <= 1.0 for row in rows)
     middle = yaml.safe_load((folder / "middle.yaml").read_text())
     mine = load(middle, folder / "middle.yaml")

@@ -6,6 +6,18 @@ TRIALS = CalibrationTrials(MINE, MINE_FILE)
 CALIBRATION = f"results/{MINE.name}/calibration"
 
 
+def trial_files(batch):
+    """Files of all trials before a further batch. The points of a batch are known once its checkpoint has run."""
+    for number in range(1, batch):
+        checkpoints.further.get(batch=number)
+    return [f"{CALIBRATION}/{TRIALS.settings.cells}/{name}.nc" for name in TRIALS.names_before(batch)]
+
+
+def finer_files(wildcards):
+    """Files of the trials on the mine's own cells, if others are on doubled ones."""
+    return [f"{CALIBRATION}/{TRIALS.own_cells}/{name}.nc" for name in TRIALS.finer]
+
+
 rule trial:
     """One trial: a run of the mine with other values of the calibrated quantities, as one job.
 
@@ -22,7 +34,7 @@ rule trial:
         f"benchmarks/{MINE.name}/calibration/{{cells}}/{{trial}}.tsv"
     wildcard_constraints:
         cells="doubled|own",
-        trial="[1-9][0-9]*",
+        trial=TRIALS.pattern,
     conda:
         "../envs/environment.yaml"
     threads: 1
@@ -34,17 +46,49 @@ rule trial:
         settings=STAGES.named_slice(
             MINE.name,
             lambda wildcards: f"calibration/{wildcards.cells}/{wildcards.trial}",
-            lambda wildcards: TRIALS.slice_of(int(wildcards.trial), wildcards.cells),
+            lambda wildcards: TRIALS.slice_of(wildcards.trial, wildcards.cells),
         ),
     shell:
         "NUMBA_NUM_THREADS={threads} stage calibration trial --settings {params.settings:q} --output {output} --log {log}"
 
 
+checkpoint further:
+    """Where the trials of a further batch teach most, given all trials before."""
+    input:
+        trials=lambda wildcards: trial_files(int(wildcards.batch)),
+        finer=finer_files,
+        record=FILES.own("record.nc"),
+    output:
+        TRIALS.batch_file("{batch}"),
+    log:
+        f"logs/{MINE.name}/calibration/batch_{{batch}}.log",
+    benchmark:
+        f"benchmarks/{MINE.name}/calibration/batch_{{batch}}.tsv"
+    wildcard_constraints:
+        batch="[1-9][0-9]*",
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        code=source_hash("calibration further"),
+        settings=STAGES.named_slice(
+            MINE.name,
+            lambda wildcards: f"calibration/batch_{wildcards.batch}",
+            lambda wildcards: TRIALS.fit_slice(int(wildcards.batch)),
+        ),
+    shell:
+        "stage calibration further --settings {params.settings:q} --trials {input.trials} --finer {input.finer}"
+        " --record {input.record} --output {output} --log {log}"
+
+
 rule calibrate:
     """The posterior of the calibrated quantities, its page, and mine files."""
     input:
-        trials=lambda wildcards: [f"{CALIBRATION}/{TRIALS.settings.cells}/{number}.nc" for number in TRIALS.numbers],
-        finer=lambda wildcards: [f"{CALIBRATION}/{TRIALS.own_cells}/{number}.nc" for number in TRIALS.finer],
+        trials=lambda wildcards: trial_files(TRIALS.settings.batches + 1),
+        finer=finer_files,
         record=FILES.own("record.nc"),
     output:
         page=f"{CALIBRATION}/report.html",

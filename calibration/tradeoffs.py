@@ -1,0 +1,110 @@
+"""What a posterior cannot tell apart, and what would: correlations, strengths, further observations."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.fit import SHARES, Fit
+from calibration.posterior import weighted_quantiles
+from calibration.settings import STRENGTH, CalibratedQuantity, friction_key, strength_under
+from common.quantities import parse_quantity
+
+CONFINEMENTS = np.linspace(0.0, 40.0, 81)  # MPa, at which a strength is looked for that the record tells.
+MEASURED_TO = 0.1  # Standard error of a further measurement, as a share of its range.
+MIN_NARROWING = 0.75  # A measurement that leaves a larger share of the width is not mentioned.
+PRIOR_POINTS = 4096  # Points of the prior that its own spread of a strength is taken from.
+
+
+@dataclass(frozen=True)
+class KnownStrength:
+    """A strength of Coulomb rock that the record tells better than cohesion and friction: MPa, 90 % interval.
+
+    width: of the interval over that of the prior.
+    """
+
+    material: str
+    state: str
+    confinement: float
+    low: float
+    high: float
+    width: float
+
+
+@dataclass(frozen=True)
+class TellingObservation:
+    """A measurement that would narrow another quantity: its width, over that of the prior, before and after."""
+
+    measured: CalibratedQuantity
+    narrowed: CalibratedQuantity
+    before: float
+    after: float
+
+
+def correlation(fit: Fit) -> NDArray:
+    """Correlation of the quantities (quantity, quantity) in the posterior."""
+    covariance = _covariance(fit)
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return covariance / np.outer(deviation, deviation)
+
+
+def _covariance(fit: Fit) -> NDArray:
+    return np.atleast_2d(np.cov(fit.posterior.points.T, aweights=fit.posterior.weights))
+
+
+def best_known_strengths(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[KnownStrength]:
+    """For each pair of a cohesion and a friction angle of the same rock: the confinement at which the posterior of the
+    strength is narrowest beside its prior."""
+    keys = [quantity.key for quantity in quantities]
+    found: list[KnownStrength] = []
+    for number, quantity in enumerate(quantities):
+        match, angle = STRENGTH.fullmatch(quantity.key), friction_key(quantity.key)
+        if match is None or quantity.confinement is not None or angle not in keys:
+            continue
+        pair = (number, keys.index(angle))
+        prior = np.random.default_rng(0).uniform(size=(PRIOR_POINTS, len(quantities)))
+        before = _intervals(prior, np.full(PRIOR_POINTS, 1.0 / PRIOR_POINTS), quantities, pair)
+        after = _intervals(fit.posterior.points, fit.posterior.weights, quantities, pair)
+        width = (after[2] - after[0]) / (before[2] - before[0])
+        best = int(width.argmin())
+        found.append(
+            KnownStrength(
+                match["material"], match["state"], float(CONFINEMENTS[best]), *after[[0, 2], best], float(width[best])
+            )
+        )
+    return found
+
+
+def _intervals(
+    points: NDArray, weights: NDArray, quantities: Sequence[CalibratedQuantity], pair: tuple[int, int]
+) -> NDArray:
+    """Quantiles at SHARES (share, confinement) of the strength, MPa, at CONFINEMENTS."""
+    cohesion, friction = (
+        np.array([quantities[one].value(share) for share in points[:, one]])
+        * parse_quantity(f"1 {quantities[one].unit}", unit)
+        for one, unit in zip(pair, ("Pa", "deg"), strict=True)
+    )
+    alone = np.array([strength_under(1.0, 0.0, angle) for angle in friction])
+    bond = np.array([strength_under(0.0, value, angle) for value, angle in zip(cohesion, friction, strict=True)]) / 1e6
+    return weighted_quantiles(bond[:, None] + alone[:, None] * CONFINEMENTS, weights, SHARES)
+
+
+def telling_observations(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[TellingObservation]:
+    """Measurements of one quantity that would narrow another one, by the covariance of the posterior.
+
+    A measurement of x with the variance e lowers that of z by c(x, z)^2 / (c(x, x) + e). For each quantity that can be
+    narrowed so, the best one.
+    """
+    covariance, left = _covariance(fit), fit.posterior.width_left()
+    variance = np.diag(covariance)
+    found: list[TellingObservation] = []
+    for narrowed in range(len(quantities)):
+        lowered = covariance[narrowed] ** 2 / (variance + MEASURED_TO**2)
+        lowered[narrowed] = 0.0
+        best = int(lowered.argmax())
+        share = float(np.sqrt(max(0.0, 1.0 - lowered[best] / max(variance[narrowed], 1e-300))))
+        if share < MIN_NARROWING:
+            before = float(left[narrowed])
+            found.append(TellingObservation(quantities[best], quantities[narrowed], before, before * share))
+    return found
