@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from calibration.cells import CellCorrection
+from calibration.extractions import extractions
 from calibration.fit import SHARES, Fit, Rows, calibrate
 from calibration.further import further_points
 from calibration.mine_files import write_mine
@@ -22,7 +23,6 @@ from calibration.trials import (
     Places,
     common_cut,
     counted_events,
-    extractions,
     gains,
     has_silent_history,
     outputs,

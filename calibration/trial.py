@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
-from calibration.trials import EXTRACTION
+from calibration.extractions import joined
 from common.errors import InputError
 from mpm_core.scene.scene import parse_scene
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
@@ -20,8 +19,8 @@ def run_trial(slices: dict, failed: Path) -> xr.Dataset:
 
     slices: `grid`, `elastic` and, for each step in order, `scene` and `events`: those of the stages of the same names,
     of `events` one for each extraction. failed: where a stage leaves its last state if it fails. A stage of its own
-    for each part would cost some seconds to start, which is what a small trial takes. The variable `extraction` of
-    the result tells the catalogues apart (calibration.trials.extractions).
+    for each part would cost some seconds to start, which is what a small trial takes. calibration.extractions
+    tells the catalogues apart.
     """
     grid = make_grid(slices["grid"], {})
     state, _ = elastic_stage(parse_scene(slices["elastic"]), grid, failed)
@@ -35,6 +34,4 @@ def run_trial(slices: dict, failed: Path) -> xr.Dataset:
             raise InputError(f"step {step['name']}: {error}") from error
     undated = sum(float(of_step[0].potency.sum()) for of_step in events if not of_step[0].attrs["dated"])
     catalogues = [merge(list(one)) for one in zip(*events, strict=True)]
-    joined = xr.concat(catalogues, dim="event", combine_attrs="override")
-    joined[EXTRACTION] = ("event", np.repeat(np.arange(len(catalogues)), [one.sizes["event"] for one in catalogues]))
-    return joined.assign_attrs(potency_before_record=undated, extractions=len(catalogues))
+    return joined(catalogues).assign_attrs(potency_before_record=undated)

@@ -17,7 +17,6 @@ from common.errors import InputError
 
 BOOTSTRAPS = 2000  # Resamplings of the record's potency.
 POTENCY, NUMBER, PLACES, SIZES = TERMS = ("potency", "number", "places", "sizes")
-EXTRACTION = "extraction"  # Variable of a trial's catalogue: which of its sets of events an event is of.
 MIN_DEVIATION = 1.0  # m, along each axis: places are never known better.
 BOX_MARGIN = 3.0  # Deviations by which the box of uniform events is larger than what events take up.
 AXES = 3
@@ -97,14 +96,6 @@ class Outputs:
     def chosen(self, runs: slice | NDArray) -> "Outputs":
         """Of some runs."""
         return Outputs({term: values[runs] for term, values in self.by_term.items()})
-
-
-def extractions(trial: xr.Dataset) -> list[xr.Dataset]:
-    """The sets of events of a trial, each extracted from the same rock with other settings."""
-    if EXTRACTION not in trial:
-        return [trial]
-    number = trial[EXTRACTION].values
-    return [trial.isel(event=np.flatnonzero(number == one)) for one in range(int(trial.attrs["extractions"]))]
 
 
 def common_cut(catalogues: Sequence[xr.Dataset], record: xr.Dataset) -> float:

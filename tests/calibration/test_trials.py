@@ -6,6 +6,7 @@ import xarray as xr
 import yaml
 
 from calibration.cells import CellCorrection, Discrepancy
+from calibration.extractions import extractions, joined
 from calibration.fit import Rows, calibrate
 from calibration.further import further_points
 from calibration.mine_files import with_values, write_mine
@@ -17,7 +18,6 @@ from calibration.trials import (
     Places,
     Recorded,
     common_cut,
-    extractions,
     gains,
     has_silent_history,
     outputs,
@@ -118,10 +118,9 @@ def test_places_near_recorded_ones_gain_most_in_their_own_step():
 
 def test_a_trial_with_several_extractions_is_so_many_catalogues():
     """In order, an empty one among them."""
-    joined = catalogue({"one": [1.0, 2.0, 3.0]}).assign_attrs(extractions=3)
-    joined["extraction"] = ("event", np.array([0, 2, 2]))
-    assert [one["potency"].values.tolist() for one in extractions(joined)] == [[1.0], [], [2.0, 3.0]]
-    assert len(extractions(catalogue({"one": [1.0]}))) == 1
+    together = joined([catalogue({"one": sizes}) for sizes in ([1.0], [], [2.0, 3.0])])
+    assert [one["potency"].values.tolist() for one in extractions(together)] == [[1.0], [], [2.0, 3.0]]
+    assert together.attrs["potency_floor"] == 0.01
 
 
 def test_events_count_from_the_largest_floor_of_all_runs_on():
