@@ -4,21 +4,14 @@ import json
 import logging
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
 from common.errors import InputError
 from common.event_table import ON_PLANES, event_dataset
+from common.modelled_events import describe_sources, spread_in_time
 from common.part_centers import part_centers
-from common.source_tensors import (
-    clear_axes,
-    moment_from_potency,
-    moment_magnitude,
-    scalar_moment,
-    scalar_potency,
-    source_shares,
-)
+from common.source_tensors import moment_from_potency, scalar_potency
 from common.voigt import tensor_from_voigt
 from seismic.budget import log_budget, potency_budget
 from seismic.clusters import find_clusters
@@ -86,8 +79,9 @@ def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int 
     event_potency = _sum_by(event, potency, len(resolved))
     moment = _moments(event, potency, len(resolved), step, source)
     values = _locate(position, spacing, weight, event, len(resolved), chosen.dimension)
-    values |= _describe(event_potency, moment)
-    values |= _order_in_time(step.attrs, len(resolved), where)
+    values |= describe_sources(tensor_from_voigt(event_potency), moment)
+    dates = (step.attrs["start"], step.attrs["end"]) if step.attrs["dated"] else None
+    values |= spread_in_time(dates, len(resolved), where)
     values |= {
         "particles": np.bincount(event, minlength=len(resolved)),
         "resolved": resolved,
@@ -234,53 +228,6 @@ def _locate(
         "location": origin + mean,
         "source_size": 2.0 * np.sqrt((dimension + 2.0) / dimension * mean_square),
     }
-
-
-def _describe(potency: NDArray, moment: NDArray) -> dict[str, NDArray]:
-    """Size, axes and type of sources from their potency (event, 6) m3 and moment tensor (event, 3, 3) N m."""
-    tensor, scalar = tensor_from_voigt(potency), scalar_moment(moment)
-    values = {"potency_tensor": tensor, "potency": scalar_potency(tensor)}
-    values |= {"moment_tensor": moment, "moment": scalar, "mw": moment_magnitude(scalar)}
-    axes, shares = clear_axes(tensor), source_shares(tensor)
-    values |= {f"{name}_axis": axes[:, row] for row, name in enumerate("pbt")}
-    values |= {name: shares[:, column] for column, name in enumerate(("iso", "clvd", "dc"))}
-    return values
-
-
-def _order_in_time(attributes: dict, events: int, where: str) -> dict[str, NDArray]:
-    """Times of ranked events, evenly over the step: start + (rank - 1/2) / N of its length; NaT without dates.
-
-    Their uncertainties reach to the start and the end of the step, as the model dates no event within it.
-    """
-    if not attributes["dated"]:
-        return {
-            "time": np.full(events, np.datetime64("NaT"), "datetime64[ns]"),
-            "time_lower_uncertainty": np.full(events, np.nan),
-            "time_upper_uncertainty": np.full(events, np.nan),
-        }
-    start, end = (_microseconds(attributes[name], f"{where}: {name}") for name in ("start", "end"))
-    if end <= start:
-        raise InputError(
-            f"{where}: end {attributes['end']} is not after start {attributes['start']}: correct the dates"
-        )
-    offset = np.rint((np.arange(events) + 0.5) / max(events, 1) * (end - start)).astype(np.int64)
-    return {
-        "time": (start + offset).astype("datetime64[us]").astype("datetime64[ns]"),
-        "time_lower_uncertainty": offset / 1e6,
-        "time_upper_uncertainty": (end - start - offset) / 1e6,
-    }
-
-
-def _microseconds(date: str, where: str) -> int:
-    """Microseconds since 1970 (UTC) of an ISO date; a date without a zone is UTC."""
-    try:
-        stamp = pd.Timestamp(date)
-        if stamp is pd.NaT:
-            raise ValueError("no date")
-    except ValueError as error:
-        raise InputError(f"{where}: '{date}' is not an ISO date such as 2019-08-01") from error
-    stamp = stamp.tz_convert("UTC").tz_localize(None) if stamp.tzinfo else stamp
-    return int(stamp.to_datetime64().astype("datetime64[us]").astype(np.int64))
 
 
 def _attributes(step: xr.Dataset, settings: EventSettings, strain: NDArray, spacing: NDArray) -> dict:
