@@ -15,7 +15,7 @@ from catalogs.blocks import cluster_labels
 from catalogs.comparison_layout import CATALOGUES, described
 from catalogs.comparison_settings import ComparisonSlice
 from catalogs.completeness import MIN_EVENTS_ABOVE_CUT, completeness, fullest_bin, next_edge, rounding
-from catalogs.exposure import Exposure
+from catalogs.exposure import Exposure, common_period
 from catalogs.location_errors import location_errors
 from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
 from catalogs.members import all_runs
@@ -52,11 +52,11 @@ def compare(
     rounded = rounding(x[1])  # what is modelled is not
     result, attributes = _cut(catalog, x[1][resolved[1]], rounded)
     cut = float(result["cut"][1])
-    exposure = Exposure.of(settings.steps, json.loads(record.attrs.get("period", "{}")).get("common"))
+    exposure = Exposure.of(settings.steps, common_period(record))
     steps = [exposure.step(events["time"].values) for events in both]
     resolved = [good & (step >= 0) for good, step in zip(resolved, steps, strict=True)]
     used = [good & (value >= cut) for good, value in zip(resolved, x, strict=True)]
-    clusters = _clusters(record, used[1], steps[1])
+    clusters = record_clusters(record, used[1], steps[1])
 
     summed, sums_text = sum_measures(both, used, members, clusters, cut, exposure)
     result |= summed | {
@@ -135,8 +135,8 @@ def _period_text(record: xr.Dataset, exposure: Exposure) -> str:
     )
 
 
-def _clusters(record: xr.Dataset, used: NDArray, step: NDArray) -> NDArray:
-    """Cluster (event,) of each event that counts, -1 for the others."""
+def record_clusters(record: xr.Dataset, used: NDArray, step: NDArray) -> NDArray:
+    """Cluster (event,) of each recorded event that counts, used (event,) bool, -1 for the others; step (event,)."""
     labels = np.full(record.sizes["event"], -1)
     error = float(np.median(location_errors(record)[used])) if used.any() else 0.0
     labels[used] = cluster_labels(record["time"].values[used], record["location"].values[used], step[used], error)

@@ -8,10 +8,12 @@ varies like that of S / scale equal events, scale = sum(s^2) / S (Kish 1965), an
 Zech 2014). Clusters raise the variance by a factor. All intervals and tests below follow from that, in closed form.
 """
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import chi2, f
 
@@ -94,6 +96,11 @@ class Exposure:
                 if chi2.sf(ratio * freedom, freedom) < CLUSTERING_SIGNIFICANCE / len(WINDOW_DAYS):
                     found.append(ratio)
         return max(found)
+
+
+def common_period(record: xr.Dataset) -> tuple[str, str] | None:
+    """First and last time, ISO text, that record and model share, as far as the record says it."""
+    return json.loads(record.attrs.get("period", "{}")).get("common")
 
 
 def window(step: Mapping[str, str]) -> tuple[np.datetime64, np.datetime64]:
