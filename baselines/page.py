@@ -1,0 +1,206 @@
+"""The page of the baselines: which model places events best, all measures in one table, steps, and a figure."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from baselines.figure import draw_events
+from baselines.models import NUMBER, POTENCY, BesideRecord, Model
+from baselines.scores import Counted, MapScores
+from baselines.settings import FlawSlice
+from catalogs.figures import style
+from catalogs.report.text import DASH, between, fixed, number, plural, whole, with_unit
+from common.datasets import atomic_path
+from common.pages import page_templates
+
+TEMPLATES = Path(__file__).parent / "templates"
+INPUT = "input, not scored"
+NO_AXES = "no axes"
+
+
+def verdict(models: Sequence[Model], scores: MapScores) -> list[str]:
+    """Which model places the recorded events best, and whether that is more than chance; then the others."""
+    mean, interval = scores.mean(), scores.interval()
+    best, second, *rest = (int(row) for row in np.argsort(-mean, kind="stable"))
+    known = bool(np.isfinite(interval).all())
+
+    def lead(other: int) -> str:
+        """By how much the best gains more than another, and whether that is chance."""
+        value, ends = scores.lead(best, other)
+        said = (
+            f"{fixed(value, 2)}{f' ({between(ends, _hundredths)})' if known else ''} more than by {models[other].name}"
+        )
+        if not known:
+            return said
+        return f"{said}, which is {'more than chance' if ends[0] > 0.0 else 'no more than chance may make'}"
+
+    ends = f" (95 % interval {between(interval[best], _hundredths)})" if known else ""
+    gain = f"{fixed(mean[best], 2)} nats per event over a uniform rate{ends}"
+    name = models[best].name
+    placed = f"Recorded events are placed best by {name}: {gain}, {lead(second)}."
+    if not mean[best] > 0.0:
+        placed = f"No model places recorded events better than a uniform rate. Nearest comes {name}: {gain}."
+    found = [placed, *(f"It is {lead(other)}." for other in rest)]
+    if not known:
+        found.append(
+            f"There is no interval, since the recorded events form {plural(scores.clusters, 'cluster')}: too few to "
+            "tell a difference from chance."
+        )
+    return found
+
+
+def _hundredths(value: float) -> str:
+    return fixed(value, 2)
+
+
+def _valued(value, interval, unit: str = "", form=number) -> str:
+    """A number, its unit, and its interval if it has one."""
+    text, ends = with_unit(form(float(value)), unit), between(np.asarray(interval), form)
+    return text if DASH in (text, ends) else f"{text} ({ends})"
+
+
+def measure_rows(models: Sequence[Model], scores: MapScores) -> list[dict]:
+    """One row for each measure of the whole time, one text for each model."""
+
+    def ratio(model: Model, name: str, kind: str) -> str:
+        made = model.comparison
+        return INPUT if kind in model.inputs else _valued(made[f"{name}_ratio"], made[f"{name}_ratio_interval"])
+
+    def distance(model: Model, name: str) -> str:
+        return _valued(model.comparison[name], model.comparison[f"{name}_interval"], " m")
+
+    def nearest(model: Model, pair: str) -> str:
+        made = model.comparison.sel(pair=pair)
+        return _valued(made["nearest_distance"], made["nearest_distance_interval"], " m")
+
+    def axis(model: Model, name: str) -> str:
+        made = model.comparison.sel(axis_name=name)
+        return _valued(made["mean_angle"], made["mean_angle_interval"], "°") if model.has_axes else NO_AXES
+
+    def kagan(model: Model) -> str:
+        return with_unit(number(model.comparison["summed_kagan"]), "°") if model.has_axes else NO_AXES
+
+    gain, interval = scores.mean(), scores.interval()
+    rows = {
+        "information gain, nats per recorded event": [
+            _valued(gain[row], interval[row], form=_hundredths) for row in range(len(models))
+        ],
+        "number of events, modelled over recorded": [ratio(model, "event", NUMBER) for model in models],
+        "summed potency, modelled over recorded": [ratio(model, "potency", POTENCY) for model in models],
+        "energy distance of the places (0: alike)": [distance(model, "energy_distance") for model in models],
+        "distance between the centroids": [distance(model, "centroid_distance") for model in models],
+        "from a modelled event to the nearest recorded, median": [nearest(one, "model_to_record") for one in models],
+        "from a recorded event to the nearest modelled, median": [nearest(one, "record_to_model") for one in models],
+        **{f"angle between the mean {name} axes": [axis(model, name) for model in models] for name in ("P", "B", "T")},
+        "Kagan angle between the summed tensors": [kagan(model) for model in models],
+    }
+    return [{"name": name, "cells": cells} for name, cells in rows.items()]
+
+
+def step_rows(models: Sequence[Model], recorded: Counted, scores: MapScores, steps: Sequence[str]) -> list[dict]:
+    """One row for each step: recorded number and potency, and those and the gain of each model."""
+    sums = [model.counted.by_step(len(steps)) for model in models]
+    count, potency = recorded.by_step(len(steps))
+    rows = []
+    for index, step in enumerate(steps):
+        gain, interval = scores.mean(index), scores.interval(index)
+        rows.append(
+            {
+                "step": step,
+                "number": whole(count[index]),
+                "potency": number(potency[index]),
+                "numbers": [number(one[0][index]) for one in sums],
+                "potencies": [
+                    INPUT if POTENCY in model.inputs else number(one[1][index])
+                    for model, one in zip(models, sums, strict=True)
+                ],
+                "gains": [_valued(gain[row], interval[row], form=_hundredths) for row in range(len(models))],
+            }
+        )
+    return rows
+
+
+def write_table(path: Path, found: BesideRecord) -> None:
+    """Gain, number and potency of each step and of all steps, as CSV, atomically."""
+    recorded, scores, steps, rows = found.recorded, found.scores, found.steps, []
+    count, potency = recorded.by_step(len(steps))
+    for row, model in enumerate(found.models):
+        sums = model.counted.by_step(len(steps))
+        for index, step in [*enumerate(steps), (None, "all")]:
+            pick = slice(None) if index is None else index
+            interval = scores.interval(index)[row]
+            rows.append(
+                {
+                    "model": model.label,
+                    "step": step,
+                    "recorded events": int(np.sum(count[pick])),
+                    "recorded potency, m3": np.sum(potency[pick]),
+                    "events": np.sum(sums[0][pick]),
+                    "potency, m3": np.sum(sums[1][pick]),
+                    "gain, nats per event": scores.mean(index)[row],
+                    "gain, lower": interval[0],
+                    "gain, upper": interval[1],
+                }
+            )
+    with atomic_path(path) as temporary:
+        pd.DataFrame(rows).to_csv(temporary, index=False, float_format="%.6g")
+
+
+def write_page(
+    page: Path,
+    mine: str,
+    found: BesideRecord,
+    attributes: Mapping,
+    grid: xr.Dataset,
+    planned: Sequence[str],
+    flaws: FlawSlice,
+) -> None:
+    """Write the page, which needs nothing else, and its figure beside it, atomically.
+
+    attributes: of the catalogue of flaws; grid: grid.nc of the mine; planned: excavations that are not mined.
+    """
+    models, recorded, scores = found.models, found.recorded, found.scores
+    names = json.loads(grid.attrs["excavation_names"])
+    with style.applied():
+        figure = draw_events(found, grid, [index for index, name in enumerate(names) if name in planned])
+        picture = style.save(figure, page.parent / "events.svg")
+    text = (
+        page_templates(TEMPLATES)
+        .get_template("baselines.html.j2")
+        .render(
+            mine=mine,
+            is_twin=found.is_twin,
+            verdict=verdict(models, scores),
+            labels=[model.label for model in models],
+            measures=measure_rows(models, scores),
+            steps=step_rows(models, recorded, scores, found.steps),
+            picture=picture,
+            cut=fixed(float(models[0].comparison["cut"]), 2),
+            recorded=len(recorded.place),
+            clusters=scores.clusters,
+            runs=[model.counted.runs for model in models],
+            events=[whole(len(model.counted.place)) for model in models],
+            flaws={
+                "radii": f"{flaws.radii[0]:g} to {flaws.radii[1]:g} m",
+                "exponent": f"{flaws.exponent:g}",
+                "b": fixed(flaws.exponent / 3.0, 2),
+                "density": number(attributes["flaws_per_m3"], 2),
+                "crack_density": number(attributes["crack_density"], 2),
+                "mean": number(len(models[1].counted.place) / models[1].counted.runs),
+            },
+            rocks=[
+                {
+                    "name": name,
+                    "friction": f"{one.friction_angle:g}°",
+                    "cohesion": f"{one.cohesion / 1e6:g} MPa",
+                }
+                for name, one in flaws.strength.items()
+            ],
+        )
+    )
+    with atomic_path(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")

@@ -1,0 +1,80 @@
+"""The section `baselines` of a mine file, and the slices of the stages."""
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from catalogs.comparison_settings import ComparisonSlice, DatedStep
+from common.setting_types import AsTuple, Settings, Size, real_number, refusal, whole_number
+from mpm_core.settings import Angle, StrengthPart
+
+Radii = Annotated[tuple[Size, ...], Field(min_length=2, max_length=2), AsTuple]
+Corner = Annotated[tuple[float, ...], Field(min_length=3, max_length=3), AsTuple]
+Exponent = real_number(gt=0, le=10)
+Seed = whole_number(ge=0, le=2**32 - 1)
+
+
+class BaselineSettings(Settings):
+    """What `snakemake baselines` assumes of the flaws in the rock."""
+
+    radii: Radii = None
+    """Smallest and largest radius of the seeded flaws. Default: half of the finest cell, and six times the finest
+    cell."""
+    exponent: Exponent = 2.0
+    """Exponent D of the seeded flaws: the number with a radius above a falls as a^-D. It sets b of their sizes,
+    D / 3 in log P."""
+    friction_angle: Angle = None
+    """Friction angle of flaws. Shear stress above this friction counts as excess. Default: the residual one of the
+    rock; needed where a rock that can fail has none."""
+    cohesion: StrengthPart = None
+    """Mean cohesion of flaws before they slip; slip takes it. Default: the residual one of the rock; needed where a
+    rock that can fail has none."""
+    seed: Seed = 1
+    """Seed of the random generator."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.radii is not None and not self.radii[0] < self.radii[1]:
+            raise refusal(
+                f"{self.radii[0]:g} m to {self.radii[1]:g} m is empty; give the smaller radius first", "radii"
+            )
+        return self
+
+
+class FlawStrength(Settings):
+    """Coulomb strength of the flaws in one rock: friction angle, degrees, and cohesion before slip, Pa."""
+
+    friction_angle: Angle
+    cohesion: StrengthPart
+
+
+class StressSlice(Settings):
+    """What both baselines are made from, beside the states of elastic rock, the record and its comparison."""
+
+    mine: str
+    strength: dict[str, FlawStrength]
+    """by name of the rock; in others nothing slips"""
+    steps: Annotated[tuple[DatedStep, ...], AsTuple]
+    """the dated ones, whose states are the last ones given"""
+    lower: Corner = None
+    """corner of the box that the record is taken from, m; absent: the whole domain"""
+    upper: Corner = None
+    seed: Seed
+
+
+class FlawSlice(StressSlice):
+    """The slice of the seeded flaws."""
+
+    radii: Radii
+    exponent: Exponent
+
+
+class BaselineReportSlice(Settings):
+    """The slice of the page."""
+
+    mine: str
+    comparison: ComparisonSlice
+    """as the mine's own comparison has it"""
+    planned: Annotated[tuple[str, ...], AsTuple] = ()
+    """names of the excavations that no step mines"""
+    flaws: FlawSlice

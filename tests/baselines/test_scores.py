@@ -1,0 +1,236 @@
+"""Scores of places, the sentences that follow from them, and the page."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from baselines.models import beside_record
+from baselines.page import INPUT, NO_AXES, measure_rows, step_rows, verdict, write_page, write_table
+from baselines.scores import Counted, MapScores, score_places
+from baselines.settings import FlawSlice
+from catalogs.comparison import compare
+from catalogs.comparison_settings import ComparisonSlice, DatedStep
+from catalogs.exposure import Exposure
+from catalogs.report.text import number
+from common.event_table import new_catalog
+from common.modelled_events import describe_sources, spread_in_time
+
+STEPS = (
+    DatedStep(name="2019-08", start="2019-08-01", end="2019-09-01"),
+    DatedStep(name="2019-09", start="2019-09-01", end="2019-10-01"),
+)
+EXPOSURE = Exposure.of(STEPS, None)
+CENTRES = np.array([[20.0, 20, 20], [80.0, 60, 40]])  # of the events of each step
+FLAWS = FlawSlice.of(
+    {
+        "mine": "made_up",
+        "strength": {"host": {"friction_angle": 20.0, "cohesion": 2e6}},
+        "steps": [step.given() for step in STEPS],
+        "seed": 1,
+        "radii": [1.0, 12.0],
+        "exponent": 2.0,
+    }
+)
+
+
+def events(count: int, seed: int, shift=0.0, spread: float = 8.0, kind: str = "synthetic", tensors: bool = True):
+    """So many events in each step about its centre, moved by a shift, m."""
+    generator = np.random.default_rng(seed)
+    times = [spread_in_time((step.start, step.end), count, step.name) for step in STEPS]
+    place = np.concatenate([centre + spread * generator.normal(size=(count, 3)) + shift for centre in CENTRES])
+    potency = 10.0 ** (generator.exponential(0.6, 2 * count) - 2.0)
+    values = {"potency": potency}
+    if tensors:
+        tensor = np.diag([1.0, -1.0, 0.0]) + 0.2 * generator.normal(size=(2 * count, 3, 3))
+        tensor = tensor + tensor.transpose(0, 2, 1)
+        tensor *= (potency / np.sqrt(2.0 * np.sum(tensor**2, axis=(1, 2))))[:, None, None]
+        values = describe_sources(tensor, 2.0 * tensor)
+    attributes = {"mine": "made_up", "kind": kind, "potency_floor": 0.01, "location_error": 6.0}
+    attributes |= {"flaws_per_m3": 0.02, "crack_density": 0.5}
+    named = np.repeat([step.name for step in STEPS], count).astype(object)
+    return new_catalog(
+        2 * count,
+        attributes,
+        time=np.concatenate([one["time"] for one in times]),
+        location=place,
+        step=named,
+        **values,
+    )
+
+
+def scored(*models: xr.Dataset, record: xr.Dataset) -> MapScores:
+    """Scores of models of one run each."""
+    counted = [Counted.of([model], EXPOSURE, -2.0) for model in models]
+    return score_places(counted, record, np.ones(record.sizes["event"], bool), EXPOSURE, 2.0, 499, seed=1)
+
+
+@pytest.fixture(scope="module")
+def found():
+    """A record, the pipeline's own model, flaws that lie elsewhere, and excess shear stress without tensors."""
+    record = events(40, 0, kind="recorded")
+    settings = ComparisonSlice.of({"steps": [step.given() for step in STEPS], "resamplings": 99})
+    own = [events(60, 1)]
+    flaws = [events(40, 10 + run, shift=15.0) for run in range(4)]
+    excess = [events(40, 20 + run, tensors=False) for run in range(4)]
+    return beside_record(own, compare(own[0], record, settings), flaws, excess, record, 2.0, settings)
+
+
+def test_gain_of_a_model_that_draws_from_the_same_law_is_that_of_the_law():
+    """A normal distribution of 8 m in a box, smoothed: half the logarithm of the variances, less the entropies."""
+    record, model = events(300, 1), events(3000, 2)
+    scores = scored(model, record=record)
+    error = np.hypot(6.0, 2.0) / np.sqrt(3.0)
+    box = np.concatenate([record["location"].values, model["location"].values])
+    volume = np.prod(np.ptp(box, axis=0) + 6.0 * error)
+    expected = np.log(0.95 * volume) - 1.5 * np.log(2 * np.pi * (64.0 + error**2)) - 1.5 * 64.0 / (64.0 + error**2)
+    assert scores.mean()[0] == pytest.approx(expected, abs=0.1)
+
+
+def test_events_count_for_their_own_step_alone():
+    """A model with the steps in the wrong order gains less than none."""
+    record, model = events(60, 3), events(60, 4)
+    wrong = model.assign(time=("event", np.roll(model["time"].values, 60)))
+    right, other = scored(model, wrong, record=record).mean()
+    assert right > 1.0
+    assert other < 0.0
+
+
+def test_steps_average_to_the_whole_and_a_step_without_events_has_no_score():
+    """Weighted by recorded events."""
+    record = events(40, 5).isel(event=np.r_[0:40, 50:60])
+    scores = scored(events(50, 6), record=record)
+    np.testing.assert_allclose(scores.mean(), (40 * scores.mean(0) + 10 * scores.mean(1)) / 50)
+    empty = scored(events(50, 6), record=record.isel(event=slice(0, 40)))
+    assert np.isnan(empty.mean(1)).all()
+    assert np.isnan(empty.interval(1)).all()
+
+
+def map_scores(gain, cluster, seed: int = 0) -> MapScores:
+    """Scores of events of one step, in clusters."""
+    weights = np.random.default_rng(seed).standard_exponential((499, int(cluster.max()) + 1))
+    return MapScores(gain, np.zeros(len(cluster), int), cluster, weights)
+
+
+def test_interval_holds_the_mean_of_clustered_events():
+    """Events of a cluster gain alike: the interval of 40 clusters of 5 holds the true mean 19 times of 20, that of
+    events as such does not."""
+    generator, held = np.random.default_rng(9), {True: [], False: []}
+    for _ in range(200):
+        cluster = np.repeat(np.arange(40), 5)
+        gain = generator.normal(size=40)[cluster][None] + 0.2 * generator.normal(size=(1, 200))
+        for clustered in held:
+            low, high = map_scores(gain, cluster if clustered else np.arange(200)).interval()[0]
+            held[clustered].append(low <= 0.0 <= high)
+    assert np.mean(held[True]) == pytest.approx(0.93, abs=0.04)
+    assert np.mean(held[False]) < 0.75
+
+
+def test_lead_is_known_better_than_each_gain():
+    """What models share, such as events far from all, drops out of their difference."""
+    generator = np.random.default_rng(10)
+    shared = generator.normal(size=60)
+    scores = map_scores(np.array([shared + 0.3, shared + 0.1 * generator.normal(size=60)]), np.arange(60))
+    value, (low, high) = scores.lead(0, 1)
+    assert value == pytest.approx(scores.mean()[0] - scores.mean()[1])
+    assert 0.0 < low < value < high
+    assert np.ptp(scores.interval()[0]) > 5.0 * (high - low)
+
+
+def test_two_clusters_give_no_interval():
+    """Nor does the lead."""
+    scores = map_scores(np.random.default_rng(1).normal(size=(2, 10)), np.repeat([0, 1], 5))
+    assert np.isnan(scores.interval()).all()
+    assert np.isnan(scores.lead(0, 1)[1]).all()
+    assert scores.clusters == 2
+
+
+def test_runs_are_counted_with_their_cut_and_their_time():
+    """Resolved events from the cut on within the steps; sums are means of runs."""
+    one, two = events(10, 11), events(10, 12)
+    one["resolved"][0], one["time"][1] = 0, np.datetime64("2020-01-01", "ns")
+    counted = Counted.of([one, two], EXPOSURE, -1.5)
+    count, potency = counted.by_step(2)
+    large = [run["potency"].values >= 10**-1.5 for run in (one, two)]
+    large[0][:2] = False
+    step = np.repeat([0, 1], 10)
+    np.testing.assert_allclose(count, [sum(np.sum(kept[step == n]) for kept in large) / 2 for n in (0, 1)])
+    sizes = np.concatenate([run["potency"].values[kept] for run, kept in zip((one, two), large, strict=True)])
+    assert potency.sum() == pytest.approx(sizes.sum() / 2)
+
+
+def test_the_first_sentence_says_which_model_is_best_and_whether_by_chance(found):
+    """The pipeline's own model lies where the record does, as excess shear stress does; flaws lie elsewhere."""
+    first, *rest = verdict(found.models, found.scores)
+    mean = found.scores.mean()
+    names = [model.name for model in found.models]
+    assert first.startswith(f"Recorded events are placed best by {names[int(np.argmax(mean))]}: ")
+    assert names[1] in rest[0]
+    assert "which is more than chance" in rest[0]
+    assert "no more than chance may make" in first
+
+
+def test_verdict_of_models_that_place_nothing_right_and_of_few_clusters(found):
+    """No best model is named; without an interval no chance is."""
+    scores = map_scores(np.array([[-1.0] * 6, [-2.0] * 6, [-3.0] * 6]), np.repeat([0, 1], 3))
+    first, *rest = verdict(found.models, scores)
+    assert first.startswith(
+        "No model places recorded events better than a uniform rate. Nearest comes the pipeline's own"
+    )
+    assert not any("chance may" in text or "more than chance" in text for text in (first, *rest))
+    assert "2 clusters" in rest[-1]
+
+
+def test_inputs_are_marked_and_what_has_no_axes_has_none(found):
+    """Number of both baselines, sizes of excess shear stress; in the rows of steps the split is their own."""
+    rows = {row["name"]: row["cells"] for row in measure_rows(found.models, found.scores)}
+    assert rows["number of events, modelled over recorded"][1:] == [INPUT, INPUT]
+    ratio = len(found.models[0].counted.place) / len(found.recorded.place)
+    assert rows["number of events, modelled over recorded"][0].startswith(number(ratio))
+    assert [cell == INPUT for cell in rows["summed potency, modelled over recorded"]] == [False, False, True]
+    assert [cell == NO_AXES for cell in rows["angle between the mean P axes"]] == [False, False, True]
+    assert "(" not in rows["distance between the centroids"][0]  # one run has no interval
+    assert all("(" in cell for cell in rows["distance between the centroids"][1:])
+    steps = step_rows(found.models, found.recorded, found.scores, found.steps)
+    assert [row["number"] for row in steps] == [str(count) for count in np.bincount(found.recorded.step)]
+    counts = [np.count_nonzero(model.counted.step == 0) / model.counted.runs for model in found.models]
+    assert steps[0]["numbers"] == [number(count) for count in counts]
+    assert steps[1]["potencies"][2] == INPUT
+
+
+def grid() -> xr.Dataset:
+    """A grid with one excavation that is mined and one that is planned."""
+    origin = np.array([[30.0, 30, 30], [50.0, 30, 30]])
+    values = {
+        "piece_origin": (("piece", "xyz"), origin),
+        "piece_fraction": ("piece", np.ones(2)),
+        "piece_excavation": ("piece", np.arange(2)),
+    }
+    corners = {"domain_lower": np.full(3, -100.0), "domain_upper": np.full(3, 200.0)}
+    names = json.dumps(["stope", "later"])
+    return xr.Dataset(values, attrs={"fine_cell": 10.0, "dimension": 3, "excavation_names": names, **corners})
+
+
+@pytest.mark.parametrize("kind", ["recorded", "twin"])
+def test_page_and_table_need_nothing_else(found, tmp_path, kind):
+    """A twin is said to favour the model that made it; every figure is within the page."""
+    shown = type(found)(
+        found.record.assign_attrs(kind=kind),
+        *[getattr(found, name) for name in ("recorded", "models", "scores", "steps")],
+    )
+    attributes = events(1, 0).attrs
+    write_page(tmp_path / "report.html", "made_up", shown, attributes, grid(), ["later"], FLAWS)
+    write_table(tmp_path / "scores.csv", shown)
+    page = (tmp_path / "report.html").read_text()
+    assert ("The record is a twin" in page) == (kind == "twin")
+    assert page.count("<img") == page.count("data:image/svg+xml") == 1
+    assert "input, not scored" in page
+    assert "radii of 1 to 12 m" in page
+    with open(tmp_path / "scores.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["step"] for row in rows] == ["2019-08", "2019-09", "all"] * 3
+    assert float(rows[2]["gain, nats per event"]) == pytest.approx(found.scores.mean()[0], rel=1e-4)
+    assert float(rows[2]["recorded events"]) == len(found.recorded.place)
+    assert float(rows[5]["events"]) == pytest.approx(len(found.models[1].counted.place) / 4)
