@@ -23,6 +23,7 @@ PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
 PIPELINE_PROCESS = "PIPELINE_PROCESS"  # environment variable: the process that starts the stages
 COMPANION_FOLDERS = {  # folders of runs besides the mine's own (workflow/folders.py), and what they are
     r"results/[^/]+/coarse/": "the mine on cells of twice the size; grid_convergence: false leaves it out",
+    r"results/[^/]+/elastic_rock/": "the mine in elastic rock, for its baselines",
     r"results/[^/]+/ensemble/[0-9]+/": "a perturbed member; ensemble: 0 leaves all of them out",
 }
 INTERRUPTED = 130  # what a shell makes of SIGINT

@@ -1,4 +1,4 @@
-"""The mine of a folder of results: the run's own mine, its coarse companion, or a member of its ensemble.
+"""The mine of a folder of results: the run's own mine, its coarse companion, it in elastic rock, or a member.
 
 The verification adds mines of its own (`Folders.add`): the variants of its studies.
 """
@@ -12,6 +12,7 @@ from workflow.mine import Mine
 NAME = "[A-Za-z0-9][A-Za-z0-9_-]*"
 ENSEMBLE = "ensemble"  # folder of the perturbed members, by number
 COARSE = "coarse"  # folder of the companion on cells of twice the size
+ELASTIC_ROCK = "elastic_rock"  # folder of the same mine in rock that does not fail, for its baselines
 ALL_CORES = 64
 
 
@@ -47,12 +48,12 @@ class Folders:
 
     @property
     def pattern(self) -> str:
-        """Regular expression of the wildcard `mine`: a mine's folder, or that of its companion or of a member."""
-        return f"({self.places})(/{ENSEMBLE}/[1-9][0-9]*|/{COARSE})?"
+        """Regular expression of the wildcard `mine`: a mine's folder, or that of one of its other runs."""
+        return f"({self.places})(/{ENSEMBLE}/[1-9][0-9]*|/{COARSE}|/{ELASTIC_ROCK})?"
 
     def parts(self, folder: str) -> tuple[str, str]:
-        """Folder of the whole mine, and the part of it that is meant: ensemble/<number>, coarse, or "" for itself."""
-        found = re.fullmatch(f"({self.places})/?({ENSEMBLE}/[0-9]+|{COARSE}|)", folder)
+        """Folder of the whole mine, and which run is meant: ensemble/<number>, coarse, elastic_rock, or "": its own."""
+        found = re.fullmatch(f"({self.places})/?({ENSEMBLE}/[0-9]+|{COARSE}|{ELASTIC_ROCK}|)", folder)
         assert found, f"{folder} is no folder of a mine"  # the wildcard `mine` matches no other
         return found[1], found[2]
 
@@ -62,6 +63,8 @@ class Folders:
         mine = self.mine if self.others is None or place == self.mine.name else self.others.mine_at(place)
         if part == COARSE:
             return mine.coarser()
+        if part == ELASTIC_ROCK:
+            return mine.in_elastic_rock()
         return mine.member(int(part.split("/")[1])) if part else mine
 
     def shared(self, folder: str) -> str:

@@ -61,6 +61,12 @@ loads:
 strains:
   - {name: squeezed, step: test, strain: {zz: -1.0e-4}}
 """
+FLAWS = """\
+baselines:
+  radii: [0.5 m, 20 m]
+  friction_angle: 25 deg
+  cohesion: 1 MPa
+"""
 DEMO, ELK_CREEK, RENISON = (f"config/mines/{name}.yaml" for name in ("demo", "elk_creek", "renison_scale"))
 # heading: keys of the first level and sections that it has; its examples: a text, or a file and a key in it
 TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
@@ -80,6 +86,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Events": (("seismic",), ((ELK_CREEK, "seismic"),)),
     "The recorded catalogue": (("record", "comparison"), ((DEMO, "record"),)),
     "Calibration": (("calibration",), ((DEMO, "calibration"),)),
+    "Baselines": (("baselines",), (FLAWS,)),
     "Specimens of a laboratory": (("loads", "strains"), (SPECIMENS,)),
 }
 

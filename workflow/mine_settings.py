@@ -4,6 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from baselines.settings import BaselineSettings
 from calibration.settings import CalibrationSettings
 from catalogs.comparison_settings import ComparisonSettings
 from catalogs.records import AnyRecord
@@ -192,6 +193,8 @@ class MineSettings(Settings):
     """The recorded catalogue: its file, and the meaning of its contents."""
     calibration: CalibrationSettings = None
     """What `snakemake calibrate` fits to the record."""
+    baselines: BaselineSettings = BaselineSettings()
+    """What `snakemake baselines` assumes of flaws in the rock."""
 
     @model_validator(mode="after")
     def _host(self) -> Self:

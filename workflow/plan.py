@@ -7,9 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
+from mpm_core.constitutive.laws import ELASTIC_MODEL
 from mpm_core.scene.far_field import FarField
 from mpm_core.scene.scene import FACES
+from mpm_core.settings import ElasticMaterial, MaterialSettings
 from workflow.mine_settings import Excavation, MineSettings, Step
+
+BUFFER_CELLS_IN_ELASTIC_ROCK = 4  # Rings of cells around openings that stress between them and the far field needs.
 
 
 @dataclass
@@ -160,3 +164,22 @@ class Plan:
         companion.change("grid", levels=self.settings.grid.levels - 1, volume_error=1e9)
         companion.resized_by = "grid_convergence"
         return companion
+
+    def in_elastic_rock(self) -> Self:
+        """The same mine in rock that does not fail: grid and states of its own.
+
+        Cells are not split where such rock comes near its strength, so there are more of them around openings from the
+        start.
+        """
+        variant = copy.copy(self)
+        kept = MaterialSettings.model_fields.keys()
+        elastic = {
+            name: ElasticMaterial.of(
+                {key: value for key, value in rock.given().items() if key in kept} | {"model": ELASTIC_MODEL}
+            )
+            for name, rock in self.settings.materials.items()
+        }
+        variant.settings = self.settings.model_copy(update={"materials": elastic})
+        variant.change("grid", buffer_cells=max(self.settings.grid.buffer_cells, BUFFER_CELLS_IN_ELASTIC_ROCK))
+        variant.change("solver", move=False)
+        return variant

@@ -5,9 +5,15 @@ import sys
 from snakemake.iocontainers import Wildcards
 
 from catalogs.records import READERS
-from workflow.folders import COARSE, ENSEMBLE, Folders
+from workflow.folders import COARSE, ELASTIC_ROCK, ENSEMBLE, Folders
 from workflow.mine import Mine
 
+BASELINES = "baselines"  # folder below results/<mine>
+BASELINE_FILES = (
+    *(f"{name}{part}.nc" for name in ("flaws", "excess_shear") for part in ("", "_runs")),
+    "report.html",
+    "scores.csv",
+)
 CATALOGUES = ("catalog.nc", "catalog.csv", "catalog.xml", "closeness.nc")
 
 
@@ -59,6 +65,9 @@ class ResultFiles:
         if self.has_coarse:
             places.append(f"{self.mine.name}/{COARSE}")
             files += stage_results(places[-1], self.mine.coarser())
+        if self.has_record:
+            files += stage_results(f"{self.mine.name}/{ELASTIC_ROCK}", self.mine, ("steps",))
+            files += [self.own(f"{BASELINES}/{name}") for name in BASELINE_FILES]
         return files + [f"results/{place}/{file}" for place in places for file in CATALOGUES]
 
     def record_data(self) -> str | list[str]:

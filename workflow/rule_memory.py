@@ -21,6 +21,7 @@ READS = {  # bytes per particle: what a stage reads of a state (240, 80, 480), t
     "events": 500.0,
     "report": 200.0,
     "vtk": 1000.0,
+    "baselines": 3000.0,  # the stress of every state, and some flaws for each particle near openings
 }
 
 

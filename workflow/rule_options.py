@@ -6,7 +6,7 @@ from snakemake.io import report
 from snakemake.iocontainers import InputFiles, Wildcards
 from snakemake.ioflags import update
 
-from workflow.folders import COARSE, Folders
+from workflow.folders import COARSE, ELASTIC_ROCK, Folders
 from workflow.result_files import ResultFiles
 from workflow.rule_memory import mechanics_mb, reading_mb
 
@@ -69,6 +69,11 @@ class RuleOptions:
     def trial_memory(self, wildcards: Wildcards, input: InputFiles) -> int:
         """MB that a trial of a calibration needs, if its cells are those of the mine."""
         return mechanics_mb(self.files.mine, input.grid, elastic=False)
+
+    def baseline_memory(self, wildcards: Wildcards, input: InputFiles) -> int:
+        """MB that a stage needs which reads all states of the mine in elastic rock."""
+        grid = self.files.own(f"{ELASTIC_ROCK}/grid.nc")
+        return reading_mb(self.files.mine, grid, "baselines", input.states)
 
     def reading_memory(self, stage: str) -> Callable[[Wildcards, InputFiles], int]:
         """MB that a stage needs which reads results, for those on the mine's grid."""

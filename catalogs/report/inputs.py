@@ -23,8 +23,8 @@ STATE_VARIABLES = (
     *("position", "cell", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor"),
     *CELL_VARIABLES,
 )
-# Folders of the companion on cells of twice the size and of the members of an ensemble.
-COMPANION_FOLDERS = re.compile(r"(coarse|ensemble/(\d+))/")
+# Folders of the runs besides the mine's own: on cells of twice the size, in elastic rock, members of an ensemble.
+COMPANION_FOLDERS = re.compile(r"(coarse|elastic_rock|ensemble/(\d+))/")
 UNDATED = {"start": "", "end": "", "dated": 0}
 MODEL_LABEL = "Modelled"
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}

@@ -79,6 +79,7 @@ def copy_checkout(folder: Path) -> Path:
         "config",
         "profiles",
         "common",
+        "baselines",
         "calibration",
         "mpm_core",
         "seismic",

@@ -1,0 +1,98 @@
+"""The baselines of a mine: which states they are made from, and the slices of their stages."""
+
+import functools
+import os
+import sys
+from pathlib import Path
+
+from baselines.settings import BaselineSettings
+from mpm_core.constitutive.laws import can_fail
+from workflow.folders import ELASTIC_ROCK, ENSEMBLE
+from workflow.mine import Mine
+from workflow.result_files import BASELINES
+
+SMALLEST_RADIUS, LARGEST_RADIUS = 0.5, 6.0  # radii of flaws over the edge of the finest cell, where none are given
+STRENGTH = ("friction_angle", "cohesion")
+
+
+class BaselinePlan:
+    """What the rules of the baselines ask of a mine.
+
+    Nothing is looked at before a rule asks for it. A mine that can have no baselines ends the run in one line.
+    """
+
+    def __init__(self, mine: Mine, mine_file: Path):
+        self.mine = mine
+        self.mine_file = Path(os.path.relpath(mine_file))
+
+    @functools.cached_property
+    def settings(self) -> BaselineSettings:
+        """The section `baselines`."""
+        mine = self.mine
+        if mine.settings.record is None or not mine.dated_steps:
+            sys.exit(f"{self.mine_file}: record: missing; baselines need a record and steps with dates")
+        if mine.dimension != 3:
+            sys.exit(f"{self.mine_file}: plane: {mine.plane}; baselines need a mine in three dimensions, plane: none")
+        return mine.settings.baselines
+
+    @functools.cached_property
+    def strength(self) -> dict[str, dict[str, float]]:
+        """Strength of the flaws in each rock that can fail: that of the section, else the rock's residual one."""
+        bodies = (body.material for body in self.mine.settings.rock_bodies)
+        names = dict.fromkeys(["host", *bodies])
+        rocks = {name: self.mine.settings.materials[name] for name in names}
+        found: dict[str, dict[str, float]] = {}
+        for name, rock in rocks.items():
+            if not can_fail(rock):
+                continue
+            for key in STRENGTH:
+                own = getattr(rock, key, None)
+                value = getattr(self.settings, key)
+                if value is None and own is None:
+                    sys.exit(
+                        f"{self.mine_file}: {BASELINES}.{key}: missing key; it does not follow from materials.{name}, "
+                        f"whose law is {rock.model}"
+                    )
+                found.setdefault(name, {})[key] = own.residual if value is None else value
+        if not found:
+            sys.exit(f"{self.mine_file}: materials: no rock can fail, so there are no flaws that slip in it")
+        return found
+
+    def states(self) -> list[str]:
+        """States of the mine in elastic rock, in order; the dated steps are the last ones."""
+        assert self.settings  # a mine without record ends here
+        names = ["elastic", *(f"steps/{step}" for step in self.mine.mined_steps)]
+        return [f"results/{self.mine.name}/{ELASTIC_ROCK}/{name}.nc" for name in names]
+
+    def members(self) -> list[str]:
+        """Folders of the ensemble's members, which are runs of the mine's own model."""
+        return [f"results/{self.mine.name}/{ENSEMBLE}/{number}" for number in range(1, self.mine.members + 1)]
+
+    def member_events(self) -> list[str]:
+        """Events of the dated steps of the members."""
+        return [f"{folder}/events/{step}.nc" for folder in self.members() for step in self.mine.dated_steps]
+
+    def excess_shear_slice(self) -> dict:
+        """What the catalogues of excess shear stress depend on, beside states, record and comparison."""
+        mine, settings = self.mine, self.settings
+        chosen = mine.settings.record.filter
+        box = {} if chosen is None else {"lower": chosen.lower, "upper": chosen.upper}
+        return {
+            "mine": mine.name,
+            "strength": self.strength,
+            "steps": mine.comparison_slice()["steps"],
+            "seed": settings.seed,
+            **{key: list(corner) for key, corner in box.items() if corner is not None},
+        }
+
+    def flaws_slice(self) -> dict:
+        """The same of the seeded flaws."""
+        settings, cell = self.settings, self.mine.finest_cell
+        radii = settings.radii or (SMALLEST_RADIUS * cell, LARGEST_RADIUS * cell)
+        return self.excess_shear_slice() | {"radii": list(radii), "exponent": settings.exponent}
+
+    def report_slice(self) -> dict:
+        """What the page depends on, beside catalogues, comparison and record."""
+        planned = [entry.name for entry in self.mine.excavations if self.mine.step_index(entry.step) < 0]
+        compared = {key: value for key, value in self.mine.comparison_slice().items() if key != "members"}
+        return {"mine": self.mine.name, "comparison": compared, "planned": planned, "flaws": self.flaws_slice()}
