@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 
@@ -30,7 +31,7 @@ def excess_shear(chosen: argparse.Namespace) -> None:
     _draw(chosen, "baselines excess_shear", StressSlice, draw_excess_shear)
 
 
-def _draw(chosen: argparse.Namespace, command: str, kind: type, draw: Callable[..., Sequence[xr.Dataset]]) -> None:
+def _draw(chosen: argparse.Namespace, command: str, kind: Any, draw: Callable[..., Sequence[xr.Dataset]]) -> None:
     """Draw the runs of a baseline: the first is its catalogue, all together are another file."""
     from baselines.catalogue import Asked, join_runs
 

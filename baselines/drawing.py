@@ -18,7 +18,7 @@ from common.errors import InputError
 from common.modelled_events import describe_sources
 from common.source_tensors import moment_from_potency, scalar_potency
 
-MAX_SEEDS = 5_000_000  # Flaws of one run that memory holds.
+MAX_SEEDS = 1_000_000  # Flaws of one run: their slips take some minutes and 1 GB of memory at most.
 # Number of flaws per volume times their mean cubed radius. With more, all that a slip reaches overlaps.
 MAX_CRACK_DENSITY = 30.0
 BALL_OF_DISC = np.sqrt(5.0 / 6.0)  # Radius of the uniform ball as spread out as a disc, over that of the disc.
@@ -44,7 +44,8 @@ def draw_flaws(states: Sequence[Path], asked: Asked, settings: FlawSlice) -> lis
     """Catalogues of seeded flaws. Raises InputError if none would slip, or if they would be too many."""
     strength = settings.strength
     rock = _read(states, settings)
-    law = RadiusLaw(*settings.radii, settings.exponent)
+    smallest, largest = settings.radii
+    law = RadiusLaw(smallest, largest, settings.exponent)
     weight = asked.of_states(rock.states)
     generator = np.random.default_rng([settings.seed, RUNS])
     expected = expected_per_density(rock, law, strength, asked.cut, weight, generator)

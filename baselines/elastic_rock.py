@@ -74,7 +74,7 @@ def read_rock(
         )
     names = tuple(json.loads(last.attrs["material_names"]))
     wanted = np.isin(last["material"].values, [names.index(name) for name in rocks if name in names])
-    parts = np.flatnonzero(wanted & (last["excavation"].values < 0))
+    parts = np.flatnonzero(wanted)
     centre, edge = part_centers(last)[parts], last["spacing"].values[parts]
     if box is not None:
         inside = np.all((centre >= box[0]) & (centre <= box[1]), axis=1)

@@ -48,12 +48,14 @@ class BaselinePlan:
             for key in STRENGTH:
                 own = getattr(rock, key, None)
                 value = getattr(self.settings, key)
-                if value is None and own is None:
+                if value is None and own is not None:
+                    value = own.residual
+                if value is None:
                     sys.exit(
                         f"{self.mine_file}: {BASELINES}.{key}: missing key; it does not follow from materials.{name}, "
                         f"whose law is {rock.model}"
                     )
-                found.setdefault(name, {})[key] = own.residual if value is None else value
+                found.setdefault(name, {})[key] = value
         if not found:
             sys.exit(f"{self.mine_file}: materials: no rock can fail, so there are no flaws that slip in it")
         return found
