@@ -19,6 +19,7 @@ from catalogs.figures import (
 from catalogs.mean_axes import describe_axes
 from catalogs.mechanisms import trend_plunge
 from catalogs.report import energy_text, match, text
+from catalogs.report.by_opening import opening_rows, with_most_potency
 from catalogs.report.closeness_text import closeness_rows, unlike
 from catalogs.report.gallery import Gallery
 from catalogs.report.grid_convergence_text import rows as cell_rows
@@ -33,8 +34,7 @@ from catalogs.size_measures import fit
 from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY, b_by_cut, cut_grid, log_potency
 
 LARGEST_EVENTS_DRAWN = 10  # Number of beach balls.
-MAX_ROWS_UNFOLDED = 40  # A longer table is folded, scrolls, or ends after EXCAVATIONS_LISTED rows.
-EXCAVATIONS_LISTED = 20  # Rows that a long table of excavations keeps: those with most potency.
+MAX_ROWS_UNFOLDED = 40  # A longer table is folded, or scrolls.
 
 
 def sections_of(evidence: Evidence, gallery: Gallery) -> dict:
@@ -148,14 +148,15 @@ def _events(evidence: Evidence, gallery: Gallery) -> dict | None:
     if not shown:
         return None
     chosen = _compared(evidence, shown)
-    rows, _ = text.near_excavations(evidence)
+    rows = opening_rows(evidence, list(shown.values()), list(chosen.values()))
     compared = evidence.comparison is not None
     located = compared and bool(np.isfinite(evidence.comparison["energy_distance"]))
     return {
         "figure": gallery.add("events", events_figure.locations(evidence.grid, shown, chosen, evidence.planned)),
         "selection": _selection(chosen),
         "smeared": float(evidence.comparison.attrs["location_error"]) if located else 0.0,
-        "near": _with_most_potency(rows),
+        "openings": with_most_potency(rows) if MODEL_LABEL in shown else [],
+        "labels": list(shown),
         "nearness": gallery.add("nearness", events_figure.nearness(evidence.comparison)) if located else None,
         "rows": match.location_rows(evidence) if located else [],
         "text": as_sentence(evidence.comparison.attrs.get("location_text", "")) if compared else "",
@@ -173,16 +174,6 @@ def _in_time(evidence: Evidence, gallery: Gallery) -> dict | None:
         evidence.record, evidence.resolved, evidence.dated, evidence.record_label, float(evidence.comparison["cut"])
     )
     return None if figure is None else gallery.add("record_in_time", figure)
-
-
-def _with_most_potency(rows: list[dict]) -> list[dict]:
-    """Rows of excavations with events beside them; where they are many, those with most potency and the others' sum."""
-    if len(rows) <= MAX_ROWS_UNFOLDED:
-        return rows
-    rows = sorted(rows, key=lambda row: -row["potency"])
-    others = rows[EXCAVATIONS_LISTED:]
-    sums = {name: sum(row[name] for row in others) for name in ("events", "potency", "potency_share")}
-    return [*rows[:EXCAVATIONS_LISTED], {"name": f"{len(others)} others", "step": "", **sums, "distance": np.nan}]
 
 
 def _sizes(evidence: Evidence, gallery: Gallery) -> dict | None:

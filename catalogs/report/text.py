@@ -6,9 +6,8 @@ import re
 import numpy as np
 import xarray as xr
 import yaml
-from scipy.spatial import cKDTree
 
-from catalogs.figures.views import axes_of, piece_centres
+from catalogs.report.by_opening import nearest_mined, opening_rows
 from catalogs.report.inputs import Evidence
 from catalogs.sizes import log_potency
 from common.event_table import ON_PLANES
@@ -128,41 +127,17 @@ def events_by_step(counts: list[tuple[int, str]]) -> str:
 
 
 def _where(evidence: Evidence) -> list[str]:
-    rows, distance = near_excavations(evidence)
+    events = evidence.resolved
+    if events is None or not events.sizes["event"]:
+        return []
+    rows = opening_rows(evidence, [events], [np.ones(events.sizes["event"], bool)])
     if not rows:
         return []
-    first = max(rows, key=lambda row: row["potency"])
+    first = max(rows, key=lambda row: row.sides[0].potency)
     return [
-        f"Half of the events lie within {number(np.median(distance), 2)} m of an excavation; "
-        f"{percent(first['potency_share'])} of the potency is nearest to {first['name']}."
+        f"Half of the events lie within {number(np.median(nearest_mined(evidence, events)[1]), 2)} m of an excavation; "
+        f"{percent(first.sides[0].share)} of the potency is nearest to {first.name}."
     ]
-
-
-def near_excavations(evidence: Evidence) -> tuple[list[dict], np.ndarray]:
-    """Events and potency by nearest excavation mined so far, and each event's distance (m) from it."""
-    grid, events = evidence.grid, evidence.resolved
-    mined = ~np.isin(grid["piece_excavation"].values, evidence.planned)
-    if events is None or not events.sizes["event"] or not mined.any():
-        return [], np.zeros(0)
-    owner, centre = grid["piece_excavation"].values[mined], piece_centres(grid)[0][mined]
-    _, nearest = cKDTree(centre).query(events["location"].values)
-    beyond = np.abs(events["location"].values - centre[nearest]) - float(grid.attrs["fine_cell"]) / 2
-    distance = np.linalg.norm(np.maximum(beyond, 0.0)[:, axes_of(grid)], axis=1)
-    potency, rows = events["potency"].values, []
-    for index, excavation in enumerate(evidence.excavations):
-        here = owner[nearest] == index
-        if here.any():
-            rows.append(
-                {
-                    "name": excavation.name,
-                    "step": excavation.step,
-                    "events": int(here.sum()),
-                    "potency": float(potency[here].sum()),
-                    "potency_share": float(potency[here].sum() / potency.sum()),
-                    "distance": float(np.median(distance[here])),
-                }
-            )
-    return rows, distance
 
 
 def budget_rows(evidence: Evidence) -> tuple[list[str], list[dict], dict]:

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from catalogs.figures import convergence_figure
-from catalogs.report import match, sections
+from catalogs.report import match
 from catalogs.report import record_text as report_record
 from catalogs.report.inputs import Excavation, read_resources
 from catalogs.report.mechanism_inputs import iso_share
@@ -51,29 +51,6 @@ def test_a_derived_domain_is_told_with_what_is_expected_of_it():
     assert "memory" not in told
     assert "memory" in far_field(xr.Dataset(attrs=attributes | {"far_field_limited": "memory"}))
     assert "above its strength" in far_field(xr.Dataset(attrs=attributes | {"far_field_limited": "strength"}))
-
-
-def test_many_excavations_with_events_end_with_the_sum_of_the_others(monkeypatch):
-    """No event and no potency is lost."""
-    rows = [
-        {
-            "name": f"drive {n}",
-            "step": "history",
-            "events": n,
-            "potency": 0.1 * n,
-            "potency_share": n / 10,
-            "distance": 2.0,
-        }
-        for n in (1, 4, 2, 3)
-    ]
-    assert sections._with_most_potency(rows) == rows
-    monkeypatch.setattr(sections, "MAX_ROWS_UNFOLDED", 3)
-    monkeypatch.setattr(sections, "EXCAVATIONS_LISTED", 2)
-    *most, others = sections._with_most_potency(rows)
-    assert [row["name"] for row in (*most, others)] == ["drive 4", "drive 3", "2 others"]
-    assert others["events"] == 3
-    assert others["potency"] == pytest.approx(0.3)
-    assert others["potency_share"] == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(

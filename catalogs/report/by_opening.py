@@ -1,0 +1,124 @@
+"""Events by opening: those nearest to each stope, drive or panel, modelled beside recorded."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from catalogs.exposure import window
+from catalogs.figures.views import axes_of
+from catalogs.nearest_opening import nearest_opening
+from catalogs.report.inputs import Evidence
+from catalogs.sizes import log_potency
+
+ROWS_LISTED = 20  # Openings that a long table keeps: those with most potency.
+MAX_ROWS = 40  # A longer table keeps ROWS_LISTED of them, and the sum of the others.
+PER_VOLUME = 1000.0  # m3 of mined rock that potency is given by.
+
+
+@dataclass(frozen=True)
+class Near:
+    """Events of a catalogue that are nearest to one opening: number, potency (m3), share of all potency, potency by
+    volume mined (m3 by PER_VOLUME), median distance (m), largest log10 potency. NaN where there is none."""
+
+    number: int
+    potency: float
+    share: float
+    per_volume: float
+    distance: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class OpeningRow:
+    """An opening, its step, its volume on the grid (m3), and the events nearest to it: modelled, recorded if any."""
+
+    name: str
+    step: str
+    mined: float
+    sides: tuple[Near, ...]
+
+
+def nearest_mined(evidence: Evidence, events: xr.Dataset) -> tuple[NDArray, NDArray]:
+    """Index of the nearest opening that is mined in an event's step or before, (event,), and its distance, m.
+
+    A modelled event has its step, a recorded one the step within whose dates it lies. -1 where no step is.
+    """
+    order = {step["step"]: number for number, step in enumerate(evidence.steps)}
+    own = np.array([order.get(str(name), -1) for name in events["step"].values], int)
+    for step in evidence.dated:
+        start, end = window(step)
+        time = events["time"].values
+        own[(own < 0) & (time >= start) & (time < end)] = order[step["step"]]
+    # openings without a date are mined before the first step
+    mined = np.array([-1 if not one.planned else len(order) for one in evidence.excavations], int)
+    for number, one in enumerate(evidence.excavations):
+        mined[number] = order.get(one.step, mined[number])
+    grid, axes = evidence.grid, axes_of(evidence.grid)
+    found, distance = np.full(len(own), -1), np.full(len(own), np.nan)
+    for step in np.unique(own[own >= 0]):
+        here = own == step
+        found[here], distance[here] = nearest_opening(
+            events["location"].values[here][:, axes],
+            grid["piece_origin"].values[:, axes],
+            float(grid.attrs["fine_cell"]),
+            grid["piece_excavation"].values,
+            mined <= step,
+        )
+    return found, distance
+
+
+def opening_rows(evidence: Evidence, catalogues: list[xr.Dataset], counted: list[NDArray]) -> list[OpeningRow]:
+    """Openings that have events of either catalogue nearest to them, in the order of the mine file.
+
+    catalogues: the modelled one, and the recorded one if there is one; counted (event,): which of their events count.
+    """
+    sides = []
+    for events, chosen in zip(catalogues, counted, strict=True):
+        opening, distance = nearest_mined(evidence, events)
+        kept = chosen & (opening >= 0)
+        sides.append((opening[kept], distance[kept], events["potency"].values[kept]))
+    rows = []
+    for number, excavation in enumerate(evidence.excavations):
+        if any((opening == number).any() for opening, _, _ in sides):
+            near = tuple(_near(side, side[0] == number, excavation.drawn) for side in sides)
+            rows.append(OpeningRow(excavation.name, excavation.step, excavation.drawn, near))
+    return rows
+
+
+def _near(side: tuple[NDArray, NDArray, NDArray], here: NDArray, volume: float) -> Near:
+    _, distance, potency = side
+    own, total = float(np.nansum(potency[here])), float(np.nansum(potency))
+    return Near(
+        int(here.sum()),
+        own,
+        own / total if total > 0.0 else np.nan,
+        PER_VOLUME * own / volume if volume > 0.0 else np.nan,
+        float(np.median(distance[here])) if here.any() else np.nan,
+        float(np.nanmax(log_potency(potency[here]), initial=-np.inf)) if here.any() else np.nan,
+    )
+
+
+def with_most_potency(rows: list[OpeningRow]) -> list[OpeningRow]:
+    """The rows; where they are many, those with most modelled potency and one row for all others."""
+    if len(rows) <= MAX_ROWS:
+        return rows
+    rows = sorted(rows, key=lambda row: -row.sides[0].potency)
+    others = rows[ROWS_LISTED:]
+    mined = sum(row.mined for row in others)
+    sums = []
+    for sides in zip(*(row.sides for row in others), strict=True):
+        potency = sum(side.potency for side in sides)
+        largest = max((side.largest for side in sides if np.isfinite(side.largest)), default=np.nan)
+        sums.append(
+            Near(
+                sum(side.number for side in sides),
+                potency,
+                float(np.nansum([side.share for side in sides])),
+                PER_VOLUME * potency / mined if mined > 0.0 else np.nan,
+                np.nan,
+                largest,
+            )
+        )
+    return [*rows[:ROWS_LISTED], OpeningRow(f"{len(others)} others", "", mined, tuple(sums))]
