@@ -10,6 +10,7 @@ snakemake --cores all extremes                                     random scenes
 snakemake --cores all tradeoff                                     speed against accuracy: what each knob buys
 snakemake --cores all stability                                    the numerics driven until they break
 snakemake --cores all catalog_spread                               what a catalogue's spread consists of
+snakemake --cores all calibration_truth                            the demo's calibration on known truth
 """
 
 from snakemake.cli import get_argument_parser

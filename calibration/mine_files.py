@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from calibration.settings import CalibratedQuantity, cohesion_of, friction_key
+from calibration.settings import CalibratedQuantity, cohesion_of, friction_key, strength_under
 from common.datasets import atomic_path
 from common.errors import InputError
 from common.quantities import parse_quantity
@@ -74,6 +74,20 @@ def with_values(text: dict, quantities: Sequence[CalibratedQuantity], shares: It
     for where, key, quantity, share in by_strength:
         key.write(_cohesion(changed, quantity, share, where))
     return changed
+
+
+def given_share(text: dict, quantity: CalibratedQuantity, where: str) -> float:
+    """What the configuration itself has of a quantity, as a share of its range. Raises InputError as `with_values`."""
+    written = _Key(text, quantity.key, f"{where}.key").value
+    try:
+        if quantity.confinement is None:
+            return quantity.share(parse_quantity(written, quantity.unit) if quantity.unit else float(written))
+        friction = _Key(text, friction_key(quantity.key), f"{where}.confinement").value
+        cohesion = parse_quantity(str(written), "Pa")
+        strength = strength_under(quantity.confinement, cohesion, parse_quantity(str(friction), "deg"))
+        return quantity.share(strength / parse_quantity(f"1 {quantity.unit}", "Pa"))
+    except ValueError as error:
+        raise InputError(f"{where}.range: {error}") from error
 
 
 def _cohesion(text: dict, quantity: CalibratedQuantity, share: float, where: str) -> str:

@@ -118,6 +118,13 @@ class CalibratedQuantity(Settings):
             return math.exp(math.log(low) + share * (math.log(high) - math.log(low)))
         return low + share * (high - low)
 
+    def share(self, value: float) -> float:
+        """Share of the range at which a value, in `unit`, lies: the inverse of `value`."""
+        low, high = self.bounds
+        if self.scale == "log":
+            return math.log(value / low) / math.log(high / low)
+        return (value - low) / (high - low)
+
     def written(self, share: float) -> str | float:
         """The same as a mine file has it."""
         number = float(f"{self.value(share):.6g}")

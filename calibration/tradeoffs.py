@@ -21,9 +21,11 @@ PRIOR_POINTS = 4096  # Points of the prior that its own spread of a strength is 
 class KnownStrength:
     """A strength of Coulomb rock that the record tells better than cohesion and friction: MPa, 90 % interval.
 
-    width: of the interval over that of the prior.
+    pair: numbers of the cohesion and of the friction angle among the quantities; width: of the interval over that of
+    the prior.
     """
 
+    pair: tuple[int, int]
     material: str
     state: str
     confinement: float
@@ -70,7 +72,12 @@ def best_known_strengths(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> 
         best = int(width.argmin())
         found.append(
             KnownStrength(
-                match["material"], match["state"], float(CONFINEMENTS[best]), *after[[0, 2], best], float(width[best])
+                pair,
+                match["material"],
+                match["state"],
+                float(CONFINEMENTS[best]),
+                *after[[0, 2], best],
+                float(width[best]),
             )
         )
     return found
@@ -80,6 +87,11 @@ def _intervals(
     points: NDArray, weights: NDArray, quantities: Sequence[CalibratedQuantity], pair: tuple[int, int]
 ) -> NDArray:
     """Quantiles at SHARES (share, confinement) of the strength, MPa, at CONFINEMENTS."""
+    return weighted_quantiles(strengths(points, quantities, pair), weights, SHARES)
+
+
+def strengths(points: NDArray, quantities: Sequence[CalibratedQuantity], pair: tuple[int, int]) -> NDArray:
+    """Strength (point, confinement), MPa, at CONFINEMENTS, of points in the unit cube; pair: as of KnownStrength."""
     cohesion, friction = (
         np.array([quantities[one].value(share) for share in points[:, one]])
         * parse_quantity(f"1 {quantities[one].unit}", unit)
@@ -87,7 +99,7 @@ def _intervals(
     )
     alone = np.array([strength_under(1.0, 0.0, angle) for angle in friction])
     bond = np.array([strength_under(0.0, value, angle) for value, angle in zip(cohesion, friction, strict=True)]) / 1e6
-    return weighted_quantiles(bond[:, None] + alone[:, None] * CONFINEMENTS, weights, SHARES)
+    return bond[:, None] + alone[:, None] * CONFINEMENTS
 
 
 def telling_observations(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[TellingObservation]:

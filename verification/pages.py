@@ -44,6 +44,7 @@ MEASURING = {  # Studies whose results are a table.csv.
     "benchmarks": Target("benchmarks", cores="2"),
     "stability": Target("stability"),
     "extremes": Target("extremes"),
+    "calibration_truth": Target("calibration_truth"),
 }
 POINTS_OF = ("tradeoff_", "spread_")  # Files of config/verification whose runs stand in one of those tables.
 INDEX = "index"

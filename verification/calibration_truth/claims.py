@@ -1,0 +1,169 @@
+"""What a calibration claims, beside what is known: one row for each claim."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from calibration.cells import CellCorrection
+from calibration.extractions import extractions
+from calibration.fit import SHARES, Fit, expected
+from calibration.likelihood import MAX_IMPLAUSIBILITY
+from calibration.posterior import Posterior, find_posterior
+from calibration.self_test import SelfTest
+from calibration.settings import CalibratedQuantity
+from calibration.stages import Calibration
+from calibration.tradeoffs import CONFINEMENTS, best_known_strengths, strengths
+from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, Outputs, Places, counted_events, gains, outputs
+from verification.calibration_truth.chains import chain_quantiles
+
+COVERAGE = (0.80, 0.97)  # Of 90 % intervals.
+MAX_WIDTH = 0.7  # Over that of the prior, in the coordinate that the record tells best.
+MAX_CHAIN_DIFFERENCE = 0.05  # Of quantiles of two samplers, over the range.
+COLUMNS = ("claim", "record", "terms", "quantity", "wanted", "measured", "holds")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A row: the claim, the record that it is about, the terms that count, the quantity, what is wanted and found."""
+
+    claim: str
+    record: str
+    terms: str
+    quantity: str
+    wanted: str
+    measured: str
+    holds: bool
+
+
+def self_test_claims(found: Calibration, tested: SelfTest, trials: NDArray) -> list[Claim]:
+    """Each designed trial in turn as the record: coverage, and widths, of all quantities and of the strength."""
+    terms, quantities = ", ".join(found.settings.terms), found.settings.quantities
+    low, high = COVERAGE
+    rows = []
+
+    def add(name: str, held: NDArray, width: NDArray, judged: bool) -> None:
+        share = float(held.mean())
+        wanted = f"{100 * low:.0f} to {100 * high:.0f} %" if judged else ""
+        holds = low <= share <= high or not judged
+        rows.append(Claim("intervals hold it", "trials", terms, name, wanted, f"{100 * share:.0f} %", holds))
+        widths.append((name, float(width.mean())))
+
+    widths: list[tuple[str, float]] = []
+    add("all quantities", tested.held, tested.width, judged=True)
+    for number, quantity in enumerate(quantities):
+        add(quantity.title, tested.held[:, number], tested.width[:, number], judged=False)
+    for name, held, width in strength_coverage(found, tested, trials):
+        add(name, held, width, judged=True)
+    best = min(widths[1:], key=lambda one: one[1])
+    for name, left in widths:
+        is_best = name == best[0]
+        wanted = f"at most {MAX_WIDTH:g}" if is_best else ""
+        holds = left <= MAX_WIDTH or not is_best
+        rows.append(Claim("width left", "trials", terms, name, wanted, f"{left:.2f}", holds))
+    return rows
+
+
+def strength_coverage(found: Calibration, tested: SelfTest, trials: NDArray) -> list[tuple[str, NDArray, NDArray]]:
+    """Of each strength that the record tells best: its name, whether intervals hold it (trial,), and their widths."""
+    quantities, rows = found.settings.quantities, found.rows
+    result = []
+    for known in best_known_strengths(found.fit, quantities):
+        at = int(np.argmin(np.abs(CONFINEMENTS - known.confinement)))
+        true_rows = np.array([np.flatnonzero(rows.trials == trial)[0] for trial in trials])
+        true = strengths(rows.points[true_rows], quantities, known.pair)[:, at]
+        held, width = [], []
+        prior = strengths(np.random.default_rng(0).uniform(size=(4096, len(quantities))), quantities, known.pair)[:, at]
+        prior_width = np.subtract(*np.quantile(prior, [0.95, 0.05]))
+        for posterior, value in zip(tested.posteriors, true, strict=True):
+            low, _, high = posterior.quantiles(SHARES, strengths(posterior.points, quantities, known.pair)[:, [at]])[
+                :, 0
+            ]
+            held.append(low <= value <= high)
+            width.append((high - low) / prior_width)
+        name = f"{known.material}: {known.state} strength under {known.confinement:.1f} MPa"
+        result.append((name, np.array(held), np.array(width)))
+    return result
+
+
+def twin_claims(
+    found: Calibration, record: str, truth: Sequence[float], fit: Fit, wanted_flag: bool | None
+) -> list[Claim]:
+    """Whether the intervals of a fit hold the true values, and whether the record is called implausible.
+
+    wanted_flag: whether it ought to be; None: it is reported only, and so is what the intervals hold.
+    """
+    terms = ", ".join(found.settings.terms)
+    rows = []
+    low, middle, high = fit.posterior.quantiles(SHARES)
+    for number, quantity in enumerate(found.settings.quantities):
+        inside = bool(low[number] <= truth[number] <= high[number])
+        value, *found_values = (
+            quantity.value(share) for share in (truth[number], low[number], middle[number], high[number])
+        )
+        text = f"{found_values[0]:.4g} to {found_values[2]:.4g}, median {found_values[1]:.4g}"
+        wanted = f"{value:.4g} inside" if wanted_flag is False else ""
+        rows.append(
+            Claim("truth inside", record, terms, quantity.title, wanted, text, inside or wanted_flag is not False)
+        )
+    rows.append(flag_claim(found, record, fit.posterior, wanted_flag))
+    return rows
+
+
+def flag_claim(found: Calibration, record: str, posterior: Posterior, wanted_flag: bool | None) -> Claim:
+    """Whether a record is called implausible."""
+    flagged = posterior.implausibility > MAX_IMPLAUSIBILITY
+    wanted = "" if wanted_flag is None else f"{'more' if wanted_flag else 'less'} than {MAX_IMPLAUSIBILITY:g}"
+    holds = wanted_flag is None or flagged == wanted_flag
+    terms = ", ".join(found.settings.terms)
+    return Claim("smallest implausibility", record, terms, "", wanted, f"{posterior.implausibility:.1f}", holds)
+
+
+def fit_to_catalogue(found: Calibration, catalogue: xr.Dataset) -> Fit:
+    """The same trials calibrated to a modelled catalogue on their own cells, as uncertain as the mine's record."""
+    (events,) = extractions(catalogue)
+    made = outputs([events], found.steps, found.cut, found.settings.terms, found.places)
+    recorded = replace(
+        found.fit.recorded,
+        log_potency=made.by_term[POTENCY][0],
+        number=np.round(np.exp(made.by_term[NUMBER][0])).astype(int),
+        log_excess=float(made.by_term[SIZES][0, 0]) if SIZES in made.by_term else found.fit.recorded.log_excess,
+    )
+    by_term = dict(found.rows.outputs.by_term)
+    if found.places is not None and PLACES in by_term:
+        location, step = counted_events(events, found.steps, found.cut)
+        places = Places.of_events(location, step, found.places, np.random.default_rng(found.settings.seed))
+        by_term[PLACES] = gains(found.catalogues, found.steps, found.cut, places)
+    trials = Outputs(by_term)
+    correction = CellCorrection.none(trials)
+    surrogate = found.fit.surrogate.of(found.rows.points, trials.all, found.rows.trials)
+    likelihood = replace(found.fit.likelihood, recorded=recorded, correction=correction)
+
+    def evaluate(points: NDArray) -> tuple[NDArray, NDArray]:
+        known = expected(surrogate, correction, points)
+        return likelihood(*known), likelihood.implausibility(*known)
+
+    return Fit(surrogate, likelihood, find_posterior(evaluate, found.rows.points.shape[1], found.settings.seed))
+
+
+def chain_claims(found: Calibration, quantities: Sequence[CalibratedQuantity]) -> list[Claim]:
+    """Largest difference of the quantiles of both samplers, over the range, of each quantity."""
+    terms = ", ".join(found.settings.terms)
+    chains, forgotten = chain_quantiles(found.fit, SHARES, found.settings.seed)
+    difference = np.abs(chains - found.fit.posterior.quantiles(SHARES)).max(axis=0)
+    wanted = f"at most {MAX_CHAIN_DIFFERENCE:g}"
+    rows = [
+        Claim(
+            "quantiles of another sampler",
+            "record",
+            terms,
+            quantity.title,
+            wanted,
+            f"{off:.3f}",
+            off <= MAX_CHAIN_DIFFERENCE,
+        )
+        for quantity, off in zip(quantities, difference, strict=True)
+    ]
+    return [*rows, Claim("steps until a chain has forgotten", "record", terms, "", "", f"{forgotten:.0f}", True)]

@@ -1,0 +1,63 @@
+"""The file config/calibration_truth.yaml, and the runs that it adds to the trials of a calibration."""
+
+import sys
+from pathlib import Path
+
+import yaml
+
+from calibration.mine_files import given_share
+from common.errors import InputError, InputErrors
+from workflow.calibration_trials import DOUBLED, CalibrationTrials
+from workflow.configuration import load
+
+ROOT = Path(__file__).resolve().parents[2]
+FILE = ROOT / "config" / "calibration_truth.yaml"
+SAME_LAW = "same_law"  # Case of a record that the mine file's own values make.
+MEMBER = 10_001  # Number of the perturbation of every such record: no replicate has it.
+
+
+def other_hosts() -> dict[str, dict]:
+    """Host of each record that no values within the ranges give, by name."""
+    return yaml.safe_load(FILE.read_text(encoding="utf-8"))["other_hosts"]
+
+
+def cases() -> list[str]:
+    """Names of all records that are made."""
+    return [SAME_LAW, *other_hosts()]
+
+
+def case_slice(trials: CalibrationTrials, case: str) -> dict:
+    """What the run of a record depends on, for calibration.trial.run_trial: the cells of trials, another chance."""
+    text = {key: value for key, value in trials.mine.text.items() if key != "calibration"}
+    if case != SAME_LAW:
+        text = {**text, "materials": {**text["materials"], "host": other_hosts()[case]}}
+    try:
+        mine = load(text | {"ensemble": 0}, trials.mine_file, trials.mine.default)
+    except (InputErrors, InputError) as error:
+        sys.exit(f"{FILE.relative_to(ROOT)}: {case}: {error}")
+    mine = mine.coarser() if trials.settings.cells == DOUBLED else mine
+    run = mine.member(MEMBER)
+    steps = [
+        {"name": name, "scene": run.step_slice(name), "events": [run.event_slice(name)]} for name in run.mined_steps
+    ]
+    return {"grid": mine.grid_slice(), "elastic": mine.slice_of("elastic"), "steps": steps}
+
+
+def true_shares(trials: CalibrationTrials) -> list[float]:
+    """The mine file's own value of each quantity, as a share of its range (0 to 1).
+
+    Ends the run in one line where a value lies outside of its range, as it could not be found again, and where trials
+    have the mine's own cells, so that there is no correction to test.
+    """
+    if trials.settings.cells != DOUBLED:
+        sys.exit(f"{trials.mine_file}: calibration.cells: this study needs trials on doubled cells")
+    found = []
+    for number, quantity in enumerate(trials.settings.quantities):
+        try:
+            share = given_share(trials.mine.text, quantity, f"calibration.quantities[{number}]")
+        except InputError as error:
+            sys.exit(f"{trials.mine_file}: {error}")
+        if not 0.0 <= share <= 1.0:
+            sys.exit(f"{trials.mine_file}: calibration.quantities[{number}].range: does not hold the file's own value")
+        found.append(share)
+    return found
