@@ -19,7 +19,7 @@ def excess_shear_stress(stress: NDArray, friction_angle: ArrayLike) -> NDArray:
 
     >>> stress = np.array([[-30e6, -20e6, -10e6, 0.0, 0.0, 0.0]])
     >>> print((excess_shear_stress(stress, 30.0) / 1e6).round(6), (excess_shear_stress(stress, 20.0) / 1e6).round(2))
-    [0.] [3.35]
+    [0.] [3.36]
     """
     sine = np.sin(np.radians(friction_angle))
     factor = (1.0 + sine) / (1.0 - sine)

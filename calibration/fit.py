@@ -10,7 +10,7 @@ from calibration.cells import CellCorrection
 from calibration.likelihood import MAX_IMPLAUSIBILITY, Likelihood
 from calibration.posterior import Posterior, find_posterior, weighted_quantiles
 from calibration.surrogate import Surrogate
-from calibration.trials import NUMBER, POTENCY, Outputs, Recorded
+from calibration.trials import NUMBER, PLACES, POTENCY, Outputs, Recorded
 
 SHARES = np.array([0.05, 0.5, 0.95])  # Of the intervals that the report states.
 
@@ -101,7 +101,12 @@ def calibrate(
 ) -> Fit:
     """Calibrate to a record; terms: those of it that count."""
     surrogate = Surrogate(rows.points, rows.outputs.all, rows.trials, seed)
-    likelihood = Likelihood(recorded, terms, rows.outputs.columns, correction, model_error)
+    columns = rows.outputs.columns
+    gain_error = None
+    if PLACES in columns:
+        missed = (surrogate.outputs - surrogate.left_out()[0])[:, columns[PLACES]]
+        gain_error = np.sqrt(np.mean(missed**2, axis=0))
+    likelihood = Likelihood(recorded, terms, columns, correction, model_error, gain_error)
 
     def evaluate(points: NDArray) -> tuple[NDArray, NDArray]:
         known = expected(surrogate, correction, points)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp
-from scipy.stats import nbinom
+from scipy.stats import chi2, nbinom, norm
 
 from calibration.cells import CellCorrection, Discrepancy
 from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, Recorded
@@ -27,6 +27,7 @@ class Likelihood:
     """Of a record: terms that count, columns of the outputs by term, the cells' correction, and the model's own error.
 
     model_error: standard deviation of ln potency, ln number and ln mean size that each step has beside the cells.
+    gain_error (step,): r.m.s. error, nats, with which the information gain at recorded places is predicted.
     """
 
     recorded: Recorded
@@ -34,6 +35,7 @@ class Likelihood:
     columns: dict[str, slice]
     correction: CellCorrection
     model_error: float
+    gain_error: NDArray | None = None
 
     def discrepancy(self, term: str) -> Discrepancy:
         """Error of the cells and of the model in the outputs of a term."""
@@ -54,15 +56,30 @@ class Likelihood:
             elif term == NUMBER:
                 total += number_term(*known, recorded.number, recorded.clustering, discrepancy)
             elif term == PLACES:
-                total += mean[:, part] @ (recorded.number / recorded.clustering)
+                total += mean[:, part] @ self.place_weights()
             elif term == SIZES:
                 error = np.array([[recorded.excess_error**2]])
                 total += student_term(*known, np.array([recorded.log_excess]), error, discrepancy)
         return total
 
+    def place_weights(self) -> NDArray:
+        """Independent events (step,) that the mean information gain of a step counts for.
+
+        That is the recorded number over its clustering, and at most one over the error of the gain: the error of the
+        prediction then changes the log-likelihood by one at most.
+        """
+        independent = self.recorded.number / self.recorded.clustering
+        if self.gain_error is None:
+            return independent
+        return np.minimum(independent, 1.0 / np.maximum(self.gain_error, 1e-12))
+
     def implausibility(self, mean: NDArray, deviation: NDArray) -> NDArray:
-        """Largest distance of a recorded ln potency, ln number or ln mean size from what is expected, (point,), in
-        standard deviations, of the terms that count. Places have no expected value."""
+        """How far the recorded ln potency, ln number and ln mean size are from what is expected, (point,), in standard
+        deviations, of the terms that count. Places have no expected value.
+
+        The larger of two distances: that of the value that is furthest off, and that of all together. The latter is
+        the distance of a normal value that is as improbable as their sum of squares.
+        """
         recorded = self.recorded
         number = np.maximum(recorded.number, 0.5)
         values = {
@@ -70,15 +87,24 @@ class Likelihood:
             NUMBER: (np.log(number), recorded.clustering / number),
             SIZES: (np.array([recorded.log_excess]), np.array([recorded.excess_error**2])),
         }
-        largest = np.zeros(len(mean))
+        largest, squares, count = np.zeros(len(mean)), np.zeros(len(mean)), 0
         for term in self.terms:
             if term in values:
                 value, variance = values[term]
                 part, discrepancy = self.columns[term], self.discrepancy(term)
-                variance = variance + deviation[:, part] ** 2 + discrepancy.common**2 + discrepancy.own**2
-                distance = np.abs(value - mean[:, part]) / np.sqrt(variance)
+                off = value - mean[:, part]
+                steps = off.shape[1]
+                covariance = (variance + deviation[:, part] ** 2)[:, :, None] * np.eye(steps) + discrepancy.covariance(
+                    steps
+                )
+                distance = np.abs(off) / np.sqrt(np.einsum("nii->ni", covariance))
                 largest = np.maximum(largest, distance.max(axis=1))
-        return largest
+                squares += np.einsum("ni,ni->n", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])
+                count += steps
+        if not count:
+            return largest
+        together = -norm.ppf(0.5 * np.maximum(chi2.sf(squares, count), 1e-300))
+        return np.maximum(largest, together)
 
 
 def student_term(

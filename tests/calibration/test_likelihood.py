@@ -1,8 +1,10 @@
 """Terms of the likelihood: closed forms, limits, and intervals that hold known truths."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from scipy.stats import multivariate_t, nbinom, poisson
+from scipy.stats import chi2, multivariate_t, nbinom, norm, poisson
 
 from calibration.cells import CellCorrection, Discrepancy
 from calibration.likelihood import DEGREES_OF_FREEDOM, Likelihood, number_term, student_term
@@ -128,8 +130,11 @@ def test_places_count_by_independent_events():
     """A gain of one nat in a step of forty events that come three at a time is worth 13.3 nats."""
     mean = np.zeros((2, 7))
     mean[1, 4] = 1.0
-    first, other = judge(recorded([0, 0], number=(40, 60), clustering=3.0), ("places",))(mean, np.zeros((2, 7)))
+    judged = judge(recorded([0, 0], number=(40, 60), clustering=3.0), ("places",))
+    first, other = judged(mean, np.zeros((2, 7)))
     assert other - first == pytest.approx(40 / 3)
+    unsure = replace(judged, gain_error=np.array([0.5, 0.01]))
+    np.testing.assert_allclose(unsure.place_weights(), [2.0, 20.0])  # one over the error; sixty over three
 
 
 def test_numbers_and_sizes_that_no_values_give_are_implausible():
@@ -146,3 +151,16 @@ def test_numbers_and_sizes_that_no_values_give_are_implausible():
     ):
         found = [judge(record, terms).implausibility(one, nothing)[0] for one in (few, large)]
         np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_steps_that_are_all_off_a_little_are_implausible_together():
+    """Four values, each 2.2 standard deviations off, are more than three off together. A common error excuses them."""
+    record = Recorded(np.zeros(2), 0.01 * np.eye(2), np.array([100, 100]), 1.0)
+    mean = np.array([[0.22, 0.22, np.log(100) + 0.22, np.log(100) + 0.22, 0, 0, 0.0]])
+    judged = judge(record, ("potency", "number"))
+    found = judged.implausibility(mean, np.zeros((1, 7)))[0]
+    expected = -norm.ppf(0.5 * chi2.sf(4 * 2.2**2, 4))
+    assert found == pytest.approx(expected)
+    assert found > 3.0
+    excused = judge(record, ("potency", "number"), error=Discrepancy(common=0.2))
+    assert excused.implausibility(mean, np.zeros((1, 7)))[0] < 2.0
