@@ -8,7 +8,7 @@ TRUTH = "results/calibration_truth"
 rule truth_record:
     """The catalogue of a record with known values, on the cells of the trials."""
     input:
-        grid=FILES.own("grid.nc"),
+        grid=ancient(FILES.own("grid.nc")),
     output:
         f"{TRUTH}/{{case}}.nc",
     log:

@@ -24,7 +24,7 @@ rule trial:
     The grid of the mine itself is an input for its number of cells only, from which the memory of a trial follows.
     """
     input:
-        grid=FILES.own("grid.nc"),
+        grid=ancient(FILES.own("grid.nc")),
         solids=MINE.solids(),
     output:
         f"{CALIBRATION}/{{cells}}/{{trial}}.nc",
