@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from calibration.figures import axis_label
+from calibration.figures import axis_label, label_log_axis
 from calibration.fit import SHARES
 from calibration.self_test import SelfTest
 from calibration.settings import CalibratedQuantity
@@ -33,8 +33,9 @@ def draw(tested: SelfTest, true: NDArray, quantities: Sequence[CalibratedQuantit
         panel.plot(ends, ends, color=style.OUTLINE, linewidth=0.8)
         panel.set(xlabel=f"true {axis_label(quantity)}", ylabel="90 % interval")
         if quantity.scale == "log":
-            panel.set_xscale("log")
-            panel.set_yscale("log")
+            panel.set(xscale="log", yscale="log")
+            label_log_axis(panel.xaxis)
+            label_log_axis(panel.yaxis)
         if number == 0:
-            panel.legend(loc="upper left")
+            panel.legend(loc="upper left", bbox_to_anchor=(0.0, 1.22), ncols=2)
     return figure
