@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import report_fixtures as fixtures
 import xarray as xr
-from browser import Browser
+from browser import Browser, find_browser
 
 from catalogs.figures import events_figure
 from catalogs.report.page import write_report
@@ -25,6 +25,7 @@ WHITE = 0.98
 
 @pytest.fixture(scope="module")
 def mine(tmp_path_factory) -> fixtures.Mine:
+    find_browser()  # skips before anything is made
     made = fixtures.make_mine(tmp_path_factory.mktemp("mine"), coarse=16.0)
     write_report(**made.arguments())
     return made
