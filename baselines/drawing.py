@@ -30,8 +30,11 @@ def _read(states: Sequence[Path], settings: StressSlice) -> ElasticRock:
     def may_slip(stress: NDArray, name: str) -> NDArray:
         return excess_shear_stress(stress, settings.strength[name].friction_angle) > 0.0
 
-    known = settings.lower is not None and settings.upper is not None
-    box = (np.array(settings.lower), np.array(settings.upper)) if known else None
+    lower, upper = settings.lower, settings.upper
+    box = (
+        np.full(3, -np.inf) if lower is None else np.array(lower),
+        np.full(3, np.inf) if upper is None else np.array(upper),
+    )
     return read_rock(states, may_slip, list(settings.strength), box)
 
 

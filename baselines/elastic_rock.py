@@ -63,8 +63,8 @@ def read_rock(
 ) -> ElasticRock:
     """The rock that may hold events in some state, from states in order.
 
-    rocks: names of the materials that may; box: lower and upper corner, m, that its centres lie in. Raises InputError
-    for plane strain, and for a rock that the states do not have.
+    rocks: names of the materials that may, of which a state may lack some; box: lower and upper corner, m, that its
+    centres lie in. Raises InputError for plane strain.
     """
     last = _read(states[-1])
     if last.attrs["plane"] != "none":

@@ -44,6 +44,5 @@ def draw_places(rock: ElasticRock, numbers: NDArray, generator: np.random.Genera
     drawn = generator.poisson(numbers)
     state, part = (np.repeat(index, drawn[drawn > 0]) for index in np.nonzero(drawn))
     place = rock.centre[part] + (generator.uniform(size=(len(part), 3)) - 0.5) * rock.edge[part, None]
-    order = np.argsort(state, kind="stable")
-    order = order[generator.permutation(len(order))]
+    order = generator.permutation(len(state))
     return state[order], place[order]

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.trials import Outputs
+from calibration.trials import NUMBER, POTENCY, Outputs
 
 MIN_PAIRS = 2  # Pairs of runs on two sizes of cells that a scatter needs.
 
@@ -42,15 +42,15 @@ class CellCorrection:
         return cls(np.zeros(trials.all.shape[1]))
 
     @classmethod
-    def of(cls, trials: Outputs, finer: Outputs) -> "CellCorrection":
+    def of(cls, trials: Outputs, finer: Outputs, pairs: int) -> "CellCorrection":
         """From the same trials on both cells: mean differences, and how the differences scatter.
 
-        The scatter of a run's mean over its steps is an error that all steps share, the rest is each step's own.
+        The scatter of a run's mean over its steps is an error that all steps share, the rest is each step's own. pairs:
+        number of trials, each of as many rows: rows of one rock are one pair.
         """
         shifts, errors = [], {}
         for term, coarse in trials.by_term.items():
-            difference = finer.by_term[term] - coarse
-            pairs = len(difference)
+            difference = (finer.by_term[term] - coarse).reshape(pairs, -1, coarse.shape[1]).mean(axis=1)
             mean = difference.mean(axis=0)
             off = difference - mean
             widened = np.sqrt(1.0 + 1.0 / pairs)  # the mean itself is known from these pairs only
@@ -59,3 +59,10 @@ class CellCorrection:
             shifts.append(mean)
             errors[term] = Discrepancy(float(common), float(own))
         return cls(np.concatenate(shifts), errors)
+
+    def during(self, share: NDArray, trials: Outputs) -> "CellCorrection":
+        """The same, and potency and number for the share of each step (step,) that is recorded only."""
+        shift = self.shift.copy()
+        for term in (POTENCY, NUMBER):
+            shift[trials.columns[term]] += np.log(share)
+        return CellCorrection(shift, self.errors)

@@ -9,13 +9,16 @@ EXTRACTION = "extraction"  # Variable (event,): number of the set that an event 
 
 
 def joined(sets: Sequence[xr.Dataset]) -> xr.Dataset:
-    """One dataset of several sets of events, with the attributes of the first."""
+    """One dataset of several sets of events, with the attributes of the first and the potency floor of each."""
     together = xr.concat(list(sets), dim="event", combine_attrs="override")
     together[EXTRACTION] = ("event", np.repeat(np.arange(len(sets)), [one.sizes["event"] for one in sets]))
-    return together.assign_attrs(extractions=len(sets))
+    return together.assign_attrs(potency_floors=[float(one.attrs["potency_floor"]) for one in sets])
 
 
 def extractions(trial: xr.Dataset) -> list[xr.Dataset]:
-    """The sets of events of a trial, in order."""
+    """The sets of events of a trial, in order, each with its own potency floor."""
     number = trial[EXTRACTION].values
-    return [trial.isel(event=np.flatnonzero(number == one)) for one in range(int(trial.attrs["extractions"]))]
+    return [
+        trial.isel(event=np.flatnonzero(number == one)).assign_attrs(potency_floor=float(floor))
+        for one, floor in enumerate(np.atleast_1d(trial.attrs["potency_floors"]))
+    ]

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from calibration.settings import CalibratedQuantity, cohesion_of, friction_key, strength_under
+from calibration.settings import EVENT_SECTION, CalibratedQuantity, cohesion_of, friction_key, strength_under
 from common.datasets import atomic_path
 from common.errors import InputError
 from common.quantities import parse_quantity
@@ -26,11 +26,13 @@ class _Key:
         parts = key.split(".")
         for depth, part in enumerate(parts):
             known = _names_in(section)
-            if part not in known:
+            if part not in known and key.startswith(EVENT_SECTION) and isinstance(section, dict):
+                section[part] = {} if depth < len(parts) - 1 else None  # left at its default; checked with the mine
+            elif part not in known:
                 near = difflib.get_close_matches(part, known, n=1)
-                hint = f"; did you mean {'.'.join([*parts[:depth], near[0]])}?" if near else ""
-                raise InputError(f"{where}: the mine file has no {key}{hint}")
-            self.section, self.name = section, known[part]
+                meant = f"did you mean {'.'.join([*parts[:depth], near[0]])}?" if near else "write it there first"
+                raise InputError(f"{where}: the mine file has no {key}; {meant}")
+            self.section, self.name = section, known.get(part, part)
             section = section[self.name]
 
     @property
@@ -81,7 +83,7 @@ def given_share(text: dict, quantity: CalibratedQuantity, where: str) -> float:
     written = _Key(text, quantity.key, f"{where}.key").value
     try:
         if quantity.confinement is None:
-            return quantity.share(parse_quantity(written, quantity.unit) if quantity.unit else float(written))
+            return quantity.share(parse_quantity(str(written), quantity.unit) if quantity.unit else float(str(written)))
         friction = _Key(text, friction_key(quantity.key), f"{where}.confinement").value
         cohesion = parse_quantity(str(written), "Pa")
         strength = strength_under(quantity.confinement, cohesion, parse_quantity(str(friction), "deg"))

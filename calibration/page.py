@@ -63,9 +63,9 @@ def verdict(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[str]:
     least = fit.posterior.implausibility
     if not fit.fits:
         found.append(
-            "No values within the ranges fit the record: in the nearest, potency, number or size of some step is "
-            f"{least:.1f} standard deviations off ({MAX_IMPLAUSIBILITY:g} are plausible). Widen the ranges, or look "
-            "for what the model lacks. The intervals below mean little."
+            "No values within the ranges fit the record: at the nearest, one of its numbers or all of them together "
+            f"are {least:.1f} standard deviations off ({MAX_IMPLAUSIBILITY:g} are plausible). Widen the ranges, or "
+            "look for what the model lacks. The intervals below mean little."
         )
     left = fit.posterior.width_left()
     named = list(zip(quantities, left, strict=True))

@@ -163,6 +163,9 @@ class CalibrationSettings(Settings):
 
     @model_validator(mode="after")
     def _different(self) -> Self:
+        for number, term in enumerate(self.terms):
+            if term in self.terms[:number]:
+                raise refusal(f"{term} stands twice", "terms", number)
         keys = [quantity.key for quantity in self.quantities]
         for number, key in enumerate(keys):
             if key in keys[:number]:

@@ -23,6 +23,7 @@ from calibration.trials import (
     Places,
     common_cut,
     counted_events,
+    covered,
     gains,
     has_silent_history,
     outputs,
@@ -30,7 +31,7 @@ from calibration.trials import (
     read_record,
 )
 from catalogs.comparison_settings import DatedStep
-from catalogs.exposure import Exposure
+from catalogs.exposure import Exposure, common_period
 from common.datasets import atomic_path, read_dataset
 from common.event_table import read_events
 
@@ -65,12 +66,13 @@ def read_calibration(given: dict, trials: Sequence[str], finer: Sequence[str], r
     first designed trials on the mine's own cells. Raises InputError where the record lacks what the terms need."""
     settings = CalibrationSettings.of(given["calibration"], "calibration")
     dated = tuple(DatedStep.of(step) for step in given["steps"])
-    steps, exposure = tuple(step.name for step in dated), Exposure.of(dated, None)
+    steps = tuple(step.name for step in dated)
     of_trials = [extractions(read_events(path)) for path in trials]
     of_finer = [extractions(read_events(path)) for path in finer]
     catalogues = [one for trial in of_trials for one in trial]
     fine = [one for trial in of_finer for one in trial]
     record = read_dataset(record_file)
+    exposure = Exposure.of(dated, common_period(record))
     cut = common_cut([*catalogues, *fine], record)
     logging.info("events count from log10 potency %.2f m3 on", cut)
     places = read_places(record, exposure, cut, [*catalogues, *fine]) if PLACES in settings.terms else None
@@ -81,8 +83,9 @@ def read_calibration(given: dict, trials: Sequence[str], finer: Sequence[str], r
     if finer:
         first = settings.replicates
         coarse = made.chosen(np.flatnonzero((number >= first) & (number < first + len(finer))))
-        correction = CellCorrection.of(coarse, outputs(fine, steps, cut, settings.terms, places))
-    recorded = read_record(record, exposure, cut, settings.seed)
+        correction = CellCorrection.of(coarse, outputs(fine, steps, cut, settings.terms, places), len(finer))
+    correction = correction.during(covered(exposure, dated), made)
+    recorded = read_record(record, exposure, cut, settings.seed, settings.terms)
     fit = calibrate(rows, correction, recorded, settings.terms, settings.model_error, settings.seed)
     logging.info("posterior of %d points worth %.0f", len(fit.posterior.points), fit.posterior.effective)
     return Calibration(settings, steps, catalogues, cut, rows, places, fit)

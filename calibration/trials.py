@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from catalogs.comparison_settings import DatedStep
 from catalogs.completeness import completeness
 from catalogs.event_density import box_around, information_gain
 from catalogs.exposure import Exposure
@@ -152,11 +153,13 @@ def outputs(
     return Outputs(made)
 
 
-def read_record(record: xr.Dataset, exposure: Exposure, cut: float, seed: int) -> Recorded:
+def read_record(
+    record: xr.Dataset, exposure: Exposure, cut: float, seed: int, terms: Sequence[str] = (POTENCY,)
+) -> Recorded:
     """What the record says of each dated step, its potency with a covariance by bootstrap of its events.
 
-    Events of a day are drawn together in effect: the variance is raised by how clustered their numbers are. Raises
-    InputError where a step has no recorded potency.
+    Events of a day are drawn together in effect: the variance is raised by how clustered their numbers are. A step
+    without recorded potency counts as the cut where potency is no term. Raises InputError where it is one.
     """
     step, potency = exposure.step(record["time"].values), record["potency"].values
     used = (step >= 0) & (record["resolved"].values == 1)
@@ -166,6 +169,9 @@ def read_record(record: xr.Dataset, exposure: Exposure, cut: float, seed: int) -
     logs, variances = np.zeros(steps), np.zeros(steps)
     for index in range(steps):
         sizes = potency[(step == index) & np.isfinite(potency)]
+        if not sizes.sum() > 0.0 and POTENCY not in terms:
+            logs[index], variances[index] = cut * np.log(10.0), 1.0
+            continue
         if not sizes.sum() > 0.0:
             raise InputError(
                 f"record: no potency in dated step number {index + 1}; calibrate to steps with recorded events, or "
@@ -187,6 +193,19 @@ def mean_excess(excess: NDArray) -> tuple[float, float]:
     """
     number = len(excess) + 1.0
     return float(np.log((excess.sum() + 1.0) / number)), float(1.0 / np.sqrt(number))
+
+
+def covered(exposure: Exposure, steps: Sequence[DatedStep]) -> NDArray:
+    """Share of each dated step (step,) during which the record was taken. Raises InputError for a step without any."""
+    whole = Exposure.of(tuple(steps), None)
+    share = (exposure.end - exposure.start) / (whole.end - whole.start)
+    for step, part in zip(steps, share, strict=True):
+        if not part > 0.0:
+            raise InputError(
+                f"record: covers nothing of step {step.name}; calibrate to a mine file whose dated steps are recorded, "
+                "or mine this step without dates"
+            )
+    return np.asarray(share, float)
 
 
 def read_places(record: xr.Dataset, exposure: Exposure, cut: float, catalogues: Sequence[xr.Dataset]) -> Places:

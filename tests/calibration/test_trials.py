@@ -18,12 +18,14 @@ from calibration.trials import (
     Places,
     Recorded,
     common_cut,
+    covered,
     gains,
     has_silent_history,
     outputs,
     read_places,
     read_record,
 )
+from catalogs.comparison_settings import DatedStep
 from catalogs.exposure import Exposure
 from common.errors import InputError
 
@@ -118,9 +120,11 @@ def test_places_near_recorded_ones_gain_most_in_their_own_step():
 
 def test_a_trial_with_several_extractions_is_so_many_catalogues():
     """In order, an empty one among them."""
-    together = joined([catalogue({"one": sizes}) for sizes in ([1.0], [], [2.0, 3.0])])
+    sets = [catalogue({"one": sizes}, floor=floor) for sizes, floor in (([1.0], 0.01), ([], 0.02), ([2.0, 3.0], 0.04))]
+    together = joined(sets)
     assert [one["potency"].values.tolist() for one in extractions(together)] == [[1.0], [], [2.0, 3.0]]
-    assert together.attrs["potency_floor"] == 0.01
+    assert [one.attrs["potency_floor"] for one in extractions(together)] == [0.01, 0.02, 0.04]
+    assert len(extractions(joined(sets[:1]))) == 1
 
 
 def test_events_count_from_the_largest_floor_of_all_runs_on():
@@ -146,9 +150,24 @@ def test_record_of_equal_and_of_unequal_sizes():
 
 
 def test_a_step_without_recorded_events_is_refused():
-    """In one line that says what to do."""
-    with pytest.raises(InputError, match="no potency in dated step number 2"):
-        read_record(record([1.0, 2.0], [1.0, 1.0]), EXPOSURE, -2.0, seed=1)
+    """In one line that says what to do, and what it says helps."""
+    few = record([1.0, 2.0], [1.0, 1.0])
+    with pytest.raises(InputError, match=r"no potency in dated step number 2.*leave potency out"):
+        read_record(few, EXPOSURE, -2.0, seed=1)
+    read = read_record(few, EXPOSURE, -2.0, seed=1, terms=("number",))
+    np.testing.assert_array_equal(read.number, [2, 0])
+
+
+def test_steps_count_for_the_time_that_the_record_covers():
+    """A record that begins in mid-August covers half of that step; a step before it is refused."""
+    steps = [
+        DatedStep(name=name, start=start, end=end)
+        for name, start, end in (("one", "2019-08-01", "2019-09-01"), ("two", "2019-09-01", "2019-10-01"))
+    ]
+    exposure = Exposure.of(tuple(steps), ("2019-08-16T12:00:00", "2019-10-01"))
+    np.testing.assert_allclose(covered(exposure, steps), [0.5, 1.0])
+    with pytest.raises(InputError, match="covers nothing of step one"):
+        covered(Exposure.of(tuple(steps), ("2019-09-02", "2019-10-01")), steps)
 
 
 def test_history_is_silent_where_no_rock_fails_in_any_trial():
@@ -166,11 +185,24 @@ def test_cells_are_corrected_by_pairs():
     shift = (
         np.array([0.5, 0.2, 0.1]) + 0.3 * generator.normal(size=(runs, 1)) + 0.1 * generator.normal(size=(runs, steps))
     )
-    found = CellCorrection.of(Outputs(coarse), Outputs({**coarse, "potency": coarse["potency"] + shift}))
+    found = CellCorrection.of(Outputs(coarse), Outputs({**coarse, "potency": coarse["potency"] + shift}), runs)
     np.testing.assert_allclose(found.shift, [0.5, 0.2, 0.1, 0, 0, 0], atol=0.05)
     np.testing.assert_allclose(found.errors["potency"].common, np.sqrt(0.3**2 + 0.1**2 / 3), rtol=0.1)
     np.testing.assert_allclose(found.errors["potency"].own, 0.1 * np.sqrt(2 / 3), rtol=0.1)
     assert found.errors["number"] == Discrepancy(0.0, 0.0)
+    half = found.during(np.array([1.0, 0.5, 0.25]), Outputs(coarse))
+    np.testing.assert_allclose(half.shift - found.shift, [0, -np.log(2), -np.log(4)] * 2)
+
+
+def test_sets_of_events_of_one_rock_are_one_pair():
+    """Four rocks of four sets each have the errors of four rocks of one set."""
+    generator = np.random.default_rng(5)
+    coarse, shift = np.zeros((4, 3)), generator.normal(size=(4, 3))
+    single = CellCorrection.of(Outputs({"potency": coarse}), Outputs({"potency": shift}), 4)
+    rows = np.repeat(np.arange(4), 4)
+    several = CellCorrection.of(Outputs({"potency": coarse[rows]}), Outputs({"potency": shift[rows]}), 4)
+    assert several.errors == single.errors
+    np.testing.assert_allclose(several.shift, single.shift)
 
 
 def simulator(points):
@@ -325,6 +357,8 @@ def test_the_same_key_twice_is_refused():
     one = {"key": "seismic.closeness", "range": [0.7, 0.9], "source": "test"}
     with pytest.raises(InputError, match="stands twice"):
         CalibrationSettings.read({"quantities": [one, one]})
+    with pytest.raises(InputError, match=r"terms\[1\]: potency stands twice"):
+        CalibrationSettings.read({"quantities": [one], "terms": ["potency", "potency"]})
 
 
 def test_values_of_a_range():
@@ -342,6 +376,15 @@ def test_entries_of_lists_are_named():
     assert [body["dip"] for body in changed["rock_bodies"]] == ["60 deg", "40 deg"]
     with pytest.raises(InputError, match=r"did you mean rock_bodies\.lens\?"):
         with_values(text, [quantity("rock_bodies.lense.dip", 20, 40, "deg")], [1.0])
+
+
+def test_a_key_of_events_may_be_left_at_its_default():
+    """It is written then; any other key that the mine file lacks is refused with what to do."""
+    closeness = quantity("seismic.closeness", 0.7, 0.9)
+    assert with_values({"name": "mine"}, [closeness], [0.5])["seismic"] == {"closeness": 0.8}
+    assert with_values({"seismic": {"method": "families"}}, [closeness], [0.0])["seismic"]["closeness"] == 0.7
+    with pytest.raises(InputError, match="write it there first"):
+        with_values({"name": "mine"}, [quantity("solver.damping", 0.5, 0.9)], [0.5])
 
 
 def test_mine_files_take_the_values_and_nothing_else(tmp_path):

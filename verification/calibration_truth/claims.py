@@ -15,7 +15,7 @@ from calibration.posterior import Posterior, find_posterior
 from calibration.self_test import SelfTest
 from calibration.settings import CalibratedQuantity
 from calibration.stages import Calibration
-from calibration.tradeoffs import CONFINEMENTS, best_known_strengths, strengths
+from calibration.tradeoffs import CONFINEMENTS, PRIOR_POINTS, best_known_strengths, strengths
 from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, Outputs, Places, counted_events, gains, outputs
 from verification.calibration_truth.chains import chain_quantiles
 
@@ -75,7 +75,9 @@ def strength_coverage(found: Calibration, tested: SelfTest, trials: NDArray) -> 
         true_rows = np.array([np.flatnonzero(rows.trials == trial)[0] for trial in trials])
         true = strengths(rows.points[true_rows], quantities, known.pair)[:, at]
         held, width = [], []
-        prior = strengths(np.random.default_rng(0).uniform(size=(4096, len(quantities))), quantities, known.pair)[:, at]
+        prior = strengths(
+            np.random.default_rng(0).uniform(size=(PRIOR_POINTS, len(quantities))), quantities, known.pair
+        )[:, at]
         prior_width = np.subtract(*np.quantile(prior, [0.95, 0.05]))
         for posterior, value in zip(tested.posteriors, true, strict=True):
             low, _, high = posterior.quantiles(SHARES, strengths(posterior.points, quantities, known.pair)[:, [at]])[
@@ -88,12 +90,10 @@ def strength_coverage(found: Calibration, tested: SelfTest, trials: NDArray) -> 
     return result
 
 
-def twin_claims(
-    found: Calibration, record: str, truth: Sequence[float], fit: Fit, wanted_flag: bool | None
-) -> list[Claim]:
+def twin_claims(found: Calibration, record: str, truth: Sequence[float], fit: Fit, wanted_flag: bool) -> list[Claim]:
     """Whether the intervals of a fit hold the true values, and whether the record is called implausible.
 
-    wanted_flag: whether it ought to be; None: it is reported only, and so is what the intervals hold.
+    wanted_flag: whether it ought to be; then what the intervals hold is reported only.
     """
     terms = ", ".join(found.settings.terms)
     rows = []
@@ -104,19 +104,17 @@ def twin_claims(
             quantity.value(share) for share in (truth[number], low[number], middle[number], high[number])
         )
         text = f"{found_values[0]:.4g} to {found_values[2]:.4g}, median {found_values[1]:.4g}"
-        wanted = f"{value:.4g} inside" if wanted_flag is False else ""
-        rows.append(
-            Claim("truth inside", record, terms, quantity.title, wanted, text, inside or wanted_flag is not False)
-        )
+        wanted = f"{value:.4g} inside" if not wanted_flag else ""
+        rows.append(Claim("truth inside", record, terms, quantity.title, wanted, text, inside or wanted_flag))
     rows.append(flag_claim(found, record, fit.posterior, wanted_flag))
     return rows
 
 
-def flag_claim(found: Calibration, record: str, posterior: Posterior, wanted_flag: bool | None) -> Claim:
+def flag_claim(found: Calibration, record: str, posterior: Posterior, wanted_flag: bool) -> Claim:
     """Whether a record is called implausible."""
     flagged = posterior.implausibility > MAX_IMPLAUSIBILITY
-    wanted = "" if wanted_flag is None else f"{'more' if wanted_flag else 'less'} than {MAX_IMPLAUSIBILITY:g}"
-    holds = wanted_flag is None or flagged == wanted_flag
+    wanted = f"{'more' if wanted_flag else 'less'} than {MAX_IMPLAUSIBILITY:g}"
+    holds = flagged == wanted_flag
     terms = ", ".join(found.settings.terms)
     return Claim("smallest implausibility", record, terms, "", wanted, f"{posterior.implausibility:.1f}", holds)
 

@@ -9,6 +9,7 @@ rule truth_record:
     """The catalogue of a record with known values, on the cells of the trials."""
     input:
         grid=ancient(FILES.own("grid.nc")),
+        solids=MINE.solids(),
     output:
         f"{TRUTH}/{{case}}.nc",
     log:
