@@ -33,7 +33,6 @@ class CalibrationTrials:
     asks for it. A mistake ends the run in one line.
     """
 
-    own_cells = OWN
     pattern = TRIAL
     mine_files = ("middle", *(f"draw_{number}" for number in range(1, DRAWS + 1)))
 
@@ -92,6 +91,24 @@ class CalibrationTrials:
             return []
         first = self.settings.replicates
         return self.names()[first : first + min(self.settings.pairs, self.settings.trials)]
+
+    def trial_files(self, batch: int, checkpoints: Any) -> list[str]:
+        """Files of all trials before a further batch. checkpoints: Snakemake's, which stops here until the points of
+        the batches before are known."""
+        for number in range(1, batch):
+            checkpoints.further.get(batch=number)
+        return self._files(self.settings.cells, self.names_before(batch))
+
+    def all_trial_files(self, checkpoints: Any) -> list[str]:
+        """Files of all trials; checkpoints as of `trial_files`."""
+        return self.trial_files(self.settings.batches + 1, checkpoints)
+
+    def finer_files(self) -> list[str]:
+        """Files of the trials on the mine's own cells, if others are on doubled ones."""
+        return self._files(OWN, self.finer)
+
+    def _files(self, cells: str, names: list[str]) -> list[str]:
+        return [f"{self.folder.as_posix()}/{cells}/{name}.nc" for name in names]
 
     def rows(self, name: str) -> np.ndarray:
         """Points (row, quantity) in the unit cube at which a trial tells of the mine: one, or EXTRACTIONS of them that

@@ -21,7 +21,15 @@ from workflow.shapes import check_form, check_place, check_repeated
 
 PLANNED = "planned"  # it is part of the grid, and is mined when it gets a step
 IN_PLANE = {"xz": ("xx", "zz", "xz"), "xy": ("xx", "yy", "xy"), None: ("xx", "yy", "zz", "yz", "xz", "xy")}
-RESERVED = ("verification", "benchmarks", "extremes", "tradeoff", "stability", "catalog_spread")  # folders of results
+RESERVED = (
+    "verification",
+    "benchmarks",
+    "extremes",
+    "tradeoff",
+    "stability",
+    "catalog_spread",
+    "calibration_truth",
+)  # folders of results
 LEAST_HOURGLASS = 0.001  # a thousandth of it makes a stage twenty times as long, zero has no answer
 MOST_POISSON = 0.49  # where particles share a cell: a hole then closes 4 % too little, at 0.499 26 %, at 0.4999 73 %
 MOST_CELLS = 10**9  # coarse ones; the finer come on top

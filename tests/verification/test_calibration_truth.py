@@ -10,7 +10,7 @@ from calibration.settings import CalibrationSettings, strength_under
 from calibration.stages import Calibration
 from calibration.trials import Outputs, Recorded
 from verification.calibration_truth import chains, claims
-from verification.calibration_truth.settings import SAME_LAW, case_slice, cases, true_shares
+from verification.calibration_truth.settings import SAME_LAW, case_slice, cases, truths
 from workflow.calibration_trials import CalibrationTrials
 from workflow.configuration import load
 from workflow.strict_yaml import read_yaml
@@ -108,7 +108,11 @@ def test_records_of_the_study_have_the_truth_of_the_mine_file_or_another_host():
     """The demo: its own values lie in the middle of their ranges or near; other hosts change the host only."""
     file = "config/mines/demo.yaml"
     trials = CalibrationTrials(load(read_yaml(file), file), file)
-    np.testing.assert_allclose(true_shares(trials), [0.5, 0.5, 0.5, 0.48], atol=0.01)
+    found = truths(trials)
+    np.testing.assert_allclose(found["truth"], [0.5, 0.5, 0.5, 0.48], atol=0.01)
+    twin = read_yaml("config/mines/demo/twin.yaml")["materials"]["host"]
+    values = [one.written(share) for one, share in zip(trials.settings.quantities, found["record_truth"], strict=True)]
+    assert values[:2] == [twin["friction_angle"]["residual"], twin["cohesion"]["residual"]]
     slices = {case: case_slice(trials, case) for case in cases()}
     same = slices[SAME_LAW]
     assert [step["scene"]["perturbation"] for step in same["steps"]] == [10_001] * 4

@@ -35,9 +35,11 @@ def report(arguments: argparse.Namespace) -> None:
                 rows += claims.twin_claims(found, case, given["truth"], fit, wanted_flag=False)
             else:
                 rows.append(claims.flag_claim(found, case, fit.posterior, wanted_flag=True))
-        rows += claims.twin_claims(found, "record", given["truth"], found.fit, wanted_flag=False)
+        rows += claims.twin_claims(found, "record", given["record_truth"], found.fit, wanted_flag=False)
         blind = read_calibration(varied, arguments.trials, [], arguments.record)
-        rows += claims.twin_claims(blind, "record, cells not corrected", given["truth"], blind.fit, wanted_flag=True)
+        rows += claims.twin_claims(
+            blind, "record, cells not corrected", given["record_truth"], blind.fit, wanted_flag=True
+        )
         rows += claims.chain_claims(found, found.settings.quantities)
     found, tested = tests[0]
     true = np.array([found.rows.points[np.flatnonzero(found.rows.trials == trial)[0]] for trial in designed])

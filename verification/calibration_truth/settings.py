@@ -1,5 +1,7 @@
 """The file config/calibration_truth.yaml, and the runs that it adds to the trials of a calibration."""
 
+import copy
+import functools
 import sys
 from pathlib import Path
 
@@ -18,7 +20,11 @@ MEMBER = 10_001  # Number of the perturbation of every such record: no replicate
 
 def other_hosts() -> dict[str, dict]:
     """Host of each record that no values within the ranges give, by name."""
-    return yaml.safe_load(FILE.read_text(encoding="utf-8"))["other_hosts"]
+    return _read()["other_hosts"]
+
+
+def _read() -> dict:
+    return yaml.safe_load(FILE.read_text(encoding="utf-8"))
 
 
 def cases() -> list[str]:
@@ -43,21 +49,31 @@ def case_slice(trials: CalibrationTrials, case: str) -> dict:
     return {"grid": mine.grid_slice(), "elastic": mine.slice_of("elastic"), "steps": steps}
 
 
-def true_shares(trials: CalibrationTrials) -> list[float]:
-    """The mine file's own value of each quantity, as a share of its range (0 to 1).
+def truths(trials: CalibrationTrials) -> dict[str, list[float]]:
+    """The true value of each quantity, as a share of its range (0 to 1): `truth`, the mine file's own, and
+    `record_truth`, that which made the mine's record.
 
     Ends the run in one line where a value lies outside of its range, as it could not be found again, and where trials
     have the mine's own cells, so that there is no correction to test.
     """
     if trials.settings.cells != DOUBLED:
         sys.exit(f"{trials.mine_file}: calibration.cells: this study needs trials on doubled cells")
+    own = trials.mine.text
+    made = copy.deepcopy(own)
+    for key, value in _read()["made_the_record"].items():
+        *sections, last = key.split(".")
+        functools.reduce(lambda section, part: section[part], sections, made)[last] = value
+    return {"truth": _shares(trials, own), "record_truth": _shares(trials, made)}
+
+
+def _shares(trials: CalibrationTrials, text: dict) -> list[float]:
     found = []
     for number, quantity in enumerate(trials.settings.quantities):
         try:
-            share = given_share(trials.mine.text, quantity, f"calibration.quantities[{number}]")
+            share = given_share(text, quantity, f"calibration.quantities[{number}]")
         except InputError as error:
             sys.exit(f"{trials.mine_file}: {error}")
         if not 0.0 <= share <= 1.0:
-            sys.exit(f"{trials.mine_file}: calibration.quantities[{number}].range: does not hold the file's own value")
+            sys.exit(f"{trials.mine_file}: calibration.quantities[{number}].range: does not hold the true value")
         found.append(share)
     return found

@@ -1,6 +1,6 @@
 """A calibration on known truth: its trials are calibrated to records whose true values are known."""
 
-from verification.calibration_truth.settings import case_slice, cases, true_shares
+from verification.calibration_truth.settings import case_slice, cases, truths
 
 TRUTH = "results/calibration_truth"
 
@@ -38,8 +38,8 @@ rule truth_record:
 rule calibration_truth:
     """Coverage and widths of intervals, twins that come back, records that are flagged, another sampler."""
     input:
-        trials=lambda wildcards: trial_files(TRIALS.settings.batches + 1),
-        finer=finer_files,
+        trials=lambda wildcards: TRIALS.all_trial_files(checkpoints),
+        finer=lambda wildcards: TRIALS.finer_files(),
         record=FILES.own("record.nc"),
         records=[f"{TRUTH}/{case}.nc" for case in cases()],
     output:
@@ -60,7 +60,7 @@ rule calibration_truth:
         settings=STAGES.named_slice(
             MINE.name,
             lambda wildcards: "calibration/truth",
-            lambda wildcards: TRIALS.fit_slice() | {"truth": true_shares(TRIALS)},
+            lambda wildcards: TRIALS.fit_slice() | truths(TRIALS),
         ),
     shell:
         "stage verification.calibration_truth report --settings {params.settings:q} --trials {input.trials}"

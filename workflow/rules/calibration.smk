@@ -6,18 +6,6 @@ TRIALS = CalibrationTrials(MINE, MINE_FILE)
 CALIBRATION = f"results/{MINE.name}/calibration"
 
 
-def trial_files(batch):
-    """Files of all trials before a further batch. The points of a batch are known once its checkpoint has run."""
-    for number in range(1, batch):
-        checkpoints.further.get(batch=number)
-    return [f"{CALIBRATION}/{TRIALS.settings.cells}/{name}.nc" for name in TRIALS.names_before(batch)]
-
-
-def finer_files(wildcards):
-    """Files of the trials on the mine's own cells, if others are on doubled ones."""
-    return [f"{CALIBRATION}/{TRIALS.own_cells}/{name}.nc" for name in TRIALS.finer]
-
-
 rule trial:
     """One trial: a run of the mine with other values of the calibrated quantities, as one job.
 
@@ -55,8 +43,8 @@ rule trial:
 checkpoint further:
     """Where the trials of a further batch teach most, given all trials before."""
     input:
-        trials=lambda wildcards: trial_files(int(wildcards.batch)),
-        finer=finer_files,
+        trials=lambda wildcards: TRIALS.trial_files(int(wildcards.batch), checkpoints),
+        finer=lambda wildcards: TRIALS.finer_files(),
         record=FILES.own("record.nc"),
     output:
         TRIALS.batch_file("{batch}"),
@@ -87,8 +75,8 @@ checkpoint further:
 rule calibrate:
     """The posterior of the calibrated quantities, its page, and mine files."""
     input:
-        trials=lambda wildcards: trial_files(TRIALS.settings.batches + 1),
-        finer=finer_files,
+        trials=lambda wildcards: TRIALS.all_trial_files(checkpoints),
+        finer=lambda wildcards: TRIALS.finer_files(),
         record=FILES.own("record.nc"),
     output:
         page=f"{CALIBRATION}/report.html",
