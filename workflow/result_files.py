@@ -87,16 +87,22 @@ class ResultFiles:
             sys.exit(f"{wildcards.mine}: steps: no '{wildcards.step}'; there are {', '.join(steps) or 'none'}")
         return wildcards.step
 
+    def result(self, folder: str, stage: str) -> str:
+        """The result of a stage of a folder's mine, where it stands: members and plans share some."""
+        return f"results/{self.folders.home(folder, stage)}/{stage}.nc"
+
     def grid(self, wildcards: Wildcards) -> str:
-        """The grid of a mine, which the members of an ensemble share with their mine."""
-        return f"results/{self.folders.shared(wildcards.mine)}/grid.nc"
+        """The grid of a mine."""
+        return self.result(wildcards.mine, "grid")
+
+    def state(self, wildcards: Wildcards) -> str:
+        """The state that a step ends in."""
+        return self.result(wildcards.mine, f"steps/{wildcards.step}")
 
     def previous_state(self, wildcards: Wildcards) -> str:
         """The state that a step starts from: the step before, or the elastic history."""
         before = self.mine_of(wildcards).previous(self.step_of(wildcards))
-        if before:
-            return f"results/{wildcards.mine}/steps/{before}.nc"
-        return f"results/{self.folders.shared(wildcards.mine)}/elastic.nc"
+        return self.result(wildcards.mine, f"steps/{before}" if before else "elastic")
 
     def solids(self, wildcards: Wildcards) -> list[str]:
         """Files that the grid is built from."""
