@@ -83,7 +83,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
         ((DEMO, "excavations"), (DEMO, "steps"), FROM_FILES),
     ),
     "Equilibrium and failure": (("solver",), ((RENISON, "solver"),)),
-    "Mining plans": (("plans",), ((DEMO, "plans"),)),
+    "Mining plans": (("plans", "hazard"), ((DEMO, "plans"), (DEMO, "hazard"))),
     "Events": (("seismic",), ((ELK_CREEK, "seismic"),)),
     "The recorded catalogue": (("record", "comparison"), ((DEMO, "record"),)),
     "Calibration": (("calibration",), ((DEMO, "calibration"),)),

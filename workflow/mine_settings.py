@@ -34,6 +34,7 @@ from mpm_core.settings import (
     SolidSettings,
     SolverSettings,
 )
+from plans.settings import HazardSettings
 from seismic.event_settings import SeismicSettings
 
 MINE_FILE_PLAN = "mine_file"  # name of the plan that the mine file itself is
@@ -230,6 +231,8 @@ class MineSettings(Settings):
     """What `snakemake baselines` assumes of flaws in the rock."""
     plans: dict[Name, MiningPlan] = {}
     """Other mining sequences by name. `snakemake plans` computes them and compares them with that of the mine file."""
+    hazard: HazardSettings = HazardSettings()
+    """Classes of sizes, distances and chances that the plans are judged by."""
 
     @model_validator(mode="after")
     def _host(self) -> Self:

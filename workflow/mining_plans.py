@@ -40,6 +40,11 @@ class MiningPlans:
         """Names of all plans."""
         return (MINE_FILE_PLAN, *self.others)
 
+    @property
+    def pattern(self) -> str:
+        """Regular expression of the names."""
+        return "|".join(self.names)
+
     def _mine_of(self, name: str) -> Mine:
         """The mine of a plan."""
         if name == MINE_FILE_PLAN:

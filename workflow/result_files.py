@@ -5,9 +5,12 @@ import sys
 from snakemake.iocontainers import Wildcards
 
 from catalogs.records import READERS
-from workflow.folders import COARSE, ELASTIC_ROCK, ENSEMBLE, Folders
+from workflow.folders import COARSE, DRAWN_ROCK, ELASTIC_ROCK, ENSEMBLE, PLANS, Folders
 from workflow.mine import Mine
+from workflow.mine_settings import MINE_FILE_PLAN
+from workflow.mining_plans import CALIBRATION
 
+PLAN_PAGES = ("report.html", "plans.csv")
 BASELINES = "baselines"  # folder below results/<mine>
 BASELINE_FILES = (
     *(f"{name}{part}.nc" for name in ("flaws", "excess_shear") for part in ("", "_runs")),
@@ -68,7 +71,11 @@ class ResultFiles:
         if self.has_record:
             files += stage_results(f"{self.mine.name}/{ELASTIC_ROCK}", self.mine, ("steps",))
             files += [self.own(f"{BASELINES}/{name}") for name in BASELINE_FILES]
-        return files + [f"results/{place}/{file}" for place in places for file in CATALOGUES]
+        files += [f"results/{place}/{file}" for place in places for file in CATALOGUES]
+        # A shorter design keeps the trials of a longer one; what a plan has of its own depends on the mine file's.
+        plans = [f"{PLANS}/{name}/" for name in (MINE_FILE_PLAN, *self.mine.settings.plans)]
+        whole = [f"{CALIBRATION}/", f"{DRAWN_ROCK}/", *plans, *(f"{PLANS}/{name}" for name in PLAN_PAGES)]
+        return files + [self.own(path) for path in whole]
 
     def record_data(self) -> str | list[str]:
         """The file that the record is read from. A folder's reader finds its own files."""
