@@ -1,0 +1,50 @@
+"""Command lines: `python -m plans outcome` (of one plan), `report` (the page) and `score` (of kept forecasts)."""
+
+import argparse
+from pathlib import Path
+
+from common.command_line import CommandLine
+from common.datasets import read_dataset, write_dataset
+from common.errors import InputError
+from common.event_table import read_events
+from common.provenance import provenance
+from common.slices import read_slice
+from common.stage import run_stage
+
+
+def outcome(chosen: argparse.Namespace) -> None:
+    """what the runs of a plan made, and the hazard that follows"""
+    from plans.outcome import make_outcome
+    from plans.settings import OutcomeSlice
+
+    if (chosen.record is None) != (chosen.comparison is None):
+        raise InputError("plans outcome: give both --record and --comparison, or neither")
+    values = read_slice(chosen.settings)
+    settings = OutcomeSlice.of(values, "plans")
+    record = read_events(chosen.record) if chosen.record else None
+    comparison = read_dataset(chosen.comparison, ["cut"]) if chosen.comparison else None
+    found = make_outcome(settings, read_dataset(chosen.grid), record, comparison)
+    files = [path for run in (*settings.runs, *settings.recorded_runs) for path in (*run.events, *run.states)]
+    inputs = [chosen.grid, *files, *filter(None, [chosen.record, chosen.comparison])]
+    write_dataset(found.assign_attrs(provenance(values, "plans outcome", inputs)), chosen.output)
+
+
+def main() -> None:
+    """Parse the command line and run the stage it names."""
+    parser = CommandLine(prog="python -m plans", description=__doc__)
+    stages = parser.add_subparsers(dest="stage", required=True)
+    one = stages.add_parser("outcome")
+    one.add_argument("--record", type=Path)
+    one.add_argument("--comparison", type=Path, help="of the mine with the record")
+    for stage in stages.choices.values():
+        stage.add_argument("--grid", type=Path, required=True)
+        stage.add_argument("--settings", type=Path, required=True, help="file of the configuration's slice, JSON")
+        stage.add_argument("--output", type=Path, required=True)
+        stage.add_argument("--log", type=Path, help="log file; standard error without it")
+    chosen = parser.parse_args()
+    run = {"outcome": outcome}[chosen.stage]
+    run_stage(f"{chosen.stage} {chosen.output}", chosen.log, lambda: run(chosen), run.__doc__ or "")
+
+
+if __name__ == "__main__":
+    main()
