@@ -7,7 +7,7 @@ from common.command_line import CommandLine
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
 from common.event_table import read_events
-from common.provenance import provenance
+from common.provenance import made_from, provenance
 from common.slices import read_slice
 from common.stage import run_stage
 
@@ -29,6 +29,19 @@ def outcome(chosen: argparse.Namespace) -> None:
     write_dataset(found.assign_attrs(provenance(values, "plans outcome", inputs)), chosen.output)
 
 
+def report(chosen: argparse.Namespace) -> None:
+    """all plans side by side, as a page and a table"""
+    from plans.layout import read_outcome
+    from plans.page import write_report
+    from plans.settings import PlansReportSlice
+
+    values = read_slice(chosen.settings)
+    identity = made_from(values, "plans report", [chosen.grid, *chosen.outcomes])
+    outcomes = [read_outcome(path) for path in chosen.outcomes]
+    settings = PlansReportSlice.of(values, "plans")
+    write_report(outcomes, read_dataset(chosen.grid), settings, chosen.output, chosen.table, identity)
+
+
 def main() -> None:
     """Parse the command line and run the stage it names."""
     parser = CommandLine(prog="python -m plans", description=__doc__)
@@ -36,13 +49,16 @@ def main() -> None:
     one = stages.add_parser("outcome")
     one.add_argument("--record", type=Path)
     one.add_argument("--comparison", type=Path, help="of the mine with the record")
+    page = stages.add_parser("report")
+    page.add_argument("--outcomes", type=Path, nargs="+", required=True, help="outcome.nc of each plan, in order")
+    page.add_argument("--table", type=Path, required=True, help="table written, CSV")
     for stage in stages.choices.values():
         stage.add_argument("--grid", type=Path, required=True)
         stage.add_argument("--settings", type=Path, required=True, help="file of the configuration's slice, JSON")
         stage.add_argument("--output", type=Path, required=True)
         stage.add_argument("--log", type=Path, help="log file; standard error without it")
     chosen = parser.parse_args()
-    run = {"outcome": outcome}[chosen.stage]
+    run = {"outcome": outcome, "report": report}[chosen.stage]
     run_stage(f"{chosen.stage} {chosen.output}", chosen.log, lambda: run(chosen), run.__doc__ or "")
 
 

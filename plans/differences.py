@@ -33,8 +33,8 @@ OF_ALL_RUNS = {NUMBER: "shared_number", POTENCY: "whole_potency"}  # what runs o
 class Difference:
     """The ratio of a plan to another: value, 95 % interval (2,), that of chance alone, and what the interval holds.
 
-    value: NaN where the other has nothing. is_shared: both plans are the same runs here. contains, lacks: CHANCE, CELLS,
-    ROCK, and RUNS where one run has to do.
+    value: NaN where the other has nothing. is_shared: both plans are the same runs here. contains, lacks: CHANCE,
+    CELLS, ROCK, and RUNS where one run has to do.
     """
 
     value: float
@@ -64,14 +64,14 @@ class Difference:
         return "no difference that chance does not make"
 
 
-def own_steps(plans: Sequence[xr.Dataset]) -> list[list[str]]:
-    """Names of the steps of each plan whose runs are not the same in all plans, in order; all steps if none is."""
-    made = [dict(zip(plan["step"].values, plan["made_by"].values, strict=True)) for plan in plans]
-    found = []
-    for plan in made:
-        own = [str(step) for step, digest in plan.items() if not digest or any(one.get(step) != digest for one in made)]
-        found.append(own or [str(step) for step in plan])
-    return found
+def own_steps(plan: xr.Dataset, other: xr.Dataset) -> list[str]:
+    """Names of the steps of a plan whose runs are not those of the other plan, in order."""
+    made = dict(zip(other["step"].values, other["made_by"].values, strict=True))
+    return [
+        str(step)
+        for step, digest in zip(plan["step"].values, plan["made_by"].values, strict=True)
+        if not digest or made.get(step) != digest
+    ]
 
 
 def compare(
@@ -79,15 +79,13 @@ def compare(
 ) -> Difference:
     """The ratio of number or potency of a plan to another's, over steps of each (by name), near one opening or all.
 
-    plan, other: outcomes (plans.layout). The runs are those of each plan by itself: members of one number differ by the
-    same perturbation, and still fail differently.
+    plan, other: outcomes (plans.layout). Without steps, or in steps that are the same runs in both, there is nothing to
+    compare. Runs of one number are not paired: the same perturbation makes other rock fail in another plan.
     """
     both = [one.sel(step=list(names)) for one, names in zip((plan, other), steps, strict=True)]
     digests = [tuple(one["made_by"].values) for one in both]
     if digests[0] == digests[1] and all(digests[0]):
-        some = bool(np.nansum(both[0][quantity].sel(opening=opening).values) > 0.0)
-        same = np.ones(2) if some else np.full(2, np.nan)
-        return Difference(1.0 if some else np.nan, same, same, (), (), is_shared=True)
+        return Difference(1.0, np.ones(2), np.ones(2), (), (), is_shared=True)
     runs = [one.isel(run=np.flatnonzero(np.isin(one["run_kind"].values, LIKE_OWN))) for one in both]
     ratio = _by_chance([one.sel(opening=opening) for one in runs], quantity)
     contains, lacks = [CHANCE], []

@@ -114,6 +114,7 @@ def find_hazard(
     of_sizes = (*places, "size")
     dims = {"expected": places, "chance": of_sizes, "yearly_chance": of_sizes}
     dims |= {f"{name}_interval": (*dims[name], "interval") for name in dims.copy()}
+    dims["yearly_number"] = of_sizes
     found = {name: (dims[name], np.stack([row[name] for row in rows])) for name in rows[0]}
     forecast, spread = _forecasts(number, ratio, factors, law, ahead, recorded, generator)
     attributes = {
@@ -147,6 +148,7 @@ def _chances(
         found[f"{name}_interval"] = np.stack(
             [np.minimum(interval[..., 0], given), np.maximum(interval[..., 1], given)], axis=-1
         )
+    found["yearly_number"] = (years * mean[:, None] * share).mean(axis=-1)
     return {name: one[place] for name, one in found.items()}
 
 

@@ -3,8 +3,8 @@
 Dimensions: run (the plan's own first), step (the dated ones, in order), opening (those that the plan mines, then "any"
 for all together), distance, size (the classes of the mine file, the smallest first; none without any), period (the
 steps, then "all": those that are ahead of the record, or all if none is), interval (lower, upper: 95 %), event (of the
-plan's own run and of its members), draw, xyz. Steps, openings, sizes, periods and intervals carry their names, distances
-their value.
+plan's own run and of its members), draw, xyz. Steps, openings, sizes, periods and intervals carry their names,
+distances their value.
 
 Events count if they are resolved and at least as large as `floor`, the larger of the floors of the plan's own run, of
 its members and, with a record, of the cut of its comparison. Runs on other cells have a larger floor. So numbers of
@@ -20,10 +20,13 @@ law_bound_interval, number_dispersion (variance of the number of one month, say,
 source_hash, made_from, versions. law_text and ratio_text are sentences for the reader.
 """
 
+import os
+
 import numpy as np
 import xarray as xr
 from numpy.typing import DTypeLike
 
+from common.datasets import read_dataset
 from common.errors import InputError
 from common.fields import FILE_REMEDY, TEXT, Field
 
@@ -67,6 +70,7 @@ FIELDS = (
     _field("chance_interval", "period opening distance size interval", "1", "its 95 % interval"),
     _field("yearly_chance", "period opening distance size", "1", "the same of a year at the rate of the period"),
     _field("yearly_chance_interval", "period opening distance size interval", "1", "its 95 % interval"),
+    _field("yearly_number", "period opening distance size", "1", "expected number of such events a year"),
     # forecast of each step that is ahead
     _field("forecast_number", "step draw", "1", "number of events from the floor on"),
     _field("forecast_potency", "step draw", "m3", "their summed potency"),
@@ -107,3 +111,8 @@ def check_outcome(dataset: xr.Dataset, source: str) -> xr.Dataset:
             dataset[field.name] = dataset[field.name].astype(TEXT)
         field.check(dataset, source)
     return dataset
+
+
+def read_outcome(path: str | os.PathLike) -> xr.Dataset:
+    """The outcome of a file. Raises InputError for one that is missing, unreadable or of another form."""
+    return check_outcome(read_dataset(path), os.fspath(path))
