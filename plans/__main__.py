@@ -42,6 +42,20 @@ def report(chosen: argparse.Namespace) -> None:
     write_report(outcomes, read_dataset(chosen.grid), settings, chosen.output, chosen.table, identity)
 
 
+def score(chosen: argparse.Namespace) -> None:
+    """how good kept forecasts were"""
+    from plans import scores
+    from plans.layout import read_outcome
+    from plans.settings import ScoreSlice
+
+    values = read_slice(chosen.settings)
+    settings = ScoreSlice.of(values, "forecasts")
+    made_of = provenance(values, "plans score", [chosen.record, chosen.grid])
+    forecasts = [read_outcome(one.file) for one in settings.forecasts]
+    found = scores.score(forecasts, read_events(chosen.record), read_dataset(chosen.grid), settings.mine)
+    write_dataset(found.assign_attrs(made_of), chosen.output)
+
+
 def main() -> None:
     """Parse the command line and run the stage it names."""
     parser = CommandLine(prog="python -m plans", description=__doc__)
@@ -52,13 +66,15 @@ def main() -> None:
     page = stages.add_parser("report")
     page.add_argument("--outcomes", type=Path, nargs="+", required=True, help="outcome.nc of each plan, in order")
     page.add_argument("--table", type=Path, required=True, help="table written, CSV")
+    kept = stages.add_parser("score")
+    kept.add_argument("--record", type=Path, required=True)
     for stage in stages.choices.values():
         stage.add_argument("--grid", type=Path, required=True)
         stage.add_argument("--settings", type=Path, required=True, help="file of the configuration's slice, JSON")
         stage.add_argument("--output", type=Path, required=True)
         stage.add_argument("--log", type=Path, help="log file; standard error without it")
     chosen = parser.parse_args()
-    run = {"outcome": outcome, "report": report}[chosen.stage]
+    run = {"outcome": outcome, "report": report, "score": score}[chosen.stage]
     run_stage(f"{chosen.stage} {chosen.output}", chosen.log, lambda: run(chosen), run.__doc__ or "")
 
 

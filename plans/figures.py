@@ -57,13 +57,13 @@ def draw_plans(plans: Sequence[PlanSummary], grid: xr.Dataset) -> Figure:
             if drawn.any():
                 pale = mpl.colors.to_rgba(colours[one], 0.35)
                 views.draw_squares(axes, corner[drawn], edge[drawn], facecolors=pale, zorder=1.0)
+        across, up = place[:, view.axes].T
         axes.scatter(
-            *place[:, view.axes].T, s=diameter(size) ** 2, c=[colours[plan.steps[number]] for number in step],
+            across, up, s=diameter(size) ** 2, c=[colours[plan.steps[number]] for number in step],
             alpha=0.85, edgecolors="black", linewidths=0.3, zorder=5,
         )  # fmt: skip
     keys: list = [Patch(facecolor=colour, label=step) for step, colour in style.thinned(list(colours.items()))]
-    for share in (0.0, 1.0) if len(known) else ():
-        value = low + share * (high - low)
+    for value in (low, high) if len(known) else ():
         keys.append(
             Line2D([], [], linestyle="none", marker="o", markersize=diameter(value), color="#bbbbbb",
                    markeredgecolor="k", markeredgewidth=0.3, label=f"log P {value:.1f}".replace("-", "−"))

@@ -64,7 +64,7 @@ def make_outcome(
 
 def is_ahead(step: DatedStep, until: np.datetime64 | None) -> bool:
     """Whether a step begins after the last recorded event; True without a record."""
-    return until is None or window(step.model_dump())[0] >= until
+    return until is None or bool(window(step.model_dump())[0] >= until)
 
 
 def _made(

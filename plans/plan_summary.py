@@ -114,9 +114,10 @@ class PlanSummary:
     def made(self, steps: Sequence[str], opening: str = ANY) -> Made:
         """What the runs make in steps near an opening. Energy and failed volume are of all openings."""
         largest = self.of_runs("largest", steps, opening)
-        sums = [self.of_runs(name, steps, opening).sum(axis=1).mean() for name in ("number", "potency")]
-        sums += [self.of_runs(name, steps).sum(axis=1).mean() for name in ("energy_released", "failed_volume")]
-        return Made(*map(float, sums), float(np.nanmax(largest)) if np.isfinite(largest).any() else np.nan)
+        number, potency = (self.of_runs(name, steps, opening).sum(axis=1).mean() for name in ("number", "potency"))
+        energy, failed = (self.of_runs(name, steps).sum(axis=1).mean() for name in ("energy_released", "failed_volume"))
+        known = float(np.nanmax(largest)) if np.isfinite(largest).any() else np.nan
+        return Made(float(number), float(potency), float(energy), float(failed), known)
 
     def magnitude(self, log_potency: float) -> float:
         """Moment magnitude of a potency (log10 m3), by the shear modulus of the host rock."""

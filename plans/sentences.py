@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catalogs.report.text import DASH, between, fixed, number, percent, plural, typeset, whole
 from plans.differences import NUMBER, POTENCY, Difference, compare, own_steps
@@ -44,7 +45,7 @@ def _percents(chance: float) -> str:
     return f"{100 * chance:.{1 if chance > 0.995 else 0}f}" if chance >= 0.1 else f"{100 * chance:.2g}"
 
 
-def chance_with_interval(chance: float, interval: Sequence[float]) -> str:
+def chance_with_interval(chance: float, interval: Sequence[float] | NDArray) -> str:
     """A chance and its interval as per cent. Where the runs make no event, the upper end only.
 
     >>> chance_with_interval(0.2, (0.05, 0.5)), chance_with_interval(0.0, (0.0, 0.3))
@@ -97,7 +98,8 @@ def verdict(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]
     first = plans[0]
     made = first.made(first.steps)
     found = [_comparison(plan, first) for plan in plans[1:]] or [
-        f"{first.name} makes {count(made.number)} events in {spanned(first.steps)}: {number(made.potency)} m³ of potency."
+        f"{first.name} makes {count(made.number)} events in {spanned(first.steps)}: {number(made.potency)} m³ of "
+        "potency."
     ]
     found.append(" ".join(_where(plan) for plan in plans))
     return [*found, *_chances(plans, settings)]
@@ -112,8 +114,8 @@ def _comparison(plan: PlanSummary, first: PlanSummary) -> str:
         longer, shorter, more = (plan, first, steps[0]) if steps[0] else (first, plan, steps[1])
         made = longer.made(more)
         return (
-            f"{longer.name} mines as {shorter.name} does, and goes on with {spanned(more)}: {count(made.number)} events, "
-            f"{number(made.potency)} m³ of potency."
+            f"{longer.name} mines as {shorter.name} does, and goes on with {spanned(more)}: {count(made.number)} "
+            f"events, {number(made.potency)} m³ of potency."
         )
     potency, events = (compare(plan.outcome, first.outcome, quantity, steps) for quantity in (POTENCY, NUMBER))
     said = (
@@ -168,9 +170,8 @@ def _chances(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str
     if not said:
         return ["There are too few events to say how likely large ones are."]
     return [
-        f"Chance per year of an event that is {size} ({typeset(f'Mw {magnitude:g}')} or more) within {distance:g} m of an opening: "
-        + "; ".join(said)
-        + "."
+        f"Chance per year of an event that is {size} ({typeset(f'Mw {magnitude:g}')} or more) within {distance:g} m of "
+        "an opening: " + "; ".join(said) + "."
     ]
 
 

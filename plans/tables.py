@@ -43,7 +43,7 @@ def plan_rows(plans: Sequence[PlanSummary]) -> list[dict]:
     rows = []
     for plan in plans:
         made, mined = plan.made(plan.steps), plan.mined(plan.steps)
-        row = {
+        row: dict[str, object] = {
             "plan": plan.name,
             "steps": spanned(plan.steps),
             "days": whole(plan.days(plan.steps)),
