@@ -70,6 +70,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(check_filter, "record", "domain", "plane")
     check(check_repeated, "excavations", "steps")
     check(_check_plans, "plans", "excavations", "steps")
+    check(_check_forecasts, "forecasts", "record", "steps")
     check(_check_solver, "solver", "grid", "materials")
     check(_check_ensemble, "ensemble", "steps", "materials", "rock_bodies", "solver", "accuracy")
     check(_check_compression, "insitu_stress", "domain", "frame", "plane")
@@ -137,7 +138,9 @@ def _check_plans(mine: Mine, mistakes: Mistakes) -> None:
         where = f"plans.{name}"
         with mistakes.gather():
             if name.lower() == MINE_FILE_PLAN:
-                raise InputError(f"{where}: this is what the plan of the mine file itself is called; choose another name")
+                raise InputError(
+                    f"{where}: this is what the plan of the mine file itself is called; choose another name"
+                )
             if name.lower() in seen:
                 raise InputError(
                     f"{where}: differs from another plan in capitals alone, which are the same folder on some disks"
@@ -152,6 +155,17 @@ def _check_plans(mine: Mine, mistakes: Mistakes) -> None:
         with mistakes.gather():
             if plan.file is not None and not mine.path(plan.file).is_file():
                 raise InputError(f"{where}.file: {mine.path(plan.file)}: no such file")
+
+
+def _check_forecasts(mine: Mine, mistakes: Mistakes) -> None:
+    """Kept forecasts that are there, of a mine whose record can score them."""
+    forecasts = mine.settings.forecasts
+    if forecasts and (mine.settings.record is None or not mine.dated_steps):
+        raise InputError("forecasts: there is no record to score them by; give one, or leave them out")
+    for number, name in enumerate(forecasts):
+        with mistakes.gather():
+            if not mine.path(name).is_file():
+                raise InputError(f"forecasts.{number}: {mine.path(name)}: no such file")
 
 
 def _solids(mine: Mine) -> Iterator[tuple[str, ShapeSettings]]:

@@ -71,7 +71,9 @@ class Folders:
         """Name of the plan whose folder this is; of a mine that was added the empty text."""
         if place == self.mine.name:
             return MINE_FILE_PLAN
-        return place.removeprefix(f"{self.mine.name}/{PLANS}/") if place.startswith(f"{self.mine.name}/{PLANS}/") else ""
+        return (
+            place.removeprefix(f"{self.mine.name}/{PLANS}/") if place.startswith(f"{self.mine.name}/{PLANS}/") else ""
+        )
 
     def place_of(self, plan: str) -> str:
         """Folder of a plan below results."""

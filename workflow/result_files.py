@@ -37,6 +37,7 @@ class ResultFiles:
         self.has_quakeml = self.has_catalog and self.mine.settings.frame.has_place
         self.has_record = self.has_catalog and self.mine.settings.record is not None
         self.has_coarse = self.mine.has_companion
+        self.has_forecasts = self.has_record and bool(self.mine.settings.forecasts)
 
     def own(self, path: str) -> str:
         """A result of the run's own mine."""
@@ -56,6 +57,7 @@ class ResultFiles:
             "catalog.xml": self.has_quakeml,
             "record.nc": self.has_record,
             "comparison.nc": self.has_record,
+            "forecast_scores.nc": self.has_forecasts,
             "spread.nc": self.mine.members,
             "grid_convergence.nc": self.has_coarse,
         }

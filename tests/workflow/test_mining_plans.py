@@ -138,7 +138,10 @@ def test_a_wrong_plan_is_refused_with_the_mine(folders, plans, line):
 @pytest.mark.parametrize(
     ("plan", "line"),
     [
-        ({"excavations": {"stope_1": {"step": "2019-10"}}}, "plans.a: .*excavations.stope_1.step: '2019-10' is not one"),
+        (
+            {"excavations": {"stope_1": {"step": "2019-10"}}},
+            "plans.a: .*excavations.stope_1.step: '2019-10' is not one",
+        ),
         ({"excavations": {"stope_1": {"fill": "host"}}}, "plans.a: .*excavations.stope_1.fill: .*only elastic fill"),
         ({"steps": [{"name": "2019-09"}]}, "plans.a: .*steps.2019-09: an undated step is history"),
     ],

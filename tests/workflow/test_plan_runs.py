@@ -34,7 +34,9 @@ def test_plans_of_the_tiny_mine(spoiled, base):
     after = hashes(results)
     assert {name: after[name] for name in before} == before
     steps = {"swapped": ("2019-08", "2019-09"), "longer": ("2019-09",)}
-    made = {f"plans/{plan}/{kind}/{step}.nc" for plan, own in steps.items() for step in own for kind in ("steps", "events")}
+    made = {
+        f"plans/{plan}/{kind}/{step}.nc" for plan, own in steps.items() for step in own for kind in ("steps", "events")
+    }
     made |= {f"plans/{plan}/outcome.nc" for plan in ("mine_file", *PLANS)}
     assert set(after) - set(before) == made | {"plans/plans.csv"}
 
@@ -58,7 +60,10 @@ def test_plans_of_the_tiny_mine(spoiled, base):
 
 @pytest.mark.parametrize(
     ("mine", "line"),
-    [(STILL, "steps: none has dates; plans are compared by dated steps"), (FLAT, "plane: xz; plans need a mine in three")],
+    [
+        (STILL, "steps: none has dates; plans are compared by dated steps"),
+        (FLAT, "plane: xz; plans need a mine in three"),
+    ],
 )
 def test_mines_without_plans_are_refused(mine, line, tmp_path):
     """In one line."""

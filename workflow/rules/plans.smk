@@ -58,7 +58,7 @@ rule plans:
         mem_mb=4000,
         runtime=60,
     params:
-        code=source_hash("plans outcome"),
+        code=source_hash("plans report"),
         settings=STAGES.named_slice(
             MINE.name, lambda wildcards: "plans/report", lambda wildcards: OUTCOMES.report_slice()
         ),
