@@ -82,7 +82,8 @@ class Folders:
     def _mine_at(self, folder: str) -> Mine:
         """Configuration behind results/<folder>."""
         place, part = self.parts(folder)
-        plan, kind, number = self.plan_of(place), *(part.split("/") + [""])[:2]
+        plan = self.plan_of(place)
+        kind, _, number = part.partition("/")
         if self.plans and plan:
             mine = self.plans.drawn(plan, int(number)) if kind == DRAWN_ROCK else self.plans.mine_of(plan)
         else:

@@ -229,7 +229,7 @@ class MineSettings(Settings):
     """What `snakemake calibrate` fits to the record."""
     baselines: BaselineSettings = BaselineSettings()
     """What `snakemake baselines` assumes of flaws in the rock."""
-    plans: dict[Name, MiningPlan] = {}
+    plans: dict[Name, MiningPlan] = Field(default={})
     """Other mining sequences by name. `snakemake plans` computes them and compares them with that of the mine file."""
     forecasts: Annotated[tuple[str, ...], AsTuple] = ()
     """Kept forecasts, relative to the mine file: copies of `results/<mine>/plans/<plan>/outcome.nc`, made before their
