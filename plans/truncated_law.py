@@ -45,8 +45,8 @@ class TruncatedLaw:
     def sizes(self, number: NDArray, generator: np.random.Generator) -> tuple[NDArray, NDArray]:
         """Summed potency (m3) and largest size (log10 m3; -inf without an event) of so many events (draw,) each.
 
-        Of more than MAX_DRAWN events so many are drawn; the sum is scaled by their number, and the largest of the others
-        is drawn by itself.
+        Of more than MAX_DRAWN events so many are drawn; the sum is scaled by their number, and the largest of the
+        others is drawn by itself.
         """
         drawn = np.minimum(number, MAX_DRAWN).astype(int)
         draw = np.repeat(np.arange(len(number)), drawn)

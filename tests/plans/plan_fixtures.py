@@ -89,9 +89,8 @@ def write_run(
         attributes = {"mine": MINE, "step": step.name, "potency_floor": 10.0**floor, "kind": "synthetic"}
         attributes |= {"made_from": made_of, "location_error": EDGE}
         times = spread_in_time((step.start, step.end), len(size), step.name)
-        catalog = new_catalog(
-            len(size), attributes, location=place, potency=10.0**size, step=np.full(len(size), step.name, object), **times
-        )  # fmt: skip
+        named = np.full(len(size), step.name, object)
+        catalog = new_catalog(len(size), attributes, location=place, potency=10.0**size, step=named, **times)
         write_events(catalog, folder / "events" / f"{step.name}.nc")
         state = {"mine": MINE, "step": step.name, "energy_released": energy, "failed_volume": 100.0}
         write_dataset(xr.Dataset(attrs=state), folder / "steps" / f"{step.name}.nc")

@@ -7,7 +7,6 @@ import pytest
 from plan_fixtures import (
     BOXES,
     HAZARD,
-    OPENINGS,
     STEPS,
     comparison_of,
     drawn_events,
@@ -107,6 +106,16 @@ def test_a_record_sets_the_floor_and_what_is_ahead(tmp_path):
     assert np.isfinite(made["forecast_number"][1]).all()
     assert "record" in json.loads(made.attrs["contains"])
     np.testing.assert_allclose(made["period_days"], [31, 30, 30])
+
+
+def test_a_record_that_covers_no_step_to_its_end_gives_no_ratio(tmp_path):
+    run = drawn_run(tmp_path, "own", 1)
+    recorded = {"recorded_steps": [step.given() for step in STEPS], "recorded_runs": [run]}
+    record = made_up_record(20, 2, end="2019-08-20")
+    made = make_outcome(outcome_slice([run], **recorded), made_up_grid(), record, comparison_of())
+    assert json.loads(made.attrs["steps_ahead"]) == ["2019-09"]
+    assert {"cells", "record"} <= set(json.loads(made.attrs["lacks"]))
+    assert made.attrs["ratio_text"] == ""
 
 
 def test_mirrored_runs_make_the_same(events, outcome, tmp_path):
