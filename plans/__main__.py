@@ -1,6 +1,7 @@
 """Command lines: `python -m plans outcome` (of one plan), `report` (the page) and `score` (of kept forecasts)."""
 
 import argparse
+import json
 from pathlib import Path
 
 from common.command_line import CommandLine
@@ -44,7 +45,7 @@ def report(chosen: argparse.Namespace) -> None:
 
 def score(chosen: argparse.Namespace) -> None:
     """how good kept forecasts were"""
-    from plans import scores
+    from plans import score_sentences, scores
     from plans.layout import read_outcome
     from plans.settings import ScoreSlice
 
@@ -53,7 +54,8 @@ def score(chosen: argparse.Namespace) -> None:
     made_of = provenance(values, "plans score", [chosen.record, chosen.grid])
     forecasts = [read_outcome(one.file) for one in settings.forecasts]
     found = scores.score(forecasts, read_events(chosen.record), read_dataset(chosen.grid), settings.mine)
-    write_dataset(found.assign_attrs(made_of), chosen.output)
+    told = json.dumps(score_sentences.sentences(found), ensure_ascii=False)
+    write_dataset(found.assign_attrs(made_of, sentences=told), chosen.output)
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ Dimensions: row (a step of a forecast), quantity (number, potency: m3, largest: 
   said_row, said_opening, said_distance (m), said_size, said_magnitude, said_chance (said)   chances of the duration
   happened (said)                        1: there was such an event
   rate_chance (said)                     chance at the rate of the record before the forecast; NaN where none is known
-Attributes: mine, config_hash, source_hash, made_from, versions.
+Attributes: mine, sentences (JSON: all of it in words, for the report), config_hash, source_hash, made_from, versions.
 """
 
 import json
