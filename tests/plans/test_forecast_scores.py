@@ -25,7 +25,7 @@ from plans.score_sentences import sentences
 from plans.scores import KNOWN, NOT_YET, SCORED, brier, log_score, score
 
 GRID = made_up_grid()
-NOVEMBER = ("2019-08-01", "2019-10-01")
+THREE_MONTHS = ("2019-08-01", "2019-11-01")
 
 
 @pytest.fixture(scope="module")
@@ -37,14 +37,21 @@ def forecast(tmp_path_factory):
 
 
 def both_months(second: int, seed: int = 3):
-    """A record of both months."""
+    """A record of August and September, and of ten events in October."""
     parts = [made_up_record(40, 2), made_up_record(second, seed, "2019-09-01", "2019-10-01")]
+    parts.append(made_up_record(10, seed, "2019-10-01", "2019-11-01"))
     joined = {name: np.concatenate([part[name].values for part in parts]) for name in ("time", "location", "potency")}
-    record = made_up_record(40 + second, 0, known=NOVEMBER)
+    record = made_up_record(50 + second, 0, known=THREE_MONTHS)
     for name, values in joined.items():
         record[name][:] = values
-    period = {"modelled": NOVEMBER, "recorded": [str(joined["time"].min()), str(joined["time"].max())[:19]]}
-    return record.assign_attrs(period=json.dumps(period | {"common": NOVEMBER}))
+    period = {"modelled": THREE_MONTHS, "recorded": [str(joined["time"].min()), str(joined["time"].max())[:19]]}
+    return record.assign_attrs(period=json.dumps(period | {"common": THREE_MONTHS}))
+
+
+def of_september(record) -> np.ndarray:
+    """Which events (event,) are of the step that is scored."""
+    time = record["time"].values
+    return (time >= np.datetime64("2019-09-01")) & (time < np.datetime64("2019-10-01"))
 
 
 def test_a_step_is_scored_once_it_is_recorded_and_was_ahead(forecast, tmp_path):
@@ -53,7 +60,7 @@ def test_a_step_is_scored_once_it_is_recorded_and_was_ahead(forecast, tmp_path):
     assert late["status"].values.tolist() == [KNOWN, SCORED]
     assert np.isnan(early["recorded"]).all()
     record = both_months(25)
-    inside = record["time"].values >= np.datetime64("2019-09-01")
+    inside = of_september(record)
     potency = record["potency"].values[inside & (record["potency"].values >= 10.0 ** forecast.attrs["floor"])]
     row = late.isel(row=1)
     np.testing.assert_allclose(row["recorded"], [len(potency), potency.sum(), np.log10(potency.max())])
@@ -76,7 +83,7 @@ def test_places_of_the_forecast_gain_more_than_places_elsewhere(forecast):
     gains = []
     for shift in (0.0, 25.0):
         record = both_months(int(own.sum()))
-        record["location"][40:] = places + np.array([0.0, 0.0, shift])
+        record["location"][of_september(record)] = places + np.array([0.0, 0.0, shift])
         gains.append(float(score([forecast], record, GRID, MINE)["gain"][1]))
     assert gains[0] > gains[1] + 0.5
 
@@ -85,7 +92,7 @@ def test_chances_are_set_against_what_happened(forecast):
     """Slow twin of what happened near all openings together; a chance is given for each opening that is mined."""
     record = both_months(30)
     found = score([forecast], record, GRID, MINE)
-    inside = record["time"].values >= np.datetime64("2019-09-01")
+    inside = of_september(record)
     place, size = record["location"].values[inside], np.log10(record["potency"].values[inside])
     cells = GRID["piece_origin"].values
     outside = np.maximum(np.maximum(cells - place[:, None], place[:, None] - cells - 2.0), 0.0)
@@ -163,7 +170,7 @@ def test_a_good_forecaster_has_uniform_places(tmp_path):
     for number in range(40):
         events = [drawn_events(generator.poisson(40), generator) for _ in STEPS]
         made = make_outcome(outcome_slice([write_run(tmp_path / str(number), "own", events)]), GRID)
-        month = made_up_record(generator.poisson(40), number, "2019-09-01", "2019-10-01", known=NOVEMBER)
+        month = made_up_record(generator.poisson(40), number, "2019-09-01", "2019-10-01", known=THREE_MONTHS)
         row = score([made], month, GRID, MINE).isel(row=1)
         places.append(float(row["place"][0]))
         inside.append(row["inside"].values)

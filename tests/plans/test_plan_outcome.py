@@ -70,6 +70,16 @@ def test_mined_volumes_days_and_dates(outcome):
     assert outcome.attrs["recorded_until"] == ""
 
 
+def test_a_year_has_as_many_events_as_the_rate_of_the_period_makes(outcome):
+    """One law for all periods: the number a year over the expected number, times the days, is the same in all."""
+    number = outcome["yearly_number"].sel(opening=ANY, distance=30.0, size="felt")
+    rate = outcome["expected"].sel(opening=ANY, distance=30.0) * 365.25 / outcome["period_days"]
+    share = number / rate
+    assert 0.01 < float(share[0]) < 0.9
+    np.testing.assert_allclose(share, float(share[0]), rtol=1e-6)
+    np.testing.assert_allclose(outcome["expected"][-1], outcome["expected"][:-1].sum("period"))
+
+
 def test_a_file_holds_what_was_written(outcome, tmp_path):
     write_dataset(outcome, tmp_path / "outcome.nc")
     again = read_outcome(tmp_path / "outcome.nc")
