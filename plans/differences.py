@@ -19,7 +19,7 @@ from scipy.stats import t
 from catalogs.exposure import Ratio, Total, total_ratio
 from catalogs.grid_convergence import SAFETY_FACTOR
 from catalogs.jackknife import INTERVAL_95
-from catalogs.sum_measures import mean_total
+from catalogs.sum_measures import MIN_RUNS_FOR_VARIANCE, MIN_SCALE_SHARE, mean_total
 from plans.factors import CELLS, CHANCE, MIN_DRAWS, ROCK, RUNS
 from plans.layout import ANY, COARSE, DRAW, LIKE_OWN, OWN
 
@@ -80,7 +80,7 @@ def compare(
     """The ratio of number or potency of a plan to another's, over steps of each (by name), near one opening or all.
 
     plan, other: outcomes (plans.layout). Without steps, or in steps that are the same runs in both, there is nothing to
-    compare. Runs of one number are not paired: the same perturbation makes other rock fail in another plan.
+    compare.
     """
     both = [one.sel(step=list(names)) for one, names in zip((plan, other), steps, strict=True)]
     digests = [tuple(one["made_by"].values) for one in both]
@@ -108,17 +108,29 @@ def _by_chance(runs: Sequence[xr.Dataset], quantity: str) -> Ratio:
 def ratio_of_runs(numbers: Sequence[NDArray], sums: Sequence[NDArray], squares: Sequence[NDArray]) -> Ratio:
     """The ratio of the mean sum of two sets of runs, and its interval by chance.
 
-    numbers, sums, squares: of both sets, (run,) each: number of events, sum of their sizes, sum of squared sizes.
+    numbers, sums, squares: of both sets, (run,) each: number of events, sum of their sizes, sum of squared sizes. Runs
+    of one place in both share their perturbation: what they have in common is no chance of the ratio.
     """
     total = float(sum(one.sum() for one in sums))
     scale = float(sum(one.sum() for one in squares)) / total if total else 1.0
-    both = []
+    unlike, both = unlike_share(*sums), []
     for number, added, squared in zip(numbers, sums, squares, strict=True):
         found = mean_total(added, squared, scale)
-        if number.sum() < MIN_EVENTS_FOR_VARIANCE:
-            found = Total(found.value, max(found.scale, scale / len(number)))
-        both.append(found)
+        least = scale / len(number) if number.sum() < MIN_EVENTS_FOR_VARIANCE else MIN_SCALE_SHARE * found.value
+        both.append(Total(found.value, max(found.scale * unlike, least)))
     return total_ratio(*both)
+
+
+def unlike_share(first: NDArray, second: NDArray) -> float:
+    """Variance of the difference of two sets of sums (run,), each over its mean, over that of independent runs.
+
+    1 where runs are no pairs, are too few for a variance, or do not vary.
+    """
+    if len(first) != len(second) or len(first) < MIN_RUNS_FOR_VARIANCE or not (first.any() and second.any()):
+        return 1.0
+    relative = [one / one.mean() for one in (first, second)]
+    apart = float(sum(one.var(ddof=1) for one in relative))
+    return float((relative[0] - relative[1]).var(ddof=1)) / apart if apart else 1.0
 
 
 def _log_ratios(both: Sequence[xr.Dataset], quantity: str, kind: str) -> NDArray:

@@ -33,7 +33,7 @@ def step_order(plans: Sequence[PlanSummary]) -> list[str]:
 def draw_plans(plans: Sequence[PlanSummary], grid: xr.Dataset) -> Figure:
     """Openings of each plan in the colour of the step that mines them, with its largest events, in plan.
 
-    Size by log P, colour by step; the plan's own run. grid: grid.nc of the mine, which has the openings of all plans.
+    Size by log P, colour by step; the plan's own run. grid: grid.nc of the mine; an opening that it lacks is not drawn.
     """
     steps, names = step_order(plans), json.loads(grid.attrs["excavation_names"])
     colours = dict(zip(steps, style.step_colours([True] * len(steps)), strict=True))
@@ -51,7 +51,7 @@ def draw_plans(plans: Sequence[PlanSummary], grid: xr.Dataset) -> Figure:
         mined = {name: plan.mined_in(name) for name in plan.openings}
         views.draw_excavations(axes, grid, view, [number for number, name in enumerate(names) if name not in mined])
         for one in plan.steps:
-            chosen = [names.index(name) for name in mined if mined[name] == one]
+            chosen = [names.index(name) for name in mined if mined[name] == one and name in names]
             corner, edge, share = views.silhouette(grid, view, chosen)
             drawn = share >= views.MIN_EXCAVATED_SHARE_DRAWN
             if drawn.any():

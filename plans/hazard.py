@@ -33,9 +33,10 @@ from plans.truncated_law import TruncatedLaw, find_law
 
 DRAWS = 2000
 SEED = 1  # One for all plans: they share the draws of what they have in common.
+MAX_EXPECTED = 1e9  # Larger numbers, which few draws of rock may have a long tail of, are as good as this one.
 DAYS_OF_YEAR = 365.25
 # Least room for an upper end above the largest event seen, log10 m3, where all potency of the plan leaves less.
-MIN_ROOM = 0.5
+MIN_ROOM = 1.0
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,7 @@ def chance_of(expected: NDArray, share: NDArray) -> NDArray:
 
 def draw_numbers(expected: NDArray, ratio: float, generator: np.random.Generator) -> NDArray:
     """A number of events for each expected one (draw,): Poisson, or negative binomial with this variance over mean."""
+    expected = np.minimum(expected, MAX_EXPECTED)
     if ratio > 1.0:
         expected = (ratio - 1.0) * generator.standard_gamma(np.maximum(expected, 1e-12) / (ratio - 1.0))
     return generator.poisson(expected)
@@ -109,7 +111,7 @@ def find_hazard(
     rows = []
     for period, length in zip(periods, days, strict=True):
         factor = factors.of(period, number.sum(axis=0))
-        rows.append(_chances(within[:, period].sum(axis=1), ratio, factor, share, DAYS_OF_YEAR / length, generator))
+        rows.append(chances(within[:, period].sum(axis=1), ratio, factor, share, DAYS_OF_YEAR / length, generator))
     places = ("period", "opening", "distance")
     of_sizes = (*places, "size")
     dims = {"expected": places, "chance": of_sizes, "yearly_chance": of_sizes}
@@ -127,7 +129,7 @@ def find_hazard(
     return Hazard(found | forecast | {"period_days": ("period", days)}, attributes | law_attributes)
 
 
-def _chances(
+def chances(
     number: NDArray, ratio: float, factor: NDArray, share: NDArray, years: float, generator: np.random.Generator
 ) -> dict[str, NDArray]:
     """Expected numbers (opening, distance) and chances (opening, distance, size) of a period, with intervals.

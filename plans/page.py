@@ -13,7 +13,7 @@ from common.pages import page_templates
 from common.provenance import comment
 from plans.figures import draw_course, draw_plans
 from plans.plan_summary import PlanSummary
-from plans.sentences import contained, law_text, missing, spanned, verdict
+from plans.sentences import contained, law_texts, missing, spanned, verdict
 from plans.settings import PlansReportSlice
 from plans.tables import exposed_rows, forecast_rows, matrix, opening_rows, plan_rows, step_rows, write_table
 
@@ -66,7 +66,7 @@ def write_report(
             exposed=exposed_rows(plans, hazard),
             likelihoods=sorted((hazard.likelihoods or {}).items(), key=lambda one: one[1]),
             forecasts=forecast_rows(plans),
-            laws=list(dict.fromkeys(law_text(plan) for plan in plans)),
+            laws=law_texts(plans),
             ratios=sorted(ratios),
             members=[plan.members for plan in plans],
             pictures=pictures,

@@ -82,7 +82,7 @@ class Recorded:
                 for run, kind in zip(self.runs, self.kinds, strict=True)
                 if kind in kinds
             ]
-            return np.array(rows, float).reshape(-1, len(self.steps))
+            return np.array(rows, float).reshape(len(rows), len(self.steps))
 
         return RecordedNumbers(
             np.bincount(step[used], minlength=len(self.steps)).astype(float),

@@ -16,15 +16,17 @@ def sentences(scores: xr.Dataset) -> list[str]:
         part = scores.isel(row=row)
         if str(part["status"].values) == SCORED:
             found.append(" ".join(_scored(scores, part, row)))
-    for status, verb in (
-        (NOT_YET, "not recorded to the end yet"),
-        (KNOWN, "no forecast, since the record covered the beginning when it was made"),
-    ):
-        for plan in dict.fromkeys(scores["plan"].values):
-            chosen = (scores["plan"].values == plan) & (scores["status"].values == status)
-            if chosen.any():
-                steps = ", ".join(map(str, scores["step"].values[chosen]))
-                found.append(f"{steps} of the plan {plan}: {verb}.")
+    for plan in dict.fromkeys(scores["plan"].values):
+        own = scores.isel(row=np.flatnonzero(scores["plan"].values == plan))
+        known, waiting = (own["step"].values[own["status"].values == status] for status in (KNOWN, NOT_YET))
+        if len(waiting):
+            verb = "is" if len(waiting) == 1 else "are"
+            found.append(f"Plan {plan}: {', '.join(waiting)} {verb} not recorded to the end yet.")
+        if len(known):
+            found.append(
+                f"Plan {plan}: steps up to {known[-1]} are no forecasts, since the record had reached them when it was "
+                "made."
+            )
     return found
 
 

@@ -215,12 +215,21 @@ def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]
     return found
 
 
-def law_text(plan: PlanSummary) -> str:
-    """What the sizes follow, in sentences."""
+def law_texts(plans: Sequence[PlanSummary]) -> list[str]:
+    """What the sizes follow, in sentences; one for plans of one law."""
+    named_by: dict[str, list[str]] = {}
+    for plan in plans:
+        named_by.setdefault(_law_text(plan), []).append(plan.name)
+    if len(named_by) == 1:
+        return list(named_by)
+    return [f"{named(names)}: {text[0].lower()}{text[1:]}" for text, names in named_by.items()]
+
+
+def _law_text(plan: PlanSummary) -> str:
     attributes = plan.outcome.attrs
     if attributes["law_source"] == "none":
-        return f"Of {plan.name} there are {plural(int(attributes['law_events']), 'event')}: too few for a law of sizes."
-    whose = "the record" if attributes["law_source"] == "record" else f"the runs of {plan.name}"
+        return f"There are {plural(int(attributes['law_events']), 'event')}: too few for a law of sizes."
+    whose = "the record" if attributes["law_source"] == "record" else "the runs"
     bound = [plan.magnitude(float(end)) for end in np.atleast_1d(attributes["law_bound_interval"])]
     slope = between(np.atleast_1d(attributes["law_b_interval"]), lambda value: number(value, 2))
     return (

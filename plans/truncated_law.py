@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.sizes import LN10
 
 B_RANGE = (0.05, 3.0)  # of log potency; b of magnitude is 1.5 times as large
+MAX_DRAWN = 1000  # Events whose sizes are drawn one by one.
 POINTS = 200  # of the grid, along each of beta and M
 
 
@@ -36,15 +37,26 @@ class TruncatedLaw:
         above = np.exp(-self.rate * excess) - np.exp(-self.rate * (self.bound - self.cut))
         return np.where(size < self.bound, above / whole, 0.0)
 
-    def sizes(self, number: NDArray, generator: np.random.Generator) -> tuple[NDArray, NDArray]:
-        """Summed potency (m3) and largest size (log10 m3; -inf without an event) of so many events (draw,) each."""
-        draw = np.repeat(np.arange(len(number)), number)
-        share = generator.random(len(draw))
+    def _size(self, share: NDArray, draw: NDArray) -> NDArray:
+        """Sizes (n,) of draws (n,), log10 m3, at these shares of all sizes below them."""
         rate = self.rate[draw]
-        x = self.cut - np.log1p(share * np.expm1(-rate * (self.bound[draw] - self.cut))) / rate
+        return self.cut - np.log1p(share * np.expm1(-rate * (self.bound[draw] - self.cut))) / rate
+
+    def sizes(self, number: NDArray, generator: np.random.Generator) -> tuple[NDArray, NDArray]:
+        """Summed potency (m3) and largest size (log10 m3; -inf without an event) of so many events (draw,) each.
+
+        Of more than MAX_DRAWN events so many are drawn; the sum is scaled by their number, and the largest of the
+        others is drawn by itself.
+        """
+        drawn = np.minimum(number, MAX_DRAWN).astype(int)
+        draw = np.repeat(np.arange(len(number)), drawn)
+        size = self._size(generator.random(len(draw)), draw)
         largest = np.full(len(number), -np.inf)
-        np.maximum.at(largest, draw, x)
-        return np.bincount(draw, 10.0**x, minlength=len(number)), largest
+        np.maximum.at(largest, draw, size)
+        more = np.flatnonzero(number > drawn)
+        others = self._size(generator.random(len(more)) ** (1.0 / (number - drawn)[more]), more)
+        largest[more] = np.maximum(largest[more], others)
+        return np.bincount(draw, 10.0**size, minlength=len(number)) * number / np.maximum(drawn, 1), largest
 
 
 def find_law(

@@ -1,0 +1,194 @@
+"""Plans that are compared: coverage of a known ratio, equal plans, what cells and rock add, and the words."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from plan_fixtures import HAZARD, STEPS, drawn_events, drawn_run, made_up_grid, outcome_slice, write_run
+
+from plans.differences import NUMBER, POTENCY, compare, own_steps, ratio_of_runs
+from plans.outcome import make_outcome
+from verification.statistics.samples import simulated_sizes
+
+NAMES = [step.name for step in STEPS]
+BOTH = (NAMES, NAMES)
+
+
+def drawn_plan(generator, runs: int, mean: float, b: float, dispersion: float) -> tuple:
+    """Number, summed size and sum of squares of each run of a plan."""
+    found = []
+    for _ in range(runs):
+        rate = mean if dispersion == 1.0 else (dispersion - 1.0) * generator.standard_gamma(mean / (dispersion - 1.0))
+        size = 10.0 ** simulated_sizes(generator, generator.poisson(rate), b, 2.5)
+        found.append((float(len(size)), size.sum(), np.sum(size**2)))
+    return tuple(np.array(found).T)
+
+
+@pytest.mark.parametrize(
+    ("runs", "mean", "ratio", "b", "dispersion"),
+    [
+        (1, 3, 1.0, 0.9, 1.0),
+        (1, 10, 3.0, 0.6, 1.0),
+        (1, 80, 1.5, 1.2, 1.0),
+        (2, 10, 1.5, 0.9, 1.0),
+        (5, 1, 1.0, 0.6, 1.0),
+        (5, 3, 3.0, 0.9, 3.0),
+        (5, 40, 1.5, 1.2, 3.0),
+        (9, 1, 1.5, 1.2, 3.0),
+        (9, 10, 1.0, 0.6, 3.0),
+        (9, 80, 3.0, 0.9, 1.0),
+    ],
+)
+def test_intervals_hold_a_known_ratio(runs, mean, ratio, b, dispersion):
+    """300 pairs of plans of known rates: 0.93 less three standard errors, 0.044. Numbers vary more than independent
+    events where there are runs enough to see it."""
+    generator = np.random.default_rng(runs + mean)
+    held = []
+    for _ in range(300):
+        first = drawn_plan(generator, runs, mean * ratio, b, dispersion)
+        second = drawn_plan(generator, runs, mean, b, dispersion)
+        number, total, squares = zip(first, second, strict=True)
+        ratios = ratio_of_runs(number, number, number), ratio_of_runs(number, total, squares)
+        held.append([np.isnan(one.interval).any() or one.interval[0] <= ratio <= one.interval[1] for one in ratios])
+    assert (np.mean(held, axis=0) >= 0.93 - 0.044).all()
+
+
+@pytest.mark.parametrize(("runs", "mean"), [(5, 40), (9, 150)])
+def test_runs_that_vary_alike_make_a_narrower_interval_that_holds(runs, mean):
+    """300 pairs of ensembles; nine tenths of what their rates vary by is common to runs of one number: 0.93 less three
+    standard errors, 0.044. Taken in another order, the intervals are wider by half."""
+    generator = np.random.default_rng(9)
+    held, widths = [], []
+    for _ in range(300):
+        common = 2.0 * generator.standard_gamma(0.45 * mean, runs)
+        number = [
+            generator.poisson(ratio * (common + 2.0 * generator.standard_gamma(0.05 * mean, runs))).astype(float)
+            for ratio in (1.5, 1.0)
+        ]
+        paired = ratio_of_runs(number, number, number).interval
+        turned = [number[0], np.roll(number[1], 1)]
+        alone = ratio_of_runs(turned, turned, turned).interval
+        held.append(paired[0] <= 1.5 <= paired[1])
+        widths.append([np.log(one[1] / one[0]) for one in (paired, alone)])
+    assert np.mean(held) >= 0.93 - 0.044
+    assert np.mean(widths, axis=0)[1] > 1.5 * np.mean(widths, axis=0)[0]
+
+
+def outcome(folder, runs, **others) -> xr.Dataset:
+    return make_outcome(outcome_slice(runs, **others), made_up_grid())
+
+
+def test_a_plan_beside_itself(tmp_path):
+    """Its own runs are said to be the same. As other files with the same events: ratio 1, in the interval."""
+    generator = np.random.default_rng(1)
+    events = [drawn_events(count, generator) for count in (50, 30)]
+    one = outcome(tmp_path, [write_run(tmp_path / "one", "own", events)])
+    other = outcome(tmp_path, [write_run(tmp_path / "other", "own", events)], plan="other")
+    assert own_steps(one, one) == []
+    found = compare(one, one, POTENCY, BOTH)
+    assert found.is_shared
+    assert found.value == 1.0
+    assert own_steps(one, other) == NAMES
+    for quantity in (NUMBER, POTENCY):
+        for opening in ("any", "stope_1"):
+            found = compare(one, other, quantity, BOTH, opening)
+            assert found.value == 1.0
+            assert found.interval[0] < 1.0 < found.interval[1]
+            assert found.interval[0] * found.interval[1] == pytest.approx(1.0)
+            assert found.verdict == "no difference that chance does not make"
+            assert found.contains == ("chance",)
+            assert set(found.lacks) == {"runs", "cells", "rock"}
+
+
+def test_a_shared_step_is_no_difference(tmp_path):
+    """The second step alone has other runs."""
+    run, other = (drawn_run(tmp_path / name, "own", seed) for name, seed in (("one", 1), ("two", 2)))
+    mixed = {**other, "events": [run["events"][0], other["events"][1]]}
+    plans = [outcome(tmp_path, [run]), outcome(tmp_path, [mixed], plan="mixed")]
+    assert own_steps(plans[1], plans[0]) == ["2019-09"]
+    assert compare(plans[1], plans[0], NUMBER, (["2019-08"], ["2019-08"])).is_shared
+    assert not compare(plans[1], plans[0], NUMBER, (["2019-09"], ["2019-09"])).is_shared
+
+
+def test_a_member_more_is_no_shared_step(tmp_path):
+    run, member = drawn_run(tmp_path / "one", "own", 1), drawn_run(tmp_path / "two", "member", 2)
+    assert own_steps(outcome(tmp_path, [run]), outcome(tmp_path, [run, member])) == NAMES
+
+
+@pytest.mark.parametrize("runs", [1, 6])
+def test_a_large_difference_is_more_than_chance_makes(tmp_path, runs):
+    plans = []
+    for plan, numbers in (("more", (120, 90)), ("less", (40, 30))):
+        kinds = ["own", *["member"] * (runs - 1)]
+        made = [drawn_run(tmp_path / plan / str(seed), kind, seed, numbers) for seed, kind in enumerate(kinds)]
+        plans.append(outcome(tmp_path, made, plan=plan))
+    found = compare(*plans, NUMBER, BOTH)
+    assert found.is_more_than_chance
+    assert found.verdict == "more than chance makes"
+    assert ("runs" in found.lacks) == (runs == 1)
+    back = compare(*plans[::-1], NUMBER, BOTH)
+    np.testing.assert_allclose(back.interval[::-1], 1.0 / found.interval)
+
+
+def test_cells_and_rock_widen_the_interval(tmp_path):
+    """The ratio of numbers is 3 on own cells and 1 on doubled ones: ln 3 times 1.25 is added in quadrature to chance.
+    Draws of the rock scatter about the ratio, of Student's t with two degrees of freedom."""
+
+    def plan(name: str, own, coarse, draws) -> xr.Dataset:
+        generator = np.random.default_rng(3)
+        kinds = [("own", own), *([("coarse", coarse)] if coarse else []), *(("draw", one) for one in draws)]
+        made = []
+        for number, (kind, count) in enumerate(kinds):
+            events = [drawn_events(count, generator), drawn_events(count, generator)]
+            made.append(write_run(tmp_path / name / str(number), kind, events))
+        return outcome(tmp_path, made, plan=name)
+
+    alone = compare(plan("a1", 90, 0, []), plan("b1", 30, 0, []), NUMBER, BOTH)
+    cells = compare(plan("a2", 90, 50, []), plan("b2", 30, 50, []), NUMBER, BOTH)
+    assert alone.is_more_than_chance
+    assert cells.contains == ("chance", "cells")
+    np.testing.assert_allclose(cells.by_chance, alone.interval)
+    for side in range(2):
+        of_chance, both = (np.log(one.interval[side] / 3.0) for one in (alone, cells))
+        assert abs(both) == pytest.approx(np.hypot(of_chance, 1.25 * np.log(3.0)))
+    assert not cells.is_more_than_chance
+    assert cells.verdict == "more than chance makes, but the cells may make it"
+
+    rock = compare(plan("a3", 90, 0, [60, 90, 120]), plan("b3", 30, 0, [30, 30, 30]), NUMBER, BOTH)
+    values = np.log([2.0, 3.0, 4.0])
+    half = 4.3027 * values.std(ddof=1) * np.sqrt(4.0 / 3.0)
+    for side, sign in enumerate((-1.0, 1.0)):
+        by_rock = max(0.0, sign * (values.mean() + sign * half - np.log(3.0)))
+        expected = np.hypot(np.log(alone.interval[side] / 3.0), by_rock)
+        assert abs(np.log(rock.interval[side] / 3.0)) == pytest.approx(expected, rel=1e-4)
+    assert rock.contains == ("chance", "rock")
+
+
+def test_no_event_in_a_plan_leaves_its_side_open(tmp_path):
+    nothing = [(np.empty(0), np.empty((0, 3)))] * 2
+    none = outcome(tmp_path, [write_run(tmp_path / "none", "own", nothing)], plan="none")
+    some = outcome(tmp_path, [drawn_run(tmp_path / "some", "own", 1)])
+    more, less = compare(some, none, NUMBER, BOTH), compare(none, some, NUMBER, BOTH)
+    assert np.isnan(more.value)
+    assert more.interval[0] > 4.0
+    assert np.isinf(more.interval[1])
+    assert less.value == 0.0
+    assert less.interval[0] == 0.0
+    assert compare(none, outcome(tmp_path, [write_run(tmp_path / "too", "own", nothing)]), NUMBER, BOTH).verdict == (
+        "neither plan makes anything"
+    )
+
+
+def test_mirrored_plans_are_equal(tmp_path):
+    """The mine mirrored at x = 16 m with its events: every total is the same, near every opening."""
+    generator = np.random.default_rng(4)
+    events = [drawn_events(count, generator) for count in (50, 30)]
+    mirrored = [(size, place * [-1.0, 1.0, 1.0] + [32.0, 0.0, 0.0]) for size, place in events]
+    one = outcome(tmp_path, [write_run(tmp_path / "one", "own", events)])
+    other = make_outcome(
+        outcome_slice([write_run(tmp_path / "other", "own", mirrored)], plan="mirrored"), made_up_grid(mirrored=True)
+    )
+    for opening in one["opening"].values:
+        for step in NAMES:
+            found = compare(one, other, POTENCY, ([step], [step]), opening)
+            assert np.isnan(found.value) or found.value == pytest.approx(1.0)
+    assert len(HAZARD["distances"]) == one.sizes["distance"]

@@ -1,0 +1,196 @@
+"""Kept forecasts against a record: what is scored, by how much, and in which words."""
+
+import json
+
+import numpy as np
+import pytest
+from plan_fixtures import (
+    MINE,
+    STEPS,
+    comparison_of,
+    drawn_events,
+    drawn_run,
+    made_up_grid,
+    made_up_record,
+    outcome_slice,
+    write_run,
+)
+from scipy.stats import kstest, nbinom
+
+from common.datasets import read_dataset, write_dataset
+from common.errors import InputError
+from plans.layout import ANY
+from plans.outcome import make_outcome
+from plans.score_sentences import sentences
+from plans.scores import KNOWN, NOT_YET, SCORED, brier, log_score, score
+
+GRID = made_up_grid()
+THREE_MONTHS = ("2019-08-01", "2019-11-01")
+
+
+@pytest.fixture(scope="module")
+def forecast(tmp_path_factory):
+    """Made with a record of August: September is ahead."""
+    run = drawn_run(tmp_path_factory.mktemp("forecast"), "own", 1)
+    recorded = {"recorded_steps": [STEPS[0].given()], "recorded_runs": [{**run, "events": run["events"][:1]}]}
+    return make_outcome(outcome_slice([run], **recorded), GRID, made_up_record(40, 2), comparison_of())
+
+
+def both_months(second: int, seed: int = 3):
+    """A record of August and September, and of ten events in October."""
+    parts = [made_up_record(40, 2), made_up_record(second, seed, "2019-09-01", "2019-10-01")]
+    parts.append(made_up_record(10, seed, "2019-10-01", "2019-11-01"))
+    joined = {name: np.concatenate([part[name].values for part in parts]) for name in ("time", "location", "potency")}
+    record = made_up_record(50 + second, 0, known=THREE_MONTHS)
+    for name, values in joined.items():
+        record[name][:] = values
+    period = {"modelled": THREE_MONTHS, "recorded": [str(joined["time"].min()), str(joined["time"].max())[:19]]}
+    return record.assign_attrs(period=json.dumps(period | {"common": THREE_MONTHS}))
+
+
+def of_september(record) -> np.ndarray:
+    """Which events (event,) are of the step that is scored."""
+    time = record["time"].values
+    return (time >= np.datetime64("2019-09-01")) & (time < np.datetime64("2019-10-01"))
+
+
+def test_a_step_is_scored_once_it_is_recorded_and_was_ahead(forecast, tmp_path):
+    early, late = score([forecast], made_up_record(40, 2), GRID, MINE), score([forecast], both_months(25), GRID, MINE)
+    assert early["status"].values.tolist() == [KNOWN, NOT_YET]
+    assert late["status"].values.tolist() == [KNOWN, SCORED]
+    assert np.isnan(early["recorded"]).all()
+    record = both_months(25)
+    inside = of_september(record)
+    potency = record["potency"].values[inside & (record["potency"].values >= 10.0 ** forecast.attrs["floor"])]
+    row = late.isel(row=1)
+    np.testing.assert_allclose(row["recorded"], [len(potency), potency.sum(), np.log10(potency.max())])
+    for place, name in enumerate(("number", "potency", "largest")):
+        draws = forecast[f"forecast_{name}"][1].values
+        value = float(row["recorded"][place])
+        low, high = np.quantile(draws, [0.025, 0.975], method="nearest")
+        assert int(row["inside"][place]) == (low <= value <= high)
+        below = np.mean(draws < value) + 0.5 * np.mean(draws == value)
+        assert float(row["place"][place]) == pytest.approx(below)
+    assert np.isfinite(row["gain"])
+    write_dataset(late, tmp_path / "scores.nc")
+    assert sentences(read_dataset(tmp_path / "scores.nc")) == sentences(late)
+
+
+def test_places_of_the_forecast_gain_more_than_places_elsewhere(forecast):
+    """Recorded where the model has its events, and 25 m above."""
+    own = forecast["event_step"].values == 1
+    places = forecast["event_location"].values[own]
+    gains = []
+    for shift in (0.0, 25.0):
+        record = both_months(int(own.sum()))
+        record["location"][of_september(record)] = places + np.array([0.0, 0.0, shift])
+        gains.append(float(score([forecast], record, GRID, MINE)["gain"][1]))
+    assert gains[0] > gains[1] + 0.5
+
+
+def test_chances_are_set_against_what_happened(forecast):
+    """Slow twin of what happened near all openings together; a chance is given for each opening that is mined."""
+    record = both_months(30)
+    found = score([forecast], record, GRID, MINE)
+    inside = of_september(record)
+    place, size = record["location"].values[inside], np.log10(record["potency"].values[inside])
+    cells = GRID["piece_origin"].values
+    outside = np.maximum(np.maximum(cells - place[:, None], place[:, None] - cells - 2.0), 0.0)
+    away = np.linalg.norm(outside, axis=2).min(axis=1)
+    near = found.isel(said=np.flatnonzero(found["said_opening"].values == ANY))
+    assert near.sizes["said"] == 4
+    assert found.sizes["said"] == 4 * 4
+    for one in range(4):
+        part = near.isel(said=one)
+        smallest = float(forecast["size_log_potency"].sel(size=str(part["said_size"].values)))
+        happened = ((away <= float(part["said_distance"])) & (size >= smallest)).any()
+        assert int(part["happened"]) == happened
+        given = forecast["chance"].sel(period="2019-09", opening=ANY, distance=float(part["said_distance"]))
+        assert float(part["said_chance"]) == float(given.sel(size=str(part["said_size"].values)))
+    assert ((found["rate_chance"].values >= 0.0) & (found["rate_chance"].values <= 1.0)).all()
+
+
+def test_the_constant_rate_is_that_of_the_record_before(forecast):
+    """31 days of August have n events of the class near: 30 days have one with 1 - exp(-n 30 / 31)."""
+    record = both_months(30)
+    found = score([forecast], record, GRID, MINE)
+    part = found.isel(said=np.flatnonzero(found["said_opening"].values == ANY)[2])
+    before = record["time"].values < np.datetime64("2019-09-01")
+    place, size = record["location"].values[before], np.log10(record["potency"].values[before])
+    cells = GRID["piece_origin"].values
+    outside = np.maximum(np.maximum(cells - place[:, None], place[:, None] - cells - 2.0), 0.0)
+    away = np.linalg.norm(outside, axis=2).min(axis=1)
+    smallest = float(forecast["size_log_potency"].sel(size=str(part["said_size"].values)))
+    number = ((away <= float(part["said_distance"])) & (size >= smallest)).sum()
+    assert float(part["rate_chance"]) == pytest.approx(-np.expm1(-number * 30.0 / 31.0))
+
+
+def test_sentences_say_what_was_said_and_what_came(forecast):
+    said = sentences(score([forecast], both_months(25), GRID, MINE))
+    assert said[0].startswith("Forecast for 2019-09 (plan as_planned): ")
+    assert "25 were recorded, within the range" in said[0] or "recorded, outside of the range" in said[0]
+    assert "Brier score" in said[0]
+    assert said[-1].startswith("Plan as_planned: steps up to 2019-08 are no forecasts")
+    waiting = sentences(score([forecast], made_up_record(40, 2), GRID, MINE))
+    assert waiting[0] == "Plan as_planned: 2019-09 is not recorded to the end yet."
+    many = sentences(score([forecast], both_months(900), GRID, MINE))
+    assert "outside of the range" in many[0]
+
+
+def test_a_quiet_month_is_scored(forecast):
+    found = score([forecast], both_months(0), GRID, MINE)
+    row = found.isel(row=1)
+    assert row["recorded"].values.tolist()[:2] == [0.0, 0.0]
+    assert np.isneginf(row["recorded"].values[2])
+    assert np.isnan(row["gain"])
+    assert not found["happened"].any()
+    assert "0 were recorded" in sentences(found)[0]
+    assert "none recorded" in sentences(found)[0]
+
+
+def test_forecasts_that_are_none_are_refused(forecast, tmp_path):
+    made = drawn_run(tmp_path, "own", 1)
+    recorded = {"recorded_steps": [step.given() for step in STEPS], "recorded_runs": [made]}
+    after = make_outcome(outcome_slice([made], **recorded), GRID, both_months(25), comparison_of())
+    with pytest.raises(InputError, match="as_planned holds no forecast: the record covered all its steps"):
+        score([after], both_months(25), GRID, MINE)
+    with pytest.raises(InputError, match="is of mine another, not of made_up"):
+        score([forecast.assign_attrs(mine="another")], both_months(25), GRID, MINE)
+    grid = GRID.assign_attrs(excavation_names=json.dumps(["drive", "stope_1", "stope_two"]))
+    with pytest.raises(InputError, match="the grid has no excavation stope_2"):
+        score([forecast], both_months(25), grid, MINE)
+
+
+def test_a_good_forecaster_has_uniform_places(tmp_path):
+    """A plan of known rates, forecast from one run and scored by a Poisson month of the same rate, 40 times: numbers
+    lie anywhere in their draws (Kolmogorov and Smirnov at one in a thousand), and 0.95 within the range (three standard
+    errors: 0.103)."""
+    generator = np.random.default_rng(11)
+    places, inside = [], []
+    for number in range(40):
+        events = [drawn_events(generator.poisson(40), generator) for _ in STEPS]
+        made = make_outcome(outcome_slice([write_run(tmp_path / str(number), "own", events)]), GRID)
+        month = made_up_record(generator.poisson(40), number, "2019-09-01", "2019-10-01", known=THREE_MONTHS)
+        row = score([made], month, GRID, MINE).isel(row=1)
+        places.append(float(row["place"][0]))
+        inside.append(row["inside"].values)
+    assert kstest(places, "uniform").pvalue > 1e-3
+    assert (np.mean(inside, axis=0) >= 0.95 - 0.103).all()
+
+
+def test_draws_of_the_number_are_those_of_the_closed_form(tmp_path):
+    """n events in one run: negative binomial with r = n + 1/2 and p = 1/2, by chance alone."""
+    made = make_outcome(outcome_slice([drawn_run(tmp_path, "own", 1)]), GRID)
+    number = float(made["number"].sel(opening=ANY)[0, 1])
+    quantiles = nbinom(number + 0.5, 0.5).ppf([0.1, 0.5, 0.9])
+    np.testing.assert_allclose(np.quantile(made["forecast_number"][1], [0.1, 0.5, 0.9]), quantiles, atol=1.5)
+
+
+def test_scores_of_chances():
+    """All sure and right: 0. Always one half: 0.25 and ln 2. Sure and wrong: 1 and the logarithm of the least."""
+    happened = np.array([1, 0, 1, 0])
+    assert brier(happened, happened) == 0.0
+    assert brier(np.full(4, 0.5), happened) == 0.25
+    assert log_score(np.full(4, 0.5), happened) == pytest.approx(np.log(2.0))
+    assert brier(1 - happened, happened) == 1.0
+    assert log_score(1 - happened, happened) == pytest.approx(-np.log(1e-4))

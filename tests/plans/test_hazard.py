@@ -1,0 +1,232 @@
+"""Chances and forecasts against known rates and laws, and in closed form where there is one."""
+
+import numpy as np
+import pytest
+from scipy.stats import kstest, nbinom, poisson
+
+from catalogs.jackknife import INTERVAL_95
+from catalogs.sizes import LN10, estimate_b
+from plans.factors import Factors, draw_ratio, step_ratios
+from plans.hazard import chance_of, chances, dispersion, draw_expected, draw_numbers
+from plans.record import RecordedNumbers
+from plans.truncated_law import TruncatedLaw, find_law
+from verification.statistics.samples import simulated_sizes
+
+ONE = np.ones(1)
+
+
+def exact_law(b: float, span: float, draws: int = 1) -> TruncatedLaw:
+    """A law that is known: all draws are the same."""
+    return TruncatedLaw(0.0, np.full(draws, b * LN10), np.full(draws, span))
+
+
+def share(size: float, b: float, span: float) -> float:
+    """Share of sizes above one, in closed form."""
+    return float((10 ** (-b * size) - 10 ** (-b * span)) / (1.0 - 10 ** (-b * span)))
+
+
+def test_share_above_a_size():
+    law = exact_law(0.8, 2.0)
+    assert law.share_above(0.0)[0] == pytest.approx(1.0)
+    assert law.share_above(-1.0)[0] == pytest.approx(1.0)
+    assert law.share_above(1.0)[0] == pytest.approx(share(1.0, 0.8, 2.0))
+    assert law.share_above([2.0, 3.0])[:, 0].tolist() == [0.0, 0.0]
+
+
+def test_drawn_sizes_follow_the_law():
+    """All sizes of one draw each: Kolmogorov and Smirnov; their sum and their largest."""
+    generator = np.random.default_rng(1)
+    law = exact_law(0.8, 2.0, 4000)
+    total, largest = law.sizes(np.ones(4000, int), generator)
+    np.testing.assert_allclose(np.log10(total), largest)
+    assert kstest(largest, lambda x: 1.0 - law.share_above(x)[:, 0]).pvalue > 1e-3
+    total, largest = law.sizes(np.array([0, 3] * 2000), generator)
+    assert (total[::2] == 0.0).all()
+    assert np.isneginf(largest[::2]).all()
+    assert kstest(largest[1::2], lambda x: (1.0 - law.share_above(x)[:, 0]) ** 3).pvalue > 1e-3
+
+
+def test_many_sizes_are_as_if_each_were_drawn(monkeypatch):
+    """Fifty events, of which ten are drawn one by one: mean of the sum, distribution of the largest."""
+    law, number = exact_law(1.0, 1.5, 4000), np.full(4000, 50)
+    known = law.sizes(number, np.random.default_rng(2))
+    monkeypatch.setattr("plans.truncated_law.MAX_DRAWN", 10)
+    total, largest = law.sizes(number, np.random.default_rng(1))
+    assert total.mean() == pytest.approx(known[0].mean(), rel=0.03)
+    assert kstest(largest, lambda x: (1.0 - law.share_above(x)[:, 0]) ** 50).pvalue > 1e-3
+    assert (np.log10(law.sizes(np.full(4000, 10**9), np.random.default_rng(3))[0]) > 8.0).all()
+
+
+@pytest.mark.parametrize("width", [0.0, 0.15])
+def test_many_sizes_fix_the_slope_as_maximum_likelihood_does(width):
+    generator = np.random.default_rng(2)
+    x = simulated_sizes(generator, 3000, 0.9, 3.0)
+    x = np.floor(x / width) * width + 0.5 * width if width else x
+    law = find_law(x, 0.0, 4.0, 2000, generator, width)
+    known = estimate_b(x, 0.5 * width, width, bound=3.0)
+    assert np.median(law.rate) / LN10 == pytest.approx(known.b, abs=0.3 * known.error)
+    assert np.std(law.rate) / LN10 == pytest.approx(known.error, rel=0.15)
+    assert np.median(law.bound) == pytest.approx(3.0, abs=0.25)
+    assert law.bound.min() >= x.max()
+
+
+def test_the_end_of_the_law_has_the_posterior_of_its_formula():
+    """The slope nearly fixed by many sizes, the end by n: its density is as (1 - exp(-beta M))^-n on [largest, cap]."""
+    generator = np.random.default_rng(3)
+    x = simulated_sizes(generator, 2000, 1.0, 2.0)
+    law = find_law(x, 0.0, 3.0, 20_000, generator)
+    ends = np.linspace(x.max(), 3.0, 2000)
+    density = (1.0 - np.exp(-np.median(law.rate) * ends)) ** -len(x)
+    cumulative = np.cumsum(density) / density.sum()
+    expected = np.interp([0.25, 0.5, 0.75], cumulative, ends)
+    np.testing.assert_allclose(np.quantile(law.bound, [0.25, 0.5, 0.75]), expected, atol=0.02)
+
+
+def test_chance_in_intervals_of_known_rates_and_laws():
+    """600 mines, of one run or nine, whose law's end lies anywhere up to 1.5 above what is seen at least: 0.93 on
+    average, less three standard errors of 600 and three classes, 0.018."""
+    generator = np.random.default_rng(4)
+    held = []
+    while len(held) < 600:
+        runs, rate = generator.choice([1, 9]), generator.choice([20.0, 80.0])
+        b, span = generator.uniform(0.6, 1.2), generator.uniform(1.5, 3.0)
+        made = [simulated_sizes(generator, generator.poisson(rate), b, span) for _ in range(runs)]
+        x = np.concatenate(made)
+        if len(x) < 10:
+            continue
+        number = np.array([len(one) for one in made], float)
+        near = generator.binomial(number.astype(int), 0.3).astype(float)[:, None, None]
+        sizes = np.array([0.3, 0.5, 0.8]) * span
+        law = find_law(x, 0.0, max(span + generator.uniform(0.0, 1.5), x.max() + 1.0), 400, generator)
+        found = chances(near, dispersion(number), np.ones(400), law.share_above(sizes), 12.0, generator)
+        truth = [-np.expm1(-0.3 * rate * share(size, b, span)) for size in sizes]
+        low, high = found["chance_interval"][0, 0].T
+        held.append((low <= truth) & (truth <= high))
+    assert np.mean(held) >= 0.93 - 0.018
+
+
+def test_disjoint_volumes_add_up_and_each_event_counts_once():
+    """1 - prod(1 - p_i) over volumes that share no event is the chance of all; of openings that do it is more."""
+    law = exact_law(0.7, 2.0)
+    apart = np.array([4.0, 2.0, 5.0, 11.0])[None, :, None]  # the last is all of them together
+    found = chances(apart, 1.0, ONE, law.share_above(np.array([0.8])), 1.0, np.random.default_rng(0))["chance"][:, 0, 0]
+    assert 1.0 - np.prod(1.0 - found[:-1]) == pytest.approx(found[-1])
+    overlapping = np.array([9.0, 9.0, 11.0])[None, :, None]
+    found = chances(overlapping, 1.0, ONE, law.share_above(np.array([0.8])), 1.0, np.random.default_rng(0))["chance"]
+    assert 1.0 - np.prod(1.0 - found[:-1, 0, 0]) > found[-1, 0, 0] + 0.05
+
+
+def test_two_halves_have_the_yearly_chance_of_the_whole():
+    """Half the events in half the time; both halves together are the whole."""
+    shares = exact_law(0.7, 2.0).share_above(np.array([0.5, 1.5]))
+
+    def of(number: float, days: float) -> dict:
+        counted = np.array([[[number]]])
+        return chances(counted, 1.0, ONE, shares, 365.25 / days, np.random.default_rng(0))
+
+    half, whole = of(12.0, 15.0), of(24.0, 30.0)
+    np.testing.assert_allclose(half["yearly_chance"], whole["yearly_chance"])
+    np.testing.assert_allclose(half["yearly_number"], whole["yearly_number"])
+    np.testing.assert_allclose(1.0 - (1.0 - half["chance"]) ** 2, whole["chance"])
+    rate = 24.0 * 365.25 / 30.0 * shares[:, 0]
+    np.testing.assert_allclose(whole["yearly_chance"][0, 0], -np.expm1(-rate))
+
+
+def test_openings_without_an_event_are_not_free_of_hazard():
+    """No event in one run: the estimate is 0, and the interval reaches to that of Jeffreys, half a chi-square of 1."""
+    found = chances(
+        np.zeros((1, 1, 1)),
+        1.0,
+        np.ones(200_000),
+        np.ones((1, 200_000)),
+        1.0,
+        np.random.default_rng(0),
+    )
+    assert found["chance"][0, 0, 0] == 0.0
+    assert found["expected_interval"][0, 0, 1] == pytest.approx(2.512, rel=0.02)  # chi2.ppf(0.975, 1) / 2
+
+
+def test_interval_of_a_poisson_number_is_that_of_jeffreys():
+    """Nine events in three runs: gamma of 9.5 over 3 (Brown, Cai and DasGupta 2003)."""
+    drawn = draw_expected(np.array(9.0), 3, 1.0, 200_000, np.random.default_rng(1))
+    np.testing.assert_allclose(np.quantile(drawn, INTERVAL_95), [1.484, 5.475], rtol=0.01)
+    assert drawn.mean() == pytest.approx(9.5 / 3.0, rel=0.01)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 4.0])
+def test_numbers_are_poisson_or_negative_binomial(ratio):
+    """Closed form of the distribution: chi-square over its classes."""
+    count, mean = 40_000, 6.0
+    drawn = draw_numbers(np.full(count, mean), ratio, np.random.default_rng(2))
+    law = poisson(mean) if ratio == 1.0 else nbinom(mean / (ratio - 1.0), 1.0 / ratio)
+    values = np.arange(12)
+    expected = count * law.pmf(values)
+    found = np.bincount(drawn, minlength=12)[:12]
+    assert np.sum((found - expected) ** 2 / expected) < 33.0  # 12 degrees of freedom, one in a thousand
+    assert drawn.var() / drawn.mean() == pytest.approx(ratio, rel=0.05)
+
+
+def test_predicted_number_of_a_gamma_rate_is_negative_binomial():
+    """Of 12 events in 3 runs one more run has the numbers of a negative binomial with r = 12.5, p = 3 / 4."""
+    generator = np.random.default_rng(3)
+    drawn = draw_numbers(draw_expected(np.array(12.0), 3, 1.0, 40_000, generator), 1.0, generator)
+    expected = 40_000 * nbinom(12.5, 0.75).pmf(np.arange(11))
+    assert np.sum((np.bincount(drawn, minlength=11)[:11] - expected) ** 2 / expected) < 32.0
+
+
+def test_dispersion_needs_runs_and_is_never_less_than_that_of_independent_events():
+    assert dispersion(np.array([10.0, 30.0])) == 1.0
+    assert dispersion(np.full(9, 20.0)) == 1.0
+    assert dispersion(np.array([10.0, 30.0, 20.0, 25.0, 12.0, 18.0])) > 2.0
+
+
+def recorded_numbers(generator, steps: int, modelled: float, ratio: float, scatter: float, clustering: float):
+    """Numbers of recorded steps with a known ratio and scatter of steps, and ln of the ratio of one more step."""
+    own = np.log(ratio) + scatter * generator.normal(size=steps + 1)
+    made = generator.poisson(modelled, (1, steps)).astype(float)
+    expected = modelled * np.exp(own[:-1])
+    recorded = draw_numbers(expected, clustering, generator).astype(float)
+    nothing = np.empty(0)
+    return RecordedNumbers(recorded, made, np.empty((0, steps)), clustering, nothing, 0.0, 1.0), own[-1]
+
+
+@pytest.mark.parametrize(("scatter", "clustering"), [(0.2, 1.0), (0.5, 1.0), (0.5, 4.0)])
+@pytest.mark.parametrize("steps", [1, 3, 8])
+def test_the_factor_of_one_more_step_is_held_by_its_interval(steps, scatter, clustering):
+    """400 records of a known ratio: 0.93 less three standard errors, 0.038. A scatter that one step says nothing of
+    is that of the prior."""
+    generator = np.random.default_rng(6)
+    held = []
+    for _ in range(400):
+        numbers, truth = recorded_numbers(generator, steps, 40.0, 0.6, scatter, clustering)
+        common, tau = draw_ratio(*step_ratios(numbers), 800, generator)
+        low, high = np.quantile(common + tau * generator.normal(size=800), INTERVAL_95)
+        held.append(low <= truth <= high)
+    assert np.mean(held) >= 0.93 - 0.038
+
+
+def test_many_equal_steps_leave_the_chance_of_the_counts():
+    """No scatter: the mean is known as well as all counts together say."""
+    generator = np.random.default_rng(7)
+    numbers, _ = recorded_numbers(generator, 12, 200.0, 0.6, 0.0, 1.0)
+    common, tau = draw_ratio(*step_ratios(numbers), 20_000, generator)
+    exact = np.sqrt(1.0 / numbers.recorded.sum() + 1.0 / numbers.modelled.sum())
+    assert common.mean() == pytest.approx(np.log(numbers.recorded.sum() / numbers.modelled.sum()), abs=0.5 * exact)
+    assert exact < common.std() < 1.5 * exact
+    assert np.median(tau) < 0.1
+
+
+def test_the_scatter_of_steps_averages_out_over_a_plan():
+    """Sixteen steps of equal numbers: the scatter of their sum is a quarter of that of one."""
+    generator = np.random.default_rng(8)
+    own = 0.2 * generator.normal(size=(16, 20_000))
+    factors = Factors(np.zeros(20_000), own, (), ())
+    number = np.full(16, 10.0)
+    one = np.log(factors.of(np.arange(16) == 3, number)).std()
+    every = np.log(factors.of(np.ones(16, bool), number)).std()
+    assert one == pytest.approx(0.2, rel=0.03)
+    assert every == pytest.approx(0.05, rel=0.1)
+
+
+def test_chance_of_small_rates_is_the_rate():
+    assert chance_of(np.array(1e-9), np.array(0.5)) == pytest.approx(5e-10)

@@ -1,0 +1,162 @@
+"""The page of the plans: its sentences, its tables, and what it says is missing."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from plan_fixtures import HAZARD, MINE, OPENINGS, STEPS, comparison_of, drawn_run, made_up_grid, made_up_record
+from plan_fixtures import outcome_slice as slice_of
+
+from catalogs.comparison_settings import DatedStep
+from common.errors import InputError
+from plans.outcome import make_outcome
+from plans.page import write_report
+from plans.plan_summary import PlanSummary
+from plans.sentences import chance_with_interval, contained, missing, verdict
+from plans.settings import PlansReportSlice
+from plans.tables import exposed_rows, forecast_rows, matrix, opening_rows, plan_rows, step_rows
+
+GRID = made_up_grid()
+SETTINGS = PlansReportSlice.of({"mine": MINE, "hazard": HAZARD})
+OTHER_ORDER = [
+    {"name": "drive"},
+    {"name": "stope_1", "step": "2019-09"},
+    {"name": "stope_2", "step": "2019-08"},
+]
+LONGER = (*STEPS, DatedStep(name="2019-10", start="2019-10-01", end="2019-11-01"))
+
+
+@pytest.fixture(scope="module")
+def plans(tmp_path_factory):
+    """The plan of the mine file, another order with three times the events, and one that goes on for a month."""
+    folder = tmp_path_factory.mktemp("plans")
+    own = [drawn_run(folder / "own", "own", 1), drawn_run(folder / "coarse", "coarse", 2)]
+    more = [drawn_run(folder / "more", "own", 3, (130, 80)), drawn_run(folder / "c", "coarse", 4, (130, 80))]
+    last = [
+        drawn_run(folder / f"last{place}", kind, 5, (30,), steps=LONGER[2:])
+        for place, kind in enumerate(("own", "coarse"))
+    ]
+    longer = [
+        {"kind": one["kind"], **{key: [*one[key], *end[key]] for key in ("events", "states")}}
+        for one, end in zip(own, last, strict=True)
+    ]
+    recorded = {"recorded_steps": [step.given() for step in STEPS], "recorded_runs": own[:1]}
+    steps = [step.given() for step in LONGER]
+    given = (
+        slice_of(own, "mine_file", **recorded),
+        slice_of(more, "other_order", openings=OTHER_ORDER, **recorded),
+        slice_of(longer, "longer", steps=steps, **recorded),
+    )
+    record = made_up_record(50, 7, end="2019-10-01")
+    return [PlanSummary(make_outcome(one, GRID, record, comparison_of())) for one in given]
+
+
+def test_the_first_sentences_compare_each_plan_with_the_first(plans):
+    said = verdict(plans, SETTINGS.hazard)
+    assert re.match(
+        r"other_order releases [\d.]+ times the potency of mine_file \(95 % interval [\d.]+ to [\d.]+\): ", said[0]
+    )
+    assert re.search(r"It makes [\d.]+ times the events \(95 % interval .*\): more than chance makes\.", said[0])
+    assert re.match(r"longer mines as mine_file does, and goes on with 2019-10: \d+ events, [\d.]+ m³", said[1])
+    assert "In mine_file, " in said[2]
+    assert said[3].startswith(
+        "Chance per year of an event that is damaging (Mw 0.6 or more) within 10 m of an opening: "
+    )
+    assert "(at the rate of 2019-10)" in said[3]
+    assert verdict(plans[:1], SETTINGS.hazard)[0].startswith("mine_file makes ")
+
+
+def test_a_plan_with_the_same_runs_is_said_to_be_the_same(plans):
+    assert verdict([plans[0], plans[0]], SETTINGS.hazard)[0] == "mine_file and mine_file are the same runs."
+
+
+def test_what_is_missing_names_its_key(plans, tmp_path):
+    assert [key for one in missing(plans, SETTINGS.hazard) for key in ("ensemble", "hazard.rock") if key in one] == [
+        "ensemble",
+        "hazard.rock",
+    ]
+    assert contained(plans) == "Intervals of ratios contain chance and what the cells change."
+    kinds = ["own", "member", "draw", "draw", "draw"]
+    runs = [drawn_run(tmp_path / str(seed), kind, seed) for seed, kind in enumerate(kinds)]
+    plain = make_outcome(slice_of(runs, hazard={}), GRID)
+    found = missing([PlanSummary(plain)], PlansReportSlice.of({"mine": MINE}).hazard)
+    assert [one for one in found if "too small" in one]
+    assert [one for one in found if "grid_convergence" in one]
+    assert [one for one in found if "hazard.magnitudes" in one]
+    assert not [one for one in found if "hazard.rock" in one]
+
+
+def test_tables_hold_the_numbers_of_the_outcomes(plans):
+    rows = plan_rows(plans)
+    assert [row["plan"] for row in rows] == ["mine_file", "other_order", "longer"]
+    assert rows[0]["potency_ratio"] == "–"
+    assert rows[1]["number_ratio"] != "–"
+    assert rows[2]["verdict"] == "goes on with 2019-10"
+    own = plans[0].outcome
+    assert int(rows[0]["number"]) == own["number"].sel(opening="any", run=0).sum()
+    assert rows[0]["mined"].replace("\u202f", "") == f"{2 * 12 * 20 * 30}"
+
+    steps = step_rows(plans)
+    assert [(row["step"], row["plan"]) for row in steps] == [
+        ("2019-08", "mine_file"), ("", "other_order"), ("", "longer"),
+        ("2019-09", "mine_file"), ("", "other_order"), ("", "longer"),
+        ("2019-10", "longer"),
+    ]  # fmt: skip
+    assert [row["mines"] for row in steps[:3]] == ["stope_1", "stope_2", "stope_1"]
+    assert steps[2]["potency_ratio"] == "the same runs"
+    openings = opening_rows(plans)
+    assert {(row["plan"], row["step"]) for row in openings if row["plan"] == "other_order"} <= {
+        ("other_order", "2019-08"), ("other_order", "2019-09"), ("other_order", "before"),
+    }  # fmt: skip
+    assert len([row for row in openings if row["opening"]]) == len(OPENINGS)
+
+
+def test_the_risk_matrix_has_the_largest_class_first(plans):
+    rows = matrix(plans[0], SETTINGS.hazard)
+    assert [row["size"] for row in rows] == ["damaging", "felt"]
+    chance, interval = plans[0].chance("any", 30.0, "damaging")
+    assert rows[0]["cells"][1]["yearly"] == chance_with_interval(chance, interval)
+    assert rows[0]["cells"][1]["likelihood"] == SETTINGS.hazard.likelihood(chance)
+    assert exposed_rows(plans, SETTINGS.hazard)[0]["cells"]
+
+
+def test_steps_ahead_are_forecast(plans):
+    rows = forecast_rows(plans)
+    assert [(row["plan"], row["step"]) for row in rows] == [("longer", "2019-10")]
+    assert re.fullmatch(r"\d+ \(\d+ to \d+\)", rows[0]["number"])
+    low, high = map(int, re.search(r"\((\d+) to (\d+)\)", rows[0]["number"]).groups())
+    draws = plans[2].outcome["forecast_number"].sel(step="2019-10").values
+    np.testing.assert_allclose([low, high], np.quantile(draws, [0.025, 0.975], method="nearest"))
+
+
+def test_the_page_needs_nothing_else_and_the_table_holds_all(plans, tmp_path):
+    outcomes = [plan.outcome for plan in plans]
+    page, table = tmp_path / "report.html", tmp_path / "plans.csv"
+    write_report(outcomes, GRID, SETTINGS, page, table, "0123456789abcdef")
+    text = page.read_text()
+    assert text.endswith("<!-- made_from: 0123456789abcdef -->\n")
+    assert not re.search(r'(src|href)="(?!data:)', text)
+    assert "Steps ahead of the record" in text
+    rows = pd.read_csv(table)
+    assert set(rows["plan"]) == {"mine_file", "other_order", "longer"}
+    every = rows[(rows["plan"] == "longer") & (rows["step"] == "all") & (rows["opening"] == "any")].iloc[0]
+    assert every["chance per year, damaging within 10 m"] == pytest.approx(
+        plans[2].chance("any", 10.0, "damaging")[0], rel=1e-5
+    )
+    assert (tmp_path / "map.svg").exists()
+
+
+def test_a_page_without_classes_has_no_chance(plans, tmp_path):
+    run = drawn_run(tmp_path / "run", "own", 1)
+    plain = make_outcome(slice_of([run], hazard={}), GRID)
+    settings = PlansReportSlice.of({"mine": MINE})
+    write_report([plain], GRID, settings, tmp_path / "report.html", tmp_path / "plans.csv", "0123456789abcdef")
+    text = (tmp_path / "report.html").read_text()
+    assert "Chance of large events near openings" not in text
+    assert "hazard.magnitudes" in text
+    with pytest.raises(InputError, match="made with other classes of size or distance"):
+        write_report([plain], GRID, SETTINGS, tmp_path / "report.html", tmp_path / "plans.csv", "0123456789abcdef")
+    other = PlansReportSlice.of({"mine": "another"})
+    with pytest.raises(InputError, match="is of mine made_up, not of another"):
+        write_report([plain], GRID, other, tmp_path / "report.html", tmp_path / "plans.csv", "0123456789abcdef")
