@@ -71,8 +71,10 @@ def finer_cells(evidence: Evidence) -> Advice:
 
 def _refine(evidence: Evidence) -> Advice:
     """To let rock in coarse cells fail."""
-    adaptive = evidence.config.get("grid", {}).get("refinement") == "adaptive"
-    return Advice("Allow small cells where rock is overstressed:", "grid.max_cells" if adaptive else "grid.refinement")
+    grid, text = evidence.config.get("grid", {}), "Allow small cells where rock is overstressed:"
+    if grid.get("refinement") == "adaptive" and "max_cells" in grid:
+        return Advice(text, f"grid.max_cells: {2 * int(grid['max_cells'])}")
+    return Advice(text, "grid.refinement: adaptive")
 
 
 def _solids(evidence: Evidence) -> Iterator[Banner]:

@@ -22,7 +22,7 @@ def largest_of(events: int, b: float, cut: float, share: ArrayLike) -> NDArray:
 
 
 def expected_range(evidence: Evidence) -> tuple[NDArray, str] | None:
-    """log10 potency (lower, upper) between which the largest modelled event may lie by chance, and where that is from.
+    """log10 potency (lower, upper) between which the largest modelled event may lie by chance, and words for it.
 
     Of an ensemble the range of its runs; of one run the 95 % interval of the law of sizes, if they follow a power law
     without an upper end. None where neither is known.
@@ -33,11 +33,13 @@ def expected_range(evidence: Evidence) -> tuple[NDArray, str] | None:
         middle = runs["size_bin_lower"].values + SPREAD_BIN_WIDTH / 2
         largest = np.where(filled, middle, -np.inf).max(axis=1)
         if np.isfinite(largest).all():
-            return np.array([largest.min(), largest.max()]), f"in {len(largest)} equally valid runs it has"
+            return np.array(
+                [largest.min(), largest.max()]
+            ), f"In {len(largest)} equally valid runs the largest event has"
     law = _law(evidence)
     if law is None:
         return None
-    return largest_of(*law, INTERVAL_95), "if sizes have no upper end, chance alone (95 %) puts it at"
+    return largest_of(*law, INTERVAL_95), "If sizes have no upper end, chance alone (95 %) puts the largest event at"
 
 
 def _law(evidence: Evidence) -> tuple[int, float, float] | None:

@@ -8,6 +8,7 @@ from catalogs.location_errors import location_errors
 from catalogs.report.banners import Advice, Banner
 from catalogs.report.inputs import Evidence
 from catalogs.report.uncertainty import Source
+from catalogs.report.verdict import differs
 
 MAX_NEXT = 3
 
@@ -23,7 +24,9 @@ def next_steps(evidence: Evidence, warnings: Sequence[Banner], uncertain: Sequen
 
 def _all(evidence: Evidence, warnings: Sequence[Banner], uncertain: Sequence[Source]) -> Iterator[Advice]:
     yield from (one.mend for one in warnings if one.mend is not None)
-    if not evidence.dated:
+    if not evidence.steps:
+        yield Advice("Mine the excavations in steps with dates:", "steps")
+    elif not evidence.dated:
         yield Advice("Give each step that is to be compared its dates:", "steps: start, end")
     if evidence.record is None and "record" not in evidence.config:
         yield Advice("Give the events that were recorded, to check the model with:", "record")
@@ -52,6 +55,6 @@ def _calibrate(evidence: Evidence) -> Advice:
 
 
 def _is_off(evidence: Evidence) -> bool:
-    """Whether modelled and recorded potency differ by more than chance."""
-    low, high = evidence.comparison["potency_ratio_interval"].values
-    return bool(np.isfinite(low) and not low <= 1 <= high)
+    """Whether the record has events, and the model's potency or number differs from theirs by more than chance."""
+    recorded = int(evidence.comparison["events_above_cut"].sel(catalogue="record"))
+    return recorded > 0 and any(differs(evidence, name) for name in ("potency_ratio", "event_ratio"))

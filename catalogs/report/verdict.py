@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from catalogs.report.catalogues_shown import compared_events, shown_catalogues
 from catalogs.report.inputs import Evidence
 from catalogs.report.largest_event import expected_range
 from catalogs.report.step_lines import cut_of, shear_modulus
-from catalogs.report.text import between, fixed, headline, magnitude, number, where, whole
+from catalogs.report.text import between, fixed, headline, magnitude, number, where
 
 SIGNIFICANCE = 0.05  # A difference with a smaller p-value is more than chance explains.
 LEAST_AS_FRACTION = 0.2  # Smaller ratios are written as 1/n.
@@ -21,10 +20,10 @@ def verdict(evidence: Evidence) -> list[str]:
     if not evidence.catalog.sizes["event"] and not recorded:
         return [headline(evidence)[0], *_unchecked(evidence)]
     if evidence.comparison is None:
-        return [*_alone(evidence), *_unchecked(evidence), _cannot(evidence)]
+        return [*_unchecked(evidence), *where(evidence), *_largest(evidence), _cannot(evidence)]
     counts = [int(value) for value in evidence.comparison["events_above_cut"].values]
     if not all(counts):
-        return [_one_sided(evidence, *counts), *_alone(evidence), _cannot(evidence)]
+        return [_one_sided(evidence, *counts), *where(evidence), *_largest(evidence), _cannot(evidence)]
     return [
         *_potency(evidence),
         *_places(evidence),
@@ -48,7 +47,7 @@ def size_of_cut(evidence: Evidence) -> str:
 
 def _no_dates(evidence: Evidence) -> list[str]:
     """That a record which is given is not compared."""
-    if not evidence.steps or "record" not in evidence.config:
+    if not evidence.steps or evidence.dated or "record" not in evidence.config:
         return []
     return ["The record is not compared, since no step of this mine has dates."]
 
@@ -60,27 +59,14 @@ def _unchecked(evidence: Evidence) -> list[str]:
     return ["There is no record: nothing here is checked against events that happened."]
 
 
-def _alone(evidence: Evidence) -> list[str]:
-    """How much the model releases, where, and its largest event."""
-    if not evidence.catalog.sizes["event"]:
-        return []
-    potency = float(evidence.catalog["potency"].values.sum())
-    as_one = fixed(magnitude(potency, shear_modulus(evidence)), 1)
-    text = f"The model releases {number(potency)} m³ of potency (slip times area), as much as one event of Mw {as_one}."
-    return [text, *where(evidence), *_largest(evidence)]
-
-
 def _one_sided(evidence: Evidence, modelled: int, recorded: int) -> str:
     """That one of the catalogues has no event to compare."""
-    cut = size_of_cut(evidence) if np.isfinite(cut_of(evidence)) else ""
-    sized = f" of {cut} and more" if cut and "nan" not in cut else ""
     if not modelled and not recorded:
-        return f"Neither the model nor the record has an event{sized}: nothing can be compared."
-    if not modelled:
-        return f"The model makes no event{sized}, where the record has {whole(recorded)}."
-    text = f"The record has no event{sized}, where the model makes {whole(modelled)}: "
+        return "Neither the model nor the record has an event of a size that counts: nothing can be compared."
+    text = "The record has events where the model makes none"
+    text = text if recorded else "The model makes events where the record has none"
     chance = float(evidence.comparison["event_ratio_p_value"])
-    return text + (_by_chance(chance) if np.isfinite(chance) else "nothing can be compared") + "."
+    return f"{text}, which is {_by_chance(chance)}." if np.isfinite(chance) else f"{text}."
 
 
 def _by_chance(p_value: float) -> str:
@@ -88,34 +74,36 @@ def _by_chance(p_value: float) -> str:
 
 
 def _potency(evidence: Evidence) -> list[str]:
-    """Ratios of potency and number with their intervals, and whether chance makes the difference."""
-    comparison = evidence.comparison
-    runs = int(comparison["model_runs"])
+    """Ratios of potency and number with their intervals, and whether chance can make the differences."""
+    runs = int(evidence.comparison["model_runs"])
     who = f"The mean of {runs} runs of the model" if runs > 1 else "The model"
-    (ratio, potency), (times, events) = (_ratio(evidence, name) for name in ("potency_ratio", "event_ratio"))
-    small = 0 < ratio < LEAST_AS_FRACTION
-    how = f"{as_ratio(ratio)} of" if small else f"{as_ratio(ratio)} times"
-    text = f"{who} releases {how} the recorded potency{potency}, in {as_ratio(times)}"
-    text += f"{' of' if 0 < times < LEAST_AS_FRACTION else ' times'} as many events{events}."
-    return [f"{text} {_judged(evidence, ratio)}"]
+    potency, events = _ratio(evidence, "potency_ratio", "potency"), _ratio(evidence, "event_ratio", "number of events")
+    return [f"{who} releases {potency}, in {events}. {_judged(evidence)}"]
 
 
-def _ratio(evidence: Evidence, name: str) -> tuple[float, str]:
-    """A ratio and its interval in brackets; empty where it has none."""
-    interval = between(evidence.comparison[f"{name}_interval"].values, as_ratio)
-    known = np.isfinite(evidence.comparison[f"{name}_interval"].values).any()
-    return float(evidence.comparison[name]), f" (95 %: {interval})" if known else ""
+def _ratio(evidence: Evidence, name: str, of: str) -> str:
+    """A ratio of what is modelled to what is recorded of a quantity, with its interval."""
+    ratio, interval = float(evidence.comparison[name]), evidence.comparison[f"{name}_interval"].values
+    text = f"{as_ratio(ratio)} {'of' if 0 < ratio < LEAST_AS_FRACTION else 'times'} the recorded {of}"
+    return text + (f" (95 %: {between(interval, as_ratio)})" if np.isfinite(interval).any() else "")
 
 
-def _judged(evidence: Evidence, ratio: float) -> str:
-    """What the interval of the ratio of potencies says."""
-    low, high = evidence.comparison["potency_ratio_interval"].values
-    if not np.isfinite(low):
-        return "Whether chance explains the difference is not known."
-    if low <= 1 <= high:
-        return "Chance explains the difference in potency."
-    far = "far too" if max(ratio, 1 / ratio) >= FAR else "too"
-    return f"That is {far} {'little' if ratio < 1 else 'much'}, and more than chance explains."
+def _judged(evidence: Evidence) -> str:
+    """What the intervals of both ratios say."""
+    potency, number_of_events = (differs(evidence, name) for name in ("potency_ratio", "event_ratio"))
+    if potency:
+        ratio = float(evidence.comparison["potency_ratio"])
+        far = "far too" if max(ratio, 1 / ratio) >= FAR else "too"
+        return f"That is {far} {'little' if ratio < 1 else 'much'} potency, more than chance explains."
+    if number_of_events:
+        return "Chance can explain the difference in potency, but not that in number."
+    return "Chance can explain both differences."
+
+
+def differs(evidence: Evidence, name: str) -> bool:
+    """Whether a ratio of the model to the record differs from 1 by more than chance."""
+    low, high = evidence.comparison[f"{name}_interval"].values
+    return bool(np.isfinite(low) and not low <= 1 <= high)
 
 
 def _places(evidence: Evidence) -> list[str]:
@@ -156,21 +144,13 @@ def _directions(evidence: Evidence) -> list[str]:
 
 
 def _largest(evidence: Evidence) -> list[str]:
-    """Mw of the largest modelled event and how far chance moves it, and of the largest recorded one."""
-    shown = shown_catalogues(evidence)
-    chosen = compared_events(evidence, shown)
-    sizes = [events["mw"].values[chosen[label]] for label, events in shown.items()]
-    model = sizes[0][np.isfinite(sizes[0])]
-    if not len(model):
-        return []
-    text = f"Its largest event has Mw {fixed(model.max(), 1)}"
+    """How far chance alone moves the largest modelled event; nothing where that is not known."""
     expected = expected_range(evidence)
-    if expected is not None:
-        bounds, source = expected
-        low, high = (magnitude(10.0**bound, shear_modulus(evidence)) for bound in bounds)
-        text += f"; {source} Mw {between((low, high), lambda value: fixed(value, 1))}"
-    record = sizes[1][np.isfinite(sizes[1])] if len(sizes) > 1 else []
-    return [text + (f". The largest recorded one has Mw {fixed(max(record), 1)}." if len(record) else ".")]
+    if expected is None:
+        return []
+    bounds, source = expected
+    low, high = (magnitude(10.0**bound, shear_modulus(evidence)) for bound in bounds)
+    return [f"{source} Mw {between((low, high), lambda value: fixed(value, 1))}."]
 
 
 def _cannot(evidence: Evidence) -> str:
@@ -180,8 +160,10 @@ def _cannot(evidence: Evidence) -> str:
     if comparison is not None and np.isfinite(cut_of(evidence)):
         found.append(f"how many events below {size_of_cut(evidence)} there are")
     if comparison is not None and comparison["events_above_cut"].values.all():
+        oriented = bool(int(comparison.attrs.get("axes_present", 0)))
         if not np.isfinite(comparison["energy_p_value"]):
-            found.append("whether places and directions agree by more than chance")
-        if not int(comparison.attrs.get("axes_present", 0)):
-            found.append("in which direction rock moved, since the record has no mechanisms to compare with")
+            found.append(f"whether places{' and directions' if oriented else ''} agree by more than chance")
+        if not oriented:
+            none = not np.isfinite(evidence.record["p_axis"].values).any()
+            found.append("in which direction rock moved" + (" (the record has no mechanisms)" if none else ""))
     return f"It cannot say {', '.join(found[:-1])}{' or ' if len(found) > 1 else ''}{found[-1]}."
