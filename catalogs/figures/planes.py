@@ -88,7 +88,7 @@ def corners_of(grid: xr.Dataset, excavations: Sequence[int]) -> NDArray:
 def within_reach(place: NDArray, low: NDArray, high: NDArray) -> NDArray:
     """Which places (event, 3) are at most REACH longest sides of the box away from it (event,)."""
     reach = REACH * float((high - low).max())
-    return ((place >= low - reach) & (place <= high + reach)).all(axis=1)
+    return np.all((place >= low - reach) & (place <= high + reach), axis=1)
 
 
 def silhouette(plane: Plane, grid: xr.Dataset, excavations: Sequence[int]) -> tuple[NDArray, NDArray]:

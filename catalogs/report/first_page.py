@@ -89,16 +89,14 @@ def _caption(evidence: Evidence, focus: Sequence[int], largest: dict[str, tuple[
     if not drawn:
         return "Openings by step. There are no events to draw."
     counts = [
-        f"{whole(events.sizes['event'])} largest {label[0].lower()}{label[1:]}" for label, events in drawn.items()
-    ]
-    text = f"Openings by step and largest events: {' and '.join(counts)}."
-    box = box_of(evidence.grid, focus)
-    outside = (
-        0
-        if box is None
-        else sum(int((~within_reach(events["location"].values, *box)).sum()) for events in drawn.values())
-    )
-    return text + (f" {whole(outside)} of them lie outside of the picture." if outside else "")
+        f"the {LARGEST_DRAWN} largest {label.lower()}" if events.sizes["event"] == LARGEST_DRAWN
+        else f"{whole(events.sizes['event'])} {label.lower()}"
+        for label, events in drawn.items()
+    ]  # fmt: skip
+    text = f"Openings by step, and events: {' and '.join(counts)}."
+    box, places = box_of(evidence.grid, focus), [events["location"].values for events in drawn.values()]
+    outside = 0 if box is None else sum(int((~within_reach(place, *box)).sum()) for place in places)
+    return text + (f" {plural(outside, 'event')} farther away not shown." if outside else "")
 
 
 def _largest(evidence: Evidence) -> dict[str, tuple[str, xr.Dataset]]:

@@ -54,8 +54,8 @@ def step_lines(evidence: Evidence) -> list[StepLine]:
         if evidence.record is not None:
             time = evidence.record["time"].values
             sides.append(_side(evidence, evidence.record, (time >= start) & (time < end)))
-        days = (end - start) / DAY, (ended - begun) / DAY
-        lines.append(StepLine(str(step["step"]), *days, mined[step["step"]], tuple(sides)))
+        days, recorded = (end - start) / DAY, (ended - begun) / DAY
+        lines.append(StepLine(str(step["step"]), days, recorded, mined[step["step"]], tuple(sides)))
     return lines
 
 
@@ -67,8 +67,8 @@ def total(evidence: Evidence, lines: Sequence[StepLine]) -> StepLine:
         largest = max((part.largest for part in parts if np.isfinite(part.largest)), default=np.nan)
         as_one = magnitude(potency, shear_modulus(evidence))
         sides.append(Side(sum(part.number for part in parts), potency, as_one, largest))
-    sums = [sum(getattr(line, name) for line in lines) for name in ("days", "recorded_days", "mined")]
-    return StepLine(f"all {len(lines)} steps", *sums, tuple(sides))
+    days, recorded, mined = (sum(getattr(line, name) for line in lines) for name in ("days", "recorded_days", "mined"))
+    return StepLine(f"all {len(lines)} steps", days, recorded, mined, tuple(sides))
 
 
 def that_matter(lines: Sequence[StepLine], most: int = MAX_LINES) -> list[StepLine]:

@@ -76,7 +76,7 @@ def with_unit(text: str, unit: str) -> str:
 
 def magnitude(potency: float, shear_modulus: float) -> float:
     """Mw of shear of this potency (m3) in rock of this shear modulus (Pa); NaN for none."""
-    return float(moment_magnitude(shear_modulus * potency)) if potency > 0 else np.nan
+    return float(moment_magnitude(np.array(shear_modulus * potency))) if potency > 0 else np.nan
 
 
 def plural(count: int, name: str) -> str:

@@ -101,8 +101,8 @@ def test_number_is_judged_apart_from_potency(known):
 @pytest.mark.parametrize(
     ("nearest", "error", "words"),
     [
-        ((5.0, 4.0, 3.0), 10.0, "It places events 5.0 m from where they were recorded (median distance to the nearest), "
-         "which is within the 10 m to which recorded places are known."),
+        ((5.0, 4.0, 3.0), 10.0, "It places events 5.0 m from where they were recorded (median distance to the "
+         "nearest), which is within the 10 m to which recorded places are known."),
         ((4.0, 15.0, 20.0), 10.0, "no farther than recorded events are from each other (20 m)."),
         ((15.0, 4.0, 8.0), 10.0, "while recorded places are known to 10 m: it misses the places."),
         ((15.0, 4.0, np.nan), 0.0, "while recorded places have no stated error: it misses the places."),
