@@ -7,6 +7,7 @@ import xarray as xr
 
 from catalogs.periods import ALL_STEPS
 from catalogs.report.inputs import Evidence
+from catalogs.report.section_numbers import section_number
 from catalogs.report.text import DASH, MAX_NAMED, fixed, number, percent, whole
 
 # A larger share of the potency in rock that an increment brings to failure at once makes the events depend on the
@@ -19,7 +20,9 @@ def discretisation(evidence: Evidence) -> list[str]:
     """How far the dated steps' numbers depend on cells and increments, in a paragraph; none without events."""
     if evidence.catalog is None or not evidence.catalog.sizes["event"]:
         return []
-    parts = _increments(evidence)
+    share = increment_share(evidence)
+    parts = f"unloading in increments makes the potency too large, roughly by {percent(share)} or less"
+    parts = parts if np.isfinite(share) else ""
     table = evidence.grid_convergence
     if table is None:
         cell = f"{float(evidence.grid.attrs['fine_cell']):g}"
@@ -58,6 +61,30 @@ def discretisation(evidence: Evidence) -> list[str]:
     return [f"{text}; {parts}." if parts else f"{text}.", *_at_once(evidence)]
 
 
+def cells_too_large(evidence: Evidence) -> str:
+    """That the cells are too large to estimate an uncertainty, in a sentence or two; empty where they are not."""
+    errors = cell_errors(evidence)
+    if errors is None or max(errors) <= MAX_ERROR_SHARE:
+        return ""
+    own, coarse = (f"{cell:g}" for cell in evidence.grid_convergence["cell"].values)
+    return (
+        f"Potency or failed volume changes too much from cells of {coarse} m to cells of {own} m to say how far "
+        f"smaller cells would change it (section {section_number('convergence')}). Do not use these numbers before "
+        "grid.finest_cell is halved."
+    )
+
+
+def cell_errors(evidence: Evidence) -> tuple[float, float] | None:
+    """Share by which other cells may change potency and failed volume of all steps; infinite where more is unknown;
+    None where it was not measured, and without events."""
+    table = evidence.grid_convergence
+    if table is None or evidence.catalog is None or not evidence.catalog.sizes["event"]:
+        return None
+    every = table.sel(period=ALL_STEPS)
+    potency, volume = (float(every[f"{name}_error"]) for name in ("potency", "failed_volume"))
+    return (potency if np.isfinite(potency) else np.inf), (volume if np.isfinite(volume) else np.inf)
+
+
 def _named(evidence: Evidence, names: list[str]) -> str:
     """Those of these excavations that are mined by now, in a list for a sentence; empty if none is."""
     mined = [row.name for row in evidence.excavations if row.name in names and not row.planned]
@@ -78,17 +105,16 @@ def _at_once(evidence: Evidence) -> list[str]:
     ]
 
 
-def _increments(evidence: Evidence) -> str:
-    """What loading in increments adds to the potency of the dated steps, as far as their overshoot tells
-    (docs/explanation/uncertainty.md: no bound in theory); empty where it is not known."""
+def increment_share(evidence: Evidence) -> float:
+    """By which share loading in increments makes the potency of the dated steps too large, as far as their overshoot
+    tells (docs/explanation/uncertainty.md: no bound in theory); NaN where it is not known."""
     steps, catalog = evidence.dated, evidence.catalog
     step, potency = catalog["step"].values, catalog["potency"].values
     shares = np.array([float(one.get("overshoot_share", np.nan)) for one in steps])
     weights = np.array([potency[step == one["step"]].sum() for one in steps])
     if not weights.sum() > 0 or not np.isfinite(shares[weights > 0]).all():
-        return ""
-    share = percent(np.average(shares, weights=weights))
-    return f"unloading in increments makes the potency too large, roughly by {share} or less"
+        return np.nan
+    return float(np.average(shares, weights=weights))
 
 
 def rows(table: xr.Dataset) -> list[dict]:

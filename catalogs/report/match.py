@@ -181,15 +181,3 @@ def axis_rows(evidence: Evidence) -> list[dict]:
         interval = between(here["kagan_median_interval"].values)
         rows.append(_row(f"median Kagan angle, {name}", "", "", with_unit(number(here["kagan_median"]), "°"), interval))
     return rows
-
-
-def match_rows(evidence: Evidence) -> list[dict]:
-    """The few numbers of the headline: where, how large, how oriented."""
-    if evidence.comparison is None or not evidence.comparison["events_above_cut"].values.any():
-        return []
-    rows = size_rows(evidence)[:7]
-    if np.isfinite(evidence.comparison["energy_distance"]):
-        rows += location_rows(evidence)[:2]
-    if int(evidence.comparison.attrs.get("axes_present", 0)):
-        rows += [row for row in axis_rows(evidence) if row["name"].startswith(("mean P", "mean T"))]
-    return rows

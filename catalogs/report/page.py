@@ -14,16 +14,14 @@ from catalogs.figures.record_figure import EVENTS_PER_WINDOW
 from catalogs.figures.views import MIN_EXCAVATED_SHARE_DRAWN
 from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
 from catalogs.mean_axes import MAX_CONE
-from catalogs.report import match, sections, text
+from catalogs.report import first_page, sections, text
 from catalogs.report.banners import banners
-from catalogs.report.closeness_text import intervals_contain
 from catalogs.report.gallery import Gallery
 from catalogs.report.grid_convergence_text import MAX_ERROR_SHARE, discretisation
-from catalogs.report.head import caption, missing_potency, step_rows
 from catalogs.report.inputs import Evidence, read_evidence
 from catalogs.report.record_text import sentences
-from catalogs.report.section_numbers import SECTIONS, section_number
-from catalogs.report.spread_text import headline as headline_of_spread
+from catalogs.report.section_numbers import TOPICS, section_number
+from catalogs.report.step_lines import caption, step_lines
 from catalogs.report.text import fixed, number, percent, whole
 from catalogs.report.view_section import content_security_policy
 from common.datasets import atomic_path
@@ -74,26 +72,24 @@ def write_report(
         config, default, grid, elastic, list(steps), list(events), catalog, record, comparison, spread, closeness,
         grid_convergence, logs, excavations, insitu,
     )  # fmt: skip
-    gallery = Gallery(Path(figures))
+    gallery, lines, warnings = Gallery(Path(figures)), step_lines(evidence), banners(evidence)
     with style.applied():
+        first = first_page.section(evidence, warnings, lines, gallery)
         shown = sections.sections_of(evidence, gallery)
     gallery.remove_others()
-    rows = shown["sizes"]["closeness"] if shown["sizes"] else []
     page = _environment().get_template("report.html.j2").render(
         evidence=evidence,
         mine=evidence.grid.attrs["mine"],
-        headline=text.headline(evidence)
-        + discretisation(evidence)
-        + intervals_contain(evidence, rows)
-        + headline_of_spread(evidence),
-        match=match.match_rows(evidence),
+        first=first,
+        banners=warnings,
+        headline=text.headline(evidence),
+        step_lines=lines,
+        step_caption=caption(evidence) if lines else "",
+        discretisation=discretisation(evidence),
         beside=sentences(evidence),
-        banners=[("truncated", said) for said in missing_potency(evidence)] + banners(evidence),
-        step_rows=step_rows(evidence),
-        step_caption=caption(evidence) if evidence.dated else "",
         many=sections.MAX_ROWS_UNFOLDED,
         limits=LIMITS,
-        contents=SECTIONS,
+        topics=TOPICS,
         section_number=section_number,
         policy=content_security_policy(shown["view"]["scripts"] if shown["view"] else []),
         config_lines=text.config_lines(config, default),

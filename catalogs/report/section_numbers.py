@@ -1,21 +1,24 @@
-"""The report's sections and their numbers, for its contents, its headings and sentences that refer to a section."""
+"""The sections of the appendix by topic, for its contents, its headings and sentences that refer to a section."""
 
-SECTIONS = {  # by id in the page, in its order: name in the contents
-    "headline": "Result",
-    "scene": "Scene",
-    "view": "View",
-    "convergence": "Convergence",
-    "rock": "Failed rock",
-    "events": "Events",
-    "sizes": "Sizes",
-    "spread": "Spread",
-    "axes": "Axes",
-    "balls": "Largest events",
-    "budget": "Budget",
-    "truncated": "Truncated zones",
-    "resources": "Resources",
-    "config": "Configuration",
+TOPICS = {  # in the page's order: topic, and its sections by id in the page with their names in the contents
+    "Before you use the numbers": {"warnings": "Warnings", "record": "Record and comparison"},
+    "Mine and rock": {"scene": "Scene and grid", "view": "View", "rock": "Failed rock"},
+    "Events": {
+        "steps": "Steps",
+        "events": "Places",
+        "sizes": "Sizes",
+        "axes": "Axes",
+        "balls": "Largest events",
+    },
+    "How sure": {
+        "convergence": "Convergence",
+        "spread": "Spread of the model",
+        "truncated": "Truncated zones",
+        "budget": "Potency budget",
+    },
+    "The run": {"resources": "Resources", "config": "Configuration"},
 }
+SECTIONS = {section: name for topic in TOPICS.values() for section, name in topic.items()}
 
 
 def section_number(section: str) -> int:

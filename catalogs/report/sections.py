@@ -20,7 +20,8 @@ from catalogs.mean_axes import describe_axes
 from catalogs.mechanisms import trend_plunge
 from catalogs.report import energy_text, match, text
 from catalogs.report.by_opening import opening_rows, with_most_potency
-from catalogs.report.closeness_text import closeness_rows, unlike
+from catalogs.report.catalogues_shown import compared_events, selection, shown_catalogues
+from catalogs.report.closeness_text import closeness_rows, intervals_contain, unlike
 from catalogs.report.gallery import Gallery
 from catalogs.report.grid_convergence_text import rows as cell_rows
 from catalogs.report.inputs import MODEL_LABEL, Evidence
@@ -41,7 +42,7 @@ def sections_of(evidence: Evidence, gallery: Gallery) -> dict:
     """All sections by their names in the template; None where there is nothing to show."""
     return {
         "scene": _scene(evidence, gallery),
-        "view": section_of_view(evidence, _shown(evidence)),
+        "view": section_of_view(evidence, shown_catalogues(evidence)),
         "convergence": _convergence(evidence, gallery),
         "rock": _rock(evidence, gallery),
         "events": _events(evidence, gallery),
@@ -110,50 +111,17 @@ def _rock(evidence: Evidence, gallery: Gallery) -> dict | None:
     return shown
 
 
-def _shown(evidence: Evidence) -> dict:
-    """Catalogues that have events to show, by label: the modelled one first."""
-    found = {} if evidence.catalog is None else {MODEL_LABEL: evidence.resolved}
-    if evidence.record is not None:
-        found[evidence.record_label] = evidence.record
-    return found if any(catalog.sizes["event"] for catalog in found.values()) else {}
-
-
-def _compared(evidence: Evidence, shown: dict) -> dict[str, np.ndarray]:
-    """Which events (event,) of each catalogue shown the comparison's numbers are of; all where nothing is compared."""
-    comparison = evidence.comparison
-    found = {label: np.ones(catalog.sizes["event"], bool) for label, catalog in shown.items()}
-    if comparison is None or not comparison["events_above_cut"].values.all():
-        return found
-    used = {name: comparison[f"{name}_used"].values == 1 for name in ("model", "record")}
-    both = (evidence.catalog, evidence.record)
-    if any(one is None or one.sizes["event"] != len(chosen) for one, chosen in zip(both, used.values(), strict=True)):
-        return found  # a comparison of other catalogues: a banner says so
-    used["model"] = used["model"][evidence.catalog["resolved"].values == 1]
-    return {label: used["model" if label == MODEL_LABEL else "record"] for label in shown}
-
-
-def _selection(compared: dict[str, np.ndarray]) -> str:
-    """How many of the events shown are compared; empty where all are."""
-    if all(chosen.all() for chosen in compared.values()):
-        return ""
-    counts = [
-        f"{text.whole(chosen.sum())} of {text.whole(len(chosen))} {label[0].lower()}{label[1:]}"
-        for label, chosen in compared.items()
-    ]
-    return f"{' and '.join(counts)} events are compared: from the cut on, in the time that both catalogues share."
-
-
 def _events(evidence: Evidence, gallery: Gallery) -> dict | None:
-    shown = _shown(evidence)
+    shown = shown_catalogues(evidence)
     if not shown:
         return None
-    chosen = _compared(evidence, shown)
+    chosen = compared_events(evidence, shown)
     rows = opening_rows(evidence, list(shown.values()), list(chosen.values()))
     compared = evidence.comparison is not None
     located = compared and bool(np.isfinite(evidence.comparison["energy_distance"]))
     return {
         "figure": gallery.add("events", events_figure.locations(evidence.grid, shown, chosen, evidence.planned)),
-        "selection": _selection(chosen),
+        "selection": selection(chosen),
         "smeared": float(evidence.comparison.attrs["location_error"]) if located else 0.0,
         "openings": with_most_potency(rows) if MODEL_LABEL in shown else [],
         "labels": list(shown),
@@ -177,16 +145,18 @@ def _in_time(evidence: Evidence, gallery: Gallery) -> dict | None:
 
 
 def _sizes(evidence: Evidence, gallery: Gallery) -> dict | None:
-    shown = _shown(evidence)
+    shown = shown_catalogues(evidence)
     if not shown:
         return None
     catalogs = [_size_fit(evidence, label, catalog) for label, catalog in shown.items()]
+    rows = closeness_rows(evidence, catalogs[0].cut) if MODEL_LABEL in shown else []
     return {
         "figure": gallery.add("potency_frequency", sizes_figure.potency_frequency(catalogs)),
         "by_cut": gallery.add("b_against_cut", sizes_figure.b_against_cut(catalogs)),
         "rows": match.size_rows(evidence),
         "fits": catalogs,
-        "closeness": closeness_rows(evidence, catalogs[0].cut) if MODEL_LABEL in shown else [],
+        "closeness": rows,
+        "intervals": intervals_contain(evidence, rows),
         "unlike": unlike(evidence),
         "scales": (1.0, B_MAGNITUDE_PER_B_POTENCY),
         "texts": [
@@ -228,8 +198,8 @@ def _size_fit(evidence: Evidence, label: str, catalog) -> sizes_figure.Sizes:
 
 
 def _axes(evidence: Evidence, gallery: Gallery) -> dict | None:
-    shown = _shown(evidence)
-    chosen = _compared(evidence, shown)
+    shown = shown_catalogues(evidence)
+    chosen = compared_events(evidence, shown)
     kept = {label: catalog.isel(event=chosen[label]) for label, catalog in shown.items()}
     nets = [net for net in (_net(evidence, *item) for item in kept.items()) if net is not None]
     if not nets:
@@ -241,7 +211,7 @@ def _axes(evidence: Evidence, gallery: Gallery) -> dict | None:
         "figure": gallery.add("stereonets", stereonets.stereonets(nets, insitu_axes(evidence))),
         "types": gallery.add("source_types", source_types.source_types(typed, colours)) if typed else None,
         "iso_share": iso_share(evidence),
-        "selection": _selection(chosen),
+        "selection": selection(chosen),
         "kagan": gallery.add("kagan_angles", stereonets.kagan_angles(evidence.comparison)) if compared else None,
         "rows": match.axis_rows(evidence) if compared else [],
         "text": "" if evidence.comparison is None else as_sentence(evidence.comparison.attrs.get("axes_text", "")),

@@ -33,6 +33,7 @@ def section(evidence: Evidence, add: Callable[[str, Figure], dict]) -> dict:
     beside = None if record is None else (evidence.record_label, log_potency(record["potency"].values))
     return {
         "figure": add("spread", spread_figure.spread(runs, beside)),
+        "headline": headline(evidence),
         "rows": spread_rows(evidence),
         "members": int(runs.attrs["members"]),
         "overstress": percent(runs.attrs["largest_overstress"]),
@@ -66,17 +67,14 @@ def spread_rows(evidence: Evidence) -> list[dict]:
     return rows
 
 
-def headline(evidence: Evidence) -> list[str]:
-    """The spread in one sentence next to the catalogue's numbers, or that there is none; without events none."""
-    if evidence.spread is not None:
-        runs = evidence.spread.sel(period=ALL_STEPS)
-        _, _, least, largest = runs["potency_statistics"].values
-        _, _, fewest, most = runs["events_statistics"].values
-        members = plural(int(evidence.spread.attrs["members"]), "perturbed member")
-        return [
-            f"One run is one realisation: in {members} of its ensemble all events release {number(least)} to "
-            f"{number(largest)} m³ (here {number(runs['potency'].values[0])}), and {whole(fewest)} to {whole(most)} "
-            f"events are of enough particles (here {whole(runs['events'].values[0])})."
-        ]
-    has_events = evidence.catalog is not None and evidence.catalog.sizes["event"]
-    return [f"{ONE_RUN} This report shows one realisation without its spread."] if has_events else []
+def headline(evidence: Evidence) -> str:
+    """The spread in one sentence."""
+    runs = evidence.spread.sel(period=ALL_STEPS)
+    _, _, least, largest = runs["potency_statistics"].values
+    _, _, fewest, most = runs["events_statistics"].values
+    members = plural(int(evidence.spread.attrs["members"]), "perturbed member")
+    return (
+        f"In {members} of the ensemble all events release {number(least)} to {number(largest)} m³ (here "
+        f"{number(runs['potency'].values[0])}), and {whole(fewest)} to {whole(most)} events are of enough particles "
+        f"(here {whole(runs['events'].values[0])})."
+    )

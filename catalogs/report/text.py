@@ -11,6 +11,7 @@ from catalogs.report.by_opening import nearest_mined, opening_rows
 from catalogs.report.inputs import Evidence
 from catalogs.sizes import log_potency
 from common.event_table import ON_PLANES
+from common.source_tensors import moment_magnitude
 
 DASH = "–"  # Stands for a value that is not known.
 MAX_NAMED = 5  # Excavations that one sentence names.
@@ -73,6 +74,11 @@ def with_unit(text: str, unit: str) -> str:
     return text if text == DASH else f"{text}{unit}"
 
 
+def magnitude(potency: float, shear_modulus: float) -> float:
+    """Mw of shear of this potency (m3) in rock of this shear modulus (Pa); NaN for none."""
+    return float(moment_magnitude(np.array(shear_modulus * potency))) if potency > 0 else np.nan
+
+
 def plural(count: int, name: str) -> str:
     return f"{whole(count)} {name}" + ("" if count == 1 else "s")
 
@@ -114,7 +120,7 @@ def headline(evidence: Evidence) -> list[str]:
             f" {plural(int((share > 0.5).sum()), 'event')} slipped mostly on weak planes: "
             f"{fixed(100 * float((share * potency).sum() / potency.sum()), 0)} % of all potency."
         )
-    return [text, *_where(evidence)]
+    return [text, *where(evidence)]
 
 
 def events_by_step(counts: list[tuple[int, str]]) -> str:
@@ -126,7 +132,8 @@ def events_by_step(counts: list[tuple[int, str]]) -> str:
     return ", ".join(f"{whole(count)} in {name}" for count, name in counts)
 
 
-def _where(evidence: Evidence) -> list[str]:
+def where(evidence: Evidence) -> list[str]:
+    """How near to excavations events are, and which one has most potency nearest to it."""
     events = evidence.resolved
     if events is None or not events.sizes["event"]:
         return []

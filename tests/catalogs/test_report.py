@@ -27,8 +27,8 @@ from common.event_table import ON_PLANES, read_events, write_events
 
 SMALL = {"coarse": 16.0}  # 4 m in the finest of three levels: about 4,000 cells
 SECTIONS = (
-    "headline", "scene", "view", "convergence", "rock", "events", "sizes", "spread", "axes", "balls", "budget",
-    "truncated", "resources", "config",
+    "first", "warnings", "record", "scene", "view", "rock", "steps", "events", "sizes", "axes", "balls", "convergence",
+    "spread", "truncated", "budget", "resources", "config",
 )  # fmt: skip
 
 
@@ -86,7 +86,7 @@ def test_headline_counts_the_events_of_the_catalogue(page, mine):
     """150 events; how many in each step is counted anew here."""
     step = list(read_dataset(mine.catalog)["step"].values)
     expected = f"150 events in 2 dated steps: {step.count('2019-08')} in 2019-08, {step.count('2019-09')} in 2019-09."
-    assert expected in page.sections["headline"]
+    assert expected in page.sections["steps"]
 
 
 def test_headline_tells_of_events_on_weak_planes(page, mine, tmp_path):
@@ -97,8 +97,8 @@ def test_headline_tells_of_events_on_weak_planes(page, mine, tmp_path):
     potency = catalog["potency"].values
     percent = 100 * potency[1::2].sum() / potency.sum()
     expected = f"75 events slipped mostly on weak planes: {percent:.0f} %"
-    assert expected in make_page(mine, tmp_path, catalog=tmp_path / "catalog.nc").sections["headline"]
-    assert "weak planes" not in page.sections["headline"]
+    assert expected in make_page(mine, tmp_path, catalog=tmp_path / "catalog.nc").sections["steps"]
+    assert "weak planes" not in page.sections["steps"]
 
 
 def test_numbers_of_the_datasets_reach_the_page(page, mine):
@@ -117,9 +117,9 @@ def test_numbers_of_the_datasets_reach_the_page(page, mine):
 
 def test_loose_rock_is_named_before_anything_else(page):
     """Count, volume and place of the step's attributes, once: steps without loose rock say nothing."""
-    assert page.sections["headline"].count("Unsupported rock in step") == 1
+    assert page.sections["warnings"].count("Unsupported rock in step") == 1
     expected = "2019-09: 3 pieces, 1.20 m³, largest 0.7 m³ at (x, y, z) = (10052.0, 20051.5, −1020.2) m, counts as"
-    assert expected in page.sections["headline"]
+    assert expected in page.sections["warnings"]
 
 
 def test_the_page_says_where_the_energy_of_each_step_went(page, mine):
@@ -168,7 +168,7 @@ def test_many_excavations_are_folded_under_their_sums(page, mine, tmp_path, monk
 
 
 def test_match_is_given_in_numbers_with_intervals(page, mine):
-    """Ratio of potencies, difference of b, centroid distance, angle of P axes: in their section and the headline."""
+    """Ratio of potencies, difference of b, centroid distance, angle of P axes: each in its section."""
     comparison = read_dataset(mine.comparison)
     angle, interval = comparison["mean_angle"].values[0], comparison["mean_angle_interval"].values[0]
     ratio, distance = comparison["potency_ratio"], comparison["centroid_distance"]
@@ -181,12 +181,11 @@ def test_match_is_given_in_numbers_with_intervals(page, mine):
         ("axes", f"{number(angle)}°", between(interval)),
     )
     for section, value, text in expected:
-        for name in (section, "headline"):
-            assert re.search(rf"{re.escape(value)}\s*{re.escape(text)}", page.sections[name]), (name, value)
+        assert re.search(rf"{re.escape(value)}\s*{re.escape(text)}", page.sections[section]), (section, value)
 
 
 def test_twin_is_labelled_wherever_the_record_shows(page):
-    for name in ("headline", "events", "sizes", "axes"):
+    for name in ("first", "warnings", "record", "steps", "events", "sizes", "axes"):
         assert "twin" in page.sections[name], name
 
 
@@ -199,13 +198,13 @@ def test_record_of_measured_events_is_not_called_a_twin(mine, tmp_path):
 
 
 def test_banners_name_truncation(page):
-    assert "of potency is missing from the 0.629 m³" in page.sections["headline"]
-    assert "3.4 % of the rock that reached its strength lies in cells too coarse to fail" in page.sections["headline"]
+    assert "of potency is missing from the 0.629 m³" in page.sections["warnings"]
+    assert "3.4 % of the rock that reached its strength lies in cells too coarse to fail" in page.sections["warnings"]
 
 
 def test_stopes_filled_while_they_are_mined_are_named(page):
     """Only stope_1 is mined in a dated step and filled in the same one; the table says of each when it is filled."""
-    assert "These excavations are filled while they are mined: stope_1. " in page.sections["headline"]
+    assert "These excavations are filled while they are mined: stope_1. " in page.sections["warnings"]
     assert "fill, at once" in page.sections["scene"]
     assert "fill, planned" in page.sections["scene"]
 
@@ -216,11 +215,11 @@ def test_banner_names_excavations_whose_volume_the_grid_misses(mine, tmp_path):
     solid = np.array(json.loads(grid.attrs["excavation_volume"]))
     grid.attrs["excavation_volume_grid"] = json.dumps((solid * [1.049, 0.93, 1.18, 9.0]).tolist())
     write_dataset(grid, tmp_path / "grid.nc")
-    wrong = make_page(mine, tmp_path, grid=tmp_path / "grid.nc").sections["headline"]
+    wrong = make_page(mine, tmp_path, grid=tmp_path / "grid.nc").sections["warnings"]
     assert "misses the volume of 2 excavations by more than 5.0 %: stope_2 +18 %, stope_1 −7 %. Refine" in wrong
     grid.attrs["excavation_volume_grid"] = json.dumps((solid * 1.049).tolist())
     write_dataset(grid, tmp_path / "good.nc")
-    assert "misses the volume" not in make_page(mine, tmp_path, grid=tmp_path / "good.nc").sections["headline"]
+    assert "misses the volume" not in make_page(mine, tmp_path, grid=tmp_path / "good.nc").sections["warnings"]
 
 
 def test_banner_names_excavations_too_narrow_for_the_cells(mine, tmp_path):
@@ -228,9 +227,9 @@ def test_banner_names_excavations_too_narrow_for_the_cells(mine, tmp_path):
     grid = read_dataset(mine.grid)
     grid.attrs["excavation_whole_share"] = json.dumps([0.31, 0.29, 0.0, 0.0])
     write_dataset(grid, tmp_path / "grid.nc")
-    said = make_page(mine, tmp_path, grid=tmp_path / "grid.nc").sections["headline"]
+    said = make_page(mine, tmp_path, grid=tmp_path / "grid.nc").sections["warnings"]
     assert "Narrow for cells of 4.00 m: stope_2 0 %, stope_1 29 % of the volume lies in whole cells." in said
-    assert "Narrow for" not in make_page(mine, tmp_path).sections["headline"]
+    assert "Narrow for" not in make_page(mine, tmp_path).sections["warnings"]
 
 
 def test_banner_names_excavations_whose_surface_is_open(mine, tmp_path):
@@ -238,9 +237,9 @@ def test_banner_names_excavations_whose_surface_is_open(mine, tmp_path):
     grid = read_dataset(mine.grid)
     grid.attrs["excavation_open_share"] = json.dumps([0.04, 0.08, 0.22, 0.25])
     write_dataset(grid, tmp_path / "grid.nc")
-    said = make_page(mine, tmp_path, grid=tmp_path / "grid.nc").sections["headline"]
+    said = make_page(mine, tmp_path, grid=tmp_path / "grid.nc").sections["warnings"]
     assert "or look the other way: stope_2 22 %, stope_1 8.0 % of the volume depends on how it is closed." in said
-    assert "depends on how it is closed" not in make_page(mine, tmp_path).sections["headline"]
+    assert "depends on how it is closed" not in make_page(mine, tmp_path).sections["warnings"]
 
 
 def test_banner_says_where_failed_rock_has_reached_the_boundary(mine, tmp_path):
@@ -250,9 +249,9 @@ def test_banner_says_where_failed_rock_has_reached_the_boundary(mine, tmp_path):
         facts = {"boundary_failed_volume": 64.0 * rank, "boundary_failed_faces": "z_lower" if rank else ""}
         steps.append(tmp_path / path.name)
         write_dataset(read_dataset(path).assign_attrs(facts), steps[-1])
-    said = make_page(mine, tmp_path, steps=steps).sections["headline"]
+    said = make_page(mine, tmp_path, steps=steps).sections["warnings"]
     assert "(z_lower; " + number(64.0 * (len(steps) - 1)) + " m³ of its cells lie there in step 2019-09)" in said
-    assert "boundary (" not in make_page(mine, tmp_path).sections["headline"]
+    assert "boundary (" not in make_page(mine, tmp_path).sections["warnings"]
 
 
 def test_page_asks_nothing_of_the_network(page):
@@ -274,7 +273,8 @@ def test_page_asks_nothing_of_the_network(page):
 
 def test_every_figure_is_a_file_and_in_the_page(page, mine):
     names = {path.name for path in (mine.folder / "figures").iterdir()}
-    assert {name for name in names if f"figures/{name}" in "".join(page.sections.values())} == names
+    named = {name for name in names if f"figures/{name}" in "".join(page.sections.values())}
+    assert names - named == {"first_page.svg"}  # which stands in the first page without its name
     assert len(names) == sum(tag == "img" for tag, _ in page.tags)
 
 
@@ -282,8 +282,10 @@ def test_a_draft_says_so_first(tmp_path, mine):
     page = tmp_path / "report.html"
     where = {"output": page, "figures": tmp_path / "figures"}
     write_report(**mine.arguments(config=fixtures.CONFIG | {"accuracy": "draft"}, **where))
-    draft = page.read_text().index("A draft has cells of twice the size")
-    assert draft < page.read_text().index('<p class="lead">')
+    said = page.read_text()
+    assert "A draft has cells of twice the size" in said
+    draft = said.index("<strong>Do not use these numbers yet:</strong> this is a draft")
+    assert draft < said.index('<p class="lead">') < said.index("A draft has")
     write_report(**mine.arguments(config=fixtures.CONFIG | {"accuracy": "standard"}, **where))
     assert "A draft has" not in page.read_text()
     grid = read_dataset(mine.grid).assign_attrs(draft_would_lose='["stope_a", "drive"]')
@@ -319,7 +321,7 @@ def test_same_inputs_give_the_same_bytes(mine, tmp_path):
 
 def test_without_record_the_model_stands_alone(mine, tmp_path):
     content = make_page(mine, tmp_path, record=None, comparison=None)
-    assert "No recorded catalogue was given" in content.sections["headline"]
+    assert "No recorded catalogue was given" in content.sections["warnings"]
     assert "b of potency" in content.sections["sizes"]
     assert (tmp_path / "figures" / "beach_balls.svg").is_file()
     assert "recorded" not in content.sections["sizes"]
@@ -330,7 +332,7 @@ def test_no_events_is_said_and_figures_of_an_earlier_report_go(mine, tmp_path):
     (tmp_path / "figures").mkdir()
     (tmp_path / "figures" / "beach_balls.svg").write_text("old")
     content = make_page(mine, tmp_path, catalog=tmp_path / "catalog.nc", record=None, comparison=None)
-    assert "The model made no events in its 2 dated steps" in content.sections["headline"]
+    assert "The model made no events in its 2 dated steps" in content.sections["steps"]
     assert "no events" in content.sections["events"]
     assert not (tmp_path / "figures" / "beach_balls.svg").exists()
 
@@ -339,7 +341,7 @@ def test_elastic_scene_in_two_dimensions(tmp_path):
     """Plane strain, no steps: one section, no events, no crash."""
     mine = fixtures.make_mine(tmp_path, dimension=2, **SMALL)
     content = make_page(mine, tmp_path, steps=[], events=[], catalog=None, record=None, comparison=None)
-    assert "stops at elastic equilibrium" in content.sections["headline"]
+    assert "stops at elastic equilibrium" in content.sections["first"]
     assert "2019-08 (planned)" in content.sections["scene"]  # its stope is not mined yet
     assert "history (planned)" not in content.sections["scene"]
     assert (tmp_path / "figures" / "displacement.svg").is_file()
@@ -426,7 +428,7 @@ def test_result_counts_the_record_inside_and_outside_the_domain(mine, tmp_path):
         types_text="570 without a type, 10 rock burst",
         filter=json.dumps([dates, crop | {"farthest": 512.3}]), sizes_text="20 Mw, 560 ML as Mw = 0.9 ML - 0.2",
     )  # fmt: skip
-    result = content.sections["headline"]
+    result = content.sections["record"]
     assert (
         "holds 595 events, of which 2 of type quarry blast, 1 rejected, 8 without a size, 4 there twice are" in result
     )
@@ -458,7 +460,7 @@ def test_result_counts_the_record_inside_and_outside_the_domain(mine, tmp_path):
 def test_a_comparison_that_is_impossible_is_said_in_the_result(mine, tmp_path, keep, tensors, says):
     """It was left out without a word; and no number is 'nan'."""
     content = recorded(mine, tmp_path, keep=keep, tensors=tensors)
-    assert says in content.sections["headline"]
+    assert says in content.sections["record"]
     assert not [name for name, section in content.sections.items() if re.search(r"\bnan\b", section)]
 
 
@@ -467,7 +469,7 @@ def test_an_ensemble_with_too_few_events_is_not_told_to_run_one(mine, tmp_path):
     catalog, record = read_dataset(mine.catalog), read_dataset(mine.record)
     members = [catalog] + [catalog.isel(event=slice(0))] * 7
     write_dataset(compare(catalog, record, {"resamplings": 99, "members": 8}, members), tmp_path / "comparison.nc")
-    said = make_page(mine, tmp_path, comparison=tmp_path / "comparison.nc", steps=[]).sections["headline"]
+    said = make_page(mine, tmp_path, comparison=tmp_path / "comparison.nc", steps=[]).sections["record"]
     assert "fewer than 3 of the model's 9 runs have events of such a size in a step that the record shares" in said
     assert "Set ensemble: 8" not in said
 
@@ -476,8 +478,8 @@ def test_a_record_beside_a_mine_without_dates_is_not_denied(mine, tmp_path):
     """The report said that no record was given."""
     config = fixtures.CONFIG | {"record": {"file": "record.csv"}}
     content = make_page(mine, tmp_path, config=config, catalog=None, record=None, comparison=None, events=[])
-    assert "No recorded catalogue was given" not in content.sections["headline"]
-    assert "The record is not compared: no step of this mine has dates" in content.sections["headline"]
+    assert "No recorded catalogue was given" not in content.sections["warnings"]
+    assert "The record is not compared: no step of this mine has dates" in content.sections["record"]
 
 
 def test_config_lines_are_yaml_again():

@@ -129,7 +129,7 @@ def page(mine: fixtures.Mine, folder: Path, **changes) -> str:
     return output.read_text()
 
 
-def test_the_report_shows_the_spread_in_its_section_and_beside_the_headline(mine, tmp_path):
+def test_the_report_shows_the_spread_in_its_section(mine, tmp_path):
     """Four runs, each with the sizes of 150 events; the numbers are those of the dataset."""
     sizes = read_dataset(mine.catalog)["potency"].values
     folders = [
@@ -139,15 +139,14 @@ def test_the_report_shows_the_spread_in_its_section_and_beside_the_headline(mine
     found = gather(folders, read_dataset(mine.catalog), read_dataset(mine.comparison), SETTINGS)
     write_dataset(found, tmp_path / "spread.nc")
     text = page(mine, tmp_path, spread=tmp_path / "spread.nc")
-    section = text[text.index('<section id="spread">') : text.index('<section id="axes">')]
-    top = text[text.index('<section id="headline">') : text.index('<section id="scene">')]
+    section = text[text.index('<section id="spread">') : text.index('<section id="truncated">')]
     assert (tmp_path / "figures/spread.svg").stat().st_size > 10_000
     assert "figures/spread.svg" in section
     assert "strength is larger by up to 3.0 % of the cohesion" in section
-    assert "in 3 perturbed members of its ensemble" in top
-    assert "141 to 147 events are of enough particles (here 150)" in top
+    assert "In 3 perturbed members of the ensemble" in section
+    assert "141 to 147 events are of enough particles (here 150)" in section
     _, _, least, largest = found["potency_statistics"].sel(period="all").values
-    assert f"{least:.3g} to {largest:.3g} m³" in top
+    assert f"{least:.3g} to {largest:.3g} m³" in section
     for row in ("potency of all events", "events (of enough particles)", "b of potency", "energy released"):
         assert row in section
     assert "<td>150</td><td>144</td>" in section
@@ -155,6 +154,6 @@ def test_the_report_shows_the_spread_in_its_section_and_beside_the_headline(mine
 
 def test_without_an_ensemble_the_report_says_that_one_run_is_one_realisation(mine, tmp_path):
     text = page(mine, tmp_path, record=None, comparison=None)
-    assert text.count("One run is one realisation") == 2
+    assert text.count("One run is one realisation") == 1
     assert "<code>ensemble</code> in the mine file" in text
     assert not (tmp_path / "figures/spread.svg").exists()

@@ -1,6 +1,5 @@
-"""What the report says first, and the pictures that answer to it: numbers by hand, places by the eye's rules."""
+"""Pictures of the report: numbers by hand, places by the eye's rules."""
 
-import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,115 +7,11 @@ import pytest
 import report_fixtures as fixtures
 import xarray as xr
 from matplotlib import dates
+from step_fixtures import events_of, step
 
 from catalogs.comparison_settings import InsituStress
 from catalogs.figures import events_figure, panels, record_figure, rock_figure, sizes_figure, style, views
-from catalogs.report.head import mined_volumes, missing_potency, step_rows
-from catalogs.report.inputs import Excavation
 from catalogs.report.mechanism_inputs import insitu_axes
-
-
-def step(name: str, share: float, month: int) -> dict:
-    """Attributes of a dated step of 2019."""
-    return {
-        "step": name,
-        "start": f"2019-{month:02d}-01T00:00:00Z",
-        "end": f"2019-{month + 1:02d}-01T00:00:00Z",
-        "truncated": int(share > 0),
-        "truncated_share": share,
-        "truncated_where": f"x 0 to {month} m; more grid.buffer_cells would let it fail" if share else "",
-    }
-
-
-def events_of(potency, step_names=None, days=None) -> xr.Dataset:
-    """A catalogue of sizes, steps and days of 2019 (1 January is 0)."""
-    count = len(potency)
-    time = np.datetime64("2019-01-01", "ns") + np.array(np.zeros(count) if days is None else days) * np.timedelta64(
-        1, "D"
-    )
-    return xr.Dataset(
-        {
-            "potency": ("event", np.array(potency, float)),
-            "step": ("event", np.array(step_names if step_names is not None else [""] * count, object)),
-            "time": ("event", time.astype("datetime64[ns]")),
-            "location": (("event", "xyz"), np.zeros((count, 3))),
-        }
-    )
-
-
-def mined_in(parts: list[tuple[int, str, int]]) -> dict:
-    """A grid of four cells of 2 m and its excavations, one each: place of its cell, its step, how many of the 64
-    samples, the first ones."""
-    origin = np.array([[100.0 + 2 * place, 0.0, -8.0] for place, *_ in parts]).reshape(-1, 3)
-    samples = np.array([2**count - 1 for *_, count in parts], np.uint64)
-    data = {"piece_origin": (("piece", "xyz"), origin), "piece_samples": ("piece", samples)}
-    data["piece_excavation"] = ("piece", np.arange(len(parts)))
-    corners = {"domain_lower": [100.0, 0.0, -8.0], "domain_upper": [108.0, 2.0, -6.0]}
-    rows = [Excavation(f"e{at}", step, "none", step, 9.0, 9.0, False, True) for at, (_, step, _) in enumerate(parts)]
-    grid = xr.Dataset(data, attrs=corners | {"fine_cell": 2.0, "dimension": 3, "thickness": 1.0})
-    return {"grid": grid, "excavations": rows}
-
-
-def test_rock_counts_in_the_step_that_mines_it_first():
-    """A stope over an earlier drive, and over half a stope of its own step; one planned over all of it."""
-    parts = [(0, "a", 16), (0, "b", 64), (1, "b", 32), (1, "b", 64), (2, "b", 8), (2, "c", 8), (3, "planned", 64)]
-    found = mined_volumes(SimpleNamespace(steps=[{"step": name} for name in "abc"], **mined_in(parts)))
-    assert found == {"a": 2.0, "b": 6.0 + 8.0 + 1.0, "c": 0.0}
-
-
-def test_missing_potency_is_each_steps_own_share():
-    """3 m3 with a quarter truncated lack 1, 2 m3 with a half lack 2; a step without lacks none."""
-    catalog = events_of([1.0, 2.0, 2.0, 5.0], ["a", "a", "b", "c"])
-    dated = [step("a", 0.25, 1), step("b", 0.5, 2), step("c", 0.0, 3)]
-    (text,) = missing_potency(SimpleNamespace(dated=dated, steps=dated, stages=[], catalog=catalog))
-    assert text.startswith("About 3.0 m³ of potency is missing from the 10.0 m³")
-    assert "25 to 50 %" in text
-    assert "most in b, x 0 to 2 m." in text
-    assert missing_potency(SimpleNamespace(dated=dated[2:], steps=dated, stages=[], catalog=catalog)) == []
-
-
-def test_rock_too_coarse_before_the_record_is_said_without_an_estimate():
-    """In the history, beside a dated step without any; and in a scene that stops at elastic equilibrium."""
-    before, dated = SimpleNamespace(attrs=step("history", 0.3, 1)), [step("a", 0.0, 2)]
-    (text,) = missing_potency(
-        SimpleNamespace(dated=dated, steps=dated, stages=[before], catalog=events_of([1.0], ["a"]))
-    )
-    assert text.startswith("In the steps before the record, 30 % of the rock")
-    (text,) = missing_potency(SimpleNamespace(dated=[], steps=[], stages=[before], catalog=None))
-    assert text.startswith("In the elastic stage, 30 % of the rock")
-
-
-def test_each_step_stands_beside_what_was_recorded_while_it_was_mined():
-    """The day on which one step ends and the next begins is the next one's; smaller events do not count."""
-    model = events_of([1e-1, 1e-2, 1e-3, 1e-1], ["a", "a", "a", "b"])
-    recorded = events_of([1e-2, 1e-2, 1e-3, 1e-1], days=[0.0, 30.99, 5.0, 31.0])
-    rows = step_rows(
-        SimpleNamespace(
-            catalog=model,
-            resolved=model,
-            record=recorded,
-            comparison={"cut": np.float64(-2.0)},
-            dated=[step("a", 0.0, 1), step("b", 0.0, 2)],
-            steps=[step("a", 0.0, 1), step("b", 0.0, 2)],
-            **mined_in([(0, "a", 40), (1, "a", 48), (2, "b", 56)]),
-        )
-    )  # fmt: skip
-    assert [(row["days"], row["mined"]) for row in rows] == [("31.0", "11.00"), ("28.0", "7.000")]
-    assert [row["modelled"] for row in rows] == [("2", "0.110"), ("1", "0.100")]
-    assert [row["recorded"] for row in rows] == [("2", "0.0200"), ("1", "0.100")]
-
-
-def test_a_record_that_ends_within_a_step_says_for_how_many_of_its_days_it_is():
-    recorded = events_of([1e-2], days=[3.0])
-    recorded.attrs["period"] = json.dumps({"common": ["2019-01-01T00:00:00", "2019-02-11T00:00:00"]})
-    rows = step_rows(
-        SimpleNamespace(
-            catalog=recorded, resolved=recorded, record=recorded, comparison=None, **mined_in([]),
-            dated=[step("a", 0.0, 1), step("b", 0.0, 2), step("c", 0.0, 3)],
-            steps=[step("a", 0.0, 1), step("b", 0.0, 2), step("c", 0.0, 3)],
-        )
-    )  # fmt: skip
-    assert [(row["days"], row["recorded_days"]) for row in rows] == [("31.0", "31.0"), ("28.0", "10.0"), ("31.0", "0")]
 
 
 def test_insitu_axes_are_those_at_the_depth_of_the_events():

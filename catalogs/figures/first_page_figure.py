@@ -1,0 +1,209 @@
+"""The picture of the first page: a plan and one section with the openings of each step and the largest events."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from catalogs.figures import style
+from catalogs.figures.planes import PLAN, Plane, corners_of, frame, plane_of, section_of, silhouette
+
+WIDTH, HEIGHT = 7.6, 4.9  # Inches that the picture has at most.
+LEFT, RIGHT, TOP, BOTTOM, KEY = 0.68, 0.12, 0.26, 0.42, 0.5  # Inches around a panel, and below all of them.
+SMALLEST, LARGEST = 5.0, 15.0  # Points: diameters of the smallest and largest event drawn.
+LEAST_RANGE = 0.5  # Mw; on the scale of diameters the smallest and largest event differ by this at least.
+MAX_STEPS_IN_KEY = 6
+WHITE_RIM = [patheffects.withStroke(linewidth=3.0, foreground="white")]
+
+
+@dataclass(frozen=True)
+class Mined:
+    """Excavations (indices) that are drawn alike: those of a step, in its colour."""
+
+    name: str
+    colour: tuple
+    excavations: Sequence[int]
+
+
+def first_page(
+    grid: xr.Dataset,
+    openings: Sequence[Mined],
+    focus: Sequence[int],
+    nearby: Sequence[int],
+    largest: Mapping[str, tuple[str, xr.Dataset]],
+) -> Figure:
+    """Plan and section at one scale, north up and east to the right, side by side or one above the other: as larger.
+
+    openings: what is drawn later hides what is drawn before; focus: excavations (indices) that the picture is about;
+    nearby: others that it shows, too, as far as they are near; largest: by label, colour and events of a catalogue:
+    those of the first one are full, those of the second hollow.
+    """
+    planes = [PLAN, section_of(grid, focus)] if int(grid.attrs["dimension"]) == 3 else [plane_of(grid)]
+    places = [events["location"].values for _, events in largest.values()]
+    lower, upper = frame(grid, focus, [corners_of(grid, nearby), *places])
+    corners = np.stack(np.meshgrid(*zip(lower, upper, strict=True), indexing="ij"), axis=-1).reshape(-1, 3)
+    boxes = [(plane.project(corners).min(axis=0), plane.project(corners).max(axis=0)) for plane in planes]
+    figure, array = _panels([high - low for low, high in boxes])
+    diameter = _diameters([events["mw"].values for _, events in largest.values()])
+    for axes, plane, (low, high) in zip(array, planes, boxes, strict=True):
+        origin = np.array([0.0 if plane.along_axis else low[0], 0.0])
+        _dress(axes, plane, low - origin, high - origin)
+        for one in openings:
+            _draw_openings(axes, *silhouette(plane, grid, one.excavations), origin, one.colour)
+        for number, (colour, events) in enumerate(largest.values()):
+            place = plane.project(events["location"].values) - origin
+            look = _look(colour, hollow=number > 0)
+            axes.scatter(*place.T, s=diameter(events["mw"].values) ** 2, zorder=5 + number, **look)
+        _draw_scale_bar(axes)
+    if planes[0] is PLAN:
+        _draw_north(array[0])
+    _key(figure, openings, largest, diameter)
+    return figure
+
+
+def _panels(sizes: list[NDArray]) -> tuple[Figure, list[Axes]]:
+    """Panels of these sizes (2,), m, at one scale, side by side or one above the other, whichever is larger."""
+    sides = np.maximum(np.array(sizes), 1e-3)
+    count, (widest, tallest), (wide, tall) = len(sides), sides.max(axis=0), sides.sum(axis=0)
+    across = min((WIDTH - count * (LEFT + RIGHT)) / wide, (HEIGHT - TOP - BOTTOM - KEY) / tallest)
+    down = min((WIDTH - LEFT - RIGHT) / widest, (HEIGHT - count * (TOP + BOTTOM) - KEY) / tall)
+    inches = sides * max(across, down)
+    beside = across >= down
+    columns, rows = (count, 1) if beside else (1, count)
+    used = inches.sum(axis=0) if not beside else np.array([inches[:, 0].sum(), inches[:, 1].max()])
+    if not beside:
+        used[0] = inches[:, 0].max()
+    height = used[1] + rows * (TOP + BOTTOM) + KEY
+    figure = style.new_figure(WIDTH, height, layout=None)
+    left, top = (WIDTH - used[0] - columns * (LEFT + RIGHT)) / 2 + LEFT, height - TOP
+    array = []
+    for width, tall in inches:
+        array.append(figure.add_axes([left / WIDTH, (top - tall) / height, width / WIDTH, tall / height]))
+        left, top = (left + width + LEFT + RIGHT, top) if beside else (left, top - tall - TOP - BOTTOM)
+    return figure, array
+
+
+def _dress(axes: Axes, plane: Plane, low: NDArray, high: NDArray) -> None:
+    """Title, names of the axes, limits, and as many marks as have room."""
+    axes.set_title(plane.name, fontsize=9.5)
+    axes.set_xlabel(plane.labels[0], labelpad=1, fontsize=8.5)
+    axes.set_ylabel(plane.labels[1], labelpad=1, fontsize=8.5)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.tick_params(labelsize=7.5, length=2.5, pad=2)
+    axes.ticklabel_format(style="plain", useOffset=False)
+    box, paper = axes.get_position(), axes.figure
+    for name, inches in (("x", box.width * paper.get_figwidth()), ("y", box.height * paper.get_figheight())):
+        axes.locator_params(axis=name, nbins=int(np.clip(inches / 0.7, 1, 5)))
+
+
+def _draw_openings(axes: Axes, lower: NDArray, size: NDArray, origin: NDArray, colour) -> None:
+    """Cells with these lower corners (n, 2) as one body with an outline."""
+    corners = (lower - origin)[:, None, :] + size * np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
+    # The outlines of all cells, and on them their faces: what stays uncovered is the outline of the body.
+    for faces, width in (("none", 1.4), (colour, 0.0)):
+        cells = PolyCollection(
+            corners, facecolors=faces, edgecolors=style.OUTLINE if width else "none", linewidths=width,
+            antialiaseds=width > 0, rasterized=True, zorder=2,
+        )  # fmt: skip
+        axes.add_collection(cells, autolim=False)
+
+
+def _diameters(magnitudes: list[NDArray]) -> Callable[[NDArray], NDArray]:
+    """Diameters, points, by Mw: linear between the smallest and the largest event drawn."""
+    known = np.concatenate([np.zeros(0), *magnitudes])
+    known = known[np.isfinite(known)]
+    high = float(known.max()) if len(known) else 0.0
+    low = min(float(known.min()) if len(known) else 0.0, high - LEAST_RANGE)
+
+    def diameter(magnitude: NDArray) -> NDArray:
+        share = np.clip((np.nan_to_num(magnitude, nan=low) - low) / (high - low), 0.0, 1.0)
+        return SMALLEST + (LARGEST - SMALLEST) * share
+
+    return diameter
+
+
+def _look(colour: str, hollow: bool) -> dict:
+    """How events of a catalogue are drawn: full, or as rings that do not hide the full ones."""
+    if hollow:
+        return {"facecolors": "none", "edgecolors": colour, "linewidths": 1.6}
+    return {"facecolors": colour, "edgecolors": "white", "linewidths": 0.7}
+
+
+def _draw_scale_bar(axes: Axes) -> None:
+    """A bar of a round length, up to a third of the panel, at its lower left."""
+    (left, right), bottom = axes.get_xlim(), axes.get_ylim()[0]
+    inch = (right - left) / (axes.get_position().width * axes.figure.get_figwidth())  # in m
+    length, start, height = round_below((right - left) / 3), left + 0.1 * inch, bottom + 0.1 * inch
+    axes.plot(
+        [start, start + length], [height, height], color="k", linewidth=2.0, solid_capstyle="butt", zorder=8,
+        path_effects=WHITE_RIM, scalex=False, scaley=False,
+    )  # fmt: skip
+    axes.text(
+        start + length / 2, height + 0.05 * inch, f"{length:g} m", ha="center", va="bottom", fontsize=8, zorder=8,
+        path_effects=WHITE_RIM,
+    )  # fmt: skip
+
+
+def round_below(length: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is at most this long."""
+    power = 10.0 ** np.floor(np.log10(length))
+    return float(power * max(one for one in (1.0, 2.0, 5.0) if one * power <= length * (1 + 1e-9)))
+
+
+def _draw_north(axes: Axes) -> None:
+    """An arrow to the north in the upper right corner of the plan."""
+    box, paper = axes.get_position(), axes.figure
+    across, down = 0.13 / (box.width * paper.get_figwidth()), 1.0 / (box.height * paper.get_figheight())
+    axes.annotate(
+        "N", xy=(1.0 - across, 1.0 - 0.06 * down), xytext=(1.0 - across, 1.0 - 0.42 * down), xycoords="axes fraction",
+        textcoords="axes fraction", ha="center", va="center", fontsize=9, fontweight="bold", zorder=8,
+        arrowprops={"arrowstyle": "-|>", "color": "k", "linewidth": 1.2}, path_effects=WHITE_RIM,
+    )  # fmt: skip
+
+
+def _key(figure: Figure, openings: Sequence[Mined], largest: Mapping[str, tuple], diameter: Callable) -> None:
+    """Below the panels: the colours of openings, and whose events are drawn, of which size."""
+    drawn = [one for one in openings if len(one.excavations)]
+    if len(drawn) > MAX_STEPS_IN_KEY:
+        drawn = [drawn[index] for index in np.linspace(0, len(drawn) - 1, MAX_STEPS_IN_KEY).round().astype(int)]
+    handles: list = [Patch(facecolor=one.colour, edgecolor=style.OUTLINE, label=_short(one.name)) for one in drawn]
+    for number, (label, (colour, events)) in enumerate(largest.items()):
+        if not events.sizes["event"]:
+            continue
+        look = _look(colour, hollow=number > 0)
+        handles.append(
+            Line2D(
+                [], [], linestyle="none", marker="o", markersize=8, label=label,
+                markerfacecolor=look["facecolors"], markeredgecolor=look["edgecolors"],
+                markeredgewidth=look["linewidths"],
+            )
+        )  # fmt: skip
+    known = np.concatenate([np.zeros(0), *(events["mw"].values for _, events in largest.values())])
+    for value in sorted({round(float(one), 1) for one in (np.nanmin(known), np.nanmax(known))} if known.size else []):
+        handles.append(
+            Line2D(
+                [], [], linestyle="none", marker="o", markersize=float(diameter(np.array(value))),
+                label=f"Mw {value:.1f}".replace("-", "−"),
+                markerfacecolor="#bbbbbb", markeredgecolor="k", markeredgewidth=0.3,
+            )
+        )  # fmt: skip
+    if handles:
+        figure.legend(
+            handles=handles, loc="lower center", ncols=-(-len(handles) // 2) if len(handles) > 6 else len(handles),
+            borderaxespad=0.2, fontsize=8, columnspacing=1.4, handletextpad=0.5,
+        )  # fmt: skip
+
+
+def _short(name: str) -> str:
+    """A step's name as it fits into the key; no formula, whatever it holds."""
+    name = name if len(name) <= 14 else name[:13] + "…"
+    return name.replace("$", r"\$")

@@ -1,0 +1,111 @@
+"""The first page: what a decision needs, on one screen and one sheet of paper."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from catalogs.figures import style
+from catalogs.figures.first_page_figure import Mined, first_page
+from catalogs.figures.planes import box_of, within_reach
+from catalogs.report.banners import Banner
+from catalogs.report.catalogues_shown import compared_events, shown_catalogues
+from catalogs.report.gallery import Gallery
+from catalogs.report.inputs import MODEL_LABEL, Evidence
+from catalogs.report.next_steps import next_steps
+from catalogs.report.step_lines import StepLine, cut_of, that_matter, total
+from catalogs.report.text import plural, whole
+from catalogs.report.uncertainty import sources
+from catalogs.report.verdict import size_of_cut, verdict
+
+PLANNED = "#ffffff"
+LARGEST_DRAWN = 10  # Events of each catalogue in the picture.
+TWIN = "The record is a twin: this pipeline made it with other settings, and nothing in it was measured."
+MAX_BRIEF = 3  # Warnings that the first page names.
+
+
+def section(evidence: Evidence, warnings: Sequence[Banner], lines: Sequence[StepLine], gallery: Gallery) -> dict:
+    """What the template of the first page shows."""
+    uncertain, chosen = sources(evidence), that_matter(lines)
+    return {
+        "when": _when(evidence),
+        "notice": TWIN if evidence.is_twin else "",
+        "warning": _warning(warnings),
+        "picture": _picture(evidence, gallery),
+        "lines": chosen,
+        "total": total(evidence, lines) if len(lines) > 1 else None,
+        "others": len(lines) - len(chosen),
+        "counted": f"of {size_of_cut(evidence)} and more" if lines and np.isfinite(cut_of(evidence)) else "",
+        "verdict": verdict(evidence),
+        "sources": uncertain,
+        "next": next_steps(evidence, [one for one in warnings if one.brief], uncertain),
+    }
+
+
+def _when(evidence: Evidence) -> str:
+    """Which time the report is of."""
+    dated = evidence.dated
+    if not dated:
+        return ""
+    return f"{plural(len(dated), 'step')}, {dated[0]['start'][:10]} to {dated[-1]['end'][:10]}"
+
+
+def _warning(warnings: Sequence[Banner]) -> dict | None:
+    """What is wrong, in clauses, and whether it makes the numbers invalid; None where nothing is."""
+    brief = [one for one in warnings if one.brief]
+    if not brief:
+        return None
+    more = len(brief) - MAX_BRIEF
+    text = "; ".join(one.brief for one in brief[:MAX_BRIEF])
+    return {"invalid": brief[0].invalid, "text": text, "more": f"{whole(more)} more" if more > 0 else ""}
+
+
+def _picture(evidence: Evidence, gallery: Gallery) -> dict:
+    """The figure, and what its caption says."""
+    rows = evidence.excavations
+    focus = [index for index, row in enumerate(rows) if row.dated] or [
+        index for index, row in enumerate(rows) if not row.planned
+    ]
+    largest = _largest(evidence)
+    figure = gallery.add("first_page", first_page(evidence.grid, _openings(evidence), focus, evidence.planned, largest))
+    return figure | {"caption": _caption(evidence, focus, largest)}
+
+
+def _openings(evidence: Evidence) -> list[Mined]:
+    """Excavations by step in the colours of the steps; planned ones first, so that they hide none that is mined."""
+    rows, names = evidence.excavations, [str(step["step"]) for step in evidence.steps]
+    colours = style.step_colours([bool(int(step["dated"])) for step in evidence.steps])
+    found = [Mined("planned", style.mpl.colors.to_rgb(PLANNED), evidence.planned)]
+    early = [index for index, row in enumerate(rows) if not row.planned and row.step not in names]
+    found.append(Mined("earlier", style.mpl.colors.to_rgb(style.BEFORE_RECORD), early))
+    for name, colour in zip(names, colours, strict=True):
+        found.append(Mined(name, tuple(colour), [index for index, row in enumerate(rows) if row.step == name]))
+    return found
+
+
+def _caption(evidence: Evidence, focus: Sequence[int], largest: dict[str, tuple[str, xr.Dataset]]) -> str:
+    """Which events are drawn, and how many of them lie beyond the picture's edges."""
+    drawn = {label: events for label, (_, events) in largest.items() if events.sizes["event"]}
+    if not drawn:
+        return "Openings by step. There are no events to draw."
+    counts = [
+        f"the {LARGEST_DRAWN} largest {label.lower()}" if events.sizes["event"] == LARGEST_DRAWN
+        else f"{whole(events.sizes['event'])} {label.lower()}"
+        for label, events in drawn.items()
+    ]  # fmt: skip
+    text = f"Openings by step, and events: {' and '.join(counts)}."
+    box, places = box_of(evidence.grid, focus), [events["location"].values for events in drawn.values()]
+    outside = 0 if box is None else sum(int((~within_reach(place, *box)).sum()) for place in places)
+    return text + (f" {plural(outside, 'event')} farther away not shown." if outside else "")
+
+
+def _largest(evidence: Evidence) -> dict[str, tuple[str, xr.Dataset]]:
+    """Of each catalogue, by label, the colour and the largest of the events that count."""
+    shown = shown_catalogues(evidence)
+    counted = compared_events(evidence, shown)
+    found = {}
+    for label, events in shown.items():
+        own = events.isel(event=np.flatnonzero(counted[label]))
+        order = np.argsort(-np.nan_to_num(own["potency"].values), kind="stable")[:LARGEST_DRAWN]
+        found[label] = (style.MODELLED if label == MODEL_LABEL else style.RECORDED, own.isel(event=order))
+    return found

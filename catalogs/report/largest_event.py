@@ -1,0 +1,58 @@
+"""The largest event to expect: how far chance alone moves it, from an ensemble or from the law of sizes."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalogs.blocks import MIN_BLOCKS
+from catalogs.comparison_settings import ComparisonSettings
+from catalogs.jackknife import INTERVAL_95
+from catalogs.report.inputs import Evidence
+from catalogs.size_law import POWER
+from catalogs.size_measures import fit
+from catalogs.sizes import log_potency
+from catalogs.spread import SPREAD_BIN_WIDTH
+
+
+def largest_of(events: int, b: float, cut: float, share: ArrayLike) -> NDArray:
+    """log10 potency below which the largest of so many independent events of a power law lies with these chances.
+
+    N(>= P) falls as P^-b above the cut (log10 m3), so the largest is below x with (1 - 10^(-b (x - cut)))^events.
+    """
+    return cut - np.log10(-np.expm1(np.log(np.asarray(share, float)) / events)) / b
+
+
+def expected_range(evidence: Evidence) -> tuple[NDArray, str] | None:
+    """log10 potency (lower, upper) between which the largest modelled event may lie by chance, and words for it.
+
+    Of an ensemble the range of its runs; of one run the 95 % interval of the law of sizes, if they follow a power law
+    without an upper end. None where neither is known.
+    """
+    runs = evidence.spread
+    if runs is not None and int(runs.attrs["members"]) >= MIN_BLOCKS and runs.sizes["size_bin"]:
+        filled = runs["cumulative"].values > 0
+        middle = runs["size_bin_lower"].values + SPREAD_BIN_WIDTH / 2
+        largest = np.where(filled, middle, -np.inf).max(axis=1)
+        if np.isfinite(largest).all():
+            return np.array(
+                [largest.min(), largest.max()]
+            ), f"In {len(largest)} equally valid runs the largest event has"
+    law = _law(evidence)
+    if law is None:
+        return None
+    return largest_of(*law, INTERVAL_95), "If sizes have no upper end, chance alone (95 %) puts the largest event at"
+
+
+def _law(evidence: Evidence) -> tuple[int, float, float] | None:
+    """Number of modelled events above the cut, b and the cut (log10 m3) of a power law; None where they follow none."""
+    comparison = evidence.comparison
+    if comparison is not None:
+        if comparison.attrs["law_model"] != POWER:
+            return None
+        here = comparison.sel(catalogue="model")
+        return int(here["events_above_cut"]), float(here["b"]), float(comparison["cut"])
+    floor = float(evidence.catalog.attrs["potency_floor"])
+    if not floor > 0:
+        return None
+    sizes, cut = log_potency(evidence.resolved["potency"].values), float(np.log10(floor))
+    found = fit(sizes[np.isfinite(sizes)], cut, 0.0, False, ComparisonSettings())
+    return None if found.law.name != POWER else (found.plain.events, found.plain.b, cut)

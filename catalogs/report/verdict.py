@@ -1,0 +1,169 @@
+"""What the model says and how well it agrees with the record, in sentences for the first page."""
+
+import numpy as np
+
+from catalogs.report.inputs import Evidence
+from catalogs.report.largest_event import expected_range
+from catalogs.report.step_lines import cut_of, shear_modulus
+from catalogs.report.text import between, fixed, headline, magnitude, number, where
+
+SIGNIFICANCE = 0.05  # A difference with a smaller p-value is more than chance explains.
+LEAST_AS_FRACTION = 0.2  # Smaller ratios are written as 1/n.
+FAR = 3.0  # A factor by which potency is far off.
+
+
+def verdict(evidence: Evidence) -> list[str]:
+    """A sentence or two on each question that the report answers, and one on what it cannot say."""
+    if evidence.catalog is None or not evidence.dated:
+        return [headline(evidence)[0], *_no_dates(evidence)]
+    recorded = 0 if evidence.record is None else evidence.record.sizes["event"]
+    if not evidence.catalog.sizes["event"] and not recorded:
+        return [headline(evidence)[0], *_unchecked(evidence)]
+    if evidence.comparison is None:
+        return [*_unchecked(evidence), *where(evidence), *_largest(evidence), _cannot(evidence)]
+    counts = [int(value) for value in evidence.comparison["events_above_cut"].values]
+    if not all(counts):
+        return [_one_sided(evidence, *counts), *where(evidence), *_largest(evidence), _cannot(evidence)]
+    return [
+        *_potency(evidence),
+        *_places(evidence),
+        *_directions(evidence),
+        *_largest(evidence),
+        _cannot(evidence),
+    ]
+
+
+def as_ratio(value: float) -> str:
+    """A ratio as a reader says it: 1.2, 0.43, 1/29."""
+    if 0 < value < LEAST_AS_FRACTION:
+        return f"1/{number(1 / value, 2)}"
+    return number(value, 2)
+
+
+def size_of_cut(evidence: Evidence) -> str:
+    """The smallest size that counts, as Mw."""
+    return f"Mw {fixed(magnitude(10.0 ** cut_of(evidence), shear_modulus(evidence)), 1)}"
+
+
+def _no_dates(evidence: Evidence) -> list[str]:
+    """That a record which is given is not compared."""
+    if not evidence.steps or evidence.dated or "record" not in evidence.config:
+        return []
+    return ["The record is not compared, since no step of this mine has dates."]
+
+
+def _unchecked(evidence: Evidence) -> list[str]:
+    """That nothing is compared."""
+    if evidence.record is not None:
+        return []
+    return ["There is no record: nothing here is checked against events that happened."]
+
+
+def _one_sided(evidence: Evidence, modelled: int, recorded: int) -> str:
+    """That one of the catalogues has no event to compare."""
+    if not modelled and not recorded:
+        return "Neither the model nor the record has an event of a size that counts: nothing can be compared."
+    text = "The record has events where the model makes none"
+    text = text if recorded else "The model makes events where the record has none"
+    chance = float(evidence.comparison["event_ratio_p_value"])
+    return f"{text}, which is {_by_chance(chance)}." if np.isfinite(chance) else f"{text}."
+
+
+def _by_chance(p_value: float) -> str:
+    return "more than chance explains" if p_value < SIGNIFICANCE else "no more than chance explains"
+
+
+def _potency(evidence: Evidence) -> list[str]:
+    """Ratios of potency and number with their intervals, and whether chance can make the differences."""
+    runs = int(evidence.comparison["model_runs"])
+    who = f"The mean of {runs} runs of the model" if runs > 1 else "The model"
+    potency, events = _ratio(evidence, "potency_ratio", "potency"), _ratio(evidence, "event_ratio", "number of events")
+    return [f"{who} releases {potency}, in {events}. {_judged(evidence)}"]
+
+
+def _ratio(evidence: Evidence, name: str, of: str) -> str:
+    """A ratio of what is modelled to what is recorded of a quantity, with its interval."""
+    ratio, interval = float(evidence.comparison[name]), evidence.comparison[f"{name}_interval"].values
+    text = f"{as_ratio(ratio)} {'of' if 0 < ratio < LEAST_AS_FRACTION else 'times'} the recorded {of}"
+    return text + (f" (95 %: {between(interval, as_ratio)})" if np.isfinite(interval).any() else "")
+
+
+def _judged(evidence: Evidence) -> str:
+    """What the intervals of both ratios say."""
+    potency, number_of_events = (differs(evidence, name) for name in ("potency_ratio", "event_ratio"))
+    if potency:
+        ratio = float(evidence.comparison["potency_ratio"])
+        far = "far too" if max(ratio, 1 / ratio) >= FAR else "too"
+        return f"That is {far} {'little' if ratio < 1 else 'much'} potency, more than chance explains."
+    if number_of_events:
+        return "Chance can explain the difference in potency, but not that in number."
+    return "Chance can explain both differences."
+
+
+def differs(evidence: Evidence, name: str) -> bool:
+    """Whether a ratio of the model to the record differs from 1 by more than chance."""
+    low, high = evidence.comparison[f"{name}_interval"].values
+    return bool(np.isfinite(low) and not low <= 1 <= high)
+
+
+def _places(evidence: Evidence) -> list[str]:
+    """How far apart modelled and recorded events are, against the error of location and the spacing of the record."""
+    comparison = evidence.comparison
+    if not np.isfinite(comparison["energy_distance"]):
+        return []
+    to_record, to_model, within = (float(value) for value in comparison["nearest_distance"].values)
+    apart, error = max(to_record, to_model), float(comparison.attrs["location_error"])
+    text = f"It places events {number(apart, 2)} m from where they were recorded (median distance to the nearest), "
+    if apart <= error:
+        text += f"which is within the {number(error, 2)} m to which recorded places are known."
+    elif apart <= within:
+        text += f"no farther than recorded events are from each other ({number(within, 2)} m)."
+    else:
+        known = f"are known to {number(error, 2)} m" if error > 0 else "have no stated error"
+        text += f"while recorded places {known}: it misses the places."
+    chance = float(comparison["energy_p_value"])
+    if np.isfinite(chance):
+        text += f" The two clouds of events differ by {_by_chance(chance)}."
+    return [text]
+
+
+def _directions(evidence: Evidence) -> list[str]:
+    """Angles between mechanisms of neighbours, against those of random orientations."""
+    comparison = evidence.comparison
+    if not int(comparison.attrs.get("axes_present", 0)):
+        return []
+    angle, random = (float(comparison["kagan_median"].sel(kagan_pair=pair)) for pair in ("nearest", "uniform"))
+    high = float(comparison["kagan_median_interval"].sel(kagan_pair="nearest").values[1])
+    if not np.isfinite([angle, random]).all():
+        return []
+    text = f"The direction in which rock slips differs by {number(angle, 2)}° from that of the nearest recorded event "
+    text += f"(median; {number(random, 2)}° at random)"
+    if not np.isfinite(high):
+        return [f"{text}."]
+    return [f"{text}, which is {'better' if high < random else 'no better'} than chance."]
+
+
+def _largest(evidence: Evidence) -> list[str]:
+    """How far chance alone moves the largest modelled event; nothing where that is not known."""
+    expected = expected_range(evidence)
+    if expected is None:
+        return []
+    bounds, source = expected
+    low, high = (magnitude(10.0**bound, shear_modulus(evidence)) for bound in bounds)
+    return [f"{source} Mw {between((low, high), lambda value: fixed(value, 1))}."]
+
+
+def _cannot(evidence: Evidence) -> str:
+    """What the report does not know."""
+    comparison = evidence.comparison
+    found = ["when within its step an event happens"]
+    if comparison is not None and np.isfinite(cut_of(evidence)):
+        found.append(f"how many events below {size_of_cut(evidence)} there are")
+    if comparison is not None and comparison["events_above_cut"].values.all():
+        oriented = bool(int(comparison.attrs.get("axes_present", 0)))
+        if not np.isfinite(comparison["energy_p_value"]):
+            found.append(f"whether places{' and directions' if oriented else ''} agree by more than chance")
+        if not oriented:
+            none = not np.isfinite(evidence.record["p_axis"].values).any()
+            found.append("in which direction rock moved" + (" (the record has no mechanisms)" if none else ""))
+    return f"It cannot say {', '.join(found[:-1])}{' or ' if len(found) > 1 else ''}{found[-1]}."

@@ -1,0 +1,373 @@
+"""The first page in words: what the model says, how sure that is, what to do; each state of a mine in its words."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import report_fixtures as fixtures
+import xarray as xr
+
+from catalogs.comparison import compare
+from catalogs.grid_convergence import share_off
+from catalogs.report.banners import Advice, Banner, banners
+from catalogs.report.inputs import Evidence, read_evidence
+from catalogs.report.largest_event import expected_range, largest_of
+from catalogs.report.next_steps import MAX_NEXT, next_steps
+from catalogs.report.uncertainty import sources
+from catalogs.report.verdict import as_ratio, verdict
+from common.datasets import read_dataset
+from common.source_tensors import moment_magnitude
+
+DATED = [{"name": name, "start": start, "end": end} for name, start, end, dated in fixtures.STEPS if dated]
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory) -> fixtures.Mine:
+    return fixtures.make_mine(tmp_path_factory.mktemp("mine"), coarse=16.0)
+
+
+@pytest.fixture(scope="module")
+def known(mine) -> Evidence:
+    """Steps, events and a measured record with mechanisms, from one run; nothing of it is wrong."""
+    record = read_dataset(mine.record).assign_attrs(kind="recorded")
+    catalog = read_dataset(mine.catalog)
+    paths = mine.arguments()
+    keys = ("config", "default", "grid", "elastic", "steps", "events", "catalog", "record", "comparison")
+    found = read_evidence(*(paths[name] for name in keys), None, None, None, None, None, None)
+    for stage in found.stages:
+        stage.attrs |= {"truncated": 0, "loose_pieces": 0}
+    comparison = compare(catalog, record, {"resamplings": 99, "steps": DATED})
+    return replace(found, record=record, comparison=comparison)
+
+
+def compared(evidence: Evidence, **values) -> Evidence:
+    """With other numbers in the comparison; attributes where they are text or one of its attributes."""
+    comparison = evidence.comparison.copy(deep=True)
+    for name, value in values.items():
+        if name in comparison.attrs:
+            comparison.attrs[name] = value
+        else:
+            comparison[name] = (comparison[name].dims, np.asarray(value, comparison[name].dtype))
+    return replace(evidence, comparison=comparison)
+
+
+def said(evidence: Evidence) -> str:
+    return " ".join(verdict(evidence))
+
+
+def advised(evidence: Evidence) -> list[str]:
+    return [one.code for one in next_steps(evidence, banners(evidence), sources(evidence))]
+
+
+# ---- what the model says ----
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1.234, "1.2"), (29.0, "29"), (0.43, "0.43"), (0.2, "0.20"), (1 / 29, "1/29"), (0.0, "0")]
+)
+def test_ratios_are_said_as_people_say_them(value, text):
+    assert as_ratio(value) == text
+
+
+@pytest.mark.parametrize(
+    ("ratio", "interval", "words"),
+    [
+        (1 / 29, (1 / 60, 1 / 12), "releases 1/29 of the recorded potency (95 %: 1/60 to 1/12), in"),
+        (1 / 29, (1 / 60, 1 / 12), "That is far too little potency, more than chance explains."),
+        (0.5, (0.3, 0.9), "That is too little potency, more than chance explains."),
+        (4.0, (1.5, np.inf), "releases 4.0 times the recorded potency (95 %: 1.5 or more), in"),
+        (4.0, (1.5, np.inf), "That is far too much potency, more than chance explains."),
+        (1.2, (0.7, 2.1), "releases 1.2 times the recorded potency (95 %: 0.70 to 2.1), in"),
+        (1.2, (0.7, 2.1), "Chance can explain both differences."),
+    ],
+)
+def test_the_ratio_of_potencies_is_a_sentence_and_a_judgement(known, ratio, interval, words):
+    one = compared(
+        known, potency_ratio=ratio, potency_ratio_interval=interval, event_ratio=1.0, event_ratio_interval=(0.5, 2.0)
+    )
+    assert words in verdict(one)[0]
+    assert verdict(one)[0].startswith("The model releases ")
+    assert verdict(compared(one, model_runs=9))[0].startswith("The mean of 9 runs of the model releases ")
+
+
+def test_number_is_judged_apart_from_potency(known):
+    one = compared(known, potency_ratio_interval=(0.5, 2.0), event_ratio=0.1, event_ratio_interval=(0.05, 0.3))
+    text = verdict(one)[0]
+    assert "in 1/10 of the recorded number of events (95 %: 1/20 to 0.30). " in text
+    assert text.endswith("Chance can explain the difference in potency, but not that in number.")
+
+
+@pytest.mark.parametrize(
+    ("nearest", "error", "words"),
+    [
+        ((5.0, 4.0, 3.0), 10.0, "It places events 5.0 m from where they were recorded (median distance to the "
+         "nearest), which is within the 10 m to which recorded places are known."),
+        ((4.0, 15.0, 20.0), 10.0, "no farther than recorded events are from each other (20 m)."),
+        ((15.0, 4.0, 8.0), 10.0, "while recorded places are known to 10 m: it misses the places."),
+        ((15.0, 4.0, np.nan), 0.0, "while recorded places have no stated error: it misses the places."),
+    ],
+)  # fmt: skip
+def test_places_are_judged_by_what_the_record_can_tell(known, nearest, error, words):
+    """The larger of both medians counts: a model with events everywhere is near every recorded one."""
+    assert words in said(compared(known, nearest_distance=nearest, location_error=error))
+
+
+def test_chance_of_places_and_directions_is_said_once_it_is_known(known):
+    """A model that ran once cannot say; then what the p-value and the interval say."""
+    alone = verdict(known)[-1]
+    assert "whether places and directions agree by more than chance" in alone
+    interval = known.comparison["kagan_median_interval"].values.copy()
+    interval[1] = 40.0, 60.0  # of the nearest
+    median = known.comparison["kagan_median"].values.copy()
+    median[[1, 3]] = 50.0, 75.0
+    tested = compared(known, energy_p_value=0.3, kagan_median_interval=interval, kagan_median=median)
+    assert "The two clouds of events differ by no more than chance explains." in said(tested)
+    assert "recorded event by" not in said(tested)
+    assert "differs by 50° from that of the nearest recorded event (median; 75° at random), which is better" in said(
+        tested
+    )
+    assert "whether places" not in said(tested)
+    median[3] = 55.0
+    worse = compared(tested, kagan_median=median, energy_p_value=0.01)
+    assert "(median; 55° at random), which is no better than chance." in said(worse)
+    assert "differ by more than chance explains." in said(worse)
+
+
+def test_a_record_without_mechanisms_says_nothing_of_directions(known):
+    record = known.record.copy(deep=True)
+    record["p_axis"][:] = np.nan
+    text = said(replace(compared(known, axes_present=0), record=record))
+    assert "in which direction rock moved (the record has no mechanisms)" in text
+    assert "nearest recorded event" not in text
+    assert "mechanisms" not in said(compared(known, axes_present=0))  # it has some, too few to compare
+
+
+def test_without_a_record_nothing_is_checked(known):
+    one = replace(known, record=None, comparison=None)
+    first, *others = verdict(one)
+    assert first == "There is no record: nothing here is checked against events that happened."
+    assert "of the potency is nearest to stope_2." in others[0]
+    assert advised(one)[0] == "record"
+
+
+@pytest.mark.parametrize(
+    ("counts", "p_value", "words"),
+    [
+        ((12, 0), 0.001, "The model makes events where the record has none, which is more than chance explains."),
+        ((2, 0), 0.4, "The model makes events where the record has none, which is no more than chance explains."),
+        ((0, 9), 0.001, "The record has events where the model makes none, which is more than chance explains."),
+        (
+            (0, 0),
+            np.nan,
+            "Neither the model nor the record has an event of a size that counts: nothing can be compared.",
+        ),
+    ],
+)
+def test_one_catalogue_without_events(known, counts, p_value, words):
+    one = compared(known, events_above_cut=counts, event_ratio_p_value=p_value, law_model="too few events")
+    assert verdict(one)[0] == words
+    assert "snakemake calibrate" not in advised(one) or counts[1]
+
+
+def test_a_single_recorded_event_is_compared_in_potency_only(known):
+    record = known.record.isel(event=slice(0, 1))
+    catalog = known.catalog
+    one = replace(known, record=record, comparison=compare(catalog, record, {"resamplings": 99, "steps": DATED}))
+    assert "of the recorded potency" in said(one) or "times the recorded potency" in said(one)
+    assert "It places" not in said(one)
+    assert "nan" not in said(one)
+
+
+def test_mines_without_steps_dates_or_events(known):
+    """Each says so first, and what would change it; nothing is uncertain where there is nothing."""
+    nothing = dict.fromkeys(("catalog", "record", "comparison"))
+    elastic = replace(known, stages=known.stages[:1], **nothing)
+    assert verdict(elastic)[0].startswith("This scene has no mining steps")
+    assert advised(elastic)[0] == "steps"
+    undated = [stage.copy() for stage in known.stages]
+    for stage in undated:
+        stage.attrs["dated"] = 0
+    config = known.config | {"record": {"file": "record.csv"}}
+    no_dates = replace(known, stages=undated, config=config, **nothing)
+    assert verdict(no_dates)[1] == "The record is not compared, since no step of this mine has dates."
+    assert advised(no_dates) == ["steps: start, end"]
+    silent = replace(known, catalog=known.catalog.isel(event=slice(0)), record=None, comparison=None)
+    assert verdict(silent)[0].startswith("The model made no events in its 2 dated steps")
+    assert "insitu_stress, materials" in advised(silent)
+    for one in (elastic, no_dates, silent):
+        assert sources(one) == []
+
+
+# ---- the largest event ----
+
+
+def test_the_largest_of_a_power_law_is_that_of_drawn_catalogues():
+    """Quantiles of 20,000 catalogues of 50 events, b = 0.8 above 10^-2 m3; the median in closed form for one event."""
+    generator = np.random.default_rng(0)
+    drawn = (-2 - np.log10(generator.random((20000, 50))) / 0.8).max(axis=1)
+    shares = [0.025, 0.5, 0.975]
+    np.testing.assert_allclose(largest_of(50, 0.8, -2.0, shares), np.quantile(drawn, shares), atol=0.06)
+    assert largest_of(1, 0.5, -1.0, 0.5) == pytest.approx(-1.0 + np.log10(2.0) / 0.5)
+
+
+def test_the_range_of_the_largest_is_of_the_law_or_of_the_runs(known):
+    law = compared(known, law_model="power law", b=[0.8, 0.8], cut=-2.0, events_above_cut=[50, 40])
+    bounds, _ = expected_range(law)
+    np.testing.assert_allclose(bounds, largest_of(50, 0.8, -2.0, [0.025, 0.975]))
+    low, high = moment_magnitude(fixtures.SHEAR * 10.0**bounds)
+    words = f"If sizes have no upper end, chance alone (95 %) puts the largest event at Mw {low:.1f} to {high:.1f}."
+    assert words.replace("-", "−") in said(law)
+    assert expected_range(compared(known, law_model="truncated power law")) is None
+    edges = np.array([-3.0, -2.9, -2.8])
+    counts = np.array([[9, 4, 0], [9, 4, 1], [3, 1, 0], [8, 0, 0]])
+    runs = xr.Dataset({"size_bin_lower": ("size_bin", edges), "cumulative": (("run", "size_bin"), counts)})
+    bounds, words = expected_range(replace(law, spread=runs.assign_attrs(members=3)))
+    np.testing.assert_allclose(bounds, [-2.95, -2.75])
+    assert words == "In 4 equally valid runs the largest event has"
+    assert expected_range(replace(law, spread=runs.assign_attrs(members=2)))[1] != words
+
+
+# ---- what makes it uncertain ----
+
+
+def convergence(evidence: Evidence, own: float, coarse: float) -> Evidence:
+    """A second run on cells of twice the size, of this potency (m3)."""
+    potency, error = np.array([[own], [coarse]]), share_off(np.array([own]), np.array([coarse]))
+    table = {name: (("cell", "period"), potency) for name in ("potency", "failed_volume")}
+    table |= {f"{name}_error": ("period", error) for name in ("potency", "failed_volume")}
+    return replace(evidence, grid_convergence=xr.Dataset(table, {"cell": [4.0, 8.0], "period": ["all"]}))
+
+
+def ensemble(evidence: Evidence, mean: float, deviation: float, members: int = 8) -> Evidence:
+    statistics = np.array([[mean, deviation, 0.0, 0.0]])
+    runs = xr.Dataset({"potency_statistics": (("period", "statistic"), statistics)}, {"period": ["all"]})
+    return replace(evidence, spread=runs.assign_attrs(members=members))
+
+
+def by_name(evidence: Evidence) -> dict:
+    return {one.name: one for one in sources(evidence)}
+
+
+def test_sources_stand_by_size_and_those_not_measured_last(known):
+    """Record: 3 of 1 and 0.5; cells 1.25 (5 - 4) / 5; chance 2 x 0.2; increments 12 % as the steps have it."""
+    one = compared(
+        ensemble(convergence(known, 5.0, 4.0), 10.0, 2.0), potency_rate=[1.0, 1.0], potency_rate_interval=(0.5, 3.0)
+    )
+    found = sources(one)
+    assert [source.name for source in found] == [
+        "The record", "Chance in the model", "Cells", "Increments of mining", "Rock properties and stress",
+    ]  # fmt: skip
+    assert [source.factor for source in found] == pytest.approx([3.0, 1.4, 1.25, 1.12, np.nan], nan_ok=True)
+    assert "within a factor of 1.4 between 8 equally valid runs" in found[1].text
+    assert "from a second run on cells of 8 m in place of 4 m" in found[2].text
+    bare = sources(replace(known, record=None, comparison=None))
+    assert [source.name for source in bare] == [
+        "Increments of mining", "Cells", "Chance in the model", "Rock properties and stress",
+    ]  # fmt: skip
+    assert all(source.text.startswith("not measured") for source in bare[1:3])
+
+
+def test_a_change_too_large_for_a_factor_stands_first_and_forbids_the_numbers(known):
+    one = convergence(known, 5.0, 1.0)
+    first = sources(one)[0]
+    assert (first.name, first.factor) == ("Cells", np.inf)
+    worst = banners(one)[0]
+    assert worst.invalid
+    assert worst.brief == "cells of 4 m are too large to say how far potency would still change"
+    assert "Do not use these numbers before grid.finest_cell is halved." in worst.text
+    assert advised(one)[0] == "grid.finest_cell: 2 m"
+
+
+def test_a_change_below_the_least_is_not_called_smaller(known):
+    assert "at most, which is the least that two runs can tell" in by_name(convergence(known, 5.0, 5.0))["Cells"].text
+
+
+def test_too_few_members_measure_no_chance(known):
+    source = by_name(ensemble(known, 10.0, 2.0, members=2))["Chance in the model"]
+    assert np.isnan(source.factor)
+    assert source.advice.code == "ensemble: 8"
+
+
+def test_events_that_increments_shape_are_named(known):
+    catalog = known.catalog.assign_attrs(at_once_share=0.3)
+    assert (
+        "30 % of the potency is in events that their size shapes"
+        in by_name(replace(known, catalog=catalog))["Increments of mining"].text
+    )
+    assert "shapes" not in by_name(known)["Increments of mining"].text
+
+
+def test_increments_are_made_smaller_by_the_key_that_sets_them(known):
+    codes = {
+        by_name(replace(known, config=known.config | {"solver": solver}))["Increments of mining"].advice.code
+        for solver in ({"increments": 4}, {"increments": 0, "max_overshoot": 0.2})
+    }
+    assert codes == {"solver.increments: 8", "solver.max_overshoot: 0.1"}
+
+
+# ---- what to do next ----
+
+
+def test_what_is_wrong_is_mended_first_and_at_most_three_are_told(known):
+    draft = Banner("draft", "", "this is a draft", Advice("Compute the mine without", "accuracy: draft"), invalid=True)
+    found = next_steps(known, [draft], sources(known))
+    assert [one.code for one in found] == ["accuracy: draft", "grid_convergence: true", "ensemble: 8"]
+    assert len(found) == MAX_NEXT
+
+
+def test_a_potency_that_is_off_is_calibrated(known):
+    off = compared(known, potency_ratio=0.1, potency_ratio_interval=(0.05, 0.5))
+    first = next_steps(off, [], sources(off))[0]
+    assert (first.code, "calibration:" in first.text) == ("snakemake calibrate", True)
+    named = replace(off, config=off.config | {"calibration": {"quantities": [{"key": "a"}]}})
+    assert "calibration" not in next_steps(named, [], sources(named))[0].text
+    fits = compared(known, potency_ratio_interval=(0.5, 2.0), event_ratio_interval=(0.5, 2.0))
+    assert "snakemake calibrate" not in advised(fits)
+
+
+def test_where_all_is_measured_the_largest_is_made_smaller_and_plans_follow(known):
+    measured = ensemble(convergence(known, 5.0, 4.0), 10.0, 0.5)
+    measured = compared(measured, potency_ratio_interval=(0.5, 2.0), event_ratio_interval=(0.5, 2.0))
+    assert advised(measured) == ["grid.finest_cell: 2 m", "excavations.stope_9.step"]
+    levels = replace(measured, config=measured.config | {"grid": {"coarse_cell": "16 m", "levels": 3}})
+    assert advised(levels)[0] == "grid.levels: 4"
+    unlocated = replace(measured, record=measured.record.assign_attrs(location_error=0.0))
+    assert advised(unlocated)[1] == "record.location_error"
+
+
+def test_a_twin_is_to_be_replaced_by_what_was_measured(known):
+    twin = replace(known, record=known.record.assign_attrs(kind="twin"))
+    assert "record" in advised(twin)
+    assert "record" not in advised(known)
+
+
+# ---- warnings ----
+
+
+def test_every_warning_of_the_first_page_is_short_and_has_a_remedy(known):
+    """All that can be wrong, at once."""
+    grid = known.grid.copy()
+    solid = np.array(json.loads(grid.attrs["excavation_volume"]))
+    grid.attrs |= {
+        "excavation_volume_grid": json.dumps((1.3 * solid).tolist()),
+        "excavation_whole_share": json.dumps([0.1] * 4),
+        "excavation_open_share": json.dumps([0.2] * 4),
+    }
+    stages = [stage.copy() for stage in known.stages]
+    stages[-1].attrs |= {
+        "truncated": 1, "truncated_share": 0.6, "loose_pieces": 2, "loose_volume": 99.0, "loose_where": "x",
+        "boundary_failed_faces": "z_lower", "boundary_failed_volume": 8.0,
+    }  # fmt: skip
+    config = known.config | {"accuracy": "draft"}
+    wrong = replace(convergence(known, 5.0, 1.0), grid=grid, stages=stages, config=config)
+    brief = [one for one in banners(wrong) if one.brief]
+    assert len(brief) == 8
+    assert [one.invalid for one in brief] == sorted((one.invalid for one in brief), reverse=True)
+    assert sum(one.invalid for one in brief) == 3  # a draft, cells too large, most rock too coarse to fail
+    for one in brief:
+        assert len(one.brief) < 100, one.brief
+        assert one.mend is not None, one.brief
+        assert not one.brief[0].isupper(), one.brief
+        assert not one.brief.endswith("."), one.brief
+    assert not [one for one in banners(known) if one.brief]
