@@ -28,6 +28,7 @@ CHATTER = (
     "Complete log",
     "Elapsed time",
     "Shutting down",
+    "Cleaning up SLURM log files",
     "Restored previous version",
     "Cannot restore ",  # a result that failed had no earlier version
     "Removing output files of failed job",  # the stage has said why it failed
