@@ -52,7 +52,8 @@ MinJobAge=86400
 SlurmdTimeout=10
 KillWait=5
 ReturnToService=2
-JobRequeue=1
+# A job of a dead node is run again only if it asked for that.
+JobRequeue=0
 """
 
 

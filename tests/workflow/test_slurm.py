@@ -73,6 +73,11 @@ def job_of(cluster: Cluster, trial: str) -> dict[str, str]:
     return found[-1] if found else {}
 
 
+def trial_on(cluster: Cluster, node: str) -> str:
+    """The trial whose job a node runs; empty if there is none."""
+    return next((trial for trial in TRIALS if job_of(cluster, trial).get("node") == node), "")
+
+
 def is_at_work(folder: Path, trial: str) -> bool:
     """Whether a trial has begun to solve its steps."""
     log = folder / f"logs/tiny/calibration/own/{trial}.log"
@@ -83,17 +88,15 @@ def test_trials_of_a_dead_node_are_run_on_the_other_to_the_same_bytes(cluster, m
     """One trial on each node. The second node dies in the middle of its trial, and stays dead."""
     folder = mine_file.parent / "node"
     run = submit(cluster, mine_file, folder)
-    place = cluster.await_(
-        lambda: {job_of(cluster, trial).get("node"): trial for trial in TRIALS}.get(NODES[1]), "jobs"
-    )
-    cluster.await_(lambda: is_at_work(folder, place), f"trial {place}")
-    before = job_of(cluster, place)
+    killed = cluster.await_(lambda: trial_on(cluster, NODES[1]), "a job on the second node")
+    cluster.await_(lambda: is_at_work(folder, killed), f"trial {killed}")
+    before = job_of(cluster, killed)
     cluster.kill_node(NODES[1])
     assert before["state"] == "RUNNING"
-    assert not (folder / f"results/tiny/calibration/own/{place}.nc").exists()
+    assert not (folder / f"results/tiny/calibration/own/{killed}.nc").exists()
     status, text = finished(run)
     assert status == 0, text
-    assert job_of(cluster, place) == before | {"node": NODES[0], "state": "COMPLETED"}
+    assert job_of(cluster, killed) == before | {"node": NODES[0], "state": "COMPLETED"}
     assert "Restarts=1" in cluster.ask("scontrol", "show", "job", before["number"])
     found = hashes(folder / "results", COMPARED)
     assert set(TARGETS) <= {f"results/{path}" for path in found}
@@ -101,7 +104,7 @@ def test_trials_of_a_dead_node_are_run_on_the_other_to_the_same_bytes(cluster, m
 
 
 def test_snakemake_that_was_killed_goes_on_and_repeats_nothing(cluster, mine_file, local):
-    """One trial is finished, one at work. Its job is cancelled by the run's name; then --unlock, and the same command."""
+    """One trial is finished, one at work. Its job is cancelled by its run; then --unlock, and the same command."""
     folder = mine_file.parent / "snakemake"
     shutil.copytree(local, folder)
     (folder / TARGETS[1]).unlink()
