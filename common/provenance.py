@@ -19,6 +19,7 @@ from pathlib import Path
 
 import netCDF4
 
+from common.kernel_files import name_kernel_files
 from common.sources import ROOT, source_hash
 
 PACKAGES = ("numpy", "numba", "scipy", "scikit-learn", "xarray", "netCDF4", "obspy")
@@ -155,6 +156,7 @@ def use_numba_cache() -> None:
     Only files that mention numba count: constants of kernels belong there too. The folder is in the checkout or, where
     nothing can be written there, in the user's cache.
     """
+    name_kernel_files()
     if "NUMBA_CACHE_DIR" in os.environ:
         return
     digest = hashlib.sha256()

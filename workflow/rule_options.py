@@ -20,8 +20,17 @@ def kept(path: str):
     return update(path)
 
 
+def each_time(megabytes: int) -> Callable[[Wildcards, int], int]:
+    """MB of a rule that asks for a round number, more each time that its job is started (RuleOptions)."""
+    return lambda wildcards, attempt: attempt * megabytes
+
+
 class RuleOptions:
-    """Options and resources of the rules of any mine."""
+    """Options and resources of the rules of any mine.
+
+    attempt: how often Snakemake has started the job. It starts it again with `retries` only, and asks for more memory
+    each time, since that may have been what was missing.
+    """
 
     def __init__(self, files: ResultFiles):
         self.files = files
@@ -58,25 +67,25 @@ class RuleOptions:
         """Threads of a stage of the mechanics."""
         return self.folders.threads(wildcards.mine)
 
-    def elastic_memory(self, wildcards: Wildcards, input: InputFiles) -> int:
+    def elastic_memory(self, wildcards: Wildcards, input: InputFiles, attempt: int) -> int:
         """MB that the elastic stage needs on the grid."""
-        return mechanics_mb(self.files.mine_of(wildcards), input.grid, elastic=True)
+        return attempt * mechanics_mb(self.files.mine_of(wildcards), input.grid, elastic=True)
 
-    def step_memory(self, wildcards: Wildcards, input: InputFiles) -> int:
+    def step_memory(self, wildcards: Wildcards, input: InputFiles, attempt: int) -> int:
         """MB that a mining step needs on the cells of the step before, and on those that it may add to them."""
-        return mechanics_mb(self.files.mine_of(wildcards), input.state, elastic=False)
+        return attempt * mechanics_mb(self.files.mine_of(wildcards), input.state, elastic=False)
 
-    def trial_memory(self, wildcards: Wildcards, input: InputFiles) -> int:
+    def trial_memory(self, wildcards: Wildcards, input: InputFiles, attempt: int) -> int:
         """MB that a trial of a calibration needs, if its cells are those of the mine."""
-        return mechanics_mb(self.files.mine, input.grid, elastic=False)
+        return attempt * mechanics_mb(self.files.mine, input.grid, elastic=False)
 
-    def baseline_memory(self, wildcards: Wildcards, input: InputFiles) -> int:
+    def baseline_memory(self, wildcards: Wildcards, input: InputFiles, attempt: int) -> int:
         """MB that a stage needs which reads all states of the mine in elastic rock."""
         grid = self.files.own(f"{ELASTIC_ROCK}/grid.nc")
-        return reading_mb(self.files.mine, grid, "baselines", input.states)
+        return attempt * reading_mb(self.files.mine, grid, "baselines", input.states)
 
-    def reading_memory(self, stage: str) -> Callable[[Wildcards, InputFiles], int]:
+    def reading_memory(self, stage: str) -> Callable[[Wildcards, InputFiles, int], int]:
         """MB that a stage needs which reads results, for those on the mine's grid."""
-        return lambda wildcards, input: reading_mb(
-            self.files.mine_of(wildcards), self.files.grid(wildcards), stage, input
+        return lambda wildcards, input, attempt: (
+            attempt * reading_mb(self.files.mine_of(wildcards), self.files.grid(wildcards), stage, input)
         )

@@ -17,7 +17,7 @@ from snakemake.iocontainers import Wildcards
 
 from common.datasets import atomic_path
 from common.errors import InputError
-from common.provenance import config_hash, files_of, identity, read_made_from
+from common.provenance import config_hash, files_of, identity, made_from, read_made_from
 from common.slices import content_hash
 from workflow.result_files import ResultFiles
 
@@ -135,6 +135,21 @@ class StageInputs:
                 if read_made_from(output) != identity(*self.sliced(wildcards.mine, made)[1:], command, results):
                     self.workflow.dag.forcefiles.add(output)
             return found
+
+        return unpack(inputs)
+
+    def named_inputs(self, command: str, output: str, values: Callable[[Wildcards], dict], **files: Paths):
+        """Inputs of a rule whose stage is none of every mine, and depends on nothing but its slice `values`.
+
+        The output is made again as in inputs_of. Snakemake keeps no note of a job on a cluster that ended while
+        Snakemake was not running, and would use its result with any values.
+        """
+
+        def inputs(wildcards: Wildcards) -> dict[str, Paths]:
+            path = output.format(**wildcards)
+            if os.path.exists(path) and read_made_from(path) != made_from(values(wildcards), command):
+                self.workflow.dag.forcefiles.add(path)
+            return files
 
         return unpack(inputs)
 

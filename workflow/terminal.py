@@ -1,7 +1,8 @@
 """Messages on the terminal while the pipeline runs: a line for each stage, progress, and Snakemake's errors.
 
 Snakemake's `quiet: all` would hide a locked folder or a missing input too, and without it a failed stage is echoed as a
-shell command. Its log file (.snakemake/log) keeps everything.
+shell command. Its log file (.snakemake/log) keeps everything. The stage of a job on a cluster writes to a file, so what
+ended the job is said here.
 """
 
 import logging
@@ -28,6 +29,7 @@ CHATTER = (
     "Complete log",
     "Elapsed time",
     "Shutting down",
+    "Cleaning up SLURM log files",
     "Restored previous version",
     "Cannot restore ",  # a result that failed had no earlier version
     "Removing output files of failed job",  # the stage has said why it failed
@@ -35,6 +37,7 @@ CHATTER = (
     "WorkflowError:\nAt least one job did not complete",
 )
 QUIET_EVENTS = ("workflow_started", "job_finished", "resources_info")
+LOOK_ELSEWHERE = "For further error details"  # of every job on a cluster
 UNFINISHED_NOTE = "Ignore corrupted or currently written metadata"  # of a job that a full disk cut off; it is run again
 NO_ROOM = re.compile(rf"\[Errno (?:{'|'.join(str(number) for number in NO_ROOM_ERRORS)})\] ([^:)\n]*)")
 REPORTED_ITSELF = ("exit status 1.", "exit status 2.", "exit status 130.")  # a stage's error; argparse's; Ctrl-C
@@ -60,6 +63,11 @@ class OneLine(logging.Filter):
             self.table_is_shown = True
         if event in QUIET_EVENTS or text.startswith(CHATTER):
             return False
+        if event == "job_error" and record.rule_msg:  # of a job on a cluster, whose stage says nothing here
+            record.event = None  # Snakemake's filter would drop it
+            reason = record.rule_msg.partition(LOOK_ELSEWHERE)[0].splitlines()[0].rstrip(".")
+            record.msg = f"{record.output[0].split(' (')[0]}: {reason}; see {' and '.join(record.log)}"
+            return True
         if full := NO_ROOM.search(text):
             said, self.full = self.full, True
             folder = re.search(r"directory (/.*)|: '(/[^'\n]*)'", text)

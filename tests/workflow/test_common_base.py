@@ -324,6 +324,21 @@ def test_terminal_drops_chatter_and_keeps_errors(message, event, shown):
     assert OneLine().filter(record(message, event)) == shown
 
 
+def test_a_job_that_a_cluster_ended_is_told_with_its_logs():
+    """Its stage cannot say so on this terminal. A stage on this machine has said it itself."""
+    one = record("Error in rule grid, jobid: 3", "job_error")
+    one.output, one.log = ["results/tiny/grid.nc (update)"], ["logs/tiny/grid.log", "slurm/19.log"]
+    one.rule_msg = "SLURM-job '19' failed, SLURM status is: 'TIMEOUT'.For further error details see the cluster's log."
+    assert OneLine().filter(one)
+    told = "results/tiny/grid.nc: SLURM-job '19' failed, SLURM status is: 'TIMEOUT'; see "
+    assert one.msg == told + "logs/tiny/grid.log and slurm/19.log"
+    assert one.event is None  # shown where rules are quiet
+    local = record("Error in rule grid, jobid: 3", "job_error")
+    local.rule_msg = None
+    assert OneLine().filter(local)
+    assert local.event is not None
+
+
 def test_the_table_of_jobs_is_told_once():
     """A dry run of Snakemake shows it twice."""
     one, table = OneLine(), record("Job stats:\njob  count", "run_info")

@@ -84,3 +84,15 @@ def test_rules_know_it_once_the_grid_stands(undisturbed, tiny_file, tmp_path, ac
     asked_for = {str(mechanics_mb(accept(TINY), state, elastic=False)) for state in states[:-1]}
     assert asked(text)["mining_step"] == asked_for  # that of the step before, whose cells it starts from
     assert asked(text)["events"] == {str(reading_mb(accept(TINY), grid, "events", [state])) for state in states[1:]}
+
+
+def test_a_job_that_is_started_again_asks_for_more(undisturbed, tiny_file):
+    """In proportion to its number of starts, if it is one that a cluster runs."""
+    once, twice = (
+        asked(snakemake(tiny_file, undisturbed[0], "-n", "-q", "host", "-F", "--attempt", number, "all", "scene")[1])
+        for number in ("1", "2")
+    )
+    constant = {rule for rule in once if once[rule] == twice[rule]} - {"all"}
+    assert constant == {"record", "catalog", "quakeml", "compare"}
+    for rule in once.keys() - constant - {"all"}:
+        assert twice[rule] == {str(2 * int(amount)) for amount in once[rule]}

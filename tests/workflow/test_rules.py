@@ -160,6 +160,24 @@ def test_a_result_of_another_configuration_is_made_again(files, tmp_path, monkey
     assert dag.forcefiles == (set() if config == "this" else {"results/tiny/events/2019-08.nc"})
 
 
+@pytest.mark.parametrize("given", ["this", "another"])
+def test_a_trial_of_other_values_is_run_again_without_a_note_of_snakemake(files, tmp_path, monkeypatch, given):
+    """As after a job that ended while Snakemake was not running."""
+    monkeypatch.chdir(tmp_path)
+    dag = SimpleNamespace(forcefiles=set())
+    workflow = SimpleNamespace(is_main_process=True, execution_settings=None, dryrun=False, dag=dag)
+    path = "results/tiny/{trial}.nc"
+    made = StageInputs(files, workflow).named_inputs(
+        "calibration trial", path, lambda cards: {"of": cards.trial}, grid="g"
+    )
+    own = cards(trial="2")
+    assert made.callable(own) == {"grid": "g"}
+    values = {"of": "2" if given == "this" else "3"}
+    empty_dataset(path.format(trial="2"), {MADE_FROM: made_from(values, "calibration trial")})
+    assert made.callable(own) == {"grid": "g"}
+    assert dag.forcefiles == (set() if given == "this" else {"results/tiny/2.nc"})
+
+
 def empty_dataset(path: str, attributes: dict) -> None:
     """A result that holds nothing."""
     write_dataset(xr.Dataset(attrs=attributes), path)

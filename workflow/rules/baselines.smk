@@ -88,7 +88,7 @@ rule baselines:
         "../envs/environment.yaml"
     threads: 1
     resources:
-        mem_mb=4000,
+        mem_mb=each_time(4000),
         runtime=60,
     params:
         code=source_hash("baselines report"),

@@ -12,8 +12,13 @@ rule trial:
     The grid of the mine itself is an input for its number of cells only, from which the memory of a trial follows.
     """
     input:
-        grid=ancient(FILES.own("grid.nc")),
-        solids=MINE.solids(),
+        STAGES.named_inputs(
+            "calibration trial",
+            f"{CALIBRATION}/{{cells}}/{{trial}}.nc",
+            lambda wildcards: TRIALS.slice_of(wildcards.trial, wildcards.cells),
+            grid=ancient(FILES.own("grid.nc")),
+            solids=MINE.solids(),
+        ),
     output:
         f"{CALIBRATION}/{{cells}}/{{trial}}.nc",
     log:

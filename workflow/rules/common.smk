@@ -22,7 +22,7 @@ from workflow.folders import COARSE, NAME, Folders
 from workflow.mining_plans import MiningPlans
 from workflow.mine_folder import check_owner, leftovers, leftovers_line, note_owner
 from workflow.result_files import ResultFiles
-from workflow.rule_options import RuleOptions, kept
+from workflow.rule_options import RuleOptions, each_time, kept
 from workflow.stage_inputs import StageInputs
 from workflow.strict_yaml import check_files
 
@@ -62,3 +62,17 @@ shell.prefix(
     f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(BASE))}; "
     f'stage() {{{{ exec {shlex.quote(sys.executable)} -m "$@"; }}}}; '
 )
+
+
+# On a cluster (profiles/slurm) these are run where Snakemake runs. Those that read events alone take seconds, less than a
+# wait in the queue. The fits of a calibration have no other record of their settings than Snakemake's, which a job that
+# ends while Snakemake is not running leaves out. Jobs are not grouped: all steps of a run would become one job, which
+# starts from its beginning after a failure.
+localrules:
+    calibrate,
+    catalog,
+    compare,
+    further,
+    quakeml,
+    record,
+    twin,

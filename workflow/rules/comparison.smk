@@ -16,7 +16,7 @@ rule scene:
         "../envs/environment.yaml"
     threads: 1
     resources:
-        mem_mb=4000,  # of some million cells
+        mem_mb=each_time(4000),  # of some million cells
         runtime=30,
     params:
         code=source_hash("catalogs scene"),
@@ -127,7 +127,7 @@ rule spread:
         "../envs/environment.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
+        mem_mb=each_time(2000),
         runtime=30,
     params:
         code=source_hash("catalogs spread"),
@@ -161,7 +161,7 @@ rule grid_convergence:
         "../envs/environment.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=each_time(1000),
         runtime=10,
     params:
         code=source_hash("catalogs grid_convergence"),

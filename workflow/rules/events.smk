@@ -84,7 +84,7 @@ rule vtk_events:
         "../envs/environment.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=each_time(1000),
         runtime=10,
     params:
         code=source_hash("catalogs vtk"),

@@ -12,7 +12,7 @@ rule grid:
         "../envs/environment.yaml"
     threads: OPTIONS.threads
     resources:
-        mem_mb=4000,  # of some million cells; how many there are is known when it is done
+        mem_mb=each_time(4000),  # of some million cells; how many there are is known when it is done
         runtime=30,
     params:
         code=source_hash("mpm_core grid"),
@@ -61,7 +61,7 @@ rule vtk_solids:
         "../envs/environment.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
+        mem_mb=each_time(2000),
         runtime=30,
     params:
         code=source_hash("mpm_core solids"),

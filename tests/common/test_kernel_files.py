@@ -1,0 +1,81 @@
+"""Kernels that processes compile at the same time keep files of their own."""
+
+import itertools
+import subprocess
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from numba.core.caching import IndexDataCacheFile
+
+from common.kernel_files import name_kernel_files
+
+ROOT = Path(__file__).parents[2]
+ACCESSES = ("_load_index", "_save_index", "_save_data")
+CHANGED = """
+import sys
+import mpm_core
+assert "numba" not in sys.modules
+from numba.core.caching import IndexDataCacheFile
+print(IndexDataCacheFile.save.__module__, end="")
+"""
+
+
+@pytest.fixture
+def files(tmp_path) -> list[IndexDataCacheFile]:
+    """The files of one kernel as two processes see them."""
+    name_kernel_files()
+    return [IndexDataCacheFile(str(tmp_path), "kernel", "stamp") for _ in range(2)]
+
+
+def save_in_order(files, keys, order) -> None:
+    """Both save a kernel for their own types; order: whose access to the disk comes next, by number."""
+    left, turn = list(order), threading.Condition()
+
+    def in_turn(number, access):
+        def wait_and_access(*arguments):
+            with turn:
+                assert turn.wait_for(lambda: left[0] == number, timeout=10.0)
+                try:
+                    return access(*arguments)
+                finally:
+                    left.pop(0)
+                    turn.notify_all()
+
+        return wait_and_access
+
+    with ThreadPoolExecutor(2) as pool:
+        for number, file in enumerate(files):
+            for name in ACCESSES:
+                setattr(file, name, in_turn(number, getattr(file, name)))
+        saved = [pool.submit(file.save, key, key) for file, key in zip(files, keys, strict=True)]
+        for one in saved:
+            one.result()
+    assert not left
+
+
+@pytest.mark.parametrize("order", sorted(set(itertools.permutations((0, 0, 0, 1, 1, 1)))))
+def test_kernels_of_two_processes_at_once_are_never_exchanged(files, order):
+    """Whichever of them reads or writes next, a kernel is then found as what it is, or not at all."""
+    keys = ("int32", "float64")
+    save_in_order(files, keys, order)
+    read = IndexDataCacheFile(files[0]._cache_path, "kernel", "stamp")
+    found = [read.load(key) for key in keys]
+    assert all(data in (key, None) for key, data in zip(keys, found, strict=True))
+    assert any(found)
+
+
+def test_a_kernel_is_found_again_and_replaced(files):
+    """In another process, and beside one for other types."""
+    one, two = files
+    for key, data in (("int32", "first"), ("float64", "other"), ("int32", "second")):
+        one.save(key, data)
+    assert (two.load("int32"), two.load("float64"), two.load("int64")) == ("second", "other", None)
+
+
+def test_numba_is_changed_as_it_is_imported():
+    """Not before: importing it takes time."""
+    done = subprocess.run([sys.executable, "-c", CHANGED], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout == "common.kernel_files", done.stderr
