@@ -114,6 +114,7 @@ def report(chosen: argparse.Namespace) -> None:
     values = read_slice(chosen.settings)
     settings = ReportSlice.of(values)
     single = ("grid", "elastic", "catalog", "record", "comparison", "spread", "closeness", "grid_convergence")
+    single += ("forecast_scores",)
     inputs = [*chosen.steps, *chosen.events, *filter(None, (getattr(chosen, name) for name in single))]
     write_report(
         config=settings.config,
@@ -130,6 +131,7 @@ def report(chosen: argparse.Namespace) -> None:
         spread=chosen.spread,
         closeness=chosen.closeness,
         grid_convergence=chosen.grid_convergence,
+        forecast_scores=chosen.forecast_scores,
         logs=chosen.logs,
         output=chosen.output,
         figures=chosen.figures,
@@ -174,7 +176,17 @@ def parser() -> CommandLine:
     made.add_argument("--cut", type=float, required=True, help="smallest log10 of potency in m3")
     made.add_argument("--seed", type=int, default=1)
     shown = stage("report", report, "grid", "output", "figures", settings=True)
-    for name in ("elastic", "catalog", "record", "comparison", "spread", "closeness", "grid-convergence", "logs"):
+    for name in (
+        "elastic",
+        "catalog",
+        "record",
+        "comparison",
+        "spread",
+        "closeness",
+        "grid-convergence",
+        "forecast-scores",
+        "logs",
+    ):
         shown.add_argument(f"--{name}", type=Path)
     for name in ("steps", "events"):
         shown.add_argument(f"--{name}", type=Path, nargs="*", default=[])

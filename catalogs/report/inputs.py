@@ -58,9 +58,8 @@ class Evidence:
     """Everything that the report shows.
 
     stages: elastic, then the steps in order, each with its convergence table and attributes only; state: what is
-    STATE_VARIABLES of the last of them; catalog, record, comparison, spread, closeness, grid_convergence: None where
-    there is none; files:
-    {path: attributes} of all read.
+    STATE_VARIABLES of the last of them; catalog, record, comparison, spread, closeness, grid_convergence,
+    forecast_scores: None where there is none; files: {path: attributes} of all read.
     """
 
     config: dict
@@ -76,6 +75,7 @@ class Evidence:
     spread: xr.Dataset | None
     closeness: xr.Dataset | None
     grid_convergence: xr.Dataset | None
+    forecast_scores: xr.Dataset | None
     files: dict[str, dict]
     resources: list[dict]
     insitu: InsituStress | None
@@ -155,6 +155,7 @@ def read_evidence(
     logs,
     excavations: Sequence[Scheduled] | None,
     insitu: InsituStress | None,
+    forecast_scores=None,
 ) -> Evidence:
     """Read the files of one mine; paths that are None do not exist in this scene. Raises InputError (unreadable)."""
     files: dict[str, dict] = {}
@@ -188,7 +189,12 @@ def read_evidence(
     found_spread = read(spread)
     members = 0 if found_spread is None else int(found_spread.attrs["members"])
     made_by = {"catalog": catalog, "quakeml": catalog, "closeness": closeness, "record": record, "compare": comparison}
-    made_by |= {"spread": spread, "grid_convergence": grid_convergence, "coarse": grid_convergence}
+    made_by |= {
+        "spread": spread,
+        "forecast_scores": forecast_scores,
+        "grid_convergence": grid_convergence,
+        "coarse": grid_convergence,
+    }
     absent = {stage for stage, path in made_by.items() if path is None}
     return Evidence(
         config=config,
@@ -204,6 +210,7 @@ def read_evidence(
         spread=found_spread,
         closeness=read(closeness),
         grid_convergence=read(grid_convergence),
+        forecast_scores=read(forecast_scores),
         files=files,
         resources=read_resources(logs, {Path(path).stem for path in steps}, absent, members),
         insitu=insitu,

@@ -54,6 +54,7 @@ def write_report(
     spread: str | os.PathLike | None = None,
     closeness: str | os.PathLike | None = None,
     grid_convergence: str | os.PathLike | None = None,
+    forecast_scores: str | os.PathLike | None = None,
     logs: str | os.PathLike | None = None,
     default: dict | None = None,
     excavations: Sequence[Scheduled] | None = None,
@@ -63,14 +64,15 @@ def write_report(
     """Write the page to `output` (atomically) and each of its figures as SVG into the folder `figures`.
 
     config: the resolved configuration as the user wrote it (units as text), default: config/default.yaml, for the marks
-    of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness, grid_convergence:
+    of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness, grid_convergence,
+    forecast_scores:
     datasets, absent stages None or empty; logs: folder of the logs of this mine's stages; excavations: when each is
     mined, if not as `config` says; insitu: the stress before mining; made_from: see common.provenance.
     Same inputs, same bytes. Raises InputError where a dataset is unreadable or is no catalogue.
     """
     evidence = read_evidence(
         config, default, grid, elastic, list(steps), list(events), catalog, record, comparison, spread, closeness,
-        grid_convergence, logs, excavations, insitu,
+        grid_convergence, logs, excavations, insitu, forecast_scores,
     )  # fmt: skip
     gallery, lines, warnings = Gallery(Path(figures)), step_lines(evidence), banners(evidence)
     with style.applied():

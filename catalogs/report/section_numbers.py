@@ -13,6 +13,7 @@ TOPICS = {  # in the page's order: topic, and its sections by id in the page wit
     "How sure": {
         "convergence": "Convergence",
         "spread": "Spread of the model",
+        "forecasts": "Forecasts and what came",
         "truncated": "Truncated zones",
         "budget": "Potency budget",
     },

@@ -1,5 +1,7 @@
 """The sections of the report: of each its figures, rows and numbers, as the template shows them."""
 
+import json
+
 import numpy as np
 
 from catalogs.comparison_settings import ComparisonSettings
@@ -48,10 +50,16 @@ def sections_of(evidence: Evidence, gallery: Gallery) -> dict:
         "events": _events(evidence, gallery),
         "sizes": _sizes(evidence, gallery),
         "spread": section_of_spread(evidence, gallery.add),
+        "forecasts": _forecasts(evidence),
         "axes": _axes(evidence, gallery),
         "balls": _balls(evidence, gallery),
         "budget": _budget(evidence),
     }
+
+
+def _forecasts(evidence: Evidence) -> list[str]:
+    """What kept forecasts said, beside what was recorded, in sentences."""
+    return [] if evidence.forecast_scores is None else json.loads(evidence.forecast_scores.attrs["sentences"])
 
 
 def _cuts(evidence: Evidence) -> list[views.View]:

@@ -1,5 +1,7 @@
 """`snakemake plans` for the tiny mine: what runs, what is shared, what stands after it."""
 
+import shutil
+
 import pytest
 import xarray as xr
 from tiny_mines import FLAT, NEXT_STEP, STILL, TINY, changed, edited, hashes, jobs, snakemake, write_mine
@@ -56,6 +58,44 @@ def test_plans_of_the_tiny_mine(spoiled, base):
     with edited(base / "files" / "tiny.yaml", other) as file:
         status, text = snakemake(file, spoiled, "--dry-run", "plans")
     assert jobs(text) == {"plan_outcome": 3, "plans": 1}
+
+
+@pytest.mark.slow
+def test_a_kept_forecast_is_scored_when_its_month_is_recorded(spoiled, base):
+    """The plan's month becomes the mine's: the report says what was forecast and what came. A forecast that is made
+    again with the longer record is none."""
+    results, files = spoiled / "results/tiny", base / "files"
+    plans = {"longer": PLANS["longer"]}
+    planned = changed(TINY, plans=plans, hazard=HAZARD)
+    with edited(files / "tiny.yaml", planned) as file:
+        status, text = snakemake(file, spoiled, "plans")
+    assert status == 0, text
+    shutil.copy(results / "plans/longer/outcome.nc", files / "said.nc")
+
+    months = [
+        f"{month}-{day:02d}T06:00:00,{40 + day % 7},{45 + day % 5},{38 + day % 9},{-2 + 0.1 * (day % 11)}"
+        for month in ("2019-08", "2019-09")
+        for day in range(1, 31)
+    ]
+    (files / "longer.csv").write_text("\n".join(["date,x,y,z,size", *months, ""]))
+    mined = changed(TINY, forecasts=["said.nc"], **{"excavations.2.step": "2019-09", "record.file": "longer.csv"})
+    mined["steps"].append(NEXT_STEP)
+    with edited(files / "tiny.yaml", mined) as file:
+        status, text = snakemake(file, spoiled)
+    assert status == 0, text
+    assert jobs(text)["forecast_scores"] == 1
+    scores = xr.open_dataset(results / "forecast_scores.nc")
+    assert dict(zip(scores.step.values, scores.status.values, strict=True))["2019-09"] == "scored"
+    assert int(scores.recorded.sel(quantity="number")[scores.step.values == "2019-09"]) > 0
+    page = (results / "report.html").read_text()
+    assert "Forecast for 2019-09 (plan longer):" in page
+    assert "No forecast was kept" not in page
+
+    with edited(files / "tiny.yaml", changed(mined, forecasts=["gone.nc"])) as file:
+        status, text = snakemake(file, spoiled, "--dry-run")
+    assert status != 0
+    assert "forecasts.0: " in text
+    assert "gone.nc: no such file" in text
 
 
 @pytest.mark.parametrize(

@@ -219,6 +219,7 @@ rule report:
             spread=FILES.own("spread.nc") if MINE.members else [],
             closeness=FILES.own("closeness.nc") if FILES.has_catalog else [],
             grid_convergence=FILES.own("grid_convergence.nc") if FILES.has_coarse else [],
+            forecast_scores=FILES.own("forecast_scores.nc") if FILES.has_forecasts else [],
         ),
     output:
         page=OPTIONS.packed(f"{RESULTS}/report.html", "report"),
@@ -242,11 +243,12 @@ rule report:
         spread=OPTIONS.if_made("spread", "spread.nc", MINE.members),
         closeness=OPTIONS.if_made("closeness", "closeness.nc", FILES.has_catalog),
         grid_convergence=OPTIONS.if_made("grid-convergence", "grid_convergence.nc", FILES.has_coarse),
+        forecast_scores=OPTIONS.if_made("forecast-scores", "forecast_scores.nc", FILES.has_forecasts),
         logs="logs/{mine}",
     shell:
         "stage catalogs report --settings {params.settings:q} --grid {input.grid} --elastic {input.elastic} --steps {input.steps}"
         " --events {input.events} {params.catalog} {params.record} {params.comparison} {params.spread} {params.closeness}"
-        " {params.grid_convergence}"
+        " {params.grid_convergence} {params.forecast_scores}"
         " --logs {params.logs} --output {output.page} --figures {output.figures} --log {log}"
 
 
