@@ -99,10 +99,15 @@ def _rock(draws: NDArray, own: float, recorded: RecordedNumbers | None) -> tuple
 
 
 def step_ratios(recorded: RecordedNumbers) -> tuple[NDArray, NDArray]:
-    """ln of recorded over modelled number of each step (step,), and its variance by chance; half an event more each."""
-    runs = len(recorded.modelled)
+    """ln of recorded over modelled number of each step (step,), and its variance by chance; half an event more each.
+
+    The variance is that of the number which the ratio of all steps makes expected: by its own number, a step with few
+    events would count less because they are few.
+    """
     number, modelled = recorded.recorded + 0.5, recorded.modelled.sum(axis=0) + 0.5
-    return np.log(number / (modelled / runs)), recorded.clustering / number + 1.0 / modelled
+    mean = modelled / len(recorded.modelled)
+    expected = mean * number.sum() / mean.sum()
+    return np.log(number / mean), recorded.clustering / expected + 1.0 / modelled
 
 
 def draw_ratio(

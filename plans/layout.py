@@ -16,8 +16,9 @@ are not ahead.
 Attributes: mine, plan, floor and shared_floor (log10 m3), shear_modulus (Pa), recorded_until (ISO; time of the last
 recorded event; empty without a record), steps_ahead (JSON), contains and lacks (JSON: what the intervals contain and
 lack), law_source ("record" | "model" | "none"), law_events, law_b, law_bound (log10 m3; medians), law_b_interval,
-law_bound_interval, number_dispersion (variance of the number of one month, say, over its mean), config_hash,
-source_hash, made_from, versions. law_text and ratio_text are sentences for the reader.
+law_bound_interval, runs (the plan's own and its
+members), number_dispersion (variance over mean of the number that a step is forecast with), config_hash,
+source_hash, made_from, versions. ratio_text is a sentence for the reader.
 """
 
 import os

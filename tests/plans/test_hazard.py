@@ -6,7 +6,7 @@ from scipy.stats import kstest, nbinom, poisson
 
 from catalogs.jackknife import INTERVAL_95
 from catalogs.sizes import LN10, estimate_b
-from plans.factors import Factors, draw_ratio, step_ratios
+from plans.factors import STEP_SCATTER, Factors, draw_ratio, step_ratios
 from plans.hazard import chance_of, chances, dispersion, draw_expected, draw_numbers
 from plans.record import RecordedNumbers
 from plans.truncated_law import TruncatedLaw, find_law
@@ -190,19 +190,19 @@ def recorded_numbers(generator, steps: int, modelled: float, ratio: float, scatt
     return RecordedNumbers(recorded, made, np.empty((0, steps)), clustering, nothing, 0.0, 1.0), own[-1]
 
 
-@pytest.mark.parametrize(("scatter", "clustering"), [(0.2, 1.0), (0.5, 1.0), (0.5, 4.0)])
+@pytest.mark.parametrize("clustering", [1.0, 4.0])
 @pytest.mark.parametrize("steps", [1, 3, 8])
-def test_the_factor_of_one_more_step_is_held_by_its_interval(steps, scatter, clustering):
-    """400 records of a known ratio: 0.93 less three standard errors, 0.038. A scatter that one step says nothing of
-    is that of the prior."""
+def test_the_factor_of_one_more_step_is_held_by_its_interval(steps, clustering):
+    """600 records of a known ratio, whose steps scatter as the prior has it: 0.93 less three standard errors, 0.031."""
     generator = np.random.default_rng(6)
     held = []
-    for _ in range(400):
+    for _ in range(600):
+        scatter = abs(STEP_SCATTER * generator.normal())
         numbers, truth = recorded_numbers(generator, steps, 40.0, 0.6, scatter, clustering)
         common, tau = draw_ratio(*step_ratios(numbers), 800, generator)
         low, high = np.quantile(common + tau * generator.normal(size=800), INTERVAL_95)
         held.append(low <= truth <= high)
-    assert np.mean(held) >= 0.93 - 0.038
+    assert np.mean(held) >= 0.93 - 0.031
 
 
 def test_many_equal_steps_leave_the_chance_of_the_counts():
