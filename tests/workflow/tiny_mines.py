@@ -40,6 +40,9 @@ STAGES = {
     "compare",
     "spread",
     "grid_convergence",
+    "plan_outcome",
+    "plans",
+    "forecast_scores",
     "report",
     "all",
 }
