@@ -4,6 +4,7 @@ snakemake --cores all                                              the demo mine
 snakemake --cores all --configfile config/mines/elk_creek.yaml     another mine (a target stands before --configfile)
 snakemake --cores all calibrate                                    the demo's rock, calibrated to its record
 snakemake --cores all baselines                                    events from elastic stress alone, beside its record
+snakemake --cores all plans                                        its mining plans side by side
 snakemake --cores all verification                                 every scene that has a known answer
 snakemake --cores all benchmarks                                   speed, beside other codes
 snakemake --cores all extremes                                     random scenes at the extremes
@@ -26,6 +27,7 @@ include: "workflow/rules/events.smk"
 include: "workflow/rules/comparison.smk"
 include: "workflow/rules/calibration.smk"
 include: "workflow/rules/baselines.smk"
+include: "workflow/rules/plans.smk"
 
 
 onstart:

@@ -78,6 +78,16 @@ def with_values(text: dict, quantities: Sequence[CalibratedQuantity], shares: It
     return changed
 
 
+def copied_values(text: dict, source: dict, quantities: Sequence[CalibratedQuantity]) -> dict:
+    """A copy of a mine's configuration with the quantities as another one has them. Raises InputError where either
+    lacks a key."""
+    changed = copy.deepcopy(text)
+    for number, quantity in enumerate(quantities):
+        where = f"calibration.quantities[{number}].key"
+        _Key(changed, quantity.key, where).write(_Key(source, quantity.key, where).value)
+    return changed
+
+
 def given_share(text: dict, quantity: CalibratedQuantity, where: str) -> float:
     """What the configuration itself has of a quantity, as a share of its range. Raises InputError as `with_values`."""
     written = _Key(text, quantity.key, f"{where}.key").value

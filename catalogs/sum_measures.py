@@ -39,13 +39,13 @@ def sum_measures(
     runs = runs if len(runs) >= MIN_RUNS_FOR_VARIANCE else runs[:1]
 
     ones = [np.ones_like(values) for values in potency]
-    counted = total_ratio(_model(runs, np.ones_like, 1.0), Total(number[1], clustering))
+    counted = total_ratio(_of_runs(runs, np.ones_like, 1.0), Total(number[1], clustering))
     # of all runs and the record: the few events of one say little of the scale of its sizes
     every = np.concatenate([*runs, potency[1]])
     scale = float(np.sum(every**2) / every.sum()) if every.size else np.nan
     own = max(scale, float(np.sum(potency[1] ** 2)) / summed[1]) if summed[1] else scale
     by_clusters = potency_clustering(potency[1], clustering)
-    released = total_ratio(_model(runs, np.asarray, scale), Total(summed[1], own * by_clusters))
+    released = total_ratio(_of_runs(runs, np.asarray, scale), Total(summed[1], own * by_clusters))
     intervals = [total_interval(ones[1], clustering, 1.0), total_interval(potency[1], by_clusters)]
     days = exposure.days
     variables = {
@@ -92,16 +92,24 @@ def _counted(member: xr.Dataset, cut: float, exposure: Exposure) -> NDArray:
     return potency[kept & (log_potency(potency) >= cut)]
 
 
-def _model(runs: list[NDArray], weight, scale: float) -> Total:
-    """Mean total of the runs, each weight(potency) summed, and its scale: from their variance, or, of one run, as of
-    independent events: `scale`, or that of its own events if it is larger."""
-    sums = np.array([float(weight(run).sum()) for run in runs])
+def _of_runs(runs: list[NDArray], weight, scale: float) -> Total:
+    """Mean total of the runs, each weight(potency) summed; scale: as in `mean_total`."""
+    sums, squares = ([float((weight(run) ** power).sum()) for run in runs] for power in (1, 2))
+    return mean_total(np.array(sums), np.array(squares), scale)
+
+
+def mean_total(sums: NDArray, squares: NDArray, scale: float) -> Total:
+    """Mean of sums over events (run,), and its scale: from their variance if there are MIN_RUNS_FOR_VARIANCE runs, else
+    as of independent events: `scale`, or that of their own if it is larger.
+
+    squares (run,): sums of the squares of what is summed.
+    """
     mean = sums.mean()
-    if len(runs) == 1 or not mean:
-        own = float(np.sum(weight(runs[0]) ** 2)) / mean if mean else 0.0
-        return Total(mean, max(scale, own))
-    stretch = t.ppf(INTERVAL_95[1], len(runs) - 1) / norm.ppf(INTERVAL_95[1])
-    return Total(mean, max(stretch**2 * sums.var(ddof=1) / len(runs) / mean, MIN_SCALE_SHARE * mean))
+    if len(sums) < MIN_RUNS_FOR_VARIANCE or not mean:
+        own = float(squares.sum() / sums.sum()) if mean else 0.0
+        return Total(mean, max(scale, own) / len(sums))
+    stretch = t.ppf(INTERVAL_95[1], len(sums) - 1) / norm.ppf(INTERVAL_95[1])
+    return Total(mean, max(stretch**2 * sums.var(ddof=1) / len(sums) / mean, MIN_SCALE_SHARE * mean))
 
 
 def _text(potency, runs, interval, counted, clustering: float, days: float) -> str:

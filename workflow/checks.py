@@ -1,5 +1,6 @@
 """Checks of a mine that the schema cannot express: order of steps, names, the domain, the virgin stress."""
 
+import difflib
 import math
 from collections.abc import Callable, Iterator, Sequence
 
@@ -15,7 +16,7 @@ from workflow.dates import is_date, read_date
 from workflow.derived_domain import complete, largest_cell_name
 from workflow.key_order import key_in, parts_of, section_of
 from workflow.mine import Mine, in_voigt_order
-from workflow.mine_settings import BoundaryStrain, Excavation, Load, MineSettings, RockBody
+from workflow.mine_settings import MINE_FILE_PLAN, BoundaryStrain, Excavation, Load, MineSettings, RockBody
 from workflow.record_checks import check_filter, check_frame, check_record
 from workflow.shapes import check_form, check_place, check_repeated
 
@@ -68,6 +69,8 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(check_record, "record", "frame")
     check(check_filter, "record", "domain", "plane")
     check(check_repeated, "excavations", "steps")
+    check(_check_plans, "plans", "excavations", "steps")
+    check(_check_forecasts, "forecasts", "record", "steps")
     check(_check_solver, "solver", "grid", "materials")
     check(_check_ensemble, "ensemble", "steps", "materials", "rock_bodies", "solver", "accuracy")
     check(_check_compression, "insitu_stress", "domain", "frame", "plane")
@@ -125,6 +128,44 @@ def _check_step(mine: Mine, index: int) -> None:
     ends = [earlier.end for earlier in mine.steps[:index] if earlier.end is not None]
     if ends and is_date(ends[-1]) and start < read_date(where, ends[-1]):
         raise InputError(f"{where}.start: {step.start} is before the end of the step before, {ends[-1]}")
+
+
+def _check_plans(mine: Mine, mistakes: Mistakes) -> None:
+    """Names of plans, and of the excavations that they change. What a plan becomes is checked when it is asked for."""
+    seen: list[str] = []
+    written = [str(entry.get("name")) for entry in mine.text.get("excavations", ())]
+    for name, plan in mine.settings.plans.items():
+        where = f"plans.{name}"
+        with mistakes.gather():
+            if name.lower() == MINE_FILE_PLAN:
+                raise InputError(
+                    f"{where}: this is what the plan of the mine file itself is called; choose another name"
+                )
+            if name.lower() in seen:
+                raise InputError(
+                    f"{where}: differs from another plan in capitals alone, which are the same folder on some disks"
+                )
+        seen.append(name.lower())
+        for excavation in plan.excavations or {}:
+            with mistakes.gather():
+                if excavation not in written:
+                    near = difflib.get_close_matches(excavation, written, n=1)
+                    meant = f"did you mean {near[0]}?" if near else "write it there first, with step: planned"
+                    raise InputError(f"{where}.excavations.{excavation}: no excavation of the mine file; {meant}")
+        with mistakes.gather():
+            if plan.file is not None and not mine.path(plan.file).is_file():
+                raise InputError(f"{where}.file: {mine.path(plan.file)}: no such file")
+
+
+def _check_forecasts(mine: Mine, mistakes: Mistakes) -> None:
+    """Kept forecasts that are there, of a mine whose record can score them."""
+    forecasts = mine.settings.forecasts
+    if forecasts and (mine.settings.record is None or not mine.dated_steps):
+        raise InputError("forecasts: there is no record to score them by; give one, or leave them out")
+    for number, name in enumerate(forecasts):
+        with mistakes.gather():
+            if not mine.path(name).is_file():
+                raise InputError(f"forecasts.{number}: {mine.path(name)}: no such file")
 
 
 def _solids(mine: Mine) -> Iterator[tuple[str, ShapeSettings]]:

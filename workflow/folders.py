@@ -1,6 +1,7 @@
-"""The mine of a folder of results: the run's own mine, its coarse companion, it in elastic rock, or a member.
+"""The mine of a folder of results: the run's own mine or one of its plans, and which run of it.
 
-The verification adds mines of its own (`Folders.add`): the variants of its studies.
+A run is the mine's own, its coarse companion, it in elastic rock, a member of its ensemble, or one in rock that a
+calibration has drawn. The verification adds mines of its own (`Folders.add`): the variants of its studies.
 """
 
 import functools
@@ -8,12 +9,17 @@ import re
 from typing import Protocol
 
 from workflow.mine import Mine
+from workflow.mine_settings import MINE_FILE_PLAN
+from workflow.mining_plans import MiningPlans
 
 NAME = "[A-Za-z0-9][A-Za-z0-9_-]*"
 ENSEMBLE = "ensemble"  # folder of the perturbed members, by number
 COARSE = "coarse"  # folder of the companion on cells of twice the size
 ELASTIC_ROCK = "elastic_rock"  # folder of the same mine in rock that does not fail, for its baselines
+PLANS = "plans"  # folder of the mine's other plans, by name
+DRAWN_ROCK = "drawn_rock"  # folder of the same mine in rock drawn from the posterior of its calibration, by number
 ALL_CORES = 64
+RUNS = f"{ENSEMBLE}/[1-9][0-9]*|{COARSE}|{ELASTIC_ROCK}|{DRAWN_ROCK}/[1-9][0-9]*"
 
 
 class OtherMines(Protocol):
@@ -31,10 +37,12 @@ class OtherMines(Protocol):
 class Folders:
     """Folders below results, and the mine that each one is of."""
 
-    def __init__(self, mine: Mine):
+    def __init__(self, mine: Mine, plans: MiningPlans | None = None):
         self.mine = mine
+        self.plans = plans
         self.others: OtherMines | None = None
         self.mine_at = functools.cache(self._mine_at)
+        self.home = functools.cache(self._home)
 
     def add(self, others: OtherMines) -> None:
         """Add the folders of other mines."""
@@ -44,35 +52,83 @@ class Folders:
     def places(self) -> str:
         """Regular expression of the folders of whole mines."""
         own = re.escape(self.mine.name)
-        return f"{own}|{self.others.pattern}" if self.others else own
+        plans = f"(?:/{PLANS}/(?:{'|'.join(self.plans.others)}))?" if self.plans and self.plans.others else ""
+        return f"{own}{plans}|{self.others.pattern}" if self.others else f"{own}{plans}"
 
     @property
     def pattern(self) -> str:
         """Regular expression of the wildcard `mine`: a mine's folder, or that of one of its other runs."""
-        return f"({self.places})(/{ENSEMBLE}/[1-9][0-9]*|/{COARSE}|/{ELASTIC_ROCK})?"
+        return f"({self.places})(/(?:{RUNS}))?"
 
     def parts(self, folder: str) -> tuple[str, str]:
-        """Folder of the whole mine, and which run is meant: ensemble/<number>, coarse, elastic_rock, or "": its own."""
-        found = re.fullmatch(f"({self.places})/?({ENSEMBLE}/[0-9]+|{COARSE}|{ELASTIC_ROCK}|)", folder)
+        """Folder of the whole mine, and which run is meant: ensemble/<number>, coarse, elastic_rock,
+        drawn_rock/<number>, or "": its own."""
+        found = re.fullmatch(f"({self.places})/?({RUNS}|)", folder)
         assert found, f"{folder} is no folder of a mine"  # the wildcard `mine` matches no other
         return found[1], found[2]
+
+    def plan_of(self, place: str) -> str:
+        """Name of the plan whose folder this is; of a mine that was added the empty text."""
+        if place == self.mine.name:
+            return MINE_FILE_PLAN
+        return (
+            place.removeprefix(f"{self.mine.name}/{PLANS}/") if place.startswith(f"{self.mine.name}/{PLANS}/") else ""
+        )
+
+    def place_of(self, plan: str) -> str:
+        """Folder of a plan below results."""
+        return self.mine.name if plan == MINE_FILE_PLAN else f"{self.mine.name}/{PLANS}/{plan}"
 
     def _mine_at(self, folder: str) -> Mine:
         """Configuration behind results/<folder>."""
         place, part = self.parts(folder)
-        mine = self.mine if self.others is None or place == self.mine.name else self.others.mine_at(place)
-        if part == COARSE:
+        plan, kind, number = self.plan_of(place), *(part.split("/") + [""])[:2]
+        if self.plans and plan:
+            mine = self.plans.drawn(plan, int(number)) if kind == DRAWN_ROCK else self.plans.mine_of(plan)
+        else:
+            mine = self.mine if self.others is None or plan else self.others.mine_at(place)
+        if kind == COARSE:
             return mine.coarser()
-        if part == ELASTIC_ROCK:
+        if kind == ELASTIC_ROCK:
             return mine.in_elastic_rock()
-        return mine.member(int(part.split("/")[1])) if part else mine
+        return mine.member(int(number)) if kind == ENSEMBLE else mine
 
-    def shared(self, folder: str) -> str:
-        """Folder of the grid and the elastic state below results. The members of an ensemble have none of their own."""
+    def _home(self, folder: str, stage: str) -> str:
+        """Folder below results where a stage of a folder's mine has its result, "grid" or "steps/2019-08" for example.
+
+        Members of an ensemble have the grid and the elastic state of their mine. A plan has the results of the mine
+        file's plan as far as nothing differs in what they depend on.
+        """
         place, part = self.parts(folder)
-        return place if part.startswith(ENSEMBLE) else folder
+        if part.startswith(ENSEMBLE) and stage in ("grid", "elastic"):
+            return self._home(place, stage)
+        if part.startswith(DRAWN_ROCK) and self._is_alike(folder, place, stage):
+            return self._home(place, stage)
+        if self.plans and place != self.mine.name and self.plan_of(place):
+            same = f"{self.mine.name}/{part}".rstrip("/")
+            has_it = not part.startswith(ENSEMBLE) or int(part.split("/")[1]) <= self.mine.members
+            if has_it and self._is_alike(folder, same, stage):
+                return self._home(same, stage)
+        return folder
+
+    def _is_alike(self, folder: str, other: str, stage: str) -> bool:
+        """Whether the mines of two folders differ in nothing that a stage depends on, itself or through others."""
+        mines = [self.mine_at(folder), self.mine_at(other)]
+        kind, _, step = stage.partition("/")
+        needed = ["grid"] if kind == "grid" else ["grid", "elastic"]
+        if step:
+            before = [_up_to(mine.mined_steps, step) for mine in mines]
+            if before[0] != before[1] or not before[0]:
+                return False
+            needed += [*(f"steps/{name}" for name in before[0]), stage]
+        return all(mines[0].slice_of(one) == mines[1].slice_of(one) for one in needed)
 
     def threads(self, folder: str) -> int:
         """Threads of a stage of the mechanics: all of them, unless the folder's mine is small."""
         place, _ = self.parts(folder)
         return ALL_CORES if self.others is None or place == self.mine.name else self.others.threads_at(place)
+
+
+def _up_to(steps: list[str], step: str) -> list[str]:
+    """The steps to this one, which is the last; empty where it is none of them."""
+    return steps[: steps.index(step) + 1] if step in steps else []

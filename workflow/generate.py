@@ -67,6 +67,9 @@ baselines:
   friction_angle: 25 deg
   cohesion: 1 MPa
 """
+FORECASTS = """\
+forecasts: [forecasts/2019-11.nc]
+"""
 DEMO, ELK_CREEK, RENISON = (f"config/mines/{name}.yaml" for name in ("demo", "elk_creek", "renison_scale"))
 # heading: keys of the first level and sections that it has; its examples: a text, or a file and a key in it
 TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
@@ -83,6 +86,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
         ((DEMO, "excavations"), (DEMO, "steps"), FROM_FILES),
     ),
     "Equilibrium and failure": (("solver",), ((RENISON, "solver"),)),
+    "Mining plans": (("plans", "hazard", "forecasts"), ((DEMO, "plans"), (DEMO, "hazard"), FORECASTS)),
     "Events": (("seismic",), ((ELK_CREEK, "seismic"),)),
     "The recorded catalogue": (("record", "comparison"), ((DEMO, "record"),)),
     "Calibration": (("calibration",), ((DEMO, "calibration"),)),

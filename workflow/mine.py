@@ -179,6 +179,11 @@ class Mine(Plan):
             **({"members": self.members} if self.members else {}),
         }
 
+    def forecast_slice(self) -> dict:
+        """What forecast_scores.nc depends on besides the record and the grid. Kept files have no rule that makes them
+        again, so they are known by their content (common.provenance)."""
+        return {"mine": self.name, "forecasts": [{"file": path} for path in self.forecasts()]}
+
     def report_slice(self) -> dict:
         """What the report shows of the configuration: as written, the default, and when each excavation is mined."""
         return {
@@ -205,6 +210,7 @@ class Mine(Plan):
             "comparison": self.comparison_slice,
             "spread": self.spread_slice,
             "grid_convergence": self.convergence_slice,
+            "forecast_scores": self.forecast_slice,
             "report": self.report_slice,
         }
         return of_stage[kind]()

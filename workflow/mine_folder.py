@@ -14,7 +14,6 @@ from workflow.strict_yaml import read_yaml
 
 NOTES = Path(".snakemake/mine_files")  # next to Snakemake's own notes of what results were made from
 VTK = "vtk"  # folder of what was made for ParaView: vtk/steps/2019-08.vtu of steps/2019-08.nc
-CALIBRATION = "calibration"  # folder of trials, of which a shorter design keeps those of a longer one
 BY_ITSELF = ("solids",)  # vtk/solids.vtm and its folder are of no result
 KINDS = (".nc", ".csv", ".xml", ".html", ".vtu")
 MAX_NAMED = 6  # Results of an earlier plan that the line names.
@@ -55,13 +54,16 @@ def note_owner(name: str, mine_file: Path, is_overridden: bool = False) -> None:
 def leftovers(folder: Path, planned: Iterable[str]) -> list[str]:
     """Results below `folder` that no stage of the plan makes, relative to it, in order.
 
-    planned: paths of the plan's results, relative to the working directory as `folder` is.
+    planned: paths of the plan's results, relative to the working directory as `folder` is. One that ends in / is a
+    folder, all of which is of the plan.
     """
-    planned_paths = {Path(path).relative_to(folder).as_posix() for path in planned if Path(path).is_relative_to(folder)}
+    ours = [path for path in planned if Path(path).is_relative_to(folder)]
+    whole = [Path(path).relative_to(folder) for path in ours if path.endswith("/")]
+    planned_paths = {Path(path).relative_to(folder).as_posix() for path in ours}
     stages = {path.removesuffix(".nc") for path in planned_paths if path.endswith(".nc")}
 
     def is_planned(path: Path) -> bool:
-        if path.parts[0] == CALIBRATION:
+        if any(path.is_relative_to(one) for one in whole):
             return True
         if VTK in path.parts:
             place = path.parts.index(VTK)

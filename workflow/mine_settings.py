@@ -34,8 +34,10 @@ from mpm_core.settings import (
     SolidSettings,
     SolverSettings,
 )
+from plans.settings import HazardSettings
 from seismic.event_settings import SeismicSettings
 
+MINE_FILE_PLAN = "mine_file"  # name of the plan that the mine file itself is
 Strain = real_number(ge=-0.5, le=0.5)
 Pressure = Annotated[float, Unit("Pa", ge=0, le=1e13)]
 ForcePart = Annotated[float, Unit("N", ge=-1e20, le=1e20)]
@@ -154,6 +156,38 @@ class Step(Settings):
         return self.start is not None
 
 
+class ExcavationChange(Settings):
+    """What a plan changes of an excavation of the mine file. A key that is left out stays as it is."""
+
+    step: str = None
+    """Step in which the plan mines the excavation. `planned`: the plan leaves it."""
+    fill: str = None
+    """Name of the material that fills the excavation. `none`: it stays open."""
+    filled: str = None
+    """Step in which the fill is placed."""
+
+
+class MiningPlan(Settings):
+    """Another sequence of the mine, which `snakemake plans` lays beside that of the mine file."""
+
+    excavations: Annotated[dict[Name, ExcavationChange], Field(min_length=1)] = None
+    """Changes by the name of the excavation. An excavation that a plan alone mines stands in the mine file with the
+    step `planned`."""
+    steps: Annotated[tuple[Step, ...], AsTuple] = None
+    """Steps that differ from those of the mine file. One of the same name replaces that of the mine file; others
+    follow after its last step."""
+    file: str = None
+    """Another mine file, relative to this one, in place of changes. Its `name` and its plans do not count."""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        if self.file is None and self.excavations is None and self.steps is None:
+            raise refusal("changes nothing; give excavations, steps, or the file of another mine file")
+        if self.file is not None and len(self.model_fields_set) > 1:
+            raise refusal("stands beside changes; write them into that file", "file")
+        return self
+
+
 class MineSettings(Settings):
     """All of a mine's configuration."""
 
@@ -195,6 +229,13 @@ class MineSettings(Settings):
     """What `snakemake calibrate` fits to the record."""
     baselines: BaselineSettings = BaselineSettings()
     """What `snakemake baselines` assumes of flaws in the rock."""
+    plans: dict[Name, MiningPlan] = {}
+    """Other mining sequences by name. `snakemake plans` computes them and compares them with that of the mine file."""
+    forecasts: Annotated[tuple[str, ...], AsTuple] = ()
+    """Kept forecasts, relative to the mine file: copies of `results/<mine>/plans/<plan>/outcome.nc`, made before their
+    months were recorded. The report scores them once these are recorded."""
+    hazard: HazardSettings = HazardSettings()
+    """Classes of sizes, distances and chances that the plans are judged by."""
 
     @model_validator(mode="after")
     def _host(self) -> Self:

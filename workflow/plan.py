@@ -97,6 +97,10 @@ class Plan:
         solids = [*self.excavations, *self.settings.rock_bodies]
         return [self.path(solid.file).as_posix() for solid in solids if solid.file is not None]
 
+    def forecasts(self) -> list[str]:
+        """Kept forecasts that the record may score."""
+        return [self.path(name).as_posix() for name in self.settings.forecasts]
+
     def bodies(self) -> list[str]:
         """Files of rock bodies."""
         return [self.path(body.file).as_posix() for body in self.settings.rock_bodies if body.file is not None]

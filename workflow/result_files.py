@@ -5,9 +5,12 @@ import sys
 from snakemake.iocontainers import Wildcards
 
 from catalogs.records import READERS
-from workflow.folders import COARSE, ELASTIC_ROCK, ENSEMBLE, Folders
+from workflow.folders import COARSE, DRAWN_ROCK, ELASTIC_ROCK, ENSEMBLE, PLANS, Folders
 from workflow.mine import Mine
+from workflow.mine_settings import MINE_FILE_PLAN
+from workflow.mining_plans import CALIBRATION
 
+PLAN_PAGES = ("report.html", "plans.csv")
 BASELINES = "baselines"  # folder below results/<mine>
 BASELINE_FILES = (
     *(f"{name}{part}.nc" for name in ("flaws", "excess_shear") for part in ("", "_runs")),
@@ -34,6 +37,7 @@ class ResultFiles:
         self.has_quakeml = self.has_catalog and self.mine.settings.frame.has_place
         self.has_record = self.has_catalog and self.mine.settings.record is not None
         self.has_coarse = self.mine.has_companion
+        self.has_forecasts = self.has_record and bool(self.mine.settings.forecasts)
 
     def own(self, path: str) -> str:
         """A result of the run's own mine."""
@@ -53,6 +57,7 @@ class ResultFiles:
             "catalog.xml": self.has_quakeml,
             "record.nc": self.has_record,
             "comparison.nc": self.has_record,
+            "forecast_scores.nc": self.has_forecasts,
             "spread.nc": self.mine.members,
             "grid_convergence.nc": self.has_coarse,
         }
@@ -68,7 +73,11 @@ class ResultFiles:
         if self.has_record:
             files += stage_results(f"{self.mine.name}/{ELASTIC_ROCK}", self.mine, ("steps",))
             files += [self.own(f"{BASELINES}/{name}") for name in BASELINE_FILES]
-        return files + [f"results/{place}/{file}" for place in places for file in CATALOGUES]
+        files += [f"results/{place}/{file}" for place in places for file in CATALOGUES]
+        # A shorter design keeps the trials of a longer one; what a plan has of its own depends on the mine file's.
+        plans = [f"{PLANS}/{name}/" for name in (MINE_FILE_PLAN, *self.mine.settings.plans)]
+        whole = [f"{CALIBRATION}/", f"{DRAWN_ROCK}/", *plans, *(f"{PLANS}/{name}" for name in PLAN_PAGES)]
+        return files + [self.own(path) for path in whole]
 
     def record_data(self) -> str | list[str]:
         """The file that the record is read from. A folder's reader finds its own files."""
@@ -87,16 +96,22 @@ class ResultFiles:
             sys.exit(f"{wildcards.mine}: steps: no '{wildcards.step}'; there are {', '.join(steps) or 'none'}")
         return wildcards.step
 
+    def result(self, folder: str, stage: str) -> str:
+        """The result of a stage of a folder's mine, where it stands: members and plans share some."""
+        return f"results/{self.folders.home(folder, stage)}/{stage}.nc"
+
     def grid(self, wildcards: Wildcards) -> str:
-        """The grid of a mine, which the members of an ensemble share with their mine."""
-        return f"results/{self.folders.shared(wildcards.mine)}/grid.nc"
+        """The grid of a mine."""
+        return self.result(wildcards.mine, "grid")
+
+    def state(self, wildcards: Wildcards) -> str:
+        """The state that a step ends in."""
+        return self.result(wildcards.mine, f"steps/{wildcards.step}")
 
     def previous_state(self, wildcards: Wildcards) -> str:
         """The state that a step starts from: the step before, or the elastic history."""
         before = self.mine_of(wildcards).previous(self.step_of(wildcards))
-        if before:
-            return f"results/{wildcards.mine}/steps/{before}.nc"
-        return f"results/{self.folders.shared(wildcards.mine)}/elastic.nc"
+        return self.result(wildcards.mine, f"steps/{before}" if before else "elastic")
 
     def solids(self, wildcards: Wildcards) -> list[str]:
         """Files that the grid is built from."""

@@ -25,6 +25,7 @@ STATE_VARIABLES = (
 )
 # Folders of the runs besides the mine's own: on cells of twice the size, in elastic rock, members of an ensemble.
 COMPANION_FOLDERS = re.compile(r"(coarse|elastic_rock|ensemble/(\d+))/")
+OTHER_PAGES = ("baselines", "calibration", "drawn_rock", "plans")  # folders of what has a page of its own
 UNDATED = {"start": "", "end": "", "dated": 0}
 MODEL_LABEL = "Modelled"
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
@@ -242,6 +243,8 @@ def read_resources(logs, steps: set[str], absent: set[str], members: int) -> lis
             continue
         stage = path.relative_to(logs).with_suffix("").as_posix()
         *folders, last = stage.split("/")
+        if folders and folders[0] in OTHER_PAGES:
+            continue
         if {stage, *folders} & absent or ({"steps", "events"} & {*folders} and last not in steps):
             continue
         part = COMPANION_FOLDERS.match(stage)

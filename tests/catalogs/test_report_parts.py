@@ -122,9 +122,10 @@ def test_companion_and_members_are_one_row_each_of_the_resources(tmp_path):
 
 
 def test_resources_are_of_the_stages_of_this_plan(tmp_path):
-    """A plan that once had another step, a record, a companion and more members has left their logs."""
+    """A plan that once had another step, a record, a companion and more members has left their logs; other
+    plans and a calibration have a page of their own."""
     for stage in ("grid", "steps/a", "steps/old", "vtk/steps/old", "compare", "coarse/grid", "ensemble/1/steps/a",
-                  "ensemble/1/events/old", "ensemble/2/steps/a"):  # fmt: skip
+                  "ensemble/1/events/old", "ensemble/2/steps/a", "plans/b/steps/a", "calibration/own/1"):  # fmt: skip
         path = tmp_path / f"{stage}.log"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(f"{Costs(2, 1.0, 0.5, 3).closing_line(stage)}\n")

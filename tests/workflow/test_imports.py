@@ -6,7 +6,17 @@ from graphlib import CycleError, TopologicalSorter
 
 from tiny_mines import ROOT
 
-PACKAGES = ("common", "mpm_core", "seismic", "catalogs", "calibration", "baselines", "workflow", "verification")
+PACKAGES = (
+    "common",
+    "mpm_core",
+    "seismic",
+    "catalogs",
+    "calibration",
+    "baselines",
+    "plans",
+    "workflow",
+    "verification",
+)
 MODULES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
     for package in PACKAGES

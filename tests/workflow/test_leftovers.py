@@ -7,6 +7,7 @@ from tiny_mines import TINY, changed, edited, hashes, snakemake
 from workflow.mine_folder import leftovers, leftovers_line
 
 PLAN = ["results/a/steps/history.nc", "results/a/report.html", "results/a/coarse/steps/history.nc", "results/b/x.nc"]
+PLAN += ["results/a/calibration/", "results/a/plans/b/"]
 
 
 def make(folder: Path, *paths: str) -> Path:
@@ -22,8 +23,15 @@ def test_what_no_stage_of_the_plan_makes_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     kept = ("report.html", "steps/history.nc", "vtk/steps/history.vtu", "vtk/solids.vtm", "vtk/solids/stope.vtp")
     kept += ("coarse/steps/history.nc", "coarse/vtk/steps/history.vtu", "slices/grid.12.json", "figures/a.svg")
-    kept += ("calibration/own/1.nc", "calibration/report.html")
-    left = ("coarse/steps/m2.nc", "ensemble/9/events/m1.nc", "record.nc", "steps/m2.nc", "vtk/steps/m2.vtu")
+    kept += ("calibration/own/1.nc", "calibration/report.html", "plans/b/steps/m1.nc")
+    left = (
+        "coarse/steps/m2.nc",
+        "ensemble/9/events/m1.nc",
+        "record.nc",
+        "steps/m2.nc",
+        "vtk/steps/m2.vtu",
+        "plans/b2/x.nc",
+    )
     make(tmp_path / "results/a", *kept, *left)
     assert leftovers(Path("results/a"), PLAN) == sorted(left)
     assert leftovers(Path("results/none"), PLAN) == []

@@ -14,7 +14,7 @@ from common.sources import source_files, source_hash
 
 SHARED = "common"
 APART = ("mpm_core", "seismic", "catalogs")  # they meet through files
-PACKAGES = (SHARED, *APART, "calibration", "baselines", "verification", "workflow")
+PACKAGES = (SHARED, *APART, "calibration", "baselines", "plans", "verification", "workflow")
 # Snakemake alone reads these, but for the schema, which is made from the models (workflow/generate.py), for editors.
 NO_DATA = (
     *("workflow/report/", "workflow/envs/", "workflow/rules/", "verification/rules/", "verification/Snakefile"),

@@ -81,6 +81,7 @@ def copy_checkout(folder: Path) -> Path:
         "common",
         "baselines",
         "calibration",
+        "plans",
         "mpm_core",
         "seismic",
         "catalogs",

@@ -19,6 +19,7 @@ from common.stage import name_parent_of_stages
 from workflow.snakemake_command_line import asks_for_more, read_overrides
 from workflow.configuration import load
 from workflow.folders import COARSE, NAME, Folders
+from workflow.mining_plans import MiningPlans
 from workflow.mine_folder import check_owner, leftovers, leftovers_line, note_owner
 from workflow.result_files import ResultFiles
 from workflow.rule_options import RuleOptions, kept
@@ -48,7 +49,8 @@ except InputError as error:
     sys.exit(str(error))
 
 RESULTS = "results/{mine}"
-FOLDERS = Folders(MINE)
+PLANS = MiningPlans(MINE, MINE_FILE, OVERRIDES)
+FOLDERS = Folders(MINE, PLANS)
 FILES = ResultFiles(FOLDERS)
 STAGES = StageInputs(FILES, workflow)
 OPTIONS = RuleOptions(FILES)

@@ -173,6 +173,36 @@ rule grid_convergence:
         " --settings {params.settings:q} --output {output} --log {log}"
 
 
+rule forecast_scores:
+    """How good kept forecasts were, once their months are recorded."""
+    input:
+        STAGES.inputs_of(
+            "plans score",
+            "forecast_scores",
+            record=f"{RESULTS}/record.nc",
+            grid=f"{RESULTS}/grid.nc",
+        ),
+        kept=MINE.forecasts(),
+    output:
+        kept(f"{RESULTS}/forecast_scores.nc"),
+    log:
+        "logs/{mine}/forecast_scores.log",
+    benchmark:
+        "benchmarks/{mine}/forecast_scores.tsv"
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=source_hash("plans score"),
+        settings=STAGES.slice_of("forecast_scores"),
+    shell:
+        "stage plans score --settings {params.settings:q} --record {input.record} --grid {input.grid}"
+        " --output {output} --log {log}"
+
+
 rule report:
     """The page that a geotechnical engineer reads top to bottom, and its figures."""
     input:

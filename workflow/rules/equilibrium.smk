@@ -1,7 +1,7 @@
 rule elastic:
     """Elastic equilibrium of everything mined in history."""
     input:
-        STAGES.inputs_of("mpm_core elastic", "elastic", grid=f"{RESULTS}/grid.nc"),
+        STAGES.inputs_of("mpm_core elastic", "elastic", grid=FILES.grid),
     output:
         kept(f"{RESULTS}/elastic.nc"),
     log:

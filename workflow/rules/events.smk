@@ -1,7 +1,7 @@
 rule events:
     """Seismic events of one step: rock that fails together, touches and has like mechanisms."""
     input:
-        STAGES.inputs_of("seismic events", "events/{step}", step=f"{RESULTS}/steps/{{step}}.nc"),
+        STAGES.inputs_of("seismic events", "events/{step}", step=FILES.state),
     output:
         kept(f"{RESULTS}/events/{{step}}.nc"),
     log:

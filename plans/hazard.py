@@ -1,0 +1,215 @@
+"""Chance of large events near openings, and the forecast of steps that are ahead of the record.
+
+The number of events from the floor on within a distance of an opening is Lambda on average. Its estimate is the mean of
+the plan's own run and its members, times a factor. With a record the factor is the number recorded over the number
+modelled in the recorded steps (plans.factors). The share S(m) of events as large as m follows from a power law with an
+upper end (plans.truncated_law). Events are independent, so the chance of one at least is
+
+  p = 1 - exp(-Lambda S(m)),
+
+and that of a year at the same rate has Lambda times 365.25 days over the duration. The given chance is the mean over
+draws of the factor and of the law; its interval contains the chance of the runs too, by Jeffreys' prior: half an event
+more.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm, t
+
+from catalogs.completeness import MIN_EVENTS_ABOVE_CUT
+from catalogs.jackknife import INTERVAL_95
+from catalogs.sizes import LN10, MIN_EVENTS_FOR_B, log_potency
+from catalogs.sum_measures import MIN_RUNS_FOR_VARIANCE
+from plans.factors import Factors, find_factors
+from plans.record import RecordedNumbers
+from plans.runs import StepEvents
+from plans.settings import OutcomeSlice
+from plans.truncated_law import TruncatedLaw, find_law
+
+DRAWS = 2000
+SEED = 1  # One for all plans: they share the draws of what they have in common.
+DAYS_OF_YEAR = 365.25
+# Least room for an upper end above the largest event seen, log10 m3, where all potency of the plan leaves less.
+MIN_ROOM = 0.5
+
+
+@dataclass(frozen=True)
+class Hazard:
+    """Variables and attributes of outcome.nc."""
+
+    data: dict[str, Any]
+    attributes: dict[str, Any]
+
+
+def dispersion(number: NDArray) -> float:
+    """Variance of a number (run,) of events over its mean; 1 of fewer runs than a variance needs, and never less.
+
+    Of few runs the variance is uncertain: it is widened so that a normal interval holds as often as one of Student's t.
+    """
+    if len(number) < MIN_RUNS_FOR_VARIANCE or not number.any():
+        return 1.0
+    stretch = t.ppf(INTERVAL_95[1], len(number) - 1) / norm.ppf(INTERVAL_95[1])
+    return max(1.0, float(stretch**2 * number.var(ddof=1) / number.mean()))
+
+
+def draw_expected(number: NDArray, runs: int, ratio: float, draws: int, generator: np.random.Generator) -> NDArray:
+    """Draws (..., draw) of the expected number, given the sum (...,) over so many runs; ratio: variance over mean.
+
+    The posterior of a Poisson number of equal events under Jeffreys' prior, a gamma distribution.
+    """
+    number = np.asarray(number, float)[..., None]
+    return ratio / runs * generator.standard_gamma(number / ratio + 0.5, size=(*number.shape[:-1], draws))
+
+
+def chance_of(expected: NDArray, share: NDArray) -> NDArray:
+    """Chance of an event at least, from the expected number of all and the share that is large enough.
+
+    >>> round(float(chance_of(np.array(2.0), np.array(0.1))), 4)  # 1 - exp(-0.2)
+    0.1813
+    """
+    return -np.expm1(-expected * share)
+
+
+def draw_numbers(expected: NDArray, ratio: float, generator: np.random.Generator) -> NDArray:
+    """A number of events for each expected one (draw,): Poisson, or negative binomial with this variance over mean."""
+    if ratio > 1.0:
+        expected = (ratio - 1.0) * generator.standard_gamma(np.maximum(expected, 1e-12) / (ratio - 1.0))
+    return generator.poisson(expected)
+
+
+def find_hazard(
+    settings: OutcomeSlice,
+    data: dict[str, Any],
+    runs: Sequence[Sequence[StepEvents]],
+    ahead: NDArray,
+    floor: float,
+    recorded: RecordedNumbers | None,
+) -> Hazard:
+    """Expected numbers, chances and forecasts of a plan.
+
+    data: variables of plans.layout that say what the runs made; runs: events from the floor on of the plan's own run
+    and of its members; ahead (step,): steps that begin after the record.
+    """
+    generator = np.random.default_rng(SEED)
+    law, law_attributes = _law(runs, data, floor, recorded, generator)
+    counted = ahead if ahead.any() else np.ones_like(ahead)
+    factors = find_factors(settings, data, recorded, counted, DRAWS, generator)
+    own = ~np.isnan(data["number"][1][:, 0, 0])
+    within, number = data["number_within"][1][own], data["number"][1][own][:, :, -1]
+    ratio = dispersion(number[:, counted].sum(axis=1))
+    periods = [*np.eye(len(ahead), dtype=bool), counted]
+    days = np.array([data["days"][1][period].sum() for period in periods])
+    sizes = data["size_log_potency"][1]
+    share = law.share_above(sizes) if law else np.full((len(sizes), DRAWS), np.nan)
+    rows = []
+    for period, length in zip(periods, days, strict=True):
+        factor = factors.of(period, number.sum(axis=0))
+        rows.append(_chances(within[:, period].sum(axis=1), ratio, factor, share, DAYS_OF_YEAR / length, generator))
+    places = ("period", "opening", "distance")
+    of_sizes = (*places, "size")
+    dims = {"expected": places, "chance": of_sizes, "yearly_chance": of_sizes}
+    dims |= {f"{name}_interval": (*dims[name], "interval") for name in dims.copy()}
+    dims["yearly_number"] = of_sizes
+    found = {name: (dims[name], np.stack([row[name] for row in rows])) for name in rows[0]}
+    forecast, spread = _forecasts(number, ratio, factors, law, ahead, recorded, generator)
+    attributes = {
+        "contains": json.dumps([*factors.contains, *(["law"] if law else [])]),
+        "lacks": json.dumps(list(factors.lacks)),
+        "ratio_text": factors.text,
+        "runs": int(own.sum()),
+        "number_dispersion": spread,
+    }
+    return Hazard(found | forecast | {"period_days": ("period", days)}, attributes | law_attributes)
+
+
+def _chances(
+    number: NDArray, ratio: float, factor: NDArray, share: NDArray, years: float, generator: np.random.Generator
+) -> dict[str, NDArray]:
+    """Expected numbers (opening, distance) and chances (opening, distance, size) of a period, with intervals.
+
+    number (run, opening, distance); factor (draw,); share (size, draw); years: how often the period fits into one.
+    """
+    runs, shape = len(number), number.shape[1:]
+    values, place = np.unique(number.sum(axis=0), return_inverse=True)  # most openings have no event, or the same few
+    place = place.reshape(shape)
+    drawn = draw_expected(values, runs, ratio, len(factor), generator) * factor
+    mean = values[:, None] / runs * factor
+    found = {"expected": np.median(mean, axis=-1), "expected_interval": _interval(drawn)}
+    for name, times in (("chance", 1.0), ("yearly_chance", years)):
+        given = chance_of(times * mean[:, None], share).mean(axis=-1)
+        interval = _interval(chance_of(times * drawn[:, None], share))
+        # where few draws of the law reach a size, the mean of its chance may lie beyond nearly all of them
+        found[name] = given
+        found[f"{name}_interval"] = np.stack(
+            [np.minimum(interval[..., 0], given), np.maximum(interval[..., 1], given)], axis=-1
+        )
+    found["yearly_number"] = (years * mean[:, None] * share).mean(axis=-1)
+    return {name: one[place] for name, one in found.items()}
+
+
+def _interval(draws: NDArray) -> NDArray:
+    """95 % interval (..., 2) of draws (..., draw)."""
+    return np.moveaxis(np.quantile(draws, INTERVAL_95, axis=-1), 0, -1)
+
+
+def _law(
+    runs: Sequence[Sequence[StepEvents]],
+    data: dict[str, Any],
+    floor: float,
+    recorded: RecordedNumbers | None,
+    generator: np.random.Generator,
+) -> tuple[TruncatedLaw | None, dict[str, Any]]:
+    """The law of sizes, of the record where it has enough events, else of all runs; None of too few sizes."""
+    modelled = log_potency(np.concatenate([step.potency for run in runs for step in run]))
+    x, width, source = modelled, 0.0, "model"
+    whole = float(np.nansum(data["whole_potency"][1], axis=1).max())
+    if recorded is not None:
+        whole = max(whole, recorded.potency)
+        if len(recorded.sizes) >= MIN_EVENTS_ABOVE_CUT:
+            x, width, source = recorded.sizes, recorded.width, "record"
+    if len(x) < MIN_EVENTS_FOR_B or not np.isfinite(floor):
+        missing = {
+            "law_b": np.nan,
+            "law_bound": np.nan,
+            "law_b_interval": [np.nan] * 2,
+            "law_bound_interval": [np.nan] * 2,
+        }
+        return None, {"law_source": "none", "law_events": len(x), **missing}
+    cap = max(np.log10(whole), float(max(x.max(), modelled.max(initial=-np.inf))) + MIN_ROOM)
+    law = find_law(x, floor, cap, DRAWS, generator, width)
+    return law, {
+        "law_source": source,
+        "law_events": len(x),
+        "law_b": float(np.median(law.rate) / LN10),
+        "law_b_interval": _interval(law.rate / LN10),
+        "law_bound": float(np.median(law.bound)),
+        "law_bound_interval": _interval(law.bound),
+    }
+
+
+def _forecasts(
+    number: NDArray,
+    ratio: float,
+    factors: Factors,
+    law: TruncatedLaw | None,
+    ahead: NDArray,
+    recorded: RecordedNumbers | None,
+    generator: np.random.Generator,
+) -> tuple[dict[str, Any], float]:
+    """Draws of what each step that is ahead will make, and the variance of its number over its mean."""
+    shape = (len(ahead), DRAWS)
+    found = {name: np.full(shape, np.nan) for name in ("number", "potency", "largest")}
+    spread = recorded.clustering if recorded is not None and recorded.recorded.any() else ratio
+    for step in np.flatnonzero(ahead):
+        expected = draw_expected(number[:, step].sum(), len(number), ratio, DRAWS, generator)
+        expected = expected * factors.of(np.arange(len(ahead)) == step, number.sum(axis=0))
+        drawn = draw_numbers(expected, max(1.0, spread), generator)
+        found["number"][step] = drawn
+        if law is not None:
+            found["potency"][step], found["largest"][step] = law.sizes(drawn, generator)
+    return {f"forecast_{name}": (("step", "draw"), values) for name, values in found.items()}, float(max(1.0, spread))

@@ -1,0 +1,130 @@
+"""The record beside the mine's own runs: how many events are recorded for each that is modelled, step by step."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from catalogs.comparison import record_clusters
+from catalogs.comparison_settings import DatedStep
+from catalogs.completeness import next_edge, rounding
+from catalogs.exposure import Exposure, common_period, window
+from catalogs.records.times import parse_time
+from catalogs.sizes import log_potency
+from catalogs.sum_measures import cluster_size
+from common.errors import InputError
+from plans.layout import DRAW, LIKE_OWN
+from plans.runs import StepEvents, read_run
+from plans.settings import OutcomeSlice
+
+
+@dataclass(frozen=True)
+class RecordedNumbers:
+    """Events from a floor on in the recorded steps.
+
+    recorded (step,); modelled (run, step): of the mine's own run and its members; draws (draw, step): of runs in rock
+    of the posterior, from the shared floor on; clustering: variance of the recorded number over its mean; sizes
+    (event,): log10 potency of the recorded ones, m3; width: of the bins that these are rounded to; potency: of all
+    recorded events of these steps, m3.
+    """
+
+    recorded: NDArray
+    modelled: NDArray
+    draws: NDArray
+    clustering: float
+    sizes: NDArray
+    width: float
+    potency: float
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A record, the steps that it covers from start to end, and the events of the mine's own runs in these.
+
+    until: time of the last recorded event; cut: of the comparison, log10 m3.
+    """
+
+    record: xr.Dataset
+    steps: tuple[DatedStep, ...]
+    until: np.datetime64
+    cut: float
+    runs: Sequence[Sequence[StepEvents]]
+    kinds: Sequence[str]
+
+    @property
+    def _sizes(self) -> NDArray:
+        return log_potency(self.record["potency"].values)
+
+    def floor_above(self, floor: float) -> float:
+        """The lowest floor at which runs with this floor, the mine's own runs and the record are complete."""
+        own = [step.floor for run, kind in zip(self.runs, self.kinds, strict=True) if kind in LIKE_OWN for step in run]
+        highest = float(np.fmax.reduce([floor, self.cut, *own]))
+        return next_edge(self._sizes, highest, rounding(self._sizes))
+
+    def numbers(self, floor: float, shared: float) -> RecordedNumbers:
+        """What is recorded and modelled from a floor on; of draws from the shared floor on."""
+        sizes, time = self._sizes, self.record["time"].values
+        exposure = Exposure.of(self.steps, None)
+        step = exposure.step(time) if self.steps else np.full(len(time), -1)
+        counted = (self.record["resolved"].values == 1) & (step >= 0)
+        used = counted & (sizes >= floor)
+        clustering = 1.0
+        if used.any():
+            clusters = record_clusters(self.record, used, step)
+            clustering = max(exposure.clustering(time[used]), cluster_size(clusters[used]))
+
+        def table(kinds: Sequence[str], least: float) -> NDArray:
+            rows = [
+                [len(step.from_floor(least).potency) for step in run]
+                for run, kind in zip(self.runs, self.kinds, strict=True)
+                if kind in kinds
+            ]
+            return np.array(rows, float).reshape(-1, len(self.steps))
+
+        return RecordedNumbers(
+            np.bincount(step[used], minlength=len(self.steps)).astype(float),
+            table(LIKE_OWN, floor),
+            table([DRAW], shared),
+            clustering,
+            sizes[used],
+            rounding(sizes),
+            float(np.nansum(self.record["potency"].values[counted])),
+        )
+
+
+def read_recorded(settings: OutcomeSlice, record: xr.Dataset, comparison: xr.Dataset) -> Recorded:
+    """The record and what the mine's own runs made in the steps that it covers. Raises InputError for another mine."""
+    for name, one in (("record", record), ("comparison", comparison)):
+        if one.attrs["mine"] != settings.mine:
+            raise InputError(f"plans: {name} is of mine {one.attrs['mine']}, not of {settings.mine}")
+    runs = [read_run(run, settings.recorded_steps, settings.mine) for run in settings.recorded_runs]
+    kept = [number for number, step in enumerate(settings.recorded_steps) if is_covered(record, step)]
+    return Recorded(
+        record,
+        tuple(settings.recorded_steps[number] for number in kept) if runs else (),
+        last_event(record),
+        float(comparison["cut"]),
+        [[run[number] for number in kept] for run in runs],
+        [run.kind for run in settings.recorded_runs],
+    )
+
+
+def last_event(record: xr.Dataset) -> np.datetime64:
+    """Time of the last event that the record's file has, also of one that is not compared."""
+    recorded = json.loads(record.attrs.get("period", "{}")).get("recorded")
+    known = record["time"].values[~np.isnat(record["time"].values)]
+    if recorded:
+        return parse_time(recorded[1], "record")
+    return known.max() if len(known) else np.datetime64("1678-01-01", "ns")
+
+
+def is_covered(record: xr.Dataset, step: DatedStep) -> bool:
+    """Whether the network recorded during all of a step."""
+    start, end = window(step.model_dump())
+    if common := common_period(record):
+        first, last = (np.datetime64(text, "ns") for text in common)
+        return bool(first <= start and end <= last)
+    return bool(end <= last_event(record))

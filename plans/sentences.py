@@ -1,0 +1,230 @@
+"""The plans in sentences: which releases more, and whether that is more than chance makes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.report.text import DASH, between, fixed, number, percent, plural, typeset, whole
+from plans.differences import NUMBER, POTENCY, Difference, compare, own_steps
+from plans.layout import ANY, COARSE, DRAW
+from plans.plan_summary import PlanSummary
+from plans.settings import HazardSettings
+
+SMALLEST_CHANCE, LARGEST_CHANCE = 1e-4, 0.999  # Chances beyond are written as less or more than these.
+MAX_NAMED = 4
+
+
+def times(difference: Difference) -> str:
+    """A ratio with its interval, as a table shows it."""
+    if difference.is_shared:
+        return "the same runs"
+    if not np.isfinite(difference.interval).any():
+        return DASH
+    interval = between(difference.interval, lambda value: number(value, 2))
+    return f"{number(difference.value, 2)} ({interval})"
+
+
+def chance_text(chance: float) -> str:
+    """A chance as per cent, from less than SMALLEST_CHANCE to more than LARGEST_CHANCE.
+
+    >>> chance_text(0.034), chance_text(0.87654), chance_text(0.9999), chance_text(1e-6)
+    ('3.4 %', '88 %', 'more than 99.9 %', 'less than 0.01 %')
+    """
+    if not np.isfinite(chance):
+        return DASH
+    if chance < SMALLEST_CHANCE:
+        return f"less than {100 * SMALLEST_CHANCE:g} %"
+    return f"more than {100 * LARGEST_CHANCE:g} %" if chance > LARGEST_CHANCE else f"{_percents(chance)} %"
+
+
+def _percents(chance: float) -> str:
+    """A chance in per cent, two digits; the ends of all chances as 0 and 100."""
+    if chance < SMALLEST_CHANCE or chance > LARGEST_CHANCE:
+        return "0" if chance < SMALLEST_CHANCE else "100"
+    return f"{100 * chance:.{1 if chance > 0.995 else 0}f}" if chance >= 0.1 else f"{100 * chance:.2g}"
+
+
+def chance_with_interval(chance: float, interval: Sequence[float] | NDArray) -> str:
+    """A chance and its interval as per cent. Where the runs make no event, the upper end only.
+
+    >>> chance_with_interval(0.2, (0.05, 0.5)), chance_with_interval(0.0, (0.0, 0.3))
+    ('20 % (5 to 50 %)', 'up to 30 %')
+    """
+    if not np.isfinite(chance):
+        return DASH
+    low, high = (float(end) for end in interval)
+    if chance == 0.0:
+        return f"up to {_percents(high)} %"
+    if low > LARGEST_CHANCE:
+        return chance_text(chance)
+    return f"{chance_text(chance)} ({_percents(low)} to {_percents(high)} %)"
+
+
+def count(value: float) -> str:
+    """A number of events; a mean of runs with one decimal.
+
+    >>> count(21.0), count(21.25), count(1234.5)
+    ('21', '21.2', '1\u202f234')
+    """
+    if value.is_integer() or value >= 1000.0:
+        return whole(value)
+    return fixed(value, 1)
+
+
+def named(names: Sequence[str]) -> str:
+    """Names in a sentence; of many the first ones."""
+    more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
+    return ", ".join(names[:MAX_NAMED]) + more
+
+
+def spanned(steps: Sequence[str]) -> str:
+    """Steps in order, in a sentence: the first and the last of three or more."""
+    return " and ".join(steps) if len(steps) < 3 else f"{steps[0]} to {steps[-1]}"
+
+
+def often_text(chance: float, number_a_year: float) -> str:
+    """How many events a year has, where one at least is nearly sure; else empty."""
+    return f"about {number(number_a_year, 2)} a year" if chance > LARGEST_CHANCE else ""
+
+
+def compared(plan: PlanSummary, first: PlanSummary) -> tuple[list[str], list[str]]:
+    """Steps of a plan and of the first one that are not the same runs in both."""
+    return own_steps(plan.outcome, first.outcome), own_steps(first.outcome, plan.outcome)
+
+
+def verdict(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
+    """What a reader has to know first."""
+    first = plans[0]
+    made = first.made(first.steps)
+    found = [_comparison(plan, first) for plan in plans[1:]] or [
+        f"{first.name} makes {count(made.number)} events in {spanned(first.steps)}: {number(made.potency)} m³ of "
+        "potency."
+    ]
+    found.append(" ".join(_where(plan) for plan in plans))
+    return [*found, *_chances(plans, settings)]
+
+
+def _comparison(plan: PlanSummary, first: PlanSummary) -> str:
+    """A plan beside the first one."""
+    steps = compared(plan, first)
+    if not steps[0] and not steps[1]:
+        return f"{plan.name} and {first.name} are the same runs."
+    if not steps[0] or not steps[1]:
+        longer, shorter, more = (plan, first, steps[0]) if steps[0] else (first, plan, steps[1])
+        made = longer.made(more)
+        return (
+            f"{longer.name} mines as {shorter.name} does, and goes on with {spanned(more)}: {count(made.number)} "
+            f"events, {number(made.potency)} m³ of potency."
+        )
+    potency, events = (compare(plan.outcome, first.outcome, quantity, steps) for quantity in (POTENCY, NUMBER))
+    said = (
+        f"{plan.name} releases {_ratio(potency)} the potency of {first.name}{_interval(potency)}: {potency.verdict}. "
+    )
+    said += f"It makes {_ratio(events)} the events{_interval(events)}: {events.verdict}."
+    volumes = plan.mined(steps[0]), first.mined(steps[1])
+    if volumes[1] > 0 and abs(volumes[0] / volumes[1] - 1.0) > 0.01:
+        said += f" It mines {number(volumes[0] / volumes[1], 2)} times the volume."
+    return said
+
+
+def _ratio(difference: Difference) -> str:
+    return f"{number(difference.value, 2)} times" if np.isfinite(difference.value) else "more than nothing against"
+
+
+def _interval(difference: Difference) -> str:
+    ends = between(difference.interval, lambda value: number(value, 2))
+    return f" (95 % interval {ends})" if np.isfinite(difference.interval).any() else ""
+
+
+def _where(plan: PlanSummary) -> str:
+    """The opening and the step with most potency."""
+    all_steps = plan.made(plan.steps)
+    if not all_steps.potency > 0.0:
+        return f"{plan.name} makes no event."
+    near = {opening: plan.made(plan.steps, opening).potency for opening in plan.openings}
+    by_step = {step: plan.made([step]).potency for step in plan.steps}
+    opening, step = (max(values, key=lambda one: values[one]) for values in (near, by_step))
+    said = f"In {plan.name}, {percent(near[opening] / all_steps.potency)} of the potency is nearest to {opening}"
+    if len(plan.steps) > 1:
+        said += f", and {percent(by_step[step] / all_steps.potency)} is released in {step}"
+    return said + "."
+
+
+def _chances(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
+    """Chance of an event of the largest class near an opening, plan by plan."""
+    if not settings.sizes:
+        return []
+    size, magnitude = list(settings.sizes.items())[-1]
+    distance = settings.distances[0]
+    said = []
+    for plan in plans:
+        chance, interval = plan.chance(ANY, distance, size)
+        if np.isfinite(chance):
+            parts = [
+                f"{plan.name} {chance_with_interval(chance, interval)}",
+                often_text(chance, plan.yearly_number(ANY, distance, size)),
+                settings.likelihood(chance),
+            ]
+            said.append(f"{', '.join(filter(None, parts))} (at the rate of {spanned(plan.counted)})")
+    if not said:
+        return ["There are too few events to say how likely large ones are."]
+    return [
+        f"Chance per year of an event that is {size} ({typeset(f'Mw {magnitude:g}')} or more) within {distance:g} m of "
+        "an opening: " + "; ".join(said) + "."
+    ]
+
+
+def contained(plans: Sequence[PlanSummary]) -> str:
+    """What the intervals of ratios contain, in a sentence; empty for one plan."""
+    if len(plans) < 2:
+        return ""
+    held = ["chance"]
+    held += ["what the cells change"] if all(plan.has_runs(COARSE) for plan in plans) else []
+    held += ["what the calibration leaves open"] if all(plan.has_runs(DRAW) for plan in plans) else []
+    return f"Intervals of ratios contain {' and '.join(held)}."
+
+
+def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
+    """What the intervals lack, and which key of the mine file gives it."""
+    found = []
+    if any(plan.members == 0 for plan in plans):
+        found.append(
+            "Each plan has one run. Intervals then assume that its events are independent, which is the least that "
+            "chance can do. Set ensemble to 4 or more to measure the chance."
+        )
+    elif any(plan.members < 4 for plan in plans):
+        found.append("The ensemble is too small to measure how the runs differ. Set ensemble to 4 or more.")
+    if not all(plan.has_runs(COARSE) for plan in plans):
+        found.append(
+            "Intervals do not contain what the cells change, since a plan has no run on cells of twice the size "
+            "(grid_convergence)."
+        )
+    if not all(plan.has_runs(DRAW) for plan in plans):
+        found.append(
+            "Intervals do not contain what is not known of the rock. After snakemake calibrate, set hazard.rock to "
+            "posterior."
+        )
+    if not settings.sizes:
+        found.append(
+            "There is no chance of large events, since the mine file gives no classes of size. Give hazard.magnitudes, "
+            "such as {felt: 0.0, damaging: 1.0}."
+        )
+    elif not settings.likelihoods:
+        found.append("Chances have no class. Give hazard.likelihoods, such as {rare: 0, possible: 0.1, likely: 0.5}.")
+    return found
+
+
+def law_text(plan: PlanSummary) -> str:
+    """What the sizes follow, in sentences."""
+    attributes = plan.outcome.attrs
+    if attributes["law_source"] == "none":
+        return f"Of {plan.name} there are {plural(int(attributes['law_events']), 'event')}: too few for a law of sizes."
+    whose = "the record" if attributes["law_source"] == "record" else f"the runs of {plan.name}"
+    bound = [plan.magnitude(float(end)) for end in np.atleast_1d(attributes["law_bound_interval"])]
+    slope = between(np.atleast_1d(attributes["law_b_interval"]), lambda value: number(value, 2))
+    return (
+        f"Sizes follow {whole(attributes['law_events'])} events of {whose} from log P {number(attributes['floor'], 3)} "
+        f"on: b = {number(attributes['law_b'], 2)} ({slope}), and an upper end at Mw "
+        f"{between(bound, lambda value: number(value, 2))}."
+    )

@@ -1,0 +1,226 @@
+"""The rows of the page's tables, as text, and the table of numbers beside it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from catalogs.jackknife import INTERVAL_95
+from catalogs.periods import ALL_STEPS
+from catalogs.report.text import DASH, between, fixed, number, typeset, whole
+from common.datasets import atomic_path
+from plans.differences import NUMBER, POTENCY, Difference, compare
+from plans.layout import ANY
+from plans.plan_summary import Made, PlanSummary
+from plans.sentences import chance_with_interval, compared, count, named, often_text, spanned, times
+from plans.settings import HazardSettings
+
+ENERGY_UNIT = 1e6  # J; the page gives MJ
+NOT_COMPARED = {"potency_ratio": DASH, "verdict": "", "differs": False}
+MAX_OPENINGS = 15  # Rows of openings, those with most potency in any plan.
+
+
+def magnitude_of(plan: PlanSummary, potency: float) -> str:
+    """A potency (m3) as moment magnitude; a dash for none."""
+    return fixed(plan.magnitude(np.log10(potency)), 1) if potency > 0.0 else DASH
+
+
+def made_cells(plan: PlanSummary, made: Made) -> dict[str, str]:
+    """Number, potency and largest event, as text."""
+    largest = made.largest
+    return {
+        "number": count(made.number),
+        "potency": number(made.potency),
+        "magnitude": magnitude_of(plan, made.potency),
+        "largest": fixed(plan.magnitude(largest), 1) if np.isfinite(largest) else DASH,
+    }
+
+
+def plan_rows(plans: Sequence[PlanSummary]) -> list[dict]:
+    """One row for each plan: all of its steps, and its ratios to the first plan in the steps that differ."""
+    rows = []
+    for plan in plans:
+        made, mined = plan.made(plan.steps), plan.mined(plan.steps)
+        row: dict[str, object] = {
+            "plan": plan.name,
+            "steps": spanned(plan.steps),
+            "days": whole(plan.days(plan.steps)),
+            "mined": number(mined),
+            "energy": number(made.energy / ENERGY_UNIT),
+            "failed": number(made.failed),
+            "per_volume": number(1000.0 * made.potency / mined) if mined > 0.0 else DASH,
+            **made_cells(plan, made),
+        }
+        steps = compared(plan, plans[0])
+        row |= {"number_ratio": DASH, **NOT_COMPARED}
+        if plan is not plans[0]:
+            more, fewer = spanned(steps[0]), spanned(steps[1])
+            row["verdict"] = f"goes on with {more}" if more else f"lacks {fewer}" if fewer else "the same runs"
+        if all(steps):
+            found = {
+                quantity: compare(plan.outcome, plans[0].outcome, quantity, steps) for quantity in (NUMBER, POTENCY)
+            }
+            row |= {f"{name}_ratio": times(one) for name, one in found.items()} | _judged(found[POTENCY])
+        rows.append(row)
+    return rows
+
+
+def _judged(difference: Difference) -> dict:
+    return {"verdict": difference.verdict, "differs": difference.is_more_than_chance}
+
+
+def _beside(
+    plan: PlanSummary, first: PlanSummary, steps: tuple[Sequence[str], Sequence[str]], opening: str
+) -> dict[str, object]:
+    """Cells that compare the potency of a plan with that of the first one, in steps of each near an opening."""
+    if plan is first or not all(steps) or opening not in [*first.openings, ANY]:
+        return dict(NOT_COMPARED)
+    found = compare(plan.outcome, first.outcome, POTENCY, steps, opening)
+    return {"potency_ratio": times(found)} | _judged(found)
+
+
+def step_rows(plans: Sequence[PlanSummary]) -> list[dict]:
+    """One row for each step of each plan; steps of one name stand together, in order of time."""
+    start = {step: plan.dates(step)[0] for plan in plans for step in plan.steps}
+    rows = []
+    for step in sorted(start, key=lambda one: start[one]):
+        mining = [plan for plan in plans if step in plan.steps]
+        for place, plan in enumerate(mining):
+            rows.append(
+                {
+                    "step": step if not place else "",
+                    "mines": named(plan.mines(step)) or DASH,
+                    "mined": number(plan.mined([step])),
+                    "energy": number(plan.made([step]).energy / ENERGY_UNIT),
+                    "plan": plan.name,
+                    **made_cells(plan, plan.made([step])),
+                    **_beside(plan, plans[0], ([step], [one for one in plans[0].steps if one == step]), ANY),
+                }
+            )
+    return rows
+
+
+def opening_rows(plans: Sequence[PlanSummary]) -> list[dict]:
+    """One row for each opening and plan, over all steps; of many openings those with most potency."""
+    potency: dict[str, float] = {}
+    for plan in plans:
+        for opening in plan.openings:
+            potency[opening] = max(potency.get(opening, 0.0), plan.made(plan.steps, opening).potency)
+    shown = sorted((one for one in potency if potency[one] > 0.0), key=lambda one: -potency[one])[:MAX_OPENINGS]
+    rows = []
+    for opening in (one for one in potency if one in shown):
+        mining = [plan for plan in plans if opening in plan.openings]
+        for place, plan in enumerate(mining):
+            rows.append(
+                {
+                    "opening": opening if not place else "",
+                    "plan": plan.name,
+                    "step": plan.mined_in(opening) or "before",
+                    **made_cells(plan, plan.made(plan.steps, opening)),
+                    **_beside(plan, plans[0], compared(plan, plans[0]), opening),
+                }
+            )
+    return rows
+
+
+def matrix(plan: PlanSummary, settings: HazardSettings) -> list[dict]:
+    """Rows of a plan's risk matrix: classes of size, the largest first; each has a cell for every distance."""
+    rows = []
+    for size, magnitude in reversed(settings.sizes.items()):
+        cells = []
+        for distance in settings.distances:
+            chance, interval = plan.chance(ANY, distance, size)
+            whole_plan = plan.chance(ANY, distance, size, yearly=False)
+            cells.append(
+                {
+                    "yearly": chance_with_interval(chance, interval),
+                    "often": often_text(chance, plan.yearly_number(ANY, distance, size)),
+                    "likelihood": settings.likelihood(chance) if np.isfinite(chance) else "",
+                    "whole": chance_with_interval(*whole_plan),
+                    "shade": round(float(np.clip(chance, 0.0, 1.0)) ** 0.5, 2) if np.isfinite(chance) else 0.0,
+                }
+            )
+        rows.append({"size": size, "magnitude": typeset(f"{magnitude:g}"), "cells": cells})
+    return rows
+
+
+def exposed_rows(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[dict]:
+    """Openings by the yearly chance of the largest class within the smallest distance, plan by plan."""
+    if not settings.sizes:
+        return []
+    size, distance = list(settings.sizes)[-1], settings.distances[0]
+    found = {(plan.name, opening): plan.chance(opening, distance, size) for plan in plans for opening in plan.openings}
+    names = list(dict.fromkeys(opening for plan in plans for opening in plan.openings))
+    most = {name: max(found[one][0] for one in found if one[1] == name) for name in names}
+    shown = sorted((name for name in names if most[name] > 0.0), key=lambda name: -most[name])[:MAX_OPENINGS]
+    return [
+        {
+            "opening": name,
+            "cells": [
+                chance_with_interval(*found[(plan.name, name)]) if (plan.name, name) in found else DASH
+                for plan in plans
+            ],
+        }
+        for name in shown
+    ]
+
+
+def quantiles(draws: NDArray) -> tuple[float, NDArray]:
+    """Median and 95 % interval (2,) of draws."""
+    return float(np.median(draws)), np.quantile(draws, INTERVAL_95, method="nearest")
+
+
+def forecast_rows(plans: Sequence[PlanSummary]) -> list[dict]:
+    """One row for each step that is ahead: number, potency and largest event, median and interval."""
+    rows = []
+    for plan in plans:
+        for step in plan.ahead:
+            part = plan.outcome.sel(step=step)
+            counted, potency, largest = (part[f"forecast_{name}"].values for name in ("number", "potency", "largest"))
+            row = {"plan": plan.name, "step": step, "mines": named(plan.mines(step)) or DASH}
+            middle, ends = quantiles(counted)
+            row["number"] = f"{middle:.0f} ({ends[0]:.0f} to {ends[1]:.0f})"
+            row |= {"potency": DASH, "largest": DASH}
+            if np.isfinite(potency).all():
+                middle, ends = quantiles(potency)
+                row["potency"] = f"{number(middle)} ({between(ends)})"
+                middle, ends = quantiles(largest)
+                row["largest"] = f"{_largest(plan, middle)} ({' to '.join(_largest(plan, end) for end in ends)})"
+            rows.append(row)
+    return rows
+
+
+def _largest(plan: PlanSummary, size: float) -> str:
+    """The largest event (log10 m3) as magnitude; none where there is no event."""
+    return fixed(plan.magnitude(size), 1) if np.isfinite(size) else "none"
+
+
+def write_table(path: Path, plans: Sequence[PlanSummary], settings: HazardSettings) -> None:
+    """Numbers by plan, step and opening as CSV, atomically."""
+    rows = []
+    for plan in plans:
+        for step in [*plan.steps, ALL_STEPS]:
+            steps = plan.steps if step == ALL_STEPS else [step]
+            for opening in [*plan.openings, ANY]:
+                made = plan.made(steps, opening)
+                row: dict[str, object] = {
+                    "plan": plan.name,
+                    "step": step,
+                    "opening": opening,
+                    "days": plan.days(steps),
+                    "events": made.number,
+                    "potency, m3": made.potency,
+                    "largest, log10 m3": made.largest,
+                    "energy released, J": made.energy if opening == ANY else np.nan,
+                    "failed volume, m3": made.failed if opening == ANY else np.nan,
+                }
+                for size in settings.sizes:
+                    for distance in settings.distances:
+                        chance, ends = plan.chance(opening, distance, size, step)
+                        name = f"chance per year, {size} within {distance:g} m"
+                        row |= {name: chance, f"{name}, lower": ends[0], f"{name}, upper": ends[1]}
+                rows.append(row)
+    with atomic_path(path) as temporary:
+        pd.DataFrame(rows).to_csv(temporary, index=False, float_format="%.6g")

@@ -1,0 +1,71 @@
+"""Sizes that follow a power law with an upper end, of which neither the slope nor the end is known.
+
+x is log10 of potency in m3. Above a cut c the excess x - c is exponential with the rate beta = b ln 10, and ends at
+M - c. Of n sizes above the cut the likelihood is
+
+  L(beta, M) = (beta / (1 - exp(-beta (M - c))))^n exp(-beta sum(x - c)),   M at least the largest of them.
+
+The posterior is that of a uniform prior of beta, and of M up to a cap that physics sets. Of sizes that are rounded to
+bins of a width w, 2 sinh(beta w / 2) stands in place of beta, and M lies above the last bin.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalogs.sizes import LN10
+
+B_RANGE = (0.05, 3.0)  # of log potency; b of magnitude is 1.5 times as large
+POINTS = 200  # of the grid, along each of beta and M
+
+
+@dataclass(frozen=True)
+class TruncatedLaw:
+    """Draws of the law: rate beta (draw,) and upper end M (draw,), log10 m3, above a cut."""
+
+    cut: float
+    rate: NDArray
+    bound: NDArray
+
+    def share_above(self, size: ArrayLike) -> NDArray:
+        """Share of the events that are as large as a size (...,), log10 m3, or larger: (..., draw)."""
+        size = np.asarray(size, float)[..., None]
+        excess = np.maximum(size - self.cut, 0.0)
+        whole = -np.expm1(-self.rate * (self.bound - self.cut))
+        above = np.exp(-self.rate * excess) - np.exp(-self.rate * (self.bound - self.cut))
+        return np.where(size < self.bound, above / whole, 0.0)
+
+    def sizes(self, number: NDArray, generator: np.random.Generator) -> tuple[NDArray, NDArray]:
+        """Summed potency (m3) and largest size (log10 m3; -inf without an event) of so many events (draw,) each."""
+        draw = np.repeat(np.arange(len(number)), number)
+        share = generator.random(len(draw))
+        rate = self.rate[draw]
+        x = self.cut - np.log1p(share * np.expm1(-rate * (self.bound[draw] - self.cut))) / rate
+        largest = np.full(len(number), -np.inf)
+        np.maximum.at(largest, draw, x)
+        return np.bincount(draw, 10.0**x, minlength=len(number)), largest
+
+
+def find_law(
+    x: NDArray, cut: float, cap: float, draws: int, generator: np.random.Generator, width: float = 0.0
+) -> TruncatedLaw:
+    """Draws of the posterior given the sizes x (event,) above the cut; module docstring.
+
+    cut: of rounded sizes (width > 0) the lower edge of a bin; cap: largest upper end, log10 m3, not used where it is
+    below the largest size.
+    """
+    excess = np.asarray(x, float) - cut
+    last = float(excess.max()) + 0.5 * width
+    b, step = np.linspace(*B_RANGE, POINTS, retstep=True)
+    rate = b * LN10
+    end, length = np.linspace(max(last, 1e-6), max(cap - cut, last, 2e-6), POINTS, retstep=True)
+    single = np.log(rate) if not width else np.log(2.0 * np.sinh(0.5 * rate * width))
+    normaliser = np.log(-np.expm1(-rate[:, None] * end))
+    log_likelihood = len(excess) * (single[:, None] - normaliser) - rate[:, None] * excess.sum()
+    weights = np.exp(log_likelihood - log_likelihood.max()).ravel()
+    chosen = generator.choice(POINTS * POINTS, draws, p=weights / weights.sum())
+    row, column = np.divmod(chosen, POINTS)
+    apart = generator.uniform(-0.5, 0.5, size=(2, draws))  # spread over the cells of the grid
+    drawn = np.clip(rate[row] + apart[0] * step * LN10, rate[0], rate[-1])
+    return TruncatedLaw(cut, drawn, cut + np.clip(end[column] + apart[1] * length, end[0], end[-1]))

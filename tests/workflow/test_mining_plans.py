@@ -1,0 +1,160 @@
+"""Mining plans: the mine of each, what it shares with the mine file's plan, and what is refused."""
+
+import pytest
+import yaml
+from tiny_mines import DEFAULT, NEXT_STEP, TINY, changed, merged, write_mine
+
+from common.errors import InputError
+from workflow.configuration import load
+from workflow.folders import Folders
+from workflow.mining_plans import MiningPlans
+
+SWAPPED = {"excavations": {"stope_1": {"step": "2019-09"}, "stope_2": {"step": "2019-08"}}, "steps": [NEXT_STEP]}
+LONGER = {"excavations": {"stope_2": {"step": "2019-09"}}, "steps": [NEXT_STEP]}
+
+
+@pytest.fixture
+def folders(tmp_path):
+    """Folders of a mine that is the tiny one with these plans and other values."""
+
+    def made(plans: dict, **values) -> Folders:
+        file = write_mine(changed(TINY, plans=plans, **values), tmp_path / "mine.yaml")
+        default = yaml.safe_load(DEFAULT.read_text())
+        mine = load(merged(yaml.safe_load(file.read_text())), file, default)
+        return Folders(mine, MiningPlans(mine, file))
+
+    return made
+
+
+def homes(folders: Folders, place: str) -> dict[str, str]:
+    """Where each stage of a plan's folder has its result."""
+    steps = folders.mine_at(place).mined_steps
+    stages = ["grid", "elastic", *(f"{kind}/{step}" for step in steps for kind in ("steps", "events"))]
+    return {stage: folders.home(place, stage) for stage in stages}
+
+
+def own(found: dict[str, str], place: str) -> list[str]:
+    """Stages that a folder has itself."""
+    return [stage for stage, home in found.items() if home == place]
+
+
+def test_a_plan_is_the_mine_with_its_changes(folders):
+    """Excavations by name, steps of the same name replaced, others at the end; nothing else differs."""
+    shorter = {"name": "2019-08", "start": "2019-08-01", "end": "2019-08-16"}
+    found = folders({"longer": LONGER | {"steps": [shorter, NEXT_STEP]}})
+    mine, plan = found.mine, found.mine_at("tiny/plans/longer")
+    assert [(step.name, step.end) for step in plan.listed_steps] == [
+        ("history", None),
+        ("2019-08", "2019-08-16"),
+        ("2019-09", "2019-10-01"),
+    ]
+    assert {entry.name: entry.step for entry in plan.excavations} == {
+        "drive": "history",
+        "stope_1": "2019-08",
+        "stope_2": "2019-09",
+    }
+    assert plan.name == mine.name
+    assert plan.grid_slice() == mine.grid_slice()
+    assert [step.name for step in mine.listed_steps] == ["history", "2019-08"]  # the mine's own is as it was
+
+
+def test_a_plan_computes_only_what_differs(folders):
+    """A step more: that step alone. The other order: all steps after history."""
+    found = folders({"longer": LONGER, "swapped": SWAPPED})
+    place = "tiny/plans/longer"
+    assert own(homes(found, place), place) == ["steps/2019-09", "events/2019-09"]
+    place = "tiny/plans/swapped"
+    assert own(homes(found, place), place) == ["steps/2019-08", "events/2019-08", "steps/2019-09", "events/2019-09"]
+
+
+def test_other_dates_change_events_alone(folders):
+    """Rock knows no dates: steps are shared, events are not."""
+    later = {"name": "2019-08", "start": "2019-08-10", "end": "2019-09-01"}
+    found = folders({"later": {"steps": [later]}})
+    place = "tiny/plans/later"
+    assert own(homes(found, place), place) == ["events/2019-08"]
+
+
+def test_a_step_between_ends_what_is_shared(folders):
+    """A step that mines something else before: a later step of the same name and excavations is another one."""
+    found = folders({"other": {"excavations": {"stope_2": {"step": "history"}}}})
+    place = "tiny/plans/other"
+    assert own(homes(found, place), place)[0] == "grid"  # cells of what the first step mines are split at once
+    shared = [stage for stage, home in homes(found, place).items() if home == "tiny"]
+    assert shared == []
+
+
+def test_runs_of_a_plan_share_with_the_same_run_of_the_mine(folders):
+    """A member with the member of its number, as far as the mine has it; the companion with the companion."""
+    found = folders({"longer": LONGER}, ensemble=2)
+    last = ["steps/2019-09", "events/2019-09"]
+    for run in ("ensemble/2", "coarse"):
+        place = f"tiny/plans/longer/{run}"
+        assert own(homes(found, place), place) == last
+        assert found.home(place, "steps/2019-08") == f"tiny/{run}"
+    assert found.home("tiny/plans/longer/ensemble/2", "elastic") == "tiny"
+    assert found.home("tiny/plans/longer/ensemble/3", "steps/history") == "tiny/plans/longer/ensemble/3"
+
+
+def test_a_plan_may_be_another_file(folders, tmp_path):
+    """Its name and its plans do not count, its paths are relative to it; alike it shares all."""
+    other = changed(TINY, name="elsewhere", plans={"of_its_own": LONGER})
+    write_mine(other, tmp_path / "deeper" / "other.yaml")
+    found = folders({"file": {"file": "deeper/other.yaml"}})
+    plan = found.mine_at("tiny/plans/file")
+    assert plan.name == "tiny"
+    assert plan.path("record.csv").resolve() == (tmp_path / "deeper/record.csv").resolve()
+    assert set(homes(found, "tiny/plans/file").values()) == {"tiny"}
+
+
+@pytest.mark.parametrize(
+    ("plans", "line"),
+    [
+        ({"a": {}}, "plans.a: changes nothing; give excavations, steps, or the file of another mine file"),
+        (
+            {"a": {"excavations": {"stope_3": {"step": "2019-08"}}}},
+            "plans.a.excavations.stope_3: no excavation of the mine file; did you mean stope_2?",
+        ),
+        (
+            {"mine_file": LONGER},
+            "plans.mine_file: this is what the plan of the mine file itself is called; choose another name",
+        ),
+        (
+            {"a": LONGER, "A": LONGER},
+            "plans.A: differs from another plan in capitals alone, which are the same folder on some disks",
+        ),
+        ({"a": {"file": "none.yaml"}}, "no such file"),
+        ({"a": {"file": "b.yaml", "steps": [NEXT_STEP]}}, "plans.a.file: stands beside changes"),
+        ({"a": {"excavations": {"stope_1": {"stap": "2019-08"}}}}, "did you mean step?"),
+    ],
+)
+def test_a_wrong_plan_is_refused_with_the_mine(folders, plans, line):
+    with pytest.raises(InputError) as refused:
+        folders(plans)
+    assert line in str(refused.value)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("plan", "line"),
+    [
+        (
+            {"excavations": {"stope_1": {"step": "2019-10"}}},
+            "plans.a: .*excavations.stope_1.step: '2019-10' is not one",
+        ),
+        ({"excavations": {"stope_1": {"fill": "host"}}}, "plans.a: .*excavations.stope_1.fill: .*only elastic fill"),
+        ({"steps": [{"name": "2019-09"}]}, "plans.a: .*steps.2019-09: an undated step is history"),
+    ],
+)
+def test_a_plan_that_is_no_mine_ends_the_run_when_it_is_asked_for(folders, plan, line):
+    """In one line that names it."""
+    found = folders({"a": plan})
+    with pytest.raises(SystemExit, match=line) as ended:
+        found.mine_at("tiny/plans/a")
+    assert len(str(ended.value).splitlines()) == 1
+
+
+def test_drawn_rock_needs_a_calibration(folders):
+    found = folders({"longer": LONGER})
+    with pytest.raises(SystemExit, match="run `snakemake calibrate` first"):
+        found.mine_at("tiny/plans/longer/drawn_rock/1")

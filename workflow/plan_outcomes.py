@@ -1,0 +1,103 @@
+"""What the rules of the plans ask: the runs of each plan, where their results stand, and the slices of the stages."""
+
+import os
+import sys
+from pathlib import Path
+
+from workflow.calibration_trials import DRAWS
+from workflow.folders import COARSE, DRAWN_ROCK, ENSEMBLE
+from workflow.mine_settings import MINE_FILE_PLAN
+from workflow.result_files import PLANS, ResultFiles
+
+OUTCOME = "outcome.nc"
+POSTERIOR = "posterior"
+
+
+class PlanOutcomes:
+    """Runs and slices of the plans of the run's own mine.
+
+    Nothing is looked at before a rule asks for it. A mine that can have no plans ends the run in one line.
+    """
+
+    def __init__(self, files: ResultFiles, mine_file: Path):
+        self.files = files
+        self.folders = files.folders
+        self.mine = files.mine
+        self.mine_file = Path(os.path.relpath(mine_file))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the plans, that of the mine file first."""
+        mine = self.mine
+        if not mine.dated_steps:
+            sys.exit(f"{self.mine_file}: steps: none has dates; plans are compared by dated steps")
+        if mine.dimension != 3:
+            sys.exit(f"{self.mine_file}: plane: {mine.plane}; plans need a mine in three dimensions, plane: none")
+        return (MINE_FILE_PLAN, *mine.settings.plans)
+
+    def outcome(self, plan: str) -> str:
+        """Result of a plan: what its runs release."""
+        return self.files.own(f"{PLANS}/{plan}/{OUTCOME}")
+
+    def outcomes(self) -> list[str]:
+        """Results of all plans, in order."""
+        return [self.outcome(plan) for plan in self.names]
+
+    def runs(self, plan: str) -> list[tuple[str, str]]:
+        """Kind (plans.settings.RunFiles) and folder of each run of a plan."""
+        place, mine = self.folders.place_of(plan), self.mine
+        found = [("own", place), *(("member", f"{place}/{ENSEMBLE}/{number}") for number in range(1, mine.members + 1))]
+        if mine.has_companion:
+            found.append(("coarse", f"{place}/{COARSE}"))
+        if mine.settings.hazard.rock == POSTERIOR:
+            found += [("draw", f"{place}/{DRAWN_ROCK}/{number}") for number in range(1, DRAWS + 1)]
+        return found
+
+    def _results(self, folder: str, kind: str) -> list[str]:
+        """Events or states of the dated steps of a run."""
+        return [self.files.result(folder, f"{kind}/{step}") for step in self.folders.mine_at(folder).dated_steps]
+
+    def _run_files(self, plan: str) -> list[dict]:
+        return [
+            {"kind": kind, "events": self._results(folder, "events"), "states": self._results(folder, "steps")}
+            for kind, folder in self.runs(plan)
+        ]
+
+    def _recorded_runs(self) -> list[dict]:
+        if not self.files.has_record:
+            return []
+        return [{"kind": one["kind"], "events": one["events"]} for one in self._run_files(MINE_FILE_PLAN)]
+
+    def results(self, plan: str) -> list[str]:
+        """All files that the outcome of a plan is made from, beside grid, record and comparison."""
+        runs = [*self._run_files(plan), *self._recorded_runs()]
+        return list(dict.fromkeys(path for run in runs for kind in ("events", "states") for path in run.get(kind, ())))
+
+    def grid(self, plan: str) -> str:
+        """The grid of a plan's own run."""
+        return self.files.result(self.folders.place_of(plan), "grid")
+
+    def outcome_slice(self, plan: str) -> dict:
+        """What the outcome of a plan depends on, beside files."""
+        mine = self.folders.mine_at(self.folders.place_of(plan))
+        recorded = self._recorded_runs()
+        openings = [
+            {"name": entry.name, "step": entry.step if entry.step in mine.dated_steps else ""}
+            for entry in mine.excavations
+            if mine.step_index(entry.step) >= 0
+        ]
+        return {
+            "mine": mine.name,
+            "plan": plan,
+            "steps": mine.comparison_slice()["steps"],
+            "openings": openings,
+            "hazard": self.mine.settings.hazard.given(),
+            "shear_modulus": self.mine.settings.materials["host"].shear_modulus,
+            "runs": self._run_files(plan),
+            **({"recorded_steps": self.mine.comparison_slice()["steps"]} if recorded else {}),
+            **({"recorded_runs": recorded} if recorded else {}),
+        }
+
+    def report_slice(self) -> dict:
+        """What the page depends on, beside the outcomes."""
+        return {"mine": self.mine.name, "hazard": self.mine.settings.hazard.given()}
