@@ -348,6 +348,8 @@ def test_where_all_is_measured_the_largest_is_made_smaller_and_plans_follow(know
     measured = ensemble(convergence(known, 5.0, 4.0), 10.0, 0.5)
     measured = compared(measured, potency_ratio_interval=(0.5, 2.0), event_ratio_interval=(0.5, 2.0))
     assert advised(measured) == ["grid.finest_cell: 2 m", "excavations.stope_9.step"]
+    plans = replace(measured, config=measured.config | {"plans": {"slower": {}}})
+    assert advised(plans)[1:] == ["snakemake plans", "excavations.stope_9.step"]
     levels = replace(measured, config=measured.config | {"grid": {"coarse_cell": "16 m", "levels": 3}})
     assert advised(levels)[0] == "grid.levels: 4"
     unlocated = replace(measured, record=measured.record.assign_attrs(location_error=0.0))
