@@ -42,6 +42,8 @@ def _all(evidence: Evidence, warnings: Sequence[Banner], uncertain: Sequence[Sou
     yield from (one.advice for one in [*unknown, *known] if one.advice is not None)
     if evidence.record is not None and not location_errors(evidence.record).any() and evidence.record.sizes["event"]:
         yield Advice("State how well recorded events are located:", "record.location_error")
+    if evidence.config.get("plans"):
+        yield Advice("Compare the mining plans:", "snakemake plans")
     planned = [row.name for row in evidence.excavations if row.planned]
     if planned and evidence.dated:
         yield Advice(f"See what mining {planned[0]} would do, by giving it a step:", f"excavations.{planned[0]}.step")

@@ -82,6 +82,24 @@ def test_page_has_every_section_in_order(page):
     assert tuple(page.sections) == SECTIONS
 
 
+def test_the_contents_lead_to_every_section(page):
+    links = [attributes["href"] for tag, attributes in page.tags if tag == "a"]
+    assert [link for link in links if link in {f"#{name}" for name in SECTIONS[1:]}] == [
+        f"#{name}" for name in SECTIONS[1:]
+    ]
+    names = {attributes.get("id") for _, attributes in page.tags}
+    assert {link.removeprefix("#") for link in links} <= names
+
+
+def test_the_first_page_needs_no_other_page_to_be_understood(page):
+    """No logarithm, no name of the statistics behind it, no document; it is the first thing in the page."""
+    for word in ("log P", "README", "docs/", "energy distance", "Kagan", "p =", "p <"):
+        assert word not in page.sections["first"], word
+    assert "appendix for the specialist" in page.sections["first"]
+    first = next(attributes["id"] for tag, attributes in page.tags if "id" in attributes)
+    assert first == "first"
+
+
 def test_headline_counts_the_events_of_the_catalogue(page, mine):
     """150 events; how many in each step is counted anew here."""
     step = list(read_dataset(mine.catalog)["step"].values)

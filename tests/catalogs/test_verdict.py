@@ -268,6 +268,12 @@ def test_sources_stand_by_size_and_those_not_measured_last(known):
     assert all(source.text.startswith("not measured") for source in bare[1:3])
 
 
+@pytest.mark.parametrize(("interval", "factor"), [((0.2, 3.0), 10.0), ((1.0, 8.0), 4.0)])
+def test_the_record_is_as_uncertain_as_the_farther_end_of_its_interval(known, interval, factor):
+    one = compared(known, potency_rate=[1.0, 2.0], potency_rate_interval=interval)
+    assert by_name(one)["The record"].factor == pytest.approx(factor)
+
+
 def test_a_change_too_large_for_a_factor_stands_first_and_forbids_the_numbers(known):
     one = convergence(known, 5.0, 1.0)
     first = sources(one)[0]
@@ -326,10 +332,24 @@ def test_a_potency_that_is_off_is_calibrated(known):
     assert "snakemake calibrate" not in advised(fits)
 
 
+def test_a_silent_record_is_nothing_to_calibrate_to(known):
+    """Its ratio of numbers differs from 1 by more than chance, too."""
+    silent = compared(known, events_above_cut=(90, 0), event_ratio_interval=(20.0, np.inf))
+    assert "snakemake calibrate" not in advised(silent)
+    assert "snakemake calibrate" in advised(compared(silent, events_above_cut=(90, 1)))
+
+
+def test_what_was_never_measured_is_measured_before_anything_is_refined(known):
+    one = compared(convergence(known, 5.0, 4.0), potency_ratio_interval=(0.5, 2.0), event_ratio_interval=(0.5, 2.0))
+    assert advised(one)[:2] == ["ensemble: 8", "grid.finest_cell: 2 m"]
+
+
 def test_where_all_is_measured_the_largest_is_made_smaller_and_plans_follow(known):
     measured = ensemble(convergence(known, 5.0, 4.0), 10.0, 0.5)
     measured = compared(measured, potency_ratio_interval=(0.5, 2.0), event_ratio_interval=(0.5, 2.0))
     assert advised(measured) == ["grid.finest_cell: 2 m", "excavations.stope_9.step"]
+    plans = replace(measured, config=measured.config | {"plans": {"slower": {}}})
+    assert advised(plans)[1:] == ["snakemake plans", "excavations.stope_9.step"]
     levels = replace(measured, config=measured.config | {"grid": {"coarse_cell": "16 m", "levels": 3}})
     assert advised(levels)[0] == "grid.levels: 4"
     unlocated = replace(measured, record=measured.record.assign_attrs(location_error=0.0))
