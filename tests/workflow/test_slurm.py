@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from slurm_cluster import NODES, Cluster, reason_against
+from slurm_cluster import NODES, PARTITION, Cluster, reason_against
 from test_calibration_runs import CALIBRATED
 from tiny_mines import ROOT, changed, finished, hashes, snakemake, write_mine
 
@@ -22,6 +22,7 @@ MINE = changed(CALIBRATED, **{"grid.levels": 3, "grid.max_cells": 12000})  # tri
 TRIALS = ("2", "3")
 TARGETS = [f"results/tiny/calibration/own/{trial}.nc" for trial in TRIALS]
 OF_LOOPBACK = {  # what a site sets
+    "--default-resources": f"slurm_partition={PARTITION}",
     "--slurm-status-command": "squeue",
     "--slurm-init-seconds-before-status-checks": "1",
     "--max-threads": "1",
@@ -53,7 +54,7 @@ def local(mine_file) -> Path:
 
 
 def submit(cluster: Cluster, mine_file: Path, folder: Path) -> subprocess.Popen:
-    """Snakemake on the cluster, as a user calls it."""
+    """Snakemake on the cluster, as docs/how-to/cluster.md has it."""
     profile = ["--profile", str(ROOT / "profiles" / "slurm"), *(word for pair in OF_LOOPBACK.items() for word in pair)]
     words = [*TARGETS, *profile, "--directory", str(folder), "--snakefile", str(ROOT / "Snakefile")]
     return subprocess.Popen(
