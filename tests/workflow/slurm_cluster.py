@@ -49,7 +49,7 @@ SelectTypeParameters=CR_Core_Memory
 SchedulerParameters=sched_interval=5,batch_sched_delay=0,sched_min_interval=0
 # Without accounting, only squeue knows how a job ended. It forgets the job after this time, s.
 MinJobAge=86400
-SlurmdTimeout=10
+SlurmdTimeout=5
 KillWait=5
 ReturnToService=2
 # A job of a dead node is run again only if it asked for that.
