@@ -63,10 +63,11 @@ class OneLine(logging.Filter):
             self.table_is_shown = True
         if event in QUIET_EVENTS or text.startswith(CHATTER):
             return False
-        if event == "job_error" and record.rule_msg:  # of a job on a cluster, whose stage says nothing here
-            record.event = None  # Snakemake's filter would drop it
-            reason = record.rule_msg.partition(LOOK_ELSEWHERE)[0].splitlines()[0].rstrip(".")
-            record.msg = f"{record.output[0].split(' (')[0]}: {reason}; see {' and '.join(record.log)}"
+        error = vars(record)
+        if event == "job_error" and error["rule_msg"]:  # of a job on a cluster, whose stage says nothing here
+            reason = error["rule_msg"].partition(LOOK_ELSEWHERE)[0].splitlines()[0].rstrip(".")
+            record.msg = f"{error['output'][0].split(' (')[0]}: {reason}; see {' and '.join(error['log'])}"
+            error["event"] = None  # Snakemake's filter would drop the record
             return True
         if full := NO_ROOM.search(text):
             said, self.full = self.full, True

@@ -49,7 +49,7 @@ SelectTypeParameters=CR_Core_Memory
 SchedulerParameters=sched_interval=5,batch_sched_delay=0,sched_min_interval=0
 # Without accounting, only squeue knows how a job ended. It forgets the job after this time, s.
 MinJobAge=86400
-SlurmdTimeout=10
+SlurmdTimeout=5
 KillWait=5
 ReturnToService=2
 # A job of a dead node is run again only if it asked for that.
@@ -123,7 +123,7 @@ class Cluster:
                 f"NodeName={node} NodeHostname={node} NodeAddr=127.0.0.1 Port={port} CPUs=1 "
                 f"RealMemory={int(0.8 * memory)} State=UNKNOWN\n"
             )
-        return "".join([*lines, f"PartitionName={PARTITION} Nodes=ALL Default=YES MaxTime=INFINITE State=UP\n"])
+        return "".join([*lines, f"PartitionName={PARTITION} Nodes=ALL MaxTime=INFINITE State=UP\n"])
 
     def _start(self, name: str, *command: str) -> None:
         with open(self.folder / f"{name}.out", "wb") as output:
@@ -166,8 +166,8 @@ class Cluster:
         return dict(line.split() for line in lines)
 
     def jobs(self) -> list[dict[str, str]]:
-        """All jobs, ended ones too: number, state, node, comment (Snakemake's rule and wildcards)."""
-        lines = self.ask("squeue", "--states=all", "--noheader", "--format=%i|%T|%N|%k").splitlines()
+        """All jobs in order, ended ones too: number, state, node, comment (Snakemake's rule and wildcards)."""
+        lines = self.ask("squeue", "--states=all", "--noheader", "--sort=i", "--format=%i|%T|%N|%k").splitlines()
         names = ("number", "state", "node", "comment")
         return [dict(zip(names, line.split("|"), strict=True)) for line in lines]
 

@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from slurm_cluster import NODES, Cluster, reason_against
+from slurm_cluster import NODES, PARTITION, Cluster, reason_against
 from test_calibration_runs import CALIBRATED
 from tiny_mines import ROOT, changed, finished, hashes, snakemake, write_mine
 
@@ -22,6 +22,7 @@ MINE = changed(CALIBRATED, **{"grid.levels": 3, "grid.max_cells": 12000})  # tri
 TRIALS = ("2", "3")
 TARGETS = [f"results/tiny/calibration/own/{trial}.nc" for trial in TRIALS]
 OF_LOOPBACK = {  # what a site sets
+    "--default-resources": f"slurm_partition={PARTITION}",
     "--slurm-status-command": "squeue",
     "--slurm-init-seconds-before-status-checks": "1",
     "--max-threads": "1",
@@ -52,8 +53,18 @@ def local(mine_file) -> Path:
     return folder
 
 
+def without(local: Path, name: str, *trials: str) -> Path:
+    """A copy of the local run, time stamps and Snakemake's notes included, as before some of its trials."""
+    folder = local.parent / name
+    shutil.copytree(local, folder)
+    for trial in trials:
+        (folder / f"results/tiny/calibration/own/{trial}.nc").unlink()
+        (folder / f"logs/tiny/calibration/own/{trial}.log").unlink()
+    return folder
+
+
 def submit(cluster: Cluster, mine_file: Path, folder: Path) -> subprocess.Popen:
-    """Snakemake on the cluster, as a user calls it."""
+    """Snakemake on the cluster, as docs/how-to/cluster.md has it."""
     profile = ["--profile", str(ROOT / "profiles" / "slurm"), *(word for pair in OF_LOOPBACK.items() for word in pair)]
     words = [*TARGETS, *profile, "--directory", str(folder), "--snakefile", str(ROOT / "Snakefile")]
     return subprocess.Popen(
@@ -86,7 +97,7 @@ def is_at_work(folder: Path, trial: str) -> bool:
 
 def test_trials_of_a_dead_node_are_run_on_the_other_to_the_same_bytes(cluster, mine_file, local):
     """One trial on each node. The second node dies in the middle of its trial, and stays dead."""
-    folder = mine_file.parent / "node"
+    folder = without(local, "node", *TRIALS)
     run = submit(cluster, mine_file, folder)
     killed = cluster.await_(lambda: trial_on(cluster, NODES[1]), "a job on the second node")
     cluster.await_(lambda: is_at_work(folder, killed), f"trial {killed}")
@@ -105,10 +116,7 @@ def test_trials_of_a_dead_node_are_run_on_the_other_to_the_same_bytes(cluster, m
 
 def test_snakemake_that_was_killed_goes_on_and_repeats_nothing(cluster, mine_file, local):
     """One trial is finished, one at work. Its job is cancelled by its run; then --unlock, and the same command."""
-    folder = mine_file.parent / "snakemake"
-    shutil.copytree(local, folder)
-    (folder / TARGETS[1]).unlink()
-    (folder / "logs/tiny/calibration/own/3.log").unlink()
+    folder = without(local, "snakemake", TRIALS[1])
     run = submit(cluster, mine_file, folder)
     cluster.await_(lambda: is_at_work(folder, TRIALS[1]), "the trial")
     os.kill(run.pid, signal.SIGKILL)
