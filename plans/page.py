@@ -56,7 +56,7 @@ def write_report(
             missing=missing(plans, hazard),
             contained=contained(plans),
             plans=plan_rows(plans),
-            steps=step_rows(plans),
+            steps=step_rows(plans, hazard),
             openings=opening_rows(plans),
             sizes=[(name, typeset(f"{value:g}")) for name, value in hazard.sizes.items()],
             distances=[f"{distance:g}" for distance in hazard.distances],

@@ -81,10 +81,12 @@ def _beside(
     return {"potency_ratio": times(found)} | _judged(found)
 
 
-def step_rows(plans: Sequence[PlanSummary]) -> list[dict]:
-    """One row for each step of each plan; steps of one name stand together, in order of time."""
+def step_rows(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[dict]:
+    """One row for each step of each plan; steps of one name stand together, in order of time. The chance is that of the
+    largest class within the smallest distance of any opening, while the step lasts."""
     start = {step: plan.dates(step)[0] for plan in plans for step in plan.steps}
     rows = []
+    sizes = list(settings.sizes)
     for step in sorted(start, key=lambda one: start[one]):
         mining = [plan for plan in plans if step in plan.steps]
         for place, plan in enumerate(mining):
@@ -94,6 +96,11 @@ def step_rows(plans: Sequence[PlanSummary]) -> list[dict]:
                     "mines": named(plan.mines(step)) or DASH,
                     "mined": number(plan.mined([step])),
                     "energy": number(plan.made([step]).energy / ENERGY_UNIT),
+                    "chance": chance_with_interval(
+                        *plan.chance(ANY, settings.distances[0], sizes[-1], step, yearly=False)
+                    )
+                    if sizes
+                    else "",
                     "plan": plan.name,
                     **made_cells(plan, plan.made([step])),
                     **_beside(plan, plans[0], ([step], [one for one in plans[0].steps if one == step]), ANY),

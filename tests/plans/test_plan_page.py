@@ -97,7 +97,7 @@ def test_tables_hold_the_numbers_of_the_outcomes(plans):
     assert int(rows[0]["number"]) == own["number"].sel(opening="any", run=0).sum()
     assert rows[0]["mined"].replace("\u202f", "") == f"{2 * 12 * 20 * 30}"
 
-    steps = step_rows(plans)
+    steps = step_rows(plans, SETTINGS.hazard)
     assert [(row["step"], row["plan"]) for row in steps] == [
         ("2019-08", "mine_file"), ("", "other_order"), ("", "longer"),
         ("2019-09", "mine_file"), ("", "other_order"), ("", "longer"),
@@ -105,6 +105,8 @@ def test_tables_hold_the_numbers_of_the_outcomes(plans):
     ]  # fmt: skip
     assert [row["mines"] for row in steps[:3]] == ["stope_1", "stope_2", "stope_1"]
     assert steps[2]["potency_ratio"] == "the same runs"
+    assert all(re.match(r"(up to |more than )?[\d.]+ %", row["chance"]) for row in steps)
+    assert {row["chance"] for row in step_rows(plans, PlansReportSlice.of({"mine": MINE}).hazard)} == {""}
     openings = opening_rows(plans)
     assert {(row["plan"], row["step"]) for row in openings if row["plan"] == "other_order"} <= {
         ("other_order", "2019-08"), ("other_order", "2019-09"), ("other_order", "before"),
