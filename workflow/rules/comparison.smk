@@ -193,7 +193,7 @@ rule forecast_scores:
         "../envs/environment.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=each_time(1000),
         runtime=10,
     params:
         code=source_hash("plans score"),

@@ -23,7 +23,7 @@ rule plan_outcome:
         "../envs/environment.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
+        mem_mb=each_time(2000),
         runtime=60,
     params:
         code=source_hash("plans outcome"),
@@ -55,7 +55,7 @@ rule plans:
         "../envs/environment.yaml"
     threads: 1
     resources:
-        mem_mb=4000,
+        mem_mb=each_time(4000),
         runtime=60,
     params:
         code=source_hash("plans report"),
