@@ -112,3 +112,32 @@ def test_mines_without_plans_are_refused(mine, line, tmp_path):
     assert status != 0
     assert line in text
     assert "Traceback" not in text
+
+
+@pytest.mark.slow
+def test_plans_in_rock_that_a_calibration_has_drawn(spoiled, base):
+    """Each plan in each drawn rock, on the mine's grid; what the intervals contain says so. Without the draws the run
+    ends in one line."""
+    quantity = {"key": "materials.host.cohesion.residual", "range": ["0.3 MPa", "0.8 MPa"], "source": "made up"}
+    calibration = {"trials": 8, "quantities": [quantity]}
+    mine = changed(TINY, plans={"swapped": PLANS["swapped"]}, calibration=calibration, hazard={"rock": "posterior"})
+    folder = spoiled / "results/tiny/calibration"
+    with edited(base / "files" / "tiny.yaml", mine) as file:
+        status, text = snakemake(file, spoiled, "--dry-run", "plans")
+        assert status != 0
+        assert "hazard.rock: there is no results/tiny/calibration/draw_1.yaml; run `snakemake calibrate` first" in text
+        folder.mkdir()
+        for draw in range(1, 6):
+            residual = f"{0.25 + 0.1 * draw:g} MPa"
+            write_mine(changed(TINY, **{"materials.host.cohesion.residual": residual}), folder / f"draw_{draw}.yaml")
+        status, text = snakemake(file, spoiled, "plans")
+    assert status == 0, text
+    # in each rock two steps of either plan, which share history; the other plan's own two; events of dated steps
+    assert jobs(text) == {"elastic": 5, "mining_step": 22, "events": 17, "plan_outcome": 2, "plans": 1}
+    outcome = xr.open_dataset(spoiled / "results/tiny/plans/swapped/outcome.nc")
+    assert outcome.run_kind.values.tolist() == ["own", *["draw"] * 5]
+    released = outcome.energy_released[1:, 0].values
+    assert len(set(released)) == 5
+    assert not (spoiled / "results/tiny/drawn_rock/1/grid.nc").exists()
+    page = (spoiled / "results/tiny/plans/report.html").read_text()
+    assert "Intervals do not contain what is not known of the rock" not in page
