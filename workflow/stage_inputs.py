@@ -129,7 +129,7 @@ class StageInputs:
             found = {name: _filled(given, wildcards) for name, given in files.items()}
             made = stage.format(**wildcards)
             output = f"results/{wildcards.mine}/{result or f'{made}.nc'}"
-            paths = [path for one in found.values() for path in ([one] if isinstance(one, str) else one)]
+            paths = [path for one in found.values() for path in _as_list(one)]
             if all(map(os.path.exists, [output, *paths])):
                 results = [path for path in paths if path.endswith(".nc")]
                 if read_made_from(output) != identity(*self.sliced(wildcards.mine, made)[1:], command, results):
@@ -138,24 +138,40 @@ class StageInputs:
 
         return unpack(inputs)
 
-    def named_inputs(self, command: str, output: str, values: Callable[[Wildcards], dict], **files: Paths):
-        """Inputs of a rule whose stage is none of every mine, and depends on nothing but its slice `values`.
+    def named_inputs(
+        self,
+        command: str,
+        output: str,
+        values: Callable[[Wildcards], dict],
+        unread: tuple[str, ...] = (),
+        **files: Paths | Callable[[Wildcards], Paths],
+    ):
+        """Inputs of a rule whose stage is none of every mine; `values`: its slice, `unread`: files that it does not
+        read.
 
         The output is made again as in inputs_of. Snakemake keeps no note of a job on a cluster that ended while
         Snakemake was not running, and would use its result with any values.
         """
 
         def inputs(wildcards: Wildcards) -> dict[str, Paths]:
+            found = {name: _filled(given, wildcards) for name, given in files.items()}
             path = output.format(**wildcards)
-            if os.path.exists(path) and read_made_from(path) != made_from(values(wildcards), command):
-                self.workflow.dag.forcefiles.add(path)
-            return files
+            results = [one for name, given in found.items() if name not in unread for one in _as_list(given)]
+            if all(map(os.path.exists, [path, *results])):
+                if read_made_from(path) != made_from(values(wildcards), command, results):
+                    self.workflow.dag.forcefiles.add(path)
+            return found
 
         return unpack(inputs)
+
+
+def _as_list(paths: Paths) -> list[str]:
+    return [paths] if isinstance(paths, str) else list(paths)
 
 
 def _filled(given: Paths | Callable[[Wildcards], Paths], wildcards: Wildcards) -> Paths:
     """What a function gives, a name with the wildcards filled in, or a list as it is."""
     if callable(given):
         return given(wildcards)
-    return given.format(**wildcards) if isinstance(given, str) else given
+    # One without a wildcard as it is: a text that is made from it is no longer marked as ancient.
+    return given.format(**wildcards) if isinstance(given, str) and "{" in given else given

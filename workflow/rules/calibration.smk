@@ -16,6 +16,7 @@ rule trial:
             "calibration trial",
             f"{CALIBRATION}/{{cells}}/{{trial}}.nc",
             lambda wildcards: TRIALS.slice_of(wildcards.trial, wildcards.cells),
+            unread=("grid", "solids"),
             grid=ancient(FILES.own("grid.nc")),
             solids=MINE.solids(),
         ),

@@ -8,9 +8,14 @@ OUTCOMES = PlanOutcomes(FILES, MINE_FILE)
 rule plan_outcome:
     """What the runs of a plan release by step and opening, and the chance of events near openings."""
     input:
-        grid=lambda wildcards: OUTCOMES.grid(wildcards.plan),
-        results=lambda wildcards: OUTCOMES.results(wildcards.plan),
-        matched=[FILES.own("record.nc"), FILES.own("comparison.nc")] if FILES.has_record else [],
+        STAGES.named_inputs(
+            "plans outcome",
+            f"results/{MINE.name}/plans/{{plan}}/outcome.nc",
+            lambda wildcards: OUTCOMES.outcome_slice(wildcards.plan),
+            grid=lambda wildcards: OUTCOMES.grid(wildcards.plan),
+            results=lambda wildcards: OUTCOMES.results(wildcards.plan),
+            matched=[FILES.own("record.nc"), FILES.own("comparison.nc")] if FILES.has_record else [],
+        ),
     output:
         f"results/{MINE.name}/plans/{{plan}}/outcome.nc",
     log:
@@ -42,8 +47,13 @@ rule plan_outcome:
 rule plans:
     """All plans side by side: a page, and a table."""
     input:
-        outcomes=lambda wildcards: OUTCOMES.outcomes(),
-        grid=FILES.own("grid.nc"),
+        STAGES.named_inputs(
+            "plans report",
+            f"results/{MINE.name}/plans/report.html",
+            lambda wildcards: OUTCOMES.report_slice(),
+            outcomes=lambda wildcards: OUTCOMES.outcomes(),
+            grid=FILES.own("grid.nc"),
+        ),
     output:
         page=f"results/{MINE.name}/plans/report.html",
         table=f"results/{MINE.name}/plans/plans.csv",
