@@ -76,7 +76,7 @@ def draw(level: dict[str, Variant]) -> Figure:
         exact = exact_slit(next(iter(shown.values())))
         x = np.linspace(-exact.half_width, exact.half_width, 400)
         axes.plot(x, MILLI * exact.closure(x), color=style.OUTLINE, linewidth=1.2, label="slit, exact")
-        for (name, variant), mark in zip(shown.items(), "os^", strict=True):
+        for (name, variant), mark in zip(shown.items(), "os^", strict=False):
             place, found = closure(variant)
             axes.plot(
                 place, MILLI * found, mark, markersize=3.5, fillstyle="none", label=f"{name.split('_')[1]} m cells"
