@@ -76,11 +76,11 @@ def draw(level: dict[str, Variant]) -> Figure:
         exact = exact_slit(next(iter(shown.values())))
         x = np.linspace(-exact.half_width, exact.half_width, 400)
         axes.plot(x, MILLI * exact.closure(x), color=style.OUTLINE, linewidth=1.2, label="slit, exact")
-        for (name, variant), mark in zip(shown.items(), "os^", strict=False):
+        colours = style.step_colours([True] * len(shown))
+        for (name, variant), mark, colour in zip(shown.items(), "os^", colours, strict=False):
             place, found = closure(variant)
-            axes.plot(
-                place, MILLI * found, mark, markersize=3.5, fillstyle="none", label=f"{name.split('_')[1]} m cells"
-            )
+            label = f"{name.split('_')[1]} m cells"
+            axes.plot(place, MILLI * found, mark, color=colour, markersize=3.5, fillstyle="none", label=label)
         modulus = next(iter(shown.values())).values["materials"]["gob"]["youngs_modulus"]
         axes.set(title=f"gob of {modulus / 1e6:g} MPa", xlabel="x (m)", ylabel="closure (mm)")
         axes.legend()
