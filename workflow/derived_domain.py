@@ -27,7 +27,7 @@ from mpm_core.settings import (
 from workflow.accuracy import PRESETS
 from workflow.mine import Mine
 from workflow.shapes import check_form
-from workflow.virgin_rock import overstress, rock_at
+from workflow.virgin_rock import Rocks, overstress
 
 DEEPEST = 1e5  # m from the openings: virgin rock further away is not checked
 LAYERS = 200  # distances from the openings, up to DEEPEST, at which the rock is looked up
@@ -133,7 +133,7 @@ def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
     conditions = [faces[face] for face in held]
     rocks = ["host", *(body.material for body in settings.rock_bodies)]
     box = bounds(openings)
-    sound, weak = _sound(mine, box, finest) if 2 in mined else ((-np.inf, np.inf), ("", ""))
+    sound = _sound(mine, box, finest) if 2 in mined else ((-np.inf, ""), (np.inf, ""))
     found = derive_domain(
         openings,
         finest,
@@ -141,10 +141,10 @@ def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
         conditions if given else ["fixed"],
         levels=(levels, levels) if levels else _levels(mine),
         ground=settings.frame.surface if 2 in mined else None,
-        sound=sound,
+        sound=(sound[0][0], sound[1][0]),
     )
     if found.limited == STRENGTH and found.error > MAX_LIMITED_BOUNDARY_ERROR:
-        raise InputError(_no_room(mine, found, box[:, -1], sound, weak))
+        raise InputError(_no_room(mine, found, box[:, -1], sound))
     top, surface = float(found.upper[-1]), settings.frame.surface
     at_surface = 2 in mined and top == surface
     if at_surface and given and faces["z_upper"] not in ("free", "traction"):
@@ -164,9 +164,9 @@ def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
     return found.coarse_cell, found.levels
 
 
-def _sound(mine: Mine, box: np.ndarray, finest: float) -> tuple[tuple[float, float], tuple[str, str]]:
-    """Elevations, m, between which virgin rock above and below the openings bears its stress, and the rock that does
-    not beyond each; box (2, d): of all openings, m.
+def _sound(mine: Mine, box: np.ndarray, finest: float) -> tuple[tuple[float, str], tuple[float, str]]:
+    """Elevations, m, between which virgin rock above and below the openings bears its stress, each with the rock that
+    does not beyond; box (2, d): of all openings, m.
 
     Raises InputError where it does not at the openings themselves. What a law admits is convex, and stress is linear in
     depth: of one rock there is one such stretch. Layers of rock are found if they are no thinner than a part of their
@@ -174,11 +174,11 @@ def _sound(mine: Mine, box: np.ndarray, finest: float) -> tuple[tuple[float, flo
     """
     surface, plan = mine.settings.frame.surface, np.concatenate([box[:, :-1], box[:, :-1].mean(axis=0)[None]])
     columns = np.array(list(itertools.product(*plan.T)))
-    heights = np.minimum(box[:, -1], surface)
+    heights, rocks = np.minimum(box[:, -1], surface), Rocks.of(mine)
 
     def at(elevation: float) -> tuple[float, str]:
         points = np.column_stack([columns, np.full(len(columns), elevation)])
-        return overstress(mine, set(rock_at(mine, points).tolist()), elevation)
+        return overstress(mine, set(rocks.at(points).tolist()), elevation)
 
     for place, elevation in zip(("lower", "upper"), heights, strict=True):
         excess, rock = at(elevation)
@@ -188,9 +188,9 @@ def _sound(mine: Mine, box: np.ndarray, finest: float) -> tuple[tuple[float, flo
                 f"{excess / 1e6:.3g} MPa above the intact strength of materials.{rock}: it would fail before anything "
                 "is mined; check stress, depth and strength"
             )
-    distances = np.geomspace(min(finest, DEEPEST), DEEPEST, LAYERS) if mine.settings.rock_bodies else [DEEPEST]
-    ends, weak = [], []
-    for start, way in zip(heights, (-1.0, 1.0), strict=True):
+    distances = np.geomspace(min(finest, DEEPEST), DEEPEST, LAYERS) if rocks.bodies else [DEEPEST]
+
+    def end(start: float, way: float) -> tuple[float, str]:
         bears, fails = start, None
         for distance in distances:
             if at(start + way * distance)[0] > 0.0:
@@ -200,18 +200,18 @@ def _sound(mine: Mine, box: np.ndarray, finest: float) -> tuple[tuple[float, flo
         while fails is not None and abs(fails - bears) > SAME * DEEPEST:
             middle = 0.5 * (fails + bears)
             bears, fails = (bears, middle) if at(middle)[0] > 0.0 else (middle, fails)
-        ends.append(bears)
-        weak.append("" if fails is None else at(fails)[1])
-    return tuple(ends), tuple(weak)
+        return bears, "" if fails is None else at(fails)[1]
+
+    return end(heights[0], -1.0), end(heights[1], 1.0)
 
 
 def _no_room(
-    mine: Mine, found: FarField, heights: np.ndarray, sound: tuple[float, float], weak: tuple[str, str]
+    mine: Mine, found: FarField, heights: np.ndarray, sound: tuple[tuple[float, str], tuple[float, str]]
 ) -> str:
     """Why a derived domain that stays where virgin rock bears its stress is none; heights (2,): of all openings, m;
-    sound, weak: see _sound."""
-    gaps = heights[0] - sound[0], sound[1] - heights[1]
-    end, gap, rock = min(zip(sound, gaps, weak, strict=True), key=lambda one: one[1])
+    sound: see _sound."""
+    (lowest, below), (highest, above) = sound
+    gap, end, rock = min((heights[0] - lowest, lowest, below), (highest - heights[1], highest, above))
     largest = ", ".join(f"grid.{key}" for key in ("coarse_cell", "levels") if key in mine.written_cells)
     cells = f" in cells up to {found.coarse_cell:g} m ({largest})" if largest else ""
     expected = f"moves wall stress by {100 * found.error:.3g} %" if found.distance > 0 else "does not hold them"

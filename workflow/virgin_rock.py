@@ -4,6 +4,8 @@ What a law admits is convex, and stress is linear in depth. So of a rock that li
 """
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -27,17 +29,31 @@ def insitu_stress(mine: Mine) -> InsituStress:
     return InsituStress(constant, gradient, mine.settings.frame.surface)
 
 
-def rock_at(mine: Mine, points: np.ndarray) -> np.ndarray:
-    """Name of the material at each point (k, d): host or, in a rock body that has a shape, its own. What lies in a file
-    is not looked up."""
-    names, solids = ["host"], list[Solid | Outside]()
-    for body in mine.settings.rock_bodies:
-        shape = check_form(mine, f"rock_bodies.{body.name}", body)
-        if shape is not None:
-            solid = solid_of(shape, mine.dimension, f"rock_bodies.{body.name}")
-            solids.append(Outside(solid, *solid.bounds) if body.outside else solid)
-            names.append(body.material)
-    return np.array(names)[1 + bodies_at(solids, points)]
+@dataclass(frozen=True)
+class Rocks:
+    """Which rock lies where: the rock bodies that have a shape, and the host. Those of a file are not looked up.
+
+    bodies: of such bodies, in order. names: of the host's material and of theirs.
+    """
+
+    names: np.ndarray
+    bodies: list[Solid | Outside]
+
+    @classmethod
+    def of(cls, mine: Mine) -> Self:
+        """Of a mine whose rock bodies have been checked."""
+        names, solids = ["host"], list[Solid | Outside]()
+        for body in mine.settings.rock_bodies:
+            shape = check_form(mine, f"rock_bodies.{body.name}", body)
+            if shape is not None:
+                solid = solid_of(shape, mine.dimension, f"rock_bodies.{body.name}")
+                solids.append(Outside(solid, *solid.bounds) if body.outside else solid)
+                names.append(body.material)
+        return cls(np.array(names), solids)
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """Name of the material at each point (k, d)."""
+        return self.names[1 + bodies_at(self.bodies, points)]
 
 
 def overstress(mine: Mine, rocks: Iterable[str], elevation: float) -> tuple[float, str]:
@@ -59,7 +75,7 @@ def check_virgin_stress(mine: Mine) -> None:
     count = np.minimum(np.rint((upper - lower) / settings.grid.coarse_cell).astype(int) + 1, MAX_LAYERS)
     share = np.meshgrid(*(np.linspace(INSET, 1.0 - INSET, number) for number in count), indexing="ij")
     points = lower + np.stack([part.ravel() for part in share], axis=-1) * (upper - lower)
-    rock, elevation = rock_at(mine, points), points[:, -1]
+    rock, elevation = Rocks.of(mine).at(points), points[:, -1]
     first, last = elevation.min(), elevation.max()
     for name in ["host", *(body.material for body in settings.rock_bodies)]:
         own = elevation[rock == name]

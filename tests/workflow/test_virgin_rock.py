@@ -5,7 +5,7 @@ import pytest
 from tiny_mines import FLAT, HOST, TINY, changed
 
 from common.errors import InputError
-from workflow.virgin_rock import check_virgin_stress, rock_at
+from workflow.virgin_rock import Rocks, check_virgin_stress
 
 # The host of the tiny mine would fail under this stress from D = 949 m on, z = 51 m: N xx - zz exceeds 3.46 MPa.
 STEEP = {"constant": {}, "gradient": {"xx": "-0.0093 MPa/m", "yy": "-0.0093 MPa/m", "zz": "-0.03155 MPa/m"}}
@@ -43,7 +43,7 @@ def test_a_body_may_end_where_the_domain_does(accept):
     accept(steep(rock_bodies=[body([0, 0, 0], [80, 80, 60])]))
     thin = accept(changed(TINY, rock_bodies=[body([0, 0, 0], [80, 80, 1])], **{"materials.strong": STRONG}))
     points = np.array([[40.0, 40.0, 0.5], [40.0, 40.0, 1.5]])
-    assert rock_at(thin, points).tolist() == ["strong", "host"]
+    assert Rocks.of(thin).at(points).tolist() == ["strong", "host"]
 
 
 def test_another_rock_is_checked_by_its_own_strength(refuse):
