@@ -8,9 +8,10 @@ import pytest
 import xarray as xr
 
 from baselines.models import beside_record
+from baselines.months import beside_months
 from baselines.page import INPUT, NO_AXES, measure_rows, step_rows, verdict, write_page, write_table
 from baselines.scores import Counted, MapScores, score_places
-from baselines.settings import FlawSlice
+from baselines.settings import BaselineReportSlice, FlawSlice
 from catalogs.comparison import compare
 from catalogs.comparison_settings import ComparisonSlice, DatedStep
 from catalogs.exposure import Exposure
@@ -221,13 +222,24 @@ def test_page_and_table_need_nothing_else(found, tmp_path, kind):
         *[getattr(found, name) for name in ("recorded", "models", "scores", "steps")],
     )
     attributes = events(1, 0).attrs
-    write_page(tmp_path / "report.html", "made_up", shown, attributes, grid(), ["later"], FLAWS)
+    settings = BaselineReportSlice.of(
+        {
+            "mine": "made_up",
+            "comparison": {"steps": [step.given() for step in STEPS]},
+            "flaws": FLAWS.given(),
+            "box": [[-100.0, -100.0], [200.0, 200.0]],
+        }
+    )
+    months = beside_months(shown, shown.record, 2.0, settings)
+    write_page(tmp_path / "report.html", "made_up", shown, attributes, grid(), ["later"], FLAWS, months)
     write_table(tmp_path / "scores.csv", shown)
     page = (tmp_path / "report.html").read_text()
     assert ("The record is a twin" in page) == (kind == "twin")
     assert page.count("<img") == page.count("data:image/svg+xml") == 1
     assert "input, not scored" in page
     assert "radii of 1 to 12 m" in page
+    assert "gives no <code>face</code>" in page
+    assert "last month, as they are" in page
     with open(tmp_path / "scores.csv") as file:
         rows = list(csv.DictReader(file))
     assert [row["step"] for row in rows] == ["2019-08", "2019-09", "all"] * 3
