@@ -82,28 +82,25 @@ def sentences(months: Months) -> list[str]:
         f"recorded event over a uniform rate, and the best map of the record, {names[best]}, {fixed(mean[best], 2)}. "
         f"{_lead(scores, own, best, 'The pipeline')}"
     ]
-    found += [_lead(scores, own, one, "The pipeline", f"beside {names[one]}") for one in others]
+    found += [_lead(scores, own, one, "The pipeline", f"than the map “{names[one]}”") for one in others]
     found.append(_lead(scores, "mixed", "all_earlier", "Half mixed with the pipeline, the map of all earlier months"))
-    misfits = {
-        measure: sum(row.all_earlier[measure].p_value < SIGNIFICANCE for row in months.rates) for measure in MEASURES
-    }
-    tested = {
-        measure: sum(np.isfinite(row.all_earlier[measure].p_value) for row in months.rates) for measure in MEASURES
-    }
-    found += [
-        f"A rate of earlier events by {measure} does not fit the number of {misfits[measure]} of "
-        f"{plural(tested[measure], 'step')} (p < {SIGNIFICANCE:g})."
-        for measure in MEASURES
-        if tested[measure]
-    ]
+    for measure in MEASURES:
+        p_values = np.array([row.all_earlier[measure].p_value for row in months.rates])
+        tested = int(np.isfinite(p_values).sum())
+        if tested:
+            fits = int((p_values >= SIGNIFICANCE).sum())
+            found.append(
+                f"By {measure}, the rate of all earlier months fits the number of {fits} of {plural(tested, 'step')} "
+                f"(p ≥ {SIGNIFICANCE:g})."
+            )
     return found
 
 
-def _lead(scores: MonthScores, one: str, other: str, name: str, beside: str = "") -> str:
+def _lead(scores: MonthScores, one: str, other: str, name: str, than: str = "") -> str:
     """By how much a map gains more or less than another, and whether that is chance."""
     value, ends = scores.lead(one, other)
     said = f"{name} gains {fixed(abs(value), 2)} {'more' if value >= 0.0 else 'less'}"
-    said = " ".join([said, beside]).strip()
+    said = " ".join([said, than]).strip()
     if not np.isfinite(ends).all():
         return f"{said}."
     chance = "more than chance" if ends[0] > 0.0 or ends[1] < 0.0 else "no more than chance may make"

@@ -155,7 +155,7 @@ def write_table(path: Path, found: BesideRecord) -> None:
 def _box_text(box: np.ndarray) -> str:
     """Sides of a box in plan."""
     (low_x, low_y), (high_x, high_y) = box
-    return f"x {low_x:g} to {high_x:g} m, y {low_y:g} to {high_y:g} m"
+    return f"x {low_x:g} to {high_x:g} m, y {low_y:g} to {high_y:g} m".replace("-", "−")
 
 
 def write_page(

@@ -31,7 +31,7 @@ def against_face(comparison: xr.Dataset, labels: dict[str, str]) -> Figure:
                 axes.axvline(0.0, color=style.OUTLINE, linewidth=0.9, linestyle="--", label="the face")
             axes.set_xlim(edges[0], edges[-1])
             axes.set_ylim(0, None)
-            axes.set_ylabel(f"{WEIGHT_LABELS[weight]}\nper {np.diff(edges)[0]:.2g} m (%)" if column == 0 else "")
+            axes.set_ylabel(f"{WEIGHT_LABELS[weight]}\nper {np.diff(edges)[0]:.2g} m (%)")
         array[1, column].set_xlabel(AXIS_LABELS[axis])
     array[0, 1].legend(*array[0, 0].get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure

@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from catalogs.comparison import compare
+from catalogs.event_density import UNIFORM_SHARE
 from catalogs.face import Face
-from catalogs.face_measures import MEASURES, WEIGHTS
+from catalogs.face_measures import MEASURES, UNIFORM_PLACES, WEIGHTS
 from catalogs.face_settings import FacePosition, FaceSettings
 from common.errors import InputErrors
 
@@ -20,6 +21,10 @@ LONGWALL = [
     {"date": "2019-10-11", "panel": "a", "ends": [[150.0, 0.0], [150.0, 200.0]]},
     {"date": "2019-12-01", "panel": "b", "ends": [[300.0, 50.0], [500.0, 50.0]]},
     {"date": "2020-01-01", "panel": "b", "ends": [[300.0, 80.0], [500.0, 80.0]]},
+]
+MONTHLY = [
+    {"date": date, "ends": [[x, 0.0], [x, 200.0]]}
+    for date, x in (("2019-08-01", 0.0), ("2019-09-01", 120.0), ("2019-10-01", 300.0))
 ]
 TUNNEL = [
     {"date": "2019-08-01", "ends": [0.0, 0.0]},
@@ -143,27 +148,27 @@ STEPS = [
 ]
 
 
-def against(positions, ahead: float, count: int = 400, shift=(0.0, 0.0), turn=None, members: int = 0, kind="twin"):
+def against(positions, ahead: float, count: int = 400, shift=(0.0, 0.0), turn=None, members: int = 0, error=3.0):
     """Comparison of a model whose events cluster so far ahead of the face with a record 30 m behind it, both with
-    half of the number and most of the potency at the head of the face (+50 m across)."""
+    a third of the number and most of the potency at the second end of the face (+50 m across)."""
 
     def catalogue(seed: int, offset: float, kind: str):
         events = made_up_catalog(count, seed, kind)
         generator = np.random.default_rng(seed)
-        across = np.where(np.arange(count) % 2 == 0, 50.0, -50.0)
+        across = np.where(np.arange(count) % 3 == 0, 50.0, -50.0)
         end = times(*(step["end"] for step in STEPS))
         time = events["time"].values
         step = np.minimum(np.searchsorted(end, time, side="right"), 1)
-        frame = face_of(LONGWALL).at(end[step])
+        frame = face_of(MONTHLY).at(end[step])
         plan = frame.places(np.stack([offset + 5.0 * generator.normal(size=count), across], axis=1))
         if turn is not None:
             plan = plan @ turn.T + np.array(shift)
         events["location"].values[:] = np.column_stack([plan, generator.normal(size=count)])
         events["potency"].values[:] *= np.where(across > 0.0, 100.0, 1.0)
-        events.attrs |= {"location_error": 3.0}
+        events.attrs |= {"location_error": error}
         return events
 
-    record = catalogue(1, -30.0, kind)
+    record = catalogue(1, -30.0, "twin")
     record.attrs.pop("potency_floor", None)
     asked = {"resamplings": 99, "steps": STEPS, "face": positions, "members": members}
     return compare(
@@ -177,21 +182,32 @@ def measure(result, name: str, catalogue: str, weight: str = "number") -> float:
 
 def test_both_catalogues_are_measured_where_they_were_put():
     """Medians, share ahead and width are those of the events; potency weighs the heavier side."""
-    result = against(LONGWALL, 20.0)
+    result = against(MONTHLY, 20.0)
     assert measure(result, "median ahead", "record") == pytest.approx(-30.0, abs=1.0)
     assert measure(result, "median ahead", "model") == pytest.approx(20.0, abs=2.0)
     assert measure(result, "share ahead", "record") == 0.0
     assert measure(result, "share ahead", "model") > 0.95
     assert measure(result, "half width", "record") == pytest.approx(50.0)
+    assert measure(result, "median across", "record") == pytest.approx(-50.0)
     assert measure(result, "median across", "record", "potency") == pytest.approx(50.0)
     assert result["face_events"].values.tolist() == result["events_above_cut"].values.tolist()
     assert result["record_face_weight"].sum("event_face_record").values == pytest.approx(1.0)
     assert result["model_face_weight"].sum("event_face_model").values == pytest.approx(1.0)
 
 
+def test_modelled_events_have_the_location_error_and_a_uniform_share():
+    """5 m of their own and 30 m / sqrt(3) along each axis; a twentieth of the weight lies anywhere."""
+    result = against(MONTHLY, 20.0, error=30.0)
+    weights = result["model_face_weight"].sel(weight="number").values
+    is_uniform = np.arange(len(weights)) >= len(weights) - UNIFORM_PLACES
+    assert weights[is_uniform].sum() == pytest.approx(UNIFORM_SHARE)
+    ahead = result["model_face"].sel(face_axis="ahead").values[~is_uniform]
+    assert ahead.std() == pytest.approx(np.hypot(5.0, 30.0 / np.sqrt(3.0)), rel=0.07)
+
+
 def test_intervals_come_from_clusters_of_the_record_and_runs_of_the_model():
     """One run has no interval of the model; three have one that holds the value."""
-    one, three = against(LONGWALL, 20.0), against(LONGWALL, 20.0, members=2)
+    one, three = against(MONTHLY, 20.0), against(MONTHLY, 20.0, members=2)
     ends = one["face_measure_interval"]
     assert np.isfinite(ends.sel(catalogue="record")).all()
     assert np.isnan(ends.sel(catalogue="model")).all()
@@ -202,8 +218,8 @@ def test_intervals_come_from_clusters_of_the_record_and_runs_of_the_model():
 def test_a_turned_and_mirrored_mine_has_the_same_measures():
     """Of the record to round-off; of the model but for the random errors and the box of its uniform share."""
     turn = np.array([[0.0, 1.0], [1.0, 0.0]])  # a mirror on the diagonal
-    own = against(LONGWALL, 20.0)
-    other = against(moved(LONGWALL, lambda place: place @ turn.T + 500.0), 20.0, shift=(500.0, 500.0), turn=turn)
+    own = against(MONTHLY, 20.0)
+    other = against(moved(MONTHLY, lambda place: place @ turn.T + 500.0), 20.0, shift=(500.0, 500.0), turn=turn)
     for name in MEASURES:
         for weight in WEIGHTS:
             assert measure(other, name, "record", weight) == pytest.approx(
@@ -214,7 +230,7 @@ def test_a_turned_and_mirrored_mine_has_the_same_measures():
 
 def test_events_of_steps_without_a_face_do_not_count():
     """The panel ends with the first step."""
-    result = against(LONGWALL[:2], 20.0)
+    result = against(MONTHLY[:2], 20.0)
     assert 0 < result["face_events"].sel(catalogue="record") < result["events_above_cut"].sel(catalogue="record")
 
 
