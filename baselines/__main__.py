@@ -48,6 +48,7 @@ def report(chosen: argparse.Namespace) -> None:
     """all models beside the record, as a page and a table"""
     from baselines.catalogue import split_runs
     from baselines.models import beside_record
+    from baselines.months import beside_months, write_months, write_rates
     from baselines.page import write_page, write_table
     from baselines.settings import BaselineReportSlice
     from catalogs.members import read_members
@@ -64,8 +65,11 @@ def report(chosen: argparse.Namespace) -> None:
         float(grid.attrs["fine_cell"]),
         settings.comparison,
     )
+    months = beside_months(found, read_events(chosen.earlier), float(grid.attrs["fine_cell"]), settings)
     write_table(Path(chosen.table), found)
-    write_page(Path(chosen.output), settings.mine, found, flawed.attrs, grid, settings.planned, settings.flaws)
+    write_months(Path(chosen.months), months)
+    write_rates(Path(chosen.rates), months)
+    write_page(Path(chosen.output), settings.mine, found, flawed.attrs, grid, settings.planned, settings.flaws, months)
 
 
 def main() -> None:
@@ -82,6 +86,9 @@ def main() -> None:
     page.add_argument("--members", nargs="*", default=[], help="folders with events of the mine's other runs")
     page.add_argument("--flaws", required=True, help="all runs of the seeded flaws")
     page.add_argument("--excess-shear", required=True, help="all runs of excess shear stress")
+    page.add_argument("--earlier", required=True, help="record from an earlier date on, or the record itself")
+    page.add_argument("--months", required=True, help="table of the gains of maps written, CSV")
+    page.add_argument("--rates", required=True, help="table of numbers by metres and days written, CSV")
     page.add_argument("--table", required=True, help="table of the scores written, CSV")
     for stage in stages.choices.values():
         stage.add_argument("--record", required=True)

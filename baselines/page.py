@@ -10,10 +10,12 @@ import xarray as xr
 
 from baselines.figure import draw_events
 from baselines.models import NUMBER, POTENCY, BesideRecord, Model
+from baselines.months import Months, map_rows, nuisance_rows, rate_rows, sentences
 from baselines.scores import Counted, MapScores
 from baselines.settings import FlawSlice
+from catalogs.event_density import UNIFORM_SHARE
 from catalogs.figures import style
-from catalogs.report.text import DASH, between, fixed, number, plural, whole, with_unit
+from catalogs.report.text import DASH, between, fixed, number, percent, plural, whole, with_unit
 from common.datasets import atomic_path
 from common.pages import page_templates
 
@@ -150,6 +152,12 @@ def write_table(path: Path, found: BesideRecord) -> None:
         pd.DataFrame(rows).to_csv(temporary, index=False, float_format="%.6g")
 
 
+def _box_text(box: np.ndarray) -> str:
+    """Sides of a box in plan."""
+    (low_x, low_y), (high_x, high_y) = box
+    return f"x {low_x:g} to {high_x:g} m, y {low_y:g} to {high_y:g} m".replace("-", "−")
+
+
 def write_page(
     page: Path,
     mine: str,
@@ -158,10 +166,12 @@ def write_page(
     grid: xr.Dataset,
     planned: Sequence[str],
     flaws: FlawSlice,
+    months: Months,
 ) -> None:
     """Write the page, which needs nothing else, and its figure beside it, atomically.
 
-    attributes: of the catalogue of flaws; grid: grid.nc of the mine; planned: excavations that are not mined.
+    attributes: of the catalogue of flaws; grid: grid.nc of the mine; planned: excavations that are not mined; months:
+    maps and rates of the record itself.
     """
     models, recorded, scores = found.models, found.recorded, found.scores
     names = json.loads(grid.attrs["excavation_names"])
@@ -179,6 +189,20 @@ def write_page(
             measures=measure_rows(models, scores),
             steps=step_rows(models, recorded, scores, found.steps),
             picture=picture,
+            months={
+                "sentences": sentences(months),
+                "has_face": months.maps.face is not None,
+                "steps": months.steps,
+                "maps": map_rows(months),
+                "choices": [name for name, _ in months.nuisances],
+                "nuisances": nuisance_rows(months),
+                "rates": rate_rows(months),
+                "box": _box_text(months.maps.box),
+                "deviation": number(float(np.median(months.maps.deviation))),
+                "blocks": len(np.unique(months.scores.block[months.scores.common])),
+                "events": int(months.scores.common.sum()),
+            },
+            uniform=percent(UNIFORM_SHARE),
             cut=fixed(float(models[0].comparison["cut"]), 2),
             recorded=len(recorded.place),
             clusters=scores.clusters,

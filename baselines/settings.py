@@ -5,11 +5,12 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from catalogs.comparison_settings import ComparisonSlice, DatedStep
-from common.setting_types import AsTuple, Settings, Size, real_number, refusal, whole_number
+from common.setting_types import AsTuple, Date, Settings, Size, real_number, refusal, whole_number
 from mpm_core.settings import Angle, StrengthPart
 
 Radii = Annotated[tuple[Size, ...], Field(min_length=2, max_length=2), AsTuple]
 Corner = Annotated[tuple[float, ...], Field(min_length=3, max_length=3), AsTuple]
+PlanCorner = Annotated[tuple[float, ...], Field(min_length=2, max_length=2), AsTuple]
 Exponent = real_number(gt=0, le=10)
 Seed = whole_number(ge=0, le=2**32 - 1)
 
@@ -31,6 +32,9 @@ class BaselineSettings(Settings):
     rock that can fail has none."""
     seed: Seed = 1
     """Seed of the random generator."""
+    since: Date = None
+    """First date of the record that earlier months are taken from, UTC. Default: the first dated step. Give an earlier
+    one if the record begins before the dated steps."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -78,3 +82,7 @@ class BaselineReportSlice(Settings):
     planned: Annotated[tuple[str, ...], AsTuple] = ()
     """names of the excavations that no step mines"""
     flaws: FlawSlice
+    box: Annotated[tuple[PlanCorner, ...], Field(min_length=2, max_length=2), AsTuple]
+    """lower and upper corner in plan, m, of the box of the uniform rate that maps are compared with"""
+    since: str = ""
+    """first date of the earlier record; empty: the first dated step"""

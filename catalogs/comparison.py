@@ -16,6 +16,8 @@ from catalogs.comparison_layout import CATALOGUES, described
 from catalogs.comparison_settings import ComparisonSlice
 from catalogs.completeness import MIN_EVENTS_ABOVE_CUT, completeness, fullest_bin, next_edge, rounding
 from catalogs.exposure import Exposure, common_period
+from catalogs.face import FACE_AXES
+from catalogs.face_measures import MEASURES, WEIGHTS, face_measures
 from catalogs.location_errors import location_errors
 from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
 from catalogs.members import all_runs
@@ -85,6 +87,8 @@ def compare(
     oriented, axes_attributes = axes_measures(every, counted, blocks, runs, settings)
     oriented["model_axes_used"] = ("event_model", oriented["model_axes_used"][1][: catalog.sizes["event"]])
     result |= oriented
+    faced = face_measures(every, counted, blocks, (model_steps, steps[1]), settings)
+    result |= faced
     result["blocks"] = ("catalogue", np.array([runs, len(np.unique(clusters[used[1]]))], np.int64))
     coordinates = {
         "catalogue": list(CATALOGUES),
@@ -93,6 +97,7 @@ def compare(
         "pair": ["model_to_record", "record_to_model", "record_to_record"],
         "share": ["iso", "clvd", "dc"],
         "kagan_pair": list(KAGAN_PAIRS),
+        **({"face_axis": list(FACE_AXES), "weight": list(WEIGHTS), "measure": list(MEASURES)} if faced else {}),
     }
     dataset = xr.Dataset(result, coords=coordinates)
     dataset.attrs = {

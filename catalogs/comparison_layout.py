@@ -3,8 +3,10 @@
 Dimensions: catalogue (model, record), interval (lower, upper: 95 %), xyz, axis (x, y, z of a tensor's second index),
 axis_name (P, B, T), pair (of nearest_distance), share (iso, clvd, dc), event_model and event_record (events of
 catalog.nc and record.nc, in their order), size_bin, trial_cut, distance, angle, eigenvalue, kagan_pair. All but xyz,
-axis, event_model, event_record, size_bin, trial_cut, angle and eigenvalue carry coordinates. Places and axes of the
-model are those of all its runs, if it has an ensemble. NaN where a number does not exist (too few events, no tensors,
+axis, event_model, event_record, size_bin, trial_cut, angle and eigenvalue carry coordinates. A mine that gives a face
+has FACE_FIELDS, too, with face_axis (ahead, across), weight (number, potency), measure, and without coordinates
+event_face_model and event_face_record (events with a place against the face). Places and axes of the model are those
+of all its runs, if it has an ensemble. NaN where a number does not exist (too few events, no tensors,
 no stable completeness), and for intervals and p-values of places and axes if the model ran fewer than three times.
 
 Attributes: mine, record_kind ("recorded" | "twin"), period_model, period_record, settings (JSON, defaults filled in),
@@ -145,13 +147,29 @@ FIELDS = (
     ),
 )  # fmt: skip
 
+# of a mine that gives a face: places of the events against it
+FACE_FIELDS = (
+    _field("face_measure", "catalogue weight measure", "", "medians and half width (m) and share (1) of places against "
+           "the face at the end of each event's step"),
+    _field("face_measure_interval", "catalogue weight measure interval", "", "its 95 % interval"),
+    _field("face_events", "catalogue", "1", "events compared, of all runs, in whose step a face stands", np.int64),
+    _field("model_face", "event_face_model face_axis", "m", "place of a modelled event against the face, with the "
+           "record's location error and a uniform share"),
+    _field("record_face", "event_face_record face_axis", "m", "place of a recorded event against the face"),
+    _field("model_face_weight", "event_face_model weight", "1", "share of each in all of them"),
+    _field("record_face_weight", "event_face_record weight", "1", "share of each in all of them"),
+    _field("face_axis", "face_axis", "", "ahead of the face, and across from its middle", TEXT),
+    _field("weight", "weight", "", "whether each event counts the same, or by its potency", TEXT),
+    _field("measure", "measure", "", "what is measured of the places", TEXT),
+)  # fmt: skip
+
 
 def described(dataset: xr.Dataset) -> xr.Dataset:
     """The comparison with unit and meaning on every variable.
 
     Raises ValueError for one that is not in the table, InputError for one of another type or of other dimensions.
     """
-    fields = {field.name: field for field in FIELDS}
+    fields = {field.name: field for field in (*FIELDS, *FACE_FIELDS)}
     for name, variable in dataset.variables.items():
         if name not in fields:
             raise ValueError(f"comparison: {name} is not in the layout")

@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from catalogs.face_settings import FacePosition
 from common.setting_types import AsTuple, Settings, whole_number
 
 
@@ -25,10 +26,12 @@ class DatedStep(Settings):
 
 
 class ComparisonSlice(ComparisonSettings):
-    """The slice of the comparison: its settings, the dated steps in order, and how many members the ensemble has."""
+    """The slice of the comparison: its settings, the dated steps in order, how many members the ensemble has, and the
+    positions of the face if the mine gives one."""
 
     steps: Annotated[tuple[DatedStep, ...], AsTuple] = ()
     members: Annotated[int, Field(ge=0)] = 0
+    face: Annotated[tuple[FacePosition, ...], AsTuple] = ()
 
 
 class MinedStep(Settings):

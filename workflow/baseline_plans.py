@@ -7,6 +7,7 @@ from pathlib import Path
 
 from baselines.settings import BaselineSettings
 from mpm_core.constitutive.laws import can_fail
+from workflow.dates import read_date
 from workflow.folders import ELASTIC_ROCK, ENSEMBLE
 from workflow.mine import Mine
 from workflow.result_files import BASELINES
@@ -97,4 +98,44 @@ class BaselinePlan:
         """What the page depends on, beside catalogues, comparison and record."""
         planned = [entry.name for entry in self.mine.excavations if self.mine.step_index(entry.step) < 0]
         compared = {key: value for key, value in self.mine.comparison_slice().items() if key != "members"}
-        return {"mine": self.mine.name, "comparison": compared, "planned": planned, "flaws": self.flaws_slice()}
+        since = self.settings.since
+        return {
+            "mine": self.mine.name,
+            "comparison": compared,
+            "planned": planned,
+            "flaws": self.flaws_slice(),
+            "box": self._box(),
+            **({"since": since} if since else {}),
+        }
+
+    def _box(self) -> list[list[float]]:
+        """Lower and upper corner in plan of the box that the record is taken from, within the domain, m."""
+        chosen, domain = self.mine.settings.record.filter, self.mine.settings.domain
+        lower, upper = ([corner] for corner in (domain.lower, domain.upper))
+        if chosen is not None:
+            lower += [chosen.lower] if chosen.lower is not None else []
+            upper += [chosen.upper] if chosen.upper is not None else []
+        return [
+            [max(axis) for axis in zip(*lower, strict=True)][:2],
+            [min(axis) for axis in zip(*upper, strict=True)][:2],
+        ]
+
+    def earlier_record(self) -> str:
+        """The record that earlier months are taken from: read once more from an earlier date on, or the mine's own."""
+        folder = f"results/{self.mine.name}"
+        return (
+            f"{folder}/record.nc" if self.mine.settings.baselines.since is None else f"{folder}/{BASELINES}/record.nc"
+        )
+
+    def earlier_record_slice(self) -> dict:
+        """What the record depends on from `since` on: as the mine's own record, from that date."""
+        slice_, since = self.mine.record_slice(), self.settings.since
+        assert since is not None  # the rule is there with it alone
+        first = slice_["period"]["start"]
+        if read_date(f"{BASELINES}.since", since) > read_date("steps", first):
+            sys.exit(
+                f"{self.mine_file}: {BASELINES}.since: {since} is after the first dated step begins, {first}; give an "
+                "earlier date, or leave it out"
+            )
+        chosen = {key: value for key, value in slice_.get("filter", {}).items() if key != "start"}
+        return slice_ | {"period": slice_["period"] | {"start": since}, **({"filter": chosen} if chosen else {})}

@@ -4,7 +4,12 @@ import difflib
 import math
 from collections.abc import Callable, Iterator, Sequence
 
+import numpy as np
+
+from catalogs.face import Face
+from catalogs.face_settings import FacePosition
 from catalogs.periods import ALL_STEPS
+from catalogs.records.times import parse_time
 from common.errors import InputError, InputErrors, Mistakes
 from common.setting_types import is_list
 from mpm_core.constitutive.laws import can_fail
@@ -14,6 +19,7 @@ from mpm_core.settings import ShapeSettings
 from workflow.accuracy import DRAFT, apply_accuracy
 from workflow.dates import is_date, read_date
 from workflow.derived_domain import complete, largest_cell_name
+from workflow.face_positions import face_positions
 from workflow.key_order import key_in, parts_of, section_of
 from workflow.mine import Mine, in_voigt_order
 from workflow.mine_settings import MINE_FILE_PLAN, BoundaryStrain, Excavation, Load, MineSettings, RockBody
@@ -71,6 +77,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(_check_places, "frame", "domain", "plane")  # where the frame is wrong, they lie outside the domain too
     check(check_record, "record", "frame")
     check(check_filter, "record", "domain", "plane")
+    check(_check_face, "face", "plane", "steps")
     check(check_repeated, "excavations", "steps")
     check(_check_plans, "plans", "excavations", "steps")
     check(_check_forecasts, "forecasts", "record", "steps")
@@ -154,6 +161,24 @@ def _check_plans(mine: Mine, mistakes: Mistakes) -> None:
         with mistakes.gather():
             if plan.file is not None and not mine.path(plan.file).is_file():
                 raise InputError(f"{where}.file: {mine.path(plan.file)}: no such file")
+
+
+def _check_face(mine: Mine, _: Mistakes) -> None:
+    """A face is in plan, and stands somewhere at the end of a dated step. Raises InputError."""
+    if mine.settings.face is None:
+        return
+    if mine.plane == "xz":
+        raise InputError("face: its positions are in plan, which a scene with plane: xz does not have; leave it out")
+    ends = [step.end for step in mine.listed_steps if step.is_dated]
+    if not ends:
+        raise InputError("face: no step has dates to compare events in; give steps start and end, or leave it out")
+    face = Face.of([FacePosition.of(one) for one in face_positions(mine)])
+    known = np.isfinite(face.at(np.array([parse_time(end, "steps") for end in ends])).ahead).all(axis=1)
+    if not known.any():
+        raise InputError(
+            f"face: no position before and after the end of any dated step ({', '.join(ends)}); give positions that "
+            "cover the steps"
+        )
 
 
 def _check_forecasts(mine: Mine, mistakes: Mistakes) -> None:

@@ -67,6 +67,12 @@ baselines:
   friction_angle: 25 deg
   cohesion: 1 MPa
 """
+FACE = """\
+face:
+  positions:                                                     # both ends in plan, or the end of a centre line alone
+    - {date: "2019-08-01", panel: north, ends: [[0 m, 0 m], [0 m, 250 m]]}
+    - {date: "2019-09-01", panel: north, ends: [[180 m, 0 m], [180 m, 250 m]]}
+"""
 FORECASTS = """\
 forecasts: [forecasts/2019-11.nc]
 """
@@ -88,7 +94,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Equilibrium and failure": (("solver",), ((RENISON, "solver"),)),
     "Mining plans": (("plans", "hazard", "forecasts"), ((DEMO, "plans"), (DEMO, "hazard"), FORECASTS)),
     "Events": (("seismic",), ((ELK_CREEK, "seismic"),)),
-    "The recorded catalogue": (("record", "comparison"), ((DEMO, "record"),)),
+    "The recorded catalogue": (("record", "comparison", "face"), ((DEMO, "record"), FACE)),
     "Calibration": (("calibration",), ((DEMO, "calibration"),)),
     "Baselines": (("baselines",), (FLAWS,)),
     "Specimens of a laboratory": (("loads", "strains"), (SPECIMENS,)),

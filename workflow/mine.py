@@ -9,6 +9,7 @@ from common.setting_types import Settings
 from common.voigt import NAMES
 from mpm_core.equilibrium.perturbation import MAX_STRENGTH_PERTURBATION
 from mpm_core.settings import ShapeSettings, SolidSettings
+from workflow.face_positions import face_positions
 from workflow.mine_settings import BoundaryStrain, Excavation, Load
 from workflow.plan import Plan
 
@@ -177,6 +178,7 @@ class Mine(Plan):
             **self.settings.comparison.given(),
             "steps": [step.given() for step in self.listed_steps if step.is_dated],
             **({"members": self.members} if self.members else {}),
+            **({"face": positions} if (positions := face_positions(self)) else {}),
         }
 
     def forecast_slice(self) -> dict:

@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from baselines.settings import BaselineSettings
 from calibration.settings import CalibrationSettings
 from catalogs.comparison_settings import ComparisonSettings
+from catalogs.face_settings import FaceSettings
 from catalogs.records import AnyRecord
 from common.frame import Frame
 from common.setting_types import (
@@ -238,6 +239,9 @@ class MineSettings(Settings):
     steps: Annotated[tuple[Step, ...], AsTuple] = ()
     solver: SolverSettings = SolverSettings()
     seismic: SeismicSettings = SeismicSettings()
+    face: FaceSettings = None
+    """The dated face of a longwall or a tunnel. Events of model and record are then also compared by their place
+    relative to it, and recorded months are moved with it as a baseline."""
     comparison: ComparisonSettings = ComparisonSettings()
     record: AnyRecord = None
     """The recorded catalogue: its file, and the meaning of its contents."""

@@ -14,8 +14,7 @@ PLAN_PAGES = ("report.html", "plans.csv")
 BASELINES = "baselines"  # folder below results/<mine>
 BASELINE_FILES = (
     *(f"{name}{part}.nc" for name in ("flaws", "excess_shear") for part in ("", "_runs")),
-    "report.html",
-    "scores.csv",
+    *("record.nc", "report.html", "scores.csv", "months.csv", "rates.csv"),
 )
 CATALOGUES = ("catalog.nc", "catalog.csv", "catalog.xml", "closeness.nc")
 

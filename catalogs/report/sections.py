@@ -24,6 +24,7 @@ from catalogs.report import energy_text, match, text
 from catalogs.report.by_opening import opening_rows, with_most_potency
 from catalogs.report.catalogues_shown import compared_events, selection, shown_catalogues
 from catalogs.report.closeness_text import closeness_rows, intervals_contain, unlike
+from catalogs.report.face_text import section as section_of_face
 from catalogs.report.gallery import Gallery
 from catalogs.report.grid_convergence_text import rows as cell_rows
 from catalogs.report.inputs import MODEL_LABEL, Evidence
@@ -139,6 +140,7 @@ def _events(evidence: Evidence, gallery: Gallery) -> dict | None:
         "crowd": any(events_figure.is_crowd(catalog) for catalog in shown.values()),
         "beside": len(shown) > 1,
         "in_time": _in_time(evidence, gallery),
+        "face": section_of_face(evidence, gallery.add),
     }
 
 

@@ -2,15 +2,17 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from baselines.models import beside_record
+from baselines.months import beside_months, map_rows, rate_rows, sentences, write_months, write_rates
 from baselines.page import INPUT, NO_AXES, measure_rows, step_rows, verdict, write_page, write_table
 from baselines.scores import Counted, MapScores, score_places
-from baselines.settings import FlawSlice
+from baselines.settings import BaselineReportSlice, FlawSlice
 from catalogs.comparison import compare
 from catalogs.comparison_settings import ComparisonSlice, DatedStep
 from catalogs.exposure import Exposure
@@ -221,16 +223,76 @@ def test_page_and_table_need_nothing_else(found, tmp_path, kind):
         *[getattr(found, name) for name in ("recorded", "models", "scores", "steps")],
     )
     attributes = events(1, 0).attrs
-    write_page(tmp_path / "report.html", "made_up", shown, attributes, grid(), ["later"], FLAWS)
+    settings = BaselineReportSlice.of(
+        {
+            "mine": "made_up",
+            "comparison": {"steps": [step.given() for step in STEPS]},
+            "flaws": FLAWS.given(),
+            "box": [[-100.0, -100.0], [200.0, 200.0]],
+        }
+    )
+    months = beside_months(shown, shown.record, 2.0, settings)
+    write_page(tmp_path / "report.html", "made_up", shown, attributes, grid(), ["later"], FLAWS, months)
     write_table(tmp_path / "scores.csv", shown)
     page = (tmp_path / "report.html").read_text()
     assert ("The record is a twin" in page) == (kind == "twin")
     assert page.count("<img") == page.count("data:image/svg+xml") == 1
     assert "input, not scored" in page
     assert "radii of 1 to 12 m" in page
+    assert "gives no <code>face</code>" in page
+    assert "last month, as they are" in page
     with open(tmp_path / "scores.csv") as file:
         rows = list(csv.DictReader(file))
     assert [row["step"] for row in rows] == ["2019-08", "2019-09", "all"] * 3
     assert float(rows[2]["gain, nats per event"]) == pytest.approx(found.scores.mean()[0], rel=1e-4)
     assert float(rows[2]["recorded events"]) == len(found.recorded.place)
     assert float(rows[5]["events"]) == pytest.approx(len(found.models[1].counted.place) / 4)
+
+
+def months_of(shown, steps=STEPS, **given):
+    """Months beside a made-up mine whose record begins with its first step."""
+    values = {
+        "mine": "made_up",
+        "comparison": {"steps": [step.given() for step in steps]} | given,
+        "flaws": FLAWS.given(),
+        "box": [[-100.0, -100.0], [200.0, 200.0]],
+    }
+    return beside_months(shown, shown.record, 2.0, BaselineReportSlice.of(values))
+
+
+def test_months_say_whether_the_model_beats_the_record_and_whether_a_rate_fits(found, tmp_path):
+    """Events of both steps lie at different places, so the record as it is foretells nothing; the model does."""
+    months = months_of(found)
+    first, *rest = sentences(months)
+    gain = dict(zip(months.scores.labels, months.scores.mean(), strict=True))
+    assert gain["Pipeline"] > gain["last"]
+    assert first.startswith(f"In 1 step with earlier months the map of the pipeline gains {gain['Pipeline']:.2f} nats")
+    assert "The pipeline gains" in first
+    assert "which is more than chance" in first
+    assert any(
+        text.startswith("By days, the rate of all earlier months fits the number of 1 of 1 step") for text in rest
+    )
+    assert not any("By metres" in text or "line of the face" in text for text in (first, *rest))
+    rows = map_rows(months)
+    assert rows[0]["steps"][0] == "–"
+    assert "(" in rows[0]["all"]
+    assert rate_rows(months)[0]["expected"] == ["–"] * 4
+    write_months(tmp_path / "months.csv", months)
+    write_rates(tmp_path / "rates.csv", months)
+    with open(tmp_path / "months.csv") as file:
+        table = {(row["map"], row["step"]): row for row in csv.DictReader(file)}
+    assert float(table["Pipeline", "all"]["gain, nats per event"]) == pytest.approx(gain["Pipeline"], rel=1e-4)
+    assert table["last", "2019-08"]["gain, nats per event"] == ""
+    with open(tmp_path / "rates.csv") as file:
+        assert [row["step"] for row in csv.DictReader(file)] == ["2019-08", "2019-09"]
+
+
+def test_a_record_without_earlier_months_says_what_to_give(found):
+    """One step, and nothing before it."""
+    shown = type(found)(found.record, found.recorded, found.models, found.scores, ("2019-08",))
+    early = found.record["time"].values < np.datetime64("2019-09-01")
+    used = shown.models[0].comparison["record_used"].values * early
+    comparison = shown.models[0].comparison.assign(record_used=("event_record", used))
+    models = (replace(shown.models[0], comparison=comparison), *shown.models[1:])
+    (line,) = sentences(months_of(replace(shown, models=models), STEPS[:1]))
+    assert "Give baselines.since" in line

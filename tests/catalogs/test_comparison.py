@@ -9,7 +9,7 @@ import xarray as xr
 from catalog_fixtures import made_up_catalog
 
 from catalogs.comparison import compare
-from catalogs.comparison_layout import FIELDS
+from catalogs.comparison_layout import FACE_FIELDS, FIELDS
 from catalogs.completeness import SEARCH_BIN_WIDTH
 from catalogs.locations import compare_locations
 from catalogs.size_measures import SIZE_BIN_WIDTH
@@ -17,6 +17,13 @@ from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
 
 QUICK = {"resamplings": 199}
+FACED = {
+    "steps": [{"name": "2019-08", "start": "2019-08-01", "end": "2019-10-01"}],
+    "face": [
+        {"date": "2019-08-01", "ends": [[-100.0, -50.0], [-100.0, 50.0]]},
+        {"date": "2019-10-01", "ends": [[0.0, -50.0], [0.0, 50.0]]},
+    ],
+}
 
 
 def as_record(catalog: xr.Dataset, **attributes) -> xr.Dataset:
@@ -213,15 +220,16 @@ def test_nothing_modelled_is_a_comparison_too():
     assert result["events_total"].values.tolist() == [0, 200]
 
 
-@pytest.mark.parametrize("tensors", [True, False])
-def test_every_variable_has_its_unit_and_its_meaning(tensors, tmp_path):
-    """Of the layout, in the file, coordinates too; and nothing of the layout is missing."""
+@pytest.mark.parametrize(("tensors", "face"), [(True, False), (False, False), (True, True)])
+def test_every_variable_has_its_unit_and_its_meaning(tensors, face, tmp_path):
+    """Of the layout, in the file, coordinates too; and nothing of the layout is missing. A face adds its own."""
     record = as_record(made_up_catalog(200, seed=8))
     if not tensors:
         record["potency_tensor"][:] = np.nan
-    write_dataset(compare(made_up_catalog(200), record, QUICK), tmp_path / "comparison.nc")
+    settings = QUICK | (FACED if face else {})
+    write_dataset(compare(made_up_catalog(200), record, settings), tmp_path / "comparison.nc")
     result = read_dataset(tmp_path / "comparison.nc")
-    layout = {field.name: field for field in FIELDS}
+    layout = {field.name: field for field in (*FIELDS, *(FACE_FIELDS if face else ()))}
     assert set(result.variables) == set(layout)
     for name, variable in result.variables.items():
         assert variable.dims == layout[name].dims, name

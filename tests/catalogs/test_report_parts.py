@@ -6,9 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from catalog_fixtures import made_up_catalog
 
+from catalogs.comparison import compare
 from catalogs.figures import convergence_figure
-from catalogs.report import match
+from catalogs.report import face_text, match
 from catalogs.report import record_text as report_record
 from catalogs.report.inputs import Excavation, read_resources
 from catalogs.report.mechanism_inputs import iso_share
@@ -186,3 +188,41 @@ def test_a_ratio_without_a_test_has_no_p_value(p_value, told):
     )
     name, _, _ = match._ratio(comparison, "event_ratio", "many")
     assert name == "modelled over recorded" + (f"{told} both expect as many)" if told else "")
+
+
+def evidence_of_face(**counts) -> SimpleNamespace:
+    """A comparison of a mine whose face advances east over the synthetic mine, or of one without a face."""
+    catalog, record = made_up_catalog(200), made_up_catalog(200, 1, "twin")
+    for events in (catalog, record):
+        events.attrs["location_error"] = 5.0
+    face = [
+        {"date": "2019-08-01", "ends": [[-100.0, -50.0], [-100.0, 50.0]]},
+        {"date": counts.get("until", "2019-10-01"), "ends": [[10.0, -50.0], [10.0, 50.0]]},
+    ]
+    steps = [{"name": "2019-08", "start": "2019-08-01", "end": "2019-10-01"}]
+    asked = {"resamplings": 99, "steps": steps, **({"face": face} if counts.get("face", True) else {})}
+    comparison = compare(catalog, record, asked)
+    return SimpleNamespace(comparison=comparison, record_label="Recorded (twin)", is_twin=True)
+
+
+def test_places_against_the_face_are_a_figure_and_a_table_and_say_what_is_out_of_reach():
+    """A value in its row; a model that ran once has no interval, and it is said why."""
+    evidence, figures = evidence_of_face(), []
+    shown = face_text.section(evidence, lambda name, figure: figures.append((name, figure)) or {"name": name})
+    assert [name for name, _ in figures] == ["face"]
+    assert len(figures[0][1].axes) == 4
+    rows = {(row["name"], row["weight"]): row["cells"] for row in shown["rows"]}
+    value = evidence.comparison["face_measure"].sel(catalogue="record", weight="potency", measure="median ahead")
+    assert rows["median distance ahead of the face (m)", "potency"][1].startswith(number(float(value)))
+    assert all("(" in recorded and "(" not in modelled for modelled, recorded in rows.values())
+    assert "fewer than three of its runs" in shown["text"]
+    assert "5 % of them lie anywhere" in shown["text"].replace("5.0 %", "5 %")
+    assert "drifts along a panel" in shown["text"]
+
+
+def test_without_a_face_there_is_nothing_and_with_one_that_ends_early_it_is_said():
+    """No figure is made."""
+    assert face_text.section(evidence_of_face(face=False), None) is None
+    shown = face_text.section(evidence_of_face(until="2019-09-30"), None)
+    assert shown["figure"] is None
+    assert "no event of the model that counts" in shown["text"]

@@ -12,6 +12,12 @@ from workflow.baseline_plans import BaselinePlan
 from workflow.configuration import load
 from workflow.folders import Folders
 
+FACE = {
+    "positions": [
+        {"date": date, "ends": [[x, "30 m"], [x, "70 m"]]}
+        for date, x in (("2019-07-01", "10 m"), ("2019-08-01", "30 m"), ("2019-09-01", "60 m"))
+    ]
+}
 HOEK_BROWN = {
     "model": "hoek_brown",
     **{key: TINY["materials"]["host"][key] for key in ("youngs_modulus", "poisson_ratio", "density", "dilation_angle")},
@@ -98,6 +104,55 @@ def test_mines_without_baselines_are_refused(mine, problem, tmp_path):
     assert "\n" not in str(refused.value)
 
 
+def test_the_record_is_read_again_from_an_earlier_date_on(tmp_path):
+    """With all other filters, in the box that maps are compared in: that of the record within the domain."""
+    plan = plan_of(TINY, tmp_path)
+    assert plan.earlier_record() == "results/tiny/record.nc"
+    domain = TINY["domain"]
+    assert plan.report_slice()["box"] == [
+        [float(end.split()[0]) for end in domain[key][:2]] for key in ("lower", "upper")
+    ]
+    given = {
+        "record.filter": {"lower": ["10 m", "-1 km", "10 m"], "start": "2019-08-05", "end": "2019-08-20"},
+        "baselines": {"since": "2019-07-01"},
+    }
+    plan = plan_of(changed(TINY, **given), tmp_path)
+    assert plan.earlier_record() == "results/tiny/baselines/record.nc"
+    slice_ = plan.earlier_record_slice()
+    assert slice_["period"] == {"start": "2019-07-01", "end": "2019-09-01"}
+    assert slice_["filter"] == {"lower": [10.0, -1000.0, 10.0], "end": "2019-08-20"}
+    assert plan.report_slice()["box"][0] == [10.0, float(domain["lower"][1].split()[0])]
+    assert plan.report_slice()["since"] == "2019-07-01"
+    late = plan_of(changed(TINY, baselines={"since": "2019-08-02"}), tmp_path)
+    with pytest.raises(SystemExit, match=r"baselines\.since: 2019-08-02 is after the first dated step begins"):
+        late.earlier_record_slice()
+
+
+def test_a_face_reaches_the_comparison_and_is_checked(accept, refuse, monkeypatch):
+    """Positions in metres; a panel that begins after the steps is left out."""
+    later = (
+        {"date": "2019-09-01", "panel": "next", "ends": ["0 m", "0 m"]},
+        {
+            "date": "2019-10-01",
+            "panel": "next",
+            "ends": ["9 m", "0 m"],
+        },
+    )
+    mine = accept(TINY, face={"positions": [*FACE["positions"], *later]})
+    face = mine.comparison_slice()["face"]
+    assert [one["date"] for one in face] == ["2019-07-01", "2019-08-01", "2019-09-01"]
+    assert face[1]["ends"] == [[30.0, 30.0], [30.0, 70.0]]
+    early = {"positions": [one | {"date": one["date"].replace("2019", "2018")} for one in FACE["positions"]]}
+    assert refuse(TINY, face=early).startswith(
+        "face: no position before and after the end of any dated step (2019-09-01)"
+    )
+    assert refuse(FLAT, face=FACE).startswith("face: its positions are in plan")
+    undated = [{"name": step["name"]} for step in TINY["steps"]]
+    assert refuse(TINY, face=FACE, steps=undated).startswith("face: no step has dates")
+    monkeypatch.delenv("ELK_CREEK_DATA", raising=False)
+    assert refuse(TINY, face={"source": "elk_creek", "folder": "nowhere"}).startswith("face.folder: ")
+
+
 def test_wrong_radii_are_refused(refuse):
     """In one line."""
     line = refuse(TINY, baselines={"radii": ["9 m", "1 m"]})
@@ -110,11 +165,13 @@ def test_baselines_of_the_tiny_mine(spoiled, base):
     call has nothing to do, and a plain run takes nothing of it for left over."""
     results = spoiled / "results/tiny"
     steps = {path: digest for path, digest in hashes(results).items() if path.startswith("steps/")}
-    mine = changed(TINY, **{"record.file": "large.csv", "record.twin": True})
+    given = {"record.file": "large.csv", "record.twin": True, "face": FACE, "baselines": {"since": "2019-07-01"}}
+    mine = changed(TINY, **given)
     random = np.random.default_rng(2)
     rows = [
-        f"2019-08-{day % 30 + 1:02d}T06:00:00,{x:.2f},{y:.2f},{z:.2f},{random.exponential(0.3) - 1.4:.3f}"
-        for day, (x, y, z) in enumerate(random.uniform([25, 35, 20], [50, 60, 55], (60, 3)))
+        f"2019-{7 + number % 2:02d}-{number // 2 % 30 + 1:02d}T06:00:00,{x:.2f},{y:.2f},{z:.2f},"
+        f"{random.exponential(0.3) - 1.4:.3f}"
+        for number, (x, y, z) in enumerate(random.uniform([25, 35, 20], [50, 60, 55], (120, 3)))
     ]
     (base / "files/large.csv").write_text("\n".join(["date,x,y,z,size", *rows, ""]))
     with edited(base / "files" / "tiny.yaml", mine) as file:
@@ -151,3 +208,15 @@ def test_baselines_of_the_tiny_mine(spoiled, base):
         "Excess shear stress",
     ]
     assert all(np.isfinite(float(row["gain, nats per event"])) for row in table)
+
+    earlier, own = (xr.open_dataset(results / name) for name in ("baselines/record.nc", "record.nc"))
+    assert earlier.sizes["event"] > 1.5 * own.sizes["event"]
+    with open(results / "baselines/months.csv") as file:
+        gains = {row["map"]: float(row["gain, nats per event"]) for row in csv.DictReader(file) if row["step"] == "all"}
+    assert {"all_earlier", "last", "line", "Pipeline", "mixed", "ceiling"} < set(gains)
+    assert all(np.isfinite(gain) for gain in gains.values())
+    with open(results / "baselines/rates.csv") as file:
+        (rates,) = csv.DictReader(file)
+    assert float(rates["metres"]) == pytest.approx(30.0)
+    assert float(rates["expected events, all earlier by metres"]) > 0.0
+    assert "face_measure" in xr.open_dataset(results / "comparison.nc")

@@ -67,6 +67,35 @@ rule excess_shear:
         " --comparison {input.comparison} --output {output.catalog} --runs {output.runs} --log {log}"
 
 
+if MINE.settings.baselines.since is not None:
+
+    rule earlier_record:
+        """The record from an earlier date on, for maps and rates of earlier months."""
+        input:
+            FILES.record_data(),
+        output:
+            f"{BASELINE_RESULTS}/record.nc",
+        log:
+            f"logs/{MINE.name}/{BASELINES}/record.log",
+        benchmark:
+            f"benchmarks/{MINE.name}/{BASELINES}/record.tsv"
+        conda:
+            "../envs/environment.yaml"
+        threads: 1
+        resources:
+            mem_mb=2000,
+            runtime=30,
+        params:
+            code=source_hash("catalogs record"),
+            settings=STAGES.named_slice(
+                MINE.name,
+                lambda wildcards: f"{BASELINES}/record",
+                lambda wildcards: BASELINE_PLAN.earlier_record_slice(),
+            ),
+        shell:
+            "stage catalogs record --settings {params.settings:q} --output {output} --log {log}"
+
+
 rule baselines:
     """The pipeline's own model and both baselines beside the record: a page, and a table of scores."""
     input:
@@ -75,11 +104,14 @@ rule baselines:
         grid=FILES.own("grid.nc"),
         catalog=FILES.own("catalog.nc"),
         record=FILES.own("record.nc"),
+        earlier=BASELINE_PLAN.earlier_record(),
         comparison=FILES.own("comparison.nc"),
         members=BASELINE_PLAN.member_events(),
     output:
         page=f"{BASELINE_RESULTS}/report.html",
         table=f"{BASELINE_RESULTS}/scores.csv",
+        months=f"{BASELINE_RESULTS}/months.csv",
+        rates=f"{BASELINE_RESULTS}/rates.csv",
     log:
         f"logs/{MINE.name}/{BASELINES}/report.log",
     benchmark:
@@ -99,4 +131,5 @@ rule baselines:
     shell:
         "stage baselines report --settings {params.settings:q} --flaws {input.flaws} --excess-shear {input.excess_shear}"
         " --grid {input.grid} --catalog {input.catalog} --members {params.members} --record {input.record}"
-        " --comparison {input.comparison} --output {output.page} --table {output.table} --log {log}"
+        " --earlier {input.earlier} --comparison {input.comparison} --output {output.page} --table {output.table}"
+        " --months {output.months} --rates {output.rates} --log {log}"

@@ -1,0 +1,243 @@
+"""Maps of a month's events that the record itself makes, from what was known before the month, and their scores.
+
+All maps are in plan and smoothed alike, so that they differ in where their events are and in nothing else. A record is
+moved with the face: each earlier event keeps its place relative to the face of its own time, and is put where the face
+stands at some time of the month. The times are spread evenly over the month. Without a face events stay where they are.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t
+
+from baselines.scores import Counted
+from catalogs.blocks import MIN_BLOCKS
+from catalogs.event_density import UNIFORM_SHARE, information_gain
+from catalogs.exposure import DAY
+from catalogs.face import Face
+from catalogs.jackknife import INTERVAL_95, effective_blocks
+
+GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0  # Its multiples, less their whole part, fill 0 to 1 evenly at any number.
+TIMES_IN_STEP = 200  # Times of a step at which the face is looked at.
+PLACES_ON_LINE = 41
+DAYS_IN_BLOCK = 7
+MODEL_SHARE = 0.5  # Of the pipeline's own model in its mixture with the record.
+ERROR_FACTOR = 2.0  # By which the table of nuisances changes the location error, either way.
+
+
+@dataclass(frozen=True)
+class Places:
+    """Recorded events that count: time (event,) ns, place in plan (event, xy) m, potency (event,) m3."""
+
+    time: NDArray
+    place: NDArray
+    potency: NDArray
+
+    def between(self, start: np.datetime64, end: np.datetime64) -> "Places":
+        """Those with start <= time < end."""
+        inside = (self.time >= start) & (self.time < end)
+        return Places(self.time[inside], self.place[inside], self.potency[inside])
+
+
+@dataclass(frozen=True)
+class Periods:
+    """The time of a record in pieces, start and end (period,) ns: those before the first dated step, then the steps.
+
+    Pieces before the first step are as long as the first step that is recorded.
+    """
+
+    start: NDArray
+    end: NDArray
+    before: int
+
+    @classmethod
+    def of(cls, start: NDArray, end: NDArray, since: np.datetime64 | None) -> "Periods":
+        """From the dated steps, and the time from which on the record is known; None: from the first step on."""
+        lengths = end - start
+        piece = lengths[lengths > np.timedelta64(0, "ns")][0]
+        count = 0 if since is None else int(max((start[0] - since) // piece, 0))
+        edges = start[0] - piece * np.arange(count, -1, -1)
+        return cls(np.concatenate([edges[:-1], start]), np.concatenate([edges[1:], end]), count)
+
+    def earlier(self, step: int) -> slice:
+        """The periods before a dated step."""
+        return slice(0, self.before + step)
+
+
+def times_with_face(face: Face, start: np.datetime64, end: np.datetime64) -> NDArray:
+    """Times of a step, the middles of equal parts of it, at which a face stands."""
+    time = start + (end - start) // (2 * TIMES_IN_STEP) * (2 * np.arange(TIMES_IN_STEP) + 1)
+    return time[np.isfinite(face.at(time).ahead).all(axis=1)]
+
+
+def move(events: Places, face: Face, start: np.datetime64, end: np.datetime64) -> NDArray:
+    """Places (event, xy), m, of earlier events in a step; without those that had no face, none if the step has none."""
+    times = times_with_face(face, start, end)
+    coordinates = face.at(events.time).coordinates(events.place)
+    coordinates = coordinates[np.isfinite(coordinates).all(axis=1)]
+    if not len(times):
+        return np.zeros((0, 2))
+    chosen = np.floor(np.arange(len(coordinates)) * GOLDEN % 1.0 * len(times)).astype(int)
+    return face.at(times[chosen]).places(coordinates)
+
+
+def line_places(face: Face, start: np.datetime64, end: np.datetime64) -> NDArray:
+    """Places (place, xy), m, all along the face at all times of a step."""
+    ends = face.at(times_with_face(face, start, end)).ends
+    share = np.linspace(0.0, 1.0, PLACES_ON_LINE)[:, None, None]
+    return (ends[:, 0] + share * (ends[:, 1] - ends[:, 0])).reshape(-1, 2)
+
+
+@dataclass(frozen=True)
+class MonthMaps:
+    """What is scored: recorded events of the dated steps that count, with their step (event,) and the standard
+    deviation of their place along each axis (event,), m.
+
+    record: all events that count, earlier ones too; box (2, xy): of the uniform rate; models: by label, the pipeline's
+    own first.
+    """
+
+    recorded: Places
+    step: NDArray
+    deviation: NDArray
+    record: Places
+    periods: Periods
+    face: Face | None
+    box: NDArray
+    models: dict[str, Counted]
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Name of each map by its label; the order of all results."""
+        moved = "moved with the face" if self.face else "as they are"
+        names = {
+            "all_earlier": f"all earlier months, {moved}",
+            "last": f"last month, {moved}",
+            **({"line": "line of the face"} if self.face else {}),
+            **{label: label.lower() for label in self.models},
+            "mixed": "all earlier months and the pipeline, half each",
+            "ceiling": "ceiling: odd days predict even ones, and these odd ones",
+        }
+        return names if self.models else {key: name for key, name in names.items() if key != "mixed"}
+
+    def scores(self, share: float = UNIFORM_SHARE, error: float = 1.0) -> "MonthScores":
+        """Gain of each map. share: of the uniform rate; error: factor of the location error."""
+        scaled = replace(self, deviation=self.deviation * error)
+        gain = np.full((len(self.labels), len(self.step)), np.nan)
+        for step in np.unique(self.step):
+            own = self.step == step
+            gain[:, own] = scaled._of_step(int(step), own, share)
+        first = self.periods.start[self.periods.before]
+        block = (self.recorded.time - first) // (DAYS_IN_BLOCK * DAY)
+        return MonthScores(tuple(self.labels), gain, self.step, block.astype(int))
+
+    def _of_step(self, step: int, own: NDArray, share: float) -> NDArray:
+        """Gain of each map at the events of one step (map, event)."""
+        number = self.periods.before + step
+        start, end = self.periods.start[number], self.periods.end[number]
+        place, deviation = self.recorded.place[own], self.deviation[own]
+
+        def gain(events: NDArray) -> NDArray:
+            if not len(events):
+                return np.full(len(place), np.nan)
+            return information_gain(place, events, deviation, self.box, share)
+
+        def earlier(first: np.datetime64) -> NDArray:
+            known = self.record.between(first, start)
+            return known.place if self.face is None else move(known, self.face, start, end)
+
+        found = {}
+        if number:
+            found["all_earlier"] = gain(earlier(self.periods.start[0]))
+            found["last"] = gain(earlier(self.periods.start[number - 1]))
+        if self.face is not None:
+            found["line"] = gain(line_places(self.face, start, end))
+        for label, model in self.models.items():
+            found[label] = information_gain(place, model.place[model.step == step][:, :2], deviation, self.box, share)
+        if self.models and "all_earlier" in found:
+            parts = (
+                np.log(MODEL_SHARE) + found[next(iter(self.models))],
+                np.log1p(-MODEL_SHARE) + found["all_earlier"],
+            )
+            found["mixed"] = np.logaddexp(*parts)
+        odd = (self.recorded.time[own] - start) // DAY % 2 == 0
+        ceiling = np.full(len(place), np.nan)
+        if odd.any() and not odd.all():
+            for half in (odd, ~odd):
+                ceiling[half] = information_gain(place[half], place[~half], deviation[half], self.box, share)
+        found["ceiling"] = ceiling
+        return np.array([found.get(label, np.full(len(place), np.nan)) for label in self.labels])
+
+
+@dataclass(frozen=True)
+class MonthScores:
+    """Gain of each map at recorded events (map, event), nats, NaN where a map has no forecast of the event's step; step
+    and block of weeks of each event (event,)."""
+
+    labels: tuple[str, ...]
+    gain: NDArray
+    step: NDArray
+    block: NDArray
+
+    @property
+    def common(self) -> NDArray:
+        """Events (event,) bool for which every map has a forecast, of the maps that have any: what all steps together
+        are scored by."""
+        any_forecast = np.isfinite(self.gain).any(axis=1)
+        return np.isfinite(self.gain[any_forecast]).all(axis=0)
+
+    def mean(self, step: int | None = None) -> NDArray:
+        """Mean of each map (map,), nats per event, of one step or of those that all maps forecast; NaN without one."""
+        own = self._own(step)
+        return self.gain[:, own].mean(axis=1) if own.any() else np.full(len(self.gain), np.nan)
+
+    def interval(self, step: int | None = None) -> NDArray:
+        """Its 95 % interval (map, 2)."""
+        own = self._own(step)
+        return mean_interval(self.gain[:, own], self.block[own])
+
+    def lead(self, one: str, other: str) -> tuple[float, NDArray]:
+        """By how much a map gains more than another, nats per event, with the 95 % interval (2,)."""
+        own = self.common
+        rows = [self.labels.index(label) for label in (one, other)]
+        difference = (self.gain[rows[0]] - self.gain[rows[1]])[None, own]
+        mean = float(difference.mean()) if own.any() else np.nan
+        return mean, mean_interval(difference, self.block[own])[0]
+
+    def _own(self, step: int | None) -> NDArray:
+        return self.common if step is None else self.step == step
+
+
+def mean_interval(values: NDArray, block: NDArray) -> NDArray:
+    """95 % interval (row, 2) of means of values (row, event) whose blocks (event,) are independent.
+
+    The differences d between the mean without a block and the mean are squared and summed (catalogs.jackknife).
+    Student's t has the degrees of freedom of such a sum of squares, (sum d^2)^2 / sum d^4, at most those of the blocks:
+    gains are skewed and blocks few, and the blocks alone make intervals that are too narrow. NaN with fewer than
+    MIN_BLOCKS blocks, or where one has nearly all events.
+    """
+    labels = np.unique(block, return_inverse=True)[1].reshape(-1)
+    count = np.bincount(labels) if len(labels) else np.zeros(0)
+    worth = effective_blocks(count)
+    if len(count) < MIN_BLOCKS or worth < 2.0:
+        return np.full((len(values), 2), np.nan)
+    sums = np.array([np.bincount(labels, row) for row in values])
+    mean = values.mean(axis=1)
+    squared = ((sums.sum(axis=1, keepdims=True) - sums) / (count.sum() - count) - mean[:, None]) ** 2
+    total = squared.sum(axis=1)
+    freedom = np.minimum(total**2 / np.maximum(np.sum(squared**2, axis=1), np.finfo(float).tiny), worth - 1.0)
+    half = t.ppf(INTERVAL_95[1], np.maximum(freedom, 1.0)) * np.sqrt(total)
+    return np.stack([mean - half, mean + half], axis=1)
+
+
+def nuisances(maps: MonthMaps) -> list[tuple[str, NDArray]]:
+    """Mean gain of each map (map,) for other uniform shares and location errors, with their names."""
+    choices = {
+        "as stated": {},
+        "uniform share 1 %": {"share": 0.01},
+        "uniform share 20 %": {"share": 0.2},
+        "half the location error": {"error": 1.0 / ERROR_FACTOR},
+        "twice the location error": {"error": ERROR_FACTOR},
+    }
+    return [(name, maps.scores(**choice).mean()) for name, choice in choices.items()]

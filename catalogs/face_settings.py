@@ -1,0 +1,91 @@
+"""The settings of a face that moves: its dated positions in plan, as the mine file or recorded data give them."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from catalogs.records.times import parse_time
+from common.errors import InputError
+from common.setting_types import AsTuple, Date, Length, Settings, choose, is_list, refusal, short
+
+PlanPoint = Annotated[tuple[Length, ...], Field(min_length=2, max_length=2), AsTuple]
+
+
+class FacePosition(Settings):
+    """Where a face stands on a day."""
+
+    date: Date
+    """Day of the position, UTC."""
+    ends: choose(
+        lambda value: is_list(value) and len(value) > 0 and is_list(value[0]),
+        Annotated[tuple[PlanPoint, ...], Field(min_length=2, max_length=2), AsTuple],
+        PlanPoint,
+    )
+    """Both ends of the face in plan, x and y, such as the headgate and the tailgate. For a tunnel one point: the end
+    of its centre line."""
+    panel: str = None
+    """Name of the panel. Between positions of one panel the face moves evenly; between panels there is none."""
+
+    @model_validator(mode="after")
+    def _has_date_and_length(self) -> Self:
+        try:
+            parse_time(self.date, "date")
+        except InputError as error:
+            raise refusal(f"{short(self.date)} is no date; give one such as 2019-08-31", "date") from error
+        if is_list(self.ends[0]) and self.ends[0] == self.ends[1]:
+            raise refusal("both ends are one point; give different ones, or the point alone", "ends")
+        return self
+
+    @property
+    def is_line(self) -> bool:
+        """Whether it has two ends."""
+        return is_list(self.ends[0])
+
+    @property
+    def middle(self) -> tuple[float, ...]:
+        """Middle of the ends, m."""
+        if not self.is_line:
+            return self.ends
+        return tuple(0.5 * (one + other) for one, other in zip(*self.ends, strict=True))
+
+
+class FaceSettings(Settings):
+    """A face that moves, such as that of a longwall or a tunnel."""
+
+    positions: Annotated[tuple[FacePosition, ...], Field(min_length=1), AsTuple] = None
+    """Dated positions, for each panel in their order of time."""
+    source: Literal["elk_creek"] = None
+    """Kind of the recorded data that the positions are read from, in place of `positions`."""
+    folder: str = None
+    """Folder with these data, relative to the mine file."""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        if (self.positions is None) == (self.source is None):
+            raise refusal("give either positions, or source and folder")
+        if (self.source is None) != (self.folder is None):
+            raise refusal("stands without the other of source and folder; give both", "folder")
+        for name, panel in by_panel(self.positions or ()).items():
+            _check_panel(name, panel)
+        return self
+
+
+def by_panel(positions: tuple[FacePosition, ...]) -> dict[str, list[FacePosition]]:
+    """The positions of each panel; "" is the one without a name."""
+    found: dict[str, list[FacePosition]] = {}
+    for position in positions:
+        found.setdefault(position.panel or "", []).append(position)
+    return found
+
+
+def _check_panel(name: str, positions: list[FacePosition]) -> None:
+    """Refuse a panel whose face has no direction, positions that are out of order, and both kinds in one panel."""
+    named = f" of panel '{name}'" if name else ""
+    dates = [parse_time(position.date, "face.positions") for position in positions]
+    for position, before, date in zip(positions[1:], dates, dates[1:], strict=False):
+        if not before < date:
+            raise refusal(f"{position.date}{named} does not come after the position before it; order them", "positions")
+    if len({position.is_line for position in positions}) > 1:
+        raise refusal(f"some{named} have two ends and some are one point; give all in one form", "positions")
+    if len({position.middle for position in positions}) < 2:
+        raise refusal(f"those{named} do not move; give two places at least, which tell what lies ahead", "positions")

@@ -1,0 +1,33 @@
+"""The dated positions of a mine's face, from the mine file or from recorded data."""
+
+from catalogs.face_settings import FacePosition, FaceSettings, by_panel
+from catalogs.records.elk_creek_reader import data_folder
+from workflow.plan import Plan
+
+
+def face_positions(mine: Plan) -> list[dict]:
+    """Positions of the panels that begin before the last dated step ends, as plain values; empty without a face.
+
+    Raises InputError for data that cannot be read, or hold positions that the mine file could not.
+    """
+    settings = mine.settings.face
+    if settings is None:
+        return []
+    positions = settings.positions or _elk_creek(mine, settings)
+    ends = [step.end for step in mine.listed_steps if step.is_dated]
+    begun = [one for one in by_panel(positions).values() if not ends or one[0].date < ends[-1]]
+    return [position.given() for panel in begun for position in panel]
+
+
+def _elk_creek(mine: Plan, settings: FaceSettings) -> tuple[FacePosition, ...]:
+    """Dated by the local day, which counts here as one of UTC: the face is wrong by what it advances in some hours."""
+    from workflow.mines.elk_creek import read_faces  # imports readers of drawings and tables, which take seconds
+
+    faces = read_faces(data_folder(mine.path(settings.folder), "face.folder"))
+    faces = faces.sort_values("local_date", kind="stable")
+    ends = faces[["headgate_x", "headgate_y", "tailgate_x", "tailgate_y"]].to_numpy(float).reshape(-1, 2, 2)
+    listed = [
+        {"date": f"{date:%Y-%m-%d}", "ends": pair.tolist(), "panel": panel}
+        for date, pair, panel in zip(faces["local_date"], ends, faces["panel"], strict=True)
+    ]
+    return FaceSettings.of({"positions": listed}, "face").positions
