@@ -113,8 +113,8 @@ def report(chosen: argparse.Namespace) -> None:
 
     values = read_slice(chosen.settings)
     settings = ReportSlice.of(values)
-    single = ("grid", "elastic", "catalog", "record", "comparison", "spread", "closeness", "grid_convergence")
-    single += ("forecast_scores",)
+    single = ["grid", "elastic", "catalog", "record", "comparison", "spread", "closeness", "grid_convergence"]
+    single += ["forecast_scores"]
     inputs = [*chosen.steps, *chosen.events, *filter(None, (getattr(chosen, name) for name in single))]
     write_report(
         config=settings.config,

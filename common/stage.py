@@ -22,7 +22,8 @@ from common.progress import Progress, log_compilation
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
 PIPELINE_PROCESS = "PIPELINE_PROCESS"  # environment variable: the process that starts the stages
 COMPANION_FOLDERS = {  # folders of runs besides the mine's own (workflow/folders.py), and what they are
-    r"results/[^/]+/(plans/[^/]+/)?coarse/": "the mine on cells of twice the size; grid_convergence: false leaves it out",
+    r"results/[^/]+/(plans/[^/]+/)?coarse/": "the mine on cells of twice the size; "
+    "grid_convergence: false leaves it out",
     r"results/[^/]+/elastic_rock/": "the mine in elastic rock, for its baselines",
     r"results/[^/]+/(plans/[^/]+/)?drawn_rock/[0-9]+/": "rock that the calibration has drawn; "
     "hazard.rock: mine_file leaves it out",

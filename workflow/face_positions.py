@@ -21,13 +21,17 @@ def face_positions(mine: Plan) -> list[dict]:
 
 def _elk_creek(mine: Plan, settings: FaceSettings) -> tuple[FacePosition, ...]:
     """Dated by the local day, which counts here as one of UTC: the face is wrong by what it advances in some hours."""
-    from workflow.mines.elk_creek import read_faces  # imports readers of drawings and tables, which take seconds
+    import pandas as pd  # here, and the reader of drawings and tables: they take seconds
 
-    faces = read_faces(data_folder(mine.path(settings.folder), "face.folder"))
-    faces = faces.sort_values("local_date", kind="stable")
-    ends = faces[["headgate_x", "headgate_y", "tailgate_x", "tailgate_y"]].to_numpy(float).reshape(-1, 2, 2)
+    from workflow.mines.elk_creek import read_panels
+
     listed = [
-        {"date": f"{date:%Y-%m-%d}", "ends": pair.tolist(), "panel": panel}
-        for date, pair, panel in zip(faces["local_date"], ends, faces["panel"], strict=True)
+        {
+            "date": f"{pd.Timestamp(seconds, unit='s'):%Y-%m-%d}",
+            "ends": [headgate.tolist(), tailgate.tolist()],
+            "panel": panel.name,
+        }
+        for panel in read_panels(data_folder(mine.path(settings.folder), "face.folder"))
+        for seconds, headgate, tailgate in zip(panel.date, panel.headgate, panel.tailgate, strict=True)
     ]
     return FaceSettings.of({"positions": listed}, "face").positions

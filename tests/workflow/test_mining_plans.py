@@ -125,7 +125,7 @@ def test_a_plan_may_be_another_file(folders, tmp_path):
         ),
         ({"a": {"file": "none.yaml"}}, "no such file"),
         ({"a": {"file": "b.yaml", "steps": [NEXT_STEP]}}, "plans.a.file: stands beside changes"),
-        ({"a": {"excavations": {"stope_1": {"stap": "2019-08"}}}}, "did you mean step?"),
+        ({"a": {"excavations": {"stope_1": {"stepp": "2019-08"}}}}, "did you mean step?"),
     ],
 )
 def test_a_wrong_plan_is_refused_with_the_mine(folders, plans, line):
