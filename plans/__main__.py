@@ -26,6 +26,7 @@ def outcome(chosen: argparse.Namespace) -> None:
     comparison = read_dataset(chosen.comparison, ["cut"]) if chosen.comparison else None
     found = make_outcome(settings, read_dataset(chosen.grid), record, comparison)
     files = [path for run in (*settings.runs, *settings.recorded_runs) for path in (*run.events, *run.states)]
+    files += [path for run in settings.compared_runs for path in run.events]
     inputs = [chosen.grid, *files, *filter(None, [chosen.record, chosen.comparison])]
     write_dataset(found.assign_attrs(provenance(values, "plans outcome", inputs)), chosen.output)
 

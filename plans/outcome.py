@@ -16,8 +16,8 @@ from common.errors import InputError
 from common.source_tensors import moment_of_magnitude
 from plans.hazard import Hazard, find_hazard
 from plans.layout import ANY, LIKE_OWN, OWN, described
-from plans.record import read_recorded
-from plans.runs import Geometry, StepEvents, common_floor, counts, digest, read_run, read_states
+from plans.record import is_ahead, read_recorded
+from plans.runs import Geometry, StepEvents, common_floor, counts, digest, read_run, read_states, run_floor
 from plans.settings import OutcomeSlice
 
 
@@ -38,9 +38,11 @@ def make_outcome(
     runs = [read_run(run, steps, settings.mine) for run in settings.runs]
     like_own = [number for number, kind in enumerate(kinds) if kind in LIKE_OWN]
     recorded = read_recorded(settings, record, comparison) if record is not None and comparison is not None else None
-    floor = common_floor([runs[number] for number in like_own])
+    others = [(run.kind, run_floor(run, settings.mine)) for run in settings.compared_runs]
+    alike = [one for kind, one in others if kind in LIKE_OWN]
+    floor = float(np.fmax.reduce([common_floor([runs[number] for number in like_own]), *alike]))
     floor = recorded.floor_above(floor) if recorded else floor
-    shared = float(np.fmax(common_floor(runs), floor))
+    shared = float(np.fmax.reduce([common_floor(runs), floor, *(one for _, one in others)]))
     numbers = recorded.numbers(floor, shared) if recorded else None
     data = _made(settings, geometry, runs, like_own, floor, shared)
     data["mined"] = ("step", _mined(geometry, len(steps)))
@@ -60,11 +62,6 @@ def make_outcome(
         "steps_ahead": json.dumps([step.name for step, one in zip(steps, ahead, strict=True) if one]),
     }
     return described(_dataset(settings, data, hazard, attributes))
-
-
-def is_ahead(step: DatedStep, until: np.datetime64 | None) -> bool:
-    """Whether a step begins after the last recorded event; True without a record."""
-    return until is None or bool(window(step.model_dump())[0] >= until)
 
 
 def _made(
@@ -109,8 +106,9 @@ def _made(
 
 def _mined(geometry: Geometry, steps: int) -> np.ndarray:
     """Volume that each step mines, m3."""
-    mined = geometry.mined >= 0
-    return np.bincount(geometry.mined[mined], geometry.volume[mined], minlength=steps)
+    mined, found = geometry.mined >= 0, np.zeros(steps)  # not bincount, which gives integers where nothing is mined
+    np.add.at(found, geometry.mined[mined], geometry.volume[mined])
+    return found
 
 
 def _plan(settings: OutcomeSlice, geometry: Geometry) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,17 +52,33 @@ def read_run(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> list[StepE
             raise InputError(f"{path}: events of step {has[1]} of mine {has[0]}, not of {step.name} of {mine}")
         counted = events["resolved"].values == 1
         potency = events["potency"].values
-        smallest = float(events.attrs.get("potency_floor", np.nan))
         found.append(
             StepEvents(
                 potency[counted],
                 events["location"].values[counted],
-                float(np.log10(smallest)) if smallest > 0.0 else np.nan,
+                _log_floor(events.attrs),
                 float(potency.sum()),
                 str(events.attrs.get("made_from", "")),
             )
         )
     return found
+
+
+def run_floor(run: RunFiles, mine: str) -> float:
+    """Largest floor (log10 m3) of the steps of a run; NaN if nothing failed. Raises InputError for another mine."""
+    floors = [np.nan]
+    for path in run.events:
+        attributes = read_dataset(path, names=()).attrs
+        if attributes.get("mine") != mine:
+            raise InputError(f"{path}: events of mine {attributes.get('mine')}, not of {mine}")
+        floors.append(_log_floor(attributes))
+    return float(np.fmax.reduce(floors))
+
+
+def _log_floor(attributes: Mapping) -> float:
+    """Floor of a file of events, log10 m3; NaN without one."""
+    smallest = float(attributes.get("potency_floor", np.nan))
+    return float(np.log10(smallest)) if smallest > 0.0 else np.nan
 
 
 def read_states(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> dict[str, list[float]]:

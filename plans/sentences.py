@@ -205,6 +205,18 @@ def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]
             "Intervals do not contain what is not known of the rock. After snakemake calibrate, set hazard.rock to "
             "posterior."
         )
+    below = {
+        f"{name} ({typeset(f'Mw {magnitude:g}')})": None
+        for plan in plans
+        for name, magnitude in settings.sizes.items()
+        if np.isfinite(plan.floor) and magnitude < plan.magnitude(plan.floor)
+    }
+    if below:
+        smallest = max(plan.magnitude(plan.floor) for plan in plans if np.isfinite(plan.floor))
+        found.append(
+            f"There is no chance of events that are {' or '.join(below)}, since the runs do not resolve such small ones. "
+            f"The smallest magnitude that has a chance here is {typeset(f'Mw {np.ceil(100.0 * smallest) / 100.0:g}')}."
+        )
     if not settings.sizes:
         found.append(
             "There is no chance of large events, since the mine file gives no classes of size. Give hazard.magnitudes, "

@@ -103,6 +103,8 @@ class OutcomeSlice(Settings):
     """of the host rock, Pa"""
     runs: Annotated[tuple[RunFiles, ...], Field(min_length=1), AsTuple]
     """the plan's own first"""
+    compared_runs: Annotated[tuple[RunFiles, ...], AsTuple] = ()
+    """runs of the plans that it is compared with: events of all plans are counted from one floor"""
     recorded_steps: Annotated[tuple[DatedStep, ...], AsTuple] = ()
     """the mine's own dated steps, with a record"""
     recorded_runs: Annotated[tuple[RunFiles, ...], AsTuple] = ()

@@ -30,12 +30,14 @@ class TruncatedLaw:
     bound: NDArray
 
     def share_above(self, size: ArrayLike) -> NDArray:
-        """Share of the events that are as large as a size (...,), log10 m3, or larger: (..., draw)."""
+        """Share of the events that are as large as a size (...,), log10 m3, or larger: (..., draw).
+
+        NaN for a size below the cut: the law says nothing of how many events there are."""
         size = np.asarray(size, float)[..., None]
-        excess = np.maximum(size - self.cut, 0.0)
+        excess = size - self.cut
         whole = -np.expm1(-self.rate * (self.bound - self.cut))
         above = np.exp(-self.rate * excess) - np.exp(-self.rate * (self.bound - self.cut))
-        return np.where(size < self.bound, above / whole, 0.0)
+        return np.where(excess < 0.0, np.nan, np.where(size < self.bound, above / whole, 0.0))
 
     def _size(self, share: NDArray, draw: NDArray) -> NDArray:
         """Sizes (n,) of draws (n,), log10 m3, at these shares of all sizes below them."""

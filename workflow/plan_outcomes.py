@@ -68,9 +68,19 @@ class PlanOutcomes:
             return []
         return [{"kind": one["kind"], "events": one["events"]} for one in self._run_files(MINE_FILE_PLAN)]
 
+    def _compared_runs(self, plan: str) -> list[dict]:
+        """Runs of the other plans, as far as they are not those of this one."""
+        own = {path for run in self._run_files(plan) for path in run["events"]}
+        found = []
+        for other in self.names:
+            for run in self._run_files(other) if other != plan else ():
+                if events := [path for path in run["events"] if path not in own]:
+                    found.append({"kind": run["kind"], "events": events})
+        return found
+
     def results(self, plan: str) -> list[str]:
         """All files that the outcome of a plan is made from, beside grid, record and comparison."""
-        runs = [*self._run_files(plan), *self._recorded_runs()]
+        runs = [*self._run_files(plan), *self._compared_runs(plan), *self._recorded_runs()]
         return list(dict.fromkeys(path for run in runs for kind in ("events", "states") for path in run.get(kind, ())))
 
     def grid(self, plan: str) -> str:
@@ -80,7 +90,7 @@ class PlanOutcomes:
     def outcome_slice(self, plan: str) -> dict:
         """What the outcome of a plan depends on, beside files."""
         mine = self.folders.mine_at(self.folders.place_of(plan))
-        recorded = self._recorded_runs()
+        recorded, compared = self._recorded_runs(), self._compared_runs(plan)
         openings = [
             {"name": entry.name, "step": entry.step if entry.step in mine.dated_steps else ""}
             for entry in mine.excavations
@@ -94,6 +104,7 @@ class PlanOutcomes:
             "hazard": self.mine.settings.hazard.given(),
             "shear_modulus": self.mine.settings.materials["host"].shear_modulus,
             "runs": self._run_files(plan),
+            **({"compared_runs": compared} if compared else {}),
             **({"recorded_steps": self.mine.comparison_slice()["steps"]} if recorded else {}),
             **({"recorded_runs": recorded} if recorded else {}),
         }

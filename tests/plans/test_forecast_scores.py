@@ -17,10 +17,12 @@ from plan_fixtures import (
 )
 from scipy.stats import kstest, nbinom
 
+from catalogs.comparison_settings import DatedStep
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
 from plans.layout import ANY
 from plans.outcome import make_outcome
+from plans.record import is_ahead, is_covered, known_until
 from plans.score_sentences import sentences
 from plans.scores import KNOWN, NOT_YET, SCORED, brier, log_score, score
 
@@ -171,6 +173,7 @@ def test_a_good_forecaster_has_uniform_places(tmp_path):
         events = [drawn_events(generator.poisson(40), generator) for _ in STEPS]
         made = make_outcome(outcome_slice([write_run(tmp_path / str(number), "own", events)]), GRID)
         month = made_up_record(generator.poisson(40), number, "2019-09-01", "2019-10-01", known=THREE_MONTHS)
+        month.attrs["stated_end"] = THREE_MONTHS[1]
         row = score([made], month, GRID, MINE).isel(row=1)
         places.append(float(row["place"][0]))
         inside.append(row["inside"].values)
@@ -194,3 +197,47 @@ def test_scores_of_chances():
     assert log_score(np.full(4, 0.5), happened) == pytest.approx(np.log(2.0))
     assert brier(1 - happened, happened) == 1.0
     assert log_score(1 - happened, happened) == pytest.approx(-np.log(1e-4))
+
+
+def record_of(*days: str, known: tuple[str, str] = THREE_MONTHS, **attributes):
+    """A record of one event on each of these days."""
+    record = made_up_record(len(days), 1, known=known)
+    record["time"][:] = np.array(days, "datetime64[ns]")
+    period = {"modelled": known, "recorded": [f"{days[0]}T00:00:00", f"{days[-1]}T00:00:00"], "common": known}
+    return record.assign_attrs(period=json.dumps(period), **attributes)
+
+
+EVERY_FIVE_DAYS = [str(day) for day in np.arange("2019-08-03", "2019-09-28", 5, "datetime64[D]")]  # the last: the 27th
+OCTOBER = DatedStep(name="2019-10", start="2019-10-01", end="2019-11-01")
+
+
+def test_silence_after_the_last_event_is_no_record_of_a_month_without_events():
+    """The common period holds the silence that chance may leave, which is more than October here."""
+    record = record_of(*EVERY_FIVE_DAYS)
+    assert [is_covered(record, step) for step in (*STEPS, OCTOBER)] == [True, True, False]
+    assert is_ahead(OCTOBER, known_until(record))
+
+
+def test_a_month_that_ends_quietly_is_covered():
+    """Within the mean wait, five days, at the end of the file; in any case once there are later events."""
+    early = record_of(*EVERY_FIVE_DAYS[:-1])  # the last: 22 September
+    assert not is_covered(early, STEPS[1])
+    assert not is_ahead(STEPS[1], known_until(early))
+    assert is_covered(record_of(*EVERY_FIVE_DAYS[:-1], "2019-10-20"), STEPS[1])
+
+
+def test_a_stated_end_makes_a_quiet_month_known():
+    """It is then neither ahead nor left out, as far as chance may leave that silence."""
+    record = record_of(*EVERY_FIVE_DAYS, stated_end="2019-11-01")
+    assert is_covered(record, OCTOBER)
+    assert not is_ahead(OCTOBER, known_until(record))
+    shorter = record_of(*EVERY_FIVE_DAYS, known=("2019-08-01", "2019-10-15"), stated_end="2019-11-01")
+    assert not is_covered(shorter, OCTOBER)
+
+
+@pytest.mark.parametrize("stated", [{}, {"stated_end": "2019-11-01"}])
+def test_no_step_is_ahead_and_covered(stated):
+    for last in range(1, len(EVERY_FIVE_DAYS)):
+        record = record_of(*EVERY_FIVE_DAYS[: last + 1], **stated)
+        for step in (*STEPS, OCTOBER):
+            assert not (is_covered(record, step) and is_ahead(step, known_until(record)))

@@ -180,3 +180,10 @@ def test_a_plan_without_an_event_has_numbers_and_no_chance(tmp_path):
 def test_wrong_classes_are_refused(given, reason):
     with pytest.raises(InputError, match=reason):
         HazardSettings.read(given, "hazard")
+
+
+def test_a_plan_that_mines_nothing_more_has_an_outcome(events, tmp_path):
+    """All of its openings are mined before the first dated step."""
+    made = make_outcome(outcome_slice([write_run(tmp_path, "own", events)], openings=[{"name": "drive"}]), made_up_grid())
+    assert made["mined"].values.tolist() == [0.0, 0.0]
+    assert float(made["number"].sel(opening=ANY).sum()) == 105.0

@@ -162,3 +162,19 @@ def test_a_page_without_classes_has_no_chance(plans, tmp_path):
     other = PlansReportSlice.of({"mine": "another"})
     with pytest.raises(InputError, match="is of mine made_up, not of another"):
         write_report([plain], GRID, other, tmp_path / "report.html", tmp_path / "plans.csv", "0123456789abcdef")
+
+
+def test_a_class_below_the_floor_has_no_chance_and_is_named(tmp_path):
+    """Floor log P -2 is Mw -0.5 with the shear modulus of the fixtures: 2/3 (log10 2.5e10 - 2 - 9.1) = -0.468."""
+    hazard = HAZARD | {"magnitudes": {"small": -0.8, "felt": -0.3}}
+    plan = PlanSummary(make_outcome(slice_of([drawn_run(tmp_path, "own", 1)], hazard=hazard), GRID))
+    assert np.isnan(plan.chance("any", 10.0, "small")[0])
+    assert np.isfinite(plan.chance("any", 10.0, "felt")[0])
+    settings = PlansReportSlice.of({"mine": MINE, "hazard": hazard})
+    said = [one for one in missing([plan], settings.hazard) if "do not resolve" in one]
+    assert said == [
+        "There is no chance of events that are small (Mw −0.8), since the runs do not resolve such small ones. The "
+        "smallest magnitude that has a chance here is Mw −0.46."
+    ]
+    assert matrix(plan, settings.hazard)[1]["cells"][0]["yearly"] == "–"
+    write_report([plan.outcome], GRID, settings, tmp_path / "report.html", tmp_path / "plans.csv", "0123456789abcdef")
