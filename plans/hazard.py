@@ -7,7 +7,8 @@ upper end (plans.truncated_law). Events are independent, so the chance of one at
 
   p = 1 - exp(-Lambda S(m)),
 
-and that of a year at the same rate has Lambda times 365.25 days over the duration. The given chance is the mean over
+and that of a year at the same rate has Lambda times 365.25 days over the duration, of the steps from that on which mines
+the opening. The given chance is the mean over
 draws of the factor and of the law; its interval contains the chance of the runs too, by Jeffreys' prior: half an event
 more.
 """
@@ -108,10 +109,16 @@ def find_hazard(
     days = np.array([data["days"][1][period].sum() for period in periods])
     sizes = data["size_log_potency"][1]
     share = law.share_above(sizes) if law else np.full((len(sizes), DRAWS), np.nan)
+    is_open = _is_open(settings)
     rows = []
-    for period, length in zip(periods, days, strict=True):
+    for period in periods:
         factor = factors.of(period, number.sum(axis=0))
-        rows.append(chances(within[:, period].sum(axis=1), ratio, factor, share, DAYS_OF_YEAR / length, generator))
+        open_days = is_open @ np.where(period, data["days"][1], 0.0)
+        years = DAYS_OF_YEAR / np.where(open_days > 0.0, open_days, np.inf)
+        row = chances(within[:, period].sum(axis=1), ratio, factor, share, years, generator)
+        for values in row.values():
+            values[open_days == 0.0] = np.nan
+        rows.append(row)
     places = ("period", "opening", "distance")
     of_sizes = (*places, "size")
     dims = {"expected": places, "chance": of_sizes, "yearly_chance": of_sizes}
@@ -129,16 +136,27 @@ def find_hazard(
     return Hazard(found | forecast | {"period_days": ("period", days)}, attributes | law_attributes)
 
 
+def _is_open(settings: OutcomeSlice) -> NDArray:
+    """Whether each opening, and any of them, is mined by each step (opening + 1, step)."""
+    names = ["", *(step.name for step in settings.steps)]  # an opening without a step is mined before the first
+    mined = np.array([names.index(opening.step) - 1 for opening in settings.openings], int)
+    found = mined[:, None] <= np.arange(len(settings.steps))
+    return np.vstack([found, found.any(axis=0)])
+
+
 def chances(
-    number: NDArray, ratio: float, factor: NDArray, share: NDArray, years: float, generator: np.random.Generator
+    number: NDArray, ratio: float, factor: NDArray, share: NDArray, years: float | NDArray, generator: np.random.Generator
 ) -> dict[str, NDArray]:
     """Expected numbers (opening, distance) and chances (opening, distance, size) of a period, with intervals.
 
-    number (run, opening, distance); factor (draw,); share (size, draw); years: how often the period fits into one.
+    number (run, opening, distance); factor (draw,); share (size, draw); years: how often the days of the period on
+    which an opening is mined fit into a year, () or (opening,).
     """
     runs, shape = len(number), number.shape[1:]
-    values, place = np.unique(number.sum(axis=0), return_inverse=True)  # most openings have no event, or the same few
-    place = place.reshape(shape)
+    pairs = np.stack(np.broadcast_arrays(number.sum(axis=0), np.asarray(years, float)[..., None]))
+    # most openings have no event, or the same few
+    (values, years), place = np.unique(pairs.reshape(2, -1), axis=1, return_inverse=True)
+    years, place = years[:, None, None], place.reshape(shape)
     drawn = draw_expected(values, runs, ratio, len(factor), generator) * factor
     mean = values[:, None] / runs * factor
     found = {"expected": np.median(mean, axis=-1), "expected_interval": _interval(drawn)}

@@ -11,7 +11,7 @@ plans, of their members and, with a record, of the cut of its comparison. Runs o
 numbers of all kinds of runs are counted from `shared_floor`, too.
 
 NaN: numbers by opening of runs on other cells or in other rock, a size where there is no event, forecasts of steps that
-are not ahead.
+are not ahead, chances near an opening in steps before it is mined, and of a size below the floor.
 
 Attributes: mine, plan, floor and shared_floor (log10 m3), shear_modulus (Pa), recorded_until (ISO; time of the last
 recorded event, or the later end that the configuration states; empty without a record), steps_ahead (JSON), contains and lacks (JSON: what the intervals contain and

@@ -187,3 +187,17 @@ def test_a_plan_that_mines_nothing_more_has_an_outcome(events, tmp_path):
     made = make_outcome(outcome_slice([write_run(tmp_path, "own", events)], openings=[{"name": "drive"}]), made_up_grid())
     assert made["mined"].values.tolist() == [0.0, 0.0]
     assert float(made["number"].sel(opening=ANY).sum()) == 105.0
+
+
+def test_a_year_near_an_opening_has_the_days_on_which_it_is_mined(outcome):
+    """stope_2 is mined in the second of two steps: its events of that step a year, over 30 days. It has no chance
+    before."""
+    at = {"opening": "stope_2", "distance": 30.0, "size": "felt"}
+    whole, step = (outcome["yearly_number"].sel(period=period, **at) for period in ("all", "2019-09"))
+    assert float(step) > 0.0
+    assert float(whole) == pytest.approx(float(step))
+    assert np.isnan(outcome["chance"].sel(period="2019-08", opening="stope_2")).all()
+    both = outcome["yearly_number"].sel(period="all", opening="stope_1", distance=30.0, size="felt")
+    share = float(step) / (float(outcome["number_within"].sel(opening="stope_2", distance=30.0)[0, 1]) / 30.0)
+    near = float(outcome["number_within"].sel(opening="stope_1", distance=30.0)[0].sum())
+    assert float(both) == pytest.approx(share * near / 61.0)
