@@ -54,7 +54,7 @@ def score(chosen: argparse.Namespace) -> None:
     settings = ScoreSlice.of(values, "forecasts")
     made_of = provenance(values, "plans score", [chosen.record, chosen.grid])
     forecasts = [read_outcome(one.file) for one in settings.forecasts]
-    found = scores.score(forecasts, read_events(chosen.record), read_dataset(chosen.grid), settings.mine)
+    found = scores.score(forecasts, read_events(chosen.record), read_dataset(chosen.grid), settings)
     told = json.dumps(score_sentences.sentences(found), ensure_ascii=False)
     write_dataset(found.assign_attrs(made_of, sentences=told), chosen.output)
 

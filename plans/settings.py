@@ -129,3 +129,7 @@ class ScoreSlice(Settings):
 
     mine: str
     forecasts: Annotated[tuple[ForecastFile, ...], Field(min_length=1), AsTuple]
+    steps: Annotated[tuple[DatedStep, ...], AsTuple] = ()
+    """the mine's dated steps now"""
+    openings: Annotated[tuple[Opening, ...], AsTuple] = ()
+    """what the mine file now mines"""

@@ -91,16 +91,11 @@ class PlanOutcomes:
         """What the outcome of a plan depends on, beside files."""
         mine = self.folders.mine_at(self.folders.place_of(plan))
         recorded, compared = self._recorded_runs(), self._compared_runs(plan)
-        openings = [
-            {"name": entry.name, "step": entry.step if entry.step in mine.dated_steps else ""}
-            for entry in mine.excavations
-            if mine.step_index(entry.step) >= 0
-        ]
         return {
             "mine": mine.name,
             "plan": plan,
             "steps": mine.comparison_slice()["steps"],
-            "openings": openings,
+            "openings": mine.mined_openings(),
             "hazard": self.mine.settings.hazard.given(),
             "shear_modulus": self.mine.settings.materials["host"].shear_modulus,
             "runs": self._run_files(plan),
