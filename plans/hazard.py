@@ -38,6 +38,7 @@ MAX_EXPECTED = 1e9  # Larger numbers, which few draws of rock may have a long ta
 DAYS_OF_YEAR = 365.25
 # Least room for an upper end above the largest event seen, log10 m3, where all potency of the plan leaves less.
 MIN_ROOM = 1.0
+SIZE_CLASS = 0.5  # log10 P: an event that two runs share has a size in each, which is not quite the same.
 
 
 @dataclass(frozen=True)
@@ -177,6 +178,23 @@ def _interval(draws: NDArray) -> NDArray:
     return np.moveaxis(np.quantile(draws, INTERVAL_95, axis=-1), 0, -1)
 
 
+def independent_share(runs: Sequence[Sequence[StepEvents]]) -> float:
+    """How many independent sizes each event of these runs counts as: 1 of runs that share nothing, one over their
+    number if all are the same.
+
+    Numbers by step and class of size vary between runs that share a part rho of their events by 1 - rho of their mean,
+    and K such runs are worth K / (1 + (K - 1) rho) independent ones (Kish 1965).
+    """
+    classes = [np.floor(log_potency(step.potency) / SIZE_CLASS).astype(int) for run in runs for step in run]
+    every = np.concatenate(classes)
+    if len(runs) < 2 or not len(every):
+        return 1.0
+    counted = np.array([np.bincount(one - every.min(), minlength=np.ptp(every) + 1) for one in classes], float)
+    counted = counted.reshape(len(runs), -1)
+    shared = float(np.clip(1.0 - counted.var(axis=0, ddof=1).sum() / counted.mean(axis=0).sum(), 0.0, 1.0))
+    return 1.0 / (1.0 + (len(runs) - 1) * shared)
+
+
 def _law(
     runs: Sequence[Sequence[StepEvents]],
     data: dict[str, Any],
@@ -201,7 +219,8 @@ def _law(
         }
         return None, {"law_source": "none", "law_events": len(x), **missing}
     cap = max(np.log10(whole), float(max(x.max(), modelled.max(initial=-np.inf))) + MIN_ROOM)
-    law = find_law(x, floor, cap, DRAWS, generator, width)
+    weight = independent_share(runs) if source == "model" else 1.0
+    law = find_law(x, floor, cap, DRAWS, generator, width, weight)
     return law, {
         "law_source": source,
         "law_events": len(x),

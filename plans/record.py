@@ -16,7 +16,7 @@ from catalogs.records.times import parse_time
 from catalogs.sizes import log_potency
 from catalogs.sum_measures import cluster_size
 from common.errors import InputError
-from plans.layout import DRAW, LIKE_OWN
+from plans.layout import DRAW, LIKE_OWN, OWN
 from plans.runs import StepEvents, read_run
 from plans.settings import OutcomeSlice
 
@@ -26,7 +26,7 @@ class RecordedNumbers:
     """Events from a floor on in the recorded steps.
 
     recorded (step,); modelled (run, step): of the mine's own run and its members; draws (draw, step): of runs in rock
-    of the posterior, from the shared floor on; clustering: variance of the recorded number over its mean; sizes
+    of the posterior, and own: of the mine's own run, all steps, both from the shared floor on; clustering: variance of the recorded number over its mean; sizes
     (event,): log10 potency of the recorded ones, m3; width: of the bins that these are rounded to; potency: of all
     recorded events of these steps, m3.
     """
@@ -34,6 +34,7 @@ class RecordedNumbers:
     recorded: NDArray
     modelled: NDArray
     draws: NDArray
+    own: float
     clustering: float
     sizes: NDArray
     width: float
@@ -88,6 +89,7 @@ class Recorded:
             np.bincount(step[used], minlength=len(self.steps)).astype(float),
             table(LIKE_OWN, floor),
             table([DRAW], shared),
+            float(table([OWN], shared).sum()),
             clustering,
             sizes[used],
             rounding(sizes),
