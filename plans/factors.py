@@ -23,7 +23,7 @@ from plans.settings import OutcomeSlice
 STEP_SCATTER = 0.5  # Standard deviation of the half-normal prior of the scatter of ln ratio between steps.
 SCATTERS = np.linspace(0.0, 4.0 * STEP_SCATTER, 201)
 MIN_DRAWS = 3  # Draws of the rock that a spread needs.
-CHANCE, CELLS, RECORD, ROCK, RUNS = "chance", "cells", "record", "rock", "runs"
+CHANCE, CELLS, RECORD, ROCK, RUNS, LAW = "chance", "cells", "record", "rock", "runs", "law"
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,9 @@ upper end (plans.truncated_law). Events are independent, so the chance of one at
 
   p = 1 - exp(-Lambda S(m)),
 
-and that of a year at the same rate has Lambda times 365.25 days over the duration, of the steps from that on which mines
-the opening. The given chance is the mean over
-draws of the factor and of the law; its interval contains the chance of the runs too, by Jeffreys' prior: half an event
-more.
+and that of a year at the same rate has Lambda times 365.25 days over the duration, of the steps from that on which
+mines the opening. The given chance is the mean over draws of the factor and of the law; its interval contains the
+chance of the runs too, by Jeffreys' prior: half an event more.
 """
 
 import json
@@ -26,7 +25,7 @@ from catalogs.completeness import MIN_EVENTS_ABOVE_CUT
 from catalogs.jackknife import INTERVAL_95
 from catalogs.sizes import LN10, MIN_EVENTS_FOR_B, log_potency
 from catalogs.sum_measures import MIN_RUNS_FOR_VARIANCE
-from plans.factors import Factors, find_factors
+from plans.factors import LAW, Factors, find_factors
 from plans.record import RecordedNumbers
 from plans.runs import StepEvents
 from plans.settings import OutcomeSlice
@@ -128,7 +127,7 @@ def find_hazard(
     found = {name: (dims[name], np.stack([row[name] for row in rows])) for name in rows[0]}
     forecast, spread = _forecasts(number, ratio, factors, law, ahead, recorded, generator)
     attributes = {
-        "contains": json.dumps([*factors.contains, *(["law"] if law else [])]),
+        "contains": json.dumps([*factors.contains, *([LAW] if law else [])]),
         "lacks": json.dumps(list(factors.lacks)),
         "ratio_text": factors.text,
         "runs": int(own.sum()),
@@ -146,7 +145,12 @@ def _is_open(settings: OutcomeSlice) -> NDArray:
 
 
 def chances(
-    number: NDArray, ratio: float, factor: NDArray, share: NDArray, years: float | NDArray, generator: np.random.Generator
+    number: NDArray,
+    ratio: float,
+    factor: NDArray,
+    share: NDArray,
+    years: float | NDArray,
+    generator: np.random.Generator,
 ) -> dict[str, NDArray]:
     """Expected numbers (opening, distance) and chances (opening, distance, size) of a period, with intervals.
 

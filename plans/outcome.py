@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from catalogs.comparison_settings import DatedStep
 from catalogs.exposure import DAY, window
 from catalogs.periods import ALL_STEPS
 from common.errors import InputError
@@ -58,6 +57,7 @@ def make_outcome(
         "floor": floor,
         "shared_floor": shared,
         "shear_modulus": settings.shear_modulus,
+        "differs_in": json.dumps(list(settings.differs_in)),
         "recorded_until": str(until)[:19] if until is not None else "",
         "steps_ahead": json.dumps([step.name for step, one in zip(steps, ahead, strict=True) if one]),
     }

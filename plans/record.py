@@ -26,9 +26,9 @@ class RecordedNumbers:
     """Events from a floor on in the recorded steps.
 
     recorded (step,); modelled (run, step): of the mine's own run and its members; draws (draw, step): of runs in rock
-    of the posterior, and own: of the mine's own run, all steps, both from the shared floor on; clustering: variance of the recorded number over its mean; sizes
-    (event,): log10 potency of the recorded ones, m3; width: of the bins that these are rounded to; potency: of all
-    recorded events of these steps, m3.
+    of the posterior, and own: of the mine's own run, all steps, both from the shared floor on; clustering: variance of
+    the recorded number over its mean; sizes (event,): log10 potency of the recorded ones, m3; width: of the bins that
+    these are rounded to; potency: of all recorded events of these steps, m3.
     """
 
     recorded: NDArray

@@ -17,8 +17,8 @@ def sentences(scores: xr.Dataset) -> list[str]:
         part = scores.isel(row=row)
         if str(part["status"].values) == SCORED:
             found.append(" ".join(_scored(scores, part, row)))
-    for number in np.unique(scores["forecast"].values):
-        own = scores.isel(row=np.flatnonzero(scores["forecast"].values == number))
+    for place in np.unique(scores["forecast"].values):
+        own = scores.isel(row=np.flatnonzero(scores["forecast"].values == place))
         found += _others(own, _named(own.isel(row=0)))
     return found
 
@@ -39,7 +39,7 @@ def _others(own: xr.Dataset, name: str) -> Iterator[str]:
         yield f"Forecast of {name}: {steps[row]} is not scored, since {own['difference'].values[row]}."
     if len(without):
         yield (
-            f"Forecast of {name}: {', '.join(without)} cannot be scored. The runs of the plan make no event, so nothing "
+            f"Forecast of {name}: {', '.join(without)} cannot be scored. Runs of the plan make no event, so nothing "
             "says from which size on events count."
         )
     if len(known):

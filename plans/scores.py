@@ -1,8 +1,8 @@
 """How good kept forecasts were, once the months that they were made for are recorded.
 
 A forecast is an outcome.nc that was kept: what it says of a step that began after its last recorded event. It is scored
-when the record covers the whole step, and if the mine file now has the openings mined in the steps that the forecast was
-made for. Nothing of it is computed again.
+when the record covers the whole step, and if the mine file now has the openings mined in the same steps as the forecast.
+Nothing of it is computed again.
 
 Layout of forecast_scores.nc
 ----------------------------
@@ -11,9 +11,9 @@ Dimensions: row (a step of a forecast), quantity (number, potency: m3, largest: 
 
   forecast, file (row)                   index in the list `forecasts` of the mine file, and the file as written there
   plan, step, start, end (row)           names and dates
-  status (row)                           "scored", "not recorded yet"; "known": the record reached its beginning when the
-                                         forecast was made, so it is no forecast; "mined otherwise"; "no floor": no event
-                                         in the runs of the plan, so that nothing says from which size on events count
+  status (row)                           "scored"; "not recorded yet"; "known": the record reached its beginning when
+                                         the forecast was made, so it is no forecast; "mined otherwise"; "no floor": no
+                                         event in the runs of the plan says from which size on events count
   difference (row)                       what is mined otherwise, in words; else empty
   median (row, quantity), range (row, quantity, interval)   of the forecast
   recorded (row, quantity)               what is recorded, from the forecast's floor on; -inf: no event is largest
@@ -55,9 +55,7 @@ MINED_OTHERWISE, NO_FLOOR = "mined otherwise", "no floor"
 BOX_MARGIN = 3.0  # Standard deviations of a location between all events and the faces of the box.
 
 
-def score(
-    forecasts: Sequence[xr.Dataset], record: xr.Dataset, grid: xr.Dataset, settings: ScoreSlice
-) -> xr.Dataset:
+def score(forecasts: Sequence[xr.Dataset], record: xr.Dataset, grid: xr.Dataset, settings: ScoreSlice) -> xr.Dataset:
     """The scores of kept forecasts; layout as at the head of this module.
 
     forecasts: outcomes (plans.layout), those of settings.forecasts; record, grid: of the mine now. Raises InputError
@@ -123,7 +121,11 @@ def mined_otherwise(forecast: xr.Dataset, step: DatedStep, settings: ScoreSlice)
     for opening in [*then, *today]:
         if then.get(opening) != today.get(opening):
             was, has = (
-                f"mined in {one[opening]}" if one.get(opening) else "mined before" if opening in one else "not mined by then"
+                f"mined in {one[opening]}"
+                if one.get(opening)
+                else "mined before"
+                if opening in one
+                else "not mined by then"
                 for one in (then, today)
             )
             return f"{opening} is {was} in the forecast, and {has} in the mine file"

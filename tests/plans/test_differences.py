@@ -211,13 +211,17 @@ def test_plans_are_counted_from_one_floor(tmp_path):
     assert found.value == 1.0
     assert found.verdict == "no difference that chance does not make"
     alone = outcome(tmp_path, runs[:1], plan="alone")
-    with pytest.raises(InputError, match=r"events of alone are counted from log P -2 on, those of plan_1 from -1\.5 on"):
+    with pytest.raises(
+        InputError, match=r"events of alone are counted from log P -2 on, those of plan_1 from -1\.5 on"
+    ):
         compare(alone, plans[1], NUMBER, BOTH)
 
 
 def test_a_companion_of_another_plan_raises_the_shared_floor_only(tmp_path):
     own, other = (drawn_run(tmp_path / name, "own", 1) for name in ("own", "other"))
     coarse = drawn_run(tmp_path / "coarse", "coarse", 2, floor=-1.2)
-    made = outcome(tmp_path, [own], compared_runs=[{key: run[key] for key in ("kind", "events")} for run in (other, coarse)])
+    made = outcome(
+        tmp_path, [own], compared_runs=[{key: run[key] for key in ("kind", "events")} for run in (other, coarse)]
+    )
     assert made.attrs["floor"] == pytest.approx(-2.0)
     assert made.attrs["shared_floor"] == pytest.approx(-1.2)

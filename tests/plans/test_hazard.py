@@ -10,8 +10,8 @@ from scipy.stats import kstest, nbinom, poisson
 from catalogs.jackknife import INTERVAL_95
 from catalogs.sizes import LN10, estimate_b
 from plans.factors import STEP_SCATTER, Factors, draw_ratio, find_factors, step_ratios
-from plans.hazard import chance_of, chances, dispersion, draw_expected, draw_numbers, independent_share
 from plans.hazard import _law as law_of
+from plans.hazard import chance_of, chances, dispersion, draw_expected, draw_numbers, independent_share
 from plans.record import RecordedNumbers
 from plans.runs import StepEvents
 from plans.truncated_law import TruncatedLaw, find_law
@@ -244,7 +244,10 @@ def runs_that_share(generator, share_of: float, runs: int = 9, mean: float = 60.
         common = simulated_sizes(generator, generator.poisson(share_of * mean), 0.8, 3.0)
         own = [simulated_sizes(generator, generator.poisson((1.0 - share_of) * mean), 0.8, 3.0) for _ in range(runs)]
         steps.append([10.0 ** np.concatenate([common, one]) for one in own])
-    return [[StepEvents(one, np.zeros((len(one), 3)), 0.0, one.sum(), "") for one in run] for run in zip(*steps, strict=True)]
+    return [
+        [StepEvents(one, np.zeros((len(one), 3)), 0.0, one.sum(), "") for one in run]
+        for run in zip(*steps, strict=True)
+    ]
 
 
 def test_runs_that_share_events_are_worth_fewer():

@@ -184,7 +184,9 @@ def test_wrong_classes_are_refused(given, reason):
 
 def test_a_plan_that_mines_nothing_more_has_an_outcome(events, tmp_path):
     """All of its openings are mined before the first dated step."""
-    made = make_outcome(outcome_slice([write_run(tmp_path, "own", events)], openings=[{"name": "drive"}]), made_up_grid())
+    made = make_outcome(
+        outcome_slice([write_run(tmp_path, "own", events)], openings=[{"name": "drive"}]), made_up_grid()
+    )
     assert made["mined"].values.tolist() == [0.0, 0.0]
     assert float(made["number"].sel(opening=ANY).sum()) == 105.0
 
