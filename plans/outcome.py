@@ -43,9 +43,14 @@ def make_outcome(
     floor = recorded.floor_above(floor) if recorded else floor
     shared = float(np.fmax.reduce([common_floor(runs), floor, *(one for _, one in others)]))
     numbers = recorded.numbers(floor, shared) if recorded else None
+    states = [read_states(run, steps, settings.mine) for run in settings.runs]
     data = _made(settings, geometry, runs, like_own, floor, shared)
+    data |= {
+        name: (("run", "step"), np.array([getattr(one, name) for one in states]))
+        for name in ("energy_released", "failed_volume")
+    }
     data["mined"] = ("step", _mined(geometry, len(steps)))
-    data["made_by"] = ("step", [digest(runs, kinds, number) for number in range(len(steps))])
+    data["made_by"] = ("step", [digest(runs, states, kinds, number) for number in range(len(steps))])
     data |= _plan(settings, geometry)
     until = recorded.until if recorded else None
     ahead = np.array([is_ahead(step, until) for step in steps])
@@ -88,7 +93,6 @@ def _made(
             of_events["potency"].append(events.potency)
             of_events["step"].append(np.full(len(events.potency), index, np.int32))
             of_events["run"].append(np.full(len(events.potency), number, np.int32))
-    states = [read_states(run, settings.steps, settings.mine) for run in settings.runs]
     every = ("run", "step")
     return {
         **{name: ((*every, "opening"), values) for name, values in by_opening.items()},
@@ -98,7 +102,6 @@ def _made(
             np.array([[len(step.from_floor(shared).potency) for step in run] for run in runs], float),
         ),
         "whole_potency": (every, np.array([[step.whole for step in run] for run in runs])),
-        **{name: (every, np.array([state[name] for state in states])) for name in states[0]},
         "event_location": (("event", "xyz"), np.concatenate(of_events["location"]).reshape(-1, 3)),
         **{f"event_{name}": ("event", np.concatenate(of_events[name])) for name in ("potency", "step", "run")},
     }

@@ -24,20 +24,18 @@ USED = ("potency", "location", "resolved")
 class StepEvents:
     """Resolved events of one step of one run: potency (event,) m3, location (event, 3) m.
 
-    floor: log10 m3, NaN if nothing failed; whole: potency of all events, resolved or not, m3; made_from: digest of the
-    file.
+    floor: log10 m3, NaN if nothing failed; whole: potency of all events, resolved or not, m3.
     """
 
     potency: NDArray
     location: NDArray
     floor: float
     whole: float
-    made_from: str
 
     def from_floor(self, floor: float) -> "StepEvents":
         """The events from a floor on; all of them without one (NaN)."""
         kept = ~(log_potency(self.potency) < floor)
-        return StepEvents(self.potency[kept], self.location[kept], self.floor, self.whole, self.made_from)
+        return StepEvents(self.potency[kept], self.location[kept], self.floor, self.whole)
 
 
 def read_run(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> list[StepEvents]:
@@ -58,7 +56,6 @@ def read_run(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> list[StepE
                 events["location"].values[counted],
                 _log_floor(events.attrs),
                 float(potency.sum()),
-                str(events.attrs.get("made_from", "")),
             )
         )
     return found
@@ -81,9 +78,18 @@ def _log_floor(attributes: Mapping) -> float:
     return float(np.log10(smallest)) if smallest > 0.0 else np.nan
 
 
-def read_states(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> dict[str, list[float]]:
-    """Energy released (J) and failed volume (m3) of each step of a run. Raises InputError as read_run."""
-    found: dict[str, list[float]] = {"energy_released": [], "failed_volume": []}
+@dataclass(frozen=True)
+class States:
+    """Of each step of a run: energy released (J), failed volume (m3), and the digest of what the state is made from."""
+
+    energy_released: list[float]
+    failed_volume: list[float]
+    made_from: list[str]
+
+
+def read_states(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> States:
+    """The states of a run. Raises InputError as read_run."""
+    found = States([], [], [])
     if len(run.states) != len(steps):
         raise InputError(f"plans: a run ({run.kind}) has states of {len(run.states)} steps, and {len(steps)} are dated")
     for path, step in zip(run.states, steps, strict=True):
@@ -92,8 +98,9 @@ def read_states(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> dict[st
             raise InputError(
                 f"{path}: state of step {state.get('step')} of mine {state.get('mine')}, not of {step.name} of {mine}"
             )
-        for name, values in found.items():
-            values.append(float(state[name]))
+        found.energy_released.append(float(state["energy_released"]))
+        found.failed_volume.append(float(state["failed_volume"]))
+        found.made_from.append(str(state.get("made_from", "")))
     return found
 
 
@@ -102,10 +109,19 @@ def common_floor(runs: Sequence[Sequence[StepEvents]]) -> float:
     return float(np.fmax.reduce([step.floor for run in runs for step in run], initial=np.nan))
 
 
-def digest(runs: Sequence[Sequence[StepEvents]], kinds: Sequence[str], step: int) -> str:
-    """Digest of the files of a step of all runs; empty where a file carries none of its own."""
-    made = [(kind, run[step].made_from) for kind, run in zip(kinds, runs, strict=True)]
-    return hashlib.sha256(json.dumps(made).encode()).hexdigest()[:16] if all(one for _, one in made) else ""
+def digest(runs: Sequence[Sequence[StepEvents]], states: Sequence[States], kinds: Sequence[str], step: int) -> str:
+    """Digest of a step of all runs; empty where a state carries none of its own.
+
+    It is that of states and events, not of the files of events: these depend on the dates of a step too, rock does not.
+    """
+    found = hashlib.sha256()
+    for kind, run, state in zip(kinds, runs, states, strict=True):
+        events = run[step]
+        if not state.made_from[step]:
+            return ""
+        found.update(f"{kind} {state.made_from[step]} {events.whole!r}".encode())
+        found.update(np.ascontiguousarray(np.column_stack([events.location, events.potency])).tobytes())
+    return found.hexdigest()[:16]
 
 
 @dataclass(frozen=True)

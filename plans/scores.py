@@ -1,7 +1,7 @@
 """How good kept forecasts were, once the months that they were made for are recorded.
 
 A forecast is an outcome.nc that was kept: what it says of a step that began after its last recorded event. It is scored
-when the record covers the whole step, and if the mine file now has the openings mined in the same steps as the forecast.
+when the record covers the whole step, and if the mine file now mines its openings in the same steps as the forecast.
 Nothing of it is computed again.
 
 Layout of forecast_scores.nc

@@ -266,8 +266,8 @@ def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]
     if below:
         smallest = max(plan.magnitude(plan.floor) for plan in plans if np.isfinite(plan.floor))
         found.append(
-            f"There is no chance of events that are {' or '.join(below)}, since the runs do not resolve such small "
-            f"ones. The smallest magnitude that has a chance here is {typeset(f'Mw {np.ceil(100.0 * smallest) / 100.0:g}')}."
+            f"There is no chance of events that are {' or '.join(below)}, since the runs do not resolve such "
+            f"small ones. The smallest magnitude with a chance is {typeset(f'Mw {np.ceil(100.0 * smallest) / 100.0:g}')}."
         )
     if not settings.sizes:
         found.append(

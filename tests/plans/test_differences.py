@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 from plan_fixtures import HAZARD, STEPS, drawn_events, drawn_run, made_up_grid, outcome_slice, write_run
 
+from catalogs.comparison_settings import DatedStep
 from common.errors import InputError
 from plans.differences import NUMBER, POTENCY, compare, own_steps, ratio_of_runs
 from plans.outcome import make_outcome
@@ -103,11 +104,30 @@ def test_a_plan_beside_itself(tmp_path):
 def test_a_shared_step_is_no_difference(tmp_path):
     """The second step alone has other runs."""
     run, other = (drawn_run(tmp_path / name, "own", seed) for name, seed in (("one", 1), ("two", 2)))
-    mixed = {**other, "events": [run["events"][0], other["events"][1]]}
+    mixed = {**other, **{key: [run[key][0], other[key][1]] for key in ("events", "states")}}
     plans = [outcome(tmp_path, [run]), outcome(tmp_path, [mixed], plan="mixed")]
     assert own_steps(plans[1], plans[0]) == ["2019-09"]
     assert compare(plans[1], plans[0], NUMBER, (["2019-08"], ["2019-08"])).is_shared
     assert not compare(plans[1], plans[0], NUMBER, (["2019-09"], ["2019-09"])).is_shared
+
+
+def test_other_dates_alone_make_no_other_run(tmp_path):
+    """The same rock, and events that are dated otherwise. Other events from the same states are another run."""
+    generator = np.random.default_rng(2)
+    events = [drawn_events(count, generator) for count in (50, 30)]
+    later = [DatedStep(name=step.name, start=step.start, end="2019-08-20") if not number else step
+             for number, step in enumerate(STEPS)]  # fmt: skip
+    own = outcome(tmp_path, [write_run(tmp_path / "a" / "run", "own", events)])
+    dated = outcome(
+        tmp_path,
+        [write_run(tmp_path / "b" / "run", "own", events, steps=later)],
+        plan="dated",
+        steps=[step.given() for step in later],
+    )
+    assert own_steps(dated, own) == []
+    assert compare(dated, own, POTENCY, BOTH).verdict == "the same runs in both plans"
+    fewer = [(size[:-1], place[:-1]) for size, place in events]
+    assert own_steps(outcome(tmp_path, [write_run(tmp_path / "c" / "run", "own", fewer)]), own) == NAMES
 
 
 def test_a_member_more_is_no_shared_step(tmp_path):

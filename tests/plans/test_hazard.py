@@ -245,8 +245,7 @@ def runs_that_share(generator, share_of: float, runs: int = 9, mean: float = 60.
         own = [simulated_sizes(generator, generator.poisson((1.0 - share_of) * mean), 0.8, 3.0) for _ in range(runs)]
         steps.append([10.0 ** np.concatenate([common, one]) for one in own])
     return [
-        [StepEvents(one, np.zeros((len(one), 3)), 0.0, one.sum(), "") for one in run]
-        for run in zip(*steps, strict=True)
+        [StepEvents(one, np.zeros((len(one), 3)), 0.0, one.sum()) for one in run] for run in zip(*steps, strict=True)
     ]
 
 
@@ -313,7 +312,7 @@ def test_the_cap_of_the_law_is_all_potency_that_the_plan_releases():
     """Of the run that releases most, all sizes together; with a record that releases more, of the record. The law's end
     reaches up to it, and no farther."""
     size = 10.0 ** (simulated_sizes(np.random.default_rng(1), 30, 0.9) - 2.0)
-    steps = [[StepEvents(size, np.zeros((30, 3)), -2.0, float(size.sum()), "")]]
+    steps = [[StepEvents(size, np.zeros((30, 3)), -2.0, float(size.sum()))]]
     assert size.max() < 1.0
     data = {"whole_potency": ("", np.array([[40.0, 60.0], [1.0, 2.0]]))}
     law, _ = law_of(steps, data, -2.0, None, np.random.default_rng(2))

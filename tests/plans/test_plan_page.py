@@ -187,7 +187,7 @@ def test_a_class_below_the_floor_has_no_chance_and_is_named(tmp_path):
     said = [one for one in missing([plan], settings.hazard) if "do not resolve" in one]
     assert said == [
         "There is no chance of events that are small (Mw −0.8), since the runs do not resolve such small ones. The "
-        "smallest magnitude that has a chance here is Mw −0.46."
+        "smallest magnitude with a chance is Mw −0.46."
     ]
     assert matrix(plan, settings.hazard)[1]["cells"][0]["yearly"] == "–"
     write_report([plan.outcome], GRID, settings, tmp_path / "report.html", tmp_path / "plans.csv", "0123456789abcdef")
