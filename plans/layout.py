@@ -58,8 +58,8 @@ FIELDS = (
     _field("start", "step", "", "first date, ISO, UTC", TEXT),
     _field("end", "step", "", "first date after it", TEXT),
     _field("days", "step", "d", "duration"),
-    _field("mined", "step", "m3", "volume of the openings that the step mines, on the grid"),
-    _field("made_by", "step", "", "digest of states and events of all runs: the same in plans that share the step", TEXT),
+    _field("mined", "step", "m3", "rock that the step mines, on the grid"),
+    _field("made_by", "step", "", "digest of states and events of all runs: the same in plans that share it", TEXT),
     _field("opening_step", "opening", "", "step that mines it; empty: mined before the first of them", TEXT),
     _field("opening_volume", "opening", "m3", "its volume on the grid"),
     # hazard

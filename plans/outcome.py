@@ -49,7 +49,7 @@ def make_outcome(
         name: (("run", "step"), np.array([getattr(one, name) for one in states]))
         for name in ("energy_released", "failed_volume")
     }
-    data["mined"] = ("step", _mined(geometry, len(steps)))
+    data["mined"] = ("step", np.array(geometry.step_volume))
     data["made_by"] = ("step", [digest(runs, states, kinds, number) for number in range(len(steps))])
     data |= _plan(settings, geometry)
     until = recorded.until if recorded else None
@@ -105,13 +105,6 @@ def _made(
         "event_location": (("event", "xyz"), np.concatenate(of_events["location"]).reshape(-1, 3)),
         **{f"event_{name}": ("event", np.concatenate(of_events[name])) for name in ("potency", "step", "run")},
     }
-
-
-def _mined(geometry: Geometry, steps: int) -> np.ndarray:
-    """Volume that each step mines, m3."""
-    mined, found = geometry.mined >= 0, np.zeros(steps)  # not bincount, which gives integers where nothing is mined
-    np.add.at(found, geometry.mined[mined], geometry.volume[mined])
-    return found
 
 
 def _plan(settings: OutcomeSlice, geometry: Geometry) -> dict[str, Any]:

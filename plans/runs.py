@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs.comparison_settings import DatedStep
+from catalogs.mined_volumes import volumes_mined
 from catalogs.nearest_opening import nearest_opening
 from catalogs.sizes import log_potency
 from common.datasets import read_dataset
@@ -128,7 +129,8 @@ def digest(runs: Sequence[Sequence[StepEvents]], states: Sequence[States], kinds
 class Geometry:
     """Openings of a plan on the grid: cells of each, and the index of the step that mines it; -1: before the first.
 
-    origin (piece, 3): lower corner, m; edge, m; opening (piece,): index among the plan's openings; mined (opening,).
+    origin (piece, 3): lower corner, m; edge, m; opening (piece,): index among the plan's openings; mined (opening,);
+    volume (opening,) and step_volume (step,): rock that is mined, m3; where solids overlap it counts once in a step.
     """
 
     origin: NDArray
@@ -136,6 +138,7 @@ class Geometry:
     opening: NDArray
     mined: NDArray
     volume: NDArray
+    step_volume: NDArray
 
     @classmethod
     def of(cls, grid: xr.Dataset, openings: Sequence[Opening], steps: Sequence[DatedStep]) -> "Geometry":
@@ -156,12 +159,16 @@ class Geometry:
         own = index[grid["piece_excavation"].values]
         kept = own >= 0
         volume = np.array(json.loads(grid.attrs["excavation_volume_grid"]), float)
+        mined = np.array([number.get(opening.step, -1) for opening in openings], int)
+        grid_index = np.array([names.index(opening.name) for opening in openings], int)
+        by_step = [grid_index[mined == step] for step in range(-1, len(steps))]
         return cls(
             grid["piece_origin"].values[kept],
             float(grid.attrs["fine_cell"]),
             own[kept],
-            np.array([number.get(opening.step, -1) for opening in openings], int),
+            mined,
             np.array([volume[names.index(opening.name)] for opening in openings]),
+            np.array(volumes_mined(grid, by_step)[1:]),
         )
 
     def nearest(self, location: NDArray, step: int) -> NDArray:

@@ -265,9 +265,10 @@ def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]
     }
     if below:
         smallest = max(plan.magnitude(plan.floor) for plan in plans if np.isfinite(plan.floor))
+        smallest_text = typeset(f"Mw {np.ceil(100.0 * smallest) / 100.0:g}")
         found.append(
             f"There is no chance of events that are {' or '.join(below)}, since the runs do not resolve such "
-            f"small ones. The smallest magnitude with a chance is {typeset(f'Mw {np.ceil(100.0 * smallest) / 100.0:g}')}."
+            f"small ones. The smallest magnitude with a chance is {smallest_text}."
         )
     if not settings.sizes:
         found.append(

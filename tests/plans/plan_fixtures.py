@@ -52,11 +52,13 @@ def made_up_grid(mirrored: bool = False) -> xr.Dataset:
             "piece_origin": (("piece", "xyz"), origin),
             "piece_excavation": ("piece", np.concatenate(numbers).astype(np.int16)),
             "piece_fraction": ("piece", np.ones(len(origin))),
+            "piece_samples": ("piece", np.full(len(origin), 255, np.uint8)),
         },
         attrs={
             "mine": MINE,
             "dimension": 3,
             "plane": "none",
+            "thickness": 1.0,
             "fine_cell": EDGE,
             "domain_lower": [-128.0, -128.0, -128.0],
             "domain_upper": [160.0, 192.0, 160.0],

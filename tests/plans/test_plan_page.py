@@ -87,8 +87,8 @@ def test_what_is_missing_names_its_key(plans, tmp_path):
         "hazard.rock",
     ]
     assert contained(plans) == (
-        "Intervals of ratios contain chance and what the cells change. Intervals of chances contain chance, by how much "
-        "the record differs from the model and what is not known of the law of sizes."
+        "Intervals of ratios contain chance and what the cells change. Intervals of chances contain chance, by how "
+        "much the record differs from the model and what is not known of the law of sizes."
     )
     kinds = ["own", "member", "draw", "draw", "draw"]
     runs = [drawn_run(tmp_path / str(seed), kind, seed) for seed, kind in enumerate(kinds)]
