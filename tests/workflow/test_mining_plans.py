@@ -2,7 +2,7 @@
 
 import pytest
 import yaml
-from tiny_mines import DEFAULT, FLAT, NEXT_STEP, TINY, changed, merged, write_mine
+from tiny_mines import DEFAULT, FLAT, NEXT_STEP, TINY, box, changed, merged, write_mine
 
 from common.errors import InputError
 from workflow.configuration import load
@@ -67,6 +67,26 @@ def test_a_plan_computes_only_what_differs(folders):
     assert own(homes(found, place), place) == ["steps/2019-09", "events/2019-09"]
     place = "tiny/plans/swapped"
     assert own(homes(found, place), place) == ["steps/2019-08", "events/2019-08", "steps/2019-09", "events/2019-09"]
+
+
+def test_a_plan_computes_nothing_that_an_earlier_plan_has(folders):
+    """Two plans that begin with the other order: the second has the first one's steps, and goes on. The order in the
+    mine file decides; a member has those of the member of its number."""
+    further = {"name": "2019-10", "start": "2019-10-01", "end": "2019-11-01"}
+    plans = {
+        "swapped": SWAPPED,
+        "swapped_longer": {
+            "excavations": SWAPPED["excavations"] | {"drive_2": {"step": "2019-10"}},
+            "steps": [NEXT_STEP, further],
+        },
+    }
+    drive_2 = box("drive_2", "planned", [50, 50, 60], [58, 58, 64])
+    found = folders(plans, excavations=[*TINY["excavations"], drive_2], ensemble=1)
+    for run in ("", "/ensemble/1"):
+        place = f"tiny/plans/swapped_longer{run}"
+        assert own(homes(found, place), place) == ["steps/2019-10", "events/2019-10"]
+        assert found.home(place, "steps/2019-08") == f"tiny/plans/swapped{run}"
+        assert found.home(place, "steps/history") == f"tiny{run}"
 
 
 def test_other_dates_change_events_alone(folders):
@@ -213,3 +233,21 @@ def test_drawn_rock_needs_a_calibration(folders):
     found = folders({"longer": LONGER})
     with pytest.raises(SystemExit, match="run `snakemake calibrate` first"):
         found.mine_at("tiny/plans/longer/drawn_rock/1")
+
+
+def test_an_excavation_has_not_the_name_of_all_of_them(folders):
+    entries = [*TINY["excavations"], TINY["excavations"][-1] | {"name": "any", "step": "planned"}]
+    with pytest.raises(InputError, match=r"excavations\.any: 'any' means all openings in results"):
+        folders({}, excavations=entries)
+
+
+def test_an_excavation_that_is_made_needs_a_file_of_its_own(folders, monkeypatch):
+    """It stands in no list that a plan could change."""
+    made = [TINY["excavations"][-1] | {"name": "lv_1"}]
+    monkeypatch.setattr("workflow.mines.elk_creek.excavations", lambda *_, **options: made)
+    values = {"excavations": TINY["excavations"][:-1], "excavations_from": {"source": "elk_creek", "folder": "."}}
+    with pytest.raises(InputError) as refused:
+        folders({"a": {"excavations": {"lv_1": {"step": "2019-08"}}}}, **values)
+    line = "plans.a.excavations.lv_1: comes from excavations_from, which a plan cannot change; give plans.a.file"
+    assert line in str(refused.value)
+    assert len(str(refused.value).splitlines()) == 1
