@@ -131,6 +131,7 @@ class PlanOutcomes:
     def outcome_slice(self, plan: str) -> dict:
         """What the outcome of a plan depends on, beside files."""
         mine = self.folders.mine_at(self.folders.place_of(plan))
+        hazard = self.mine.settings.hazard.given()
         differs = self.differs_in(plan)
         recorded, compared = self._recorded_runs(), self._compared_runs(plan)
         return {
@@ -138,7 +139,8 @@ class PlanOutcomes:
             "plan": plan,
             "steps": mine.comparison_slice()["steps"],
             "openings": mine.mined_openings(),
-            "hazard": self.mine.settings.hazard.given(),
+            # names of likelihoods are read by the page alone
+            "hazard": {key: value for key, value in hazard.items() if key != "likelihoods"},
             "shear_modulus": self.mine.settings.materials["host"].shear_modulus,
             "runs": self._run_files(plan),
             **({"differs_in": differs} if differs else {}),

@@ -251,3 +251,14 @@ def test_an_excavation_that_is_made_needs_a_file_of_its_own(folders, monkeypatch
     line = "plans.a.excavations.lv_1: comes from excavations_from, which a plan cannot change; give plans.a.file"
     assert line in str(refused.value)
     assert len(str(refused.value).splitlines()) == 1
+
+
+def test_names_of_likelihoods_change_the_page_alone(folders, tmp_path):
+    slices = []
+    for name in ("rare", "seldom"):
+        hazard = {"distances": ["5 m"], "magnitudes": {"felt": 0.5}, "likelihoods": {name: 0, "likely": 0.5}}
+        found = outcomes(folders({"longer": LONGER}, hazard=hazard), tmp_path)
+        slices.append((found.outcome_slice("longer"), found.report_slice()))
+    assert slices[0][0] == slices[1][0]
+    assert slices[0][1] != slices[1][1]
+    assert slices[0][0]["hazard"]["magnitudes"] == {"felt": 0.5}
