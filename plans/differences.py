@@ -85,7 +85,7 @@ def compare(
     """
     for floor in ("floor", "shared_floor"):
         ends = [float(one.attrs[floor]) for one in (plan, other)]
-        if np.isfinite(ends).all() and not np.isclose(*ends):
+        if np.isfinite(ends).all() and not np.isclose(ends[0], ends[1]):
             raise InputError(
                 f"plans: events of {plan.attrs['plan']} are counted from log P {ends[0]:.3g} on, those of "
                 f"{other.attrs['plan']} from {ends[1]:.3g} on; make both outcomes again"

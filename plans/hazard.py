@@ -160,12 +160,12 @@ def chances(
     runs, shape = len(number), number.shape[1:]
     pairs = np.stack(np.broadcast_arrays(number.sum(axis=0), np.asarray(years, float)[..., None]))
     # most openings have no event, or the same few
-    (values, years), place = np.unique(pairs.reshape(2, -1), axis=1, return_inverse=True)
-    years, place = years[:, None, None], place.reshape(shape)
+    (values, often), place = np.unique(pairs.reshape(2, -1), axis=1, return_inverse=True)
+    often, place = often[:, None, None], place.reshape(shape)
     drawn = draw_expected(values, runs, ratio, len(factor), generator) * factor
     mean = values[:, None] / runs * factor
     found = {"expected": np.median(mean, axis=-1), "expected_interval": _interval(drawn)}
-    for name, times in (("chance", 1.0), ("yearly_chance", years)):
+    for name, times in (("chance", 1.0), ("yearly_chance", often)):
         given = chance_of(times * mean[:, None], share).mean(axis=-1)
         interval = _interval(chance_of(times * drawn[:, None], share))
         # where few draws of the law reach a size, the mean of its chance may lie beyond nearly all of them
@@ -173,7 +173,7 @@ def chances(
         found[f"{name}_interval"] = np.stack(
             [np.minimum(interval[..., 0], given), np.maximum(interval[..., 1], given)], axis=-1
         )
-    found["yearly_number"] = (years * mean[:, None] * share).mean(axis=-1)
+    found["yearly_number"] = (often * mean[:, None] * share).mean(axis=-1)
     return {name: one[place] for name, one in found.items()}
 
 

@@ -130,11 +130,11 @@ def _comparison(plan: PlanSummary, first: PlanSummary) -> str:
             f"events, {number(made.potency)} m³ of potency."
         )
     potency, events = (compare(plan.outcome, first.outcome, quantity, steps) for quantity in (POTENCY, NUMBER))
-    made = plan.made(steps[0]), first.made(steps[1])
-    if any(one.number for one in made) and not made[1].number:
+    made = plan.made(steps[0])
+    if made.number and not first.made(steps[1]).number:
         return (
-            f"{first.name} makes nothing in {spanned(steps[1])}; {plan.name} makes {count(made[0].number)} events, "
-            f"{number(made[0].potency)} m³ of potency, in {spanned(steps[0])}: {events.verdict}."
+            f"{first.name} makes nothing in {spanned(steps[1])}; {plan.name} makes {count(made.number)} events, "
+            f"{number(made.potency)} m³ of potency, in {spanned(steps[0])}: {events.verdict}."
         )
     if not np.isfinite(potency.interval).any():
         return f"Neither {plan.name} nor {first.name} makes anything in the steps that differ."
