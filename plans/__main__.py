@@ -26,7 +26,8 @@ def outcome(chosen: argparse.Namespace) -> None:
     comparison = read_dataset(chosen.comparison, ["cut"]) if chosen.comparison else None
     found = make_outcome(settings, read_dataset(chosen.grid), record, comparison)
     files = [path for run in (*settings.runs, *settings.recorded_runs) for path in (*run.events, *run.states)]
-    # a run of the mine may be one of the plan, too
+    files += [path for run in settings.compared_runs for path in run.events]
+    # a run of the mine or of another plan may be one of this plan, too
     inputs = [chosen.grid, *dict.fromkeys(files), *filter(None, [chosen.record, chosen.comparison])]
     write_dataset(found.assign_attrs(provenance(values, "plans outcome", inputs)), chosen.output)
 
@@ -54,7 +55,7 @@ def score(chosen: argparse.Namespace) -> None:
     settings = ScoreSlice.of(values, "forecasts")
     made_of = provenance(values, "plans score", [chosen.record, chosen.grid])
     forecasts = [read_outcome(one.file) for one in settings.forecasts]
-    found = scores.score(forecasts, read_events(chosen.record), read_dataset(chosen.grid), settings.mine)
+    found = scores.score(forecasts, read_events(chosen.record), read_dataset(chosen.grid), settings)
     told = json.dumps(score_sentences.sentences(found), ensure_ascii=False)
     write_dataset(found.assign_attrs(made_of, sentences=told), chosen.output)
 

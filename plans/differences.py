@@ -20,6 +20,7 @@ from catalogs.exposure import Ratio, Total, total_ratio
 from catalogs.grid_convergence import SAFETY_FACTOR
 from catalogs.jackknife import INTERVAL_95
 from catalogs.sum_measures import MIN_RUNS_FOR_VARIANCE, MIN_SCALE_SHARE, mean_total
+from common.errors import InputError
 from plans.factors import CELLS, CHANCE, MIN_DRAWS, ROCK, RUNS
 from plans.layout import ANY, COARSE, DRAW, LIKE_OWN, OWN
 
@@ -80,8 +81,15 @@ def compare(
     """The ratio of number or potency of a plan to another's, over steps of each (by name), near one opening or all.
 
     plan, other: outcomes (plans.layout). Without steps, or in steps that are the same runs in both, there is nothing to
-    compare.
+    compare. Raises InputError for plans whose events are counted from different floors.
     """
+    for floor in ("floor", "shared_floor"):
+        ends = [float(one.attrs[floor]) for one in (plan, other)]
+        if np.isfinite(ends).all() and not np.isclose(ends[0], ends[1]):
+            raise InputError(
+                f"plans: events of {plan.attrs['plan']} are counted from log P {ends[0]:.3g} on, those of "
+                f"{other.attrs['plan']} from {ends[1]:.3g} on; make both outcomes again"
+            )
     both = [one.sel(step=list(names)) for one, names in zip((plan, other), steps, strict=True)]
     digests = [tuple(one["made_by"].values) for one in both]
     if digests[0] == digests[1] and all(digests[0]):

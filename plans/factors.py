@@ -23,7 +23,7 @@ from plans.settings import OutcomeSlice
 STEP_SCATTER = 0.5  # Standard deviation of the half-normal prior of the scatter of ln ratio between steps.
 SCATTERS = np.linspace(0.0, 4.0 * STEP_SCATTER, 201)
 MIN_DRAWS = 3  # Draws of the rock that a spread needs.
-CHANCE, CELLS, RECORD, ROCK, RUNS = "chance", "cells", "record", "rock", "runs"
+CHANCE, CELLS, RECORD, ROCK, RUNS, LAW = "chance", "cells", "record", "rock", "runs", "law"
 
 
 @dataclass(frozen=True)
@@ -86,15 +86,16 @@ def find_factors(
 
 def _rock(draws: NDArray, own: float, recorded: RecordedNumbers | None) -> tuple[float, float, int] | None:
     """Mean and standard deviation of ln of the number (draw,) over that of the mine's own rock, for one more draw, and
-    degrees of freedom. With a record: of the numbers over those of the same draws in the recorded steps."""
+    degrees of freedom. With a record: of that ratio over the same of the recorded steps. Numbers are from the shared
+    floor on."""
     if len(draws) < MIN_DRAWS:
         return None
     values = np.log((draws + 0.5) / (own + 0.5))
     if recorded is not None:
         if len(recorded.draws) != len(draws):
             return None
-        values = np.log(draws + 0.5) - np.log(recorded.draws.sum(axis=1) + 0.5)
-        return 0.0, float(values.std(ddof=1) * np.sqrt(1.0 + 1.0 / len(draws))), len(draws) - 1
+        # the record's ratio is that of the mine's own rock: other rock makes both, the plan and the recorded steps
+        values -= np.log((recorded.draws.sum(axis=1) + 0.5) / (recorded.own + 0.5))
     return float(values.mean()), float(values.std(ddof=1) * np.sqrt(1.0 + 1.0 / len(draws))), len(draws) - 1
 
 

@@ -7,9 +7,9 @@ upper end (plans.truncated_law). Events are independent, so the chance of one at
 
   p = 1 - exp(-Lambda S(m)),
 
-and that of a year at the same rate has Lambda times 365.25 days over the duration. The given chance is the mean over
-draws of the factor and of the law; its interval contains the chance of the runs too, by Jeffreys' prior: half an event
-more.
+and that of a year at the same rate has Lambda times 365.25 days over the duration, of the steps from that on which
+mines the opening. The given chance is the mean over draws of the factor and of the law; its interval contains the
+chance of the runs too, by Jeffreys' prior: half an event more.
 """
 
 import json
@@ -25,7 +25,7 @@ from catalogs.completeness import MIN_EVENTS_ABOVE_CUT
 from catalogs.jackknife import INTERVAL_95
 from catalogs.sizes import LN10, MIN_EVENTS_FOR_B, log_potency
 from catalogs.sum_measures import MIN_RUNS_FOR_VARIANCE
-from plans.factors import Factors, find_factors
+from plans.factors import LAW, Factors, find_factors
 from plans.record import RecordedNumbers
 from plans.runs import StepEvents
 from plans.settings import OutcomeSlice
@@ -37,6 +37,7 @@ MAX_EXPECTED = 1e9  # Larger numbers, which few draws of rock may have a long ta
 DAYS_OF_YEAR = 365.25
 # Least room for an upper end above the largest event seen, log10 m3, where all potency of the plan leaves less.
 MIN_ROOM = 1.0
+SIZE_CLASS = 0.5  # log10 P: an event that two runs share has a size in each, which is not quite the same.
 
 
 @dataclass(frozen=True)
@@ -108,10 +109,16 @@ def find_hazard(
     days = np.array([data["days"][1][period].sum() for period in periods])
     sizes = data["size_log_potency"][1]
     share = law.share_above(sizes) if law else np.full((len(sizes), DRAWS), np.nan)
+    is_open = _is_open(settings)
     rows = []
-    for period, length in zip(periods, days, strict=True):
+    for period in periods:
         factor = factors.of(period, number.sum(axis=0))
-        rows.append(chances(within[:, period].sum(axis=1), ratio, factor, share, DAYS_OF_YEAR / length, generator))
+        open_days = is_open @ np.where(period, data["days"][1], 0.0)
+        years = DAYS_OF_YEAR / np.where(open_days > 0.0, open_days, np.inf)
+        row = chances(within[:, period].sum(axis=1), ratio, factor, share, years, generator)
+        for values in row.values():
+            values[open_days == 0.0] = np.nan
+        rows.append(row)
     places = ("period", "opening", "distance")
     of_sizes = (*places, "size")
     dims = {"expected": places, "chance": of_sizes, "yearly_chance": of_sizes}
@@ -120,7 +127,7 @@ def find_hazard(
     found = {name: (dims[name], np.stack([row[name] for row in rows])) for name in rows[0]}
     forecast, spread = _forecasts(number, ratio, factors, law, ahead, recorded, generator)
     attributes = {
-        "contains": json.dumps([*factors.contains, *(["law"] if law else [])]),
+        "contains": json.dumps([*factors.contains, *([LAW] if law else [])]),
         "lacks": json.dumps(list(factors.lacks)),
         "ratio_text": factors.text,
         "runs": int(own.sum()),
@@ -129,20 +136,36 @@ def find_hazard(
     return Hazard(found | forecast | {"period_days": ("period", days)}, attributes | law_attributes)
 
 
+def _is_open(settings: OutcomeSlice) -> NDArray:
+    """Whether each opening, and any of them, is mined by each step (opening + 1, step)."""
+    names = ["", *(step.name for step in settings.steps)]  # an opening without a step is mined before the first
+    mined = np.array([names.index(opening.step) - 1 for opening in settings.openings], int)
+    found = mined[:, None] <= np.arange(len(settings.steps))
+    return np.vstack([found, found.any(axis=0)])
+
+
 def chances(
-    number: NDArray, ratio: float, factor: NDArray, share: NDArray, years: float, generator: np.random.Generator
+    number: NDArray,
+    ratio: float,
+    factor: NDArray,
+    share: NDArray,
+    years: float | NDArray,
+    generator: np.random.Generator,
 ) -> dict[str, NDArray]:
     """Expected numbers (opening, distance) and chances (opening, distance, size) of a period, with intervals.
 
-    number (run, opening, distance); factor (draw,); share (size, draw); years: how often the period fits into one.
+    number (run, opening, distance); factor (draw,); share (size, draw); years: how often the days of the period on
+    which an opening is mined fit into a year, () or (opening,).
     """
     runs, shape = len(number), number.shape[1:]
-    values, place = np.unique(number.sum(axis=0), return_inverse=True)  # most openings have no event, or the same few
-    place = place.reshape(shape)
+    pairs = np.stack(np.broadcast_arrays(number.sum(axis=0), np.asarray(years, float)[..., None]))
+    # most openings have no event, or the same few
+    (values, often), place = np.unique(pairs.reshape(2, -1), axis=1, return_inverse=True)
+    often, place = often[:, None, None], place.reshape(shape)
     drawn = draw_expected(values, runs, ratio, len(factor), generator) * factor
     mean = values[:, None] / runs * factor
     found = {"expected": np.median(mean, axis=-1), "expected_interval": _interval(drawn)}
-    for name, times in (("chance", 1.0), ("yearly_chance", years)):
+    for name, times in (("chance", 1.0), ("yearly_chance", often)):
         given = chance_of(times * mean[:, None], share).mean(axis=-1)
         interval = _interval(chance_of(times * drawn[:, None], share))
         # where few draws of the law reach a size, the mean of its chance may lie beyond nearly all of them
@@ -150,13 +173,30 @@ def chances(
         found[f"{name}_interval"] = np.stack(
             [np.minimum(interval[..., 0], given), np.maximum(interval[..., 1], given)], axis=-1
         )
-    found["yearly_number"] = (years * mean[:, None] * share).mean(axis=-1)
+    found["yearly_number"] = (often * mean[:, None] * share).mean(axis=-1)
     return {name: one[place] for name, one in found.items()}
 
 
 def _interval(draws: NDArray) -> NDArray:
     """95 % interval (..., 2) of draws (..., draw)."""
     return np.moveaxis(np.quantile(draws, INTERVAL_95, axis=-1), 0, -1)
+
+
+def independent_share(runs: Sequence[Sequence[StepEvents]]) -> float:
+    """How many independent sizes each event of these runs counts as: 1 of runs that share nothing, one over their
+    number if all are the same.
+
+    Numbers by step and class of size vary between runs that share a part rho of their events by 1 - rho of their mean,
+    and K such runs are worth K / (1 + (K - 1) rho) independent ones (Kish 1965).
+    """
+    classes = [np.floor(log_potency(step.potency) / SIZE_CLASS).astype(int) for run in runs for step in run]
+    every = np.concatenate(classes)
+    if len(runs) < 2 or not len(every):
+        return 1.0
+    counted = np.array([np.bincount(one - every.min(), minlength=np.ptp(every) + 1) for one in classes], float)
+    counted = counted.reshape(len(runs), -1)
+    shared = float(np.clip(1.0 - counted.var(axis=0, ddof=1).sum() / counted.mean(axis=0).sum(), 0.0, 1.0))
+    return 1.0 / (1.0 + (len(runs) - 1) * shared)
 
 
 def _law(
@@ -183,7 +223,8 @@ def _law(
         }
         return None, {"law_source": "none", "law_events": len(x), **missing}
     cap = max(np.log10(whole), float(max(x.max(), modelled.max(initial=-np.inf))) + MIN_ROOM)
-    law = find_law(x, floor, cap, DRAWS, generator, width)
+    weight = independent_share(runs) if source == "model" else 1.0
+    law = find_law(x, floor, cap, DRAWS, generator, width, weight)
     return law, {
         "law_source": source,
         "law_events": len(x),

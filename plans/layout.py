@@ -6,19 +6,20 @@ steps, then "all": those that are ahead of the record, or all if none is), inter
 plan's own run and of its members), draw, xyz. Steps, openings, sizes, periods and intervals carry their names,
 distances their value.
 
-Events count if they are resolved and at least as large as `floor`, the larger of the floors of the plan's own run, of
-its members and, with a record, of the cut of its comparison. Runs on other cells have a larger floor. So numbers of
-all kinds of runs are counted from `shared_floor`, too.
+Events count if they are resolved and at least as large as `floor`, the largest of the floors of the own runs of all
+plans, of their members and, with a record, of the cut of its comparison. Runs on other cells have a larger floor. So
+numbers of all kinds of runs are counted from `shared_floor`, too.
 
 NaN: numbers by opening of runs on other cells or in other rock, a size where there is no event, forecasts of steps that
-are not ahead.
+are not ahead, chances near an opening in steps before it is mined, and of a size below the floor.
 
 Attributes: mine, plan, floor and shared_floor (log10 m3), shear_modulus (Pa), recorded_until (ISO; time of the last
-recorded event; empty without a record), steps_ahead (JSON), contains and lacks (JSON: what the intervals contain and
-lack), law_source ("record" | "model" | "none"), law_events, law_b, law_bound (log10 m3; medians), law_b_interval,
-law_bound_interval, runs (the plan's own and its
-members), number_dispersion (variance over mean of the number that a step is forecast with), config_hash,
-source_hash, made_from, versions. ratio_text is a sentence for the reader.
+recorded event, or the later end that the configuration states; empty without a record), steps_ahead (JSON), differs_in
+(JSON: sections of the mine file that the plan has otherwise, beside the sequence), contains and lacks (JSON: what the
+intervals contain and lack), law_source ("record" | "model" | "none"), law_events, law_b, law_bound (log10 m3; medians),
+law_b_interval, law_bound_interval, runs (the plan's own and its members), number_dispersion (variance over mean of the
+number that a step is forecast with), config_hash, source_hash, made_from, versions. ratio_text is a sentence for the
+reader.
 """
 
 import os
@@ -57,8 +58,8 @@ FIELDS = (
     _field("start", "step", "", "first date, ISO, UTC", TEXT),
     _field("end", "step", "", "first date after it", TEXT),
     _field("days", "step", "d", "duration"),
-    _field("mined", "step", "m3", "volume of the openings that the step mines, on the grid"),
-    _field("made_by", "step", "", "digest of the files of all runs: the same in plans that share the step", TEXT),
+    _field("mined", "step", "m3", "rock that the step mines, on the grid"),
+    _field("made_by", "step", "", "digest of states and events of all runs: the same in plans that share it", TEXT),
     _field("opening_step", "opening", "", "step that mines it; empty: mined before the first of them", TEXT),
     _field("opening_volume", "opening", "m3", "its volume on the grid"),
     # hazard

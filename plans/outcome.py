@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from catalogs.comparison_settings import DatedStep
 from catalogs.exposure import DAY, window
 from catalogs.periods import ALL_STEPS
 from common.errors import InputError
 from common.source_tensors import moment_of_magnitude
 from plans.hazard import Hazard, find_hazard
 from plans.layout import ANY, LIKE_OWN, OWN, described
-from plans.record import read_recorded
-from plans.runs import Geometry, StepEvents, common_floor, counts, digest, read_run, read_states
+from plans.record import is_ahead, read_recorded
+from plans.runs import Geometry, StepEvents, common_floor, counts, digest, read_run, read_states, run_floor
 from plans.settings import OutcomeSlice
 
 
@@ -38,13 +37,20 @@ def make_outcome(
     runs = [read_run(run, steps, settings.mine) for run in settings.runs]
     like_own = [number for number, kind in enumerate(kinds) if kind in LIKE_OWN]
     recorded = read_recorded(settings, record, comparison) if record is not None and comparison is not None else None
-    floor = common_floor([runs[number] for number in like_own])
+    others = [(run.kind, run_floor(run, settings.mine)) for run in settings.compared_runs]
+    alike = [one for kind, one in others if kind in LIKE_OWN]
+    floor = float(np.fmax.reduce([common_floor([runs[number] for number in like_own]), *alike]))
     floor = recorded.floor_above(floor) if recorded else floor
-    shared = float(np.fmax(common_floor(runs), floor))
+    shared = float(np.fmax.reduce([common_floor(runs), floor, *(one for _, one in others)]))
     numbers = recorded.numbers(floor, shared) if recorded else None
+    states = [read_states(run, steps, settings.mine) for run in settings.runs]
     data = _made(settings, geometry, runs, like_own, floor, shared)
-    data["mined"] = ("step", _mined(geometry, len(steps)))
-    data["made_by"] = ("step", [digest(runs, kinds, number) for number in range(len(steps))])
+    data |= {
+        name: (("run", "step"), np.array([getattr(one, name) for one in states]))
+        for name in ("energy_released", "failed_volume")
+    }
+    data["mined"] = ("step", np.array(geometry.step_volume))
+    data["made_by"] = ("step", [digest(runs, states, kinds, number) for number in range(len(steps))])
     data |= _plan(settings, geometry)
     until = recorded.until if recorded else None
     ahead = np.array([is_ahead(step, until) for step in steps])
@@ -56,15 +62,11 @@ def make_outcome(
         "floor": floor,
         "shared_floor": shared,
         "shear_modulus": settings.shear_modulus,
+        "differs_in": json.dumps(list(settings.differs_in)),
         "recorded_until": str(until)[:19] if until is not None else "",
         "steps_ahead": json.dumps([step.name for step, one in zip(steps, ahead, strict=True) if one]),
     }
     return described(_dataset(settings, data, hazard, attributes))
-
-
-def is_ahead(step: DatedStep, until: np.datetime64 | None) -> bool:
-    """Whether a step begins after the last recorded event; True without a record."""
-    return until is None or bool(window(step.model_dump())[0] >= until)
 
 
 def _made(
@@ -91,7 +93,6 @@ def _made(
             of_events["potency"].append(events.potency)
             of_events["step"].append(np.full(len(events.potency), index, np.int32))
             of_events["run"].append(np.full(len(events.potency), number, np.int32))
-    states = [read_states(run, settings.steps, settings.mine) for run in settings.runs]
     every = ("run", "step")
     return {
         **{name: ((*every, "opening"), values) for name, values in by_opening.items()},
@@ -101,16 +102,9 @@ def _made(
             np.array([[len(step.from_floor(shared).potency) for step in run] for run in runs], float),
         ),
         "whole_potency": (every, np.array([[step.whole for step in run] for run in runs])),
-        **{name: (every, np.array([state[name] for state in states])) for name in states[0]},
         "event_location": (("event", "xyz"), np.concatenate(of_events["location"]).reshape(-1, 3)),
         **{f"event_{name}": ("event", np.concatenate(of_events[name])) for name in ("potency", "step", "run")},
     }
-
-
-def _mined(geometry: Geometry, steps: int) -> np.ndarray:
-    """Volume that each step mines, m3."""
-    mined = geometry.mined >= 0
-    return np.bincount(geometry.mined[mined], geometry.volume[mined], minlength=steps)
 
 
 def _plan(settings: OutcomeSlice, geometry: Geometry) -> dict[str, Any]:

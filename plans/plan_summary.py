@@ -119,6 +119,11 @@ class PlanSummary:
         known = float(np.nanmax(largest)) if np.isfinite(largest).any() else np.nan
         return Made(float(number), float(potency), float(energy), float(failed), known)
 
+    @property
+    def floor(self) -> float:
+        """Smallest size that counts, log10 m3; NaN if nothing failed in any run."""
+        return float(self.outcome.attrs["floor"])
+
     def magnitude(self, log_potency: float) -> float:
         """Moment magnitude of a potency (log10 m3), by the shear modulus of the host rock."""
         return float(moment_magnitude(10.0 ** np.asarray(log_potency) * float(self.outcome.attrs["shear_modulus"])))

@@ -16,7 +16,7 @@ from catalogs.records.times import parse_time
 from catalogs.sizes import log_potency
 from catalogs.sum_measures import cluster_size
 from common.errors import InputError
-from plans.layout import DRAW, LIKE_OWN
+from plans.layout import DRAW, LIKE_OWN, OWN
 from plans.runs import StepEvents, read_run
 from plans.settings import OutcomeSlice
 
@@ -26,14 +26,15 @@ class RecordedNumbers:
     """Events from a floor on in the recorded steps.
 
     recorded (step,); modelled (run, step): of the mine's own run and its members; draws (draw, step): of runs in rock
-    of the posterior, from the shared floor on; clustering: variance of the recorded number over its mean; sizes
-    (event,): log10 potency of the recorded ones, m3; width: of the bins that these are rounded to; potency: of all
-    recorded events of these steps, m3.
+    of the posterior, and own: of the mine's own run, all steps, both from the shared floor on; clustering: variance of
+    the recorded number over its mean; sizes (event,): log10 potency of the recorded ones, m3; width: of the bins that
+    these are rounded to; potency: of all recorded events of these steps, m3.
     """
 
     recorded: NDArray
     modelled: NDArray
     draws: NDArray
+    own: float
     clustering: float
     sizes: NDArray
     width: float
@@ -44,7 +45,7 @@ class RecordedNumbers:
 class Recorded:
     """A record, the steps that it covers from start to end, and the events of the mine's own runs in these.
 
-    until: time of the last recorded event; cut: of the comparison, log10 m3.
+    until: end of what is known to be recorded (`known_until`); cut: of the comparison, log10 m3.
     """
 
     record: xr.Dataset
@@ -88,6 +89,7 @@ class Recorded:
             np.bincount(step[used], minlength=len(self.steps)).astype(float),
             table(LIKE_OWN, floor),
             table([DRAW], shared),
+            float(table([OWN], shared).sum()),
             clustering,
             sizes[used],
             rounding(sizes),
@@ -105,7 +107,7 @@ def read_recorded(settings: OutcomeSlice, record: xr.Dataset, comparison: xr.Dat
     return Recorded(
         record,
         tuple(settings.recorded_steps[number] for number in kept) if runs else (),
-        last_event(record),
+        known_until(record),
         float(comparison["cut"]),
         [[run[number] for number in kept] for run in runs],
         [run.kind for run in settings.recorded_runs],
@@ -121,10 +123,40 @@ def last_event(record: xr.Dataset) -> np.datetime64:
     return known.max() if len(known) else np.datetime64("1678-01-01", "ns")
 
 
+def known_until(record: xr.Dataset) -> np.datetime64:
+    """Time up to which the record is known to reach: its last event, or the end that the configuration states for it
+    (record.filter.end), as far as that leaves no longer silence than chance may (catalogs.periods)."""
+    last, common = last_event(record), common_period(record)
+    stated = record.attrs.get("stated_end")
+    return max(last, np.datetime64(common[1], "ns")) if stated and common else last
+
+
+def mean_wait(record: xr.Dataset) -> np.timedelta64:
+    """Mean time between days with events; none of fewer than two such days."""
+    time = record["time"].values
+    days = np.unique(time[~np.isnat(time)].astype("datetime64[D]"))
+    if len(days) < 2:
+        return np.timedelta64(0, "ns")
+    return (days[-1] - days[0]).astype("timedelta64[ns]") // (len(days) - 1)
+
+
+def is_ahead(step: DatedStep, until: np.datetime64 | None) -> bool:
+    """Whether a step begins after what is known to be recorded; True without a record."""
+    return until is None or bool(window(step.model_dump())[0] >= until)
+
+
 def is_covered(record: xr.Dataset, step: DatedStep) -> bool:
-    """Whether the network recorded during all of a step."""
+    """Whether the network recorded during all of a step.
+
+    After the last event nobody knows whether the network still recorded. A step that begins there is not covered. One
+    that ends there is, if what is left of it is no longer than the mean wait for an event.
+    """
+    until = known_until(record)
+    if is_ahead(step, until):
+        return False
     start, end = window(step.model_dump())
     if common := common_period(record):
         first, last = (np.datetime64(text, "ns") for text in common)
-        return bool(first <= start and end <= last)
-    return bool(end <= last_event(record))
+        if start < first or end > last:
+            return False
+    return bool(end <= max(until, last_event(record) + mean_wait(record)))

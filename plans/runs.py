@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs.comparison_settings import DatedStep
+from catalogs.mined_volumes import volumes_mined
 from catalogs.nearest_opening import nearest_opening
 from catalogs.sizes import log_potency
 from common.datasets import read_dataset
@@ -24,20 +25,18 @@ USED = ("potency", "location", "resolved")
 class StepEvents:
     """Resolved events of one step of one run: potency (event,) m3, location (event, 3) m.
 
-    floor: log10 m3, NaN if nothing failed; whole: potency of all events, resolved or not, m3; made_from: digest of the
-    file.
+    floor: log10 m3, NaN if nothing failed; whole: potency of all events, resolved or not, m3.
     """
 
     potency: NDArray
     location: NDArray
     floor: float
     whole: float
-    made_from: str
 
     def from_floor(self, floor: float) -> "StepEvents":
         """The events from a floor on; all of them without one (NaN)."""
         kept = ~(log_potency(self.potency) < floor)
-        return StepEvents(self.potency[kept], self.location[kept], self.floor, self.whole, self.made_from)
+        return StepEvents(self.potency[kept], self.location[kept], self.floor, self.whole)
 
 
 def read_run(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> list[StepEvents]:
@@ -52,22 +51,46 @@ def read_run(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> list[StepE
             raise InputError(f"{path}: events of step {has[1]} of mine {has[0]}, not of {step.name} of {mine}")
         counted = events["resolved"].values == 1
         potency = events["potency"].values
-        smallest = float(events.attrs.get("potency_floor", np.nan))
         found.append(
             StepEvents(
                 potency[counted],
                 events["location"].values[counted],
-                float(np.log10(smallest)) if smallest > 0.0 else np.nan,
+                _log_floor(events.attrs),
                 float(potency.sum()),
-                str(events.attrs.get("made_from", "")),
             )
         )
     return found
 
 
-def read_states(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> dict[str, list[float]]:
-    """Energy released (J) and failed volume (m3) of each step of a run. Raises InputError as read_run."""
-    found: dict[str, list[float]] = {"energy_released": [], "failed_volume": []}
+def run_floor(run: RunFiles, mine: str) -> float:
+    """Largest floor (log10 m3) of the steps of a run; NaN if nothing failed. Raises InputError for another mine."""
+    floors = [np.nan]
+    for path in run.events:
+        attributes = read_dataset(path, names=()).attrs
+        if attributes.get("mine") != mine:
+            raise InputError(f"{path}: events of mine {attributes.get('mine')}, not of {mine}")
+        floors.append(_log_floor(attributes))
+    return float(np.fmax.reduce(floors))
+
+
+def _log_floor(attributes: Mapping) -> float:
+    """Floor of a file of events, log10 m3; NaN without one."""
+    smallest = float(attributes.get("potency_floor", np.nan))
+    return float(np.log10(smallest)) if smallest > 0.0 else np.nan
+
+
+@dataclass(frozen=True)
+class States:
+    """Of each step of a run: energy released (J), failed volume (m3), and the digest of what the state is made from."""
+
+    energy_released: list[float]
+    failed_volume: list[float]
+    made_from: list[str]
+
+
+def read_states(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> States:
+    """The states of a run. Raises InputError as read_run."""
+    found = States([], [], [])
     if len(run.states) != len(steps):
         raise InputError(f"plans: a run ({run.kind}) has states of {len(run.states)} steps, and {len(steps)} are dated")
     for path, step in zip(run.states, steps, strict=True):
@@ -76,8 +99,9 @@ def read_states(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> dict[st
             raise InputError(
                 f"{path}: state of step {state.get('step')} of mine {state.get('mine')}, not of {step.name} of {mine}"
             )
-        for name, values in found.items():
-            values.append(float(state[name]))
+        found.energy_released.append(float(state["energy_released"]))
+        found.failed_volume.append(float(state["failed_volume"]))
+        found.made_from.append(str(state.get("made_from", "")))
     return found
 
 
@@ -86,17 +110,27 @@ def common_floor(runs: Sequence[Sequence[StepEvents]]) -> float:
     return float(np.fmax.reduce([step.floor for run in runs for step in run], initial=np.nan))
 
 
-def digest(runs: Sequence[Sequence[StepEvents]], kinds: Sequence[str], step: int) -> str:
-    """Digest of the files of a step of all runs; empty where a file carries none of its own."""
-    made = [(kind, run[step].made_from) for kind, run in zip(kinds, runs, strict=True)]
-    return hashlib.sha256(json.dumps(made).encode()).hexdigest()[:16] if all(one for _, one in made) else ""
+def digest(runs: Sequence[Sequence[StepEvents]], states: Sequence[States], kinds: Sequence[str], step: int) -> str:
+    """Digest of a step of all runs; empty where a state carries none of its own.
+
+    It is that of states and events, not of the files of events: these depend on the dates of a step too, rock does not.
+    """
+    found = hashlib.sha256()
+    for kind, run, state in zip(kinds, runs, states, strict=True):
+        events = run[step]
+        if not state.made_from[step]:
+            return ""
+        found.update(f"{kind} {state.made_from[step]} {events.whole!r}".encode())
+        found.update(np.ascontiguousarray(np.column_stack([events.location, events.potency])).tobytes())
+    return found.hexdigest()[:16]
 
 
 @dataclass(frozen=True)
 class Geometry:
     """Openings of a plan on the grid: cells of each, and the index of the step that mines it; -1: before the first.
 
-    origin (piece, 3): lower corner, m; edge, m; opening (piece,): index among the plan's openings; mined (opening,).
+    origin (piece, 3): lower corner, m; edge, m; opening (piece,): index among the plan's openings; mined (opening,);
+    volume (opening,) and step_volume (step,): rock that is mined, m3; where solids overlap it counts once in a step.
     """
 
     origin: NDArray
@@ -104,6 +138,7 @@ class Geometry:
     opening: NDArray
     mined: NDArray
     volume: NDArray
+    step_volume: NDArray
 
     @classmethod
     def of(cls, grid: xr.Dataset, openings: Sequence[Opening], steps: Sequence[DatedStep]) -> "Geometry":
@@ -124,12 +159,16 @@ class Geometry:
         own = index[grid["piece_excavation"].values]
         kept = own >= 0
         volume = np.array(json.loads(grid.attrs["excavation_volume_grid"]), float)
+        mined = np.array([number.get(opening.step, -1) for opening in openings], int)
+        grid_index = np.array([names.index(opening.name) for opening in openings], int)
+        by_step = [grid_index[mined == step] for step in range(-1, len(steps))]
         return cls(
             grid["piece_origin"].values[kept],
             float(grid.attrs["fine_cell"]),
             own[kept],
-            np.array([number.get(opening.step, -1) for opening in openings], int),
+            mined,
             np.array([volume[names.index(opening.name)] for opening in openings]),
+            np.array(volumes_mined(grid, by_step)[1:]),
         )
 
     def nearest(self, location: NDArray, step: int) -> NDArray:

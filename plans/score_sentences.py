@@ -1,12 +1,13 @@
 """Scores of forecasts in sentences, for the report of the mine."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from catalogs.report.text import fixed, number, plural, typeset, whole
-from plans.scores import KNOWN, NOT_YET, QUANTITIES, SCORED, brier, log_score
+from plans.scores import KNOWN, MINED_OTHERWISE, NO_FLOOR, NOT_YET, QUANTITIES, SCORED, brier, log_score
 
 
 def sentences(scores: xr.Dataset) -> list[str]:
@@ -16,18 +17,36 @@ def sentences(scores: xr.Dataset) -> list[str]:
         part = scores.isel(row=row)
         if str(part["status"].values) == SCORED:
             found.append(" ".join(_scored(scores, part, row)))
-    for plan in dict.fromkeys(scores["plan"].values):
-        own = scores.isel(row=np.flatnonzero(scores["plan"].values == plan))
-        known, waiting = (own["step"].values[own["status"].values == status] for status in (KNOWN, NOT_YET))
-        if len(waiting):
-            verb = "is" if len(waiting) == 1 else "are"
-            found.append(f"Plan {plan}: {', '.join(waiting)} {verb} not recorded to the end yet.")
-        if len(known):
-            found.append(
-                f"Plan {plan}: steps up to {known[-1]} are no forecasts, since the record had reached them when it was "
-                "made."
-            )
+    for place in np.unique(scores["forecast"].values):
+        own = scores.isel(row=np.flatnonzero(scores["forecast"].values == place))
+        found += _others(own, _named(own.isel(row=0)))
     return found
+
+
+def _named(row: xr.Dataset) -> str:
+    """A forecast by its plan and file."""
+    return f"plan {row['plan'].values}, {Path(str(row['file'].values)).name}"
+
+
+def _others(own: xr.Dataset, name: str) -> Iterator[str]:
+    """Why steps of a forecast are not scored."""
+    status, steps = own["status"].values, own["step"].values
+    known, waiting, without = (steps[status == one] for one in (KNOWN, NOT_YET, NO_FLOOR))
+    if len(waiting):
+        verb = "is" if len(waiting) == 1 else "are"
+        yield f"Forecast of {name}: {', '.join(waiting)} {verb} not recorded to the end yet."
+    for row in np.flatnonzero(status == MINED_OTHERWISE):
+        yield f"Forecast of {name}: {steps[row]} is not scored, since {own['difference'].values[row]}."
+    if len(without):
+        yield (
+            f"Forecast of {name}: {', '.join(without)} cannot be scored. Runs of the plan make no event, so nothing "
+            "says from which size on events count."
+        )
+    if len(known):
+        yield (
+            f"Forecast of {name}: steps up to {known[-1]} are no forecasts, since the record had reached them when it "
+            "was made."
+        )
 
 
 def _scored(scores: xr.Dataset, part: xr.Dataset, row: int) -> Iterator[str]:
@@ -41,8 +60,8 @@ def _scored(scores: xr.Dataset, part: xr.Dataset, row: int) -> Iterator[str]:
     floor = typeset(f"log P {float(part['floor']):.1f}")
     verb = "was" if recorded == 1 else "were"
     yield (
-        f"Forecast for {part['step'].values} (plan {part['plan'].values}): {whole(low)} to {whole(high)} events from "
-        f"{floor} on, most likely about {whole(middle)}; {whole(recorded)} {verb} recorded, {within[0]}."
+        f"Forecast for {part['step'].values} ({_named(part)}): {whole(low)} to {whole(high)} events from "
+        f"{floor} on (median {whole(middle)}); {whole(recorded)} {verb} recorded, {within[0]}."
     )
     low, high, middle, recorded = told["potency"]
     if np.isfinite(middle):

@@ -1,15 +1,20 @@
 """How good kept forecasts were, once the months that they were made for are recorded.
 
 A forecast is an outcome.nc that was kept: what it says of a step that began after its last recorded event. It is scored
-when the record covers the whole step. Nothing of it is computed again.
+when the record covers the whole step, and if the mine file now mines its openings in the same steps as the forecast.
+Nothing of it is computed again.
 
 Layout of forecast_scores.nc
 ----------------------------
 Dimensions: row (a step of a forecast), quantity (number, potency: m3, largest: log10 m3), interval (lower, upper: 95
 %), said (a chance that was given for a row).
 
-  plan, step, start, end, status (row)   names, dates, and "scored", "not recorded yet" or "known": the record covered
-                                         its beginning when the forecast was made, so it is no forecast
+  forecast, file (row)                   index in the list `forecasts` of the mine file, and the file as written there
+  plan, step, start, end (row)           names and dates
+  status (row)                           "scored"; "not recorded yet"; "known": the record reached its beginning when
+                                         the forecast was made, so it is no forecast; "mined otherwise"; "no floor": no
+                                         event in the runs of the plan says from which size on events count
+  difference (row)                       what is mined otherwise, in words; else empty
   median (row, quantity), range (row, quantity, interval)   of the forecast
   recorded (row, quantity)               what is recorded, from the forecast's floor on; -inf: no event is largest
   place (row, quantity)                  share of the forecast below it, plus half of what is equal: uniform if the
@@ -19,12 +24,13 @@ Dimensions: row (a step of a forecast), quantity (number, potency: m3, largest: 
   floor (row) log10 m3                   from which events count
   said_row, said_opening, said_distance (m), said_size, said_magnitude, said_chance (said)   chances of the duration
   happened (said)                        1: there was such an event
-  rate_chance (said)                     chance at the rate of the record before the forecast; NaN where none is known
+  rate_chance (said)                     chance at the rate of the record that the forecast was made with; NaN where
+                                         none is known
 Attributes: mine, sentences (JSON: all of it in words, for the report), config_hash, source_hash, made_from, versions.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import xarray as xr
@@ -41,44 +47,89 @@ from plans.hazard import chance_of
 from plans.layout import ANY
 from plans.record import is_covered
 from plans.runs import Geometry
-from plans.settings import Opening
+from plans.settings import Opening, ScoreSlice
 
 QUANTITIES = ("number", "potency", "largest")
 SCORED, NOT_YET, KNOWN = "scored", "not recorded yet", "known"
+MINED_OTHERWISE, NO_FLOOR = "mined otherwise", "no floor"
 BOX_MARGIN = 3.0  # Standard deviations of a location between all events and the faces of the box.
-MIN_EVENTS_BEFORE = 1  # Recorded events before the forecast that a constant rate needs.
 
 
-def score(forecasts: Sequence[xr.Dataset], record: xr.Dataset, grid: xr.Dataset, mine: str) -> xr.Dataset:
+def score(forecasts: Sequence[xr.Dataset], record: xr.Dataset, grid: xr.Dataset, settings: ScoreSlice) -> xr.Dataset:
     """The scores of kept forecasts; layout as at the head of this module.
 
-    forecasts: outcomes (plans.layout); record, grid: of the mine now. Raises InputError for one of another mine, for
-    one that holds no forecast, and for one with an opening that the mine no longer has.
+    forecasts: outcomes (plans.layout), those of settings.forecasts; record, grid: of the mine now. Raises InputError
+    for one of another mine, for one that holds no forecast, and for one with an opening that the mine no longer has.
     """
+    if record.attrs["mine"] != settings.mine:
+        raise InputError(f"forecasts: the record is of mine {record.attrs['mine']}, not of {settings.mine}")
     rows: list[dict] = []
     said: list[dict] = []
-    for forecast in forecasts:
-        plan = forecast.attrs["plan"]
-        if forecast.attrs["mine"] != mine or record.attrs["mine"] != mine:
-            found = ", ".join({forecast.attrs["mine"], record.attrs["mine"]} - {mine})
-            raise InputError(f"forecasts: {plan} or the record is of mine {found}, not of {mine}")
-        ahead = json.loads(forecast.attrs["steps_ahead"])
-        if not ahead:
-            raise InputError(
-                f"forecasts: {plan} holds no forecast: the record covered all its steps when it was made; leave it out"
+    for number, (forecast, kept) in enumerate(zip(forecasts, settings.forecasts, strict=True)):
+        try:
+            for row, chances in _rows(forecast, record, grid, settings):
+                said += [one | {"said_row": len(rows)} for one in chances]
+                rows.append(row | {"forecast": number, "file": kept.file})
+        except InputError as error:
+            raise InputError(f"forecasts.{number}: {kept.file}: {error}") from error
+    return _dataset(rows, said).assign_attrs(mine=settings.mine)
+
+
+def _rows(
+    forecast: xr.Dataset, record: xr.Dataset, grid: xr.Dataset, settings: ScoreSlice
+) -> Iterator[tuple[dict, list[dict]]]:
+    """A row for each step of a forecast, and the chances that were given for it."""
+    if forecast.attrs["mine"] != settings.mine:
+        raise InputError(f"of mine {forecast.attrs['mine']}, not of {settings.mine}")
+    ahead = json.loads(forecast.attrs["steps_ahead"])
+    if not ahead:
+        raise InputError("holds no forecast: the record had reached all steps when it was made; leave it out")
+    floor = float(forecast.attrs["floor"])
+    for step in dated_steps(forecast):
+        row: dict = {"plan": forecast.attrs["plan"], "step": step.name, "start": step.start, "end": step.end}
+        row |= {"floor": floor, "status": KNOWN, "difference": "", **nothing()}
+        chances: list[dict] = []
+        if step.name in ahead:
+            row |= {"status": NOT_YET, **_told(forecast, step)}
+            if is_covered(record, step):
+                row["difference"] = mined_otherwise(forecast, step, settings)
+                row["status"] = MINED_OTHERWISE if row["difference"] else SCORED if np.isfinite(floor) else NO_FLOOR
+        if row["status"] == SCORED:
+            recorded = _Recorded(forecast, record, grid, step)
+            row |= recorded.numbers(row) | {"gain": recorded.gain()}
+            chances = recorded.chances()
+        yield row, chances
+
+
+def mined_otherwise(forecast: xr.Dataset, step: DatedStep, settings: ScoreSlice) -> str:
+    """How the mine file now differs from a forecast in what is mined up to a step, in words; empty if it does not."""
+    mine = {one.name: one for one in settings.steps}
+    if step.name not in mine:
+        return f"the mine file has no step {step.name}"
+    now = mine[step.name]
+    if (now.start, now.end) != (step.start, step.end):
+        return f"{step.name} was from {step.start} to {step.end}, and is from {now.start} to {now.end}"
+
+    def until(steps: Sequence[DatedStep], openings: Iterable[tuple[str, str]]) -> dict[str, str]:
+        names = [one.name for one in steps]
+        mined = ["", *names[: names.index(step.name) + 1]]
+        return {opening: when for opening, when in openings if when in mined}
+
+    columns = (forecast[name].values.astype(str) for name in ("opening", "opening_step"))
+    then = until(dated_steps(forecast), (one for one in zip(*columns, strict=True) if one[0] != ANY))
+    today = until(settings.steps, ((one.name, one.step) for one in settings.openings))
+    for opening in [*then, *today]:
+        if then.get(opening) != today.get(opening):
+            was, has = (
+                f"mined in {one[opening]}"
+                if one.get(opening)
+                else "mined before"
+                if opening in one
+                else "not mined by then"
+                for one in (then, today)
             )
-        for step in dated_steps(forecast):
-            row: dict = {"plan": plan, "step": step.name, "start": step.start, "end": step.end}
-            row |= {"floor": float(forecast.attrs["floor"]), "status": KNOWN, **nothing()}
-            if step.name in ahead:
-                row["status"] = SCORED if is_covered(record, step) else NOT_YET
-                row |= _told(forecast, step)
-            if row["status"] == SCORED:
-                recorded = _Recorded(forecast, record, grid, step)
-                row |= recorded.numbers(row) | {"gain": recorded.gain()}
-                said += [one | {"said_row": len(rows)} for one in recorded.chances()]
-            rows.append(row)
-    return _dataset(rows, said).assign_attrs(mine=mine)
+            return f"{opening} is {was} in the forecast, and {has} in the mine file"
+    return ""
 
 
 def dated_steps(forecast: xr.Dataset) -> list[DatedStep]:
@@ -120,13 +171,15 @@ class _Recorded:
         counted = (record["resolved"].values == 1) & ~(size < floor)
         start, end = window(step.model_dump())
         time = record["time"].values
-        inside, before = counted & (time >= start) & (time < end), counted & (time < start)
+        # a constant rate knows no more than the forecast did
+        until = np.minimum(start, np.datetime64(forecast.attrs["recorded_until"] or "NaT", "ns"))
+        inside, before = counted & (time >= start) & (time < end), counted & (time <= until)
         self.size, self.location = size[inside], record["location"].values[inside]
         self.potency = record["potency"].values[inside]
         self.size_before, self.location_before = size[before], record["location"].values[before]
         self.error = np.hypot(location_errors(record)[inside], float(grid.attrs["fine_cell"])) / np.sqrt(3.0)
         self.days = float((end - start) / DAY)
-        self.days_before = _days_before(record, start)
+        self.days_before = _days_before(record, until)
         named = zip(forecast["opening"].values, forecast["opening_step"].values, strict=True)
         openings = [Opening(name=str(name), step=str(mined)) for name, mined in named if name != ANY]
         self.geometry = Geometry.of(grid, openings, self.steps)
@@ -188,16 +241,17 @@ class _Recorded:
         return np.column_stack([away, away.min(axis=1, initial=np.inf)])
 
 
-def _days_before(record: xr.Dataset, start: np.datetime64) -> float:
-    """Days that the record covers before a time; NaN if it does not say so."""
+def _days_before(record: xr.Dataset, until: np.datetime64) -> float:
+    """Days that the record covers before a time; NaN if it does not say so, or for no time."""
     common = common_period(record)
-    return max(float((start - np.datetime64(common[0], "ns")) / DAY), 0.0) if common else np.nan
+    return max(float((until - np.datetime64(common[0], "ns")) / DAY), 0.0) if common else np.nan
 
 
 def _dataset(rows: list[dict], said: list[dict]) -> xr.Dataset:
     """Rows and chances as variables."""
-    texts = ("plan", "step", "start", "end", "status")
-    data: dict = {name: ("row", np.array([row[name] for row in rows], object)) for name in texts}
+    texts = ("file", "plan", "step", "start", "end", "status", "difference")
+    data: dict = {"forecast": ("row", np.array([row["forecast"] for row in rows], np.int32))}
+    data |= {name: ("row", np.array([row[name] for row in rows], object)) for name in texts}
     for name, dims, unit in (
         ("median", ("row", "quantity"), ""),
         ("range", ("row", "quantity", "interval"), ""),

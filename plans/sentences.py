@@ -1,18 +1,30 @@
 """The plans in sentences: which releases more, and whether that is more than chance makes."""
 
+import json
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.report.text import DASH, between, fixed, number, percent, plural, typeset, whole
+from catalogs.sum_measures import MIN_RUNS_FOR_VARIANCE
 from plans.differences import NUMBER, POTENCY, Difference, compare, own_steps
+from plans.factors import CELLS, CHANCE, LAW, RECORD, ROCK
 from plans.layout import ANY, COARSE, DRAW
 from plans.plan_summary import PlanSummary
 from plans.settings import HazardSettings
 
+# What intervals contain (plans.factors), for the reader.
+IN_WORDS = {
+    CHANCE: "chance",
+    CELLS: "what the cells change",
+    RECORD: "by how much the record differs from the model",
+    ROCK: "what the calibration leaves open",
+    LAW: "what is not known of the law of sizes",
+}
 SMALLEST_CHANCE, LARGEST_CHANCE = 1e-4, 0.999  # Chances beyond are written as less or more than these.
 MAX_NAMED = 4
+FEWEST_MEMBERS = MIN_RUNS_FOR_VARIANCE - 1  # beside the own run
 
 
 def times(difference: Difference) -> str:
@@ -118,6 +130,14 @@ def _comparison(plan: PlanSummary, first: PlanSummary) -> str:
             f"events, {number(made.potency)} m³ of potency."
         )
     potency, events = (compare(plan.outcome, first.outcome, quantity, steps) for quantity in (POTENCY, NUMBER))
+    made = plan.made(steps[0])
+    if made.number and not first.made(steps[1]).number:
+        return (
+            f"{first.name} makes nothing in {spanned(steps[1])}; {plan.name} makes {count(made.number)} events, "
+            f"{number(made.potency)} m³ of potency, in {spanned(steps[0])}: {events.verdict}."
+        )
+    if not np.isfinite(potency.interval).any():
+        return f"Neither {plan.name} nor {first.name} makes anything in the steps that differ."
     said = (
         f"{plan.name} releases {_ratio(potency)} the potency of {first.name}{_interval(potency)}: {potency.verdict}. "
     )
@@ -129,7 +149,7 @@ def _comparison(plan: PlanSummary, first: PlanSummary) -> str:
 
 
 def _ratio(difference: Difference) -> str:
-    return f"{number(difference.value, 2)} times" if np.isfinite(difference.value) else "more than nothing against"
+    return f"{number(difference.value, 2)} times"
 
 
 def _interval(difference: Difference) -> str:
@@ -167,6 +187,8 @@ def _chances(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str
                 settings.likelihood(chance),
             ]
             said.append(f"{', '.join(filter(None, parts))} (at the rate of {spanned(plan.counted)})")
+    if not said and any(plan.outcome.attrs["law_source"] != "none" for plan in plans):
+        return []  # the class lies below the floor, of which `missing` says so
     if not said:
         return ["There are too few events to say how likely large ones are."]
     return [
@@ -175,14 +197,31 @@ def _chances(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str
     ]
 
 
+def _differences(plans: Sequence[PlanSummary]) -> list[Difference]:
+    """Number and potency of each plan against the first one, in the steps that differ."""
+    pairs = [(plan, compared(plan, plans[0])) for plan in plans[1:]]
+    return [
+        compare(plan.outcome, plans[0].outcome, quantity, steps)
+        for plan, steps in pairs
+        if all(steps)
+        for quantity in (NUMBER, POTENCY)
+    ]
+
+
 def contained(plans: Sequence[PlanSummary]) -> str:
-    """What the intervals of ratios contain, in a sentence; empty for one plan."""
-    if len(plans) < 2:
-        return ""
-    held = ["chance"]
-    held += ["what the cells change"] if all(plan.has_runs(COARSE) for plan in plans) else []
-    held += ["what the calibration leaves open"] if all(plan.has_runs(DRAW) for plan in plans) else []
-    return f"Intervals of ratios contain {' and '.join(held)}."
+    """What the intervals of ratios and of chances contain, in a sentence each."""
+    ratios = [set(one.contains) for one in _differences(plans)]
+    chances = [set(json.loads(plan.outcome.attrs["contains"])) for plan in plans]
+    said = []
+    for what, held in (("ratios", ratios), ("chances", chances)):
+        words = [word for name, word in IN_WORDS.items() if held and name in set.intersection(*held)]
+        if words:
+            said.append(f"Intervals of {what} contain {_listed(words)}.")
+    return " ".join(said)
+
+
+def _listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
@@ -191,19 +230,45 @@ def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]
     if any(plan.members == 0 for plan in plans):
         found.append(
             "Each plan has one run. Intervals then assume that its events are independent, which is the least that "
-            "chance can do. Set ensemble to 4 or more to measure the chance."
+            f"chance can do. Set ensemble to {FEWEST_MEMBERS} or more to measure the chance."
         )
-    elif any(plan.members < 4 for plan in plans):
-        found.append("The ensemble is too small to measure how the runs differ. Set ensemble to 4 or more.")
+    elif any(plan.members < FEWEST_MEMBERS for plan in plans):
+        found.append(
+            f"The ensemble is too small to measure how the runs differ. Set ensemble to {FEWEST_MEMBERS} or more."
+        )
     if not all(plan.has_runs(COARSE) for plan in plans):
         found.append(
             "Intervals do not contain what the cells change, since a plan has no run on cells of twice the size "
             "(grid_convergence)."
         )
+    elif any(CELLS in one.lacks for one in _differences(plans)):
+        found.append(
+            "Intervals of ratios do not contain what the cells change, since a plan makes nothing on cells of twice "
+            "the size that could be compared."
+        )
     if not all(plan.has_runs(DRAW) for plan in plans):
         found.append(
             "Intervals do not contain what is not known of the rock. After snakemake calibrate, set hazard.rock to "
             "posterior."
+        )
+    for plan in plans:
+        if differs := json.loads(plan.outcome.attrs["differs_in"]):
+            found.append(
+                f"{plan.name} is a mine file of its own, which differs from the mine file in {_listed(differs)}, too. "
+                "Its ratios say what all of that changes, not the sequence alone."
+            )
+    below = {
+        f"{name} ({typeset(f'Mw {magnitude:g}')})": None
+        for plan in plans
+        for name, magnitude in settings.sizes.items()
+        if np.isfinite(plan.floor) and magnitude < plan.magnitude(plan.floor)
+    }
+    if below:
+        smallest = max(plan.magnitude(plan.floor) for plan in plans if np.isfinite(plan.floor))
+        smallest_text = typeset(f"Mw {np.ceil(100.0 * smallest) / 100.0:g}")
+        found.append(
+            f"There is no chance of events that are {' or '.join(below)}, since the runs do not resolve such "
+            f"small ones. The smallest magnitude with a chance is {smallest_text}."
         )
     if not settings.sizes:
         found.append(
@@ -228,7 +293,8 @@ def law_texts(plans: Sequence[PlanSummary]) -> list[str]:
 def _law_text(plan: PlanSummary) -> str:
     attributes = plan.outcome.attrs
     if attributes["law_source"] == "none":
-        return f"There are {plural(int(attributes['law_events']), 'event')}: too few for a law of sizes."
+        events = int(attributes["law_events"])
+        return f"There {'is' if events == 1 else 'are'} {plural(events, 'event')}: too few for a law of sizes."
     whose = "the record" if attributes["law_source"] == "record" else "the runs"
     bound = [plan.magnitude(float(end)) for end in np.atleast_1d(attributes["law_bound_interval"])]
     slope = between(np.atleast_1d(attributes["law_b_interval"]), lambda value: number(value, 2))

@@ -10,7 +10,7 @@ from common.setting_types import AsTuple, Settings, Unit, real_number, refusal, 
 
 Label = Annotated[str, Field(min_length=1, max_length=40)]
 Distance = Annotated[float, Unit("m", gt=0, le=1e5)]
-Paths = Annotated[tuple[str, ...], AsTuple]
+Texts = Annotated[tuple[str, ...], AsTuple]
 RunKind = Literal["own", "member", "coarse", "draw"]
 
 
@@ -83,8 +83,8 @@ class RunFiles(Settings):
 
     kind: RunKind
     """own: the plan's run; member: of its ensemble; coarse: on cells of twice the size; draw: rock of the posterior"""
-    events: Paths
-    states: Paths = ()
+    events: Texts
+    states: Texts = ()
 
 
 class OutcomeSlice(Settings):
@@ -103,6 +103,10 @@ class OutcomeSlice(Settings):
     """of the host rock, Pa"""
     runs: Annotated[tuple[RunFiles, ...], Field(min_length=1), AsTuple]
     """the plan's own first"""
+    differs_in: Texts = ()
+    """sections of the mine file that the plan has otherwise, beside the sequence and its openings"""
+    compared_runs: Annotated[tuple[RunFiles, ...], AsTuple] = ()
+    """runs of the plans that it is compared with: events of all plans are counted from one floor"""
     recorded_steps: Annotated[tuple[DatedStep, ...], AsTuple] = ()
     """the mine's own dated steps, with a record"""
     recorded_runs: Annotated[tuple[RunFiles, ...], AsTuple] = ()
@@ -127,3 +131,7 @@ class ScoreSlice(Settings):
 
     mine: str
     forecasts: Annotated[tuple[ForecastFile, ...], Field(min_length=1), AsTuple]
+    steps: Annotated[tuple[DatedStep, ...], AsTuple] = ()
+    """the mine's dated steps now"""
+    openings: Annotated[tuple[Opening, ...], AsTuple] = ()
+    """what the mine file now mines"""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from catalogs.jackknife import INTERVAL_95
 from catalogs.periods import ALL_STEPS
-from catalogs.report.text import DASH, between, fixed, number, typeset, whole
+from catalogs.report.text import DASH, between, fixed, number, typeset
 from common.datasets import atomic_path
 from plans.differences import NUMBER, POTENCY, Difference, compare
 from plans.layout import ANY
@@ -46,7 +46,6 @@ def plan_rows(plans: Sequence[PlanSummary]) -> list[dict]:
         row: dict[str, object] = {
             "plan": plan.name,
             "steps": spanned(plan.steps),
-            "days": whole(plan.days(plan.steps)),
             "mined": number(mined),
             "energy": number(made.energy / ENERGY_UNIT),
             "failed": number(made.failed),

@@ -30,12 +30,14 @@ class TruncatedLaw:
     bound: NDArray
 
     def share_above(self, size: ArrayLike) -> NDArray:
-        """Share of the events that are as large as a size (...,), log10 m3, or larger: (..., draw)."""
+        """Share of the events that are as large as a size (...,), log10 m3, or larger: (..., draw).
+
+        NaN for a size below the cut: the law says nothing of how many events there are."""
         size = np.asarray(size, float)[..., None]
-        excess = np.maximum(size - self.cut, 0.0)
+        excess = size - self.cut
         whole = -np.expm1(-self.rate * (self.bound - self.cut))
         above = np.exp(-self.rate * excess) - np.exp(-self.rate * (self.bound - self.cut))
-        return np.where(size < self.bound, above / whole, 0.0)
+        return np.where(excess < 0.0, np.nan, np.where(size < self.bound, above / whole, 0.0))
 
     def _size(self, share: NDArray, draw: NDArray) -> NDArray:
         """Sizes (n,) of draws (n,), log10 m3, at these shares of all sizes below them."""
@@ -60,12 +62,18 @@ class TruncatedLaw:
 
 
 def find_law(
-    x: NDArray, cut: float, cap: float, draws: int, generator: np.random.Generator, width: float = 0.0
+    x: NDArray,
+    cut: float,
+    cap: float,
+    draws: int,
+    generator: np.random.Generator,
+    width: float = 0.0,
+    weight: float = 1.0,
 ) -> TruncatedLaw:
     """Draws of the posterior given the sizes x (event,) above the cut; module docstring.
 
     cut: of rounded sizes (width > 0) the lower edge of a bin; cap: largest upper end, log10 m3, not used where it is
-    below the largest size.
+    below the largest size; weight: how many independent sizes each counts as, since runs share events.
     """
     excess = np.asarray(x, float) - cut
     last = float(excess.max()) + 0.5 * width
@@ -74,7 +82,7 @@ def find_law(
     end, length = np.linspace(max(last, 1e-6), max(cap - cut, last, 2e-6), POINTS, retstep=True)
     single = np.log(rate) if not width else np.log(2.0 * np.sinh(0.5 * rate * width))
     normaliser = np.log(-np.expm1(-rate[:, None] * end))
-    log_likelihood = len(excess) * (single[:, None] - normaliser) - rate[:, None] * excess.sum()
+    log_likelihood = weight * (len(excess) * (single[:, None] - normaliser) - rate[:, None] * excess.sum())
     weights = np.exp(log_likelihood - log_likelihood.max()).ravel()
     chosen = generator.choice(POINTS * POINTS, draws, p=weights / weights.sum())
     row, column = np.divmod(chosen, POINTS)

@@ -16,6 +16,7 @@ from mpm_core.constitutive.laws import can_fail
 from mpm_core.grid.domain import base_cells
 from mpm_core.scene.scene import parse_scene
 from mpm_core.settings import ShapeSettings
+from plans.layout import ANY
 from workflow.accuracy import DRAFT, apply_accuracy
 from workflow.dates import is_date, read_date
 from workflow.derived_domain import complete, largest_cell_name
@@ -140,6 +141,7 @@ def _check_plans(mine: Mine, mistakes: Mistakes) -> None:
     """Names of plans, and of the excavations that they change. What a plan becomes is checked when it is asked for."""
     seen: list[str] = []
     written = [str(entry.get("name")) for entry in mine.text.get("excavations", ())]
+    made = [entry.name for entry in mine.excavations]
     for name, plan in mine.settings.plans.items():
         where = f"plans.{name}"
         with mistakes.gather():
@@ -154,6 +156,11 @@ def _check_plans(mine: Mine, mistakes: Mistakes) -> None:
         seen.append(name.lower())
         for excavation in plan.excavations or {}:
             with mistakes.gather():
+                if excavation not in written and excavation in made:
+                    raise InputError(
+                        f"{where}.excavations.{excavation}: comes from excavations_from, which a plan cannot change; "
+                        f"give {where}.file, a mine file of its own that lists its excavations"
+                    )
                 if excavation not in written:
                     near = difflib.get_close_matches(excavation, written, n=1)
                     meant = f"did you mean {near[0]}?" if near else "write it there first, with step: planned"
@@ -256,6 +263,8 @@ def _check_references(mine: Mine, mistakes: Mistakes) -> None:
                     raise InputError(f"{where}: this name stands twice")
             seen.add(entry.name)
             with mistakes.gather():
+                if isinstance(entry, Excavation) and entry.name == ANY:
+                    raise InputError(f"{where}: '{ANY}' means all openings in results; give it another name")
                 if isinstance(entry, Excavation):
                     _check_mined(mine, where, entry, knows_steps, knows_materials)
                 elif isinstance(entry, RockBody):

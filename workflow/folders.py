@@ -98,7 +98,7 @@ class Folders:
         """Folder below results where a stage of a folder's mine has its result, "grid" or "steps/2019-08" for example.
 
         Members of an ensemble have the grid and the elastic state of their mine. A plan has the results of the mine
-        file's plan as far as nothing differs in what they depend on.
+        file's plan, or of an earlier one, as far as nothing differs in what they depend on.
         """
         place, part = self.parts(folder)
         if part.startswith(ENSEMBLE) and stage in ("grid", "elastic"):
@@ -106,10 +106,12 @@ class Folders:
         if part.startswith(DRAWN_ROCK) and self._is_alike(folder, place, stage):
             return self._home(place, stage)
         if self.plans and place != self.mine.name and self.plan_of(place):
-            same = f"{self.mine.name}/{part}".rstrip("/")
+            earlier = [MINE_FILE_PLAN, *self.plans.others[: self.plans.others.index(self.plan_of(place))]]
             has_it = not part.startswith(ENSEMBLE) or int(part.split("/")[1]) <= self.mine.members
-            if has_it and self._is_alike(folder, same, stage):
-                return self._home(same, stage)
+            for plan in earlier if has_it else ():
+                same = f"{self.place_of(plan)}/{part}".rstrip("/")
+                if self._is_alike(folder, same, stage):
+                    return self.home(same, stage)
         return folder
 
     def _is_alike(self, folder: str, other: str, stage: str) -> bool:

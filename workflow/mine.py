@@ -184,7 +184,20 @@ class Mine(Plan):
     def forecast_slice(self) -> dict:
         """What forecast_scores.nc depends on besides the record and the grid. Kept files have no rule that makes them
         again, so they are known by their content (common.provenance)."""
-        return {"mine": self.name, "forecasts": [{"file": path} for path in self.forecasts()]}
+        return {
+            "mine": self.name,
+            "forecasts": [{"file": path} for path in self.forecasts()],
+            "steps": [step.given() for step in self.listed_steps if step.is_dated],
+            "openings": self.mined_openings(),
+        }
+
+    def mined_openings(self) -> list[dict]:
+        """Excavations that are mined, each with the dated step that mines it; empty: before the first of them."""
+        return [
+            {"name": entry.name, "step": entry.step if entry.step in self.dated_steps else ""}
+            for entry in self.excavations
+            if self.step_index(entry.step) >= 0
+        ]
 
     def report_slice(self) -> dict:
         """What the report shows of the configuration: as written, the default, and when each excavation is mined."""

@@ -11,6 +11,20 @@ from workflow.result_files import PLANS, ResultFiles
 
 OUTCOME = "outcome.nc"
 POSTERIOR = "posterior"
+# Sections of a mine file that runs depend on, beside the sequence.
+ROCK_AND_CELLS = (
+    "accuracy",
+    "frame",
+    "domain",
+    "grid",
+    "insitu_stress",
+    "materials",
+    "rock_bodies",
+    "loads",
+    "strains",
+    "solver",
+    "seismic",
+)
 
 
 class PlanOutcomes:
@@ -33,7 +47,34 @@ class PlanOutcomes:
             sys.exit(f"{self.mine_file}: steps: none has dates; plans are compared by dated steps")
         if mine.dimension != 3:
             sys.exit(f"{self.mine_file}: plane: {mine.plane}; plans need a mine in three dimensions, plane: none")
+        for name, plan in mine.settings.plans.items():
+            if plan.file is not None:
+                self._check_file(name)
         return (MINE_FILE_PLAN, *mine.settings.plans)
+
+    def _check_file(self, name: str) -> None:
+        """End the run in one line, before its mechanics, if the mine of another file can be no plan."""
+        plan = self.folders.mine_at(self.folders.place_of(name))
+        reason = ""
+        if not plan.dated_steps:
+            reason = "steps: none has dates; plans are compared by dated steps"
+        elif plan.dimension != 3:
+            reason = f"plane: {plan.plane}; plans need a mine in three dimensions, plane: none"
+        elif self.mine.has_companion and plan.settings.grid.levels < 2:
+            reason = "grid.levels: 1; the mine file has runs on cells of twice the size, which need 2 or more"
+        if reason:
+            sys.exit(f"{self.mine_file}: plans.{name}.file: {self.mine.settings.plans[name].file}: {reason}")
+
+    def differs_in(self, plan: str) -> list[str]:
+        """Sections in which the file of a plan differs from the mine file, beside steps and excavations."""
+        mines = self.mine, self.folders.mine_at(self.folders.place_of(plan))
+        # as written, since a derived domain follows from excavations; and in SI units, since these can be written twice
+        return [
+            section
+            for section in ROCK_AND_CELLS
+            if mines[0].text.get(section) != mines[1].text.get(section)
+            and getattr(mines[0].settings, section) != getattr(mines[1].settings, section)
+        ]
 
     def outcome(self, plan: str) -> str:
         """Result of a plan: what its runs release."""
@@ -68,9 +109,19 @@ class PlanOutcomes:
             return []
         return [{"kind": one["kind"], "events": one["events"]} for one in self._run_files(MINE_FILE_PLAN)]
 
+    def _compared_runs(self, plan: str) -> list[dict]:
+        """Runs of the other plans, as far as they are not those of this one."""
+        own = {path for run in self._run_files(plan) for path in run["events"]}
+        found = []
+        for other in self.names:
+            for run in self._run_files(other) if other != plan else ():
+                if events := [path for path in run["events"] if path not in own]:
+                    found.append({"kind": run["kind"], "events": events})
+        return found
+
     def results(self, plan: str) -> list[str]:
         """All files that the outcome of a plan is made from, beside grid, record and comparison."""
-        runs = [*self._run_files(plan), *self._recorded_runs()]
+        runs = [*self._run_files(plan), *self._compared_runs(plan), *self._recorded_runs()]
         return list(dict.fromkeys(path for run in runs for kind in ("events", "states") for path in run.get(kind, ())))
 
     def grid(self, plan: str) -> str:
@@ -80,20 +131,20 @@ class PlanOutcomes:
     def outcome_slice(self, plan: str) -> dict:
         """What the outcome of a plan depends on, beside files."""
         mine = self.folders.mine_at(self.folders.place_of(plan))
-        recorded = self._recorded_runs()
-        openings = [
-            {"name": entry.name, "step": entry.step if entry.step in mine.dated_steps else ""}
-            for entry in mine.excavations
-            if mine.step_index(entry.step) >= 0
-        ]
+        hazard = self.mine.settings.hazard.given()
+        differs = self.differs_in(plan)
+        recorded, compared = self._recorded_runs(), self._compared_runs(plan)
         return {
             "mine": mine.name,
             "plan": plan,
             "steps": mine.comparison_slice()["steps"],
-            "openings": openings,
-            "hazard": self.mine.settings.hazard.given(),
+            "openings": mine.mined_openings(),
+            # names of likelihoods are read by the page alone
+            "hazard": {key: value for key, value in hazard.items() if key != "likelihoods"},
             "shear_modulus": self.mine.settings.materials["host"].shear_modulus,
             "runs": self._run_files(plan),
+            **({"differs_in": differs} if differs else {}),
+            **({"compared_runs": compared} if compared else {}),
             **({"recorded_steps": self.mine.comparison_slice()["steps"]} if recorded else {}),
             **({"recorded_runs": recorded} if recorded else {}),
         }

@@ -61,7 +61,8 @@ def filter_events(
     leaves no event, when all lie MAX_WIDTHS_FROM_DOMAIN times as far from the domain as it or the record is wide (such
     a record is of other ground), or when it was recorded before or after the modelled months. A file without events,
     and none in the domain or in these months, is a record without events: that nothing happens is a result.
-    attrs["period"] (JSON): modelled, recorded and common, each start and end, ISO, UTC.
+    attrs["period"] (JSON): modelled, recorded and common, each start and end, ISO, UTC. attrs["stated_end"]: the end
+    that the configuration states.
     """
     where = f"{source}: record.filter"
     chosen = settings.filter.given() if settings.filter else {}
@@ -86,6 +87,8 @@ def filter_events(
     kept = np.ones(events.sizes["event"], bool)
     if settings.period and settings.period.given():
         attributes["period"] = json.dumps(_periods(events["time"].values, settings, source))
+    if chosen.get("end"):
+        attributes["stated_end"] = str(chosen["end"])
     account = []
     for key, value, passes in _conditions(events, limits_of(settings), columns, words, where):
         before = int(kept.sum())

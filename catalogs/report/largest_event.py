@@ -13,19 +13,22 @@ from catalogs.sizes import log_potency
 from catalogs.spread import SPREAD_BIN_WIDTH
 
 
-def largest_of(events: int, b: float, cut: float, share: ArrayLike) -> NDArray:
+def largest_of(events: int, b: float, cut: float, share: ArrayLike, end: float = np.inf) -> NDArray:
     """log10 potency below which the largest of so many independent events of a power law lies with these chances.
 
-    N(>= P) falls as P^-b above the cut (log10 m3), so the largest is below x with (1 - 10^(-b (x - cut)))^events.
+    N(>= P) falls as P^-b from the cut to the end of the law (log10 m3), so that an event is below x with
+    F(x) = (1 - 10^(-b (x - cut))) / (1 - 10^(-b (end - cut))), and the largest with F(x)^events.
     """
-    return cut - np.log10(-np.expm1(np.log(np.asarray(share, float)) / events)) / b
+    beyond = 10.0 ** (-b * (end - cut))
+    above = -np.expm1(np.log(np.asarray(share, float)) / events)  # 1 - F
+    return cut - np.log10(above * (1.0 - beyond) + beyond) / b
 
 
 def expected_range(evidence: Evidence) -> tuple[NDArray, str] | None:
     """log10 potency (lower, upper) between which the largest modelled event may lie by chance, and words for it.
 
-    Of an ensemble the range of its runs; of one run the 95 % interval of the law of sizes, if they follow a power law
-    without an upper end. None where neither is known.
+    Of an ensemble the range of its runs; of one run the 95 % interval of the law of sizes, if they follow a power law:
+    nothing says where it ends, but no event is larger than all that the model releases. None where neither is known.
     """
     runs = evidence.spread
     if runs is not None and int(runs.attrs["members"]) >= MIN_BLOCKS and runs.sizes["size_bin"]:
@@ -39,7 +42,13 @@ def expected_range(evidence: Evidence) -> tuple[NDArray, str] | None:
     law = _law(evidence)
     if law is None:
         return None
-    return largest_of(*law, INTERVAL_95), "If sizes have no upper end, chance alone (95 %) puts the largest event at"
+    events, b, cut = law
+    end = float(np.log10(evidence.catalog["potency"].values.sum()))
+    if not end > cut:
+        return None
+    return largest_of(events, b, cut, INTERVAL_95, end), (
+        "If no event is larger than all potency that the model releases, chance alone (95 %) puts the largest event at"
+    )
 
 
 def _law(evidence: Evidence) -> tuple[int, float, float] | None:

@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs.exposure import DAY, window
+from catalogs.mined_volumes import volumes_mined
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import magnitude, typeset
 from catalogs.sizes import log_potency
@@ -19,6 +20,7 @@ MAX_LINES = 5  # Steps on the first page.
 @dataclass(frozen=True)
 class Side:
     """Events of one catalogue that count: how many, their potency (m3), Mw of one event of all of it, the largest Mw.
+    Magnitudes are those of potency in the host rock.
 
     NaN where there is none.
     """
@@ -84,23 +86,11 @@ def that_matter(lines: Sequence[StepLine], most: int = MAX_LINES) -> list[StepLi
 def mined_volumes(evidence: Evidence) -> dict[str, float]:
     """Rock that each step mines, on the grid, m3. Where solids overlap it counts once, in the step that comes first;
     fill that is mined again is no rock."""
-    grid = evidence.grid
-    lower, upper, edge = (np.asarray(grid.attrs[name]) for name in ("domain_lower", "domain_upper", "fine_cell"))
-    cell, end = (np.rint((corner - lower) / edge).astype(np.int64) for corner in (grid["piece_origin"].values, upper))
-    _, place = np.unique(np.ravel_multi_index(cell.T, end + 1), return_inverse=True)
-    # Each bit is a point of the cell, inside the excavation or not.
-    samples, excavation = grid["piece_samples"].values, grid["piece_excavation"].values
-    points = 8 * samples.dtype.itemsize
-    gone, found = np.zeros(len(place), samples.dtype), {}
-    volume = float(edge) ** int(grid.attrs["dimension"]) * float(grid.attrs["thickness"])
-    for step in evidence.steps:
-        wanted = [index for index, row in enumerate(evidence.excavations) if row.step == step["step"]]
-        own = np.flatnonzero(np.isin(excavation, wanted))
-        here = np.unique(place[own])
-        before = gone[here]
-        np.bitwise_or.at(gone, place[own], samples[own])
-        found[step["step"]] = float(np.bitwise_count(gone[here] & ~before).sum()) / points * volume
-    return found
+    mined = [
+        [index for index, row in enumerate(evidence.excavations) if row.step == step["step"]] for step in evidence.steps
+    ]
+    names = [step["step"] for step in evidence.steps]
+    return dict(zip(names, volumes_mined(evidence.grid, mined), strict=True))
 
 
 def shear_modulus(evidence: Evidence) -> float:
@@ -131,7 +121,6 @@ def _common(evidence: Evidence) -> list[np.datetime64]:
 def _side(evidence: Evidence, catalog: xr.Dataset, chosen: NDArray) -> Side:
     """The chosen events (event,) at or above the cut."""
     kept = chosen & (log_potency(catalog["potency"].values) >= cut_of(evidence))
-    potency = float(catalog["potency"].values[kept].sum())
-    largest = float(np.nanmax(catalog["mw"].values[kept], initial=-np.inf))
-    as_one = magnitude(potency, shear_modulus(evidence))
-    return Side(int(kept.sum()), potency, as_one, largest if np.isfinite(largest) else np.nan)
+    potency, largest = (float(getattr(catalog["potency"].values[kept], of)(initial=0.0)) for of in ("sum", "max"))
+    as_one, largest = (magnitude(one, shear_modulus(evidence)) for one in (potency, largest))
+    return Side(int(kept.sum()), potency, as_one, largest if kept.any() else np.nan)

@@ -96,3 +96,11 @@ def test_a_record_that_ends_within_a_step_says_for_how_many_of_its_days_it_is():
     recorded.attrs["period"] = json.dumps({"common": ["2019-01-01T00:00:00", "2019-02-11T00:00:00"]})
     lines = step_lines(evidence_of(recorded, recorded, ["a", "b", "c"], [], cut=None))
     assert [(line.days, line.recorded_days) for line in lines] == [(31.0, 31.0), (28.0, 10.0), (31.0, 0.0)]
+
+
+def test_the_largest_event_is_the_largest_potency_in_the_host_rock():
+    """As on the page of plans: the moment of the event's own rock does not count."""
+    model = events_of([1e-1, 1e-2], ["a", "a"])
+    model["mw"][:] = [0.1, 0.9]
+    (line,) = step_lines(evidence_of(model, None, ["a"], []))
+    assert line.sides[0].largest == pytest.approx(0.2514, abs=1e-4)

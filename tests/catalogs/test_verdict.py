@@ -211,12 +211,25 @@ def test_the_largest_of_a_power_law_is_that_of_drawn_catalogues():
     assert largest_of(1, 0.5, -1.0, 0.5) == pytest.approx(-1.0 + np.log10(2.0) / 0.5)
 
 
+def test_the_largest_of_a_law_that_ends_is_that_of_drawn_catalogues():
+    """As before, with an end at 1 m3: by inversion of the truncated law; no quantile lies beyond the end."""
+    generator = np.random.default_rng(0)
+    share = generator.random((20000, 50))
+    drawn = (-2 - np.log10(1.0 - share * (1.0 - 10.0 ** (-0.8 * 2.0))) / 0.8).max(axis=1)
+    shares = [0.025, 0.5, 0.975]
+    np.testing.assert_allclose(largest_of(50, 0.8, -2.0, shares, 0.0), np.quantile(drawn, shares), atol=0.03)
+    assert largest_of(50, 0.3, -2.0, 1.0 - 1e-12, 0.0) == pytest.approx(0.0)
+
+
 def test_the_range_of_the_largest_is_of_the_law_or_of_the_runs(known):
     law = compared(known, law_model="power law", b=[0.8, 0.8], cut=-2.0, events_above_cut=[50, 40])
     bounds, _ = expected_range(law)
-    np.testing.assert_allclose(bounds, largest_of(50, 0.8, -2.0, [0.025, 0.975]))
+    released = float(np.log10(known.catalog["potency"].values.sum()))
+    np.testing.assert_allclose(bounds, largest_of(50, 0.8, -2.0, [0.025, 0.975], released))
+    assert bounds[1] < min(released, largest_of(50, 0.8, -2.0, 0.975))
     low, high = moment_magnitude(fixtures.SHEAR * 10.0**bounds)
-    words = f"If sizes have no upper end, chance alone (95 %) puts the largest event at Mw {low:.1f} to {high:.1f}."
+    words = "If no event is larger than all potency that the model releases, chance alone (95 %) puts the largest "
+    words += f"event at Mw {low:.1f} to {high:.1f}."
     assert words.replace("-", "−") in said(law)
     assert expected_range(compared(known, law_model="truncated power law")) is None
     edges = np.array([-3.0, -2.9, -2.8])

@@ -52,11 +52,13 @@ def made_up_grid(mirrored: bool = False) -> xr.Dataset:
             "piece_origin": (("piece", "xyz"), origin),
             "piece_excavation": ("piece", np.concatenate(numbers).astype(np.int16)),
             "piece_fraction": ("piece", np.ones(len(origin))),
+            "piece_samples": ("piece", np.full(len(origin), 255, np.uint8)),
         },
         attrs={
             "mine": MINE,
             "dimension": 3,
             "plane": "none",
+            "thickness": 1.0,
             "fine_cell": EDGE,
             "domain_lower": [-128.0, -128.0, -128.0],
             "domain_upper": [160.0, 192.0, 160.0],
@@ -85,7 +87,7 @@ def write_run(
     """Files of a run with such (log potency, place) in each step, as a slice names them."""
     names = []
     for step, (size, place) in zip(steps, events, strict=True):
-        made_of = f"{folder.name} {kind} {step.name} {np.sum(size):.9f}"
+        made_of = f"{folder.name} {kind} {step.name} {np.sum(size):.9f} {step.start} {step.end}"
         attributes = {"mine": MINE, "step": step.name, "potency_floor": 10.0**floor, "kind": "synthetic"}
         attributes |= {"made_from": made_of, "location_error": EDGE}
         times = spread_in_time((step.start, step.end), len(size), step.name)
@@ -93,6 +95,7 @@ def write_run(
         catalog = new_catalog(len(size), attributes, location=place, potency=10.0**size, step=named, **times)
         write_events(catalog, folder / "events" / f"{step.name}.nc")
         state = {"mine": MINE, "step": step.name, "energy_released": energy, "failed_volume": 100.0}
+        state["made_from"] = f"{folder.name} {kind} {step.name}"
         write_dataset(xr.Dataset(attrs=state), folder / "steps" / f"{step.name}.nc")
         names.append(step.name)
     return {

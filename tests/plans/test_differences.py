@@ -5,6 +5,8 @@ import pytest
 import xarray as xr
 from plan_fixtures import HAZARD, STEPS, drawn_events, drawn_run, made_up_grid, outcome_slice, write_run
 
+from catalogs.comparison_settings import DatedStep
+from common.errors import InputError
 from plans.differences import NUMBER, POTENCY, compare, own_steps, ratio_of_runs
 from plans.outcome import make_outcome
 from verification.statistics.samples import simulated_sizes
@@ -102,11 +104,30 @@ def test_a_plan_beside_itself(tmp_path):
 def test_a_shared_step_is_no_difference(tmp_path):
     """The second step alone has other runs."""
     run, other = (drawn_run(tmp_path / name, "own", seed) for name, seed in (("one", 1), ("two", 2)))
-    mixed = {**other, "events": [run["events"][0], other["events"][1]]}
+    mixed = {**other, **{key: [run[key][0], other[key][1]] for key in ("events", "states")}}
     plans = [outcome(tmp_path, [run]), outcome(tmp_path, [mixed], plan="mixed")]
     assert own_steps(plans[1], plans[0]) == ["2019-09"]
     assert compare(plans[1], plans[0], NUMBER, (["2019-08"], ["2019-08"])).is_shared
     assert not compare(plans[1], plans[0], NUMBER, (["2019-09"], ["2019-09"])).is_shared
+
+
+def test_other_dates_alone_make_no_other_run(tmp_path):
+    """The same rock, and events that are dated otherwise. Other events from the same states are another run."""
+    generator = np.random.default_rng(2)
+    events = [drawn_events(count, generator) for count in (50, 30)]
+    later = [DatedStep(name=step.name, start=step.start, end="2019-08-20") if not number else step
+             for number, step in enumerate(STEPS)]  # fmt: skip
+    own = outcome(tmp_path, [write_run(tmp_path / "a" / "run", "own", events)])
+    dated = outcome(
+        tmp_path,
+        [write_run(tmp_path / "b" / "run", "own", events, steps=later)],
+        plan="dated",
+        steps=[step.given() for step in later],
+    )
+    assert own_steps(dated, own) == []
+    assert compare(dated, own, POTENCY, BOTH).verdict == "the same runs in both plans"
+    fewer = [(size[:-1], place[:-1]) for size, place in events]
+    assert own_steps(outcome(tmp_path, [write_run(tmp_path / "c" / "run", "own", fewer)]), own) == NAMES
 
 
 def test_a_member_more_is_no_shared_step(tmp_path):
@@ -192,3 +213,35 @@ def test_mirrored_plans_are_equal(tmp_path):
             found = compare(one, other, POTENCY, ([step], [step]), opening)
             assert np.isnan(found.value) or found.value == pytest.approx(1.0)
     assert len(HAZARD["distances"]) == one.sizes["distance"]
+
+
+def test_plans_are_counted_from_one_floor(tmp_path):
+    """The same events, resolved from log P -2 on in one plan and from -1.5 on in the other: ratio 1. Without the floors
+    of the others, the outcomes are no pair."""
+    generator = np.random.default_rng(4)
+    events = [drawn_events(count, generator) for count in (90, 60)]
+    runs = [write_run(tmp_path / f"{floor}", "own", events, floor=floor) for floor in (-2.0, -1.5)]
+    floors = [{key: run[key] for key in ("kind", "events")} for run in runs[::-1]]
+    plans = [
+        outcome(tmp_path, [run], plan=f"plan_{number}", compared_runs=[other])
+        for number, (run, other) in enumerate(zip(runs, floors, strict=True))
+    ]
+    assert [plan.attrs["floor"] for plan in plans] == pytest.approx([-1.5, -1.5])
+    found = compare(*plans, NUMBER, BOTH)
+    assert found.value == 1.0
+    assert found.verdict == "no difference that chance does not make"
+    alone = outcome(tmp_path, runs[:1], plan="alone")
+    with pytest.raises(
+        InputError, match=r"events of alone are counted from log P -2 on, those of plan_1 from -1\.5 on"
+    ):
+        compare(alone, plans[1], NUMBER, BOTH)
+
+
+def test_a_companion_of_another_plan_raises_the_shared_floor_only(tmp_path):
+    own, other = (drawn_run(tmp_path / name, "own", 1) for name in ("own", "other"))
+    coarse = drawn_run(tmp_path / "coarse", "coarse", 2, floor=-1.2)
+    made = outcome(
+        tmp_path, [own], compared_runs=[{key: run[key] for key in ("kind", "events")} for run in (other, coarse)]
+    )
+    assert made.attrs["floor"] == pytest.approx(-2.0)
+    assert made.attrs["shared_floor"] == pytest.approx(-1.2)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from plan_fixtures import (
     MINE,
+    OPENINGS,
     STEPS,
     comparison_of,
     drawn_events,
@@ -17,12 +18,15 @@ from plan_fixtures import (
 )
 from scipy.stats import kstest, nbinom
 
+from catalogs.comparison_settings import DatedStep
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
 from plans.layout import ANY
 from plans.outcome import make_outcome
+from plans.record import is_ahead, is_covered, known_until
 from plans.score_sentences import sentences
-from plans.scores import KNOWN, NOT_YET, SCORED, brier, log_score, score
+from plans.scores import KNOWN, MINED_OTHERWISE, NO_FLOOR, NOT_YET, SCORED, brier, log_score, score
+from plans.settings import ScoreSlice
 
 GRID = made_up_grid()
 THREE_MONTHS = ("2019-08-01", "2019-11-01")
@@ -48,6 +52,13 @@ def both_months(second: int, seed: int = 3):
     return record.assign_attrs(period=json.dumps(period | {"common": THREE_MONTHS}))
 
 
+def scored(forecasts, record, grid=GRID, **mine):
+    """The scores of forecasts of a mine that mines as they say."""
+    files = [{"file": f"forecasts/{number}.nc"} for number in range(len(forecasts))]
+    given = {"mine": MINE, "forecasts": files, "steps": [one.given() for one in STEPS], "openings": list(OPENINGS)}
+    return score(forecasts, record, grid, ScoreSlice.of(given | mine, "forecasts"))
+
+
 def of_september(record) -> np.ndarray:
     """Which events (event,) are of the step that is scored."""
     time = record["time"].values
@@ -55,7 +66,7 @@ def of_september(record) -> np.ndarray:
 
 
 def test_a_step_is_scored_once_it_is_recorded_and_was_ahead(forecast, tmp_path):
-    early, late = score([forecast], made_up_record(40, 2), GRID, MINE), score([forecast], both_months(25), GRID, MINE)
+    early, late = scored([forecast], made_up_record(40, 2), GRID), scored([forecast], both_months(25), GRID)
     assert early["status"].values.tolist() == [KNOWN, NOT_YET]
     assert late["status"].values.tolist() == [KNOWN, SCORED]
     assert np.isnan(early["recorded"]).all()
@@ -84,14 +95,14 @@ def test_places_of_the_forecast_gain_more_than_places_elsewhere(forecast):
     for shift in (0.0, 25.0):
         record = both_months(int(own.sum()))
         record["location"][of_september(record)] = places + np.array([0.0, 0.0, shift])
-        gains.append(float(score([forecast], record, GRID, MINE)["gain"][1]))
+        gains.append(float(scored([forecast], record, GRID)["gain"][1]))
     assert gains[0] > gains[1] + 0.5
 
 
 def test_chances_are_set_against_what_happened(forecast):
     """Slow twin of what happened near all openings together; a chance is given for each opening that is mined."""
     record = both_months(30)
-    found = score([forecast], record, GRID, MINE)
+    found = scored([forecast], record, GRID)
     inside = of_september(record)
     place, size = record["location"].values[inside], np.log10(record["potency"].values[inside])
     cells = GRID["piece_origin"].values
@@ -110,35 +121,41 @@ def test_chances_are_set_against_what_happened(forecast):
     assert ((found["rate_chance"].values >= 0.0) & (found["rate_chance"].values <= 1.0)).all()
 
 
-def test_the_constant_rate_is_that_of_the_record_before(forecast):
-    """31 days of August have n events of the class near: 30 days have one with 1 - exp(-n 30 / 31)."""
+def test_the_constant_rate_is_that_of_the_record_that_the_forecast_had(forecast):
+    """n events of the class near in the days up to the last event of then: 30 days have one with
+    1 - exp(-n 30 / days)."""
     record = both_months(30)
-    found = score([forecast], record, GRID, MINE)
+    found = scored([forecast], record)
     part = found.isel(said=np.flatnonzero(found["said_opening"].values == ANY)[2])
-    before = record["time"].values < np.datetime64("2019-09-01")
+    until = np.datetime64(forecast.attrs["recorded_until"])
+    days = (until - np.datetime64("2019-08-01")) / np.timedelta64(1, "D")
+    before = record["time"].values <= until
     place, size = record["location"].values[before], np.log10(record["potency"].values[before])
     cells = GRID["piece_origin"].values
     outside = np.maximum(np.maximum(cells - place[:, None], place[:, None] - cells - 2.0), 0.0)
     away = np.linalg.norm(outside, axis=2).min(axis=1)
     smallest = float(forecast["size_log_potency"].sel(size=str(part["said_size"].values)))
     number = ((away <= float(part["said_distance"])) & (size >= smallest)).sum()
-    assert float(part["rate_chance"]) == pytest.approx(-np.expm1(-number * 30.0 / 31.0))
+    assert float(part["rate_chance"]) == pytest.approx(-np.expm1(-number * 30.0 / days))
+    earlier = forecast.assign_attrs(recorded_until="2019-08-01T00:00:00")
+    assert np.isnan(scored([earlier], record)["rate_chance"]).all()
+    assert np.isnan(scored([forecast.assign_attrs(recorded_until="")], record)["rate_chance"]).all()
 
 
 def test_sentences_say_what_was_said_and_what_came(forecast):
-    said = sentences(score([forecast], both_months(25), GRID, MINE))
-    assert said[0].startswith("Forecast for 2019-09 (plan as_planned): ")
+    said = sentences(scored([forecast], both_months(25), GRID))
+    assert said[0].startswith("Forecast for 2019-09 (plan as_planned, 0.nc): ")
     assert "25 were recorded, within the range" in said[0] or "recorded, outside of the range" in said[0]
     assert "Brier score" in said[0]
-    assert said[-1].startswith("Plan as_planned: steps up to 2019-08 are no forecasts")
-    waiting = sentences(score([forecast], made_up_record(40, 2), GRID, MINE))
-    assert waiting[0] == "Plan as_planned: 2019-09 is not recorded to the end yet."
-    many = sentences(score([forecast], both_months(900), GRID, MINE))
+    assert said[-1].startswith("Forecast of plan as_planned, 0.nc: steps up to 2019-08 are no forecasts")
+    waiting = sentences(scored([forecast], made_up_record(40, 2), GRID))
+    assert waiting[0] == "Forecast of plan as_planned, 0.nc: 2019-09 is not recorded to the end yet."
+    many = sentences(scored([forecast], both_months(900), GRID))
     assert "outside of the range" in many[0]
 
 
 def test_a_quiet_month_is_scored(forecast):
-    found = score([forecast], both_months(0), GRID, MINE)
+    found = scored([forecast], both_months(0), GRID)
     row = found.isel(row=1)
     assert row["recorded"].values.tolist()[:2] == [0.0, 0.0]
     assert np.isneginf(row["recorded"].values[2])
@@ -152,13 +169,15 @@ def test_forecasts_that_are_none_are_refused(forecast, tmp_path):
     made = drawn_run(tmp_path, "own", 1)
     recorded = {"recorded_steps": [step.given() for step in STEPS], "recorded_runs": [made]}
     after = make_outcome(outcome_slice([made], **recorded), GRID, both_months(25), comparison_of())
-    with pytest.raises(InputError, match="as_planned holds no forecast: the record covered all its steps"):
-        score([after], both_months(25), GRID, MINE)
-    with pytest.raises(InputError, match="is of mine another, not of made_up"):
-        score([forecast.assign_attrs(mine="another")], both_months(25), GRID, MINE)
+    with pytest.raises(
+        InputError, match=r"forecasts\.0: forecasts/0\.nc: holds no forecast: the record had reached all steps"
+    ):
+        scored([after], both_months(25), GRID)
+    with pytest.raises(InputError, match=r"forecasts\.0: forecasts/0\.nc: of mine another, not of made_up"):
+        scored([forecast.assign_attrs(mine="another")], both_months(25), GRID)
     grid = GRID.assign_attrs(excavation_names=json.dumps(["drive", "stope_1", "stope_two"]))
-    with pytest.raises(InputError, match="the grid has no excavation stope_2"):
-        score([forecast], both_months(25), grid, MINE)
+    with pytest.raises(InputError, match=r"forecasts\.0: forecasts/0\.nc: .*the grid has no excavation stope_2"):
+        scored([forecast], both_months(25), grid)
 
 
 def test_a_good_forecaster_has_uniform_places(tmp_path):
@@ -171,7 +190,8 @@ def test_a_good_forecaster_has_uniform_places(tmp_path):
         events = [drawn_events(generator.poisson(40), generator) for _ in STEPS]
         made = make_outcome(outcome_slice([write_run(tmp_path / str(number), "own", events)]), GRID)
         month = made_up_record(generator.poisson(40), number, "2019-09-01", "2019-10-01", known=THREE_MONTHS)
-        row = score([made], month, GRID, MINE).isel(row=1)
+        month.attrs["stated_end"] = THREE_MONTHS[1]
+        row = scored([made], month, GRID).isel(row=1)
         places.append(float(row["place"][0]))
         inside.append(row["inside"].values)
     assert kstest(places, "uniform").pvalue > 1e-3
@@ -194,3 +214,101 @@ def test_scores_of_chances():
     assert log_score(np.full(4, 0.5), happened) == pytest.approx(np.log(2.0))
     assert brier(1 - happened, happened) == 1.0
     assert log_score(1 - happened, happened) == pytest.approx(-np.log(1e-4))
+
+
+def record_of(*days: str, known: tuple[str, str] = THREE_MONTHS, **attributes):
+    """A record of one event on each of these days."""
+    record = made_up_record(len(days), 1, known=known)
+    record["time"][:] = np.array(days, "datetime64[ns]")
+    period = {"modelled": known, "recorded": [f"{days[0]}T00:00:00", f"{days[-1]}T00:00:00"], "common": known}
+    return record.assign_attrs(period=json.dumps(period), **attributes)
+
+
+EVERY_FIVE_DAYS = [str(day) for day in np.arange("2019-08-03", "2019-09-28", 5, "datetime64[D]")]  # the last: the 27th
+OCTOBER = DatedStep(name="2019-10", start="2019-10-01", end="2019-11-01")
+
+
+def test_silence_after_the_last_event_is_no_record_of_a_month_without_events():
+    """The common period holds the silence that chance may leave, which is more than October here."""
+    record = record_of(*EVERY_FIVE_DAYS)
+    assert [is_covered(record, step) for step in (*STEPS, OCTOBER)] == [True, True, False]
+    assert is_ahead(OCTOBER, known_until(record))
+
+
+def test_a_month_that_ends_quietly_is_covered():
+    """Within the mean wait, five days, at the end of the file; in any case once there are later events."""
+    early = record_of(*EVERY_FIVE_DAYS[:-1])  # the last: 22 September
+    assert not is_covered(early, STEPS[1])
+    assert not is_ahead(STEPS[1], known_until(early))
+    assert is_covered(record_of(*EVERY_FIVE_DAYS[:-1], "2019-10-20"), STEPS[1])
+
+
+def test_a_stated_end_makes_a_quiet_month_known():
+    """It is then neither ahead nor left out, as far as chance may leave that silence."""
+    record = record_of(*EVERY_FIVE_DAYS, stated_end="2019-11-01")
+    assert is_covered(record, OCTOBER)
+    assert not is_ahead(OCTOBER, known_until(record))
+    shorter = record_of(*EVERY_FIVE_DAYS, known=("2019-08-01", "2019-10-15"), stated_end="2019-11-01")
+    assert not is_covered(shorter, OCTOBER)
+
+
+@pytest.mark.parametrize("stated", [{}, {"stated_end": "2019-11-01"}])
+def test_no_step_is_ahead_and_covered(stated):
+    for last in range(1, len(EVERY_FIVE_DAYS)):
+        record = record_of(*EVERY_FIVE_DAYS[: last + 1], **stated)
+        for step in (*STEPS, OCTOBER):
+            assert not (is_covered(record, step) and is_ahead(step, known_until(record)))
+
+
+@pytest.mark.parametrize(
+    ("mine", "difference"),
+    [
+        ({"steps": [STEPS[0].given()]}, "the mine file has no step 2019-09"),
+        (
+            {"steps": [STEPS[0].given(), STEPS[1].given() | {"end": "2019-09-16"}]},
+            "2019-09 was from 2019-09-01 to 2019-10-01, and is from 2019-09-01 to 2019-09-16",
+        ),
+        (
+            {"openings": list(OPENINGS[:2])},
+            "stope_2 is mined in 2019-09 in the forecast, and not mined by then in the mine file",
+        ),
+        (
+            {"openings": [*OPENINGS[:2], {"name": "stope_2", "step": "2019-08"}]},
+            "stope_2 is mined in 2019-09 in the forecast, and mined in 2019-08 in the mine file",
+        ),
+        (
+            {"openings": [*OPENINGS, {"name": "stope_3"}]},
+            "stope_3 is not mined by then in the forecast, and mined before in the mine file",
+        ),
+        ({"openings": [*OPENINGS, {"name": "stope_3", "step": "2019-10"}]}, ""),
+    ],
+)
+def test_a_forecast_of_what_was_mined_otherwise_is_not_scored(forecast, mine, difference):
+    """What a later month mines does not count."""
+    if "stope_3" in str(mine) and not difference:
+        mine = mine | {"steps": [one.given() for one in (*STEPS, OCTOBER)]}
+    found = scored([forecast], both_months(25), **mine)
+    assert found["status"].values.tolist() == [KNOWN, MINED_OTHERWISE if difference else SCORED]
+    assert str(found["difference"].values[1]) == difference
+    assert found.sizes["said"] == (0 if difference else 16)
+    if difference:
+        assert sentences(found)[0] == f"Forecast of plan as_planned, 0.nc: 2019-09 is not scored, since {difference}."
+
+
+def test_two_forecasts_of_one_plan_stand_apart(forecast, tmp_path):
+    """They know other steps: each is named by its file."""
+    other = make_outcome(outcome_slice([drawn_run(tmp_path, "own", 1)]), GRID)
+    other = other.assign_attrs(steps_ahead=json.dumps(["2019-08"]))
+    found = scored([forecast, other], both_months(25))
+    assert found["forecast"].values.tolist() == [0, 0, 1, 1]
+    assert found["file"].values.tolist()[1:3] == ["forecasts/0.nc", "forecasts/1.nc"]
+    known = [one for one in sentences(found) if "are no forecasts" in one]
+    assert [one.split(",")[1].split(":")[0] for one in known] == [" 0.nc", " 1.nc"]
+    assert "up to 2019-08 " in known[0]
+    assert "up to 2019-09 " in known[1]
+
+
+def test_a_forecast_without_an_event_is_not_scored(forecast):
+    found = scored([forecast.assign_attrs(floor=np.nan)], both_months(25))
+    assert found["status"].values.tolist() == [KNOWN, NO_FLOOR]
+    assert "2019-09 cannot be scored. Runs of the plan make no event" in sentences(found)[0]

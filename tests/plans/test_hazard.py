@@ -1,14 +1,19 @@
 """Chances and forecasts against known rates and laws, and in closed form where there is one."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from plan_fixtures import STEPS
 from scipy.stats import kstest, nbinom, poisson
 
 from catalogs.jackknife import INTERVAL_95
 from catalogs.sizes import LN10, estimate_b
-from plans.factors import STEP_SCATTER, Factors, draw_ratio, step_ratios
-from plans.hazard import chance_of, chances, dispersion, draw_expected, draw_numbers
+from plans.factors import STEP_SCATTER, Factors, draw_ratio, find_factors, step_ratios
+from plans.hazard import _law as law_of
+from plans.hazard import chance_of, chances, dispersion, draw_expected, draw_numbers, independent_share
 from plans.record import RecordedNumbers
+from plans.runs import StepEvents
 from plans.truncated_law import TruncatedLaw, find_law
 from verification.statistics.samples import simulated_sizes
 
@@ -28,7 +33,7 @@ def share(size: float, b: float, span: float) -> float:
 def test_share_above_a_size():
     law = exact_law(0.8, 2.0)
     assert law.share_above(0.0)[0] == pytest.approx(1.0)
-    assert law.share_above(-1.0)[0] == pytest.approx(1.0)
+    assert np.isnan(law.share_above([-1.0, -1e-6])).all()  # below the cut
     assert law.share_above(1.0)[0] == pytest.approx(share(1.0, 0.8, 2.0))
     assert law.share_above([2.0, 3.0])[:, 0].tolist() == [0.0, 0.0]
 
@@ -187,7 +192,7 @@ def recorded_numbers(generator, steps: int, modelled: float, ratio: float, scatt
     expected = modelled * np.exp(own[:-1])
     recorded = draw_numbers(expected, clustering, generator).astype(float)
     nothing = np.empty(0)
-    return RecordedNumbers(recorded, made, np.empty((0, steps)), clustering, nothing, 0.0, 1.0), own[-1]
+    return RecordedNumbers(recorded, made, np.empty((0, steps)), 0.0, clustering, nothing, 0.0, 1.0), own[-1]
 
 
 @pytest.mark.parametrize("clustering", [1.0, 4.0])
@@ -230,3 +235,89 @@ def test_the_scatter_of_steps_averages_out_over_a_plan():
 
 def test_chance_of_small_rates_is_the_rate():
     assert chance_of(np.array(1e-9), np.array(0.5)) == pytest.approx(5e-10)
+
+
+def runs_that_share(generator, share_of: float, runs: int = 9, mean: float = 60.0) -> list[list[StepEvents]]:
+    """Runs of two steps, b = 0.8, that have a part of their events in common."""
+    steps = []
+    for _ in range(2):
+        common = simulated_sizes(generator, generator.poisson(share_of * mean), 0.8, 3.0)
+        own = [simulated_sizes(generator, generator.poisson((1.0 - share_of) * mean), 0.8, 3.0) for _ in range(runs)]
+        steps.append([10.0 ** np.concatenate([common, one]) for one in own])
+    return [
+        [StepEvents(one, np.zeros((len(one), 3)), 0.0, one.sum()) for one in run] for run in zip(*steps, strict=True)
+    ]
+
+
+def test_runs_that_share_events_are_worth_fewer():
+    generator = np.random.default_rng(12)
+    same = runs_that_share(generator, 1.0)
+    assert independent_share(same) == pytest.approx(1.0 / 9.0)
+    assert independent_share(same[:1]) == 1.0
+    found = [np.mean([independent_share(runs_that_share(generator, one)) for _ in range(60)]) for one in (0.0, 0.5)]
+    assert found[0] > 0.7
+    assert found[1] == pytest.approx(1.0 / (1.0 + 8 * 0.5), rel=0.15)
+
+
+def test_the_slope_of_runs_that_share_events_is_held_by_its_interval():
+    """300 plans of nine runs that share half of their events: 0.93 less three standard errors, 0.044."""
+    generator = np.random.default_rng(13)
+    held = []
+    for _ in range(300):
+        runs = runs_that_share(generator, 0.5)
+        x = np.log10(np.concatenate([step.potency for run in runs for step in run]))
+        law = find_law(x, 0.0, x.max() + 1.0, 400, generator, weight=independent_share(runs))
+        low, high = np.quantile(law.rate / LN10, INTERVAL_95)
+        held.append(low <= 0.8 <= high)
+    assert np.mean(held) >= 0.93 - 0.044
+
+
+def test_rock_shifts_the_number_by_what_it_changes_beyond_the_recorded_steps():
+    """Other rock makes twice the events of the plan. Where it makes twice those of the recorded steps too, the record's
+    ratio has that in it already; else half of them is not."""
+    settings = SimpleNamespace(runs=[SimpleNamespace(kind=kind) for kind in ("own", *["draw"] * 4)], steps=STEPS)
+    data = {
+        "shared_number": (("run", "step"), np.array([[1000.0, 1000.0], *[[2000.0, 2000.0]] * 4])),
+        "number": ("", np.array([[[1000.0]], *[[[np.nan]]] * 4])),
+    }
+    nothing = np.empty(0)
+
+    def found(recorded_draw: float | None) -> Factors:
+        recorded = None
+        if recorded_draw is not None:
+            draws = np.full((4, 1), recorded_draw)
+            recorded = RecordedNumbers(ONE * 1e6, np.array([[1e6]]), draws, 1000.0, 1.0, nothing, 0.0, 1.0)
+        return find_factors(settings, data, recorded, np.ones(2, bool), 4000, np.random.default_rng(1))
+
+    for recorded_draw, times in ((None, 2.0), (2000.0, 1.0), (1000.0, 2.0)):
+        assert np.median(found(recorded_draw).common) == pytest.approx(np.log(times), abs=0.02)
+        assert "rock" in found(recorded_draw).contains
+
+
+def test_the_factor_of_the_cells_has_the_width_of_their_change():
+    """200 events on own cells, 100 on doubled ones: the 95 % interval of ln is 1.25 ln(200.5 / 100.5) on either side.
+    Equal numbers: ln 1.1."""
+    settings = SimpleNamespace(runs=[SimpleNamespace(kind=kind) for kind in ("own", "coarse")], steps=STEPS)
+    for coarse, half in ((100.0, 1.25 * np.log(200.5 / 100.5)), (200.0, np.log(1.1))):
+        data = {
+            "shared_number": ("", np.array([[200.0, 0.0], [coarse, 0.0]])),
+            "number": ("", np.array([[[200.0]], [[np.nan]]])),
+        }
+        factors = find_factors(settings, data, None, np.ones(2, bool), 100_000, np.random.default_rng(1))
+        np.testing.assert_allclose(np.quantile(factors.common, INTERVAL_95), [-half, half], rtol=0.03)
+        assert factors.contains == ("chance", "cells")
+
+
+def test_the_cap_of_the_law_is_all_potency_that_the_plan_releases():
+    """Of the run that releases most, all sizes together; with a record that releases more, of the record. The law's end
+    reaches up to it, and no farther."""
+    size = 10.0 ** (simulated_sizes(np.random.default_rng(1), 30, 0.9) - 2.0)
+    steps = [[StepEvents(size, np.zeros((30, 3)), -2.0, float(size.sum()))]]
+    assert size.max() < 1.0
+    data = {"whole_potency": ("", np.array([[40.0, 60.0], [1.0, 2.0]]))}
+    law, _ = law_of(steps, data, -2.0, None, np.random.default_rng(2))
+    assert law.bound.max() == pytest.approx(2.0, abs=0.05)
+    nothing = np.empty(0)
+    recorded = RecordedNumbers(ONE, np.ones((1, 1)), np.empty((0, 1)), 0.0, 1.0, nothing, 0.0, 1e3)
+    law, _ = law_of(steps, data, -2.0, recorded, np.random.default_rng(2))
+    assert law.bound.max() == pytest.approx(3.0, abs=0.05)

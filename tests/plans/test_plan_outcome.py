@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 from plan_fixtures import (
     BOXES,
     HAZARD,
@@ -180,3 +181,38 @@ def test_a_plan_without_an_event_has_numbers_and_no_chance(tmp_path):
 def test_wrong_classes_are_refused(given, reason):
     with pytest.raises(InputError, match=reason):
         HazardSettings.read(given, "hazard")
+
+
+def test_a_plan_that_mines_nothing_more_has_an_outcome(events, tmp_path):
+    """All of its openings are mined before the first dated step."""
+    made = make_outcome(
+        outcome_slice([write_run(tmp_path, "own", events)], openings=[{"name": "drive"}]), made_up_grid()
+    )
+    assert made["mined"].values.tolist() == [0.0, 0.0]
+    assert float(made["number"].sel(opening=ANY).sum()) == 105.0
+
+
+def test_a_year_near_an_opening_has_the_days_on_which_it_is_mined(outcome):
+    """stope_2 is mined in the second of two steps: its events of that step a year, over 30 days. It has no chance
+    before."""
+    at = {"opening": "stope_2", "distance": 30.0, "size": "felt"}
+    whole, step = (outcome["yearly_number"].sel(period=period, **at) for period in ("all", "2019-09"))
+    assert float(step) > 0.0
+    assert float(whole) == pytest.approx(float(step))
+    assert np.isnan(outcome["chance"].sel(period="2019-08", opening="stope_2")).all()
+    both = outcome["yearly_number"].sel(period="all", opening="stope_1", distance=30.0, size="felt")
+    share = float(step) / (float(outcome["number_within"].sel(opening="stope_2", distance=30.0)[0, 1]) / 30.0)
+    near = float(outcome["number_within"].sel(opening="stope_1", distance=30.0)[0].sum())
+    assert float(both) == pytest.approx(share * near / 61.0)
+
+
+def test_rock_that_two_openings_share_is_mined_once(events, tmp_path):
+    """Half of the first stope's cells are of the drive too, which is mined before. What an opening has is its own."""
+    grid = made_up_grid()
+    first = np.flatnonzero(grid["piece_excavation"].values == 1)
+    shared = grid.isel(piece=first[::2]).copy(deep=True)
+    shared["piece_excavation"][:] = 0
+    both = xr.concat([grid, shared], dim="piece", data_vars="minimal")
+    made = make_outcome(outcome_slice([write_run(tmp_path, "own", events)]), both)
+    np.testing.assert_allclose(made["mined"], [12 * 20 * 30 / 2, 12 * 20 * 30])
+    np.testing.assert_allclose(made["opening_volume"].sel(opening="stope_1"), 12 * 20 * 30)

@@ -5,7 +5,17 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from plan_fixtures import HAZARD, MINE, OPENINGS, STEPS, comparison_of, drawn_run, made_up_grid, made_up_record
+from plan_fixtures import (
+    HAZARD,
+    MINE,
+    OPENINGS,
+    STEPS,
+    comparison_of,
+    drawn_run,
+    made_up_grid,
+    made_up_record,
+    write_run,
+)
 from plan_fixtures import outcome_slice as slice_of
 
 from catalogs.comparison_settings import DatedStep
@@ -13,7 +23,7 @@ from common.errors import InputError
 from plans.outcome import make_outcome
 from plans.page import write_report
 from plans.plan_summary import PlanSummary
-from plans.sentences import chance_with_interval, contained, missing, verdict
+from plans.sentences import chance_with_interval, contained, law_texts, missing, verdict
 from plans.settings import PlansReportSlice
 from plans.tables import exposed_rows, forecast_rows, matrix, opening_rows, plan_rows, step_rows
 
@@ -76,7 +86,10 @@ def test_what_is_missing_names_its_key(plans, tmp_path):
         "ensemble",
         "hazard.rock",
     ]
-    assert contained(plans) == "Intervals of ratios contain chance and what the cells change."
+    assert contained(plans) == (
+        "Intervals of ratios contain chance and what the cells change. Intervals of chances contain chance, by how "
+        "much the record differs from the model and what is not known of the law of sizes."
+    )
     kinds = ["own", "member", "draw", "draw", "draw"]
     runs = [drawn_run(tmp_path / str(seed), kind, seed) for seed, kind in enumerate(kinds)]
     plain = make_outcome(slice_of(runs, hazard={}), GRID)
@@ -162,3 +175,72 @@ def test_a_page_without_classes_has_no_chance(plans, tmp_path):
     other = PlansReportSlice.of({"mine": "another"})
     with pytest.raises(InputError, match="is of mine made_up, not of another"):
         write_report([plain], GRID, other, tmp_path / "report.html", tmp_path / "plans.csv", "0123456789abcdef")
+
+
+def test_a_class_below_the_floor_has_no_chance_and_is_named(tmp_path):
+    """Floor log P -2 is Mw -0.5 with the shear modulus of the fixtures: 2/3 (log10 2.5e10 - 2 - 9.1) = -0.468."""
+    hazard = HAZARD | {"magnitudes": {"small": -0.8, "felt": -0.3}}
+    plan = PlanSummary(make_outcome(slice_of([drawn_run(tmp_path, "own", 1)], hazard=hazard), GRID))
+    assert np.isnan(plan.chance("any", 10.0, "small")[0])
+    assert np.isfinite(plan.chance("any", 10.0, "felt")[0])
+    settings = PlansReportSlice.of({"mine": MINE, "hazard": hazard})
+    said = [one for one in missing([plan], settings.hazard) if "do not resolve" in one]
+    assert said == [
+        "There is no chance of events that are small (Mw −0.8), since the runs do not resolve such small ones. The "
+        "smallest magnitude with a chance is Mw −0.46."
+    ]
+    assert matrix(plan, settings.hazard)[1]["cells"][0]["yearly"] == "–"
+    write_report([plan.outcome], GRID, settings, tmp_path / "report.html", tmp_path / "plans.csv", "0123456789abcdef")
+
+
+def empty_run(folder, kind: str) -> dict:
+    return write_run(folder, kind, [(np.empty(0), np.empty((0, 3)))] * 2)
+
+
+def test_ratios_contain_the_cells_only_where_both_plans_make_something_on_doubled_ones(tmp_path):
+    """Both have a run on doubled cells; that of one makes nothing."""
+    found = []
+    for name in ("one", "other"):
+        coarse = (
+            drawn_run(tmp_path / f"{name}c", "coarse", 2) if name == "one" else empty_run(tmp_path / name, "coarse")
+        )
+        runs = [drawn_run(tmp_path / f"{name}o", "own", len(name)), coarse]
+        found.append(PlanSummary(make_outcome(slice_of(runs, name), GRID)))
+    assert contained(found).startswith("Intervals of ratios contain chance. ")
+    assert [one for one in missing(found, SETTINGS.hazard) if "makes nothing on cells of twice the size" in one]
+
+
+def test_a_plan_against_one_that_makes_nothing(tmp_path):
+    """Either way round, and both alike."""
+    some, none, too = (
+        PlanSummary(make_outcome(slice_of([run], name), GRID))
+        for name, run in (
+            ("some", drawn_run(tmp_path / "some", "own", 1)),
+            ("none", empty_run(tmp_path / "none", "own")),
+            ("too", empty_run(tmp_path / "too", "own")),
+        )
+    )
+    said = verdict([none, some], SETTINGS.hazard)[0]
+    assert re.fullmatch(
+        r"none makes nothing in 2019-08 and 2019-09; some makes \d+ events, [\d.]+ m³ of potency, in 2019-08 and "
+        r"2019-09: more than chance makes\.", said
+    )  # fmt: skip
+    assert verdict([some, none], SETTINGS.hazard)[0].startswith("none releases 0 times the potency of some (95 % ")
+    assert verdict([none, too], SETTINGS.hazard)[0] == "Neither too nor none makes anything in the steps that differ."
+
+
+@pytest.mark.parametrize(("members", "is_told"), [(3, True), (4, False)])
+def test_an_ensemble_is_too_small_until_a_variance_can_be_taken(tmp_path, members, is_told):
+    kinds = ["own", *["member"] * members]
+    plan = make_outcome(slice_of([drawn_run(tmp_path / str(n), kind, n) for n, kind in enumerate(kinds)]), GRID)
+    assert ("is too small" in " ".join(missing([PlanSummary(plan)], SETTINGS.hazard))) == is_told
+
+
+def test_a_plan_that_differs_in_more_than_its_sequence_is_said_to(tmp_path):
+    run = drawn_run(tmp_path, "own", 1)
+    plan = PlanSummary(make_outcome(slice_of([run], "other_rock", differs_in=["grid", "materials"]), GRID))
+    said = [one for one in missing([plan], SETTINGS.hazard) if one.startswith("other_rock is a mine file of its own")]
+    assert "differs from the mine file in grid and materials, too" in said[0]
+    one_event = make_outcome(slice_of([drawn_run(tmp_path / "few", "own", 1, numbers=(0.0, 0.0))], hazard=HAZARD), GRID)
+    one_event.attrs["law_events"] = 1
+    assert law_texts([PlanSummary(one_event)]) == ["There is 1 event: too few for a law of sizes."]

@@ -2,12 +2,14 @@
 
 import pytest
 import yaml
-from tiny_mines import DEFAULT, NEXT_STEP, TINY, changed, merged, write_mine
+from tiny_mines import DEFAULT, FLAT, NEXT_STEP, TINY, box, changed, merged, write_mine
 
 from common.errors import InputError
 from workflow.configuration import load
 from workflow.folders import Folders
 from workflow.mining_plans import MiningPlans
+from workflow.plan_outcomes import PlanOutcomes
+from workflow.result_files import ResultFiles
 
 SWAPPED = {"excavations": {"stope_1": {"step": "2019-09"}, "stope_2": {"step": "2019-08"}}, "steps": [NEXT_STEP]}
 LONGER = {"excavations": {"stope_2": {"step": "2019-09"}}, "steps": [NEXT_STEP]}
@@ -67,6 +69,26 @@ def test_a_plan_computes_only_what_differs(folders):
     assert own(homes(found, place), place) == ["steps/2019-08", "events/2019-08", "steps/2019-09", "events/2019-09"]
 
 
+def test_a_plan_computes_nothing_that_an_earlier_plan_has(folders):
+    """Two plans that begin with the other order: the second has the first one's steps, and goes on. The order in the
+    mine file decides; a member has those of the member of its number."""
+    further = {"name": "2019-10", "start": "2019-10-01", "end": "2019-11-01"}
+    plans = {
+        "swapped": SWAPPED,
+        "swapped_longer": {
+            "excavations": SWAPPED["excavations"] | {"drive_2": {"step": "2019-10"}},
+            "steps": [NEXT_STEP, further],
+        },
+    }
+    drive_2 = box("drive_2", "planned", [50, 50, 60], [58, 58, 64])
+    found = folders(plans, excavations=[*TINY["excavations"], drive_2], ensemble=1)
+    for run in ("", "/ensemble/1"):
+        place = f"tiny/plans/swapped_longer{run}"
+        assert own(homes(found, place), place) == ["steps/2019-10", "events/2019-10"]
+        assert found.home(place, "steps/2019-08") == f"tiny/plans/swapped{run}"
+        assert found.home(place, "steps/history") == f"tiny{run}"
+
+
 def test_other_dates_change_events_alone(folders):
     """Rock knows no dates: steps are shared, events are not."""
     later = {"name": "2019-08", "start": "2019-08-10", "end": "2019-09-01"}
@@ -105,6 +127,59 @@ def test_a_plan_may_be_another_file(folders, tmp_path):
     assert plan.name == "tiny"
     assert plan.path("record.csv").resolve() == (tmp_path / "deeper/record.csv").resolve()
     assert set(homes(found, "tiny/plans/file").values()) == {"tiny"}
+
+
+def outcomes(folders: Folders, tmp_path) -> PlanOutcomes:
+    return PlanOutcomes(ResultFiles(folders), tmp_path / "mine.yaml")
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        ({"steps": [{"name": "history"}], "excavations": TINY["excavations"][:1]}, "steps: none has dates"),
+        ({"grid.levels": 1}, "grid.levels: 1; the mine file has runs on cells of twice the size"),
+    ],
+)
+def test_a_file_that_can_be_no_plan_is_refused_before_the_mechanics(folders, tmp_path, values, line):
+    write_mine(changed(TINY, **values), tmp_path / "other.yaml")
+    found = outcomes(folders({"other": {"file": "other.yaml"}}, grid_convergence=True), tmp_path)
+    with pytest.raises(SystemExit, match=rf"mine.yaml: plans.other.file: other.yaml: {line}") as ended:
+        assert found.names
+    assert len(str(ended.value).splitlines()) == 1
+
+
+def test_a_flat_file_is_no_plan(folders, tmp_path):
+    write_mine(FLAT, tmp_path / "other.yaml")
+    found = outcomes(folders({"other": {"file": "other.yaml"}}), tmp_path)
+    with pytest.raises(SystemExit, match=r"plans\.other\.file: other.yaml: plane: xz; plans need a mine in three dim"):
+        assert found.names
+
+
+def test_sections_in_which_a_file_differs_are_named(folders, tmp_path):
+    """Not those of its sequence, nor one that is written in other units."""
+    same = changed(TINY, excavations=[{**one, "step": "history"} for one in TINY["excavations"]])
+    write_mine(same, tmp_path / "same.yaml")
+    write_mine(changed(same, **{"solver.tolerance": 0.02, "seismic.closeness": 0.5}), tmp_path / "other.yaml")
+    plans = {"same": {"file": "same.yaml"}, "other": {"file": "other.yaml"}, "longer": LONGER}
+    found = outcomes(folders(plans), tmp_path)
+    assert {name: found.differs_in(name) for name in plans} == {
+        "same": [],
+        "other": ["solver", "seismic"],
+        "longer": [],
+    }
+    assert found.outcome_slice("other")["differs_in"] == ["solver", "seismic"]
+
+
+def test_an_outcome_knows_the_runs_of_the_other_plans(folders, tmp_path):
+    """Events that both have are not listed again; the files are inputs of the outcome."""
+    found = outcomes(folders({"longer": LONGER}, grid_convergence=True), tmp_path)
+    compared = found.outcome_slice("mine_file")["compared_runs"]
+    assert [(run["kind"], run["events"]) for run in compared] == [
+        ("own", ["results/tiny/plans/longer/events/2019-09.nc"]),
+        ("coarse", ["results/tiny/plans/longer/coarse/events/2019-09.nc"]),
+    ]
+    assert set(compared[0]["events"] + compared[1]["events"]) <= set(found.results("mine_file"))
+    assert "compared_runs" not in found.outcome_slice("longer")
 
 
 @pytest.mark.parametrize(
@@ -158,3 +233,32 @@ def test_drawn_rock_needs_a_calibration(folders):
     found = folders({"longer": LONGER})
     with pytest.raises(SystemExit, match="run `snakemake calibrate` first"):
         found.mine_at("tiny/plans/longer/drawn_rock/1")
+
+
+def test_an_excavation_has_not_the_name_of_all_of_them(folders):
+    entries = [*TINY["excavations"], TINY["excavations"][-1] | {"name": "any", "step": "planned"}]
+    with pytest.raises(InputError, match=r"excavations\.any: 'any' means all openings in results"):
+        folders({}, excavations=entries)
+
+
+def test_an_excavation_that_is_made_needs_a_file_of_its_own(folders, monkeypatch):
+    """It stands in no list that a plan could change."""
+    made = [TINY["excavations"][-1] | {"name": "lv_1"}]
+    monkeypatch.setattr("workflow.mines.elk_creek.excavations", lambda *_, **options: made)
+    values = {"excavations": TINY["excavations"][:-1], "excavations_from": {"source": "elk_creek", "folder": "."}}
+    with pytest.raises(InputError) as refused:
+        folders({"a": {"excavations": {"lv_1": {"step": "2019-08"}}}}, **values)
+    line = "plans.a.excavations.lv_1: comes from excavations_from, which a plan cannot change; give plans.a.file"
+    assert line in str(refused.value)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_names_of_likelihoods_change_the_page_alone(folders, tmp_path):
+    slices = []
+    for name in ("rare", "seldom"):
+        hazard = {"distances": ["5 m"], "magnitudes": {"felt": 0.5}, "likelihoods": {name: 0, "likely": 0.5}}
+        found = outcomes(folders({"longer": LONGER}, hazard=hazard), tmp_path)
+        slices.append((found.outcome_slice("longer"), found.report_slice()))
+    assert slices[0][0] == slices[1][0]
+    assert slices[0][1] != slices[1][1]
+    assert slices[0][0]["hazard"]["magnitudes"] == {"felt": 0.5}

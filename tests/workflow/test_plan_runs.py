@@ -88,7 +88,7 @@ def test_a_kept_forecast_is_scored_when_its_month_is_recorded(spoiled, base):
     assert dict(zip(scores.step.values, scores.status.values, strict=True))["2019-09"] == "scored"
     assert scores.recorded.sel(quantity="number")[scores.step.values == "2019-09"].item() > 0
     page = (results / "report.html").read_text()
-    assert "Forecast for 2019-09 (plan longer):" in page
+    assert "Forecast for 2019-09 (plan longer, said.nc):" in page
     assert "No forecast was kept" not in page
 
     with edited(files / "tiny.yaml", changed(mined, forecasts=["gone.nc"])) as file:
