@@ -5,10 +5,11 @@ import numpy as np
 from catalogs.report.inputs import Evidence
 from catalogs.report.largest_event import expected_range
 from catalogs.report.step_lines import cut_of, shear_modulus
-from catalogs.report.text import between, fixed, headline, magnitude, number, where
+from catalogs.report.text import between, fixed, headline, magnitude, number, percent, where
 
 SIGNIFICANCE = 0.05  # A difference with a smaller p-value is more than chance explains.
 LEAST_AS_FRACTION = 0.2  # Smaller ratios are written as 1/n.
+LEAST_SHARE_COMPARED = 0.5  # Of the recorded potency; where less is compared, all of it is named, too.
 FAR = 3.0  # A factor by which potency is far off.
 
 
@@ -78,7 +79,23 @@ def _potency(evidence: Evidence) -> list[str]:
     runs = int(evidence.comparison["model_runs"])
     who = f"The mean of {runs} runs of the model" if runs > 1 else "The model"
     potency, events = _ratio(evidence, "potency_ratio", "potency"), _ratio(evidence, "event_ratio", "number of events")
-    return [f"{who} releases {potency}, in {events}. {_judged(evidence)}"]
+    small = _small_events(evidence)
+    if small:
+        who = f"Of events of {size_of_cut(evidence)} and more, {who[0].lower()}{who[1:]}"
+    return [f"{who} releases {potency}, in {events}. {_judged(evidence)}", *small]
+
+
+def _small_events(evidence: Evidence) -> list[str]:
+    """The ratio of potency of all sizes, where most of the recorded potency is in events too small to be compared."""
+    above, whole = (float(evidence.comparison[name].values[1]) for name in ("summed_potency", "summed_potency_all"))
+    ratio = float(evidence.comparison["potency_ratio_all"])
+    if not whole > 0.0 or above >= LEAST_SHARE_COMPARED * whole or not np.isfinite(ratio):
+        return []
+    of = "of" if 0 < ratio < LEAST_AS_FRACTION else "times"
+    return [
+        f"Smaller events hold {percent(1.0 - above / whole)} of the recorded potency. Of all sizes the model releases "
+        f"{as_ratio(ratio)} {of} the recorded potency."
+    ]
 
 
 def _ratio(evidence: Evidence, name: str, of: str) -> str:

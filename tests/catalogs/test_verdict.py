@@ -1,6 +1,7 @@
 """The first page in words: what the model says, how sure that is, what to do; each state of a mine in its words."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -89,6 +90,21 @@ def test_the_ratio_of_potencies_is_a_sentence_and_a_judgement(known, ratio, inte
     assert words in verdict(one)[0]
     assert verdict(one)[0].startswith("The model releases ")
     assert verdict(compared(one, model_runs=9))[0].startswith("The mean of 9 runs of the model releases ")
+
+
+def test_potency_of_all_sizes_is_said_where_most_of_it_is_in_events_too_small_to_compare(known):
+    """As where the model's cells are large: above the cut it has too much, in all just as much."""
+    off = {"potency_ratio": 4.0, "potency_ratio_interval": (1.5, 9.0), "potency_ratio_all": 0.9}
+    one = compared(known, summed_potency=(400.0, 100.0), summed_potency_all=(450.0, 500.0), **off)
+    first, second = verdict(one)[:2]
+    assert re.match(r"Of events of Mw [−\d.]+ and more, the model releases 4.0 times the recorded potency", first)
+    assert second == (
+        "Smaller events hold 80 % of the recorded potency. Of all sizes the model releases 0.90 times the recorded "
+        "potency."
+    )
+    most = compared(one, summed_potency=(400.0, 300.0))
+    assert verdict(most)[0].startswith("The model releases 4.0 times")
+    assert "Smaller events" not in " ".join(verdict(most))
 
 
 def test_number_is_judged_apart_from_potency(known):
