@@ -22,9 +22,12 @@ from common.progress import Progress, log_compilation
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
 PIPELINE_PROCESS = "PIPELINE_PROCESS"  # environment variable: the process that starts the stages
 COMPANION_FOLDERS = {  # folders of runs besides the mine's own (workflow/folders.py), and what they are
-    r"results/[^/]+/coarse/": "the mine on cells of twice the size; grid_convergence: false leaves it out",
+    r"results/[^/]+/(plans/[^/]+/)?coarse/": "the mine on cells of twice the size; grid_convergence: false leaves it out",
     r"results/[^/]+/elastic_rock/": "the mine in elastic rock, for its baselines",
-    r"results/[^/]+/ensemble/[0-9]+/": "a perturbed member; ensemble: 0 leaves all of them out",
+    r"results/[^/]+/(plans/[^/]+/)?drawn_rock/[0-9]+/": "rock that the calibration has drawn; hazard.rock: mine_file "
+    "leaves it out",
+    r"results/[^/]+/plans/[^/]+/": "another plan of the mine; without it in plans it is left out",
+    r"results/[^/]+/(plans/[^/]+/)?ensemble/[0-9]+/": "a perturbed member; ensemble: 0 leaves all of them out",
 }
 INTERRUPTED = 130  # what a shell makes of SIGINT
 

@@ -213,7 +213,8 @@ class SolverSettings(Settings):
     """Unbalanced force between two generations of failure, relative to the force that the step releases (2-norms).
     Where no rock loses strength it is 50 times as large, but at most 0.05."""
     increments: whole_number(ge=0, le=1000) = 0
-    """Number of equal increments in which a step is unloaded. 0: their size follows from max_overshoot."""
+    """Number of equal increments in which a step is unloaded. 0: their size follows from max_overshoot. The first step
+    always takes one: in its elastic state, all that it mines is mined."""
     max_overshoot: real_number(ge=0.001, le=1) = 0.2
     """Largest overshoot of the rock that fails first in an increment, relative to its drop of strength. It applies
     where increments is 0. A step's potency is too large by roughly this share."""

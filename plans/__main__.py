@@ -27,7 +27,8 @@ def outcome(chosen: argparse.Namespace) -> None:
     found = make_outcome(settings, read_dataset(chosen.grid), record, comparison)
     files = [path for run in (*settings.runs, *settings.recorded_runs) for path in (*run.events, *run.states)]
     files += [path for run in settings.compared_runs for path in run.events]
-    inputs = [chosen.grid, *files, *filter(None, [chosen.record, chosen.comparison])]
+    # a run of the mine may be one of the plan, too
+    inputs = [chosen.grid, *dict.fromkeys(files), *filter(None, [chosen.record, chosen.comparison])]
     write_dataset(found.assign_attrs(provenance(values, "plans outcome", inputs)), chosen.output)
 
 

@@ -9,7 +9,7 @@ from common.errors import InputError, InputErrors, Mistakes
 from common.setting_types import is_list
 from mpm_core.constitutive.laws import can_fail
 from mpm_core.grid.domain import base_cells
-from mpm_core.scene.scene import check_virgin_stress, parse_scene
+from mpm_core.scene.scene import parse_scene
 from mpm_core.settings import ShapeSettings
 from plans.layout import ANY
 from workflow.accuracy import DRAFT, apply_accuracy
@@ -20,6 +20,7 @@ from workflow.mine import Mine, in_voigt_order
 from workflow.mine_settings import MINE_FILE_PLAN, BoundaryStrain, Excavation, Load, MineSettings, RockBody
 from workflow.record_checks import check_filter, check_frame, check_record
 from workflow.shapes import check_form, check_place, check_repeated
+from workflow.virgin_rock import check_virgin_stress
 
 PLANNED = "planned"  # it is part of the grid, and is mined when it gets a step
 IN_PLANE = {"xz": ("xx", "zz", "xz"), "xy": ("xx", "yy", "xy"), None: ("xx", "yy", "zz", "yz", "xz", "xy")}
@@ -44,6 +45,8 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     report the same mistake again.
     """
     broken = set(broken)
+    if "excavations_from" in broken:
+        broken |= {"excavations", "steps"}
 
     def check(function: Callable, *needs: str) -> None:
         if not broken.isdisjoint(needs):
@@ -84,14 +87,10 @@ def _check_name(mine: Mine, _: Mistakes) -> None:
 
 
 def _check_virgin(mine: Mine, _: Mistakes) -> None:
-    """Raise InputError where virgin rock would fail before anything is mined; that a derived domain has none is its
-    own affair (workflow/derived_domain.py)."""
-    scene = parse_scene(mine.scene_slice(len(mine.steps) - 1))
-    domain = mine.settings.domain
-    if mine.plane == "xy":
-        check_virgin_stress(scene, {"": scene.insitu.surface})
-    else:
-        check_virgin_stress(scene, {" (domain.lower)": domain.lower[-1], " (domain.upper)": domain.upper[-1]})
+    """Raise InputError where the last step's scene is none, and where virgin rock would fail before anything is
+    mined."""
+    parse_scene(mine.scene_slice(len(mine.steps) - 1))
+    check_virgin_stress(mine)
 
 
 def _check_steps(mine: Mine, mistakes: Mistakes) -> None:

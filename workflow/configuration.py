@@ -47,8 +47,10 @@ def load(
     if mistakes.lines:
         text, settings = sound_part(text, map(key_in, mistakes.lines))
     if settings:
-        mine = Mine(settings, text, mine_file.parent, default or {})
-        check_mine(mine, mistakes, {section_of(line) for line in mistakes.lines})
+        broken = {section_of(line) for line in mistakes.lines}
+        with mistakes.gather():
+            mine = Mine(settings, text, mine_file.parent, default or {})
+            check_mine(mine, mistakes, broken)
     if mistakes.lines:
         lines = sorted_by_place(list(dict.fromkeys(mistakes.lines)), mine_file, overrides or {})
         if len(lines) > MOST_TOLD + 1:

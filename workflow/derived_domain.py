@@ -1,6 +1,7 @@
 """Values that follow from a mine file: the domain around its openings, the largest cell, the number of levels."""
 
 import functools
+import itertools
 import logging
 import os
 from collections.abc import Iterator, Sequence
@@ -11,8 +12,7 @@ from common.errors import InputError
 from mpm_core.geometry.shapes.shape import Opening, Shape
 from mpm_core.grid.domain import base_cells
 from mpm_core.scene.far_field import MAX_LIMITED_BOUNDARY_ERROR, STRENGTH, FarField, bounds, derive_domain
-from mpm_core.scene.insitu_stress import InsituStress
-from mpm_core.scene.scene import FACES, PLANES, virgin_excess
+from mpm_core.scene.scene import FACES, PLANES
 from mpm_core.scene.scene_solids import prisms_of
 from mpm_core.settings import (
     DEFAULT_COARSE_CELL,
@@ -25,10 +25,12 @@ from mpm_core.settings import (
     SolidSettings,
 )
 from workflow.accuracy import PRESETS
-from workflow.mine import Mine, in_voigt_order
+from workflow.mine import Mine
 from workflow.shapes import check_form
+from workflow.virgin_rock import Rocks, overstress
 
 DEEPEST = 1e5  # m from the openings: virgin rock further away is not checked
+LAYERS = 200  # distances from the openings, up to DEEPEST, at which the rock is looked up
 SAME = 1e-9  # share by which sizes differ that are the same
 
 
@@ -130,8 +132,8 @@ def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
     held = [face for face in FACES if "xyz".index(face[0]) in mined and (face, faces[face]) != ("z_upper", "free")]
     conditions = [faces[face] for face in held]
     rocks = ["host", *(body.material for body in settings.rock_bodies)]
-    heights = bounds(openings)[:, -1]
-    sound = _sound(mine, heights) if 2 in mined else (-np.inf, np.inf)
+    box = bounds(openings)
+    sound = _sound(mine, box, finest) if 2 in mined else ((-np.inf, ""), (np.inf, ""))
     found = derive_domain(
         openings,
         finest,
@@ -139,10 +141,10 @@ def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
         conditions if given else ["fixed"],
         levels=(levels, levels) if levels else _levels(mine),
         ground=settings.frame.surface if 2 in mined else None,
-        sound=sound,
+        sound=(sound[0][0], sound[1][0]),
     )
     if found.limited == STRENGTH and found.error > MAX_LIMITED_BOUNDARY_ERROR:
-        raise InputError(_no_room(mine, found, heights, sound))
+        raise InputError(_no_room(mine, found, box[:, -1], sound))
     top, surface = float(found.upper[-1]), settings.frame.surface
     at_surface = 2 in mined and top == surface
     if at_surface and given and faces["z_upper"] not in ("free", "traction"):
@@ -162,44 +164,59 @@ def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
     return found.coarse_cell, found.levels
 
 
-def _sound(mine: Mine, heights: np.ndarray) -> tuple[float, float]:
-    """Elevations, m, between which virgin rock of the host bears its stress; heights (2,): of all openings, m.
+def _sound(mine: Mine, box: np.ndarray, finest: float) -> tuple[tuple[float, str], tuple[float, str]]:
+    """Elevations, m, between which virgin rock above and below the openings bears its stress, each with the rock that
+    does not beyond; box (2, d): of all openings, m.
 
     Raises InputError where it does not at the openings themselves. What a law admits is convex, and stress is linear in
-    depth: there is one such stretch.
+    depth: of one rock there is one such stretch. Layers of rock are found if they are no thinner than a part of their
+    distance.
     """
-    host, surface, stress = mine.settings.materials["host"], mine.settings.frame.surface, mine.settings.insitu_stress
-    constant, gradient = (np.array(in_voigt_order(part)) for part in (stress.constant, stress.gradient))
-    insitu = InsituStress(constant, gradient, surface)
-    for place, elevation in zip(("lower", "upper"), np.minimum(heights, surface), strict=True):
-        if (excess := virgin_excess(host, insitu, elevation)) > 0.0:
+    surface, plan = mine.settings.frame.surface, np.concatenate([box[:, :-1], box[:, :-1].mean(axis=0)[None]])
+    columns = np.array(list(itertools.product(*plan.T)))
+    heights, rocks = np.minimum(box[:, -1], surface), Rocks.of(mine)
+
+    def at(elevation: float) -> tuple[float, str]:
+        points = np.column_stack([columns, np.full(len(columns), elevation)])
+        return overstress(mine, set(rocks.at(points).tolist()), elevation)
+
+    for place, elevation in zip(("lower", "upper"), heights, strict=True):
+        excess, rock = at(elevation)
+        if excess > 0.0:
             raise InputError(
                 f"insitu_stress: at elevation {elevation:.6g} m, the {place} end of the excavations, virgin stress is "
-                f"{excess / 1e6:.3g} MPa above the intact strength of materials.host: it would fail before anything is "
-                "mined; check stress, depth and strength"
+                f"{excess / 1e6:.3g} MPa above the intact strength of materials.{rock}: it would fail before anything "
+                "is mined; check stress, depth and strength"
             )
-    ends = []
-    for bears, away in ((min(heights[0], surface), -DEEPEST), (min(heights[1], surface), DEEPEST)):
-        fails = bears + away
-        if virgin_excess(host, insitu, fails) <= 0.0:
-            ends.append(fails)
-            continue
-        while abs(fails - bears) > SAME * DEEPEST:
+    distances = np.geomspace(min(finest, DEEPEST), DEEPEST, LAYERS) if rocks.bodies else [DEEPEST]
+
+    def end(start: float, way: float) -> tuple[float, str]:
+        bears, fails = start, None
+        for distance in distances:
+            if at(start + way * distance)[0] > 0.0:
+                fails = start + way * distance
+                break
+            bears = start + way * distance
+        while fails is not None and abs(fails - bears) > SAME * DEEPEST:
             middle = 0.5 * (fails + bears)
-            bears, fails = (bears, middle) if virgin_excess(host, insitu, middle) > 0.0 else (middle, fails)
-        ends.append(bears)
-    return tuple(ends)
+            bears, fails = (bears, middle) if at(middle)[0] > 0.0 else (middle, fails)
+        return bears, "" if fails is None else at(fails)[1]
+
+    return end(heights[0], -1.0), end(heights[1], 1.0)
 
 
-def _no_room(mine: Mine, found: FarField, heights: np.ndarray, sound: tuple[float, float]) -> str:
-    """Why a derived domain that stays where virgin rock bears its stress is none; heights, sound: see _sound."""
-    gaps = heights[0] - sound[0], sound[1] - heights[1]
-    end, gap = min(zip(sound, gaps, strict=True), key=lambda pair: pair[1])
+def _no_room(
+    mine: Mine, found: FarField, heights: np.ndarray, sound: tuple[tuple[float, str], tuple[float, str]]
+) -> str:
+    """Why a derived domain that stays where virgin rock bears its stress is none; heights (2,): of all openings, m;
+    sound: see _sound."""
+    (lowest, below), (highest, above) = sound
+    gap, end, rock = min((heights[0] - lowest, lowest, below), (highest - heights[1], highest, above))
     largest = ", ".join(f"grid.{key}" for key in ("coarse_cell", "levels") if key in mine.written_cells)
     cells = f" in cells up to {found.coarse_cell:g} m ({largest})" if largest else ""
     expected = f"moves wall stress by {100 * found.error:.3g} %" if found.distance > 0 else "does not hold them"
     return (
-        f"insitu_stress: virgin stress reaches the intact strength of materials.host at elevation {end:.6g} m, "
+        f"insitu_stress: virgin stress reaches the intact strength of materials.{rock} at elevation {end:.6g} m, "
         f"{gap:.3g} m from the excavations: a domain that ends before{cells} {expected} "
         f"({100 * MAX_LIMITED_BOUNDARY_ERROR:g} % are allowed); check stress, depth and strength, or give domain.lower "
         "and domain.upper"

@@ -159,12 +159,17 @@ def schema() -> dict:
 
 
 def _tidy(part: Any) -> Any:
-    """A part of pydantic's schema without titles and without defaults that another section has."""
+    """A part of pydantic's schema without titles and without defaults that another section has.
+
+    oneOf becomes anyOf: a word such as `month` is also a text, as a quantity is.
+    """
     if isinstance(part, list):
         return [_tidy(entry) for entry in part]
     if not isinstance(part, dict):
         return part
     kept = {key: value for key, value in part.items() if not (key == "title" and isinstance(value, str))}
+    if "oneOf" in kept:
+        kept["anyOf"] = kept.pop("oneOf")
     if not isinstance(kept.get("default", ""), str | int | float) or kept.get("default", "") is None:
         kept.pop("default")
     if "unit" in kept and "default" in kept:
@@ -247,8 +252,8 @@ def schema_of(model: type[Settings]) -> dict:
 def _words(part: dict, model: type[Settings]) -> str:
     if "$ref" in part:
         return "section"
-    if "oneOf" in part or "anyOf" in part:
-        return " or ".join(dict.fromkeys(_words(choice, model) for choice in part.get("oneOf", part.get("anyOf", []))))
+    if "anyOf" in part:
+        return " or ".join(dict.fromkeys(_words(choice, model) for choice in part["anyOf"]))
     if "enum" in part:
         return ", ".join(str(value) for value in part["enum"])
     if "const" in part:

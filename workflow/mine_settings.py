@@ -12,6 +12,7 @@ from common.frame import Frame
 from common.setting_types import (
     AsTuple,
     Date,
+    Length,
     Name,
     Point,
     Settings,
@@ -79,14 +80,29 @@ class Excavation(SolidSettings):
 
 
 class ExcavationsFrom(Settings):
-    """Excavations that are made from recorded data."""
+    """Steps and excavations that are made from recorded data: the dated faces of a longwall."""
 
     source: Literal["elk_creek"]
     """Kind of the data."""
     folder: str
     """Folder with the data, relative to the mine file."""
+    start: Date
+    """First date of the period that is divided into steps. What was mined before it belongs to the step `history`."""
+    end: Date
+    """First date after the period. What was mined later is left out."""
+    slices: choose(
+        lambda value: isinstance(value, str) and value.isalpha(),
+        Literal["month", "week"],
+        Annotated[float, Unit("m", ge=1, le=1e6)],
+    ) = "month"
+    """What one step mines. `month`: a calendar month; steps are named like 2010-09. `week`: seven days from `start` on;
+    steps are named by their first day. A length: an advance of about this length, in equal parts of the whole advance;
+    steps are named by the advance at their start. Between two dated faces the advance is taken as even."""
     gob_height: Size = None
     """Height of the caved ground. Default: 18 m."""
+    floor: Length = None
+    """Elevation of the floor of the caved ground, everywhere the same. In cells as large as the caved ground is high, a
+    floor that dips has steps, at which rock supports the roof. Default: the floor is on the seam, which dips."""
     fill: str = None
     """Name of the material that fills the excavations. Default: `gob`."""
 
@@ -241,4 +257,10 @@ class MineSettings(Settings):
     def _host(self) -> Self:
         if "host" not in self.materials:
             raise refusal("missing key", "materials", "host")
+        return self
+
+    @model_validator(mode="after")
+    def _one_plan(self) -> Self:
+        if self.excavations_from and self.steps:
+            raise refusal("follow from excavations_from; leave them out", "steps")
         return self

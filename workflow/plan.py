@@ -37,16 +37,17 @@ class Plan:
         self.plane = None if settings.plane == "none" else settings.plane
         self.dimension = 2 if self.plane else 3
         self.listed_steps = settings.steps
-        has_undated = not all(step.is_dated for step in settings.steps)
-        implicit = [] if has_undated else [Step(name="history")]
-        self.steps = [*implicit, *settings.steps]
-        self._number = {step.name: index for index, step in enumerate(self.steps)}
         self.excavations = list(settings.excavations)
         if made := settings.excavations_from:
             source = importlib.import_module(f"workflow.mines.{made.source}")
-            options = made.model_dump(include={"gob_height", "fill"}, exclude_unset=True)
-            found = source.excavations(self.path(made.folder), **options)
+            options = made.model_dump(exclude={"source", "folder"}, exclude_unset=True)
+            steps, found = source.schedule(self.path(made.folder), **options)
+            self.listed_steps = tuple(Step.of(entry, f"excavations_from: {entry['name']}") for entry in steps)
             self.excavations += [Excavation.of(entry, f"excavations_from: {entry['name']}") for entry in found]
+        has_undated = not all(step.is_dated for step in self.listed_steps)
+        implicit = [] if has_undated else [Step(name="history")]
+        self.steps = [*implicit, *self.listed_steps]
+        self._number = {step.name: index for index, step in enumerate(self.steps)}
 
     def change(self, section: str, **values: Any) -> None:
         """Give keys of a section other values, which are in SI units and not checked."""

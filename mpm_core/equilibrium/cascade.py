@@ -21,7 +21,7 @@ from typing import Protocol
 import numpy as np
 
 from mpm_core.equilibrium.brittle import Brittle, fail, new_failures, weakest
-from mpm_core.equilibrium.convergence import History, NoEquilibrium
+from mpm_core.equilibrium.convergence import MIN_UNBALANCED_SHARE, History, NoEquilibrium, norm
 from mpm_core.equilibrium.increments import Increments
 from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
 from mpm_core.equilibrium.subdomain import Part
@@ -50,6 +50,13 @@ class Ramp:
     def at(self, load: float) -> np.ndarray:
         """External force (node, d) N under a share of the load."""
         return self.start + (self.target - self.start) * load
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether no increment changes the load: that of the first step, whose elastic history bears it already, and of
+        a step that mines, fills and loads nothing."""
+        change = norm(self.target - self.start)
+        return not self.strain.any() and change <= MIN_UNBALANCED_SHARE * self.reference
 
 
 class Refining(Protocol):
@@ -234,7 +241,7 @@ def run_cascade(
     """
     solver, loose = scheme.body.model.scene.solver, loose_tolerance(scheme.body.model)
     share = np.sqrt(step_subdomain.share) if step_subdomain else 1.0  # of what may be unbalanced
-    increments = Increments(scheme.body.model, step)
+    increments = Increments(scheme.body.model, step, ramp.is_constant)
     under_way = history.increment > 0  # a saved history
     while under_way or history.load < 1.0:
         if not under_way:

@@ -11,6 +11,7 @@ from common.errors import InputError
 
 # Seconds between two lines of the log on where a relaxation stands. The terminal shows the latest of them.
 SECONDS_BETWEEN_RESIDUALS = 20.0
+MIN_UNBALANCED_SHARE = 1e-12  # Unbalanced force below this share of all forces since virgin rock is round-off.
 HISTORY_COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 
 

@@ -36,14 +36,14 @@ SIZE_SAFETY = 0.8  # An increment gets this share of the size that would just me
 class Increments:
     """The increments of one stage. history.load is the share of the load at the end of the present one.
 
-    chosen: whether they follow their error.
+    chosen: whether they follow their error. A constant load is one increment: smaller ones would all be that load.
     """
 
-    def __init__(self, model: Model, step: int):
+    def __init__(self, model: Model, step: int, is_constant: bool):
         solver = model.scene.solver
         self.scene, self.step = model.scene, step
-        self.chosen = solver.increments == 0 and model.is_brittle() and not solver.move
-        self.count = solver.increments or INCREMENTS_WITHOUT_DROP
+        self.chosen = solver.increments == 0 and model.is_brittle() and not solver.move and not is_constant
+        self.count = 1 if is_constant else solver.increments or INCREMENTS_WITHOUT_DROP
         self.delay = delays(self.scene, step, self.count)
 
     def begin(self, history: History) -> None:

@@ -203,27 +203,11 @@ def check_strains(scene: Scene) -> None:
             )
 
 
-def virgin_excess(host: MaterialSettings, insitu: InsituStress, elevation: float) -> float:
-    """How far virgin rock of the host stands above its intact strength at an elevation, Pa; 0 or less where it bears
-    its stress, everywhere if it cannot fail."""
-    if not can_fail(host):
+def virgin_excess(rock: MaterialSettings, insitu: InsituStress, elevation: float) -> float:
+    """How far a virgin rock stands above its intact strength at an elevation, Pa; 0 or less where it bears its stress,
+    everywhere if it cannot fail."""
+    if not can_fail(rock):
         return 0.0
-    law = law_of(host)
-    intact, _ = law.strength_rows(host, (0, 1, 2))
+    law = law_of(rock)
+    intact, _ = law.strength_rows(rock, (0, 1, 2))
     return law.overstress_of_tensor(tensor_from_voigt(insitu.at(elevation)), intact)
-
-
-def check_virgin_stress(scene: Scene, ends: dict[str, float]) -> None:
-    """Raise InputError if virgin rock of the host stands above its intact strength anywhere between two elevations, m.
-
-    ends: both, each by what a message says of its place. What a law admits is convex, and stress is linear in depth:
-    the ends decide.
-    """
-    for place, elevation in ends.items():
-        excess = virgin_excess(scene.materials["host"], scene.insitu, elevation)
-        if excess > 0.0:
-            raise InputError(
-                f"insitu_stress: at elevation {elevation:.10g} m{place} virgin stress is {excess / 1e6:.3g} MPa above "
-                "the intact strength of materials.host: it would fail before anything is mined; check stress, depth "
-                "and strength"
-            )

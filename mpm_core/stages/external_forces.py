@@ -4,7 +4,7 @@ import numpy as np
 
 from common.errors import InputError
 from common.voigt import tensor_from_voigt, voigt_from_tensor
-from mpm_core.equilibrium.convergence import norm
+from mpm_core.equilibrium.convergence import MIN_UNBALANCED_SHARE, norm
 from mpm_core.geometry.inside import contains
 from mpm_core.geometry.shapes import build_shape
 from mpm_core.kernels.nodal_operations import collect_to_parents, particle_loads
@@ -14,8 +14,6 @@ from mpm_core.model.particles import part_means, shapes_of
 from mpm_core.scene.scene import FACES, Load, Scene
 from mpm_core.scene.virgin_stress import virgin_body_force, virgin_stress
 from mpm_core.stages.wall_pressure import wall_pressure
-
-MIN_UNBALANCED_SHARE = 1e-12  # Unbalanced force below this share of all forces since virgin rock is round-off.
 
 
 def external_force(model: Model, step: int) -> np.ndarray:

@@ -6,6 +6,7 @@ others read a tiny folder of the same layout whose answers are known.
 
 import ezdxf
 import numpy as np
+import pandas as pd
 import pint
 import pytest
 import yaml
@@ -15,16 +16,24 @@ from matplotlib.path import Path as Outline
 from catalogs.records import elk_creek_reader as record
 from common.errors import InputError
 from mpm_core.geometry.shapes import build_shape
+from verification.extremes.tiny_mine import changed
+from verification.studies import merge
+from workflow.configuration import load
 from workflow.mines import elk_creek as mine
+from workflow.mines.longwall import seconds
 
 CONFIG = ROOT / "config/mines/elk_creek.yaml"
-UNITS = pint.UnitRegistry()
+PERIOD = "2010-09-01", "2011-01-01"
+
+
+def prisms_of(folder, **options):
+    """What is mined up to the end of 2010."""
+    return mine.schedule(folder, *PERIOD, **{"gob_height": 18.0} | options)[1]
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.delenv(record.ENVIRONMENT_VARIABLE, raising=False)
-    write_tiny_mine(tmp_path)
+    monkeypatch.setenv(record.ENVIRONMENT_VARIABLE, str(write_tiny_mine(tmp_path)))
     return tmp_path
 
 
@@ -71,7 +80,7 @@ def test_seam_is_the_plane_through_stations_and_panels(folder):
 
 def test_prisms_tile_the_ground_between_faces_and_carry_the_month_of_their_face(folder):
     """Parallel faces 240 m apart across y: an advance of d metres mines 240 d m2."""
-    prisms = mine.excavations(folder, 18.0)
+    prisms = prisms_of(folder)
     advances = {"history": 500 + 100, "2010-09": 250, "2010-10": 150, "2010-11": 100, "2010-12": 200}
     areas = area_by(prisms, "step")
     assert list(areas) == list(advances)  # history first; nothing after December 2010
@@ -83,19 +92,56 @@ def test_prisms_tile_the_ground_between_faces_and_carry_the_month_of_their_face(
     assert len(set(names)) == len(names)
 
 
-def test_gob_height_and_fill_are_the_callers(folder):
-    flat = mine.Seam((0.0, 0.0), 1800.0, 0.0, 0.0, 0.0)
-    prisms = mine.panel_advances(mine.read_faces(folder), flat, 15.0, fill="rubble")
+def test_gob_height_floor_and_fill_are_the_callers(folder):
+    prisms = prisms_of(folder, gob_height=15.0, floor=1800.0, fill="rubble")
     assert len(prisms) == 2 + 1 + 4
     for prism in prisms:
         assert (prism["base"], prism["top"], prism["fill"]) == ([1800.0] * 4, [1815.0] * 4, "rubble")
 
 
-def test_prepared_overlay_has_units_and_is_plain_yaml(folder):
-    overlay = yaml.safe_load(yaml.safe_dump(mine.prepare(folder)))
-    first = overlay["excavations"][0]
-    assert UNITS(first["top"][3]).to("m").magnitude - UNITS(first["base"][3]).to("m").magnitude == pytest.approx(18)
-    assert UNITS(first["polygon"][0][0]).check("[length]")
+@pytest.mark.parametrize(
+    ("slices", "names"),
+    [
+        ("month", ["2010-09", "2010-10", "2010-11", "2010-12"]),
+        ("week", [f"{date:%Y-%m-%d}" for date in pd.date_range("2010-09-01", "2010-12-29", freq="7D")]),
+        ("100 m", [f"{metres:04d}_m" for metres in range(0, 700, 100)]),
+    ],
+)
+def test_steps_follow_from_the_slices(folder, config, slices, names):
+    """The shipped mine on the tiny folder: dated steps, history before them, nothing after the period."""
+    made = of_shipped(config, **{"excavations_from.slices": slices})
+    assert [step.name for step in made.steps] == ["history", *names]
+    assert made.dated_steps == names
+    assert (made.steps[1].start, made.steps[-1].end) == PERIOD
+    assert {entry.step for entry in made.excavations} == {"history", *names}
+
+
+def test_another_period_needs_no_edit_of_code(folder, config):
+    """2011, when the face of panel 2b moves: all before is history."""
+    made = of_shipped(config, **{"excavations_from.start": "2011-04-01", "excavations_from.end": "2011-05-01"})
+    assert made.dated_steps == ["2011-04"]
+    assert [entry.name for entry in made.excavations if entry.step != "history"] == ["panel_2b_2011-04-01"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"steps": [{"name": "history"}]}, "steps: follow from excavations_from; leave them out"),
+        ({"excavations_from.slices": "weekly"}, "excavations_from.slices: 'weekly' is not one of month, week"),
+        ({"excavations_from.slices": 50}, "excavations_from.slices: 50 has no unit"),
+        ({"excavations_from.start": "2010-13-01"}, "excavations_from.start: '2010-13-01' is not a date"),
+        (
+            {"excavations_from.end": "2013-01-01"},
+            "excavations_from.end: 2013-01-01, but faces are dated from 2010-01-01",
+        ),
+        ({"excavations_from.end": "2010-08-01"}, "excavations_from.end: 2010-08-01 is not after start 2010-09-01"),
+    ],
+)
+def test_mistakes_in_the_period_are_one_line(folder, config, changes, line):
+    with pytest.raises(InputError) as refused:
+        of_shipped(config, **changes)
+    (told,) = refused.value.lines
+    assert line in told
 
 
 def test_centroid_and_area_of_a_triangle_far_from_the_origin():
@@ -105,18 +151,16 @@ def test_centroid_and_area_of_a_triangle_far_from_the_origin():
 
 
 def test_faults_of_the_geometry_are_told_in_one_line(folder):
-    with pytest.raises(InputError, match="gob_height"):
-        mine.excavations(folder, 0.0)
     faces = folder / "face_positions.csv"
     faces.write_text(faces.read_text().replace("tailgate_y", "tailgate_why"))
     with pytest.raises(InputError, match="'tailgate_y' is missing"):
-        mine.excavations(folder, 18.0)
+        prisms_of(folder)
     (folder / "dxfs/placeholder_workings.dxf").write_text("no drawing")
     with pytest.raises(InputError, match="not a readable DXF"):
         mine.fit_seam(folder)
     faces.unlink()
     with pytest.raises(InputError, match=r"face_positions\.csv is missing"):
-        mine.excavations(folder, 18.0)
+        prisms_of(folder)
 
 
 # -- the configuration ------------------------------------------------------------------------------------------------
@@ -131,6 +175,13 @@ def si(text):
     return pint.UnitRegistry()(text).to_base_units().magnitude
 
 
+def of_shipped(config, **changes):
+    """The shipped mine with changes by dotted key, checked; its record left out."""
+    values = {key: value for key, value in config.items() if key != "record"}
+    default = yaml.safe_load((ROOT / "config/default.yaml").read_text())
+    return load(merge(default, changed(values, **changes)), CONFIG)
+
+
 def test_domain_is_whole_multiples_of_the_coarse_cell(config):
     lower, upper = (np.array([si(value) for value in config["domain"][key]]) for key in ("lower", "upper"))
     coarse = si(config["grid"]["coarse_cell"])
@@ -138,12 +189,13 @@ def test_domain_is_whole_multiples_of_the_coarse_cell(config):
     assert upper[2] == si(config["frame"]["surface"])
 
 
-def test_virgin_stress_stays_below_intact_strength_in_the_whole_domain(config):
+@pytest.mark.parametrize(("name", "levels"), [("host", (1760, 1860)), ("strong", (1200, 2400))])
+def test_virgin_stress_stays_below_intact_strength_of_each_rock(config, name, levels):
     """Coulomb: largest compression < N times the least + 2 c sqrt(N), N = (1 + sin phi) / (1 - sin phi)."""
-    host, stress = config["materials"]["host"], config["insitu_stress"]
+    host, stress = config["materials"][name], config["insitu_stress"]
     friction = np.radians(float(host["friction_angle"]["intact"].split()[0]))
     ratio = (1 + np.sin(friction)) / (1 - np.sin(friction))
-    depth = np.linspace(0, si(config["frame"]["surface"]) - si(config["domain"]["lower"][2]), 200)
+    depth = si(config["frame"]["surface"]) - np.linspace(*levels, 200)
     components = ("xx", "yy", "zz")
     compression = np.array([-si(stress["constant"][c]) - si(stress["gradient"][c]) * depth for c in components])
     strength = ratio * compression.min(axis=0) + 2 * si(host["cohesion"]["intact"]) * np.sqrt(ratio)
@@ -153,17 +205,34 @@ def test_virgin_stress_stays_below_intact_strength_in_the_whole_domain(config):
     assert -si(stress["gradient"]["zz"]) == pytest.approx(weight, rel=2e-3)
 
 
+def test_gob_and_layers_are_whole_finest_cells(config):
+    """Cells that the roof or the floor cuts would support the roof."""
+    cell = si(config["grid"]["coarse_cell"]) / 2 ** (config["grid"]["levels"] - 1)
+    made = config["excavations_from"]
+    floor, height = si(made["floor"]), si(made["gob_height"])
+    assert height == cell
+    layers = {body["name"]: [si(body[key][2]) for key in ("lower", "upper")] for body in config["rock_bodies"]}
+    bottom, surface = si(config["domain"]["lower"][2]), si(config["frame"]["surface"])
+    assert layers == {"floor": [bottom, floor - 40], "roof": [floor + height + 40, surface]}
+    assert [(level - bottom) % cell for level in (floor, *layers["floor"], *layers["roof"])] == [0.0] * 5
+    for body in config["rock_bodies"]:
+        assert [body[key][:2] for key in ("lower", "upper")] == [
+            config["domain"][key][:2] for key in ("lower", "upper")
+        ]
+
+
 def test_missing_folder_names_the_key_of_the_excavations(folder, tmp_path, monkeypatch):
+    monkeypatch.delenv(record.ENVIRONMENT_VARIABLE, raising=False)
     with pytest.raises(InputError, match=r"excavations_from\.folder"):
-        mine.excavations(tmp_path / "nowhere")
+        prisms_of(tmp_path / "nowhere")
     monkeypatch.setenv(record.ENVIRONMENT_VARIABLE, str(folder))
-    assert mine.excavations(tmp_path / "nowhere")
+    assert prisms_of(tmp_path / "nowhere")
 
 
 @pytest.mark.elk_creek
 def test_recorded_prisms_match_the_production_drawing(data):
     """Panels 1 and 2 as mined by 2011-01-01, against the outlines drawn from production; areas to 0.5 %."""
-    prisms = mine.excavations(data, 18.0)
+    prisms = prisms_of(data)
     plane = mine.fit_seam(data)
     assert_tiles(prisms)
     assert_follows_seam(prisms, plane, 18.0)
@@ -180,7 +249,7 @@ def test_recorded_prisms_match_the_production_drawing(data):
     second = sum(area for outline, area in drawn("Panel2_production") if outline[:, 0].min() < 10100)
     assert sum(area_by(panel["1"], "step").values()) == pytest.approx(first, rel=0.005)
     assert sum(area_by(panel["2"], "step").values()) == pytest.approx(second, rel=0.005)
-    workings = [Outline(outline) for outline, _ in mine.read_panels(data)]
+    workings = [Outline(outline) for outline, _ in mine.read_outlines(data)]
     for prism in prisms:
         inside = [line.contains_points(prism["polygon"], radius=r).all() for line in workings for r in (8.0, -8.0)]
         assert any(inside)  # within 8 m of a panel outline: the drawing calls them placeholders
@@ -189,13 +258,12 @@ def test_recorded_prisms_match_the_production_drawing(data):
 @pytest.mark.elk_creek
 def test_recorded_months_advance_as_the_faces_say(data):
     """Area over the length of the face (251 m) is the monthly advance: 278, 237, 135, 206 m along the gate roads."""
-    areas = area_by(mine.excavations(data, 18.0), "step")
+    areas = area_by(prisms_of(data), "step")
     advance = {step: area / 251.0 for step, area in areas.items() if step != "history"}
     assert list(advance) == ["2010-09", "2010-10", "2010-11", "2010-12"]
-    faces = mine.read_faces(data)
-    dates = faces["local_date"]
-    faces = faces[(faces["panel"] == "2") & (dates >= "2010-09-01") & (dates <= "2011-01-01")]
-    headgate = faces[["headgate_x", "headgate_y"]].to_numpy()
+    panel = next(panel for panel in mine.read_panels(data) if panel.name == "2")
+    first, last = (seconds(pd.Timestamp(text)) for text in PERIOD)
+    headgate = panel.headgate[(panel.date >= first) & (panel.date <= last)]
     measured = np.linalg.norm(np.diff(headgate, axis=0), axis=1)
     assert np.allclose(list(advance.values()), measured, rtol=0.06)
 
@@ -216,10 +284,28 @@ def test_configured_frame_is_that_of_the_data(data, config):
 def test_excavations_stay_well_inside_the_configured_domain(data, config):
     """More than two face lengths (500 m) to every side and below; the surface is the domain's top."""
     lower, upper = (np.array([si(value) for value in config["domain"][key]]) for key in ("lower", "upper"))
-    prisms = mine.excavations(data, 18.0)
-    corners = np.concatenate([prism["polygon"] for prism in prisms])
+    prisms = of_shipped(config).excavations
+    corners = np.concatenate([prism.polygon for prism in prisms])
     assert (corners.min(axis=0) - lower[:2] > 500).all()
     assert (upper[:2] - corners.max(axis=0) > 500).all()
-    assert min(min(prism["base"]) for prism in prisms) - lower[2] > 500
-    names = {step["name"] for step in config["steps"]}
-    assert {prism["step"] for prism in prisms} == names
+    assert min(min(prism.base) for prism in prisms) - lower[2] > 500
+
+
+@pytest.mark.elk_creek
+def test_configured_floor_is_that_of_the_seam_where_these_months_mine(data, config):
+    """Within half a cell."""
+    prisms = [prism for prism in prisms_of(data) if prism["step"] != "history"]
+    area = [mine.polygon_area(prism["polygon"]) for prism in prisms]
+    mean = np.average([np.mean(prism["base"]) for prism in prisms], weights=area)
+    assert abs(mean - si(config["excavations_from"]["floor"])) < 10.0
+
+
+@pytest.mark.elk_creek
+def test_later_panels_are_planned_from_the_file(data, config):
+    """Panels 3 and 4, north of panel 2, with a domain that reaches them; no event of theirs is read."""
+    upper = {f"{key}.upper.1": "7040 m" for key in ("domain", "rock_bodies.0", "rock_bodies.1")}
+    period = {"excavations_from.start": "2011-07-09", "excavations_from.end": "2012-12-01"}
+    made = of_shipped(config, **upper, **period)
+    assert (len(made.dated_steps), made.dated_steps[0], made.dated_steps[-1]) == (17, "2011-07", "2012-11")
+    panels = {entry.name.split("_")[1]: entry.step == "history" for entry in made.excavations}
+    assert panels == {"1": True, "2": True, "2b": True, "3": False, "3b": False, "4": False, "4b": False}

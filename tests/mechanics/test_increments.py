@@ -76,6 +76,29 @@ def test_rock_that_loses_no_strength_takes_as_many_as_it_took(tmp_path):
     assert step_of(tmp_path, host=plastic, increments=0)[1]["increments"] == 4
 
 
+@pytest.mark.parametrize("increments", [0, 4])
+def test_a_load_that_no_increment_changes_is_one(tmp_path, increments):
+    """The history's, which its elastic state bears already, although its rock fails above its strength; and that of a
+    step that mines nothing."""
+    options = {
+        "excavations": [excavation(0, None, name="hole")],
+        "host": COULOMB,
+        "stress": STRESS,
+        "solver": {"scheme": "multigrid", "tolerance": 1e-5, "cascade_tolerance": 1e-3, "increments": increments},
+        "refinement": {"rings": 1, "max_cells": 10**6, "bodies": []},
+    }
+    scenes = [make_scene("xz", steps=steps, **options) for steps in (1, 2)]
+    grid = make_dataset(scenes[0], grid_around(HOLE, [10] * 2, 4, 8.0, rings=1), HOLE)
+    state, _ = elastic_stage(scenes[0], grid, tmp_path / "failed.npz")
+    found = []
+    for scene in scenes:
+        state, facts = mining_step(scene, grid, state, tmp_path / "failed.npz")
+        found.append(facts)
+    assert [facts["increments"] for facts in found] == [1, 1]
+    assert found[0]["overshoot_share"] > 0.2
+    assert (found[0]["failed_particles"] > 0, found[1]["failed_particles"]) == (True, 0)
+
+
 def test_an_increment_that_was_undone_leaves_nothing_behind(tmp_path, monkeypatch):
     """The same loads applied at once, none of them tried: the same bits."""
     loads, undone = [], []
@@ -108,7 +131,7 @@ def test_an_increment_that_was_undone_leaves_nothing_behind(tmp_path, monkeypatc
 def test_chosen_increments_are_blocks_of_the_load(ratios):
     """Halvings that start at their own multiples: two runs meet again at each multiple of the larger one's size."""
     scene = SimpleNamespace(solver=SimpleNamespace(increments=0, move=False), perturbation=0)
-    increments = Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), 1)
+    increments = Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), 1, False)
     history, ratios = History(1e-3), iter(ratios)
     while history.load < 1.0:
         increments.begin(history)
@@ -127,7 +150,7 @@ def test_chosen_increments_are_blocks_of_the_load(ratios):
 def test_increments_end_however_large_their_error_stays(perturbation, ratio):
     """Where it does not hang on the load, as of a history that is there from the start; a member's went on for ever."""
     scene = SimpleNamespace(solver=SimpleNamespace(increments=0, move=False), perturbation=perturbation)
-    increments = Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), 1)
+    increments = Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), 1, False)
     history = History(1e-3)
     for _ in range(1000):
         increments.begin(history)

@@ -1,32 +1,24 @@
-"""Excavations of the Elk Creek mine from its dated longwall faces: what `excavations_from: {source: elk_creek}` means.
+"""Steps and excavations of the Elk Creek mine from its dated longwall faces: `excavations_from: {source: elk_creek}`.
 
-Each interval between two dated faces of a panel is a slice of caved gob: plan between the two face lines, floor on the
-seam, which dips 3 degrees: some 13 m over the length of a face. Panel 1 and panel 2 before 2010-09 are history; the
-monthly advances 2010-09 to 2010-12 are steps of that name.
-
-    python -m workflow.mines.elk_creek --data FOLDER --output FILE.yaml     writes the list in the configuration's form
+What lies between two faces of a panel (longwall.py) is caved gob. Its floor is level, or on the seam, which dips 3
+degrees, some 13 m over the length of a face. Gate roads and mains are left out.
 """
 
-import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import Literal, cast
 
 import ezdxf
 import numpy as np
 import pandas as pd
-import yaml
 from ezdxf.entities import LWPolyline
 
 from catalogs.records.elk_creek_reader import data_folder, data_path
-from common.command_line import CommandLine
-from common.datasets import atomic_path
 from common.errors import InputError
-from common.stage import run_stage
+from workflow.dates import read_date
+from workflow.mines.longwall import Panel, Slice, advances, slices_of
 
-FIRST_STEP = "2010-09-01"  # local dates of faces; the record's UTC months begin 6 or 7 hours earlier
-END = "2011-01-01"
 GOB_HEIGHT = 18.0  # m, within the 15 to 20 m that a 3 to 4 m seam caves
 FACE_COLUMNS = ["local_date", "headgate_x", "headgate_y", "tailgate_x", "tailgate_y", "panel"]
 
@@ -46,42 +38,53 @@ class Seam:
         return self.elevation_at_origin + self.east * (x - self.origin[0]) + self.north * (y - self.origin[1])
 
 
-def excavations(folder: Path, gob_height: float = GOB_HEIGHT, fill: str = "gob") -> list[dict]:
-    """Gob prisms mined up to the end of 2010, panel by panel, in order of mining.
+def schedule(
+    folder: Path,
+    start: str,
+    end: str,
+    slices: Literal["month", "week"] | float = "month",
+    gob_height: float = GOB_HEIGHT,
+    floor: float | None = None,
+    fill: str = "gob",
+) -> tuple[list[dict], list[dict]]:
+    """Dated steps of a period, and all that is mined up to its end: what was mined before the period is history.
 
-    Each a dict: name, step, shape, polygon [[x, y], ...] m, base and top (an elevation at each corner, m), fill.
-    folder: the recorded data (ELK_CREEK_DATA overrides it); gob_height in m. Raises InputError.
+    folder: the recorded data (ELK_CREEK_DATA overrides it); start, end: first date of the period and first one after
+    it, local dates; slices: length of a step, a number in m; gob_height, floor (an elevation; None: on the seam) in m.
+    A step is a dict: name, start, end. An excavation is a prism: name, step, shape, polygon [[x, y], ...] m,
+    base and top (an elevation at each corner, m), fill; panel by panel, in order of mining. Raises InputError.
     """
     folder = data_folder(folder, "excavations_from.folder")
-    return panel_advances(read_faces(folder), fit_seam(folder), gob_height, fill)
+    panels = read_panels(folder)
+    period = (read_date(f"excavations_from.{key}", text) for key, text in (("start", start), ("end", end)))
+    first, last = (pd.Timestamp(date).tz_localize(None) for date in period)
+    made = slices_of(panels, first, last, slices)
+    steps = [{"name": part.name, "start": _written(part.start), "end": _written(part.end)} for part in made]
+    seam = fit_seam(folder) if floor is None else Seam((0.0, 0.0), floor, 0.0, 0.0, 0.0)
+    return steps, gob(panels, seam, made, gob_height, fill)
 
 
-def panel_advances(faces: pd.DataFrame, seam: Seam, gob_height: float, fill: str = "gob") -> list[dict]:
-    """Prisms between successive faces of each panel that has advanced before END; see `excavations`.
+def _written(date: pd.Timestamp) -> str:
+    """A date as a mine file has it."""
+    return date.isoformat().removesuffix("T00:00:00")
 
-    faces: columns of FACE_COLUMNS, dates as datetimes, coordinates in m.
-    """
-    if not gob_height > 0:
-        raise InputError(f"excavations_from.gob_height: {gob_height:g} m is not a height; give 15 to 20 m")
+
+def gob(panels: Sequence[Panel], seam: Seam, slices: Sequence[Slice], height: float, fill: str) -> list[dict]:
+    """Prisms of gob of this height (m) on the seam, up to the last of the slices; see `schedule`."""
     prisms = []
-    for panel, dated in faces[faces["local_date"] <= pd.Timestamp(END)].groupby("panel", sort=True):
-        dated = dated.sort_values("local_date")
-        headgate = dated[["headgate_x", "headgate_y"]].to_numpy(float)
-        tailgate = dated[["tailgate_x", "tailgate_y"]].to_numpy(float)
-        for index, begin in enumerate(dated["local_date"].iloc[:-1]):
-            polygon = np.array([tailgate[index], tailgate[index + 1], headgate[index + 1], headgate[index]])
-            floor = seam.elevation(*polygon.T)
-            prisms.append(
-                {
-                    "name": f"panel_{panel}_{begin:%Y-%m-%d}",
-                    "step": f"{begin:%Y-%m}" if begin >= pd.Timestamp(FIRST_STEP) else "history",
-                    "shape": "prism",
-                    "polygon": polygon.tolist(),
-                    "base": floor.tolist(),
-                    "top": (floor + gob_height).tolist(),
-                    "fill": fill,
-                }
-            )
+    for mined in advances(panels, slices):
+        floor = seam.elevation(*mined.polygon.T)
+        prisms.append(
+            {
+                "name": mined.name,
+                "step": mined.step,
+                "shape": "prism",
+                "polygon": mined.polygon.tolist(),
+                "base": floor.tolist(),
+                "top": (floor + height).tolist(),
+                "fill": fill,
+            }
+        )
     return prisms
 
 
@@ -101,8 +104,8 @@ def polygon_centroid(polygon: np.ndarray) -> np.ndarray:
     return origin + ((first + second) * cross[:, None]).sum(axis=0) / (3 * cross.sum())
 
 
-def read_faces(folder: Path) -> pd.DataFrame:
-    """face_positions.csv: local_date (datetime), headgate and tailgate corner (m), panel (text). Raises InputError."""
+def read_panels(folder: Path) -> list[Panel]:
+    """Panels by the faces of face_positions.csv, whose dates are local days. Raises InputError."""
     path = data_path(folder, "face_positions.csv")
     faces = pd.read_csv(path, encoding="utf-8-sig", dtype={"panel": str})  # the file begins with a byte order mark
     missing = [name for name in FACE_COLUMNS if name not in faces]
@@ -111,10 +114,15 @@ def read_faces(folder: Path) -> pd.DataFrame:
     faces["local_date"] = pd.to_datetime(faces["local_date"], format="ISO8601")
     if faces[FACE_COLUMNS].isna().any(axis=None):
         raise InputError(f"{path}: a face has no date, corner or panel; complete it")
-    return faces[FACE_COLUMNS]
+    panels = []
+    for name, dated in faces.sort_values("local_date").groupby("panel", sort=True):
+        date = (dated["local_date"] - pd.Timestamp(0)).dt.total_seconds().to_numpy()
+        ends = (dated[[f"{gate}_x", f"{gate}_y"]].to_numpy(float) for gate in ("tailgate", "headgate"))
+        panels.append(Panel(str(name), date, *ends))
+    return panels
 
 
-def read_panels(folder: Path) -> list[tuple[np.ndarray, float]]:
+def read_outlines(folder: Path) -> list[tuple[np.ndarray, float]]:
     """Panel outlines of dxfs/placeholder_workings.dxf: corners (corner, 2) m, and the panel's one elevation, m."""
     path = data_path(folder, "dxfs/placeholder_workings.dxf")
     try:
@@ -122,8 +130,8 @@ def read_panels(folder: Path) -> list[tuple[np.ndarray, float]]:
     except (OSError, ezdxf.DXFError) as error:
         raise InputError(f"{path}: not a readable DXF file ({error}); copy it again") from error
     lines = cast("Iterable[LWPolyline]", outlines)
-    panels = [(np.array(line.get_points("xy"), float), float(line.dxf.elevation)) for line in lines]
-    return [(outline[:-1] if np.allclose(outline[0], outline[-1]) else outline, z) for outline, z in panels]
+    drawn = [(np.array(line.get_points("xy"), float), float(line.dxf.elevation)) for line in lines]
+    return [(outline[:-1] if np.allclose(outline[0], outline[-1]) else outline, z) for outline, z in drawn]
 
 
 def fit_seam(folder: Path) -> Seam:
@@ -138,7 +146,7 @@ def fit_seam(folder: Path) -> Seam:
     if missing:
         raise InputError(f"{path}: column {missing[0]!r} is missing; the file has {', '.join(stations)}")
     underground = stations[stations["underground"].astype(str).str.lower() == "true"]
-    panels = [[*polygon_centroid(outline), elevation] for outline, elevation in read_panels(folder)]
+    panels = [[*polygon_centroid(outline), elevation] for outline, elevation in read_outlines(folder)]
     points = np.vstack([underground[["x", "y", "z"]].to_numpy(float), np.reshape(panels, (-1, 3))])
     if len(points) < 4:
         raise InputError(f"{folder}: {len(points)} elevations of the seam are too few for a plane; complete the data")
@@ -147,36 +155,3 @@ def fit_seam(folder: Path) -> Seam:
     (level, east, north), *_ = np.linalg.lstsq(design, points[:, 2], rcond=None)
     misfit = float(np.std(points[:, 2] - design @ [level, east, north], ddof=3))
     return Seam(tuple(origin.tolist()), float(level), float(east), float(north), misfit)
-
-
-def prepare(folder: Path, gob_height: float = GOB_HEIGHT) -> dict:
-    """The excavations in the configuration's language, every length with its unit."""
-    listed = []
-    for prism in excavations(folder, gob_height):
-        polygon = [[f"{x:.2f} m", f"{y:.2f} m"] for x, y in prism["polygon"]]
-        heights = {key: [f"{z:.2f} m" for z in prism[key]] for key in ("base", "top")}
-        listed.append(prism | {"polygon": polygon} | heights)
-    return {"excavations": listed}
-
-
-def main() -> None:
-    """Command line: write the excavations to a YAML file."""
-    parser = CommandLine(description="Elk Creek: dated longwall faces to excavations")
-    parser.add_argument("--data", type=Path, required=True, help="folder with the recorded data")
-    parser.add_argument("--output", type=Path, required=True, help="YAML file to write")
-    parser.add_argument("--gob-height", type=float, default=GOB_HEIGHT, help="height of the caved gob, m")
-    arguments = parser.parse_args()
-
-    def write() -> None:
-        overlay = prepare(arguments.data, arguments.gob_height)
-        seam = fit_seam(data_folder(arguments.data))
-        dip = np.degrees(np.arctan(np.hypot(seam.east, seam.north)))
-        logging.info("%d prisms; the seam dips %.1f deg, misfit %.1f m", len(overlay["excavations"]), dip, seam.misfit)
-        with atomic_path(arguments.output) as temporary:
-            temporary.write_text(yaml.safe_dump(overlay, sort_keys=False))
-
-    run_stage("elk_creek", None, write)
-
-
-if __name__ == "__main__":
-    main()

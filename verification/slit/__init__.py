@@ -1,0 +1,1 @@
+"""A slit on elastic gob."""
