@@ -244,8 +244,9 @@ def test_an_excavation_has_not_the_name_of_all_of_them(folders):
 def test_an_excavation_that_is_made_needs_a_file_of_its_own(folders, monkeypatch):
     """It stands in no list that a plan could change."""
     made = [TINY["excavations"][-1] | {"name": "lv_1"}]
-    monkeypatch.setattr("workflow.mines.elk_creek.excavations", lambda *_, **options: made)
-    values = {"excavations": TINY["excavations"][:-1], "excavations_from": {"source": "elk_creek", "folder": "."}}
+    monkeypatch.setattr("workflow.mines.elk_creek.schedule", lambda *_, **options: (TINY["steps"], made))
+    source = {"source": "elk_creek", "folder": ".", "start": "2019-08-01", "end": "2019-09-01"}
+    values = {"excavations": TINY["excavations"][:-1], "steps": [], "excavations_from": source}
     with pytest.raises(InputError) as refused:
         folders({"a": {"excavations": {"lv_1": {"step": "2019-08"}}}}, **values)
     line = "plans.a.excavations.lv_1: comes from excavations_from, which a plan cannot change; give plans.a.file"
