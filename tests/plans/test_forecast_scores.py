@@ -312,3 +312,8 @@ def test_a_forecast_without_an_event_is_not_scored(forecast):
     found = scored([forecast.assign_attrs(floor=np.nan)], both_months(25))
     assert found["status"].values.tolist() == [KNOWN, NO_FLOOR]
     assert "2019-09 cannot be scored. Runs of the plan make no event" in sentences(found)[0]
+
+
+def test_a_month_after_the_last_of_rare_events_is_not_covered():
+    """The mean wait, 40 days, is longer than the rest of October; but October is ahead."""
+    assert not is_covered(record_of("2019-08-18", "2019-09-27"), OCTOBER)
