@@ -92,7 +92,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
         ((DEMO, "excavations"), (DEMO, "steps"), FROM_FILES),
     ),
     "Equilibrium and failure": (("solver",), ((RENISON, "solver"),)),
-    "Mining plans": (("plans", "hazard", "forecasts"), ((DEMO, "plans"), (DEMO, "hazard"), FORECASTS)),
+    "Mining plans": (("plans", "hazard"), ((DEMO, "plans"), (DEMO, "hazard"), FORECASTS)),
     "Events": (("seismic",), ((ELK_CREEK, "seismic"),)),
     "The recorded catalogue": (("record", "comparison", "face"), ((DEMO, "record"), FACE)),
     "Calibration": (("calibration",), ((DEMO, "calibration"),)),

@@ -20,8 +20,8 @@ NAMES = {
 OUT_OF_REACH = (
     "Where rock, stress and advance stay the same, the model breaks as much rock for each metre: it does not follow a "
     "rate that drifts along a panel. A record of earlier months, moved with the face, may tell the places of the next "
-    "month better; snakemake baselines compares them. Directions of slip, b and elevations are out of reach, too: near a "
-    "face they do not tell a good model from a bad one. What no record gives is a panel's start, a changed geometry, "
+    "month better; snakemake baselines compares them. Directions of slip, b and elevations are out of reach, too: near "
+    "a face they do not tell a good model from a bad one. What no record gives is a panel's start, a changed geometry, "
     "closure and stress."
 )
 

@@ -28,7 +28,7 @@ from common.event_table import ON_PLANES, read_events, write_events
 SMALL = {"coarse": 16.0}  # 4 m in the finest of three levels: about 4,000 cells
 SECTIONS = (
     "first", "warnings", "record", "scene", "view", "rock", "steps", "events", "sizes", "axes", "balls", "convergence",
-    "spread", "truncated", "budget", "resources", "config",
+    "spread", "forecasts", "truncated", "budget", "resources", "config",
 )  # fmt: skip
 
 

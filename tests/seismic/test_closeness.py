@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from catalogs.report.closeness_text import closeness_rows, intervals_contain, unlike
+from catalogs.report.section_numbers import section_number
 from catalogs.sizes import estimate_b, log_potency
 from seismic.catalog import merge
 from seismic.closeness import CLOSENESS_TRIED, sizes_by_closeness
@@ -62,7 +63,7 @@ def test_rows_and_sentence_say_what_the_sizes_are(make_scattered_step, make_sett
         assert rows[index]["largest"].replace("−", "-") == f"{own.max():.2f}"
     (sentence,) = intervals_contain(SimpleNamespace(comparison=None), rows)
     b = [row["b"] for row in rows]
-    assert f"b is {min(b):.2f} to {max(b):.2f} (section 7)" in sentence
+    assert f"b is {min(b):.2f} to {max(b):.2f} (section {section_number('sizes')})" in sentence
     assert "events at closeness 0.8 only, not the choice of closeness, links, increments or cell size" in sentence
     assert "at a closeness of 0.6 to 0.95 and with links over faces to corners, b is" in sentence
     assert intervals_contain(SimpleNamespace(comparison=None), []) == []

@@ -168,7 +168,7 @@ def test_a_trial_of_other_values_is_run_again_without_a_note_of_snakemake(files,
     workflow = SimpleNamespace(is_main_process=True, execution_settings=None, dryrun=False, dag=dag)
     path = "results/tiny/{trial}.nc"
     made = StageInputs(files, workflow).named_inputs(
-        "calibration trial", path, lambda cards: {"of": cards.trial}, grid="g"
+        "calibration trial", path, lambda cards: {"of": cards.trial}, unread=("grid",), grid="g"
     )
     own = cards(trial="2")
     assert made.callable(own) == {"grid": "g"}
