@@ -28,6 +28,7 @@ def verdict(evidence: Evidence) -> list[str]:
     return [
         *_potency(evidence),
         *_places(evidence),
+        *_against_face(evidence),
         *_directions(evidence),
         *_largest(evidence),
         _cannot(evidence),
@@ -121,6 +122,26 @@ def differs(evidence: Evidence, name: str) -> bool:
     """Whether a ratio of the model to the record differs from 1 by more than chance."""
     low, high = evidence.comparison[f"{name}_interval"].values
     return bool(np.isfinite(low) and not low <= 1 <= high)
+
+
+def _against_face(evidence: Evidence) -> list[str]:
+    """How far the middle of modelled and of recorded events is from a moving face, if the mine has one."""
+    comparison = evidence.comparison
+    if "face_measure" not in comparison or not comparison["face_events"].values.all():
+        return []
+    pick = {"weight": "number", "measure": "median ahead"}
+    model, record = comparison["face_measure"].sel(pick).values
+    low, high = comparison["face_measure_interval"].sel(pick).values[1]
+    text = f"The middle of its events is {_from_face(model)}, that of recorded events {_from_face(record)}"
+    if not np.isfinite([low, high]).all():
+        return [f"{text}."]
+    same = "which is no difference" if low <= model <= high else "which is another place"
+    return [f"{text} (95 %: {_from_face(low)} to {_from_face(high)}), {same}."]
+
+
+def _from_face(ahead: float) -> str:
+    """A distance from the face, m, in words."""
+    return f"{number(abs(ahead), 2)} m {'behind' if ahead < 0 else 'ahead of'} the face"
 
 
 def _places(evidence: Evidence) -> list[str]:
