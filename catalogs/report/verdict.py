@@ -135,7 +135,7 @@ def _against_face(evidence: Evidence) -> list[str]:
     text = f"The middle of its events is {_from_face(model)}, that of recorded events {_from_face(record)}"
     if not np.isfinite([low, high]).all():
         return [f"{text}."]
-    same = "which is no difference" if low <= model <= high else "which is another place"
+    same = "no difference that the record shows" if low <= model <= high else "a difference that the record shows"
     return [f"{text} (95 %: {_from_face(low)} to {_from_face(high)}), {same}."]
 
 

@@ -236,11 +236,11 @@ def test_the_first_page_says_how_far_events_are_from_the_face():
     side = ["behind" if ahead < 0 else "ahead of" for ahead in measure]
     assert f"{number(abs(measure[0]), 2)} m {side[0]} the face, that of recorded events " in sentence
     assert f"{number(abs(measure[1]), 2)} m {side[1]} the face (95 %: " in sentence
-    assert sentence.endswith("which is no difference.")
+    assert sentence.endswith("no difference that the record shows.")
     moved = evidence.comparison.copy(deep=True)
     moved["face_measure"].loc[{"catalogue": "model"}] += 500.0
     (sentence,) = verdict._against_face(SimpleNamespace(comparison=moved))
     assert "m ahead of the face, that of" in sentence
-    assert sentence.endswith("which is another place.")
+    assert sentence.endswith("a difference that the record shows.")
     assert verdict._against_face(evidence_of_face(face=False)) == []
     assert verdict._against_face(evidence_of_face(until="2019-09-30")) == []
