@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -32,9 +33,9 @@ COMPARED = (".nc", ".json")
 
 
 @pytest.fixture
-def cluster(tmp_path):
-    """The cluster, which ends with the test."""
-    with Cluster(tmp_path / "slurm") as two_nodes:
+def cluster():
+    """The cluster, which ends with the test. Paths of its sockets may have 108 letters: those of pytest are too long."""
+    with tempfile.TemporaryDirectory(prefix="slurm") as folder, Cluster(Path(folder)) as two_nodes:
         yield two_nodes
 
 
