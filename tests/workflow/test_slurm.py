@@ -34,7 +34,7 @@ COMPARED = (".nc", ".json")
 
 @pytest.fixture
 def cluster():
-    """The cluster, which ends with the test. Paths of its sockets may have 108 letters: those of pytest are too long."""
+    """The cluster, which ends with the test. A socket's path may have 108 letters: folders of pytest are longer."""
     with tempfile.TemporaryDirectory(prefix="slurm") as folder, Cluster(Path(folder)) as two_nodes:
         yield two_nodes
 
