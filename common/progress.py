@@ -5,15 +5,16 @@ import logging
 import sys
 import threading
 import time
+from types import ModuleType
 
 from tqdm import tqdm
 
 from common.costs import COMPILING
+from common.importing import when_imported
 from common.provenance import KERNEL_PACKAGES
 
 SECONDS_TO_FIRST_LINE = 1.0  # A stage that ends sooner says only that it has ended.
 SECONDS_BETWEEN_LINES = 30.0  # Seconds between two lines on the progress of a stage.
-COMPILER = "numba.core.dispatcher"  # the module that says what it compiles
 
 
 class Progress(logging.Handler):
@@ -52,29 +53,16 @@ class Progress(logging.Handler):
         sys.stderr.flush()
 
 
-class _WithNumba:
-    """Import hook that finds no module, but notes when the compiler is imported."""
-
-    @staticmethod
-    def find_spec(name: str, path=None, target=None) -> None:
-        """Called before each import."""
-        if name == COMPILER:
-            _listen()
-
-
 def log_compilation() -> None:
     """Let the log name each kernel that is compiled, and count the time: a first run spends minutes on it.
 
     It begins when the stage imports numba. Most stages do not import it, and need not wait for it.
     """
-    if COMPILER in sys.modules:
-        _listen()
-    elif _WithNumba not in sys.meta_path:
-        sys.meta_path.insert(0, _WithNumba)
+    when_imported("numba.core.dispatcher", _listen)
 
 
 @functools.cache  # once
-def _listen() -> None:
+def _listen(compiler: ModuleType) -> None:
     from numba.core import event
 
     class Named(event.Listener):
