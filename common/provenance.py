@@ -19,6 +19,7 @@ from pathlib import Path
 
 import netCDF4
 
+from common.compiling import compile_less
 from common.kernel_files import name_kernel_files
 from common.sources import ROOT, source_hash
 
@@ -157,6 +158,7 @@ def use_numba_cache() -> None:
     nothing can be written there, in the user's cache.
     """
     name_kernel_files()
+    compile_less()
     if "NUMBA_CACHE_DIR" in os.environ:
         return
     digest = hashlib.sha256()

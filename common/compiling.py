@@ -1,0 +1,83 @@
+"""Kernels compile in less time: what numba does more than once, or for uses that this project has none of, is left out.
+
+The compiled kernels calculate the same. Numba makes a parallel loop into four libraries, each linked into the next: the
+loop's body, two wrappers, and the kernel. Each one is optimised as a whole and made into machine code, although only
+that of the kernel is run.
+"""
+
+import functools
+import gc
+from types import ModuleType
+
+from common.importing import when_imported
+
+# Beginnings of the names of the libraries that are linked into a kernel with parallel loops.
+PARTS_OF_LOOPS = ("__numba_parfor_gufunc", "<numba.np.ufunc.wrappers._GufuncWrapper", "parallelgufuncwrapper")
+
+
+def compile_less() -> None:
+    """Change numba, as it is imported. Nothing else has to be called."""
+    when_imported("numba.core.compiler", _without_callbacks)
+    when_imported("numba.core.codegen", _without_code_of_parts)
+    when_imported("numba.parfors.parfor_lowering", _without_called_bodies)
+    when_imported("numba.core.dispatcher", _without_collections)
+
+
+@functools.cache  # once
+def _without_callbacks(compiler: ModuleType) -> None:
+    """No kernel is handed to C as a callback unless it is declared as one (numba.cfunc), so none is wrapped for it."""
+    compiler.Flags.options["no_cfunc_wrapper"]._default = True
+
+
+@functools.cache
+def _without_code_of_parts(codegen: ModuleType) -> None:
+    """Parts of loops are linked as they are: their kernel is optimised, and only that is made into machine code."""
+    library = codegen.CPUCodeLibrary
+    optimize, make_usable = library._optimize_final_module, library._finalize_final_module
+
+    def optimize_unless_part(self) -> None:
+        if not self.name.startswith(PARTS_OF_LOOPS):
+            optimize(self)
+
+    def make_usable_or_linkable(self) -> None:
+        if self.name.startswith(PARTS_OF_LOOPS):
+            self._finalize_dynamic_globals()
+            self._finalized = True
+        else:
+            make_usable(self)
+
+    library._optimize_final_module, library._finalize_final_module = optimize_unless_part, make_usable_or_linkable
+
+
+@functools.cache
+def _without_called_bodies(lowering: ModuleType) -> None:
+    """Nothing but its kernel calls the body of a loop: it needs no address, and no wrapper for Python."""
+    create = lowering._create_gufunc_for_parfor_body
+
+    def create_uncalled(lowerer, parfor, typemap, typingctx, targetctx, flags, *arguments, **options):
+        flags.no_compile = flags.no_cpython_wrapper = True
+        return create(lowerer, parfor, typemap, typingctx, targetctx, flags, *arguments, **options)
+
+    lowering._create_gufunc_for_parfor_body = create_uncalled
+
+
+@functools.cache
+def _without_collections(dispatcher: ModuleType) -> None:
+    """The garbage collector waits for each kernel's end: it would search the compiler's growing data over and over."""
+    from numba.core import event
+
+    class Kernels(event.Listener):
+        depth, collecting = 0, True
+
+        def on_start(self, event) -> None:  # under the compiler's lock: one thread at a time
+            if self.depth == 0:
+                self.collecting = gc.isenabled()
+                gc.disable()
+            self.depth += 1
+
+        def on_end(self, event) -> None:
+            self.depth -= 1
+            if self.depth == 0 and self.collecting:
+                gc.enable()
+
+    event.register("numba:compile", Kernels())

@@ -1,0 +1,118 @@
+"""Numba compiles less for the same kernel."""
+
+import gc
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+
+import mpm_core  # noqa: F401  changes numba
+
+ROOT = Path(__file__).parents[2]
+KERNEL = """
+import hashlib, json, sys
+import numba, numpy as np
+from numba.core import codegen
+
+made = []
+find = codegen.JITCodeLibrary._finalize_specific
+
+def note(library):
+    made.append(library.name)
+    find(library)
+
+codegen.JITCodeLibrary._finalize_specific = note
+
+@numba.njit
+def root(value):
+    return np.sqrt(value)
+
+@numba.njit(parallel=True, error_model="numpy")
+def kernel(values, sums):
+    total = 0.0
+    for i in numba.prange(len(sums)):
+        work = np.zeros(3)
+        for j in range(values.shape[1]):
+            work[j % 3] += root(values[i, j])
+        sums[i] = work.sum() / work[0]
+        total += 1.0
+    rest = np.empty_like(sums)
+    for i in numba.prange(len(sums)):
+        rest[i] = sums[i] - values[i, 0]
+    return total, rest
+
+values = np.random.default_rng(1).random((1000, 7))
+sums = np.empty(1000)
+total, rest = kernel(values, sums)
+print(json.dumps([hashlib.sha256(sums.tobytes() + rest.tobytes()).hexdigest(), total, made]))
+"""
+
+
+def compiled(before: str) -> tuple[str, float, list[str]]:
+    """Digest of what the kernel calculates, its sum, and the libraries that were made into machine code."""
+    run = subprocess.run([sys.executable, "-c", before + KERNEL], cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    return tuple(json.loads(run.stdout))
+
+
+def test_a_kernel_is_made_into_machine_code_once_and_calculates_the_same():
+    """Both loops, a function that one of them calls and a sum over threads; numba itself makes three parts of a loop
+    beside the kernel."""
+    digest, total, plain = compiled("")
+    ours = compiled("import mpm_core")
+    assert ours[:2] == (digest, total)
+    assert total == 1000.0
+    parts = [name for name in plain if name not in ours[2]]
+    assert len(plain) - len(ours[2]) == len(parts) == 6
+    assert "kernel" in ours[2]
+    assert "root" in ours[2]
+
+
+def test_the_collector_waits_for_the_end_of_a_kernel():
+    """And of one that does not compile; it stays off where it was off."""
+    seen = []
+
+    def look(value):
+        pass
+
+    @numba.extending.overload(look)
+    def looked(value):
+        seen.append(gc.isenabled())
+        return lambda value: None
+
+    @numba.njit
+    def good(value):
+        look(value)
+
+    @numba.njit
+    def bad(value):
+        look(value)
+        return value.nothing
+
+    assert gc.isenabled()
+    good(1.0)
+    assert gc.isenabled()
+    with pytest.raises(numba.TypingError):
+        bad(1)
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        good(1j)
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
+    assert seen
+    assert not any(seen)
+
+
+def test_a_declared_callback_is_still_one():
+    """Other packages may pass compiled functions to C."""
+
+    @numba.cfunc("float64(float64)")
+    def double(value):
+        return 2.0 * value
+
+    assert double.ctypes(21.0) == 42.0
