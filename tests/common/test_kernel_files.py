@@ -1,6 +1,9 @@
 """Kernels that processes compile at the same time keep files of their own."""
 
 import itertools
+import multiprocessing
+import os
+import signal
 import subprocess
 import sys
 import threading
@@ -65,6 +68,21 @@ def test_kernels_of_two_processes_at_once_are_never_exchanged(files, order):
     found = [read.load(key) for key in keys]
     assert all(data in (key, None) for key, data in zip(keys, found, strict=True))
     assert any(found)
+
+
+@pytest.mark.parametrize("access", ["_save_data", "_save_index"])
+def test_a_process_that_is_killed_while_it_saves_leaves_a_sound_cache(files, access):
+    """Before either file: the kernel is missing, those that were there stay, and it can be saved anew."""
+    killed, other = files
+    other.save("float64", "other")
+    setattr(killed, access, lambda *arguments: os.kill(os.getpid(), signal.SIGKILL))
+    process = multiprocessing.get_context("fork").Process(target=killed.save, args=("int32", "lost"))
+    process.start()
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
+    assert (other.load("int32"), other.load("float64")) == (None, "other")
+    other.save("int32", "found")
+    assert (other.load("int32"), other.load("float64")) == ("found", "other")
 
 
 def test_a_kernel_is_found_again_and_replaced(files):
