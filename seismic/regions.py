@@ -144,8 +144,11 @@ def grow(
     while len(first):
         linked = _with_links(linked, first, second, hub)
         _choose(tensor, total, scalar, size, least, following, lot, first, second, shared, threshold, best, score)
+        choice = best[linked]
+        alone = linked[(choice != linked) & (best[choice] != linked)]
+        alone = alone[np.argsort(-score[alone], kind="stable")]  # not in the kernel: a sort takes long to compile
         if not _join(
-            linked, best, score, threshold, small, tensor, total, scalar, size, least, region, following, last, hub
+            linked, alone, best, threshold, small, tensor, total, scalar, size, least, region, following, last, hub
         ):
             break
         first, second, shared = _gather(linked, region, first, second, shared, hub, place)
@@ -268,29 +271,25 @@ def _opposed(particle, a, b, tensor, total, following):
 
 
 @njit(cache=True)
-def _join(linked, best, score, threshold, small, tensor, total, scalar, size, least, region, following, last, hub):
+def _join(linked, alone, best, threshold, small, tensor, total, scalar, size, least, region, following, last, hub):
     """Join regions that chose each other, and small ones to their choice, in place. Returns how many vanish.
 
-    linked (k,): the regions that have links, ascending; best, score: as _choose left them.
+    linked (k,): the regions that have links, ascending; alone: those of them whose choice chose another, best score
+    first; best: as _choose left it.
     The particles of a region are a chain: it begins at the region's number, `following` (particle,) leads on, -1 at its
     end, and last (region,) is that end. hub (region,), work array: the region that a grown region, or a part of one,
     now belongs to.
     """
     for a in linked:
         hub[a] = -1
-    others = np.empty(len(linked), np.int64)
-    waiting = gone = 0
+    gone = 0
     for a in linked:
         b = best[a]
         if a < b and best[b] == a:
             _add(a, b, tensor, total, scalar, size, least, following, last)
             hub[a] = hub[b] = a
             gone += 1
-        elif b != a and best[b] != a:
-            others[waiting] = a
-            waiting += 1
-    others = others[:waiting]
-    for other in others[np.argsort(-score[others], kind="mergesort")]:
+    for other in alone:
         own = hub[best[other]]
         if own < 0 or size[other] > small * size[own]:
             continue
