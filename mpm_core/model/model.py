@@ -80,7 +80,7 @@ class Model:
         whole = np.full(len(distorted.cell), ALL_SAMPLES)
         slopes = part_means(whole, distorted.cell, distorted, self.dimension)[1]
         linear = np.einsum("kmj,knj->kmn", position, slopes) * 2.0 / corners
-        return (bits == higher[:, None]) - linear
+        return np.ascontiguousarray((bits == higher[:, None]) - linear)  # else kernels are compiled for each layout
 
     @cached_property
     def node_position(self) -> np.ndarray:
