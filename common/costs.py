@@ -1,11 +1,12 @@
 """Time and memory of a stage: written into the closing line of its log, and read from there.
 
-Processor time is that of all threads of the process. Wall time varies by a factor of several on a busy machine, and
-samples from outside (Snakemake's benchmark files) miss the end of a process.
+Processor time is that of all threads of the process, and of the processes that it started. Wall time varies by a factor
+of several on a busy machine, and samples from outside (Snakemake's benchmark files) miss the end of a process.
 """
 
 import os
 import re
+import resource
 import threading
 import time
 from collections.abc import Iterable
@@ -20,8 +21,8 @@ CLOSING = re.compile(
 
 @dataclass(frozen=True)
 class Costs:
-    """Costs of a stage. seconds: wall time; processor: user and system time of all threads, s; compiling: the part of
-    it that compiled kernels, s, which the next run reuses; memory: largest resident memory, MiB."""
+    """Costs of a stage. seconds: wall time; processor: user and system time, s; compiling: the part of it that compiled
+    kernels, s, which the next run reuses; memory: largest resident memory of one process, MiB."""
 
     seconds: float
     processor: float
@@ -50,6 +51,12 @@ def cost_of(log: str | os.PathLike) -> Costs | None:
         return None
     found = CLOSING.search(lines[-1]) if lines else None
     return Costs(**{key: float(value or 0.0) for key, value in found.groupdict().items()}) if found else None
+
+
+def processor_time() -> float:
+    """User and system time so far, s: of all threads of this process, and of those that it started and that ended."""
+    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + ended.ru_utime + ended.ru_stime
 
 
 class Compiling:
@@ -83,12 +90,12 @@ class Clock:
 
     def start(self) -> None:
         """The stage begins."""
-        self._since = time.perf_counter(), time.process_time(), COMPILING.seconds
+        self._since = time.perf_counter(), processor_time(), COMPILING.seconds
         self._earlier = 0.0, 0.0, 0.0
 
     def taken(self) -> tuple[float, float, float]:
         """Wall time, processor time and its compiling part, s, including earlier processes."""
-        now = time.perf_counter(), time.process_time(), COMPILING.seconds
+        now = time.perf_counter(), processor_time(), COMPILING.seconds
         wall, processor, compiling = (
             earlier + until - since for earlier, until, since in zip(self._earlier, now, self._since, strict=True)
         )

@@ -27,6 +27,7 @@ def body():
 
 run_stage("step busy", sys.argv[1], body)
 """
+SPIN = "import time\nwhile time.process_time() < 0.4: pass"
 COMPILES = """
     import numba
     @numba.njit
@@ -54,6 +55,14 @@ def test_a_stage_says_in_its_log_what_it_took(tmp_path):
     assert costs.running == costs.processor
     assert 20 < costs.memory < 2000
     assert f"({costs.processor:.1f} s of processor time), {costs.memory:.0f} MiB" in told.stderr
+
+
+def test_processes_that_a_stage_started_count(tmp_path):
+    """Once they have ended; kernels are compiled in such."""
+    log = tmp_path / "busy.log"
+    told = run("import subprocess; subprocess.run([sys.executable, '-c', CHILD])", log, f"CHILD = {SPIN!r}\n")
+    assert told.returncode == 0, told.stderr
+    assert cost_of(log).processor >= 0.6 + 0.4
 
 
 @pytest.mark.parametrize("before", ["", "import numba"])
