@@ -149,25 +149,30 @@ def _writable(folders: list[Path]) -> Path:
     sys.exit(f"no folder for compiled kernels: neither {tried} can be written to; set NUMBA_CACHE_DIR to one that can")
 
 
-def use_numba_cache() -> None:
-    """Point numba at a cache folder named by the hash of all sources with kernels; call before kernels are defined.
-
-    numba's own index compares the time stamp of the file that holds a kernel, and so misses an edit of a function
-    which that kernel calls in another file. A new hash means a new folder; all but the latest few are removed.
-    Only files that mention numba count: constants of kernels belong there too. The folder is in the checkout or, where
-    nothing can be written there, in the user's cache.
-    """
-    name_kernel_files()
-    compile_less()
-    if "NUMBA_CACHE_DIR" in os.environ:
-        return
+@functools.cache
+def kernel_hash() -> str:
+    """Hash of all sources with kernels. Only files that mention numba count: constants of kernels belong there too."""
     digest = hashlib.sha256()
     for package in KERNEL_PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
             source = path.read_bytes()
             if b"numba" in source:
                 digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + source)
-    folder = _writable([base / digest.hexdigest()[:16] for base in (ROOT / ".numba_cache", _user_cache())])
+    return digest.hexdigest()[:16]
+
+
+def use_numba_cache() -> None:
+    """Point numba at a cache folder named by the hash of all sources with kernels; call before kernels are defined.
+
+    numba's own index compares the time stamp of the file that holds a kernel, and so misses an edit of a function
+    which that kernel calls in another file. A new hash means a new folder; all but the latest few are removed. The
+    folder is in the checkout or, where nothing can be written there, in the user's cache.
+    """
+    name_kernel_files()
+    compile_less()
+    if "NUMBA_CACHE_DIR" in os.environ:
+        return
+    folder = _writable([base / kernel_hash() for base in (ROOT / ".numba_cache", _user_cache())])
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:  # it has read its environment already
         sys.modules["numba"].config.CACHE_DIR = str(folder)

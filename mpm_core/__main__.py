@@ -15,10 +15,12 @@ from common.stage import run_stage
 def grid(arguments: argparse.Namespace) -> None:
     """cells and nodes from the solids"""
     from mpm_core.kernels.threads import use_threads
+    from mpm_core.stages.first_kernels import compile_for_grid
     from mpm_core.stages.grid_stage import make_grid
 
-    use_threads(arguments.threads)
     scene = read_slice(arguments.scene)
+    compile_for_grid(scene.get("plane"), arguments.threads)
+    use_threads(arguments.threads)
     write_dataset(make_grid(scene, provenance(scene, "mpm_core grid")), arguments.output)
 
 
@@ -38,12 +40,14 @@ def _solve(arguments: argparse.Namespace) -> None:
     from mpm_core.scene.scene import parse_scene
     from mpm_core.stages.checkpoint import Checkpoint, key_of
     from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+    from mpm_core.stages.first_kernels import compile_for_scene
 
-    use_threads(arguments.threads)
     values = read_slice(arguments.scene)
     inputs = [arguments.grid] if arguments.stage == "elastic" else [arguments.grid, arguments.state]
     made_from = provenance(values, f"mpm_core {arguments.stage}", inputs)
     scene = parse_scene(values)
+    compile_for_scene(arguments.stage, scene, arguments.threads)
+    use_threads(arguments.threads)
     failed_state = Path(arguments.output).with_suffix(".failed.npz")
     with ExitStack() as files:  # gigabytes in a large mine, read once each
         grid = files.enter_context(open_dataset(arguments.grid))

@@ -14,7 +14,7 @@ from mpm_core.stages.stage_memory import stage_bytes
 from workflow.mine import Mine
 
 MB = 1e6
-COMPILING = 0.3e9  # bytes more while kernels are compiled, for the first run of a version
+COMPILING = 0.6e9  # bytes more while kernels are compiled in several processes, for the first run of a version
 LIBRARIES = 0.5e9  # bytes of a stage that reads results: ObsPy or matplotlib and what it imports; 0.35e9 measured
 GRID = 500.0  # bytes per cell: grid.nc holds 150, read once, and arrays that follow from it
 READS = {  # bytes per particle: what a stage reads of a state (240, 80, 480), twice: as stored and as it works on it

@@ -15,6 +15,7 @@ import yaml
 from verification.extremes.tiny_mine import (  # noqa: F401  what tests import from here
     DIRECTED,
     FILL,
+    FLAT,
     HOST,
     NEXT_STEP,
     PUSH,
@@ -47,18 +48,6 @@ STAGES = {
     "all",
 }
 DATASETS = (".nc", ".csv", ".xml")
-
-# The same rock as a section of 1 m: a circular drive in history, a stope in a month; no record.
-FLAT = copy.deepcopy(TINY) | {
-    "name": "flat",
-    "plane": "xz",
-    "domain": {"lower": ["0 m", "0 m"], "upper": ["80 m", "80 m"]},
-    "excavations": [
-        {"name": "drive", "step": "history", "shape": "circle", "center": ["40 m", "40 m"], "radius": "6 m"},
-        box("stope_1", "2019-08", [46, 30], [58, 50], fill="fill"),
-    ],
-}
-del FLAT["record"]
 
 # Nothing but history: the pipeline stops at the elastic state.
 STILL = {key: copy.deepcopy(TINY[key]) for key in TINY if key not in ("steps", "record", "seismic", "comparison")}
