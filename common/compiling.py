@@ -58,7 +58,7 @@ def _without_called_bodies(lowering: ModuleType) -> None:
         flags.no_compile = flags.no_cpython_wrapper = True
         return create(lowerer, parfor, typemap, typingctx, targetctx, flags, *arguments, **options)
 
-    lowering._create_gufunc_for_parfor_body = create_uncalled
+    lowering._create_gufunc_for_parfor_body = create_uncalled  # type: ignore[attr-defined]
 
 
 @functools.cache

@@ -54,11 +54,11 @@ def noted_calls(calls: dict) -> Iterator[None]:
             if depth == 0:
                 calls.setdefault((self, types), time.thread_time() - began)
 
-    Dispatcher.compile = compile_and_note
+    Dispatcher.compile = compile_and_note  # type: ignore[method-assign]
     try:
         yield
     finally:
-        Dispatcher.compile = compile_one
+        Dispatcher.compile = compile_one  # type: ignore[method-assign]
 
 
 def name_in(module: ModuleType, kernel, law: ModuleType, dimension: int) -> str:
@@ -96,7 +96,8 @@ def lines_of(name: str, folder: str = "") -> dict[str, float]:
     from mpm_core.stages.first_kernels import ListedKernel
     from verification.computed_stages import computed_stages
 
-    mine, lines, calls, listed = listed_mine(name), {}, {}, set()
+    mine, lines = listed_mine(name), dict[str, float]()
+    calls, listed = dict[tuple, float](), set[tuple]()
     with tempfile.TemporaryDirectory() as other, noted_calls(calls):
         for made, _, _ in computed_stages(mine, Path(other) / "failed.npz"):
             for kernel, types in calls.keys() - listed:
