@@ -22,6 +22,10 @@ ORDER_2D = np.array([0, 4, 2, 6, 1, 5, 3, 7])
 ORDER_3D = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 """Ordered dither (Bayer 1973): how far outward a point is moved, by its place along the other axes from the middle."""
 
+MAX_PARTS_KNOWN = 200_000  # Parts of cells whose integrals are remembered: 0.1 GB.
+# A mine asks for the integrals of the same parts again with each split and each part of the mine.
+_KNOWN: dict[bytes, np.ndarray] = {}
+
 
 @dataclass(frozen=True)
 class DistortedCells:
@@ -187,12 +191,29 @@ def fullest_samples(filled: np.ndarray, volume: np.ndarray, dimension: int) -> n
 
 def part_integrals(corners: np.ndarray, samples: np.ndarray) -> PartIntegrals:
     """Integrals over sets of samples (k,) uint64, none of them empty, of cells with corners (k, 2^d, d)."""
-    count, corner_count, dimension = len(corners), corners.shape[1], corners.shape[2]
+    corner_count, dimension = corners.shape[1:]
+    keys = [corner.tobytes() + sample.tobytes() for corner, sample in zip(corners, samples, strict=True)]
+    new = {key: row for row, key in enumerate(keys) if key not in _KNOWN}  # each of them once
+    if len(_KNOWN) + len(new) > MAX_PARTS_KNOWN:
+        _KNOWN.clear()
+        new = {key: row for row, key in enumerate(keys)}
+    if new:
+        rows = list(new.values())
+        _KNOWN.update(zip(new, _integrals(corners[rows], samples[rows]), strict=True))
+    ends = np.cumsum([1, dimension, corner_count, corner_count * dimension])
+    sums = np.array([_KNOWN[key] for key in keys]).reshape(len(keys), ends[-1])
+    volume, place, modes, gradients = np.split(sums, ends[:-1], axis=1)
+    gradients = gradients.reshape(-1, corner_count, dimension)
+    return PartIntegrals(volume[:, 0], 2.0 * place / volume - 1.0, modes / volume, 0.5 * gradients / volume[:, :, None])
+
+
+def _integrals(corners: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Sums over sets of samples (k,), as `_integrate` writes them, side by side: (k, 1 + d + 2^d + 2^d d)."""
+    count, corner_count, dimension = corners.shape
     volume, place = np.zeros(count), np.zeros((count, dimension))
     modes, gradients = np.zeros((count, corner_count)), np.zeros((count, corner_count, dimension))
     _integrate(corners, samples, *_tables(dimension), volume, place, modes, gradients)
-    place = 2.0 * place / volume[:, None] - 1.0
-    return PartIntegrals(volume, place, modes / volume[:, None], 0.5 * gradients / volume[:, None, None])
+    return np.concatenate([volume[:, None], place, modes, gradients.reshape(count, -1)], axis=1)
 
 
 def sample_volumes(corners: np.ndarray) -> np.ndarray:
