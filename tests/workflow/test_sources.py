@@ -15,8 +15,8 @@ from common.sources import source_files, source_hash
 SHARED = "common"
 APART = ("mpm_core", "seismic", "catalogs")  # they meet through files
 PACKAGES = (SHARED, *APART, "calibration", "baselines", "plans", "verification", "workflow")
-# Snakemake alone reads these, but for the schema, which is made from the models (workflow/generate.py), for editors, and
-# the list of the kernels that are compiled first: no result depends on it.
+# Snakemake alone reads these, but for two: the schema, which is made from the models (workflow/generate.py), is for
+# editors, and no result depends on the list of the kernels that are compiled first.
 NO_DATA = (
     *("workflow/report/", "workflow/envs/", "workflow/rules/", "verification/rules/", "verification/Snakefile"),
     *("workflow/schemas/", "mpm_core/stages/first_kernels.txt"),
