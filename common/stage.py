@@ -20,7 +20,8 @@ from common.errors import InputError
 from common.progress import Progress, log_compilation
 
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
-PIPELINE_PROCESS = "PIPELINE_PROCESS"  # environment variable: the process that starts the stages
+# Environment variables: the process that starts the stages, the cores that it has, and those that it gives to a stage.
+PIPELINE_PROCESS, RUN_CORES, STAGE_CORES = "PIPELINE_PROCESS", "CORES_OF_RUN", "CORES_OF_STAGE"
 COMPANION_FOLDERS = {  # folders of runs besides the mine's own (workflow/folders.py), and what they are
     r"results/[^/]+/(plans/[^/]+/)?coarse/": "the mine on cells of twice the size; "
     "grid_convergence: false leaves it out",
@@ -33,9 +34,9 @@ COMPANION_FOLDERS = {  # folders of runs besides the mine's own (workflow/folder
 INTERRUPTED = 130  # what a shell makes of SIGINT
 
 
-def name_parent_of_stages() -> None:
-    """Pass the process number to the stages that this process starts (the workflow calls this, once)."""
-    os.environ[PIPELINE_PROCESS] = str(os.getpid())
+def tell_stages(cores: int) -> None:
+    """Tell the stages that this process starts its number and how many cores it has (the workflow does, once)."""
+    os.environ[PIPELINE_PROCESS], os.environ[RUN_CORES] = str(os.getpid()), str(cores)
 
 
 def die_with_parent() -> None:
@@ -48,6 +49,35 @@ def die_with_parent() -> None:
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         if not psutil.pid_exists(parent) or psutil.Process(parent).status() == psutil.STATUS_ZOMBIE:
             os._exit(1)
+
+
+def leave_cores_to_others() -> None:
+    """Let Linux run this process where a core would be idle, if it was given none and another stage has some.
+
+    Nothing that waits for a core waits for this process: with a low priority it would, a few milliseconds each time,
+    and a step waits for its threads thousands of times a second.
+    """
+    if sys.platform == "linux" and os.environ.get(STAGE_CORES) == "0":
+        os.environ["OMP_NUM_THREADS"] = str(threads_on(0))  # Snakemake gives it the number of cores
+        if _others_work():
+            os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+            os.environ["OMP_WAIT_POLICY"] = "passive"  # threads that spin would take the cores from those that work
+
+
+def _others_work() -> bool:
+    """Whether another stage of this run has cores of its own: it would have to share them."""
+    for other in psutil.Process(int(os.environ.get(PIPELINE_PROCESS, os.getppid()))).children(recursive=True):
+        try:
+            if other.pid != os.getpid() and os.sched_getscheduler(other.pid) != os.SCHED_IDLE:
+                return True
+        except OSError:  # it has just ended
+            continue
+    return False
+
+
+def threads_on(cores: int) -> int:
+    """Threads of a stage that was given so many cores: as many, or (0, in idle time) as many as the run has."""
+    return cores or int(os.environ.get(RUN_CORES, "1"))
 
 
 class ToTerminal(logging.Handler):
@@ -96,6 +126,7 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     does: what it does, in words (the first line of a docstring), shown if it takes longer than a moment.
     """
     die_with_parent()
+    leave_cores_to_others()
     CLOCK.start()
     progress = Progress(name, f"{does.strip().splitlines()[0].rstrip('.')}; log: {log}")
     whose = name + "".join(f" ({note})" for folder, note in COMPANION_FOLDERS.items() if re.search(folder, name))

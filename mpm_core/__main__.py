@@ -9,7 +9,7 @@ from common.command_line import CommandLine
 from common.datasets import open_dataset, read_dataset, write_dataset
 from common.provenance import provenance
 from common.slices import read_slice
-from common.stage import run_stage
+from common.stage import run_stage, threads_on
 
 
 def grid(arguments: argparse.Namespace) -> None:
@@ -104,8 +104,9 @@ def main() -> None:
         if name != "vtk":
             stage.add_argument("--scene", required=True, help="file of the configuration's slice, JSON, SI units")
         stage.add_argument("--log")
-        stage.add_argument("--threads", type=int, default=1)
+        stage.add_argument("--threads", type=int, default=1, help="0: as many as the run has cores")
     arguments = parser.parse_args()
+    arguments.threads = threads_on(arguments.threads)
     run = {"grid": grid, "elastic": elastic, "step": step, "vtk": vtk, "solids": solids}[arguments.stage]
     run_stage(f"{arguments.stage} {arguments.output}", arguments.log, lambda: run(arguments), run.__doc__ or "")
 

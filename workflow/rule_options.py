@@ -5,6 +5,7 @@ from collections.abc import Callable
 from snakemake.io import report
 from snakemake.iocontainers import InputFiles, Wildcards
 from snakemake.ioflags import update
+from snakemake.workflow import Workflow
 
 from workflow.folders import COARSE, ELASTIC_ROCK, Folders
 from workflow.result_files import ResultFiles
@@ -28,12 +29,16 @@ def each_time(megabytes: int) -> Callable[[Wildcards, int], int]:
 class RuleOptions:
     """Options and resources of the rules of any mine.
 
+    A job in idle time takes no core from others: it runs beside steps on all cores, which use some 80 % of them, and
+    gets what they leave (common.stage). workflow says whether jobs run here, on more than one core.
+
     attempt: how often Snakemake has started the job. It starts it again with `retries` only, and asks for more memory
     each time, since that may have been what was missing.
     """
 
-    def __init__(self, files: ResultFiles):
+    def __init__(self, files: ResultFiles, workflow: Workflow):
         self.files = files
+        self.workflow = workflow
         self.folders: Folders = files.folders
 
     def packed(self, path: str, result: str):
@@ -63,9 +68,23 @@ class RuleOptions:
         """The command line option for the comparison with the record; empty without one."""
         return f"--comparison {input.comparison}" if input.comparison else ""
 
+    @property
+    def has_idle_time(self) -> bool:
+        """Whether there is a core besides that of a job that waits for its own threads."""
+        return self.workflow.local_exec and not self.workflow.remote_exec and (self.workflow.cores or 1) > 1
+
     def threads(self, wildcards: Wildcards) -> int:
-        """Threads of a stage of the mechanics."""
-        return self.folders.threads(wildcards.mine)
+        """Cores for a stage of the mechanics: none for the companion, which runs in idle time."""
+        is_companion = self.folders.parts(wildcards.mine)[1] == COARSE
+        return 0 if is_companion and self.has_idle_time else self.folders.threads(wildcards.mine)
+
+    def event_threads(self, wildcards: Wildcards) -> int:
+        """Cores for a stage that reads what a step has left, while later steps run."""
+        return 0 if self.has_idle_time else 1
+
+    def in_idle_time(self, wildcards: Wildcards, threads: int) -> int:
+        """Jobs in idle time that this one counts as: the profile says how many there may be."""
+        return int(threads == 0)
 
     def elastic_memory(self, wildcards: Wildcards, input: InputFiles, attempt: int) -> int:
         """MB that the elastic stage needs on the grid."""

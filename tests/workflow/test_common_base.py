@@ -128,6 +128,7 @@ def test_numba_cache_is_named_by_the_sources_with_kernels_and_pruned(tmp_path, m
 
     def folder() -> str:
         monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+        provenance.kernel_hash.cache_clear()
         provenance.use_numba_cache()
         return os.environ["NUMBA_CACHE_DIR"]
 
@@ -293,6 +294,30 @@ def test_a_stage_whose_pipeline_is_gone_does_not_start(tmp_path):
     run = subprocess.run([sys.executable, "-c", script, str(tmp_path / "log")], cwd=ROOT, env=environment)
     assert run.returncode == 1
     assert list(tmp_path.iterdir()) == []
+
+
+WORKFLOW = """
+import os, subprocess, sys
+from common.stage import STAGE_CORES, tell_stages
+
+tell_stages(3)
+stage = "import os; from common.stage import leave_cores_to_others as leave, threads_on; leave(); " \
+    "print(os.sched_getscheduler(0) == os.SCHED_IDLE, threads_on(0), os.environ.get('OMP_NUM_THREADS'))"
+run = lambda cores: subprocess.run([sys.executable, "-c", stage], env=os.environ | {STAGE_CORES: cores}, check=True)
+with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:
+    run("0")
+    run("2")
+    other.communicate(b"")
+run("0")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such scheduler")
+def test_a_stage_without_a_core_leaves_cores_to_a_stage_that_works(monkeypatch):
+    """One with cores does not, and alone it would leave them to other users of the machine."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "0")  # as Snakemake does
+    run = subprocess.run([sys.executable, "-c", WORKFLOW], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout.splitlines() == ["True 3 3", "False 3 0", "False 3 3"]
 
 
 FAILED = "RuleException:\nCalledProcessError in file \"x.smk\", line 3:\nCommand 'stage --output a.nc --log l' "

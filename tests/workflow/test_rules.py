@@ -41,6 +41,11 @@ class Guests:
         return len(place)
 
 
+def running(**changes) -> SimpleNamespace:
+    """What rules see of a workflow that runs here on two cores, with changes."""
+    return SimpleNamespace(**{"local_exec": True, "remote_exec": False, "cores": 2} | changes)
+
+
 @pytest.fixture
 def files(accept) -> ResultFiles:
     """Of the tiny mine with an ensemble of two and a coarse companion."""
@@ -123,7 +128,7 @@ def test_rules_of_dated_steps_read_the_dated_ones(files):
 
 def test_options_follow_the_inputs(files, accept):
     """Members and comparison where there are any; the comparison is the mine's own."""
-    options, own = RuleOptions(files), cards(mine="tiny")
+    options, own = RuleOptions(files, running(cores=1)), cards(mine="tiny")
     folders = "--members results/tiny/ensemble/1 results/tiny/ensemble/2"
     assert options.members(own, SimpleNamespace(members=["one"])) == folders
     assert options.members(own, SimpleNamespace(members=[])) == ""
@@ -133,6 +138,21 @@ def test_options_follow_the_inputs(files, accept):
     assert options.if_made("spread", "spread.nc", files.mine.members) == "--spread results/tiny/spread.nc"
     assert options.if_made("spread", "spread.nc", 0) == ""
     assert options.threads(own) == 64
+
+
+@pytest.mark.parametrize("workflow", [{"cores": 1}, {"remote_exec": True}, {"local_exec": False, "cores": None}])
+def test_each_job_has_cores_where_none_is_idle(files, workflow):
+    """On one core, and on a cluster: there and where its jobs are sent from."""
+    options, coarse = RuleOptions(files, running(**workflow)), cards(mine="tiny/coarse")
+    assert (options.threads(coarse), options.event_threads(coarse)) == (64, 1)
+
+
+def test_the_companion_and_events_run_in_idle_time(files):
+    """The mine's own steps, and members of its ensemble, have all cores."""
+    options = RuleOptions(files, running())
+    assert [options.threads(cards(mine=mine)) for mine in ("tiny", "tiny/ensemble/1", "tiny/coarse")] == [64, 64, 0]
+    assert options.event_threads(cards(mine="tiny")) == 0
+    assert [options.in_idle_time(cards(mine="tiny"), threads) for threads in (0, 64)] == [1, 0]
 
 
 def test_a_folder_of_records_is_no_input(files, accept):

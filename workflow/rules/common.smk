@@ -15,7 +15,7 @@ sys.path.insert(0, str(BASE))
 
 from common.errors import InputError
 from common.sources import source_hash
-from common.stage import name_parent_of_stages
+from common.stage import tell_stages
 from workflow.snakemake_command_line import asks_for_more, read_overrides
 from workflow.configuration import load
 from workflow.folders import COARSE, NAME, Folders
@@ -53,11 +53,11 @@ PLANS = MiningPlans(MINE, MINE_FILE, OVERRIDES)
 FOLDERS = Folders(MINE, PLANS)
 FILES = ResultFiles(FOLDERS)
 STAGES = StageInputs(FILES, workflow)
-OPTIONS = RuleOptions(FILES)
+OPTIONS = RuleOptions(FILES, workflow)
 
 # `stage` in the rules. exec: a stage is a child of this process, not of a shell between them, and ends with it
 # (common.stage).
-name_parent_of_stages()
+tell_stages(workflow.cores or 1)
 shell.prefix(
     f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(BASE))}; "
     f'stage() {{{{ exec {shlex.quote(sys.executable)} -m "$@"; }}}}; '

@@ -12,13 +12,14 @@ rule elastic:
         "../envs/environment.yaml"
     threads: OPTIONS.threads
     resources:
+        in_idle_time=OPTIONS.in_idle_time,
         mem_mb=OPTIONS.elastic_memory,
         runtime=240,
     params:
         code=source_hash("mpm_core elastic"),
         scene=STAGES.slice_of("elastic"),
     shell:
-        "stage mpm_core elastic --scene {params.scene:q} --grid {input.grid} --output {output} --log {log} --threads {threads}"
+        "CORES_OF_STAGE={threads} stage mpm_core elastic --scene {params.scene:q} --grid {input.grid} --output {output} --log {log} --threads {threads}"
 
 
 rule mining_step:
@@ -42,10 +43,11 @@ rule mining_step:
         "../envs/environment.yaml"
     threads: OPTIONS.threads
     resources:
+        in_idle_time=OPTIONS.in_idle_time,
         mem_mb=OPTIONS.step_memory,
         runtime=720,
     params:
         code=source_hash("mpm_core step"),
         scene=STAGES.step_slice,
     shell:
-        "stage mpm_core step --scene {params.scene:q} --grid {input.grid} --state {input.state} --output {output} --log {log} --threads {threads}"
+        "CORES_OF_STAGE={threads} stage mpm_core step --scene {params.scene:q} --grid {input.grid} --state {input.state} --output {output} --log {log} --threads {threads}"

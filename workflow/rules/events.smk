@@ -10,15 +10,16 @@ rule events:
         "benchmarks/{mine}/events/{step}.tsv"
     conda:
         "../envs/environment.yaml"
-    threads: 1
+    threads: OPTIONS.event_threads
     resources:
+        in_idle_time=OPTIONS.in_idle_time,
         mem_mb=OPTIONS.reading_memory("events"),
         runtime=60,
     params:
         code=source_hash("seismic events"),
         settings=STAGES.event_slice,
     shell:
-        "NUMBA_NUM_THREADS={threads} stage seismic events --step {input.step} --settings {params.settings:q} --output {output} --log {log}"
+        "CORES_OF_STAGE={threads} NUMBA_NUM_THREADS=1 stage seismic events --step {input.step} --settings {params.settings:q} --output {output} --log {log}"
 
 
 rule catalog:
