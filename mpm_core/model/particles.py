@@ -122,14 +122,15 @@ def part_means(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of parts of cells (k,), samples (k,) uint64, none empty: means of the modes (k, 2^d), their slopes (k, 2^d, d),
     and the centroid's place (k, d) across the cell, -1 to 1."""
-    modes = mean_modes(samples, dimension)
-    slopes, place = slopes_of(modes), centroids(modes)
-    row = distorted.rows(cells)
-    bent = np.flatnonzero(row >= 0)
-    if len(bent):
-        found = part_integrals(distorted.corners[row[bent]], samples[bent])
-        modes[bent], place[bent] = found.modes, found.place
-        slopes[bent] = np.einsum("cm,kcj->kmj", _signs(modes.shape[1]), found.gradients)
+    row, corners = distorted.rows(cells), 1 << dimension
+    cubic, bent = np.flatnonzero(row < 0), np.flatnonzero(row >= 0)
+    modes, place = np.empty((len(cells), corners)), np.empty((len(cells), dimension))
+    slopes = np.empty((len(cells), corners, dimension))
+    modes[cubic] = mean_modes(samples[cubic], dimension)
+    slopes[cubic], place[cubic] = slopes_of(modes[cubic]), centroids(modes[cubic])
+    found = part_integrals(distorted.corners[row[bent]], samples[bent])
+    modes[bent], place[bent] = found.modes, found.place
+    slopes[bent] = np.einsum("cm,kcj->kmj", _signs(corners), found.gradients)
     return modes, slopes, place
 
 
