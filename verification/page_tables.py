@@ -72,16 +72,27 @@ class Pivot:
         return CELL_FORMATS.get(row["passed"], "{}").format(text) if text else ""
 
 
+# A column and its values in the rows that a table shows. Empty: all rows.
+Chosen = tuple[()] | tuple[str, tuple[str, ...]]
+
+
+def choose(table: pd.DataFrame, chosen: Chosen) -> pd.DataFrame:
+    """The chosen rows of a table.csv."""
+    return table[table[chosen[0]].isin(chosen[1])] if chosen else table
+
+
 @dataclass(frozen=True)
 class Columns:
-    """Some columns of a table.csv, one line for each row."""
+    """Some columns of a table.csv, one line for each row. Equal lines stand once."""
 
     title: str
     names: tuple[str, ...]
+    chosen: Chosen = ()
 
     def lines(self, table: pd.DataFrame) -> list[str]:
         """Its title and its table."""
-        rows = [[_text(value) for value in row] for row in table[list(self.names)].itertuples(index=False)]
+        shown = choose(table, self.chosen)[list(self.names)].drop_duplicates()
+        rows = [[_text(value) for value in row] for row in shown.itertuples(index=False)]
         return [f"{self.title}:", "", *markdown([name.replace("_", " ") for name in self.names], rows)]
 
 
@@ -110,9 +121,11 @@ class Cross:
     by: tuple[str, ...]
     column: str
     value: str
+    chosen: Chosen = ()
 
     def lines(self, table: pd.DataFrame) -> list[str]:
         """Its title and its table."""
+        table = choose(table, self.chosen)
         columns = sorted(table[self.column].unique())
         body = []
         for names, rows in table.groupby(list(self.by), sort=False):
