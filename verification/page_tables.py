@@ -22,6 +22,7 @@ CELL_FORMATS = {VERDICTS[None]: "*{}*", VERDICTS[False]: "**{} fails**", KNOWN_M
 LEGEND = "Plain numbers are within their bound, bold ones are known misses, and those in italics have no bound."
 # The case ends at the first colon. A colon in brackets belongs to the quantity.
 CASE_AND_QUANTITY = re.compile(r"(?:([^(]*?): )?(.*)")
+LARGE = 1e4  # From here on four digits would need an exponent.
 COLUMNS = ("quantity", "case", "measured", "expected", "error", "bound", "verdict")
 
 
@@ -152,7 +153,9 @@ def markdown(head: Iterable[str], body: Iterable[Iterable[str]]) -> list[str]:
 
 
 def _text(value) -> str:
-    """A value of a table.csv. Numbers have four digits; a missing one is empty."""
+    """A value of a table.csv. Numbers have four digits, from ten thousand on all of them; a missing one is empty."""
+    if isinstance(value, int | float) and abs(value) >= LARGE:
+        return f"{value:,.0f}"
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.4g}"
     return str(value)

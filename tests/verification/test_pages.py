@@ -270,6 +270,8 @@ def test_tables_of_measuring_studies():
         "| --- | --- |",
         "| ours | 1 |",
     ]
+    large = pd.DataFrame({"cells": [9999, 12345], "wall_s": [9999.4, 12345.4]})
+    assert Columns("Large", ("cells", "wall_s")).lines(large)[4:] == ["| 9999 | 9999 |", "| 12,345 | 12,345 |"]
     theirs = Columns("Theirs", ("code", "wall_s"), ("code", ("theirs",))).lines(table)
     assert theirs[4:] == ["| theirs | 3.25 |"]
     assert Columns("Once", ("code",)).lines(table)[4:] == ["| ours |", "| theirs |"]

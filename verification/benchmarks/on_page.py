@@ -13,6 +13,9 @@ TABLES = (
     Cross("Processor time (s) by number of cells", BY, "cells", "cpu_s", BESIDE_PEERS),
     Cross("Largest memory (GB) by number of cells", BY, "cells", "memory_GB", BESIDE_PEERS),
     Cross("Closure of the stope (mm) by number of cells", BY, "cells", "closure_mm", BESIDE_PEERS),
+    Cross(
+        "Closure less that of the code that it is compared with, as a share", BY, "cells", "difference", BESIDE_PEERS
+    ),
     Columns(
         "A step in brittle rock, on equal cells (`multigrid`) and on cells that follow the rock (`adaptive`)",
         (

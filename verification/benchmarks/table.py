@@ -27,7 +27,7 @@ COLUMNS = {
     "memory_ratio": "the same of memory",
     "iterations": "V-cycles, explicit steps, Newton's or linear solutions",
     "closure_mm": "convergence of the stope's side walls",
-    "failed_m3": "volume of rock that has failed, where it is brittle",
+    "failed_m3": "volume of rock that reached its strength, ours only",
     "beside": "code whose closure it must give",
     "difference": "of the closure from that, as a share",
     "agrees": "yes, no, or nothing to compare with",
