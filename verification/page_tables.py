@@ -22,6 +22,7 @@ CELL_FORMATS = {VERDICTS[None]: "*{}*", VERDICTS[False]: "**{} fails**", KNOWN_M
 LEGEND = "Plain numbers are within their bound, bold ones are known misses, and those in italics have no bound."
 # The case ends at the first colon. A colon in brackets belongs to the quantity.
 CASE_AND_QUANTITY = re.compile(r"(?:([^(]*?): )?(.*)")
+LARGE = 1e4  # From here on four digits would need an exponent.
 COLUMNS = ("quantity", "case", "measured", "expected", "error", "bound", "verdict")
 
 
@@ -72,16 +73,27 @@ class Pivot:
         return CELL_FORMATS.get(row["passed"], "{}").format(text) if text else ""
 
 
+# A column and its values in the rows that a table shows. Empty: all rows.
+Chosen = tuple[()] | tuple[str, tuple[str, ...]]
+
+
+def choose(table: pd.DataFrame, chosen: Chosen) -> pd.DataFrame:
+    """The chosen rows of a table.csv."""
+    return table[table[chosen[0]].isin(chosen[1])] if chosen else table
+
+
 @dataclass(frozen=True)
 class Columns:
-    """Some columns of a table.csv, one line for each row."""
+    """Some columns of a table.csv, one line for each row. Equal lines stand once."""
 
     title: str
     names: tuple[str, ...]
+    chosen: Chosen = ()
 
     def lines(self, table: pd.DataFrame) -> list[str]:
         """Its title and its table."""
-        rows = [[_text(value) for value in row] for row in table[list(self.names)].itertuples(index=False)]
+        shown = choose(table, self.chosen)[list(self.names)].drop_duplicates()
+        rows = [[_text(value) for value in row] for row in shown.itertuples(index=False)]
         return [f"{self.title}:", "", *markdown([name.replace("_", " ") for name in self.names], rows)]
 
 
@@ -110,9 +122,11 @@ class Cross:
     by: tuple[str, ...]
     column: str
     value: str
+    chosen: Chosen = ()
 
     def lines(self, table: pd.DataFrame) -> list[str]:
         """Its title and its table."""
+        table = choose(table, self.chosen)
         columns = sorted(table[self.column].unique())
         body = []
         for names, rows in table.groupby(list(self.by), sort=False):
@@ -139,7 +153,9 @@ def markdown(head: Iterable[str], body: Iterable[Iterable[str]]) -> list[str]:
 
 
 def _text(value) -> str:
-    """A value of a table.csv. Numbers have four digits; a missing one is empty."""
+    """A value of a table.csv. Numbers have four digits, from ten thousand on all of them; a missing one is empty."""
+    if isinstance(value, int | float) and abs(value) >= LARGE:
+        return f"{value:,.0f}"
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.4g}"
     return str(value)

@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 
 from common.errors import InputError
 from verification.benchmarks import ours, targets
-from verification.benchmarks.measuring import DONE, FAILED, NOT_RUN, STOPPED, foreseen, watch
+from verification.benchmarks.measuring import DONE, FAILED, NOT_RUN, STOPPED, Unavailable, foreseen, peer_python, watch
 from verification.benchmarks.page import number, write_report
 from verification.benchmarks.peers.stope import Block, sizes
-from verification.benchmarks.settings import FILE, PEERS, Case, parse, read_settings
+from verification.benchmarks.settings import FILE, PEERS, Case, Code, parse, read_settings
 from verification.benchmarks.table import make_table, summary
 
 SETTINGS = read_settings()
@@ -80,9 +80,23 @@ def test_rock_flows_in_the_coulomb_problem():
     assert coulomb > 1.1 * elastic
 
 
+def test_cells_that_follow_the_rock_fail_the_same_rock():
+    """Fewer cells than the regular grid's 11,200, the same failed volume, and walls that close as much."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    regular, adaptive = (ours.run(SETTINGS.mine(Case("brittle", code, 4)))[0] for code in ("multigrid", "adaptive"))
+    numba.set_num_threads(before)
+    assert regular["cells_at_end"] == 20 * 28 * 20
+    assert adaptive["cells_at_end"] < 0.8 * regular["cells_at_end"]
+    assert regular["failed_volume"] > 500.0
+    assert adaptive["failed_volume"] == pytest.approx(regular["failed_volume"], rel=0.02)
+    assert adaptive["closure"] == pytest.approx(regular["closure"], rel=SETTINGS.codes["adaptive"].within)
+
+
 def row(code: str, cells: int, **values) -> dict:
     """A made-up row that ran on a quiet machine."""
     given = {"problem": "elastic", "code": code, "cells": cells, "unknowns": 3 * cells, "across": 1, "outcome": DONE}
+    given |= {"cell": 1.0, "cells_at_end": cells, "failed_volume": 0.0}
     given |= {"remark": "", "machine": "a machine", "begun": "2020-01-01 00:00:00", "threads": 2}
     given |= {"others": 0.01, "version": "1", "memory": 1e-6 * cells, "iterations": 7, "repetitions": 1}
     return given | values
@@ -97,7 +111,7 @@ def made_up_rows() -> list[dict]:
             rows.append(row(code, cells, seconds=seconds, cpu_seconds=2 * seconds, closure=closure))
         if cells < 100000:
             rows.append(row("explicit", cells, seconds=2e-5 * cells, cpu_seconds=2e-5 * cells, closure=5.001e-3))
-    kept = ("problem", "code", "cells", "unknowns", "across", "machine", "begun", "threads")
+    kept = ("problem", "code", "cells", "unknowns", "across", "cell", "machine", "begun", "threads")
     unsolved = {key: value for key, value in row("explicit", 100000).items() if key in kept}
     return [*rows, unsolved | {"outcome": NOT_RUN, "remark": "about 900 s foreseen"}]
 
@@ -206,7 +220,7 @@ def test_cases_wait_for_each_other_and_for_the_smaller_ones():
     """One row of all cases, so that none runs beside another; nothing waits for itself."""
 
     class Wildcards:
-        problem, code, across = "coulomb", "ogs", str(SETTINGS.cells_across[2])
+        problem, code, across = "coulomb", "ogs", str(SETTINGS.problems["coulomb"].cells_across[2])
 
     runs = targets.all_runs()
     before = targets.runs_before(Wildcards)
@@ -222,9 +236,34 @@ def test_settings_name_what_is_wrong():
         parse({"threads": 2})
 
 
+def test_problems_name_codes_that_there_are():
+    text = yaml.safe_load(FILE.read_text())
+    text["problems"]["brittle"]["codes"] = ["multigrid", "moose"]
+    with pytest.raises(InputError, match=r"problems\.brittle\.codes: no 'moose'; there are multigrid, "):
+        parse(text)
+    del text["problems"]["brittle"]["codes"]
+    with pytest.raises(InputError, match=r"problems\.brittle\.codes: missing"):
+        parse(text)
+
+
+def test_cases_of_a_problem_are_its_codes_at_its_sizes():
+    """FEniCSx has no Coulomb rock, and a step in brittle rock has sizes of its own."""
+    cases = SETTINGS.cases()
+    assert {case.problem for case in cases if case.code == "fenicsx"} == {"elastic"}
+    assert {case.across for case in cases if case.problem == "brittle"} == {4, 8, 16, 32}
+    assert len(set(cases)) == len(cases)
+    assert [case.across for case in cases] == sorted(case.across for case in cases)
+
+
+def test_a_peer_of_the_system_is_left_out_where_its_module_is_missing(tmp_path):
+    with pytest.raises(Unavailable, match=r"not installed: the system's Python has no module no_such_module"):
+        peer_python(Code("a peer", script="ogs_stope.py", module="no_such_module"), tmp_path)
+
+
 def test_packages_of_the_peers_are_pinned():
-    """Else a run today would not be the run of tomorrow."""
+    """Else a run today would not be the run of tomorrow. Packages of the system are named in the table's versions."""
     for code in SETTINGS.codes.values():
         if code.script:
             assert (PEERS / code.script).exists()
+        if code.requirements:
             assert all("==" in line for line in (PEERS / code.requirements).read_text().split())

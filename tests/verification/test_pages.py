@@ -270,14 +270,22 @@ def test_tables_of_measuring_studies():
         "| --- | --- |",
         "| ours | 1 |",
     ]
+    large = pd.DataFrame({"cells": [9999, 12345], "wall_s": [9999.4, 12345.4]})
+    assert Columns("Large", ("cells", "wall_s")).lines(large)[4:] == ["| 9999 | 9999 |", "| 12,345 | 12,345 |"]
+    theirs = Columns("Theirs", ("code", "wall_s"), ("code", ("theirs",))).lines(table)
+    assert theirs[4:] == ["| theirs | 3.25 |"]
+    assert Columns("Once", ("code",)).lines(table)[4:] == ["| ours |", "| theirs |"]
     assert Counts("Runs", "code", "cells").lines(table)[4:] == ["| ours | 1 | 1 |", "| theirs | 1 | 0 |"]
     crossed = Cross("Time", ("code",), "cells", "wall_s").lines(table)
     assert crossed[2:] == ["| code | 10 | 20 |", "| --- | --- | --- |", "| ours | 1 | 2 |", "| theirs | 3.25 |  |"]
+    crossed = Cross("Time", ("code",), "cells", "wall_s", ("code", ("theirs",))).lines(table)
+    assert crossed[2:] == ["| code | 10 |", "| --- | --- |", "| theirs | 3.25 |"]
 
 
 def test_columns_on_pages_are_columns_of_their_tables():
-    for cross in tables_of("benchmarks"):
-        assert {*cross.by, cross.column, cross.value} <= set(benchmarks.COLUMNS)
+    for table in tables_of("benchmarks"):
+        names = table.names if isinstance(table, Columns) else (*table.by, table.column, table.value)
+        assert {*names, *table.chosen[:1]} <= set(benchmarks.COLUMNS)
     for package in ("extremes", "stability"):
         (counts,) = tables_of(package)
         assert {counts.row, counts.column} <= set(Point.__dataclass_fields__)

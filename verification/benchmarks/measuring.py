@@ -39,7 +39,8 @@ def measure(settings: Settings, case: Case, threads: int, earlier: list[dict], e
     earlier: rows of the same code and problem with fewer cells. environments: folder of the peers' environments.
     """
     numbers = settings.numbers(case, threads)
-    row = asdict(case) | sizes(numbers) | {"outcome": DONE, "remark": "", "threads": threads, "machine": machine()}
+    row = asdict(case) | sizes(numbers) | {"cell": numbers["cell"], "outcome": DONE, "remark": ""}
+    row |= {"threads": threads, "machine": machine()}
     row["begun"] = datetime.now(UTC).isoformat(sep=" ", timespec="seconds").removesuffix("+00:00")
     time_limit = settings.time_limit_of(case.code)
     remark = foreseen(row["cells"], earlier, time_limit, settings.memory_limit)
@@ -122,7 +123,12 @@ def command_of(code: Code, case: Case, path: Path, threads: int, environments: P
 
 
 def peer_python(code: Code, environments: Path) -> Path:
-    """Python of a peer's environment, which uv makes where it is missing. Raises Unavailable."""
+    """Python that runs a peer: that of its environment, which uv makes where it is missing, or the system's.
+
+    Raises Unavailable.
+    """
+    if code.module:
+        return system_python(code.module)
     beside = Path(sys.executable).with_name("uv")
     uv = str(beside) if beside.exists() else shutil.which("uv")
     if not uv:
@@ -138,6 +144,14 @@ def peer_python(code: Code, environments: Path) -> Path:
             logging.info("uv %s: %s", step[0], made.stderr)
             raise Unavailable("not installed: is there a network?")
     return python
+
+
+def system_python(module: str) -> Path:
+    """The system's Python. Raises Unavailable where it lacks a module."""
+    python = shutil.which("python3", path=os.defpath)
+    if not python or subprocess.run([python, "-c", f"import {module}"], capture_output=True).returncode:
+        raise Unavailable(f"not installed: the system's Python has no module {module}")
+    return Path(python)
 
 
 def watch(command: list[str], threads: int, time_limit: float, memory_limit: float) -> tuple[str, list[dict]]:

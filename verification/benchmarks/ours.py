@@ -56,7 +56,9 @@ def run(mine: Mine, begin=lambda: None) -> tuple[dict, xr.Dataset, xr.Dataset]:
             "cpu_seconds": processor,
             "memory": peak_memory(),
             "iterations": int(facts["iterations"]),
-            "closure": closure_of(mine, grid, state),
+            "closure": closure_of(mine, state),
+            "cells_at_end": int(state.attrs["cells"]),
+            "failed_volume": float(state.attrs["failed_volume"]),
             "version": f"this code (sources {source_hash('mpm_core step')}, numba {version('numba')})",
         },
         state,
@@ -64,11 +66,11 @@ def run(mine: Mine, begin=lambda: None) -> tuple[dict, xr.Dataset, xr.Dataset]:
     )
 
 
-def closure_of(mine: Mine, grid: xr.Dataset, state: xr.Dataset) -> float:
-    """Convergence of the stope's side walls, m."""
-    stope, cell = mine.excavations[0], mine.settings.grid.coarse_cell
+def closure_of(mine: Mine, state: xr.Dataset) -> float:
+    """Convergence of the stope's side walls, m. These have finest cells on every grid."""
+    stope, cell = mine.excavations[0], mine.finest_cell
     lower = np.array(mine.settings.domain.lower)
-    index = np.rint((grid.node_position.values - lower) / cell).astype(int)
+    index = np.rint((state.node_position.values - lower) / cell).astype(int)
     corners = {
         f"stope_{side}": np.rint((np.array(corner) - lower) / cell).astype(int)
         for side, corner in (("lower", stope.lower), ("upper", stope.upper))

@@ -18,14 +18,17 @@ PEERS = ROOT / "verification" / "benchmarks" / "peers"
 REFERENCE = "multigrid"  # Ratios are taken to this code.
 QUANTITIES = {"time_limit": "s", "memory_limit": "GB", "repeat_below": "s"}
 KEYS = (*QUANTITIES, "threads", "repetitions", "cells_across", "codes", "scene", "problems")
-CODE_KEYS = {"title", "scene", "script", "requirements", "agrees", "time_limit"}
+CODE_KEYS = {"title", "scene", "script", "requirements", "module", "agrees", "time_limit"}
+PROBLEM_KEYS = ("title", "codes", "scene", "cells_across")
 
 
 @dataclass(frozen=True)
 class Code:
-    """A code that is measured. Ours: `scene` changes the configuration. A peer: `script` and `requirements` in peers/.
+    """A code that is measured. Ours: `scene` changes the configuration. A peer: `script` in peers/.
 
-    agrees_with, within: the code whose closure it must give on the same mesh, and the share by which it may differ.
+    requirements: file in peers/ of the packages of a peer's environment. module: what a peer without such a file needs
+    in the system's Python. agrees_with, within: the code whose closure it must give on the same mesh, and the share by
+    which it may differ.
     time_limit: its own, s, in place of that of all.
     """
 
@@ -33,9 +36,20 @@ class Code:
     scene: dict = field(default_factory=dict)
     script: str = ""
     requirements: str = ""
+    module: str = ""
     agrees_with: str = ""
     within: float = 0.0
     time_limit: float | None = None
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is solved: changes of the scene, the codes that solve it, and the sizes at which they do."""
+
+    title: str
+    codes: tuple[str, ...]
+    scene: dict
+    cells_across: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -56,18 +70,18 @@ class Settings:
     memory_limit: float
     repetitions: int
     repeat_below: float
-    cells_across: tuple[int, ...]
     codes: dict[str, Code]
-    problems: dict[str, dict]
+    problems: dict[str, Problem]
     scene: dict
 
     def cases(self) -> list[Case]:
         """All cases in the order in which they run. Codes alternate, so that a slow minute affects all of them."""
         return [
-            Case(problem, code, across)
-            for across in self.cells_across
-            for problem in self.problems
-            for code in self.codes
+            Case(name, code, across)
+            for across in sorted({across for problem in self.problems.values() for across in problem.cells_across})
+            for name, problem in self.problems.items()
+            if across in problem.cells_across
+            for code in problem.codes
         ]
 
     def time_limit_of(self, code: str) -> float:
@@ -76,12 +90,12 @@ class Settings:
 
     def mine(self, case: Case) -> Mine:
         """The checked configuration of a case; for a peer, that of the scene that it solves."""
-        scene = merge(self.scene, self.problems[case.problem]["scene"])
+        scene = merge(self.scene, self.problems[case.problem].scene)
         scene = merge(scene, self.codes[case.code].scene)
         first, last = (parse_quantity(scene["excavations"][0][corner][0], "m") for corner in ("lower", "upper"))
         changes = {
             "name": f"{case.problem}-{case.code}-{case.across}",
-            "grid": {"coarse_cell": f"{(last - first) / case.across!r} m"},
+            "grid": {"finest_cell": f"{(last - first) / case.across!r} m"},
         }
         return load(merge(_default(), merge(scene, changes)), FILE, _default())
 
@@ -89,7 +103,7 @@ class Settings:
         """The case as peers/stope.py describes it: SI numbers, lengths in cells."""
         mine = self.mine(case)
         settings, host, stope = mine.settings, mine.settings.materials["host"], mine.excavations[0]
-        cell, lower = settings.grid.coarse_cell, settings.domain.lower
+        cell, lower = mine.finest_cell, settings.domain.lower
 
         def in_cells(corner: tuple[float, ...]) -> list[int]:
             return [round((place - start) / cell) for place, start in zip(corner, lower, strict=True)]
@@ -129,11 +143,26 @@ def _code(name: str, text: dict) -> Code:
         raise InputError(f"{FILE.name}: codes.{name}.{unknown[0]}: unknown key; there are {', '.join(CODE_KEYS)}")
     if "title" not in text or ("scene" in text) == ("script" in text):
         raise InputError(f"{FILE.name}: codes.{name}: needs a title, and scene (a code of ours) or script (a peer)")
+    if "script" in text and ("requirements" in text) == ("module" in text):
+        raise InputError(f"{FILE.name}: codes.{name}: a peer needs requirements, or a module of the system's Python")
     partner = text.get("agrees", {"with": "", "within": 0.0})
     given = {key: text[key] for key in text if key != "agrees"}
     if "time_limit" in text:
         given["time_limit"] = _quantity(text, "time_limit", f"codes.{name}.")
     return Code(**given, agrees_with=partner["with"], within=float(partner["within"]))
+
+
+def _problem(name: str, text: dict, codes: dict[str, Code], cells_across: list[int]) -> Problem:
+    unknown = sorted(set(text) - set(PROBLEM_KEYS))
+    missing = sorted(set(PROBLEM_KEYS[:3]) - set(text))
+    if unknown or missing:
+        wrong = f"{unknown[0]}: unknown key" if unknown else f"{missing[0]}: missing"
+        raise InputError(f"{FILE.name}: problems.{name}.{wrong}; a problem has {', '.join(PROBLEM_KEYS)}")
+    strangers = [code for code in text["codes"] if code not in codes]
+    if strangers:
+        raise InputError(f"{FILE.name}: problems.{name}.codes: no '{strangers[0]}'; there are {', '.join(codes)}")
+    sizes = tuple(sorted(text.get("cells_across", cells_across)))
+    return Problem(text["title"], tuple(text["codes"]), text["scene"], sizes)
 
 
 def parse(text: dict) -> Settings:
@@ -146,9 +175,11 @@ def parse(text: dict) -> Settings:
     for partner in (REFERENCE, *(code.agrees_with for code in codes.values())):
         if partner and partner not in codes:
             raise InputError(f"{FILE.name}: codes: no '{partner}'; there are {', '.join(codes)}")
-    checked: dict = {"codes": codes, "cells_across": tuple(sorted(text["cells_across"]))}
+    problems = {name: _problem(name, entry, codes, text["cells_across"]) for name, entry in text["problems"].items()}
+    checked: dict = {"codes": codes, "problems": problems}
+    checked |= {key: text[key] for key in ("threads", "repetitions", "scene")}
     checked |= {key: _quantity(text, key) for key in QUANTITIES}
-    return Settings(**(text | checked))
+    return Settings(**checked)
 
 
 def read_settings(path: Path = FILE) -> Settings:

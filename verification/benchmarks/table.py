@@ -13,8 +13,10 @@ COLUMNS = {
     "problem": "",
     "code": "",
     "version": "",
-    "cells": "cells of rock",
-    "unknowns": "displacements that are solved for",
+    "cells": "cells of rock, all of them finest ones",
+    "unknowns": "displacements that are solved for on these",
+    "cells_at_end": "all cells of our grids when the step ends, the stope's included",
+    "cell_m": "edge of the finest cells",
     "outcome": "done, stopped at a limit, not run (foreseen to exceed one), failed, left out (not installed)",
     "wall_s": "median of the repetitions",
     "cpu_s": "of all threads",
@@ -25,6 +27,7 @@ COLUMNS = {
     "memory_ratio": "the same of memory",
     "iterations": "V-cycles, explicit steps, Newton's or linear solutions",
     "closure_mm": "convergence of the stope's side walls",
+    "failed_m3": "volume of rock that reached its strength, ours only",
     "beside": "code whose closure it must give",
     "difference": "of the closure from that, as a share",
     "agrees": "yes, no, or nothing to compare with",
@@ -35,7 +38,25 @@ COLUMNS = {
     "machine": "",
     "remark": "",
 }
-MEASURED = ("seconds", "cpu_seconds", "memory", "iterations", "closure", "repetitions", "others", "version")
+MEASURED = (
+    "seconds",
+    "cpu_seconds",
+    "memory",
+    "iterations",
+    "closure",
+    "cells_at_end",
+    "failed_volume",
+    "repetitions",
+    "others",
+    "version",
+)
+COLUMN_NAMES = {
+    "seconds": "wall_s",
+    "cpu_seconds": "cpu_s",
+    "memory": "memory_GB",
+    "cell": "cell_m",
+    "failed_volume": "failed_m3",
+}
 
 
 def read_rows(files: list[str]) -> list[dict]:
@@ -49,7 +70,7 @@ def make_table(settings: Settings, rows: list[dict]) -> pd.DataFrame:
     for key in set(MEASURED) - {"version"}:
         table[key] = table[key].astype(float)
     table["version"] = table["version"].fillna("")
-    table = table.rename(columns={"seconds": "wall_s", "cpu_seconds": "cpu_s", "memory": "memory_GB"})
+    table = table.rename(columns=COLUMN_NAMES)
     table["us_per_cell"] = 1e6 * table["wall_s"] / table["cells"]
     table["closure_mm"] = 1e3 * table.pop("closure")
     for ratio, key in (("ratio", "wall_s"), ("cpu_ratio", "cpu_s"), ("memory_ratio", "memory_GB")):
@@ -80,12 +101,13 @@ def summary(settings: Settings, table: pd.DataFrame) -> list[dict]:
     """For each problem and code: its largest solution that the reference has solved as well, and its largest of all."""
     rows = []
     for problem, about in settings.problems.items():
-        for name, code in settings.codes.items():
+        for name in about.codes:
+            code = settings.codes[name]
             all_solved = solved(table, problem, name)
             beside = all_solved.dropna(subset=["ratio"])
             if not beside.empty:
                 compared, largest = beside.iloc[-1].to_dict(), all_solved.iloc[-1].to_dict()
-                rows.append({"title": about["title"], "code_title": code.title, "largest": largest, **compared})
+                rows.append({"title": about.title, "code_title": code.title, "largest": largest, **compared})
     return rows
 
 
@@ -93,7 +115,8 @@ def agreements(settings: Settings, table: pd.DataFrame) -> list[tuple[str, bool]
     """Sentences on how closures agree on the same mesh, and whether within the allowed difference."""
     said = []
     for problem, about in settings.problems.items():
-        for name, code in settings.codes.items():
+        for name in about.codes:
+            code = settings.codes[name]
             rows = solved(table, problem, name).dropna(subset=["difference"])
             if rows.empty:
                 continue
@@ -102,7 +125,7 @@ def agreements(settings: Settings, table: pd.DataFrame) -> list[tuple[str, bool]
             passed = bool((rows["agrees"] == "yes").all())
             said.append(
                 (
-                    f"{about['title']}: closure in {code.title} beside {partner}, by cells: "
+                    f"{about.title}: closure in {code.title} beside {partner}, by cells: "
                     f"{', '.join(shares)}; {100 * code.within:g} % allowed.",
                     passed,
                 )

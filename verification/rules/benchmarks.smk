@@ -32,7 +32,7 @@ rule benchmark_case:
 
 
 rule benchmarks:
-    """Elastic and Coulomb equilibrium at growing size, both schemes beside OpenGeoSys and Kratos: table, plot, page."""
+    """Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step: table, plot, page."""
     input:
         runs=targets.all_runs,
     output:
