@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 import xarray as xr
 
 from common.disk import no_room
@@ -61,6 +60,8 @@ def clear_parts(path: str | os.PathLike) -> None:
     """
     path = Path(path)
     for part in path.parent.glob(f".{glob.escape(path.name)}.*{PART_ENDING}"):
+        import psutil  # here: there are hardly ever such
+
         writer = part.name.removeprefix(f".{path.name}.").removesuffix(PART_ENDING)
         if writer.isdigit() and not psutil.pid_exists(int(writer)):
             part.unlink(missing_ok=True)
