@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.stats import chi2, f
 
 from catalogs.comparison_settings import DatedStep
+from catalogs.distributions import chi_square_quantile, chi_square_tail, f_quantile, f_share, f_tail
 from catalogs.jackknife import INTERVAL_95
 from catalogs.records.times import parse_time
 
@@ -93,7 +93,7 @@ class Exposure:
                 events, windows, freedom = events + numbers.sum(), windows + count, freedom + count - 1
             if windows >= MIN_WINDOWS and events:
                 ratio = float(variance / events)
-                if chi2.sf(ratio * freedom, freedom) < CLUSTERING_SIGNIFICANCE / len(WINDOW_DAYS):
+                if chi_square_tail(ratio * freedom, freedom) < CLUSTERING_SIGNIFICANCE / len(WINDOW_DAYS):
                     found.append(ratio)
         return max(found)
 
@@ -122,9 +122,9 @@ def total_interval(sizes: NDArray, clustering: float = 1.0, largest: float | Non
     one = clustering * (sizes.max(initial=0.0) if largest is None else largest)
     if not total + one > 0:
         return np.full(2, np.nan)
-    lower = variance / (2 * total) * chi2.ppf(INTERVAL_95[0], 2 * total**2 / variance) if total else 0.0
+    lower = variance / (2 * total) * chi_square_quantile(INTERVAL_95[0], 2 * total**2 / variance) if total else 0.0
     total, variance = total + one, variance + one**2
-    return np.array([lower, variance / (2 * total) * chi2.ppf(INTERVAL_95[1], 2 * total**2 / variance)])
+    return np.array([lower, variance / (2 * total) * chi_square_quantile(INTERVAL_95[1], 2 * total**2 / variance)])
 
 
 @dataclass(frozen=True)
@@ -158,8 +158,8 @@ def total_ratio(first: Total, second: Total) -> Ratio:
         return Ratio(np.nan, np.full(2, np.nan), np.nan)
     worth = [min(one.value / one.scale, MAX_EQUAL_EVENTS) + 0.5 for one in (first, second)]
     middle = first.scale * worth[0] / (second.scale * worth[1])
-    law = f(2 * worth[0], 2 * worth[1])
-    lower, upper = middle * law.ppf(INTERVAL_95)
+    freedom = 2 * worth[0], 2 * worth[1]
+    lower, upper = middle * f_quantile(INTERVAL_95, *freedom)
     lower, upper = lower if first.value else 0.0, upper if second.value else np.inf
-    p_value = 2 * min(law.cdf(1 / middle), law.sf(1 / middle))
+    p_value = 2 * min(f_share(1 / middle, *freedom), f_tail(1 / middle, *freedom))
     return Ratio(first.value / second.value if second.value else np.nan, np.array([lower, upper]), float(p_value))

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t
+
+from catalogs.distributions import t_quantile
 
 INTERVAL_95 = (0.025, 0.975)  # quantiles of a 95 % interval
 
@@ -35,7 +36,7 @@ class Scatter:
 
     def interval(self, estimate: NDArray, share: float = 0.95) -> NDArray:
         """Interval (3, 2) of each component."""
-        half = t.ppf(0.5 + share / 2, self.freedom) * np.sqrt(np.diag(self.covariance))
+        half = t_quantile(0.5 + share / 2, self.freedom) * np.sqrt(np.diag(self.covariance))
         return np.stack([estimate - half, estimate + half], axis=-1)
 
     def lengths(self, draws: int, generator: np.random.Generator) -> NDArray:

@@ -2,7 +2,8 @@
 
 import numpy as np
 from obspy.core.event import Origin
-from scipy.stats import chi2
+
+from catalogs.distributions import chi_square_quantile
 
 METRES_PER_DEGREE = 111_195.0  # Length of a degree of latitude: 6,371 km times pi / 180.
 ONE_SIGMA_PERCENT = 68.27  # Confidence level of an uncertainty that states none: it is a standard error.
@@ -46,4 +47,4 @@ def _standard_error(errors) -> float:
 def sigmas(level: float | None, dimensions: int) -> float:
     """How many standard errors of one coordinate the edge of a confidence region is away."""
     share = (ONE_SIGMA_PERCENT if level is None or not 0 < level < 100 else level) / 100
-    return float(np.sqrt(chi2.ppf(share, dimensions)))
+    return float(np.sqrt(chi_square_quantile(share, dimensions)))

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from catalogs.distributions import chi_square_tail
 from catalogs.jackknife import Scatter, effective_blocks
 from common.source_tensors import point_down
 
@@ -99,7 +99,7 @@ def describe_axes(axes: NDArray, labels: NDArray, blocks_known: bool) -> MeanAxi
     else:
         worth = 1.0
     strength = 7.5 * worth * np.sum((values - 1.0 / 3.0) ** 2)
-    shape = UNIFORM if chi2.sf(strength, 5) > MAX_CHANCE_OF_PATTERN else CLUSTER
+    shape = UNIFORM if chi_square_tail(strength, 5) > MAX_CHANCE_OF_PATTERN else CLUSTER
     found = MeanAxis(absent, values, shape, absent, None)
     if shape == UNIFORM:
         return found

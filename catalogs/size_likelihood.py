@@ -5,8 +5,9 @@ sizes y stands for a bin's centre, counted from the lowest one.
 """
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import chi2
+import scipy  # imports its parts as they are used, which small stages would wait for
+
+from catalogs.distributions import chi_square_quantile
 
 MAX_EXPONENT = 600.0  # Largest |beta times range| that is searched, so that exp() stays finite.
 
@@ -38,12 +39,12 @@ class Exponential:
         if np.isinf(self.span):
             return 1 / excess if self.width == 0 else np.log1p(self.width / excess) / self.width
         steepest = MAX_EXPONENT / self.span
-        return brentq(lambda beta: self.mean(beta) - excess, -steepest, steepest, xtol=1e-12 * steepest)
+        return scipy.optimize.brentq(lambda beta: self.mean(beta) - excess, -steepest, steepest, xtol=1e-12 * steepest)
 
     def interval(self, beta: float, excess: float, count: int, confidence: float) -> tuple[float, float]:
         """Where twice the drop of the log-likelihood from its maximum equals the chi-square quantile."""
         best = beta * excess + self.log_normaliser(beta)
-        allowed = chi2.ppf(confidence, 1) / (2 * count)
+        allowed = chi_square_quantile(confidence, 1) / (2 * count)
         step = 2 / np.sqrt(count * self.variance(beta))
 
         def drop(other):
@@ -56,7 +57,7 @@ class Exponential:
                 far = max(far, beta * 1e-3)
             while drop(far) < 0:
                 far = far * 0.5 if np.isinf(self.span) and sign < 0 else far + sign * step
-            ends.append(brentq(drop, *sorted((far, beta)), xtol=1e-12 * abs(step)))
+            ends.append(scipy.optimize.brentq(drop, *sorted((far, beta)), xtol=1e-12 * abs(step)))
         return ends[0], ends[1]
 
 

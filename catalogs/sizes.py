@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import chi2, f, norm
 
+from catalogs.distributions import chi_square_quantile, f_share, normal_tail
 from catalogs.size_likelihood import Exponential, FilledLastBin
 
 B_MAGNITUDE_PER_B_POTENCY = 1.5
@@ -97,7 +97,7 @@ def estimate_b(
     error = 1 / np.sqrt(count * likelihood.variance(beta))
     if bin_width == 0 and np.isinf(limit):
         tails = [(1 - confidence) / 2, (1 + confidence) / 2]
-        lower, upper = chi2.ppf(tails, 2 * count) / (2 * count * excess)
+        lower, upper = chi_square_quantile(tails, 2 * count) / (2 * count * excess)
     else:
         lower, upper = likelihood.interval(beta, excess, count, confidence)
     if np.isinf(limit):
@@ -132,10 +132,10 @@ def difference_b(first: BValue, second: BValue) -> BDifference:
         # the mean excesses, scaled by beta, are chi-square with 2 n degrees of freedom
         unbiased = first.events / (first.events - 1), second.events / (second.events - 1)
         ratio = (second.b * unbiased[1]) / (first.b * unbiased[0])
-        tail = f.cdf(ratio, 2 * first.events, 2 * second.events)
+        tail = f_share(ratio, 2 * first.events, 2 * second.events)
         p_value = 2 * min(tail, 1 - tail)
     else:
-        p_value = 2 * norm.sf(abs(difference) / error)
+        p_value = 2 * normal_tail(abs(difference) / error)
     return BDifference(difference, float(error), float(lower), float(upper), float(p_value))
 
 

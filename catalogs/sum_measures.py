@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.stats import norm, t
 
+from catalogs.distributions import normal_quantile, t_quantile
 from catalogs.exposure import Exposure, Total, total_interval, total_ratio
 from catalogs.jackknife import INTERVAL_95
 from catalogs.sizes import log_potency
@@ -108,7 +108,7 @@ def mean_total(sums: NDArray, squares: NDArray, scale: float) -> Total:
     if len(sums) < MIN_RUNS_FOR_VARIANCE or not mean:
         own = float(squares.sum() / sums.sum()) if mean else 0.0
         return Total(mean, max(scale, own) / len(sums))
-    stretch = t.ppf(INTERVAL_95[1], len(sums) - 1) / norm.ppf(INTERVAL_95[1])
+    stretch = t_quantile(INTERVAL_95[1], len(sums) - 1) / normal_quantile(INTERVAL_95[1])
     return Total(mean, max(stretch**2 * sums.var(ddof=1) / len(sums) / mean, MIN_SCALE_SHARE * mean))
 
 

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 import xarray as xr
+from xarray.backends import NetCDF4BackendEntrypoint
 
 from common.disk import no_room
 from common.errors import InputError
@@ -61,6 +61,8 @@ def clear_parts(path: str | os.PathLike) -> None:
     """
     path = Path(path)
     for part in path.parent.glob(f".{glob.escape(path.name)}.*{PART_ENDING}"):
+        import psutil  # here: there are hardly ever such
+
         writer = part.name.removeprefix(f".{path.name}.").removesuffix(PART_ENDING)
         if writer.isdigit() and not psutil.pid_exists(int(writer)):
             part.unlink(missing_ok=True)
@@ -145,7 +147,7 @@ def open_dataset(path: str | os.PathLike) -> Iterator[xr.Dataset]:
     where a block that reads its values finds that.
     """
     try:
-        dataset = xr.open_dataset(path, engine="netcdf4", cache=False)
+        dataset = xr.open_dataset(path, engine=NetCDF4BackendEntrypoint, cache=False)  # by name it would look for all
     except (OSError, ValueError, RuntimeError) as error:
         raise InputError(f"{path}: not a readable dataset ({error}); {RUN_AGAIN}") from error
     with dataset:

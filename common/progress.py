@@ -7,8 +7,6 @@ import threading
 import time
 from types import ModuleType
 
-from tqdm import tqdm
-
 from common.costs import COMPILING
 from common.importing import when_imported
 from common.provenance import KERNEL_PACKAGES
@@ -49,6 +47,8 @@ class Progress(logging.Handler):
                 self._say(f"{self.latest} ({time.perf_counter() - self.started:.0f} s)")
 
     def _say(self, text: str) -> None:
+        from tqdm import tqdm  # here: most stages end before they say anything
+
         tqdm.write(f"{self.name}: {text}", file=sys.stderr)  # above a bar, if there is one
         sys.stderr.flush()
 

@@ -5,10 +5,15 @@ quantities as text with a unit; a stage's slice holds the same keys as numbers i
 degrees). JSON schema, default file and table of keys are generated from the models (workflow/generate.py).
 """
 
+import ast
 import difflib
+import functools
+import inspect
 import math
 import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Self, Union
 
 from pydantic import (
@@ -53,9 +58,16 @@ class Settings(BaseModel):
     renamed_keys: ClassVar[Mapping[str, str]] = {}
     """Keys of earlier versions, which are refused, and what they are called now."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
+    # defer_build: a stage imports many models, and validates one.
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **options: Any) -> None:
+        """Describe each key by the docstring below it."""
+        super().__pydantic_init_subclass__(**options)
+        for key, text in _docstrings_below(cls.__module__).get(cls.__qualname__, {}).items():
+            if key in cls.__pydantic_fields__:
+                cls.__pydantic_fields__[key].description = text
 
     @classmethod
     def of(cls, values: "Mapping | Self", where: str = "") -> Self:
@@ -101,6 +113,26 @@ class Settings(BaseModel):
             not_missing = [[key] for meant in near.values() for key in meant]  # it stands there, with a slip
             found += [_again(other) for other in error.errors() if _path_of(other) not in not_missing]
         raise ValidationError.from_exception_data(cls.__name__, found)
+
+
+@functools.cache
+def _docstrings_below(module: str) -> dict[str, dict[str, str]]:
+    """By class at the top of a module, what stands below its annotated names; nothing where there is no source.
+
+    pydantic's own search (use_attribute_docstrings) goes through all imported modules for each class, which takes
+    longer than all else that a class needs.
+    """
+    try:
+        statements = ast.parse(inspect.getsource(sys.modules[module])).body
+    except OSError:
+        return {}
+    found: dict[str, dict[str, str]] = {}
+    for one in [statement for statement in statements if isinstance(statement, ast.ClassDef)]:
+        for pair in pairwise(one.body):
+            match pair:
+                case ast.AnnAssign(target=ast.Name(id=key)), ast.Expr(value=ast.Constant(value=str(text))):
+                    found.setdefault(one.name, {})[key] = inspect.cleandoc(text)
+    return found
 
 
 def refusal(reason: str, *keys: str | int) -> PydanticCustomError:

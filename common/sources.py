@@ -8,11 +8,13 @@ import ast
 import functools
 import gc
 import hashlib
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 CODE = (".py", ".pyc")
+IMPORT = re.compile(r"^[ \t]*((?:import [^\n]+|from [\w.]+ import (?:\([^)]*\)|[^\n(]+)))", re.MULTILINE)
 
 
 @functools.cache
@@ -62,13 +64,21 @@ def _uses(path: Path, stage: str) -> tuple[set[Path], set[Path]]:
     collecting = gc.isenabled()
     gc.disable()  # it would scan a growing tree again and again: twice the time
     try:
-        tree = ast.parse(source)
-        imported = {file for name in _imports(_of_stage(tree, stage) if stage else tree, path) for file in _files(name)}
+        tree = _of_stage(ast.parse(source), stage) if stage else _import_statements(source)
+        imported = {file for name in _imports(tree, path) for file in _files(name)}
     finally:
         if collecting:
             gc.enable()
     named = {file for name, files in _data(path.parent).items() if f'"{name}"' in source for file in files}
     return imported, named
+
+
+def _import_statements(source: str) -> ast.Module:
+    """The import statements of a module alone: to parse all of it takes many times as long, before each stage."""
+    try:
+        return ast.parse("\n".join(IMPORT.findall(source)))
+    except SyntaxError:  # a line of a text that begins like one
+        return ast.parse(source)
 
 
 def _imports(tree: ast.Module, path: Path) -> Iterator[str]:

@@ -1,6 +1,7 @@
 """The body of every command line: a log of its own, one line to the user, and no orphan processes."""
 
 import ctypes
+import gc
 import logging
 import os
 import re
@@ -10,9 +11,6 @@ import sys
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
-
-import psutil
-from tqdm import tqdm
 
 from common.costs import CLOCK, Costs
 from common.disk import full_one, no_room
@@ -47,6 +45,10 @@ def die_with_parent() -> None:
     if sys.platform == "linux":
         parent = int(os.environ.get(PIPELINE_PROCESS, os.getppid()))
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if parent == os.getppid():
+            return  # it has not ended before the call
+        import psutil
+
         if not psutil.pid_exists(parent) or psutil.Process(parent).status() == psutil.STATUS_ZOMBIE:
             os._exit(1)
 
@@ -66,6 +68,8 @@ def leave_cores_to_others() -> None:
 
 def _others_work() -> bool:
     """Whether another stage of this run has cores of its own: it would have to share them."""
+    import psutil
+
     for other in psutil.Process(int(os.environ.get(PIPELINE_PROCESS, os.getppid()))).children(recursive=True):
         try:
             if other.pid != os.getpid() and os.sched_getscheduler(other.pid) != os.SCHED_IDLE:
@@ -93,6 +97,8 @@ class ToTerminal(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Print a warning. Errors end the stage, which prints them itself."""
         if record.name == "root" and record.levelno == logging.WARNING:
+            from tqdm import tqdm  # here: few stages warn
+
             tqdm.write(f"{self.stage}: {' '.join(record.getMessage().split())}", file=sys.stderr)
 
 
@@ -127,6 +133,7 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     """
     die_with_parent()
     leave_cores_to_others()
+    gc.freeze()  # what is imported stays: the collector need not search it, above all as the process ends
     CLOCK.start()
     progress = Progress(name, f"{does.strip().splitlines()[0].rstrip('.')}; log: {log}")
     whose = name + "".join(f" ({note})" for folder, note in COMPANION_FOLDERS.items() if re.search(folder, name))
@@ -163,3 +170,4 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
         cut = f"; its log {log} is cut short: {file.lost}" if file.lost else ""
         spent = f"{costs.seconds:.1f} s ({costs.processor:.1f} s of processor time), {costs.memory:.0f} MiB"
         print(f"{name}: {spent}{cut}", file=sys.stderr)
+    gc.freeze()

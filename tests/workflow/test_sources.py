@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from tiny_mines import ROOT, TINY, changed, command, copy_checkout, jobs, write_mine
 
-from common.sources import source_files, source_hash
+from common.sources import _import_statements, _imports, source_files, source_hash
 
 SHARED = "common"
 APART = ("mpm_core", "seismic", "catalogs")  # they meet through files
@@ -108,6 +108,16 @@ def test_no_module_is_imported_where_the_sources_do_not_show_it():
         if calls & {getattr(function, "id", getattr(function, "attr", "")) for function in called}:
             found |= names([path])
     assert found == BY_NAME
+
+
+def test_import_statements_are_found_without_the_rest_of_a_module():
+    """A slow twin: the whole module, parsed. A docstring with lines that begin like imports is parsed as a whole."""
+    for path in (path for package in PACKAGES for path in modules(package).values()):
+        source = path.read_text()
+        assert set(_imports(_import_statements(source), path)) == set(_imports(ast.parse(source), path)), path
+    text = '"""Words.\n\nfrom here on\nimport of ore\n"""\nfrom common import (\n    disk,  # full\n    errors,\n)'
+    found = set(_imports(_import_statements(text), ROOT / "module.py"))
+    assert found == {"common.disk", "common.errors"}
 
 
 def test_every_file_that_is_no_module_belongs_to_one():
