@@ -7,7 +7,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
@@ -59,7 +59,6 @@ def applied() -> Iterator[None]:
 def new_figure(width: float = PAGE_WIDTH, height: float = 4.0, layout: str | None = "constrained") -> Figure:
     """A figure without pyplot's global state (inches); its layout keeps labels from being clipped."""
     figure = Figure(figsize=(width, height), layout=layout)
-    FigureCanvasAgg(figure)
     return figure
 
 
@@ -78,7 +77,7 @@ def level_colours(levels: int) -> ListedColormap:
 def save(figure: Figure, path: Path) -> str:
     """Write `figure` as SVG (atomically, without a date) and return it as a data URI for an <img> element."""
     with atomic_path(path) as temporary:
-        figure.savefig(temporary, format="svg", metadata={"Date": None, "Creator": None})
+        FigureCanvasSVG(figure).print_svg(temporary, metadata={"Date": None, "Creator": None})
         content = temporary.read_bytes()
     return "data:image/svg+xml;base64," + base64.b64encode(content).decode()
 
