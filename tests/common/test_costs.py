@@ -58,7 +58,7 @@ def test_a_stage_says_in_its_log_what_it_took(tmp_path):
 
 
 def test_processes_that_a_stage_started_count(tmp_path):
-    """Once they have ended; kernels are compiled and sections drawn in such. The largest one's memory is the stage's."""
+    """Once they have ended; kernels are compiled in such. The memory of the largest is that of the stage."""
     log = tmp_path / "busy.log"
     told = run("import subprocess; subprocess.run([sys.executable, '-c', CHILD])", log, f"CHILD = {SPIN!r}\n")
     assert told.returncode == 0, told.stderr
