@@ -136,6 +136,7 @@ def report(chosen: argparse.Namespace) -> None:
         output=chosen.output,
         figures=chosen.figures,
         made_from=made_from(values, "catalogs report", inputs),
+        processes=chosen.threads,
     )
 
 
@@ -188,6 +189,7 @@ def parser() -> CommandLine:
         "logs",
     ):
         shown.add_argument(f"--{name}", type=Path)
+    shown.add_argument("--threads", type=int, default=1, help="processes that draw sections")
     for name in ("steps", "events"):
         shown.add_argument(f"--{name}", type=Path, nargs="*", default=[])
     return top

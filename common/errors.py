@@ -23,6 +23,10 @@ class InputErrors(InputError):
         self._lines = tuple(" ".join(line.split()) for line in lines)
         Exception.__init__(self, "\n".join(self._lines))
 
+    def __reduce__(self) -> tuple:
+        """From one process to another: made of its lines again, not of their text."""
+        return type(self), (self._lines,)
+
     @property
     def lines(self) -> tuple[str, ...]:
         """Its mistakes, one each."""

@@ -22,6 +22,8 @@ def units():
 @cache
 def factor(text: str, unit: str) -> float:
     """How many `unit` the unit `text` has. Raises ValueError with the reason; a large mine uses only a few units."""
+    if text == unit:
+        return 1.0
     import pint
 
     try:

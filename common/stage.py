@@ -164,7 +164,8 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
         if full := no_room(error, Path(named).parent if named else full_one(written)):
             sys.exit(f"{whose}: {full}")
         sys.exit(f"{whose}: unexpected {type(error).__name__}: {error}; traceback in {log or 'the log above'}")
-    costs = Costs(*CLOCK.taken(), memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    peaks = [resource.getrusage(whose).ru_maxrss for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    costs = Costs(*CLOCK.taken(), memory=max(peaks) / 1024)
     logging.info("%s", costs.closing_line(name))  # common.costs reads it back: nothing comes after it
     if file:
         cut = f"; its log {log} is cut short: {file.lost}" if file.lost else ""

@@ -16,10 +16,11 @@ from workflow.mine import Mine
 MB = 1e6
 COMPILING = 0.6e9  # bytes more while kernels are compiled in several processes, for the first run of a version
 LIBRARIES = 0.5e9  # bytes of a stage that reads results: ObsPy or matplotlib and what it imports; 0.35e9 measured
+DRAWING = 0.3e9  # bytes more of the report, whose sections are drawn in several processes
 GRID = 500.0  # bytes per cell: grid.nc holds 150, read once, and arrays that follow from it
 READS = {  # bytes per particle: what a stage reads of a state (240, 80, 480), twice: as stored and as it works on it
     "events": 500.0,
-    "report": 200.0,
+    "report": 300.0,  # two of its sections may work on a state at the same time
     "vtk": 1000.0,
     "baselines": 3000.0,  # the stress of every state, and some flaws for each particle near openings
 }
@@ -60,4 +61,5 @@ def reading_mb(mine: Mine, grid: str, stage: str, results: list[str]) -> int:
     made = [path for path in results if str(path).endswith(".nc") and os.path.exists(path)]
     cells = max(cells_of(path) for path in (grid, *made))
     particles = cells * mine.settings.grid.particles_per_cell
-    return round((LIBRARIES + GRID * cells + READS[stage] * particles) / MB)
+    libraries = LIBRARIES + (DRAWING if stage == "report" else 0.0)
+    return round((libraries + GRID * cells + READS[stage] * particles) / MB)

@@ -68,7 +68,7 @@ def beach_balls(moment_tensors: np.ndarray, titles: list[str], axes_of: np.ndarr
             )  # fmt: skip
         axes.plot([0, 0], [1.0, 1.1], color="k", linewidth=0.9)
         axes.text(0, 1.14, "N", fontsize=7.5, ha="center", va="bottom")
-        axes.set_title(title, fontsize=8.5, fontweight="normal", loc="center", pad=8)
+        axes.set_title(title, fontsize=8.5, fontweight="normal", loc="center", pad=8, y=style.TITLE_PLACE)
         axes.set_xlim(-1.1, 1.1)
         axes.set_ylim(-1.1, 1.3)
         axes.set_aspect("equal")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
@@ -33,7 +34,7 @@ def convergence(stages: list[xr.Dataset]) -> Figure:
     return figure
 
 
-def _panel(axes, stage: xr.Dataset, first: bool) -> None:
+def _panel(axes: Axes, stage: xr.Dataset, first: bool) -> None:
     name = stage.attrs.get("step") if stage.attrs.get("stage") == "step" else "elastic"
     axes.set_title(str(name))
     axes.set_xlabel("iteration")
@@ -52,11 +53,11 @@ def _panel(axes, stage: xr.Dataset, first: bool) -> None:
     whole = whole[:: -(-len(whole) // MAX_POINTS_PER_CURVE)]
     shown = np.where(ratio > 0, ratio, np.nan)[whole]
     increment = stage["convergence_increment"].values
-    for index in np.flatnonzero(np.diff(increment)) + 1:
-        axes.axvline(iteration[index], color="#cccccc", linewidth=0.7, zorder=0)
+    starts = np.flatnonzero(np.diff(increment)) + 1
+    _mark(axes, iteration[starts], 1.0, color="#cccccc", linewidth=0.7)
     generation = stage["convergence_generation"].values
-    for index in np.flatnonzero((np.diff(generation) != 0) & (np.diff(increment) == 0)) + 1:
-        axes.axvline(iteration[index], ymax=0.03, color=style.OUTLINE, linewidth=0.5, zorder=0)
+    generations = np.flatnonzero((np.diff(generation) != 0) & (np.diff(increment) == 0)) + 1
+    _mark(axes, iteration[generations], 0.03, color=style.OUTLINE, linewidth=0.5)
     axes.plot(iteration[whole], shown, color=style.MODELLED, linewidth=1.0, marker="." if len(whole) < 60 else None)
     axes.axhline(float(stage.attrs["tolerance"]), color="k", linestyle="--", linewidth=0.8)
     axes.set_xlim(-0.03 * max(iteration[-1], 1), 1.03 * max(iteration[-1], 1))
@@ -72,3 +73,8 @@ def _panel(axes, stage: xr.Dataset, first: bool) -> None:
         twin.set_ylabel("new failures", color=style.RECORDED)
         axes.set_zorder(twin.get_zorder() + 1)
         axes.patch.set_visible(False)
+
+
+def _mark(axes: Axes, iteration: np.ndarray, share: float, **look) -> None:
+    """Lines from the bottom of a panel up to a share of its height; as one artist, since there may be hundreds."""
+    axes.vlines(iteration, 0.0, share, transform=axes.get_xaxis_transform(), zorder=0, **look)

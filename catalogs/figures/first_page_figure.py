@@ -93,7 +93,7 @@ def _panels(sizes: list[NDArray]) -> tuple[Figure, list[Axes]]:
 
 def _dress(axes: Axes, plane: Plane, low: NDArray, high: NDArray) -> None:
     """Title, names of the axes, limits, and as many marks as have room."""
-    axes.set_title(plane.name, fontsize=9.5)
+    axes.set_title(plane.name, fontsize=9.5, y=style.TITLE_PLACE)
     axes.set_xlabel(plane.labels[0], labelpad=1, fontsize=8.5)
     axes.set_ylabel(plane.labels[1], labelpad=1, fontsize=8.5)
     axes.set_xlim(low[0], high[0])

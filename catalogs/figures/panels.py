@@ -112,7 +112,7 @@ def key(figure: Figure, handles: list, columns: int = 8) -> None:
 
 def dress(axes: Axes, view: View, lower: np.ndarray, upper: np.ndarray) -> None:
     """Title, axis names with units, equal scales and limits."""
-    axes.set_title(view.title)
+    axes.set_title(view.title, y=style.TITLE_PLACE)
     axes.set_xlabel(AXIS_LABELS[view.horizontal])
     axes.set_ylabel(AXIS_LABELS[view.vertical])
     axes.set_aspect("equal", adjustable="datalim")

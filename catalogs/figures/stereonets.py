@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-import mplstereonet  # noqa: F401  registers the projection
+import mplstereonet  # which also registers the projection
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
@@ -93,7 +93,8 @@ def _net(axes, axes_of: Axes, column: int):
             plunge, trend, measurement="lines", cmap=axes_of.density_map, levels=CONTOUR_LEVELS, extend="max", alpha=0.8
         )
     every = -(-len(vectors) // MAX_AXES_DRAWN)
-    axes.line(plunge[::every], trend[::every], ".", markersize=2.5, color="k", alpha=0.4, rasterized=True)
+    points = mplstereonet.line(plunge[::every], trend[::every])  # axes.line() makes an artist of each
+    axes.plot(*points, ".", markersize=2.5, color="k", alpha=0.4, rasterized=True)
     _mark_mean(axes, axes_of, column)
     return drawn
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
@@ -22,6 +23,9 @@ BEFORE_RECORD = "#a6a6a6"  # rock that failed in history, before the record begi
 FILL = "#efe6d0"
 PAGE_WIDTH = 11.0  # inches: about the width of the report's text at 96 dots per inch
 DOTS_PER_INCH = 120  # of the rasterised layers
+# Share of a panel's height at which its title stands, where nothing is in its way: matplotlib would measure all labels
+# of the panel to find the same place.
+TITLE_PLACE = 1.0
 MAX_STEPS_IN_KEY = 24  # steps that a key names
 
 SETTINGS = {
@@ -78,7 +82,8 @@ def level_colours(levels: int) -> ListedColormap:
 def save(figure: Figure, path: Path) -> str:
     """Write `figure` as SVG (atomically, without a date) and return it as a data URI for an <img> element."""
     with atomic_path(path) as temporary:
-        figure.savefig(temporary, format="svg", metadata={"Date": None, "Creator": None})
+        # figure.savefig() would draw a figure with a layout twice, the first time for its layout alone.
+        FigureCanvasSVG(figure).print_svg(temporary, metadata={"Date": None, "Creator": None})
         content = temporary.read_bytes()
     return "data:image/svg+xml;base64," + base64.b64encode(content).decode()
 

@@ -3,20 +3,20 @@
 import json
 import os
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import jinja2
 import numpy as np
 
 from catalogs.comparison_settings import InsituStress, Scheduled
-from catalogs.figures import style
 from catalogs.figures.record_figure import EVENTS_PER_WINDOW
 from catalogs.figures.views import MIN_EXCAVATED_SHARE_DRAWN
 from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
 from catalogs.mean_axes import MAX_CONE
 from catalogs.report import first_page, sections, text
 from catalogs.report.banners import banners
-from catalogs.report.gallery import Gallery
+from catalogs.report.gallery import draw_sections
 from catalogs.report.grid_convergence_text import MAX_ERROR_SHARE, discretisation
 from catalogs.report.inputs import Evidence, read_evidence
 from catalogs.report.record_text import sentences
@@ -60,6 +60,7 @@ def write_report(
     excavations: Sequence[Scheduled] | None = None,
     insitu: InsituStress | None = None,
     made_from: str = "",
+    processes: int = 1,
 ) -> None:
     """Write the page to `output` (atomically) and each of its figures as SVG into the folder `figures`.
 
@@ -67,22 +68,20 @@ def write_report(
     of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness, grid_convergence,
     forecast_scores:
     datasets, absent stages None or empty; logs: folder of the logs of this mine's stages; excavations: when each is
-    mined, if not as `config` says; insitu: the stress before mining; made_from: see common.provenance.
-    Same inputs, same bytes. Raises InputError where a dataset is unreadable or is no catalogue.
+    mined, if not as `config` says; insitu: the stress before mining; made_from: see common.provenance; processes: how
+    many draw sections at the same time.
+    Same inputs, same bytes, whatever `processes` is. Raises InputError where a dataset is unreadable or no catalogue.
     """
     evidence = read_evidence(
         config, default, grid, elastic, list(steps), list(events), catalog, record, comparison, spread, closeness,
         grid_convergence, logs, excavations, insitu, forecast_scores,
     )  # fmt: skip
-    gallery, lines, warnings = Gallery(Path(figures)), step_lines(evidence), banners(evidence)
-    with style.applied():
-        first = first_page.section(evidence, warnings, lines, gallery)
-        shown = sections.sections_of(evidence, gallery)
-    gallery.remove_others()
+    lines, warnings = step_lines(evidence), banners(evidence)
+    first = partial(first_page.section, evidence, warnings, lines)
+    shown = draw_sections(sections.sections_of(evidence) | {"first": first}, Path(figures), processes)
     page = _environment().get_template("report.html.j2").render(
         evidence=evidence,
         mine=evidence.grid.attrs["mine"],
-        first=first,
         banners=warnings,
         headline=text.headline(evidence),
         step_lines=lines,

@@ -1,6 +1,9 @@
 """The sections of the report: of each its figures, rows and numbers, as the template shows them."""
 
 import json
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -41,20 +44,23 @@ LARGEST_EVENTS_DRAWN = 10  # Number of beach balls.
 MAX_ROWS_UNFOLDED = 40  # A longer table is folded, or scrolls.
 
 
-def sections_of(evidence: Evidence, gallery: Gallery) -> dict:
-    """All sections by their names in the template; None where there is nothing to show."""
+def sections_of(evidence: Evidence) -> dict[str, Callable[[Gallery], Any]]:
+    """What gives the content of each section, by its name in the template; None where there is nothing to show.
+
+    That which takes longest comes first.
+    """
     return {
-        "scene": _scene(evidence, gallery),
-        "view": section_of_view(evidence, shown_catalogues(evidence)),
-        "convergence": _convergence(evidence, gallery),
-        "rock": _rock(evidence, gallery),
-        "events": _events(evidence, gallery),
-        "sizes": _sizes(evidence, gallery),
-        "spread": section_of_spread(evidence, gallery.add),
-        "forecasts": _forecasts(evidence),
-        "axes": _axes(evidence, gallery),
-        "balls": _balls(evidence, gallery),
-        "budget": _budget(evidence),
+        "axes": partial(_axes, evidence),
+        "events": partial(_events, evidence),
+        "rock": partial(_rock, evidence),
+        "convergence": partial(_convergence, evidence),
+        "scene": partial(_scene, evidence),
+        "balls": partial(_balls, evidence),
+        "view": lambda _: section_of_view(evidence, shown_catalogues(evidence)),
+        "sizes": partial(_sizes, evidence),
+        "spread": lambda gallery: section_of_spread(evidence, gallery.add),
+        "budget": lambda _: _budget(evidence),
+        "forecasts": lambda _: _forecasts(evidence),
     }
 
 

@@ -3,10 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 # Corners of a cube, in the order of igl.marching_cubes.
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
@@ -46,6 +44,8 @@ class CellSet:
         """
         if not len(self.cell):
             return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
+        from scipy.optimize import brentq  # here, as igl below: other sections are drawn meanwhile
+
         at_level = self._surface_at_level()
 
         def excess(level: float) -> float:
@@ -58,6 +58,8 @@ class CellSet:
 
     def _surface_at_level(self) -> Callable[[float], tuple[NDArray, NDArray]]:
         """The surface by its level, from marching cubes between the centres of these cells and their neighbours."""
+        import igl
+
         lower = self.cell.min(axis=0) - 1
         shape = tuple(self.cell.max(axis=0) - lower + 2)
 

@@ -63,7 +63,7 @@ def packed(array: NDArray, kind: str, stride: int = 0) -> dict:
     flat = np.ascontiguousarray(array, np.dtype(kind).newbyteorder("<")).ravel()
     if stride:
         flat = np.concatenate([flat[:stride], flat[stride:] - flat[:-stride]])
-    return {"type": kind, "stride": stride, "base64": base64.b64encode(zlib.compress(flat.tobytes(), 9)).decode()}
+    return {"type": kind, "stride": stride, "base64": base64.b64encode(zlib.compress(flat.tobytes())).decode()}
 
 
 def step_places(evidence: Evidence) -> dict[str, int]:

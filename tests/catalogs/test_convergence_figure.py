@@ -40,5 +40,23 @@ def test_line_is_of_the_whole_mine_and_bars_of_all_that_fails():
     }
     stage = stage_of(**columns)
     axes, bars = convergence([stage]).get_axes()
-    assert axes.get_lines()[2].get_xydata().tolist() == [[3, 1e-3], [9, 2e-3], [11, 1e-5]]
+    assert axes.get_lines()[0].get_xydata().tolist() == [[3, 1e-3], [9, 2e-3], [11, 1e-5]]
     assert [path[1][1] for path in bars.collections[0].get_segments()] == [4, 2]
+
+
+def test_increments_are_marked_from_bottom_to_top_and_generations_at_the_bottom():
+    """Each where it begins; where both begin, the increment."""
+    columns = {
+        "increment": [1, 1, 2, 2, 3],
+        "generation": [0, 1, 0, 1, 1],
+        "iteration": [3, 5, 8, 9, 11],
+        "unbalanced_ratio": [1e-3] * 5,
+        "max_ratio": [1e-4] * 5,
+        "cells": [100] * 5,
+        "new_failures": [0] * 5,
+    }
+    axes = convergence([stage_of(**columns)]).get_axes()[0]
+    increments, generations = (np.array(marks.get_segments()) for marks in axes.collections)
+    assert increments.tolist() == [[[8, 0], [8, 1]], [[11, 0], [11, 1]]]
+    assert generations[:, 0].tolist() == [[5, 0], [9, 0]]
+    assert 0.0 < generations[:, 1, 1].max() < 0.1

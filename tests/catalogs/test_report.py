@@ -23,6 +23,7 @@ from catalogs.report.page import write_report
 from catalogs.report.text import between, config_lines, number
 from common.costs import Costs
 from common.datasets import read_dataset, write_dataset
+from common.errors import InputError
 from common.event_table import ON_PLANES, read_events, write_events
 
 SMALL = {"coarse": 16.0}  # 4 m in the finest of three levels: about 4,000 cells
@@ -324,14 +325,26 @@ def test_marked_lines_are_those_that_differ_from_the_default(page, mine):
 
 
 def test_same_inputs_give_the_same_bytes(mine, tmp_path):
-    """Twice, in two folders: no date, no random element names."""
-    small = {"steps": [], "record": None, "comparison": None}
+    """Twice, in two folders, drawn in one process and in several: no date, no random element names."""
     first, second = tmp_path / "1", tmp_path / "2"
-    for folder in (first, second):
-        make_page(mine, folder, **small)
+    for folder, processes in ((first, 1), (second, 3)):
+        make_page(mine, folder, processes=processes)
+    assert {path.name for path in (first / "figures").iterdir()} == {
+        path.name for path in (second / "figures").iterdir()
+    }
     assert (first / "report.html").read_bytes() == (second / "report.html").read_bytes()
     for path in (first / "figures").iterdir():
         assert path.read_bytes() == (second / "figures" / path.name).read_bytes()
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_a_section_that_fails_leaves_an_earlier_report(mine, tmp_path, monkeypatch, processes):
+    """One line, whichever process it comes from."""
+    (tmp_path / "report.html").write_text("earlier")
+    monkeypatch.setattr(sections, "_axes", mock.Mock(side_effect=InputError("catalog.nc: no axes")))
+    with pytest.raises(InputError, match=r"^catalog.nc: no axes$"):
+        make_page(mine, tmp_path, processes=processes)
+    assert (tmp_path / "report.html").read_text() == "earlier"
 
 
 # ---- what is missing is said ----
@@ -349,7 +362,8 @@ def test_no_events_is_said_and_figures_of_an_earlier_report_go(mine, tmp_path):
     write_dataset(fixtures.make_catalog(read_dataset(mine.steps[-1]), 0), tmp_path / "catalog.nc")
     (tmp_path / "figures").mkdir()
     (tmp_path / "figures" / "beach_balls.svg").write_text("old")
-    content = make_page(mine, tmp_path, catalog=tmp_path / "catalog.nc", record=None, comparison=None)
+    without = {"catalog": tmp_path / "catalog.nc", "record": None, "comparison": None}
+    content = make_page(mine, tmp_path, processes=2, **without)
     assert "The model made no events in its 2 dated steps" in content.sections["steps"]
     assert "no events" in content.sections["events"]
     assert not (tmp_path / "figures" / "beach_balls.svg").exists()

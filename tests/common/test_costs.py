@@ -27,7 +27,7 @@ def body():
 
 run_stage("step busy", sys.argv[1], body)
 """
-SPIN = "import time\nwhile time.process_time() < 0.4: pass"
+SPIN = "import time\nwhile time.process_time() < 0.4: pass\nlarge = b'x' * (300 << 20)"
 COMPILES = """
     import numba
     @numba.njit
@@ -58,11 +58,12 @@ def test_a_stage_says_in_its_log_what_it_took(tmp_path):
 
 
 def test_processes_that_a_stage_started_count(tmp_path):
-    """Once they have ended; kernels are compiled in such."""
+    """Once they have ended; kernels are compiled in such. The memory of the largest is that of the stage."""
     log = tmp_path / "busy.log"
     told = run("import subprocess; subprocess.run([sys.executable, '-c', CHILD])", log, f"CHILD = {SPIN!r}\n")
     assert told.returncode == 0, told.stderr
     assert cost_of(log).processor >= 0.6 + 0.4
+    assert 300 < cost_of(log).memory < 2000
 
 
 @pytest.mark.parametrize("before", ["", "import numba"])
