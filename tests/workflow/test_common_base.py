@@ -129,7 +129,6 @@ def test_numba_cache_is_named_by_the_sources_with_kernels_and_pruned(tmp_path, m
 
     def folder() -> str:
         monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-        provenance.kernel_hash.cache_clear()
         provenance.use_numba_cache()
         return os.environ["NUMBA_CACHE_DIR"]
 
