@@ -57,13 +57,15 @@ def leave_cores_to_others() -> None:
     """Let Linux run this process where a core would be idle, if it was given none and another stage has some.
 
     Nothing that waits for a core waits for this process: with a low priority it would, a few milliseconds each time,
-    and a step waits for its threads thousands of times a second.
+    and a step waits for its threads thousands of times a second. It has threads for half of the cores: the others run
+    what no thread of a step can share, and a thread there would hold up the rest.
     """
     if sys.platform == "linux" and os.environ.get(STAGE_CORES) == "0":
-        os.environ["OMP_NUM_THREADS"] = str(threads_on(0))  # Snakemake gives it the number of cores
+        cores = int(os.environ.get(RUN_CORES, "1"))
         if _others_work():
             os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-            os.environ["OMP_WAIT_POLICY"] = "passive"  # threads that spin would take the cores from those that work
+            cores = max(1, cores // 2)
+        os.environ[STAGE_CORES] = os.environ["OMP_NUM_THREADS"] = str(cores)  # 0 until now
 
 
 def _others_work() -> bool:
@@ -80,8 +82,8 @@ def _others_work() -> bool:
 
 
 def threads_on(cores: int) -> int:
-    """Threads of a stage that was given so many cores: as many, or (0, in idle time) as many as the run has."""
-    return cores or int(os.environ.get(RUN_CORES, "1"))
+    """Threads of a stage that was given so many cores: as many, or (0) those that leave_cores_to_others has found."""
+    return cores or int(os.environ.get(STAGE_CORES, "0")) or 1
 
 
 class ToTerminal(logging.Handler):

@@ -19,8 +19,9 @@ def grid(arguments: argparse.Namespace) -> None:
     from mpm_core.stages.grid_stage import make_grid
 
     scene = read_slice(arguments.scene)
-    compile_for_grid(scene.get("plane"), arguments.threads)
-    use_threads(arguments.threads)
+    threads = threads_on(arguments.threads)
+    compile_for_grid(scene.get("plane"), threads)
+    use_threads(threads)
     write_dataset(make_grid(scene, provenance(scene, "mpm_core grid")), arguments.output)
 
 
@@ -46,8 +47,9 @@ def _solve(arguments: argparse.Namespace) -> None:
     inputs = [arguments.grid] if arguments.stage == "elastic" else [arguments.grid, arguments.state]
     made_from = provenance(values, f"mpm_core {arguments.stage}", inputs)
     scene = parse_scene(values)
-    compile_for_scene(arguments.stage, scene, arguments.threads)
-    use_threads(arguments.threads)
+    threads = threads_on(arguments.threads)
+    compile_for_scene(arguments.stage, scene, threads)
+    use_threads(threads)
     failed_state = Path(arguments.output).with_suffix(".failed.npz")
     with ExitStack() as files:  # gigabytes in a large mine, read once each
         grid = files.enter_context(open_dataset(arguments.grid))
@@ -104,9 +106,8 @@ def main() -> None:
         if name != "vtk":
             stage.add_argument("--scene", required=True, help="file of the configuration's slice, JSON, SI units")
         stage.add_argument("--log")
-        stage.add_argument("--threads", type=int, default=1, help="0: as many as the run has cores")
+        stage.add_argument("--threads", type=int, default=1, help="0: in idle time")
     arguments = parser.parse_args()
-    arguments.threads = threads_on(arguments.threads)
     run = {"grid": grid, "elastic": elastic, "step": step, "vtk": vtk, "solids": solids}[arguments.stage]
     run_stage(f"{arguments.stage} {arguments.output}", arguments.log, lambda: run(arguments), run.__doc__ or "")
 

@@ -300,13 +300,13 @@ WORKFLOW = """
 import os, subprocess, sys
 from common.stage import STAGE_CORES, tell_stages
 
-tell_stages(3)
-stage = "import os; from common.stage import leave_cores_to_others as leave, threads_on; leave(); " \
-    "print(os.sched_getscheduler(0) == os.SCHED_IDLE, threads_on(0), os.environ.get('OMP_NUM_THREADS'))"
-run = lambda cores: subprocess.run([sys.executable, "-c", stage], env=os.environ | {STAGE_CORES: cores}, check=True)
+tell_stages(5)
+stage = "import os, sys; from common.stage import leave_cores_to_others as leave, threads_on; leave(); " \
+    "print(os.sched_getscheduler(0) == os.SCHED_IDLE, threads_on(int(sys.argv[1])), os.environ['OMP_NUM_THREADS'])"
+run = lambda cores: subprocess.run([sys.executable, "-c", stage, cores], env=os.environ | {STAGE_CORES: cores}, check=True)
 with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:
     run("0")
-    run("2")
+    run("3")
     other.communicate(b"")
 run("0")
 """
@@ -317,7 +317,7 @@ def test_a_stage_without_a_core_leaves_cores_to_a_stage_that_works(monkeypatch):
     """One with cores does not, and alone it would leave them to other users of the machine."""
     monkeypatch.setenv("OMP_NUM_THREADS", "0")  # as Snakemake does
     run = subprocess.run([sys.executable, "-c", WORKFLOW], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert run.stdout.splitlines() == ["True 3 3", "False 3 0", "False 3 3"]
+    assert run.stdout.splitlines() == ["True 2 2", "False 3 0", "False 5 5"]
 
 
 FAILED = "RuleException:\nCalledProcessError in file \"x.smk\", line 3:\nCommand 'stage --output a.nc --log l' "
