@@ -63,3 +63,7 @@ if asks_for_more(get_argument_parser().parse_args(), workflow.is_rule, MINE.name
 wildcard_constraints:
     mine=FOLDERS.pattern,
     step=NAME,
+
+
+gc.enable()  # which rules/common.smk has disabled
+gc.freeze()

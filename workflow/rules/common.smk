@@ -4,8 +4,11 @@ Rules depend on the sources that their stage runs (common.sources) by hash, a pa
 looked at, all of them, for every waiting job, every second: a third of a core for some 300 jobs.
 """
 
+import gc
 import shlex
 import sys
+
+gc.disable()  # until all rules are read: it would search all that they import, again and again
 
 import yaml
 from snakemake.utils import update_config
