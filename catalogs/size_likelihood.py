@@ -5,7 +5,7 @@ sizes y stands for a bin's centre, counted from the lowest one.
 """
 
 import numpy as np
-import scipy  # scipy.optimize is imported when it is first used: other stages need only log_potency of sizes.py
+import scipy  # imports its parts as they are used, which small stages would wait for
 
 from catalogs.distributions import chi_square_quantile
 

@@ -8,7 +8,7 @@ fails at once, against the same ones without parts, was -18, -7 and -5 % at R / 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy  # imports its parts as they are used, which small stages would wait for
 
 from mpm_core.grid.mesh import MultiLevelGrid
 
@@ -80,11 +80,11 @@ class Cubes:
         places = np.stack(np.unravel_index(flat, self.shape), axis=1)
         occupied = np.zeros(np.ptp(places, axis=0) + 1, bool)
         occupied[tuple((places - places.min(axis=0)).T)] = True
-        labels, patches = ndimage.label(occupied, np.ones((3,) * occupied.ndim))
+        labels, patches = scipy.ndimage.label(occupied, np.ones((3,) * occupied.ndim))
         patch = labels[tuple((places - places.min(axis=0)).T)] - 1
         every = np.arange(patches)
         widths = [
-            ndimage.maximum(along, patch[cube], every) - ndimage.minimum(along, patch[cube], every)
+            scipy.ndimage.maximum(along, patch[cube], every) - scipy.ndimage.minimum(along, patch[cube], every)
             for along in failed.T
         ]
         half = 0.5 * (np.max(widths, axis=0) + 1) / (1 << self.halvings)
@@ -113,7 +113,7 @@ class Surroundings:
     def reach_beyond(self, places: np.ndarray, cubes: int) -> np.ndarray:
         """(k,) bool: whether they end within so many cubes of places (k, d), fine units, that lie in them."""
         around = np.ones((3,) * self.near.ndim)
-        inner = ndimage.binary_erosion(self.near, around, cubes, border_value=1) if cubes else self.near
+        inner = scipy.ndimage.binary_erosion(self.near, around, cubes, border_value=1) if cubes else self.near
         return ~inner[tuple(((places >> self.cubes.halvings) - self.cubes.lower).T)]
 
     def are_wide(self, failed: np.ndarray) -> np.ndarray:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # imports its parts as they are used, which small stages would wait for
 from numba import njit
-from scipy.spatial import cKDTree
 
 from mpm_core.geometry.inside import contains
 from mpm_core.geometry.sharp_edges import sharp_edges
@@ -75,7 +75,7 @@ def choose_edge_nodes(
     known = code_of((wishes.place[:, None, :] + around).reshape(-1, len(shape)), shape + 1)
     codes, number = np.unique(known, return_inverse=True)
     number = number.reshape(len(wishes.place), -1)
-    close = cKDTree(wishes.goal).query_pairs(MIN_GOAL_DISTANCE, output_type="ndarray")
+    close = scipy.spatial.cKDTree(wishes.goal).query_pairs(MIN_GOAL_DISTANCE, output_type="ndarray")
     close = np.concatenate([close, close[:, ::-1]])
     close = close[np.lexsort(close.T[::-1])]
     first = np.searchsorted(close[:, 0], np.arange(len(wishes.place) + 1))

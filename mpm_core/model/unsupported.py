@@ -17,9 +17,7 @@ import logging
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy  # imports its parts as they are used, which small stages would wait for
 
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import face_neighbors
@@ -86,7 +84,7 @@ def find_parts(grid: MultiLevelGrid, solid: np.ndarray) -> Parts:
     base = np.ravel_multi_index(tuple((grid.cell_index >> halvings).T), grid.shape >> halvings)
     full = np.ones(grid.shape >> halvings, bool)
     full.reshape(-1)[base[solid != ALL_SAMPLES]] = False
-    labels, bodies = ndimage.label(full)
+    labels, bodies = scipy.ndimage.label(full)
     body = labels.reshape(-1)[base].astype(np.int64) - 1
     near = np.flatnonzero(body < 0)
     samples, row = hang_together(solid[near], grid.dimension)
@@ -99,8 +97,8 @@ def find_parts(grid: MultiLevelGrid, solid: np.ndarray) -> Parts:
         [full_links, _cut_links(grid, own[~simple], other[~simple], body, bodies, start, samples)], axis=1
     )
     count = bodies + len(cell)
-    graph = coo_array((np.ones(links.shape[1], np.int8), (links[0], links[1])), shape=(count, count))
-    _, piece = connected_components(graph, directed=False)
+    graph = scipy.sparse.coo_array((np.ones(links.shape[1], np.int8), (links[0], links[1])), shape=(count, count))
+    _, piece = scipy.sparse.csgraph.connected_components(graph, directed=False)
     return Parts(body, bodies, cell, samples, start, piece.astype(np.int64))
 
 
