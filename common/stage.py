@@ -100,6 +100,7 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     does: what it does, in words (the first line of a docstring), shown if it takes longer than a moment.
     """
     die_with_parent()
+    gc.freeze()  # what is imported stays: the collector need not search it, above all as the process ends
     CLOCK.start()
     progress = Progress(name, f"{does.strip().splitlines()[0].rstrip('.')}; log: {log}")
     whose = name + "".join(f" ({note})" for folder, note in COMPANION_FOLDERS.items() if re.search(folder, name))
@@ -136,4 +137,4 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
         cut = f"; its log {log} is cut short: {file.lost}" if file.lost else ""
         spent = f"{costs.seconds:.1f} s ({costs.processor:.1f} s of processor time), {costs.memory:.0f} MiB"
         print(f"{name}: {spent}{cut}", file=sys.stderr)
-    gc.freeze()  # as the process ends, the collector need not search all that libraries have made: a tenth of a second
+    gc.freeze()
