@@ -21,6 +21,7 @@ def compile_less() -> None:
     when_imported("numba.core.codegen", _without_code_of_parts)
     when_imported("numba.parfors.parfor_lowering", _without_called_bodies)
     when_imported("numba.core.dispatcher", _without_collections)
+    when_imported("numba.core.caching", _without_registries)
 
 
 @functools.cache  # once
@@ -81,3 +82,19 @@ def _without_collections(dispatcher: ModuleType) -> None:
                 gc.enable()
 
     event.register("numba:compile", Kernels())
+
+
+@functools.cache
+def _without_registries(caching: ModuleType) -> None:
+    """A kernel is read from its file without what numba compiles others with: that is loaded as the first one compiles.
+
+    Its machine code needs numba's own memory of arrays alone.
+    """
+    from numba.core.runtime import rtsys
+
+    def load_overload(self, sig, target_context):
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+    caching.Cache.load_overload = load_overload

@@ -2,6 +2,7 @@
 
 import gc
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -116,3 +117,39 @@ def test_a_declared_callback_is_still_one():
         return 2.0 * value
 
     assert double.ctypes(21.0) == 42.0
+
+
+STORED = """
+import sys
+import numba, numpy as np
+
+@numba.njit(parallel=True, cache=True)
+def kernel(matrices):
+    sums = np.zeros(len(matrices))
+    for i in numba.prange(len(matrices)):
+        held = {j: np.sqrt(j) for j in range(3)}
+        work = np.linalg.solve(matrices[i], np.ones(3))
+        np.random.seed(i)
+        sums[i] = np.sort(work)[1] + held[2] + np.random.random()
+    return sums, [str(len(sums))]
+
+sums, texts = kernel(np.random.default_rng(1).random((50, 3, 3)))
+print(sums.tobytes().hex(), texts, *kernel.stats.cache_hits.values(), "numba.np.random.distributions" in sys.modules)
+"""
+
+
+def test_a_stored_kernel_is_read_without_what_compiles_others(tmp_path):
+    """It calls LAPACK, sorts, hashes, draws and makes texts, as far as kernels may. One that is not stored compiles."""
+    (tmp_path / "stored.py").write_text(STORED)
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", f"import mpm_core, sys; sys.path.insert(0, {str(tmp_path)!r}); import stored"],
+            cwd=ROOT, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True,
+        )
+        for _ in range(2)
+    ]  # fmt: skip
+    assert [run.returncode for run in runs] == [0, 0], runs[-1].stderr
+    first, second = (run.stdout.split() for run in runs)
+    assert first[:-1] == second[:-2]
+    assert first[-1:] == ["True"]
+    assert second[-2:] == ["1", "False"]
