@@ -5,8 +5,8 @@ common.source_tensors.point_down says. x east, y north, z up; trend clockwise fr
 """
 
 import numpy as np
+import scipy  # imports its parts as they are used, which small stages would wait for
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from catalogs.jackknife import INTERVAL_95, Scatter
 from catalogs.mean_axes import AxesSample, describe_axes
@@ -188,7 +188,7 @@ def _kagan_distributions(
     one, other = _pairs(len(record.axes), len(record.axes), generator)
     one, other = one[one != other], other[one != other]
     beside = np.arange(len(model.axes) if len(record.axes) else 0)
-    nearest = cKDTree(record.location).query(model.location[beside])[1] if len(beside) else beside
+    nearest = scipy.spatial.cKDTree(record.location).query(model.location[beside])[1] if len(beside) else beside
     # of each kind of pair: its angles, and the weight of each pair for weights of the events (model's, record's)
     angles = [
         (

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from xarray.backends import NetCDF4BackendEntrypoint
 
 from common.disk import no_room
 from common.errors import InputError
@@ -146,7 +147,7 @@ def open_dataset(path: str | os.PathLike) -> Iterator[xr.Dataset]:
     where a block that reads its values finds that.
     """
     try:
-        dataset = xr.open_dataset(path, engine="netcdf4", cache=False)
+        dataset = xr.open_dataset(path, engine=NetCDF4BackendEntrypoint, cache=False)  # by name it would look for all
     except (OSError, ValueError, RuntimeError) as error:
         raise InputError(f"{path}: not a readable dataset ({error}); {RUN_AGAIN}") from error
     with dataset:
