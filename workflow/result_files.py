@@ -122,8 +122,9 @@ class ResultFiles:
         return mine.bodies() if mine.is_adaptive else []
 
     def events(self, wildcards: Wildcards) -> list[str]:
-        """Events of all listed steps, in order."""
-        return [f"results/{wildcards.mine}/events/{step}.nc" for step in self.mine_of(wildcards).mined_steps]
+        """Events of the dated steps, in order; of all listed ones if none has dates."""
+        mine = self.mine_of(wildcards)
+        return [f"results/{wildcards.mine}/events/{step}.nc" for step in mine.dated_steps or mine.mined_steps]
 
     def dated_steps(self, wildcards: Wildcards) -> list[str]:
         """States of the dated steps, in order."""

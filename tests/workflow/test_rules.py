@@ -114,7 +114,7 @@ def test_a_step_that_is_not_listed_ends_the_run_in_one_line(files):
 def test_rules_of_dated_steps_read_the_dated_ones(files):
     """The undated history has events, and no place in a catalogue's comparison."""
     own, coarse = cards(mine="tiny"), ["results/tiny/coarse/steps/2019-08.nc"]
-    assert files.events(own) == ["results/tiny/events/history.nc", "results/tiny/events/2019-08.nc"]
+    assert files.events(own) == ["results/tiny/events/2019-08.nc"]
     assert files.dated_steps(own) == ["results/tiny/steps/2019-08.nc"]
     assert files.coarse_dated_steps(own) == coarse
     assert files.member_events(own) == [f"results/tiny/ensemble/{number}/events/2019-08.nc" for number in (1, 2)]
