@@ -2,8 +2,11 @@
 
 import ast
 import re
+import subprocess
+import sys
 from graphlib import CycleError, TopologicalSorter
 
+import pytest
 from tiny_mines import ROOT
 
 PACKAGES = (
@@ -78,3 +81,24 @@ def test_nothing_that_runs_imports_the_tests():
     rules = [ROOT / "Snakefile", ROOT / "verification/Snakefile", *sorted(ROOT.glob("*/rules/*.smk"))]
     assert len(rules) > 7
     assert not [path for path in rules if re.search(r"\b(from|import|stage) tests\b", path.read_text())]
+
+
+SLOW = {"matplotlib", "numba", "obspy", "pint", "psutil", "pyproj", "scipy.ndimage", "scipy.optimize", "scipy.special"}
+SLOW |= {"scipy.spatial", "scipy.stats", "sklearn", "tqdm"}
+
+
+@pytest.mark.parametrize(
+    ("modules", "needs"),
+    [
+        ("seismic.__main__, seismic.catalog", set()),
+        ("catalogs.__main__, catalogs.records, catalogs.grid_convergence", set()),
+        ("seismic.events", {"numba", "scipy.spatial", "scipy.special"}),
+        ("catalogs.comparison", {"scipy.spatial", "scipy.special"}),
+        ("mpm_core.__main__, mpm_core.stages.grid_stage", {"numba", "psutil"}),
+    ],
+)
+def test_a_stage_waits_for_no_library_that_it_does_not_need(modules, needs):
+    """What is imported before its function begins, of the libraries that take long to import."""
+    program = f"import sys, {modules}; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert set(run.stdout.split()) & SLOW == needs
