@@ -102,7 +102,8 @@ def slopes_of(modes: np.ndarray) -> np.ndarray:
     """
     bits = np.arange(modes.shape[1])
     axes = range(modes.shape[1].bit_length() - 1)
-    return np.stack([np.where(bits >> k & 1, modes[:, bits ^ 1 << k], 0.0) for k in axes], axis=2)
+    slopes = np.stack([np.where(bits >> k & 1, modes[:, bits ^ 1 << k], 0.0) for k in axes], axis=2)
+    return np.ascontiguousarray(slopes)  # kernels are compiled for each layout
 
 
 def _signs(corners: int) -> np.ndarray:

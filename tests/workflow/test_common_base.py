@@ -303,7 +303,9 @@ from common.stage import STAGE_CORES, tell_stages
 tell_stages(5)
 stage = "import os, sys; from common.stage import leave_cores_to_others as leave, threads_on; leave(); " \
     "print(os.sched_getscheduler(0) == os.SCHED_IDLE, threads_on(int(sys.argv[1])), os.environ['OMP_NUM_THREADS'])"
-run = lambda cores: subprocess.run([sys.executable, "-c", stage, cores], env=os.environ | {STAGE_CORES: cores}, check=True)
+def run(cores):
+    subprocess.run([sys.executable, "-c", stage, cores], env=os.environ | {STAGE_CORES: cores}, check=True)
+
 with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:
     run("0")
     run("3")
