@@ -61,7 +61,7 @@ def test_the_companion_leaves_out_what_is_too_small_for_its_cells(accept, caplog
 
 @pytest.mark.slow
 def test_a_companion_runs_beside_what_stands(spoiled, base):
-    """Its own grid, states and events; nothing of the mine itself is made again, nor anything at a second call."""
+    """Its grid, states, events of dated steps; nothing of the mine itself is made again, nor anything at a second call."""
     results = spoiled / "results/tiny"
     before = hashes(results)
     with edited(base / "files" / "tiny.yaml", changed(TINY, grid_convergence=True)) as file:
@@ -73,11 +73,11 @@ def test_a_companion_runs_beside_what_stands(spoiled, base):
     labels = re.findall(r'"labels": ({[^}]*})', (spoiled / "packed.html").read_text(encoding="utf-8"))
     names = ["catalogue", "catalogue, cells of twice the size", "report"]  # two of them are files of one name
     assert sorted(json.loads(label)["result"] for label in labels) == names
-    own = {"grid": 1, "elastic": 1, "mining_step": 2, "events": 1, "catalog": 1}  # events of the dated step alone
+    own = {"grid": 1, "elastic": 1, "mining_step": 2, "events": 1, "catalog": 1}
     assert jobs(text) == own | {"grid_convergence": 1, "report": 1, "all": 1}
     after = hashes(results)
     assert {path: after[path] for path in before} == before
-    made = {f"coarse/steps/{step}.nc" for step in STEPS} | {"coarse/events/2019-08.nc"}
+    made = {f"coarse/steps/{step}.nc" for step in STEPS} | {"coarse/events/2019-08.nc"}  # history has no dates
     made |= {f"coarse/{name}" for name in ("grid.nc", "elastic.nc", "catalog.nc", "catalog.csv")}
     assert set(after) - set(before) == {"grid_convergence.nc", *made}
 
