@@ -3,7 +3,6 @@
 import csv
 import json
 import re
-import subprocess
 
 import meshio
 import numpy as np
@@ -14,7 +13,6 @@ from tiny_mines import (
     NEXT_STEP,
     TINY,
     changed,
-    command,
     copy_checkout,
     edited,
     hashes,
@@ -277,10 +275,9 @@ def test_checkout_in_a_folder_with_a_space_whose_sources_change(tiny_file, tmp_p
     checkout = copy_checkout(tmp_path / "my checkout")
 
     def run(*options: str) -> str:
-        line = command(tiny_file, tmp_path / "run", *options, "results/tiny/record.nc", cores=1, checkout=checkout)
-        run = subprocess.run(line, capture_output=True, text=True, timeout=300)
-        assert run.returncode == 0, run.stderr
-        return run.stdout + run.stderr
+        status, text = snakemake(tiny_file, tmp_path / "run", *options, "results/tiny/record.nc", checkout=checkout)
+        assert status == 0, text
+        return text
 
     run()
     for source, again in (("seismic/events.py", {}), ("catalogs/records/build.py", {"record": 1})):

@@ -3,12 +3,12 @@
 import ast
 import json
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from tiny_mines import ROOT, TINY, changed, command, copy_checkout, jobs, write_mine
+from stand_ins import LEAVE_EMPTY, program
+from tiny_mines import ROOT, TINY, changed, copy_checkout, jobs, snakemake, write_mine
 
 from common.sources import source_files, source_hash
 
@@ -27,34 +27,7 @@ BY_NAME = {  # modules that import others by a name made at run time, and who se
     "mpm_core/stages/first_kernels.py",  # the modules of kernels that the stage itself calls
     "workflow/plan.py",  # excavations_from: what it makes is part of the slices of settings
 }
-# In place of the interpreter that runs a stage: one leaves results that hold nothing but what they were made from, one
-# runs it and notes what files it has used.
-LEAVE_EMPTY = """#!{python}
-import os, sys
-from pathlib import Path
-import netCDF4
-sys.path.insert(0, os.environ["PYTHONPATH"])
-from common.provenance import MADE_FROM, comment, made_from
-from common.slices import read_slice
-module, stage, *words = sys.argv[2:]
-given, option = {{}}, ""
-for word in words:
-    option = word if word.startswith("--") else option
-    given.setdefault(option, []).extend([] if word == option else [word])
-output = Path(given.pop("--output")[0])
-values = [read_slice(given[option][0]) for option in ("--scene", "--settings") if option in given]
-inputs = [path for paths in given.values() for path in paths if path.endswith(".nc")]
-identity = made_from(*(values or [{{}}]), f"{{module}} {{stage}}", inputs)
-for folder in (output.parent, *map(Path, given.get("--figures", []))):
-    folder.mkdir(parents=True, exist_ok=True)
-for path in given.get("--csv", []):
-    Path(path).touch()
-if output.suffix == ".nc":
-    with netCDF4.Dataset(output, "w") as dataset:
-        dataset.setncattr(MADE_FROM, identity)
-else:
-    output.write_text(comment(identity))
-"""
+# In place of the interpreter that runs a stage: it runs it and notes what files it has used.
 NOTE = """#!{python}
 import atexit, json, os, runpy, sys
 opened = set()
@@ -81,14 +54,6 @@ def modules(package: str) -> dict[str, Path]:
     """Every module of a package by its dotted name."""
     paths = sorted((ROOT / package).rglob("*.py"))
     return {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in paths}
-
-
-def run_with(interpreter: str, path: Path, *line: str) -> subprocess.CompletedProcess:
-    """Snakemake with another program in place of the interpreter that its stages are run by."""
-    path.write_text(interpreter)
-    path.chmod(0o755)
-    program = f"import sys; sys.executable = {str(path)!r}; from snakemake.cli import main; main(sys.argv[1:])"
-    return subprocess.run([sys.executable, "-c", program, *line], capture_output=True, text=True, timeout=600)
 
 
 def test_packages_meet_through_files():
@@ -161,9 +126,10 @@ def test_stages_use_no_file_that_their_sources_lack(tmp_path):
     notes.mkdir()
     mine = write_mine(changed(TINY, ensemble=1), tmp_path / "files" / "tiny.yaml")
     on_request = ("scene.png", "twin.csv", "vtk/elastic.vtu", "vtk/solids.vtm", "vtk/catalog.vtu")
-    line = command(mine, tmp_path / "run", "all", *(f"results/tiny/{name}" for name in on_request))[3:]
-    done = run_with(NOTE.format(python=sys.executable, folder=str(notes)), tmp_path / "note", *line)
-    assert done.returncode == 0, done.stderr
+    targets = ("all", *(f"results/tiny/{name}" for name in on_request))
+    note = program(NOTE.format(python=sys.executable, folder=str(notes)), tmp_path / "note")
+    status, text = snakemake(mine, tmp_path / "run", *targets, interpreter=note)
+    assert status == 0, text
     ran = set()
     for path in notes.iterdir():
         noted = json.loads(path.read_text())
@@ -187,12 +153,12 @@ def standing(tmp_path_factory):
     """A copy of the checkout in which a mine stands as finished, with empty results; asks what an edit would run."""
     base = tmp_path_factory.mktemp("sources")
     checkout, mine = copy_checkout(base / "checkout"), write_mine(TINY, base / "files" / "tiny.yaml")
+    leave_empty = program(LEAVE_EMPTY, base / "leave_empty")
 
     def run(*options: str) -> dict[str, int]:
-        line = command(mine, base / "run", *options, checkout=checkout)[3:]
-        done = run_with(LEAVE_EMPTY.format(python=sys.executable), base / "leave_empty", *line)
-        assert done.returncode == 0, done.stderr
-        return {rule: count for rule, count in jobs(done.stdout + done.stderr).items() if rule != "all"}
+        status, text = snakemake(mine, base / "run", *options, interpreter=leave_empty, checkout=checkout)
+        assert status == 0, text
+        return {rule: count for rule, count in jobs(text).items() if rule != "all"}
 
     def edit(files: str) -> dict[str, int]:
         before = {checkout / name: (checkout / name).read_text() for name in files.split()}
