@@ -32,6 +32,22 @@ else:
     part.write_text(comment(identity))
 part.rename(output)
 """
+NOTE = f"""#!{sys.executable}
+# It runs a stage and notes what files it has used.
+import atexit, json, os, runpy, sys
+from pathlib import Path
+opened = set()
+sys.addaudithook(lambda event, given: opened.add(str(given[0])) if event == "open" else None)
+note, command = Path(__file__).with_name(f"{{os.getpid()}}.json"), sys.argv[2:]
+def write():
+    modules = {{getattr(module, "__file__", None) or "" for module in sys.modules.values()}}
+    data = {{path for path in opened if not path.endswith((".py", ".pyc"))}}
+    found = sorted({{os.path.abspath(path) for path in modules | data if path}})
+    note.write_text(json.dumps({{"command": command[:2], "files": found}}))
+atexit.register(write)
+sys.argv = command
+runpy.run_module(command[0], run_name="__main__", alter_sys=True)
+"""
 # The first stage that makes a result ends in some way, the others run.
 END = """#!/bin/sh
 case "$*" in
@@ -47,6 +63,12 @@ def program(text: str, path: Path) -> Path:
     path.write_text(text)
     path.chmod(0o755)
     return path
+
+
+def noting(folder: Path) -> Path:
+    """An interpreter that leaves a file in the folder for each stage: its command, and the files that it has used."""
+    folder.mkdir(exist_ok=True)
+    return program(NOTE, folder / "note")
 
 
 def ending(result: str, how: str, folder: Path, interpreter: str | Path = sys.executable) -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import trimesh
-from stand_ins import KILLED, LEAVE_EMPTY, ending, program
+from stand_ins import KILLED, ending
 from tiny_mines import TINY, box, changed, copy_checkout, edited, hashes, jobs, snakemake, write_mine
 
 from common.provenance import comment, content_of, files_of, made_from, read_made_from
@@ -41,12 +41,6 @@ CASES = [  # result whose stage is ended, how, after which change
     ("report.html", "terminated", NEARER),
     ("report.html", "Snakemake terminated", NEARER),
 ]
-
-
-@pytest.fixture(scope="module")
-def leave_empty(tmp_path_factory) -> Path:
-    """An interpreter whose stages say what their results were made from, and nothing else."""
-    return program(LEAVE_EMPTY, tmp_path_factory.mktemp("programs") / "leave_empty")
 
 
 @pytest.fixture(scope="module")

@@ -3,20 +3,20 @@
 import ast
 import json
 import re
-import sys
+import shutil
 from pathlib import Path
 
 import pytest
-from stand_ins import LEAVE_EMPTY, program
-from tiny_mines import ROOT, TINY, changed, copy_checkout, jobs, snakemake, write_mine
+from stand_ins import noting
+from tiny_mines import ROOT, TINY, changed, copy_checkout, edited, jobs, snakemake, write_mine
 
 from common.sources import source_files, source_hash
 
 SHARED = "common"
 APART = ("mpm_core", "seismic", "catalogs")  # they meet through files
 PACKAGES = (SHARED, *APART, "calibration", "baselines", "plans", "verification", "workflow")
-# Snakemake alone reads these, but for the schema, which is made from the models (workflow/generate.py), for editors, and
-# the list of the kernels that are compiled first: no result depends on it.
+# Snakemake alone reads these, but for the schema, which is made from the models (workflow/generate.py), for editors,
+# and the list of the kernels that are compiled first: no result depends on it.
 NO_DATA = (
     *("workflow/report/", "workflow/envs/", "workflow/rules/", "verification/rules/", "verification/Snakefile"),
     *("workflow/schemas/", "mpm_core/stages/first_kernels.txt"),
@@ -27,22 +27,6 @@ BY_NAME = {  # modules that import others by a name made at run time, and who se
     "mpm_core/stages/first_kernels.py",  # the modules of kernels that the stage itself calls
     "workflow/plan.py",  # excavations_from: what it makes is part of the slices of settings
 }
-# In place of the interpreter that runs a stage: it runs it and notes what files it has used.
-NOTE = """#!{python}
-import atexit, json, os, runpy, sys
-opened = set()
-sys.addaudithook(lambda event, given: opened.add(str(given[0])) if event == "open" else None)
-command = sys.argv[2:]
-def note():
-    modules = {{getattr(module, "__file__", None) or "" for module in sys.modules.values()}}
-    data = {{path for path in opened if not path.endswith((".py", ".pyc"))}}
-    found = sorted({{os.path.abspath(path) for path in modules | data if path}})
-    with open(os.path.join({folder!r}, f"{{os.getpid()}}.json"), "w") as file:
-        json.dump({{"command": command[:2], "files": found}}, file)
-atexit.register(note)
-sys.argv = command
-runpy.run_module(command[0], run_name="__main__", alter_sys=True)
-"""
 
 
 def names(files) -> set[str]:
@@ -120,18 +104,16 @@ def test_a_stage_alone_counts_of_its_command_line():
 
 
 @pytest.mark.slow
-def test_stages_use_no_file_that_their_sources_lack(tmp_path):
+def test_stages_use_no_file_that_their_sources_lack(undisturbed, spoiled, base, notes, tmp_path):
     """Every stage of a mine, as it runs: what it has imported at its end, and what else it has opened."""
-    notes = tmp_path / "notes"
-    notes.mkdir()
-    mine = write_mine(changed(TINY, ensemble=1), tmp_path / "files" / "tiny.yaml")
-    on_request = ("scene.png", "twin.csv", "vtk/elastic.vtu", "vtk/solids.vtm", "vtk/catalog.vtu")
-    targets = ("all", *(f"results/tiny/{name}" for name in on_request))
-    note = program(NOTE.format(python=sys.executable, folder=str(notes)), tmp_path / "note")
-    status, text = snakemake(mine, tmp_path / "run", *targets, interpreter=note)
+    shutil.copytree(notes, tmp_path / "notes")
+    on_request = ("spread.nc", "scene.png", "twin.csv", "vtk/elastic.vtu", "vtk/solids.vtm", "vtk/catalog.vtu")
+    with edited(base / "files/tiny.yaml", changed(TINY, ensemble=1)) as file:
+        targets = (f"results/tiny/{name}" for name in on_request)
+        status, text = snakemake(file, spoiled, *targets, interpreter=noting(tmp_path / "notes"))
     assert status == 0, text
     ran = set()
-    for path in notes.iterdir():
+    for path in (tmp_path / "notes").glob("*.json"):
         noted = json.loads(path.read_text())
         stage = " ".join(noted["command"])
         used = {name for name in names(noted["files"]) if name.startswith(tuple(f"{one}/" for one in PACKAGES))}
@@ -149,11 +131,10 @@ def test_stages_use_no_file_that_their_sources_lack(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def standing(tmp_path_factory):
+def standing(tmp_path_factory, leave_empty):
     """A copy of the checkout in which a mine stands as finished, with empty results; asks what an edit would run."""
     base = tmp_path_factory.mktemp("sources")
     checkout, mine = copy_checkout(base / "checkout"), write_mine(TINY, base / "files" / "tiny.yaml")
-    leave_empty = program(LEAVE_EMPTY, base / "leave_empty")
 
     def run(*options: str) -> dict[str, int]:
         status, text = snakemake(mine, base / "run", *options, interpreter=leave_empty, checkout=checkout)
