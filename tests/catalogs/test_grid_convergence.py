@@ -9,6 +9,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
+from catalogs.figures import style
 from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR, compare, share_off
 from catalogs.report.page import write_report
 from common.datasets import read_dataset, write_dataset
@@ -89,7 +90,8 @@ def written(mine: fixtures.Mine, **attributes) -> dict:
     return mine.arguments()
 
 
-def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, found):
+def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, found, monkeypatch):
+    monkeypatch.setattr(style, "save", fixtures.write_nothing)
     mine = fixtures.make_mine(tmp_path)
     arguments = written(mine, overshoot_share=0.15)
     grid = read_dataset(mine.grid)

@@ -192,19 +192,18 @@ def test_what_would_fail_is_measured_without_change(tmp_path, monkeypatch):
     assert sum(abs(expected - found) < 1e-12 for expected, found in seen) > len(seen) / 2
 
 
-@pytest.mark.parametrize("saves", [1, 4, 9])
-def test_killed_between_chosen_increments_it_goes_on_to_the_same_bytes(tmp_path, saves):
+def test_killed_between_chosen_increments_it_goes_on_to_the_same_bytes(tmp_path):
     scene, grid, state = begun(tmp_path, increments=0)
     whole, facts = mining_step(scene, grid, state, tmp_path / "failed.npz")
-    dying = KilledAfter(tmp_path / "checkpoint", "key", pause=0.0)
-    dying.left = saves
-    with pytest.raises(Killed):
-        mining_step(scene, grid, state, tmp_path / "failed.npz", dying)
-    resumed, facts_again = mining_step(
-        scene, grid, state, tmp_path / "failed.npz", Checkpoint(tmp_path / "checkpoint", "key")
-    )
-    assert facts == facts_again
-    assert all(np.array_equal(whole[name].values, resumed[name].values) for name in whole)
+    for saves in (1, 4, 9):
+        path = tmp_path / f"{saves}.npz"
+        dying = KilledAfter(path, "key", pause=0.0)
+        dying.left = saves
+        with pytest.raises(Killed):
+            mining_step(scene, grid, state, tmp_path / "failed.npz", dying)
+        resumed, facts_again = mining_step(scene, grid, state, tmp_path / "failed.npz", Checkpoint(path, "key"))
+        assert facts == facts_again
+        assert all(np.array_equal(whole[name].values, resumed[name].values) for name in whole)
 
 
 def test_members_take_increments_of_their_own(tmp_path):

@@ -93,22 +93,21 @@ def test_the_most_cells_are_kept_and_what_they_keep_from_failing_is_named(tmp_pa
     assert "more than grid.max_cells" in caplog.text
 
 
-def two_steps(tmp_path, checkpoint=None, first_grid=None, **changes):
-    """A hole, then another 29 m away that has no fine cells until it is mined; both states."""
+def first_step(tmp_path, **changes):
+    """A hole, and a step that mines another 29 m away, which has no fine cells before: scene, grid, state before it."""
     first, second = adaptive_scene((0, -1), 1, **changes), adaptive_scene((0, 1), 2, **changes)
-    grid = first_grid or grid_of(HOLES[:1])
-    both = grid_of(HOLES)
-    dataset = make_dataset(first, grid, HOLES[:1])
-    parts = make_dataset(first, both, HOLES)
+    dataset = make_dataset(first, grid_of(HOLES[:1]), HOLES[:1])
+    parts = make_dataset(first, grid_of(HOLES), HOLES)
     own = [name for name in parts.variables if name.startswith("piece_")]
     dataset = dataset.drop_dims("piece").assign({name: parts[name] for name in own})
     elastic, _ = elastic_stage(first, dataset, tmp_path / "f.npz")
     before, _ = mining_step(first, dataset, elastic, tmp_path / "f.npz")
-    return before, mining_step(second, dataset, before, tmp_path / "f.npz", checkpoint)
+    return second, dataset, before
 
 
 def test_an_opening_has_fine_cells_once_it_is_mined(tmp_path):
-    before, (after, facts) = two_steps(tmp_path)
+    start = first_step(tmp_path)
+    before, (after, facts) = start[-1], mining_step(*start, tmp_path / "f.npz")
     mined = after.volume.values == 0.0
     assert (after.cell_level.values[after.cell.values[mined]] == 3).all()
     place = after.position.values[mined][:, [0, 2]]
@@ -127,19 +126,20 @@ def test_an_opening_has_fine_cells_once_it_is_mined(tmp_path):
         np.testing.assert_allclose(strain, was[tuple(place)], rtol=1e-12, atol=1e-15)
 
 
-@pytest.mark.parametrize("generations", [1, 4])
-def test_a_step_killed_on_split_cells_ends_in_the_same_bytes(generations, tmp_path):
-    _, (whole, facts) = two_steps(tmp_path)
+def test_a_step_killed_on_split_cells_ends_in_the_same_bytes(tmp_path):
+    start = first_step(tmp_path)
+    whole, facts = mining_step(*start, tmp_path / "f.npz")
     assert facts["cell_splits"] > 1
-    path = tmp_path / "step.checkpoint.npz"
-    dying = KilledAfter(path, "inputs", pause=0.0)
-    dying.left = generations
-    with pytest.raises(Killed):
-        two_steps(tmp_path, dying)
-    _, (resumed, _) = two_steps(tmp_path, Checkpoint(path, "inputs"))
-    for dataset, name in ((whole, "a.nc"), (resumed, "b.nc")):
-        write_dataset(dataset, tmp_path / name)
-    assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
+    write_dataset(whole, tmp_path / "whole.nc")
+    for generations in (1, 4):
+        path = tmp_path / f"{generations}.checkpoint.npz"
+        dying = KilledAfter(path, "inputs", pause=0.0)
+        dying.left = generations
+        with pytest.raises(Killed):
+            mining_step(*start, tmp_path / "f.npz", dying)
+        resumed, _ = mining_step(*start, tmp_path / "f.npz", Checkpoint(path, "inputs"))
+        write_dataset(resumed, tmp_path / "resumed.nc")
+        assert (tmp_path / "resumed.nc").read_bytes() == (tmp_path / "whole.nc").read_bytes()
 
 
 def test_a_step_killed_with_as_many_cells_as_may_be_ends_in_the_same_bytes(tmp_path):
@@ -161,7 +161,7 @@ def test_any_number_of_threads_gives_the_same_bits(tmp_path):
     results = []
     for threads in (1, 2):
         numba.set_num_threads(threads)
-        results.append(two_steps(tmp_path)[1][0])
+        results.append(mining_step(*first_step(tmp_path), tmp_path / "f.npz")[0])
     assert results[0].identical(results[1])
 
 

@@ -41,8 +41,8 @@ def small(monkeypatch):
     monkeypatch.setattr(step_subdomain, "MIN_MINE_CELLS", 0)
 
 
-def month(folder, checkpoint=None, holes=HOLES, entries=(), body=None, **changes):
-    """Three holes, far apart, in plane strain, then one beside the third; its state and facts.
+def begun(folder, holes=HOLES, entries=(), body=None, **changes):
+    """Three holes, far apart, in plane strain, and a step that mines one beside the third: scene, grid, state before.
 
     entries: other settings of some excavations, by number; body: points of rock body 0.
     """
@@ -60,7 +60,12 @@ def month(folder, checkpoint=None, holes=HOLES, entries=(), body=None, **changes
     dataset = make_dataset(first, grid, holes, of_cell)
     elastic, _ = elastic_stage(first, dataset, folder / "f.npz")
     before, _ = mining_step(first, dataset, elastic, folder / "f.npz")
-    return mining_step(second, dataset, before, folder / "f.npz", checkpoint)
+    return second, dataset, before
+
+
+def month(folder, checkpoint=None, **changes):
+    """State and facts of the step of `begun`."""
+    return mining_step(*begun(folder, **changes), folder / "f.npz", checkpoint)
 
 
 def failed_potency(state):
@@ -76,11 +81,12 @@ def test_rock_fails_as_in_the_whole_mine(offset, refinement, tmp_path, small, mo
     scatter: the next test holds the subdomain to it."""
     caplog.set_level("INFO")
     holes = [ball(np.array(place) + offset, 4.0) for place in CENTERS]
-    state, facts = month(tmp_path, holes=holes, refinement=refinement)
+    start = begun(tmp_path, holes=holes, refinement=refinement)
+    state, facts = mining_step(*start, tmp_path / "f.npz")
     assert "the step begins in the subdomain that it changes" in caplog.text
     monkeypatch.setattr(step_subdomain, "MAX_SUBDOMAIN_SHARE", 0.0)
     caplog.clear()
-    whole, expected = month(tmp_path, holes=holes, refinement=refinement)
+    whole, expected = mining_step(*start, tmp_path / "f.npz")
     assert "the step begins in" not in caplog.text
     assert facts["failed_particles"] > 90
     close = 0.2 if refinement else 0.06
@@ -155,10 +161,11 @@ def test_a_subdomain_has_what_the_whole_mine_has(case, tmp_path, small, monkeypa
     caplog.set_level("INFO")
     monkeypatch.setattr(step_subdomain, "MAX_SUBDOMAIN_SHARE", 1.0)  # whose pressure falls far away is nearly the whole
     changes = {"host": PLASTIC} | CASES[case]
-    state, facts = month(tmp_path, **changes)
+    start = begun(tmp_path, **changes)
+    state, facts = mining_step(*start, tmp_path / "f.npz")
     assert "the step begins in the subdomain that it changes" in caplog.text
     monkeypatch.setattr(step_subdomain, "MAX_SUBDOMAIN_SHARE", 0.0)
-    whole, expected = month(tmp_path, **changes)
+    whole, expected = mining_step(*start, tmp_path / "f.npz")
     assert facts["failed_particles"] > 10
     if "slot" in case:
         assert state.attrs["phantom_nodes"] > 20
@@ -173,24 +180,22 @@ def test_a_subdomain_has_what_the_whole_mine_has(case, tmp_path, small, monkeypa
 
 
 @pytest.mark.parametrize("refinement", [ADAPTIVE, None])
-@pytest.mark.parametrize("generations", [1, 40])
 @pytest.mark.parametrize("holes", [HOLES, [*HOLES[:3], slot([478.0, 492.0], 16.0, 1.3)]], ids=["holes", "a slot"])
-def test_a_step_killed_in_its_subdomain_or_after_it_ends_in_the_same_bytes(
-    generations, refinement, holes, tmp_path, small
-):
-    whole, _ = month(tmp_path, holes=holes, refinement=refinement)
-    path = tmp_path / "step.checkpoint.npz"
-    dying = KilledAfter(path, "inputs", pause=0.0)
-    dying.left = generations
-    try:
-        month(tmp_path, dying, holes, refinement=refinement)
-        assert generations == 40
-    except Killed:
-        pass
-    resumed, _ = month(tmp_path, Checkpoint(path, "inputs"), holes, refinement=refinement)
-    for dataset, name in ((whole, "a.nc"), (resumed, "b.nc")):
-        write_dataset(dataset, tmp_path / name)
-    assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
+def test_a_step_killed_in_its_subdomain_or_after_it_ends_in_the_same_bytes(refinement, holes, tmp_path, small):
+    start = begun(tmp_path, holes=holes, refinement=refinement)
+    write_dataset(mining_step(*start, tmp_path / "f.npz")[0], tmp_path / "whole.nc")
+    for generations in (1, 40):
+        path = tmp_path / f"{generations}.checkpoint.npz"
+        dying = KilledAfter(path, "inputs", pause=0.0)
+        dying.left = generations
+        try:
+            mining_step(*start, tmp_path / "f.npz", dying)
+            assert generations == 40
+        except Killed:
+            pass
+        resumed, _ = mining_step(*start, tmp_path / "f.npz", Checkpoint(path, "inputs"))
+        write_dataset(resumed, tmp_path / "resumed.nc")
+        assert (tmp_path / "resumed.nc").read_bytes() == (tmp_path / "whole.nc").read_bytes()
 
 
 @pytest.mark.parametrize("holes", [HOLES, [*HOLES[:3], slot([478.0, 492.0], 16.0, 1.3)]], ids=["holes", "a slot"])

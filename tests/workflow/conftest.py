@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from tiny_mines import TINY, changed, finished, merged, start, write_mine
+from stand_ins import LEAVE_EMPTY, noting, program
+from tiny_mines import TINY, changed, merged, snakemake, write_mine
 
 from common.errors import InputError
 from workflow.configuration import load
@@ -28,7 +29,7 @@ def tiny_file(base) -> Path:
 
 @pytest.fixture(scope="session")
 def undisturbed(base, tiny_file, tmp_path_factory) -> tuple[Path, str]:
-    """Folder and terminal text of one run of the tiny mine to its report, on two cores.
+    """Folder and terminal text of one run of the tiny mine to its report, on two cores; see also `notes`.
 
     One run for all workers of pytest-xdist: the first makes it, the others copy it, mine file and time stamps included.
     """
@@ -52,9 +53,21 @@ def undisturbed(base, tiny_file, tmp_path_factory) -> tuple[Path, str]:
 
 def run_to_report(mine_file: Path, folder: Path) -> str:
     """Terminal text of a run of a mine in a folder."""
-    status, text = finished(start(mine_file, folder))
+    status, text = snakemake(mine_file, folder, interpreter=noting(folder.parent / "notes"))
     assert status == 0, text
     return text
+
+
+@pytest.fixture(scope="session")
+def notes(undisturbed, base) -> Path:
+    """Folder with the files that each stage of that run has used (stand_ins.noting)."""
+    return base / "notes"
+
+
+@pytest.fixture(scope="session")
+def leave_empty(tmp_path_factory) -> Path:
+    """An interpreter whose stages say what their results were made from, and nothing else."""
+    return program(LEAVE_EMPTY, tmp_path_factory.mktemp("programs") / "leave_empty")
 
 
 @pytest.fixture

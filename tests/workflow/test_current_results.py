@@ -1,29 +1,23 @@
 """What is on disk is of these settings, inputs and sources, or runs again, whatever ended the last run."""
 
+import functools
 import os
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
 import trimesh
-from test_sources import run_with
-from tiny_mines import TINY, box, changed, command, copy_checkout, edited, hashes, jobs, snakemake, write_mine
+from stand_ins import KILLED, ending
+from tiny_mines import TINY, box, changed, copy_checkout, edited, hashes, jobs, snakemake, write_mine
 
 from common.provenance import comment, content_of, files_of, made_from, read_made_from
+from workflow.mine_folder import NOTES
 
-# In place of the interpreter that runs a stage: the first stage that makes this file ends in this way, the others run.
-ENDING = """#!/bin/sh
-case "$*" in
-  *"--output {result} "*) if mkdir "{once}" 2>/dev/null; then {ending}; fi ;;
-esac
-exec "{python}" "$@"
-"""
 ENDINGS = {
-    "killed": "kill -KILL $$",
+    "killed": KILLED,
     "terminated": "kill -TERM $$",
     "an error": "exit 1",
-    "a full disk": f'ulimit -f 1; exec "{sys.executable}" "$@"',
+    "a full disk": 'ulimit -f 0; exec "{interpreter}" "$@"',
     "Snakemake killed": "kill -KILL $PPID; sleep 2; exit 1",
     "Snakemake terminated": "kill -TERM $PPID; sleep 2; exit 1",
 }
@@ -49,24 +43,41 @@ CASES = [  # result whose stage is ended, how, after which change
 ]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("result", "ending", "values"), CASES, ids=[f"{case[0]} {case[1]}" for case in CASES])
-def test_the_same_command_ends_as_in_a_fresh_folder(result, ending, values, spoiled, base, fresh):
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory, leave_empty):
+    """The folder of a run of a mine, with its file; its results are empty."""
+    known = {}
+
+    def of(mine: dict) -> Path:
+        if (key := str(mine)) not in known:
+            folder = tmp_path_factory.mktemp("fresh")
+            file = write_mine(mine, folder / "files/tiny.yaml")
+            status, text = snakemake(file, folder / "run", interpreter=leave_empty)
+            assert status == 0, text
+            known[key] = folder
+        return known[key]
+
+    return of
+
+
+@pytest.mark.parametrize(("result", "how", "values"), CASES, ids=[f"{case[0]} {case[1]}" for case in CASES])
+def test_the_same_command_ends_as_in_a_fresh_folder(result, how, values, tmp_path, fresh, leave_empty):
     """The result of the old settings may stand for a while; the next identical command does not take it."""
-    mine = changed(TINY, **values)
-    program = ENDING.format(
-        result=f"results/tiny/{result}", once=spoiled / "once", ending=ENDINGS[ending], python=sys.executable
-    )
-    with edited(base / "files/tiny.yaml", mine) as file:
-        line = command(file, spoiled)
-        first = run_with(program, spoiled / "interpreter", *line[line.index("-m") + 2 :])
-        assert first.returncode != 0
-        assert (spoiled / "once").is_dir(), first.stderr
-        snakemake(file, spoiled, "--unlock")
-        status, text = snakemake(file, spoiled)
+    mine, folder, file = changed(TINY, **values), tmp_path / "run", tmp_path / "files/tiny.yaml"
+    shutil.copytree(fresh(TINY), tmp_path, dirs_exist_ok=True)
+    for note in (folder / NOTES).iterdir():
+        note.write_text(str(file.resolve()), encoding="utf-8")
+    write_mine(mine, file)
+    ends = ending(f"results/tiny/{result}", ENDINGS[how], tmp_path, leave_empty)
+    status, text = snakemake(file, folder, interpreter=ends)
+    assert status != 0
+    assert (tmp_path / "once").is_dir(), text
+    if how.startswith("Snakemake"):
+        snakemake(file, folder, "--unlock")
+    status, text = snakemake(file, folder, interpreter=leave_empty)
     assert status == 0, text
     assert "Nothing to be done" not in text
-    assert what_stands(spoiled) == fresh(mine)
+    assert what_stands(folder) == what_stands(fresh(mine) / "run")
 
 
 def what_stands(folder: Path) -> dict[str, str]:
@@ -75,20 +86,20 @@ def what_stands(folder: Path) -> dict[str, str]:
     return hashes(results) | {"report.html": read_made_from(results / "report.html")}
 
 
-@pytest.fixture(scope="module")
-def fresh(tmp_path_factory):
-    """What stands after a run of a mine in a folder of its own."""
-    known = {}
-
-    def of(mine: dict) -> dict[str, str]:
-        if (key := str(mine)) not in known:
-            folder = tmp_path_factory.mktemp("fresh")
-            status, text = snakemake(write_mine(mine, folder / "files/tiny.yaml"), folder)
-            assert status == 0, text
-            known[key] = what_stands(folder)
-        return known[key]
-
-    return of
+@pytest.mark.slow
+def test_a_killed_stage_ends_in_the_bytes_of_a_fresh_folder(spoiled, base, tmp_path):
+    """What the stages themselves leave and find."""
+    mine, step = changed(TINY, **{"materials.fill.youngs_modulus": "20 GPa"}), "results/tiny/steps/2019-08.nc"
+    old = (spoiled / step).read_bytes()
+    with edited(base / "files/tiny.yaml", mine) as file:
+        assert snakemake(file, spoiled, step, interpreter=ending(step, KILLED, tmp_path))[0] != 0
+        assert (spoiled / step).read_bytes() == old
+        status, text = snakemake(file, spoiled, step)
+    assert status == 0, text
+    assert jobs(text) == {"mining_step": 1}
+    status, text = snakemake(write_mine(mine, tmp_path / "tiny.yaml"), tmp_path, step)
+    assert status == 0, text
+    assert old != (spoiled / step).read_bytes() == (tmp_path / step).read_bytes()
 
 
 def planned(file: Path, folder: Path, *options: str) -> dict[str, int]:
@@ -137,14 +148,14 @@ def test_another_content_under_the_same_name_counts_whatever_its_time(spoiled, t
     assert planned(tiny_file, spoiled) == {}
 
 
-def test_a_solid_replaced_by_an_older_file(tmp_path):
+def test_a_solid_replaced_by_an_older_file(tmp_path, leave_empty):
     """Its grid is made again."""
     solid = tmp_path / "files/stope.stl"
     values = {"excavations.1": {"name": "stope_1", "step": "2019-08", "fill": "fill", "file": "stope.stl"}}
     file = write_mine(changed(TINY, **values), tmp_path / "files/tiny.yaml")
     trimesh.creation.box(bounds=[[30, 40, 25], [45, 55, 50]]).export(solid)
     grid = "results/tiny/grid.nc"
-    status, text = snakemake(file, tmp_path, grid)
+    status, text = snakemake(file, tmp_path, grid, interpreter=leave_empty)
     assert status == 0, text
     assert planned(file, tmp_path, grid) == {}
     trimesh.creation.box(bounds=[[30, 40, 25], [45, 50, 50]]).export(solid)
@@ -152,20 +163,19 @@ def test_a_solid_replaced_by_an_older_file(tmp_path):
     assert planned(file, tmp_path, grid) == {"grid": 1}
 
 
-def test_edited_sources_count_after_a_stage_was_killed(tmp_path):
+def test_edited_sources_count_after_a_stage_was_killed(tmp_path, leave_empty):
     """The earlier grid is put back when its stage is killed, and is not taken as that of the new sources."""
-    checkout, grid = copy_checkout(tmp_path / "checkout"), "results/tiny/grid.nc"
-    line = command(write_mine(TINY, tmp_path / "tiny.yaml"), tmp_path, grid, checkout=checkout)[3:]
-    program = ENDING.format(result=grid, once=tmp_path / "once", ending="kill -KILL $$", python=sys.executable)
-    (tmp_path / "once").mkdir()
-    assert run_with(program, tmp_path / "interpreter", *line).returncode == 0
+    checkout, file = copy_checkout(tmp_path / "checkout"), write_mine(TINY, tmp_path / "tiny.yaml")
+    grid = "results/tiny/grid.nc"
+    run = functools.partial(snakemake, file, tmp_path, grid, checkout=checkout)
+    assert run(interpreter=leave_empty)[0] == 0
     with (checkout / "mpm_core/stages/grid_stage.py").open("a") as source:
         source.write("# edited\n")
-    (tmp_path / "once").rmdir()
-    assert run_with(program, tmp_path / "interpreter", *line).returncode != 0
+    assert run(interpreter=ending(grid, KILLED, tmp_path))[0] != 0
     assert (tmp_path / grid).is_file()
-    again = run_with(program, tmp_path / "interpreter", *line, "--dry-run")
-    assert jobs(again.stdout + again.stderr) == {"grid": 1}
+    status, text = run("--dry-run")
+    assert status == 0, text
+    assert jobs(text) == {"grid": 1}
 
 
 # ---- what a result is made from ----

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tiny_mines import TINY, changed, edited, hashes, snakemake
+from tiny_mines import TINY, changed, edited, hashes, jobs, snakemake
 
 from workflow.mine_folder import leftovers, leftovers_line
 
@@ -44,13 +44,14 @@ def test_many_are_counted():
     assert text.endswith("steps/m5.nc and 14 more")
 
 
-def test_a_record_given_up_is_named_and_counts_again(spoiled, base):
+def test_a_record_given_up_is_named_and_counts_again(spoiled, base, tiny_file, leave_empty):
     """The run without it says so; nothing of it is lost, and with it again it is not read anew."""
     before = hashes(spoiled / "results/tiny")
     without = changed(TINY)
     del without["record"]
     with edited(base / "files/tiny.yaml", without) as file:
-        status, text = snakemake(file, spoiled)
+        status, text = snakemake(file, spoiled, interpreter=leave_empty)
     assert status == 0, text
     assert "left as they are: comparison.nc, record.nc" in text
     assert hashes(spoiled / "results/tiny") == before
+    assert jobs(snakemake(tiny_file, spoiled, "--dry-run")[1]) == {"report": 1, "all": 1}

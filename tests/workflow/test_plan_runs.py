@@ -1,10 +1,16 @@
 """`snakemake plans` for the tiny mine: what runs, what is shared, what stands after it."""
 
 import shutil
+import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
+from stand_ins import program
 from tiny_mines import FLAT, NEXT_STEP, STILL, TINY, changed, edited, hashes, jobs, snakemake, write_mine
+
+from common.slices import read_slice
 
 PLANS = {
     "swapped": {
@@ -18,22 +24,31 @@ HAZARD = {
     "magnitudes": {"small": -1.5, "large": 0.5},
     "likelihoods": {"rare": 0, "likely": 0.5},
 }
+PLANNED = changed(TINY, plans=PLANS, hazard=HAZARD)
+
+
+@pytest.fixture(scope="module")
+def planned(undisturbed, base) -> tuple[Path, str]:
+    """Folder and terminal text of a run of `plans` beside results that stand."""
+    folder = base / "planned"
+    shutil.copytree(undisturbed[0], folder)
+    with edited(base / "files" / "tiny.yaml", PLANNED) as file:
+        status, text = snakemake(file, folder, "plans")
+    assert status == 0, text
+    return folder, text
 
 
 @pytest.mark.slow
-def test_plans_of_the_tiny_mine(spoiled, base):
+def test_plans_of_the_tiny_mine(planned, undisturbed, base):
     """Only steps that differ are computed; the mine's own results stay as they are; a second call has nothing to do;
     another class of chance makes no step again."""
-    results = spoiled / "results/tiny"
-    before = hashes(results)
-    mine = changed(TINY, plans=PLANS, hazard=HAZARD)
-    with edited(base / "files" / "tiny.yaml", mine) as file:
-        status, text = snakemake(file, spoiled, "plans")
-        again = snakemake(file, spoiled, "--dry-run", "plans")
-    assert status == 0, text
+    folder, text = planned
+    results = folder / "results/tiny"
     assert jobs(text) == {"mining_step": 3, "events": 3, "plan_outcome": 3, "plans": 1}
+    with edited(base / "files" / "tiny.yaml", PLANNED) as file:
+        again = snakemake(file, folder, "--dry-run", "plans")
     assert "Nothing to be done" in again[1]
-    after = hashes(results)
+    before, after = hashes(undisturbed[0] / "results/tiny"), hashes(results)
     assert {name: after[name] for name in before} == before
     steps = {"swapped": ("2019-08", "2019-09"), "longer": ("2019-09",)}
     made = {
@@ -54,22 +69,19 @@ def test_plans_of_the_tiny_mine(spoiled, base):
     page = (results / "plans/report.html").read_text()
     assert all(plan in page for plan in PLANS)
 
-    other = changed(mine, **{"hazard.magnitudes": {"small": -1.0}})
+    other = changed(PLANNED, **{"hazard.magnitudes": {"small": -1.0}})
     with edited(base / "files" / "tiny.yaml", other) as file:
-        status, text = snakemake(file, spoiled, "--dry-run", "plans")
+        _, text = snakemake(file, folder, "--dry-run", "plans")
     assert jobs(text) == {"plan_outcome": 3, "plans": 1}
 
 
 @pytest.mark.slow
-def test_a_kept_forecast_is_scored_when_its_month_is_recorded(spoiled, base):
+def test_a_kept_forecast_is_scored_when_its_month_is_recorded(planned, base):
     """The plan's month becomes the mine's: the report says what was forecast and what came. A forecast that is made
     again with the longer record is none."""
-    results, files = spoiled / "results/tiny", base / "files"
-    plans = {"longer": PLANS["longer"]}
-    planned = changed(TINY, plans=plans, hazard=HAZARD)
-    with edited(files / "tiny.yaml", planned) as file:
-        status, text = snakemake(file, spoiled, "plans")
-    assert status == 0, text
+    folder, files = base / "a kept forecast", base / "files"
+    shutil.copytree(planned[0], folder)
+    results = folder / "results/tiny"
     shutil.copy(results / "plans/longer/outcome.nc", files / "said.nc")
 
     months = [
@@ -81,7 +93,7 @@ def test_a_kept_forecast_is_scored_when_its_month_is_recorded(spoiled, base):
     mined = changed(TINY, forecasts=["said.nc"], **{"excavations.2.step": "2019-09", "record.file": "longer.csv"})
     mined["steps"].append(NEXT_STEP)
     with edited(files / "tiny.yaml", mined) as file:
-        status, text = snakemake(file, spoiled)
+        status, text = snakemake(file, folder, "results/tiny/report.html")
     assert status == 0, text
     assert jobs(text)["forecast_scores"] == 1
     scores = xr.open_dataset(results / "forecast_scores.nc")
@@ -92,7 +104,7 @@ def test_a_kept_forecast_is_scored_when_its_month_is_recorded(spoiled, base):
     assert "No forecast was kept" not in page
 
     with edited(files / "tiny.yaml", changed(mined, forecasts=["gone.nc"])) as file:
-        status, text = snakemake(file, spoiled, "--dry-run")
+        status, text = snakemake(file, folder, "--dry-run")
     assert status != 0
     assert "forecasts.0: " in text
     assert "gone.nc: no such file" in text
@@ -114,30 +126,60 @@ def test_mines_without_plans_are_refused(mine, line, tmp_path):
     assert "Traceback" not in text
 
 
+# In place of the interpreter that runs the stages: in drawn rock a stage takes what the same stage has made in the
+# mine's own rock, with more energy by tenths.
+IN_DRAWN_ROCK = f"""#!{sys.executable}
+import os, re, runpy, shutil, sys
+from pathlib import Path
+sys.path.insert(0, os.environ["PYTHONPATH"])
+sys.argv = sys.argv[2:]
+output = sys.argv[sys.argv.index("--output") + 1]
+if drawn := re.search("drawn_rock/([0-9])/", output):
+    Path(output).parent.mkdir(parents=True, exist_ok=True)
+    own = output.replace(drawn[0], "")
+    if "/steps/" in own:
+        from common.datasets import read_dataset, write_dataset
+        state = read_dataset(own)
+        state.attrs["energy_released"] *= 1.0 + int(drawn[1]) / 10.0
+        write_dataset(state, output)
+    else:
+        shutil.copy(own, output)
+else:
+    runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+"""
+
+
 @pytest.mark.slow
-def test_plans_in_rock_that_a_calibration_has_drawn(spoiled, base):
+def test_plans_in_rock_that_a_calibration_has_drawn(planned, base, tmp_path):
     """Each plan in each drawn rock, on the mine's grid; what the intervals contain says so. Without the draws the run
     ends in one line."""
+    folder = base / "drawn rock"
+    shutil.copytree(planned[0], folder)
     quantity = {"key": "materials.host.cohesion.residual", "range": ["0.3 MPa", "0.8 MPa"], "source": "made up"}
-    calibration = {"trials": 8, "quantities": [quantity]}
-    mine = changed(TINY, plans={"swapped": PLANS["swapped"]}, calibration=calibration, hazard={"rock": "posterior"})
-    folder = spoiled / "results/tiny/calibration"
+    values = {"plans": {"swapped": PLANS["swapped"]}, "hazard.rock": "posterior"}
+    mine = changed(PLANNED, calibration={"trials": 8, "quantities": [quantity]}, **values)
+    results, residual = folder / "results/tiny", {draw: 0.25e6 + 0.1e6 * draw for draw in range(1, 6)}
     with edited(base / "files" / "tiny.yaml", mine) as file:
-        status, text = snakemake(file, spoiled, "--dry-run", "plans")
+        status, text = snakemake(file, folder, "--dry-run", "plans")
         assert status != 0
         assert "hazard.rock: there is no results/tiny/calibration/draw_1.yaml; run `snakemake calibrate` first" in text
-        folder.mkdir()
-        for draw in range(1, 6):
-            residual = f"{0.25 + 0.1 * draw:g} MPa"
-            write_mine(changed(TINY, **{"materials.host.cohesion.residual": residual}), folder / f"draw_{draw}.yaml")
-        status, text = snakemake(file, spoiled, "plans")
+        for draw, value in residual.items():
+            drawn = changed(TINY, **{"materials.host.cohesion.residual": f"{value:g} Pa"})
+            write_mine(drawn, results / f"calibration/draw_{draw}.yaml")
+        stages = program(IN_DRAWN_ROCK, tmp_path / "in_drawn_rock")
+        status, text = snakemake(file, folder, "plans", interpreter=stages)
     assert status == 0, text
-    # in each rock two steps of either plan, which share history; the other plan's own two; events of dated steps
-    assert jobs(text) == {"elastic": 5, "mining_step": 22, "events": 17, "plan_outcome": 2, "plans": 1}
-    outcome = xr.open_dataset(spoiled / "results/tiny/plans/swapped/outcome.nc")
-    assert outcome.run_kind.values.tolist() == ["own", *["draw"] * 5]
-    released = outcome.energy_released[1:, 0].values
-    assert len(set(released)) == 5
-    assert not (spoiled / "results/tiny/drawn_rock/1/grid.nc").exists()
-    page = (spoiled / "results/tiny/plans/report.html").read_text()
+    # in each rock two steps of either plan, which share history; events of dated steps
+    assert jobs(text) == {"elastic": 5, "mining_step": 20, "events": 15, "plan_outcome": 2, "plans": 1}
+    for draw, value in residual.items():
+        for place in (f"drawn_rock/{draw}", f"plans/swapped/drawn_rock/{draw}"):
+            (slice_,) = (results / place / "slices/steps").glob("2019-08.*.json")
+            assert read_slice(slice_)["materials"]["host"]["cohesion"]["residual"] == pytest.approx(value)
+    for plan, place in (("mine_file", results), ("swapped", results / "plans/swapped")):
+        outcome = xr.open_dataset(results / f"plans/{plan}/outcome.nc")
+        assert outcome.run_kind.values.tolist() == ["own", *["draw"] * 5]
+        released = xr.open_dataset(place / "steps/2019-08.nc").energy_released
+        np.testing.assert_allclose(outcome.energy_released[:, 0], released * np.array([1, 1.1, 1.2, 1.3, 1.4, 1.5]))
+    assert not (results / "drawn_rock/1/grid.nc").exists()
+    page = (results / "plans/report.html").read_text()
     assert "Intervals do not contain what is not known of the rock" not in page

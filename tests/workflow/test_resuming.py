@@ -30,6 +30,7 @@ def save_and_die(self, state, history, *rest):
 checkpoint.Checkpoint.save = save_and_die
 __main__.main()
 """
+STEPS = ("results/tiny/steps/history.nc", "results/tiny/steps/2019-08.nc")
 PATIENCE = 120  # s, for a slow machine; no result depends on it
 
 
@@ -57,7 +58,7 @@ def stage_of(snakemake: psutil.Process, name: str) -> psutil.Process | None:
 def test_killed_in_a_mechanics_stage_and_resumed_gives_the_same_bytes(spoiled, tiny_file, undisturbed):
     """Twice: as the stage starts, before it could say whom it belongs to, and in the midst of its work.
 
-    Only Snakemake is killed; its stage must end by itself. Then --unlock and --rerun-incomplete.
+    Only Snakemake is killed; its stage must end by itself. Then --unlock and --rerun-incomplete, up to the last step.
     """
     results, log = spoiled / "results/tiny", spoiled / "logs/tiny/steps/history.log"
     (results / "steps/history.nc").unlink()
@@ -74,10 +75,9 @@ def test_killed_in_a_mechanics_stage_and_resumed_gives_the_same_bytes(spoiled, t
         assert not (results / "steps/history.nc").exists()
         status, text = snakemake(tiny_file, spoiled, "--unlock")
         assert status == 0, text
-    status, text = snakemake(tiny_file, spoiled, "--rerun-incomplete")
+    status, text = snakemake(tiny_file, spoiled, "--rerun-incomplete", *STEPS)
     assert status == 0, text
-    assert jobs(text)["mining_step"] == 2
-    assert not {"grid", "elastic", "record"} & set(jobs(text))
+    assert jobs(text) == {"mining_step": 2}
     assert hashes(results) == hashes(undisturbed[0] / "results/tiny")
 
 
@@ -101,7 +101,7 @@ def test_killed_within_a_step_it_goes_on_inside_it_to_the_same_bytes(spoiled, ti
     assert (results / "steps/history.checkpoint.npz").exists()
     assert not (results / "steps/history.nc").exists()
     assert snakemake(tiny_file, spoiled, "--unlock")[0] == 0
-    status, text = snakemake(tiny_file, spoiled, "--rerun-incomplete")
+    status, text = snakemake(tiny_file, spoiled, "--rerun-incomplete", *STEPS)
     assert status == 0, text
     assert "going on from increment 1, generation 2" in log.read_text()
     assert not (results / "steps/history.checkpoint.npz").exists()

@@ -3,12 +3,12 @@
 import ast
 import json
 import re
-import subprocess
-import sys
+import shutil
 from pathlib import Path
 
 import pytest
-from tiny_mines import ROOT, TINY, changed, command, copy_checkout, jobs, write_mine
+from stand_ins import noting
+from tiny_mines import ROOT, TINY, changed, copy_checkout, edited, jobs, snakemake, write_mine
 
 from common.sources import _import_statements, _imports, source_files, source_hash
 
@@ -27,49 +27,6 @@ BY_NAME = {  # modules that import others by a name made at run time, and who se
     "mpm_core/stages/first_kernels.py",  # the modules of kernels that the stage itself calls
     "workflow/plan.py",  # excavations_from: what it makes is part of the slices of settings
 }
-# In place of the interpreter that runs a stage: one leaves results that hold nothing but what they were made from, one
-# runs it and notes what files it has used.
-LEAVE_EMPTY = """#!{python}
-import os, sys
-from pathlib import Path
-import netCDF4
-sys.path.insert(0, os.environ["PYTHONPATH"])
-from common.provenance import MADE_FROM, comment, made_from
-from common.slices import read_slice
-module, stage, *words = sys.argv[2:]
-given, option = {{}}, ""
-for word in words:
-    option = word if word.startswith("--") else option
-    given.setdefault(option, []).extend([] if word == option else [word])
-output = Path(given.pop("--output")[0])
-values = [read_slice(given[option][0]) for option in ("--scene", "--settings") if option in given]
-inputs = [path for paths in given.values() for path in paths if path.endswith(".nc")]
-identity = made_from(*(values or [{{}}]), f"{{module}} {{stage}}", inputs)
-for folder in (output.parent, *map(Path, given.get("--figures", []))):
-    folder.mkdir(parents=True, exist_ok=True)
-for path in given.get("--csv", []):
-    Path(path).touch()
-if output.suffix == ".nc":
-    with netCDF4.Dataset(output, "w") as dataset:
-        dataset.setncattr(MADE_FROM, identity)
-else:
-    output.write_text(comment(identity))
-"""
-NOTE = """#!{python}
-import atexit, json, os, runpy, sys
-opened = set()
-sys.addaudithook(lambda event, given: opened.add(str(given[0])) if event == "open" else None)
-command = sys.argv[2:]
-def note():
-    modules = {{getattr(module, "__file__", None) or "" for module in sys.modules.values()}}
-    data = {{path for path in opened if not path.endswith((".py", ".pyc"))}}
-    found = sorted({{os.path.abspath(path) for path in modules | data if path}})
-    with open(os.path.join({folder!r}, f"{{os.getpid()}}.json"), "w") as file:
-        json.dump({{"command": command[:2], "files": found}}, file)
-atexit.register(note)
-sys.argv = command
-runpy.run_module(command[0], run_name="__main__", alter_sys=True)
-"""
 
 
 def names(files) -> set[str]:
@@ -81,14 +38,6 @@ def modules(package: str) -> dict[str, Path]:
     """Every module of a package by its dotted name."""
     paths = sorted((ROOT / package).rglob("*.py"))
     return {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in paths}
-
-
-def run_with(interpreter: str, path: Path, *line: str) -> subprocess.CompletedProcess:
-    """Snakemake with another program in place of the interpreter that its stages are run by."""
-    path.write_text(interpreter)
-    path.chmod(0o755)
-    program = f"import sys; sys.executable = {str(path)!r}; from snakemake.cli import main; main(sys.argv[1:])"
-    return subprocess.run([sys.executable, "-c", program, *line], capture_output=True, text=True, timeout=600)
 
 
 def test_packages_meet_through_files():
@@ -165,17 +114,16 @@ def test_a_stage_alone_counts_of_its_command_line():
 
 
 @pytest.mark.slow
-def test_stages_use_no_file_that_their_sources_lack(tmp_path):
+def test_stages_use_no_file_that_their_sources_lack(undisturbed, spoiled, base, notes, tmp_path):
     """Every stage of a mine, as it runs: what it has imported at its end, and what else it has opened."""
-    notes = tmp_path / "notes"
-    notes.mkdir()
-    mine = write_mine(changed(TINY, ensemble=1), tmp_path / "files" / "tiny.yaml")
-    on_request = ("scene.png", "twin.csv", "vtk/elastic.vtu", "vtk/solids.vtm", "vtk/catalog.vtu")
-    line = command(mine, tmp_path / "run", "all", *(f"results/tiny/{name}" for name in on_request))[3:]
-    done = run_with(NOTE.format(python=sys.executable, folder=str(notes)), tmp_path / "note", *line)
-    assert done.returncode == 0, done.stderr
+    shutil.copytree(notes, tmp_path / "notes")
+    on_request = ("spread.nc", "scene.png", "twin.csv", "vtk/elastic.vtu", "vtk/solids.vtm", "vtk/catalog.vtu")
+    with edited(base / "files/tiny.yaml", changed(TINY, ensemble=1)) as file:
+        targets = (f"results/tiny/{name}" for name in on_request)
+        status, text = snakemake(file, spoiled, *targets, interpreter=noting(tmp_path / "notes"))
+    assert status == 0, text
     ran = set()
-    for path in notes.iterdir():
+    for path in (tmp_path / "notes").glob("*.json"):
         noted = json.loads(path.read_text())
         stage = " ".join(noted["command"])
         used = {name for name in names(noted["files"]) if name.startswith(tuple(f"{one}/" for one in PACKAGES))}
@@ -193,16 +141,15 @@ def test_stages_use_no_file_that_their_sources_lack(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def standing(tmp_path_factory):
+def standing(tmp_path_factory, leave_empty):
     """A copy of the checkout in which a mine stands as finished, with empty results; asks what an edit would run."""
     base = tmp_path_factory.mktemp("sources")
     checkout, mine = copy_checkout(base / "checkout"), write_mine(TINY, base / "files" / "tiny.yaml")
 
     def run(*options: str) -> dict[str, int]:
-        line = command(mine, base / "run", *options, checkout=checkout)[3:]
-        done = run_with(LEAVE_EMPTY.format(python=sys.executable), base / "leave_empty", *line)
-        assert done.returncode == 0, done.stderr
-        return {rule: count for rule, count in jobs(done.stdout + done.stderr).items() if rule != "all"}
+        status, text = snakemake(mine, base / "run", *options, interpreter=leave_empty, checkout=checkout)
+        assert status == 0, text
+        return {rule: count for rule, count in jobs(text).items() if rule != "all"}
 
     def edit(files: str) -> dict[str, int]:
         before = {checkout / name: (checkout / name).read_text() for name in files.split()}

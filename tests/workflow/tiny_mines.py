@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import yaml
+from snakemake_server import call_snakemake
 
 from verification.extremes.tiny_mine import (  # noqa: F401  what tests import from here
     DIRECTED,
@@ -110,10 +111,11 @@ def start(mine_file: Path, folder: Path, *options: str, cores: int = 2) -> subpr
     )
 
 
-def snakemake(mine_file: Path, folder: Path, *options: str, cores: int = 2) -> tuple[int, str]:
-    """Exit status and terminal text of a run."""
-    process = start(mine_file, folder, *options, cores=cores)
-    return finished(process)
+def snakemake(
+    mine_file: Path, folder: Path, *options: str, interpreter: Path = Path(sys.executable), checkout: Path = ROOT
+) -> tuple[int, str]:
+    """Exit status and terminal text of a run; interpreter: the program that runs the stages."""
+    return call_snakemake(command(mine_file, folder, *options, checkout=checkout)[3:], interpreter, checkout)
 
 
 def finished(process: subprocess.Popen) -> tuple[int, str]:
