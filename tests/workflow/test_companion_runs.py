@@ -61,7 +61,7 @@ def test_the_companion_leaves_out_what_is_too_small_for_its_cells(accept, caplog
 
 @pytest.mark.slow
 def test_a_companion_runs_beside_what_stands(spoiled, base):
-    """Its grid, states, events of dated steps; nothing of the mine itself is made again, nor anything at a second call."""
+    """Its grid, states, events of dated steps. Nothing of the mine is made again, nor anything at a second call."""
     results = spoiled / "results/tiny"
     before = hashes(results)
     with edited(base / "files" / "tiny.yaml", changed(TINY, grid_convergence=True)) as file:
