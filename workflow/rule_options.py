@@ -71,7 +71,7 @@ class RuleOptions:
     @property
     def has_idle_time(self) -> bool:
         """Whether there is a core besides that of a job that waits for its own threads."""
-        return self.workflow.local_exec and not self.workflow.remote_exec and (self.workflow.cores or 1) > 1
+        return self.workflow.local_exec and not self.workflow.remote_exec and self.workflow.cores > 1
 
     def threads(self, wildcards: Wildcards) -> int:
         """Cores for a stage of the mechanics: none for the companion, which runs in idle time."""

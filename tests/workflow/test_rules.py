@@ -140,7 +140,7 @@ def test_options_follow_the_inputs(files, accept):
     assert options.threads(own) == 64
 
 
-@pytest.mark.parametrize("workflow", [{"cores": 1}, {"remote_exec": True}, {"local_exec": False, "cores": None}])
+@pytest.mark.parametrize("workflow", [{"cores": 1}, {"remote_exec": True}, {"local_exec": False}])
 def test_each_job_has_cores_where_none_is_idle(files, workflow):
     """On one core, and on a cluster: there and where its jobs are sent from."""
     options, coarse = RuleOptions(files, running(**workflow)), cards(mine="tiny/coarse")

@@ -60,7 +60,7 @@ OPTIONS = RuleOptions(FILES, workflow)
 
 # `stage` in the rules. exec: a stage is a child of this process, not of a shell between them, and ends with it
 # (common.stage).
-tell_stages(workflow.cores or 1)
+tell_stages(workflow.resource_settings.cores or 1)  # None on a cluster
 shell.prefix(
     f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(BASE))}; "
     f'stage() {{{{ exec {shlex.quote(sys.executable)} -m "$@"; }}}}; '
