@@ -46,6 +46,14 @@ onstart:
         )
 
 
+onsuccess:
+    cancel_timers()
+
+
+onerror:
+    cancel_timers()
+
+
 rule all:
     input:
         FILES.all(),

@@ -5,12 +5,23 @@ import subprocess
 import sys
 
 import pytest
-from tiny_mines import ROOT, TINY, snakemake, write_mine
+from stand_ins import ending
+from tiny_mines import ROOT, TINY, command, snakemake, write_mine
 
 from common.errors import InputError
 from workflow.mine_folder import check_owner, note_owner
 from workflow.snakemake_command_line import read_overrides
 
+AND_TIMERS = """
+import sys, threading
+sys.executable = {interpreter!r}
+from snakemake.cli import main
+try:
+    main(sys.argv[1:])
+finally:
+    waiting = [one for one in threading.enumerate() if isinstance(one, threading.Timer) and not one.finished.is_set()]
+    print("timers:", len(waiting))
+"""
 READ_ONLY = "/sys"  # a folder of Linux that takes no files, of root neither
 
 
@@ -84,6 +95,17 @@ def test_snakemake_ends_in_one_line(tmp_path, options, says):
     lines = spoken(tmp_path, *options)
     assert len(lines) == 1, lines
     assert says in lines[0]
+
+
+@pytest.mark.parametrize(("how", "status"), [("true", 0), ("exit 1", 1)])
+def test_snakemake_waits_for_no_timer_as_it_ends(tmp_path, leave_empty, how, status):
+    interpreter = ending("results/tiny/grid.nc", how, tmp_path, leave_empty)
+    line = command(write_mine(TINY, tmp_path / "mine.yaml"), tmp_path / "run", "results/tiny/grid.nc")[3:]
+    program = AND_TIMERS.format(interpreter=str(interpreter))
+    done = subprocess.run([sys.executable, "-c", program, *line], capture_output=True, text=True)
+    assert done.returncode == status
+    assert (tmp_path / "once").exists()
+    assert done.stdout.endswith("timers: 0\n")
 
 
 @pytest.mark.skipif(not os.path.isdir(READ_ONLY), reason="no folder that takes no files")

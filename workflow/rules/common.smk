@@ -7,6 +7,7 @@ looked at, all of them, for every waiting job, every second: a third of a core f
 import gc
 import shlex
 import sys
+import threading
 
 gc.disable()  # until all rules are read: it would search all that they import, again and again
 
@@ -65,6 +66,13 @@ shell.prefix(
     f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(BASE))}; "
     f'stage() {{{{ exec {shlex.quote(sys.executable)} -m "$@"; }}}}; '
 )
+
+
+def cancel_timers() -> None:
+    """Let Snakemake end at once: it looks for jobs again a second after each start, and would wait for its last look."""
+    for thread in threading.enumerate():
+        if isinstance(thread, threading.Timer):
+            thread.cancel()
 
 
 # On a cluster (profiles/slurm) these are run where Snakemake runs. Those that read events alone take seconds, less than a
