@@ -12,7 +12,8 @@ def side_by_side(base, tiny_file):
     folder = base / "elsewhere" / "shared"
     files = {"tiny": tiny_file}
     files |= {mine["name"]: write_mine(mine, base / "files" / f"{mine['name']}.yaml") for mine in (FLAT, STILL)}
-    targets = {"tiny": [f"results/tiny/{name}" for name in ("catalog.xml", "closeness.nc", "comparison.nc")]}
+    last = ("catalog.xml", "closeness.nc", "comparison.nc", "events/history.nc")
+    targets = {"tiny": [f"results/tiny/{name}" for name in last]}
     runs = {name: start(file, folder, *targets.get(name, ()), cores=1) for name, file in files.items()}
     return folder / "results", {name: finished(run) for name, run in runs.items()}
 
