@@ -12,6 +12,9 @@ from workflow.result_files import ResultFiles
 from workflow.rule_memory import mechanics_mb, reading_mb
 
 
+MAX_JOBS_IN_IDLE_TIME = 2  # So many jobs run beside those that have all cores.
+
+
 def kept(path: str):
     """A result whose earlier version outlives a stage that fails: stages write whole files or none.
 
@@ -29,8 +32,9 @@ def each_time(megabytes: int) -> Callable[[Wildcards, int], int]:
 class RuleOptions:
     """Options and resources of the rules of any mine.
 
-    A job in idle time takes no core from others: it runs beside steps on all cores, which use some 80 % of them, and
-    gets what they leave (common.stage). workflow says whether jobs run here, on more than one core.
+    A job in idle time takes no core from others: it runs beside steps on all cores and gets what they leave
+    (common.stage). Snakemake starts no job while all its cores are taken. So a step on all cores takes one less of it,
+    and resource stage_cores keeps two such steps apart. workflow says whether jobs run here, on more than one core.
 
     attempt: how often Snakemake has started the job. It starts it again with `retries` only, and asks for more memory
     each time, since that may have been what was missing.
@@ -73,17 +77,33 @@ class RuleOptions:
         """Whether there is a core besides that of a job that waits for its own threads."""
         return self.workflow.local_exec and not self.workflow.remote_exec and self.workflow.cores > 1
 
+    def limit_jobs(self) -> None:
+        """Limit the cores of all stages of the mechanics that run at once, and the number of jobs in idle time."""
+        if self.has_idle_time:
+            self.workflow.register_resource("stage_cores", self.workflow.cores)
+            self.workflow.register_resource("in_idle_time", MAX_JOBS_IN_IDLE_TIME)
+
     def threads(self, wildcards: Wildcards) -> int:
-        """Cores for a stage of the mechanics: none for the companion, which runs in idle time."""
+        """Snakemake's cores for a stage of the mechanics: none for the companion, which runs in idle time."""
+        cores = self.folders.threads(wildcards.mine)
+        if not self.has_idle_time:
+            return cores
         is_companion = self.folders.parts(wildcards.mine)[1] == COARSE
-        return 0 if is_companion and self.has_idle_time else self.folders.threads(wildcards.mine)
+        return 0 if is_companion else min(cores, self.workflow.cores - 1)
+
+    def stage_cores(self, wildcards: Wildcards, threads: int) -> int:
+        """Cores that a stage of the mechanics has threads for; threads: what Snakemake has made of `threads`."""
+        if not self.has_idle_time or threads < self.workflow.cores - 1:
+            return threads
+        most = self.workflow.resource_settings.max_threads or self.workflow.cores  # the user's
+        return min(self.folders.threads(wildcards.mine), threads + 1, most)
 
     def event_threads(self, wildcards: Wildcards) -> int:
-        """Cores for a stage that reads what a step has left, while later steps run."""
+        """Snakemake's cores for a stage that reads what a step has left, while later steps run."""
         return 0 if self.has_idle_time else 1
 
     def in_idle_time(self, wildcards: Wildcards, threads: int) -> int:
-        """Jobs in idle time that this one counts as: the profile says how many there may be."""
+        """Jobs in idle time that this one counts as."""
         return int(threads == 0)
 
     def elastic_memory(self, wildcards: Wildcards, input: InputFiles, attempt: int) -> int:

@@ -43,7 +43,10 @@ class Guests:
 
 def running(**changes) -> SimpleNamespace:
     """What rules see of a workflow that runs here on two cores, with changes."""
-    return SimpleNamespace(**{"local_exec": True, "remote_exec": False, "cores": 2} | changes)
+    limits = SimpleNamespace(max_threads=changes.pop("max_threads", None))
+    return SimpleNamespace(
+        **{"local_exec": True, "remote_exec": False, "cores": 2, "resource_settings": limits} | changes
+    )
 
 
 @pytest.fixture
@@ -145,14 +148,32 @@ def test_each_job_has_cores_where_none_is_idle(files, workflow):
     """On one core, and on a cluster: there and where its jobs are sent from."""
     options, coarse = RuleOptions(files, running(**workflow)), cards(mine="tiny/coarse")
     assert (options.threads(coarse), options.event_threads(coarse)) == (64, 1)
+    assert [options.stage_cores(coarse, threads) for threads in (1, 64)] == [1, 64]
+    options.limit_jobs()  # asks nothing of the workflow
 
 
 def test_the_companion_and_events_run_in_idle_time(files):
-    """The mine's own steps, and members of its ensemble, have all cores."""
+    """Snakemake starts them while the mine's own step, or one of its ensemble's, has all cores but one of its count."""
     options = RuleOptions(files, running())
-    assert [options.threads(cards(mine=mine)) for mine in ("tiny", "tiny/ensemble/1", "tiny/coarse")] == [64, 64, 0]
+    folders = [cards(mine=mine) for mine in ("tiny", "tiny/ensemble/1", "tiny/coarse")]
+    threads = [options.threads(folder) for folder in folders]
+    assert threads == [1, 1, 0]
+    assert [options.stage_cores(folder, own) for folder, own in zip(folders, threads, strict=True)] == [2, 2, 0]
     assert options.event_threads(cards(mine="tiny")) == 0
     assert [options.in_idle_time(cards(mine="tiny"), threads) for threads in (0, 64)] == [1, 0]
+
+
+def test_no_two_steps_on_all_cores_run_at_once(files):
+    """The limit is what one of them takes; a step that the user gives fewer threads takes those."""
+    limits = {}
+    workflow = running(cores=8, register_resource=limits.__setitem__)
+    options, own = RuleOptions(files, workflow), cards(mine="tiny")
+    options.limit_jobs()
+    assert limits["stage_cores"] == options.stage_cores(own, options.threads(own)) == 8
+    assert limits["in_idle_time"] >= 1
+    assert options.stage_cores(own, 3) == 3
+    fewer = RuleOptions(files, running(cores=8, max_threads=7))
+    assert fewer.stage_cores(own, fewer.threads(own)) == 7
 
 
 def test_a_folder_of_records_is_no_input(files, accept):

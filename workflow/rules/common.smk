@@ -58,6 +58,7 @@ FOLDERS = Folders(MINE, PLANS)
 FILES = ResultFiles(FOLDERS)
 STAGES = StageInputs(FILES, workflow)
 OPTIONS = RuleOptions(FILES, workflow)
+OPTIONS.limit_jobs()
 
 # `stage` in the rules. exec: a stage is a child of this process, not of a shell between them, and ends with it
 # (common.stage).

@@ -13,20 +13,20 @@ rule elastic:
     threads: OPTIONS.threads
     resources:
         in_idle_time=OPTIONS.in_idle_time,
+        stage_cores=OPTIONS.stage_cores,
         mem_mb=OPTIONS.elastic_memory,
         runtime=240,
     params:
         code=source_hash("mpm_core elastic"),
         scene=STAGES.slice_of("elastic"),
     shell:
-        "CORES_OF_STAGE={threads} stage mpm_core elastic --scene {params.scene:q} --grid {input.grid} --output {output} --log {log} --threads {threads}"
+        "CORES_OF_STAGE={resources.stage_cores} stage mpm_core elastic --scene {params.scene:q} --grid {input.grid} --output {output} --log {log} --threads {resources.stage_cores}"
 
 
 rule mining_step:
     """Equilibrium of rock that fails after one mining step, from the state of the step before.
 
-    Before the events of steps that are done: those take one core, so that steps on all cores would wait next to an idle
-    one.
+    Before stages on one core, which would otherwise begin first and hold up steps on all cores.
     """
     input:
         STAGES.inputs_of(
@@ -44,10 +44,11 @@ rule mining_step:
     threads: OPTIONS.threads
     resources:
         in_idle_time=OPTIONS.in_idle_time,
+        stage_cores=OPTIONS.stage_cores,
         mem_mb=OPTIONS.step_memory,
         runtime=720,
     params:
         code=source_hash("mpm_core step"),
         scene=STAGES.step_slice,
     shell:
-        "CORES_OF_STAGE={threads} stage mpm_core step --scene {params.scene:q} --grid {input.grid} --state {input.state} --output {output} --log {log} --threads {threads}"
+        "CORES_OF_STAGE={resources.stage_cores} stage mpm_core step --scene {params.scene:q} --grid {input.grid} --state {input.state} --output {output} --log {log} --threads {resources.stage_cores}"

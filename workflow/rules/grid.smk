@@ -13,13 +13,14 @@ rule grid:
     threads: OPTIONS.threads
     resources:
         in_idle_time=OPTIONS.in_idle_time,
+        stage_cores=OPTIONS.stage_cores,
         mem_mb=each_time(4000),  # of some million cells; how many there are is known when it is done
         runtime=30,
     params:
         code=source_hash("mpm_core grid"),
         scene=STAGES.slice_of("grid"),
     shell:
-        "CORES_OF_STAGE={threads} stage mpm_core grid --scene {params.scene:q} --output {output} --log {log} --threads {threads}"
+        "CORES_OF_STAGE={resources.stage_cores} stage mpm_core grid --scene {params.scene:q} --output {output} --log {log} --threads {resources.stage_cores}"
 
 
 rule vtk:
