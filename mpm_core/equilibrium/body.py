@@ -50,7 +50,7 @@ class Body:
     """A model's particles and nodes on their way to equilibrium.
 
     `model` and the arrays of `state` are the caller's, the latter changed in place; work arrays are the body's own.
-    volume (particle,) m3; failed (particle,) bool; flowing (k,): failed particles that are there; mass (node,) kg;
+    volume (particle,) m3; stiffness (particle,) Pa, see `step_stiffness`; failed (particle,) bool; flowing (k,): failed particles that are there; mass (node,) kg;
     hourglass (cell,) N/m: stiffness of each cell now, intact_hourglass: of intact rock; free: rigid motions that
     nothing holds; unbalanced (node, d) N: forces at free nodes when last computed; start (node, d) m: where
     displacement is counted from in the check for a run away; time_step s: stable, with damping.
@@ -59,9 +59,11 @@ class Body:
     way: Way
     flowing: np.ndarray
 
-    def __init__(self, model: Model, state: State, volume: np.ndarray):
+    def __init__(self, model: Model, state: State, volume: np.ndarray, stiffness: np.ndarray | None = None):
+        """stiffness (particle,) Pa: `step_stiffness` of the model, where it is known already."""
         self.model = model
         self.state = state
+        self.stiffness = step_stiffness(model) if stiffness is None else stiffness
         self.hanging = model.hanging
         self.start = state.displacement.copy()
         self.unbalanced = np.zeros_like(state.displacement)
@@ -81,7 +83,7 @@ class Body:
         self.pattern_row = particles.distorted.rows(np.arange(len(model.cell_nodes)))
         lame, shear = model.elastic_constants[particles.material].T
         size = model.grid.cell_size[particles.cell]
-        density, limit = density_and_limit(model, volume)
+        density, limit = density_and_limit(model, volume, self.stiffness)
         self.time_step = self.time_step_share * limit
         self.mass = nodal_mass(model, density * volume)
         self.free = model.free_motions(volume)
@@ -246,8 +248,9 @@ def hourglass_modulus(lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
     return np.minimum(lame, MAX_HOURGLASS_LAME * shear) + 2.0 * shear
 
 
-def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, float]:
-    """Density (particle,) kg/m3 that time stepping works with, and the longest time step without damping, s."""
+def step_stiffness(model: Model) -> np.ndarray:
+    """Stiffness (particle,) Pa that bounds the time step: that of dilation, more for particles off their cells'
+    centres."""
     particles = model.particles
     lame, shear = model.elastic_constants[particles.material].T
     stiffness = model.dimension * lame + 2.0 * shear
@@ -258,6 +261,13 @@ def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, flo
     hourglass = model.scene.solver.hourglass * hourglass_modulus(lame[first], shear[first]) / stiffness[first]
     rows = particles.group_table[own]
     stiffness[first] *= own_stiffening(particles.modes[rows], particles.slopes[rows], hourglass)
+    return stiffness
+
+
+def density_and_limit(model: Model, volume: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, float]:
+    """Density (particle,) kg/m3 that time stepping works with, and the longest time step without damping, s; volume
+    (particle,) m3, stiffness (particle,) Pa: see `step_stiffness`."""
+    particles = model.particles
     size = model.grid.cell_size[particles.cell]
     if model.scene.solver.density_scaling:
         return stiffness / size**2, 1.0  # the limit is 1 s everywhere

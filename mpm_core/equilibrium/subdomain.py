@@ -76,6 +76,7 @@ def cut_out(
         plain=grid,
         severed=model.severed[:0],
     )
+    vars(part)["hourglass_patterns"] = model.hourglass_patterns[chosen[model.particles.distorted.cell]]
     own = part.virgin_state()
     copy_to_part(state, own, {"particle": indices, "node": nodes, "cell": cells})
     failed_before = own.failed >= 0

@@ -13,6 +13,7 @@ from mpm_core.kernels.operator_rows import ELEMENTS_PER_CHUNK
 
 # Combinations of differences below this share of the largest one are smaller than their round-off and are left out.
 MIN_SINGULAR_SHARE = 1e-7
+UNKNOWNS_PER_PIECE = 2048  # The sums of so many unknowns stay in the nearest cache.
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
@@ -43,10 +44,29 @@ def _note(free, residual, correction, size, step, residual_before, difference, c
 
 @njit(parallel=True, error_model="numpy", cache=True)
 def _products(changes, difference, residual, sums):
-    """Sums (chunk, 2, m): of changes (m, k) times the residual's change, and times the residual, both (k,)."""
+    """Sums (chunk, 2, m): of changes (m, k) times the residual's change, and times the residual, both (k,).
+
+    Four changes at a time: each sum has to wait for its last addition, so eight of them take as long as two.
+    """
+    known = len(changes)
     for chunk in prange(len(sums)):
         first, last = chunk * ELEMENTS_PER_CHUNK, min((chunk + 1) * ELEMENTS_PER_CHUNK, len(residual))
-        for m in range(len(changes)):
+        for m in range(0, known - 3, 4):
+            a, b, c, d = changes[m], changes[m + 1], changes[m + 2], changes[m + 3]
+            a1 = b1 = c1 = d1 = a2 = b2 = c2 = d2 = 0.0
+            for i in range(first, last):
+                change, value = difference[i], residual[i]
+                a1 += a[i] * change
+                b1 += b[i] * change
+                c1 += c[i] * change
+                d1 += d[i] * change
+                a2 += a[i] * value
+                b2 += b[i] * value
+                c2 += c[i] * value
+                d2 += d[i] * value
+            for entry, pair in enumerate(((a1, a2), (b1, b2), (c1, c2), (d1, d2))):
+                sums[chunk, 0, m + entry], sums[chunk, 1, m + entry] = pair
+        for m in range(known - known % 4, known):
             with_difference, with_residual = 0.0, 0.0
             for i in range(first, last):
                 with_difference += changes[m, i] * difference[i]
@@ -56,12 +76,21 @@ def _products(changes, difference, residual, sums):
 
 @njit(parallel=True, error_model="numpy", cache=True)
 def _combine(free, correction, weights, moves, step):
-    """step (element,) = correction - sum of weights (m,) times moves (m, k), at unknowns."""
-    for i in prange(len(free)):
-        total = np.float64(correction[i])
+    """step (element,) = correction - sum of weights (m,) times moves (m, k), at unknowns.
+
+    By piece of the unknowns, whose sums stay in the cache while one move after the other is taken off them.
+    """
+    for piece in prange(-(-len(free) // UNKNOWNS_PER_PIECE)):
+        first, last = piece * UNKNOWNS_PER_PIECE, min((piece + 1) * UNKNOWNS_PER_PIECE, len(free))
+        totals = np.empty(last - first)
+        for i in range(len(totals)):
+            totals[i] = correction[first + i]
         for m in range(len(weights)):
-            total -= weights[m] * moves[m, i]
-        step[free[i]] = total
+            weight, move = weights[m], moves[m, first:last]
+            for i in range(len(totals)):
+                totals[i] -= weight * move[i]
+        for i in range(len(totals)):
+            step[free[first + i]] = totals[i]
 
 
 class Anderson:

@@ -139,8 +139,9 @@ def part_forces(old: Model, forces: np.ndarray, new: Model) -> np.ndarray:
     the first has its force."""
     if new.grid is old.grid:
         return forces
-    first = np.full(len(forces), len(new.grid.node_index))
-    np.minimum.at(first, old.cell_nodes, new.cell_nodes)
+    first, same = np.full(len(forces), len(new.grid.node_index)), old.cell_nodes == new.cell_nodes
+    first[old.cell_nodes[same]] = old.cell_nodes[same]
+    np.minimum.at(first, old.cell_nodes[~same], new.cell_nodes[~same])  # few of them: it takes long
     result = np.zeros((len(new.grid.node_index), forces.shape[1]))
     np.add.at(result, first, forces)
     return result

@@ -61,7 +61,7 @@ class StepCells:
     held_up (node, d) N, on start_cells: what the ramp starts with beyond the lasting forces of the step before, which
     is what the mined rock held up;
     full: as many cells as there may be; elsewhere: cells of the mine beyond these, where they are a subdomain's;
-    places: what was split, (k, d) each, see `split`.
+    places: what was split, (k, d) each, see `split`; displacement_before: the start's, on the cells of now.
     """
 
     ground: Ground
@@ -76,6 +76,10 @@ class StepCells:
     full: bool = False
     elsewhere: int = 0
     places: list[np.ndarray] = field(default_factory=list)
+    displacement_before: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.displacement_before = self.start_displacement
 
     @property
     def model(self) -> Model:
@@ -135,6 +139,7 @@ class StepCells:
         self.scheme = make_scheme(model, state, volume)
         self.brittle = brittle_of(model, volume, self.step)
         self.refinement = Refinement.of(grid)
+        self.displacement_before = transfer_nodes(self.start_cells, self.start_displacement, model)
         state.energy[REFINED] += stored(self.scheme.body, counted) - was
         state.energy[REFINED] -= virgin_work(self.scheme.body, self.moved()) - virgin_was
 
@@ -152,10 +157,7 @@ class StepCells:
 
     def moved(self) -> np.ndarray:
         """How far nodes (node, d) have moved in this step, m."""
-        start = self.start_displacement
-        if self.start_cells.grid is not self.model.grid:
-            start = transfer_nodes(self.start_cells, start, self.model)
-        return self.scheme.body.state.displacement - start
+        return self.scheme.body.state.displacement - self.displacement_before
 
 
 def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History) -> tuple[StepCells, Balance]:

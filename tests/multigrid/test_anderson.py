@@ -69,3 +69,18 @@ def test_more_turns_than_are_remembered_come_closer(depth):
     exact = np.linalg.solve(matrix, forces)
     way = walk(matrix, forces, free, depth, 100)
     assert np.linalg.norm(way[-1] - exact) < 1e-3 * np.linalg.norm(exact)
+
+
+def test_many_unknowns_go_the_way_of_few():
+    """A problem beside copies of itself, in more elements than one thread takes at once, walks as it does alone."""
+    matrix, forces, free = problem()
+    anderson = Anderson(free, 6), Anderson((free + ELEMENTS * np.arange(900)[:, None]).ravel().astype(np.int32), 6)
+    steps = np.zeros(ELEMENTS), np.zeros(900 * ELEMENTS)
+    displacement, residual = np.zeros((2, ELEMENTS))
+    for _ in range(9):
+        residual[free] = forces - matrix @ displacement[free]
+        for one, step, copies in zip(anderson, steps, (1, 900), strict=True):
+            values = np.tile(residual, copies)
+            one.next_step(values, 0.1 * values.astype(np.float32), 1.0, step)
+        np.testing.assert_allclose(steps[1].reshape(900, -1), np.tile(steps[0], (900, 1)), rtol=1e-9, atol=1e-12)
+        displacement += steps[0]
