@@ -19,6 +19,7 @@ def compile_less() -> None:
     """Change numba, as it is imported. Nothing else has to be called."""
     when_imported("numba.core.compiler", _without_callbacks)
     when_imported("numba.core.codegen", _without_code_of_parts)
+    when_imported("numba.core.codegen", _without_bitcode_of_stored)
     when_imported("numba.parfors.parfor_lowering", _without_called_bodies)
     when_imported("numba.core.dispatcher", _without_collections)
     when_imported("numba.core.caching", _without_registries)
@@ -48,6 +49,45 @@ def _without_code_of_parts(codegen: ModuleType) -> None:
             make_usable(self)
 
     library._optimize_final_module, library._finalize_final_module = optimize_unless_part, make_usable_or_linkable
+
+
+@functools.cache
+def _without_bitcode_of_stored(codegen: ModuleType) -> None:
+    """A stored kernel runs from its machine code. Its bitcode is parsed where it is linked into another kernel.
+
+    Until then numba does not know the names of its functions: the engine is asked for them by name.
+    """
+    library = codegen.CPUCodeLibrary
+    unserialize, module_for_linking = library._unserialize.__func__, library._get_module_for_linking
+    pointer = codegen.JITCodeLibrary.get_pointer_to_function
+
+    def unserialize_machine_code(cls, codegen, state):
+        name, kind, data = state
+        if kind != "object":
+            return unserialize(cls, codegen, state)
+        self = codegen.create_library(name)
+        machine_code, self.stored_bitcode = data
+        self.enable_object_caching()
+        self._set_compiled_object(machine_code)
+        self._finalize_final_module()
+        return self
+
+    def parsed_module(self):
+        bitcode = vars(self).pop("stored_bitcode", None)
+        if bitcode is not None:
+            self._shared_module = codegen.ll.parse_bitcode(bitcode)
+            self._codegen._engine._load_defined_symbols(self._shared_module)
+        return module_for_linking(self)
+
+    def pointer_in_machine_code(self, name):
+        if "stored_bitcode" in vars(self):
+            self._ensure_finalized()
+            return self._codegen._engine._ee.get_function_address(name)
+        return pointer(self, name)
+
+    library._unserialize = classmethod(unserialize_machine_code)
+    codegen.JITCodeLibrary.get_pointer_to_function = pointer_in_machine_code
+    library._get_module_for_linking = parsed_module
 
 
 @functools.cache

@@ -22,6 +22,7 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetJsonSchemaHandler,
     Tag,
     ValidationError,
     ValidationInfo,
@@ -50,7 +51,7 @@ EXPECTED = {
 
 
 class Settings(BaseModel):
-    """Base of all settings: frozen, no key that is not declared, each key described by the docstring below it.
+    """Base of all settings: frozen, no key that is not declared, a docstring below each key says what it means.
 
     A key that may be left out and has no default is None then; nobody may write so.
     """
@@ -62,12 +63,21 @@ class Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
 
     @classmethod
-    def __pydantic_init_subclass__(cls, **options: Any) -> None:
-        """Describe each key by the docstring below it."""
-        super().__pydantic_init_subclass__(**options)
-        for key, text in _docstrings_below(cls.__module__).get(cls.__qualname__, {}).items():
-            if key in cls.__pydantic_fields__:
-                cls.__pydantic_fields__[key].description = text
+    def meanings(cls) -> dict[str, str]:
+        """What keys mean: the docstring below each, in this model or the one that it inherits the key from."""
+        found: dict[str, str] = {}
+        for model in [model for model in reversed(cls.__mro__) if issubclass(model, Settings)]:
+            found |= _docstrings_below(model.__module__).get(model.__qualname__, {})
+        return {key: text for key, text in found.items() if key in cls.__pydantic_fields__}
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict:
+        """The JSON schema says what keys mean."""
+        part = handler(schema)
+        keys = handler.resolve_ref_schema(part).get("properties", {})
+        for key, text in cls.meanings().items():
+            keys[key] = {"description": text} | keys[key]
+        return part
 
     @classmethod
     def of(cls, values: "Mapping | Self", where: str = "") -> Self:
@@ -119,8 +129,7 @@ class Settings(BaseModel):
 def _docstrings_below(module: str) -> dict[str, dict[str, str]]:
     """By class at the top of a module, what stands below its annotated names; nothing where there is no source.
 
-    pydantic's own search (use_attribute_docstrings) goes through all imported modules for each class, which takes
-    longer than all else that a class needs.
+    Read where it is shown: as a model is made (use_attribute_docstrings), it would take longer than all the rest.
     """
     try:
         statements = ast.parse(inspect.getsource(sys.modules[module])).body

@@ -259,44 +259,52 @@ class FileSettings(Settings):
     """Vector that is added to the scaled coordinates."""
 
 
-def _keys_of_shapes() -> dict[str, Any]:
-    """Type and description of each key that any shape has. One that is a point to some and a number to others is
-    either."""
+class _ShapeOrFile(Settings):
+    """Base of the model that has the keys of all shapes."""
+
+    @classmethod
+    def meanings(cls) -> dict[str, str]:
+        """A key of shapes means what it does to each that has it, named; others as for any settings."""
+        users: dict[str, dict[str, list[str]]] = {}  # by key and meaning
+        for model, name in _named_shapes().items():
+            for key in model.model_fields:
+                users.setdefault(key, {}).setdefault(model.meanings().get(key, ""), []).append(name)
+        of_shapes = {
+            key: " ".join(f"{', '.join(some).capitalize()}: {' '.join(text.split())}." for text, some in texts.items())
+            for key, texts in users.items()
+        }
+        return FileSettings.meanings() | of_shapes | super().meanings()
+
+
+def _named_shapes() -> dict[type[Settings], str]:
+    """What the models of shapes are called."""
     names: dict[type[Settings], str] = {}
     for shapes in SHAPES.values():
         for name, model in shapes.items():
             names.setdefault(model, name)
-    names[DrawnPrism] = "prism from a file"
+    return names | {DrawnPrism: "prism from a file"}
+
+
+def _keys_of_shapes() -> dict[str, Any]:
+    """Type of each key that any shape has. One that is a point to some and a number to others is either."""
     types: dict[str, list] = {}
-    users: dict[str, dict[str, list[str]]] = {}  # by key and meaning
-    for model, name in names.items():
+    for model in _named_shapes():
         annotations = inspect.get_annotations(model)
-        for key, field in model.model_fields.items():
+        for key in model.model_fields:
             types.setdefault(key, [])
             types[key] += [annotations[key]] if annotations[key] not in types[key] else []
-            users.setdefault(key, {}).setdefault(field.description or "", []).append(name)
-    meanings_text = {
-        key: " ".join(f"{', '.join(some).capitalize()}: {' '.join(text.split())}." for text, some in meanings.items())
-        for key, meanings in users.items()
-    }
-    return {
-        key: (kinds[0] if len(kinds) == 1 else choose(is_list, *kinds), Field(None, description=meanings_text[key]))
-        for key, kinds in types.items()
-    }
+    return {key: (kinds[0] if len(kinds) == 1 else choose(is_list, *kinds), None) for key, kinds in types.items()}
 
 
 _KEYS: dict[str, Any] = {
     "shape": (Literal[tuple(dict.fromkeys(name for shapes in SHAPES.values() for name in shapes))], None),
-    **{
-        key: (inspect.get_annotations(FileSettings)[key], Field(None, description=field.description))
-        for key, field in FileSettings.model_fields.items()
-    },
+    **{key: (inspect.get_annotations(FileSettings)[key], None) for key in FileSettings.model_fields},
     **_keys_of_shapes(),
 }
 # Any: its keys are found as the program runs
 ShapeSettings: Any = create_model(
     "ShapeSettings",
-    __base__=Settings,
+    __base__=_ShapeOrFile,
     __doc__="A solid: a shape with its own keys, or a file. The meaning of a key names the shapes that have it.",
     __module__=__name__,
     **_KEYS,

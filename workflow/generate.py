@@ -156,7 +156,8 @@ def _default_lines(model: type[Settings], depth: int) -> Iterator[str]:
                 yield from ([key, *lines] if depth else ["", key, *lines])
         elif isinstance(default := default_of(field), str | int | float):
             line = f"{key} {as_yaml(default)}"
-            yield f"{line:<{COMMENT - 1}} # {' '.join(field.description.split())}" if field.description else line
+            meaning = " ".join(model.meanings().get(name, "").split())
+            yield f"{line:<{COMMENT - 1}} # {meaning}" if meaning else line
 
 
 def schema() -> dict:
@@ -225,7 +226,7 @@ def _sections() -> Iterator[tuple[str, str]]:
                     described.add(model_there)
                     queue.append((where, _choice(model_there) if len(sections) > 1 else "", model_there))
             rows.append(
-                f"| `{name}` | {_kind(model, name, section)} | {_default(field)} | {_meaning(field, section)} |"
+                f"| `{name}` | {_kind(model, name, section)} | {_default(field)} | {_meaning(model, name, section)} |"
             )
         about = " ".join((model.__doc__ or "").split())
         if shared and ShapeSettings not in described:
@@ -293,9 +294,9 @@ def _default(field: FieldInfo) -> str:
     return f"`{as_yaml(default)}`" if isinstance(default, str | int | float) else ""
 
 
-def _meaning(field: FieldInfo, section: type[Settings] | None) -> str:
-    """What a field means."""
-    text = field.description or (section.__doc__ if section else "") or ""
+def _meaning(model: type[Settings], name: str, section: type[Settings] | None) -> str:
+    """What a field of a model means."""
+    text = model.meanings().get(name) or (section.__doc__ if section else "") or ""
     return " ".join(text.split()).replace("|", "/")
 
 

@@ -153,3 +153,52 @@ def test_a_stored_kernel_is_read_without_what_compiles_others(tmp_path):
     assert first[:-1] == second[:-2]
     assert first[-1:] == ["True"]
     assert second[-2:] == ["1", "False"]
+
+
+LINKED = """
+import numba, numpy as np
+from llvmlite import binding
+
+parsed = []
+parse = binding.parse_bitcode
+binding.parse_bitcode = lambda *arguments: parsed.append(1) or parse(*arguments)
+
+@numba.njit(cache=True)
+def inner(value):
+    return np.sqrt(value) + 1.0
+
+@numba.njit(parallel=True, cache=True)
+def middle(values):
+    total = 0.0
+    for i in numba.prange(len(values)):
+        total += inner(values[i])
+    return total
+
+values = np.arange(4.0)
+run_alone = inner(9.0), middle(values)
+before = len(parsed)
+
+@numba.njit
+def outer(values):
+    return middle(values) + inner(values[1])
+
+print(*run_alone, outer(values), middle.stats.cache_hits.total(), before, len(parsed))
+"""
+
+
+def test_a_stored_kernel_is_linked_into_one_that_compiles(tmp_path):
+    """Its bitcode is parsed for that alone; run as it is stored, it is not."""
+    (tmp_path / "linked.py").write_text(LINKED)
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", f"import mpm_core, sys; sys.path.insert(0, {str(tmp_path)!r}); import linked"],
+            cwd=ROOT, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True,
+        )
+        for _ in range(2)
+    ]  # fmt: skip
+    assert [run.returncode for run in runs] == [0, 0], runs[-1].stderr
+    first, second = ([float(word) for word in run.stdout.split()] for run in runs)
+    middle = 4.0 + sum(value**0.5 for value in range(4))
+    assert first[:3] == second[:3] == pytest.approx([4.0, middle, middle + 2.0])
+    assert second[3] == 1
+    assert second[4] == 0 < second[5]
