@@ -11,7 +11,6 @@ from workflow.folders import COARSE, ELASTIC_ROCK, Folders
 from workflow.result_files import ResultFiles
 from workflow.rule_memory import mechanics_mb, reading_mb
 
-
 MAX_JOBS_IN_IDLE_TIME = 2  # So many jobs run beside those that have all cores.
 
 

@@ -50,10 +50,11 @@ class Body:
     """A model's particles and nodes on their way to equilibrium.
 
     `model` and the arrays of `state` are the caller's, the latter changed in place; work arrays are the body's own.
-    volume (particle,) m3; stiffness (particle,) Pa, see `step_stiffness`; failed (particle,) bool; flowing (k,): failed particles that are there; mass (node,) kg;
-    hourglass (cell,) N/m: stiffness of each cell now, intact_hourglass: of intact rock; free: rigid motions that
-    nothing holds; unbalanced (node, d) N: forces at free nodes when last computed; start (node, d) m: where
-    displacement is counted from in the check for a run away; time_step s: stable, with damping.
+    volume (particle,) m3; stiffness (particle,) Pa, see `step_stiffness`; failed (particle,) bool; flowing (k,): failed
+    particles that are there; mass (node,) kg; hourglass (cell,) N/m: stiffness of each cell now, intact_hourglass: of
+    intact rock; free: rigid motions that nothing holds; unbalanced (node, d) N: forces at free nodes when last
+    computed; start (node, d) m: where displacement is counted from in the check for a run away; time_step s: stable,
+    with damping.
     """
 
     way: Way
