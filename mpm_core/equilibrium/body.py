@@ -9,7 +9,7 @@ mass at a corner is 4 (d lambda + 2 mu) / (rho h^2), in d dimensions. No frequen
 of its parts (Irons and Treharne 1971), and lumping the mass of hanging nodes onto their parents only lowers it, so
 dt = 2 / omega = h sqrt(rho / (d lambda + 2 mu)) is stable without damping. A lone sample of a cut cell ("subdivide") is
 off its centre, where a corner takes little of its mass: there 1 - xi^2 of the squared limit is left; a particle that
-stands for some of a cell's samples ("mean") has a limit of its own (`own_stiffening`). Local damping c
+stands for some of a cell's samples ("mean") has a limit of its own (particle_stiffness.py). Local damping c
 adds up to c |f| to a restoring force: a mode at the limit then grows unless dt <= 2 / (omega sqrt(1 + c)). With density
 scaling rho is chosen so that the limit is the same everywhere: all cells then reach equilibrium in about the same
 number of steps. Weights are not touched by it.
@@ -35,36 +35,30 @@ from mpm_core.kernels.nodal_operations import (
 from mpm_core.kernels.plastic_flow import note_flow_start, take_back_flow
 from mpm_core.kernels.resting import make_update
 from mpm_core.model.model import Model
-from mpm_core.model.particles import shapes_of
+from mpm_core.model.particle_stiffness import hourglass_modulus
 from mpm_core.model.state import State, put_back
 
 TIME_STEP_SHARE = 0.98  # The time step is this share of the damped limit, which is 1 / sqrt(1 + c) of the undamped one.
 # Failed rock keeps this share of the intact hourglass stiffness. More of it would hold failed rock up.
 FAILED_HOURGLASS_SHARE = 0.01
-# The hourglass stiffness counts lambda up to this multiple of mu, its value at Poisson's ratio 0.45. All of lambda
-# would hold the bending that nearly incompressible rock needs to move.
-MAX_HOURGLASS_LAME = 9.0
 
 
 class Body:
     """A model's particles and nodes on their way to equilibrium.
 
     `model` and the arrays of `state` are the caller's, the latter changed in place; work arrays are the body's own.
-    volume (particle,) m3; stiffness (particle,) Pa, see `step_stiffness`; failed (particle,) bool; flowing (k,): failed
-    particles that are there; mass (node,) kg; hourglass (cell,) N/m: stiffness of each cell now, intact_hourglass: of
-    intact rock; free: rigid motions that nothing holds; unbalanced (node, d) N: forces at free nodes when last
-    computed; start (node, d) m: where displacement is counted from in the check for a run away; time_step s: stable,
-    with damping.
+    volume (particle,) m3; failed (particle,) bool; flowing (k,): failed particles that are there; mass (node,) kg;
+    hourglass (cell,) N/m: stiffness of each cell now, intact_hourglass: of intact rock; free: rigid motions that
+    nothing holds; unbalanced (node, d) N: forces at free nodes when last computed; start (node, d) m: where
+    displacement is counted from in the check for a run away; time_step s: stable, with damping.
     """
 
     way: Way
     flowing: np.ndarray
 
-    def __init__(self, model: Model, state: State, volume: np.ndarray, stiffness: np.ndarray | None = None):
-        """stiffness (particle,) Pa: `step_stiffness` of the model, where it is known already."""
+    def __init__(self, model: Model, state: State, volume: np.ndarray):
         self.model = model
         self.state = state
-        self.stiffness = step_stiffness(model) if stiffness is None else stiffness
         self.hanging = model.hanging
         self.start = state.displacement.copy()
         self.unbalanced = np.zeros_like(state.displacement)
@@ -84,7 +78,7 @@ class Body:
         self.pattern_row = particles.distorted.rows(np.arange(len(model.cell_nodes)))
         lame, shear = model.elastic_constants[particles.material].T
         size = model.grid.cell_size[particles.cell]
-        density, limit = density_and_limit(model, volume, self.stiffness)
+        density, limit = density_and_limit(model, volume)
         self.time_step = self.time_step_share * limit
         self.mass = nodal_mass(model, density * volume)
         self.free = model.free_motions(volume)
@@ -244,56 +238,15 @@ class Body:
         self.slot_force = np.empty((0, self.model.dimension))
 
 
-def hourglass_modulus(lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
-    """What hourglass stiffness is in proportion to, Pa: lambda + 2 mu (k,), Pa, but for MAX_HOURGLASS_LAME."""
-    return np.minimum(lame, MAX_HOURGLASS_LAME * shear) + 2.0 * shear
-
-
-def step_stiffness(model: Model) -> np.ndarray:
-    """Stiffness (particle,) Pa that bounds the time step: that of dilation, more for particles off their cells'
-    centres."""
-    particles = model.particles
-    lame, shear = model.elastic_constants[particles.material].T
-    stiffness = model.dimension * lame + 2.0 * shear
-    lone = particles.sample >= 0
-    stiffness[lone] /= 1.0 - np.abs(particles.xi[lone]).max(axis=1, initial=0.0) ** 2
-    own = np.flatnonzero(particles.group_table >= particles.shared_rows)
-    first = particles.group_start[own]
-    hourglass = model.scene.solver.hourglass * hourglass_modulus(lame[first], shear[first]) / stiffness[first]
-    rows = particles.group_table[own]
-    stiffness[first] *= own_stiffening(particles.modes[rows], particles.slopes[rows], hourglass)
-    return stiffness
-
-
-def density_and_limit(model: Model, volume: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, float]:
-    """Density (particle,) kg/m3 that time stepping works with, and the longest time step without damping, s; volume
-    (particle,) m3, stiffness (particle,) Pa: see `step_stiffness`."""
-    particles = model.particles
+def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, float]:
+    """Density (particle,) kg/m3 that time stepping works with, and the longest time step without damping, s."""
+    particles, stiffness = model.particles, model.step_stiffness
     size = model.grid.cell_size[particles.cell]
     if model.scene.solver.density_scaling:
         return stiffness / size**2, 1.0  # the limit is 1 s everywhere
     present = volume > 0.0
     density = np.array([m.density for m in model.scene.materials.values()])[particles.material]
     return density, float((size * np.sqrt(density / stiffness))[present].min()) if present.any() else 1.0
-
-
-def own_stiffening(modes: np.ndarray, slopes: np.ndarray, hourglass: np.ndarray) -> np.ndarray:
-    """By what the square of a lone particle's largest frequency may exceed that of one at its cell's centre, (k,).
-
-    The particle's shape functions N and gradients g are means over samples, of modes (k, 2^d) and slopes (k, 2^d, d).
-    Its strain adds at most the largest eigenvalue of sum g g^T / N over the corners, which is 4 / h^2 at the centre.
-    Its hourglass stiffness acts on all corners alike, and adds the share `hourglass` (k,) of that times the largest
-    eigenvalue of sum s s^T / N, with the signs s of the hourglass modes, over its value at the centre: off the centre
-    the patterns of both overlap.
-    """
-    shape, slope = shapes_of(modes, slopes)
-    bits = np.arange(modes.shape[1])
-    signs = (-1.0) ** np.bitwise_count(~bits[:, None] & bits[np.bitwise_count(bits) > 1])  # (corner, mode)
-    strain = np.einsum("kci,kcj,kc->kij", slope, slope, 1.0 / shape)
-    patterns = np.einsum("ci,cj,kc->kij", signs, signs, 1.0 / shape) / len(bits) ** 2
-    if not len(modes):
-        return np.empty(0)
-    return np.linalg.eigvalsh(strain)[:, -1] + hourglass * np.linalg.eigvalsh(patterns)[:, -1]
 
 
 def nodal_mass(model: Model, mass: np.ndarray) -> np.ndarray:

@@ -68,7 +68,7 @@ class MovingBody(Body):
     def set_volume(self, volume: np.ndarray) -> None:
         """Take over changed particle volumes: mass and time step follow."""
         super().set_volume(volume)
-        self.density, _ = density_and_limit(self.model, volume, self.stiffness)
+        self.density, _ = density_and_limit(self.model, volume)
         self.particle_mass = self.density * volume
         self._weigh()
 

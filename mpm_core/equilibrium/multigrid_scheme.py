@@ -61,9 +61,8 @@ MAX_DIVERGENCE = 1e6  # The search ends where the residual exceeds its first val
 class MultigridScheme:
     """Relaxes a state to equilibrium under given external forces; see scheme.Scheme."""
 
-    def __init__(self, model: Model, state: State, volume: np.ndarray, stiffness: np.ndarray | None = None):
-        """stiffness (particle,) Pa: see Body."""
-        self.body = Body(model, state, volume, stiffness)
+    def __init__(self, model: Model, state: State, volume: np.ndarray):
+        self.body = Body(model, state, volume)
         self.model, self.state = model, state
         self.solver = ElasticSolver(model.grid, model.cell_nodes, model.held, model.node_position)
         self.anderson: Anderson | None = None
@@ -122,7 +121,7 @@ class MultigridScheme:
 
     def scheme_of(self, part: Part) -> "MultigridScheme":
         """The scheme that brings a part to equilibrium."""
-        scheme = MultigridScheme(part.model, part.state, part.volume, self.body.stiffness[part.particles])
+        scheme = MultigridScheme(part.model, part.state, part.volume)
         scheme.body.start = self.body.start[part.nodes]
         return scheme
 

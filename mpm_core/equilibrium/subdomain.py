@@ -76,7 +76,11 @@ def cut_out(
         plain=grid,
         severed=model.severed[:0],
     )
-    vars(part)["hourglass_patterns"] = model.hourglass_patterns[chosen[model.particles.distorted.cell]]
+    known = {  # else found anew for each part
+        "hourglass_patterns": model.hourglass_patterns[chosen[model.particles.distorted.cell]],
+        "step_stiffness": model.step_stiffness[indices],
+    }
+    vars(part).update(known)
     own = part.virgin_state()
     copy_to_part(state, own, {"particle": indices, "node": nodes, "cell": cells})
     failed_before = own.failed >= 0

@@ -14,6 +14,7 @@ from mpm_core.grid.splitting import with_leaves
 from mpm_core.kernels.block_scatter import Scatter, build_scatter
 from mpm_core.kernels.nodal_operations import mark_nodes
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Changes, Pieces, Unsupported, changes_of
+from mpm_core.model.particle_stiffness import step_stiffness
 from mpm_core.model.particles import Particles, at_step, part_means, seed, shares_of_volume, volumes
 from mpm_core.model.phantom_nodes import Parting, part
 from mpm_core.model.rigid_motions import RigidMotions, free_motions
@@ -81,6 +82,11 @@ class Model:
         slopes = part_means(whole, distorted.cell, distorted, self.dimension)[1]
         linear = np.einsum("kmj,knj->kmn", position, slopes) * 2.0 / corners
         return np.ascontiguousarray((bits == higher[:, None]) - linear)  # else kernels are compiled for each layout
+
+    @cached_property
+    def step_stiffness(self) -> np.ndarray:
+        """(particle,) Pa: what bounds the time step of the explicit scheme, see particle_stiffness.step_stiffness."""
+        return step_stiffness(self.particles, self.elastic_constants, self.scene.solver.hourglass)
 
     @cached_property
     def node_position(self) -> np.ndarray:

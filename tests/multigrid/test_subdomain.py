@@ -1,6 +1,7 @@
 """A part of the mine around fresh failures, the rest held still."""
 
 import logging
+from dataclasses import replace
 
 import numba
 import numpy as np
@@ -14,6 +15,7 @@ from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
 from mpm_core.equilibrium.surroundings import CUBE_HALVINGS
 from mpm_core.grid.adjacency import face_neighbors
+from mpm_core.grid.distorted_cells import DistortedCells, corner_offsets
 from mpm_core.model.state import ARRAYS
 from mpm_core.stages.checkpoint import Checkpoint
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
@@ -116,6 +118,7 @@ def test_tables_of_a_part_are_those_of_the_mine(dimension, cut_cells):
         np.testing.assert_array_equal(getattr(model.particles, name), getattr(tables, name)[part.particles])
     np.testing.assert_array_equal(part.cells[model.particles.cell], tables.cell[part.particles])
     np.testing.assert_array_equal(model.volumes(0), part.volume)
+    np.testing.assert_array_equal(replace(model).step_stiffness, model.step_stiffness)  # a copy finds it anew
     for name, array in ARRAYS.items():
         if array.dims[0] == "particle" and name != "cell":
             np.testing.assert_array_equal(getattr(part.state, name), getattr(state, name)[part.particles])
@@ -129,6 +132,18 @@ def test_tables_of_a_part_are_those_of_the_mine(dimension, cut_cells):
         np.testing.assert_array_equal(
             part.cells[part.brittle.neighbors[first:end]], beside[np.isin(beside, part.cells)]
         )
+
+
+def test_hourglass_patterns_of_a_part_are_those_of_the_mine():
+    """Of every third cell with one particle, bent at random; the part has some of them."""
+    scheme, brittle, fresh, _ = with_failure(3)
+    whole = scheme.body.model
+    cells = np.arange(0, len(whole.cell_nodes), 3, dtype=np.int32)
+    corners = corner_offsets(3) + np.random.default_rng(3).uniform(-0.2, 0.2, (len(cells), 8, 3))
+    scheme.model = replace(whole, particles=replace(whole.particles, distorted=DistortedCells(cells, corners)))
+    model = scheme.part_around(brittle, fresh).model
+    assert 0 < len(model.particles.distorted.cell) < len(cells)
+    np.testing.assert_array_equal(replace(model).hourglass_patterns, model.hourglass_patterns)
 
 
 def test_no_part_of_most_of_a_mine():
