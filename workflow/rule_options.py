@@ -97,8 +97,8 @@ class RuleOptions:
         most = self.workflow.resource_settings.max_threads or self.workflow.cores  # the user's
         return min(self.folders.threads(wildcards.mine), threads + 1, most)
 
-    def event_threads(self, wildcards: Wildcards) -> int:
-        """Snakemake's cores for a stage that reads what a step has left, while later steps run."""
+    def reading_threads(self, wildcards: Wildcards) -> int:
+        """Snakemake's cores for a stage that reads results while stages run that take longer and do not need it."""
         return 0 if self.has_idle_time else 1
 
     def in_idle_time(self, wildcards: Wildcards, threads: int) -> int:

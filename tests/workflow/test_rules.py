@@ -147,7 +147,7 @@ def test_options_follow_the_inputs(files, accept):
 def test_each_job_has_cores_where_none_is_idle(files, workflow):
     """On one core, and on a cluster: there and where its jobs are sent from."""
     options, coarse = RuleOptions(files, running(**workflow)), cards(mine="tiny/coarse")
-    assert (options.threads(coarse), options.event_threads(coarse)) == (64, 1)
+    assert (options.threads(coarse), options.reading_threads(coarse)) == (64, 1)
     assert [options.stage_cores(coarse, threads) for threads in (1, 64)] == [1, 64]
     options.limit_jobs()  # asks nothing of the workflow
 
@@ -159,7 +159,7 @@ def test_the_companion_and_events_run_in_idle_time(files):
     threads = [options.threads(folder) for folder in folders]
     assert threads == [1, 1, 0]
     assert [options.stage_cores(folder, own) for folder, own in zip(folders, threads, strict=True)] == [2, 2, 0]
-    assert options.event_threads(cards(mine="tiny")) == 0
+    assert options.reading_threads(cards(mine="tiny")) == 0
     assert [options.in_idle_time(cards(mine="tiny"), threads) for threads in (0, 64)] == [1, 0]
 
 

@@ -66,14 +66,15 @@ rule quakeml:
         "benchmarks/{mine}/quakeml.tsv"
     conda:
         "../envs/environment.yaml"
-    threads: 1
+    threads: OPTIONS.reading_threads
     resources:
+        in_idle_time=OPTIONS.in_idle_time,
         mem_mb=2000,
         runtime=60,
     params:
         code=source_hash("catalogs quakeml"),
     shell:
-        "stage catalogs quakeml --catalog {input.catalog} --output {output} --log {log}"
+        "CORES_OF_STAGE={threads} stage catalogs quakeml --catalog {input.catalog} --output {output} --log {log}"
 
 
 rule compare:

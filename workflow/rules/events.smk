@@ -10,7 +10,7 @@ rule events:
         "benchmarks/{mine}/events/{step}.tsv"
     conda:
         "../envs/environment.yaml"
-    threads: OPTIONS.event_threads
+    threads: OPTIONS.reading_threads
     resources:
         in_idle_time=OPTIONS.in_idle_time,
         mem_mb=OPTIONS.reading_memory("events"),
