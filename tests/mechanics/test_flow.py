@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mechanics.scenes import COULOMB, grid_around, make_dataset, make_scene, uniform
@@ -72,10 +72,11 @@ def dissipation_of(before, strain):
 
 
 @given(st.integers(0, 2**32 - 1))
+@example(909)  # whose stress grows tenfold
 @settings(max_examples=50, deadline=None)
 def test_flow_dissipates_the_path_integral_of_its_stress(seed):
-    """Beside 1,000 small returns on the same straight way, from a stress inside the surface or on it. 5 % of the sum of
-    the sizes of stress and flow: ways turn at edges of the surface within a part. Never negative."""
+    """Beside 1,000 small returns on the same straight way, from a stress inside the surface or on it. 3 % of the product
+    of the flow and the larger stress at its ends: ways turn at edges of the surface within a part. Never negative."""
     random = np.random.default_rng(seed)
     before, _ = flow_between(-5e6 * np.array([1, 1, 1, 0, 0, 0]) + 2e6 * random.normal(size=6), np.zeros(6))
     strain = 4e-4 * random.normal(size=6)
@@ -85,10 +86,10 @@ def test_flow_dissipates_the_path_integral_of_its_stress(seed):
         after, flow = flow_between(stress, strain / count)
         exact += float((0.5 * (stress + after) * flow * TWICE).sum())
         stress = after
-    _, flow = flow_between(before, strain)
-    size = np.sqrt((before**2 * TWICE).sum() * (flow**2 * TWICE).sum())
+    after, flow = flow_between(before, strain)
+    largest = max((before**2 * TWICE).sum(), (after**2 * TWICE).sum())
     assert found >= 0.0
-    assert abs(found - exact) <= 0.05 * size
+    assert abs(found - exact) <= 0.03 * np.sqrt(largest * (flow**2 * TWICE).sum())
 
 
 def test_rock_that_unloads_and_opens_dissipates_nothing_of_its_pressure():
