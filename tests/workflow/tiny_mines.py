@@ -12,6 +12,7 @@ from pathlib import Path
 
 import yaml
 from snakemake_server import call_snakemake
+from stage_server import stage_program
 
 from verification.extremes.tiny_mine import (  # noqa: F401  what tests import from here
     DIRECTED,
@@ -112,9 +113,10 @@ def start(mine_file: Path, folder: Path, *options: str, cores: int = 2) -> subpr
 
 
 def snakemake(
-    mine_file: Path, folder: Path, *options: str, interpreter: Path = Path(sys.executable), checkout: Path = ROOT
+    mine_file: Path, folder: Path, *options: str, interpreter: Path | None = None, checkout: Path = ROOT
 ) -> tuple[int, str]:
     """Exit status and terminal text of a run; interpreter: the program that runs the stages."""
+    interpreter = interpreter or (stage_program() if checkout == ROOT else Path(sys.executable))
     return call_snakemake(command(mine_file, folder, *options, checkout=checkout)[3:], interpreter, checkout)
 
 
