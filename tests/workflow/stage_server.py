@@ -48,7 +48,12 @@ with socket.socket(socket.AF_UNIX) as server:
 
 @functools.cache
 def stage_program(script: Path | None = None) -> Path:
-    """A program that runs `-m <package> <stage> ...`, or this script with such words, in a copy of the process."""
+    """A program that runs `-m <package> <stage> ...`, or this script with such words, in a copy of the process.
+
+    On other systems than Linux the interpreter or the script itself.
+    """
+    if sys.platform != "linux":
+        return script or Path(sys.executable)
     folder = _started()
     program = folder / (script.name if script else "stage")
     program.write_text(PROGRAM.format(python=sys.executable, script=str(script or ""), address=str(folder / "socket")))
