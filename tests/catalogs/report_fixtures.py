@@ -3,6 +3,7 @@
 Nothing here is mechanics: stresses and strains are plausible shapes, so that the report has something to show.
 """
 
+import inspect
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from catalogs.comparison import compare
+from catalogs.report.inputs import Evidence, read_evidence
 from common.datasets import write_dataset
 from common.event_table import new_catalog
 
@@ -75,6 +77,11 @@ class Mine:
         given |= {"config": CONFIG, "default": DEFAULT, "logs": None}
         given |= {"output": self.folder / "report.html", "figures": self.folder / "figures"}
         return given | changes
+
+
+def evidence_of(**arguments) -> Evidence:
+    """What write_report reads where it is given these arguments."""
+    return read_evidence(**{name: arguments.get(name) for name in inspect.signature(read_evidence).parameters})
 
 
 def write_nothing(figure: Figure, path: Path) -> str:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from catalogs.figures import style
 from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR, compare, share_off
+from catalogs.report.grid_convergence_text import discretisation
 from catalogs.report.page import write_report
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
@@ -90,45 +91,51 @@ def written(mine: fixtures.Mine, **attributes) -> dict:
     return mine.arguments()
 
 
-def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, found, monkeypatch):
+def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, found):
+    """In the paragraph that the report has of them; the last test sees that it is in the page."""
+    mine = fixtures.make_mine(tmp_path)
+    arguments = written(mine, overshoot_share=0.15)
+
+    def said(**changes) -> str:
+        return " ".join(discretisation(fixtures.evidence_of(**arguments | changes)))
+
+    grid = read_dataset(mine.grid)
+    write_dataset(grid.assign_attrs(excavation_whole_share="[0.5, 0.5, 0.5, 0.5]"), mine.grid)
+    text = said()
+    assert "on these numbers was not measured (grid_convergence: true measures it); unloading in increments" in text
+    assert "too large, roughly by 15 % or less" in text
+    with_table = {"grid_convergence": tmp_path / "grid_convergence.nc"}
+    write_dataset(found, tmp_path / "grid_convergence.nc")
+    text = said(**with_table)
+    assert "On cells of 4 m instead of 2 m the same steps release 4.10 m³ of potency (here 4.60)" in text
+    assert (
+        "uncertain by about 14 % and failed rock by about 17 %. These shares may be too large: on cells of 4 m " in text
+    )
+    assert (
+        "on cells of 4 m too little rock fails around openings narrow for them: drive; unloading in increments" in text
+    )
+    write_dataset(found.assign_attrs(narrow="[]"), tmp_path / "grid_convergence.nc")
+    assert "failed rock by about 17 %; unloading in increments" in said(**with_table)
+    write_dataset(found, tmp_path / "grid_convergence.nc")
+    write_dataset(grid.assign_attrs(excavation_whole_share="[0.1, 0.1, 0.1, 0.1]"), tmp_path / "narrow.nc")
+    text = said(grid=tmp_path / "narrow.nc", **with_table)
+    assert "failed rock by about 17 %; unloading in increments" in text  # narrow for its own cells
+    assert "above its strength at once" not in text
+    catalog = read_dataset(arguments["catalog"]).assign_attrs(at_once_share=0.24)
+    write_dataset(catalog, tmp_path / "at_once.nc")
+    text = said(catalog=tmp_path / "at_once.nc")
+    assert "24 % of the potency is in rock that one increment of mining brought above its strength at once" in text
+    write_dataset(found.assign_attrs(left_out='["drive", "no_more"]'), tmp_path / "grid_convergence.nc")
+    assert "On cells of 4 m instead of 2 m, which leave out drive, the same steps release" in said(**with_table)
+
+
+def test_the_report_says_that_cells_are_too_large(tmp_path, found, monkeypatch):
+    """In the page."""
     monkeypatch.setattr(style, "save", fixtures.write_nothing)
     mine = fixtures.make_mine(tmp_path)
     arguments = written(mine, overshoot_share=0.15)
     grid = read_dataset(mine.grid)
     write_dataset(grid.assign_attrs(excavation_whole_share="[0.5, 0.5, 0.5, 0.5]"), mine.grid)
-    write_report(**arguments)
-    page = mine.arguments()["output"].read_text()
-    assert "on these numbers was not measured (grid_convergence: true measures it); unloading in increments" in page
-    assert "too large, roughly by 15 % or less" in page
-    write_dataset(found, tmp_path / "grid_convergence.nc")
-    write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
-    page = mine.arguments()["output"].read_text()
-    assert "On cells of 4 m instead of 2 m the same steps release 4.10 m³ of potency (here 4.60)" in page
-    assert (
-        "uncertain by about 14 % and failed rock by about 17 %. These shares may be too large: on cells of 4 m " in page
-    )
-    assert (
-        "on cells of 4 m too little rock fails around openings narrow for them: drive; unloading in increments" in page
-    )
-    write_dataset(found.assign_attrs(narrow="[]"), tmp_path / "grid_convergence.nc")
-    write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
-    page = mine.arguments()["output"].read_text()
-    assert "failed rock by about 17 %; unloading in increments" in page
-    write_dataset(found, tmp_path / "grid_convergence.nc")
-    write_dataset(grid.assign_attrs(excavation_whole_share="[0.1, 0.1, 0.1, 0.1]"), tmp_path / "narrow.nc")
-    write_report(**arguments | {"grid": tmp_path / "narrow.nc"}, grid_convergence=tmp_path / "grid_convergence.nc")
-    assert (
-        "failed rock by about 17 %; unloading in increments" in mine.arguments()["output"].read_text()
-    )  # narrow for its own cells
-    assert "took above its strength at once" not in page
-    catalog = read_dataset(arguments["catalog"]).assign_attrs(at_once_share=0.24)
-    write_dataset(catalog, tmp_path / "at_once.nc")
-    write_report(**arguments | {"catalog": tmp_path / "at_once.nc"})
-    assert "24 % of the potency is in rock that one increment" in mine.arguments()["output"].read_text()
-    write_dataset(found.assign_attrs(left_out='["drive", "no_more"]'), tmp_path / "grid_convergence.nc")
-    write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
-    page = mine.arguments()["output"].read_text()
-    assert "On cells of 4 m instead of 2 m, which leave out drive, the same steps release" in page
     worse = found.assign(potency_error=found["potency_error"] * 10)
     write_dataset(worse, tmp_path / "grid_convergence.nc")
     write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")

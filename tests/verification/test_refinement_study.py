@@ -1,16 +1,20 @@
 """The stope on cells that follow the rock: the study on larger cells, and that it would see a grid that does not."""
 
-from running import run_study
+import yaml
+from running import STUDIES, run_study
 
 from common.costs import Costs
 from verification.refinement.answer import Run, answer
 
 LARGER = {"grid.coarse_cell": "20 m", "grid.volume_error": 1.0}
+# Fine within 15 m of the stope, where all its rock fails: a coarse cell that is too stressed fails a row.
+EVERYWHERE = {"grid": {"coarse_cell": "10 m", "levels": 4, "buffer_cells": 6, "refinement": "static"}}
 
 
 def test_the_study_has_a_row_for_every_relation_and_its_figure(tmp_path):
     """On cells of 1.25 to 10 m."""
-    results = run_study("refinement", tmp_path, None, **LARGER)
+    variants = yaml.safe_load((STUDIES / "refinement.yaml").read_text())["variants"] | {"everywhere": EVERYWHERE}
+    results = run_study("refinement", tmp_path, variants, **LARGER)
     for variant in results.variants.values():
         variant.costs = lambda stage: Costs(90.0, 5.0, 1.0, 300.0)
     rows, figure = answer(results)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from stage_server import stage_program
 from stand_ins import LEAVE_EMPTY, noting, program
 from tiny_mines import TINY, changed, merged, snakemake, write_mine
 
@@ -65,9 +66,15 @@ def notes(undisturbed, base) -> Path:
 
 
 @pytest.fixture(scope="session")
-def leave_empty(tmp_path_factory) -> Path:
-    """An interpreter whose stages say what their results were made from, and nothing else."""
+def leave_empty_in_copies(tmp_path_factory) -> Path:
+    """An interpreter whose stages say what their results were made from, and nothing else; for any checkout."""
     return program(LEAVE_EMPTY, tmp_path_factory.mktemp("programs") / "leave_empty")
+
+
+@pytest.fixture(scope="session")
+def leave_empty(leave_empty_in_copies) -> Path:
+    """The same for this checkout, from a process that has imported what it needs."""
+    return stage_program(leave_empty_in_copies)
 
 
 @pytest.fixture

@@ -163,12 +163,12 @@ def test_a_solid_replaced_by_an_older_file(tmp_path, leave_empty):
     assert planned(file, tmp_path, grid) == {"grid": 1}
 
 
-def test_edited_sources_count_after_a_stage_was_killed(tmp_path, leave_empty):
+def test_edited_sources_count_after_a_stage_was_killed(tmp_path, leave_empty_in_copies):
     """The earlier grid is put back when its stage is killed, and is not taken as that of the new sources."""
     checkout, file = copy_checkout(tmp_path / "checkout"), write_mine(TINY, tmp_path / "tiny.yaml")
     grid = "results/tiny/grid.nc"
     run = functools.partial(snakemake, file, tmp_path, grid, checkout=checkout)
-    assert run(interpreter=leave_empty)[0] == 0
+    assert run(interpreter=leave_empty_in_copies)[0] == 0
     with (checkout / "mpm_core/stages/grid_stage.py").open("a") as source:
         source.write("# edited\n")
     assert run(interpreter=ending(grid, KILLED, tmp_path))[0] != 0

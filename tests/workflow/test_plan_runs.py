@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from stage_server import stage_program
 from stand_ins import program
 from tiny_mines import FLAT, NEXT_STEP, STILL, TINY, changed, edited, hashes, jobs, snakemake, write_mine
 
@@ -166,7 +167,7 @@ def test_plans_in_rock_that_a_calibration_has_drawn(planned, base, tmp_path):
         for draw, value in residual.items():
             drawn = changed(TINY, **{"materials.host.cohesion.residual": f"{value:g} Pa"})
             write_mine(drawn, results / f"calibration/draw_{draw}.yaml")
-        stages = program(IN_DRAWN_ROCK, tmp_path / "in_drawn_rock")
+        stages = stage_program(program(IN_DRAWN_ROCK, tmp_path / "in_drawn_rock"))
         status, text = snakemake(file, folder, "plans", interpreter=stages)
     assert status == 0, text
     # in each rock two steps of either plan, which share history; events of dated steps

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from stage_server import stage_program
 from tiny_mines import FLAT, STILL, finished, hashes, start, write_mine
 
 
@@ -14,7 +15,8 @@ def side_by_side(base, tiny_file):
     files |= {mine["name"]: write_mine(mine, base / "files" / f"{mine['name']}.yaml") for mine in (FLAT, STILL)}
     last = ("catalog.xml", "closeness.nc", "comparison.nc", "events/history.nc")
     targets = {"tiny": [f"results/tiny/{name}" for name in last]}
-    runs = {name: start(file, folder, *targets.get(name, ()), cores=1) for name, file in files.items()}
+    alone = {"cores": 1, "interpreter": stage_program()}
+    runs = {name: start(file, folder, *targets.get(name, ()), **alone) for name, file in files.items()}
     return folder / "results", {name: finished(run) for name, run in runs.items()}
 
 

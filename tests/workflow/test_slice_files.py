@@ -113,11 +113,14 @@ def test_a_folder_that_takes_no_slice_is_one_line(tiny_file, tmp_path):
 
 @pytest.mark.slow
 def test_a_mine_of_many_excavations_gets_its_grid(tmp_path):
-    """1,200 stopes in 40 steps: more than an argument of a command line holds."""
-    file = write_mine(large_mine(1200, 40), tmp_path / "files/large.yaml")
-    status, text = snakemake(file, tmp_path / "run", "results/large-1200/grid.nc")
+    """760 stopes in 40 steps, their names as long as may be: more than an argument of a command line holds."""
+    mine = large_mine(760, 40)
+    for entry in mine["excavations"]:
+        entry["name"] = entry["name"].ljust(64, "_")
+    file = write_mine(mine, tmp_path / "files/large.yaml")
+    status, text = snakemake(file, tmp_path / "run", "results/large-760/grid.nc")
     assert status == 0, text
-    slices = list((tmp_path / "run/results/large-1200/slices").iterdir())
+    slices = list((tmp_path / "run/results/large-760/slices").iterdir())
     assert len(slices) == 1
-    assert len(json.loads(slices[0].read_text())["excavations"]) == 1200
+    assert len(json.loads(slices[0].read_text())["excavations"]) == 760
     assert slices[0].stat().st_size > 131_072

@@ -141,13 +141,13 @@ def test_stages_use_no_file_that_their_sources_lack(undisturbed, spoiled, base, 
 
 
 @pytest.fixture(scope="module")
-def standing(tmp_path_factory, leave_empty):
+def standing(tmp_path_factory, leave_empty_in_copies):
     """A copy of the checkout in which a mine stands as finished, with empty results; asks what an edit would run."""
     base = tmp_path_factory.mktemp("sources")
     checkout, mine = copy_checkout(base / "checkout"), write_mine(TINY, base / "files" / "tiny.yaml")
 
     def run(*options: str) -> dict[str, int]:
-        status, text = snakemake(mine, base / "run", *options, interpreter=leave_empty, checkout=checkout)
+        status, text = snakemake(mine, base / "run", *options, interpreter=leave_empty_in_copies, checkout=checkout)
         assert status == 0, text
         return {rule: count for rule, count in jobs(text).items() if rule != "all"}
 

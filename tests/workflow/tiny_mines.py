@@ -12,6 +12,7 @@ from pathlib import Path
 
 import yaml
 from snakemake_server import call_snakemake
+from stage_server import stage_program
 
 from verification.extremes.tiny_mine import (  # noqa: F401  what tests import from here
     DIRECTED,
@@ -49,6 +50,12 @@ STAGES = {
     "all",
 }
 DATASETS = (".nc", ".csv", ".xml")
+# python -m snakemake, whose stages are run by the program that is named first
+BY_INTERPRETER = """
+import runpy, sys
+sys.executable = sys.argv.pop(1)
+runpy.run_module("snakemake", run_name="__main__", alter_sys=True)
+"""
 
 # Nothing but history: the pipeline stops at the elastic state.
 STILL = {key: copy.deepcopy(TINY[key]) for key in TINY if key not in ("steps", "record", "seismic", "comparison")}
@@ -102,19 +109,23 @@ def command(mine_file: Path, folder: Path, *options: str, cores: int = 2, checko
     return [*snakemake, "--snakefile", str(checkout / "Snakefile"), "--configfile", str(mine_file)]
 
 
-def start(mine_file: Path, folder: Path, *options: str, cores: int = 2) -> subprocess.Popen:
-    """Snakemake in a session of its own; its output is read with communicate()."""
+def start(
+    mine_file: Path, folder: Path, *options: str, cores: int = 2, interpreter: Path | None = None
+) -> subprocess.Popen:
+    """Snakemake in a session of its own; its output is read with communicate(). interpreter: as `snakemake`, if any."""
     text = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "encoding": "utf-8"}
     environment = os.environ | {"PYTHONIOENCODING": "utf-8"}
-    return subprocess.Popen(
-        command(mine_file, folder, *options, cores=cores), **text, env=environment, start_new_session=True
-    )
+    python, *line = command(mine_file, folder, *options, cores=cores)
+    if interpreter:
+        line = ["-c", BY_INTERPRETER, str(interpreter), *line[2:]]
+    return subprocess.Popen([python, *line], **text, env=environment, start_new_session=True)
 
 
 def snakemake(
-    mine_file: Path, folder: Path, *options: str, interpreter: Path = Path(sys.executable), checkout: Path = ROOT
+    mine_file: Path, folder: Path, *options: str, interpreter: Path | None = None, checkout: Path = ROOT
 ) -> tuple[int, str]:
     """Exit status and terminal text of a run; interpreter: the program that runs the stages."""
+    interpreter = interpreter or (stage_program() if checkout == ROOT else Path(sys.executable))
     return call_snakemake(command(mine_file, folder, *options, checkout=checkout)[3:], interpreter, checkout)
 
 
