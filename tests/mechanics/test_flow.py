@@ -75,8 +75,8 @@ def dissipation_of(before, strain):
 @example(909)  # whose stress grows tenfold
 @settings(max_examples=50, deadline=None)
 def test_flow_dissipates_the_path_integral_of_its_stress(seed):
-    """Beside 1,000 small returns on the same straight way, from a stress inside the surface or on it. 3 % of the product
-    of the flow and the larger stress at its ends: ways turn at edges of the surface within a part. Never negative."""
+    """Beside 1,000 small returns on the same straight way, from a stress inside the surface or on it. 3 % of the flow
+    times the larger stress at its ends: ways turn at edges of the surface within a part. Never negative."""
     random = np.random.default_rng(seed)
     before, _ = flow_between(-5e6 * np.array([1, 1, 1, 0, 0, 0]) + 2e6 * random.normal(size=6), np.zeros(6))
     strain = 4e-4 * random.normal(size=6)
