@@ -101,6 +101,10 @@ class RuleOptions:
         """Snakemake's cores for a stage that reads results while stages run that take longer and do not need it."""
         return 0 if self.has_idle_time else 1
 
+    def first_threads(self, wildcards: Wildcards) -> int:
+        """Snakemake's cores for a small stage that stages of the mechanics wait for: it starts none beside it."""
+        return self.workflow.cores if self.has_idle_time else 1
+
     def in_idle_time(self, wildcards: Wildcards, threads: int) -> int:
         """Jobs in idle time that this one counts as."""
         return int(threads == 0)

@@ -16,10 +16,12 @@ from common.processes import KILLED, call_all
 ROOT = Path(__file__).parents[2]
 TOO_LONG = 60.0  # s, of a part that nobody waits for
 STAGE = f"""
-import sys, time
+import signal, sys, time
 from pathlib import Path
 from common.processes import call_all
 from common.stage import run_stage
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it in what it runs in the background
 
 def part(name):
     Path(sys.argv[1], name).touch()

@@ -171,6 +171,7 @@ def test_no_two_steps_on_all_cores_run_at_once(files):
     options.limit_jobs()
     assert limits["stage_cores"] == options.stage_cores(own, options.threads(own)) == 8
     assert limits["in_idle_time"] >= 1
+    assert options.first_threads(own) == 8  # so that nothing starts beside the record
     assert options.stage_cores(own, 3) == 3
     fewer = RuleOptions(files, running(cores=8, max_threads=7))
     assert fewer.stage_cores(own, fewer.threads(own)) == 7

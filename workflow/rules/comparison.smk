@@ -30,7 +30,7 @@ rule scene:
 rule record:
     """The recorded catalogue, read and filtered.
 
-    Before the grid and what is solved on it: those take all cores, and one that cannot be read ends the run at once.
+    Before the grid and what is solved on it: one that cannot be read ends the run at once.
     """
     input:
         STAGES.inputs_of("catalogs record", "record", data=FILES.record_data()),
@@ -43,7 +43,7 @@ rule record:
     priority: 2
     conda:
         "../envs/environment.yaml"
-    threads: 1
+    threads: OPTIONS.first_threads
     resources:
         mem_mb=2000,
         runtime=30,
