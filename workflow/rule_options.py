@@ -33,7 +33,7 @@ class RuleOptions:
 
     A job in idle time takes no core from others: it runs beside steps on all cores and gets what they leave
     (common.stage). Snakemake starts no job while all its cores are taken. So a step on all cores takes one less of it,
-    and resource stage_cores keeps two such steps apart. workflow says whether jobs run here, on more than one core.
+    and resource held_cores keeps two such steps apart. workflow says whether jobs run here, on more than one core.
 
     attempt: how often Snakemake has started the job. It starts it again with `retries` only, and asks for more memory
     each time, since that may have been what was missing.
@@ -77,10 +77,13 @@ class RuleOptions:
         return self.workflow.local_exec and not self.workflow.remote_exec and self.workflow.cores > 1
 
     def limit_jobs(self) -> None:
-        """Limit the cores of all stages of the mechanics that run at once, and the number of jobs in idle time."""
-        if self.has_idle_time:
-            self.workflow.register_resource("stage_cores", self.workflow.cores)
-            self.workflow.register_resource("in_idle_time", MAX_JOBS_IN_IDLE_TIME)
+        """Limit the cores of all stages of the mechanics that run here at once, and the number of jobs in idle time.
+
+        As the rules are read Snakemake does not say yet where jobs will run: those of a cluster hold no cores here.
+        """
+        self.workflow.register_resource("in_idle_time", MAX_JOBS_IN_IDLE_TIME)
+        if self.workflow.resource_settings.cores:  # else on a cluster
+            self.workflow.register_resource("held_cores", self.workflow.resource_settings.cores)
 
     def threads(self, wildcards: Wildcards) -> int:
         """Snakemake's cores for a stage of the mechanics: none for the companion, which runs in idle time."""
@@ -96,6 +99,10 @@ class RuleOptions:
             return threads
         most = self.workflow.resource_settings.max_threads or self.workflow.cores  # the user's
         return min(self.folders.threads(wildcards.mine), threads + 1, most)
+
+    def held_cores(self, wildcards: Wildcards, threads: int) -> int:
+        """Cores of this machine that a stage of the mechanics holds, of those that limit_jobs counts."""
+        return self.stage_cores(wildcards, threads) if self.has_idle_time else 0
 
     def reading_threads(self, wildcards: Wildcards) -> int:
         """Snakemake's cores for a stage that reads results while stages run that take longer and do not need it."""

@@ -43,7 +43,7 @@ class Guests:
 
 def running(**changes) -> SimpleNamespace:
     """What rules see of a workflow that runs here on two cores, with changes."""
-    limits = SimpleNamespace(max_threads=changes.pop("max_threads", None))
+    limits = SimpleNamespace(max_threads=changes.pop("max_threads", None), cores=changes.get("cores", 2))
     return SimpleNamespace(
         **{"local_exec": True, "remote_exec": False, "cores": 2, "resource_settings": limits} | changes
     )
@@ -149,7 +149,7 @@ def test_each_job_has_cores_where_none_is_idle(files, workflow):
     options, coarse = RuleOptions(files, running(**workflow)), cards(mine="tiny/coarse")
     assert (options.threads(coarse), options.reading_threads(coarse)) == (64, 1)
     assert [options.stage_cores(coarse, threads) for threads in (1, 64)] == [1, 64]
-    options.limit_jobs()  # asks nothing of the workflow
+    assert [options.held_cores(coarse, threads) for threads in (1, 64)] == [0, 0]
 
 
 def test_the_companion_and_events_run_in_idle_time(files):
@@ -169,12 +169,22 @@ def test_no_two_steps_on_all_cores_run_at_once(files):
     workflow = running(cores=8, register_resource=limits.__setitem__)
     options, own = RuleOptions(files, workflow), cards(mine="tiny")
     options.limit_jobs()
-    assert limits["stage_cores"] == options.stage_cores(own, options.threads(own)) == 8
+    threads = options.threads(own)
+    assert limits["held_cores"] == options.held_cores(own, threads) == options.stage_cores(own, threads) == 8
     assert limits["in_idle_time"] >= 1
     assert options.first_threads(own) == 8  # so that nothing starts beside the record
     assert options.stage_cores(own, 3) == 3
     fewer = RuleOptions(files, running(cores=8, max_threads=7))
     assert fewer.stage_cores(own, fewer.threads(own)) == 7
+
+
+def test_the_rules_are_read_where_snakemake_has_no_cores(files):
+    """`--profile profiles/slurm` gives none, and says that its jobs run elsewhere after the rules are read."""
+    limits = {}
+    settings = SimpleNamespace(cores=None)  # workflow.cores raises
+    workflow = SimpleNamespace(local_exec=True, resource_settings=settings, register_resource=limits.__setitem__)
+    RuleOptions(files, workflow).limit_jobs()
+    assert list(limits) == ["in_idle_time"]
 
 
 def test_a_folder_of_records_is_no_input(files, accept):

@@ -13,6 +13,7 @@ rule elastic:
     threads: OPTIONS.threads
     resources:
         in_idle_time=OPTIONS.in_idle_time,
+        held_cores=OPTIONS.held_cores,
         stage_cores=OPTIONS.stage_cores,
         mem_mb=OPTIONS.elastic_memory,
         runtime=240,
@@ -44,6 +45,7 @@ rule mining_step:
     threads: OPTIONS.threads
     resources:
         in_idle_time=OPTIONS.in_idle_time,
+        held_cores=OPTIONS.held_cores,
         stage_cores=OPTIONS.stage_cores,
         mem_mb=OPTIONS.step_memory,
         runtime=720,

@@ -13,6 +13,7 @@ rule grid:
     threads: OPTIONS.threads
     resources:
         in_idle_time=OPTIONS.in_idle_time,
+        held_cores=OPTIONS.held_cores,
         stage_cores=OPTIONS.stage_cores,
         mem_mb=each_time(4000),  # of some million cells; how many there are is known when it is done
         runtime=30,
