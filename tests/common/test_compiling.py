@@ -138,18 +138,22 @@ print(sums.tobytes().hex(), texts, *kernel.stats.cache_hits.values(), "numba.np.
 """
 
 
+def printed_twice(source: str, folder: Path) -> list[list[str]]:
+    """Words that a module prints as one process imports it and stores its kernels, and as another one reads them."""
+    (folder / "kernels.py").write_text(source)
+    program = f"import mpm_core, sys; sys.path.insert(0, {str(folder)!r}); import kernels"
+    words = []
+    for _ in range(2):
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(folder)}
+        run = subprocess.run([sys.executable, "-c", program], cwd=ROOT, env=environment, capture_output=True, text=True)
+        assert run.returncode == 0, run.stderr
+        words.append(run.stdout.split())
+    return words
+
+
 def test_a_stored_kernel_is_read_without_what_compiles_others(tmp_path):
     """It calls LAPACK, sorts, hashes, draws and makes texts, as far as kernels may. One that is not stored compiles."""
-    (tmp_path / "stored.py").write_text(STORED)
-    runs = [
-        subprocess.run(
-            [sys.executable, "-c", f"import mpm_core, sys; sys.path.insert(0, {str(tmp_path)!r}); import stored"],
-            cwd=ROOT, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True,
-        )
-        for _ in range(2)
-    ]  # fmt: skip
-    assert [run.returncode for run in runs] == [0, 0], runs[-1].stderr
-    first, second = (run.stdout.split() for run in runs)
+    first, second = printed_twice(STORED, tmp_path)
     assert first[:-1] == second[:-2]
     assert first[-1:] == ["True"]
     assert second[-2:] == ["1", "False"]
@@ -188,16 +192,7 @@ print(*run_alone, outer(values), middle.stats.cache_hits.total(), before, len(pa
 
 def test_a_stored_kernel_is_linked_into_one_that_compiles(tmp_path):
     """Its bitcode is parsed for that alone; run as it is stored, it is not."""
-    (tmp_path / "linked.py").write_text(LINKED)
-    runs = [
-        subprocess.run(
-            [sys.executable, "-c", f"import mpm_core, sys; sys.path.insert(0, {str(tmp_path)!r}); import linked"],
-            cwd=ROOT, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True,
-        )
-        for _ in range(2)
-    ]  # fmt: skip
-    assert [run.returncode for run in runs] == [0, 0], runs[-1].stderr
-    first, second = ([float(word) for word in run.stdout.split()] for run in runs)
+    first, second = ([float(word) for word in words] for words in printed_twice(LINKED, tmp_path))
     middle = 4.0 + sum(value**0.5 for value in range(4))
     assert first[:3] == second[:3] == pytest.approx([4.0, middle, middle + 2.0])
     assert second[3] == 1
