@@ -224,8 +224,8 @@ def test_slip_lies_within_the_plane():
 
 @st.composite
 def rows(draw, associated=False):
-    """Rock and planes of 1 kPa to 1 GPa, friction and dilation up to 50 degrees, with and without cut-offs, none so small
-    that numbers lose their digits."""
+    """Rock and planes of 1 kPa to 1 GPa, friction and dilation up to 50 degrees, with and without cut-offs, which are
+    never so small that numbers lose their digits."""
 
     def strength():
         return 10.0 ** draw(st.floats(3.0, 9.0))
