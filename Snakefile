@@ -44,6 +44,8 @@ onstart:
             f"{MINE.name}: frame has no place on Earth: no catalog.xml, catalog.csv in mine coordinates",
             file=sys.stderr,
         )
+    if OPTIONS.runs_here and ADDRESS not in os.environ:
+        os.environ[ADDRESS] = start_server()
 
 
 onsuccess:

@@ -72,9 +72,14 @@ class RuleOptions:
         return f"--comparison {input.comparison}" if input.comparison else ""
 
     @property
+    def runs_here(self) -> bool:
+        """Whether jobs run on this machine, started by this process."""
+        return self.workflow.local_exec and not self.workflow.remote_exec
+
+    @property
     def has_idle_time(self) -> bool:
         """Whether there is a core besides that of a job that waits for its own threads."""
-        return self.workflow.local_exec and not self.workflow.remote_exec and self.workflow.cores > 1
+        return self.runs_here and self.workflow.cores > 1
 
     def limit_jobs(self) -> None:
         """Limit the cores of all stages of the mechanics that run here at once, and the number of jobs in idle time.

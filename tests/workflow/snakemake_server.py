@@ -19,6 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 MODULES = ("snakemake.cli", "snakemake_executor_plugin_slurm", "workflow.configuration", "workflow.terminal")
+NO_SERVER = {"STAGE_SERVER": ""}  # of its own, which would go around the interpreter (workflow/stage_client.py)
 PATIENCE = 600  # s
 
 
@@ -31,7 +32,7 @@ def call_snakemake(words: list[str], interpreter: Path, checkout: Path) -> tuple
     with tempfile.TemporaryDirectory() as folder:
         terminal = Path(folder) / "terminal"
         call = {"words": words, "terminal": str(terminal), "interpreter": str(interpreter)}
-        call |= {"folder": os.getcwd(), "environment": dict(os.environ)}
+        call |= {"folder": os.getcwd(), "environment": os.environ | NO_SERVER}
         server.stdin.write(f"{json.dumps(call)}\n")
         server.stdin.flush()
         if not select.select([server.stdout], [], [], PATIENCE)[0]:

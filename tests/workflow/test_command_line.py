@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from snakemake_server import NO_SERVER
 from stand_ins import ending
 from tiny_mines import ROOT, TINY, command, snakemake, write_mine
 
@@ -102,7 +103,8 @@ def test_snakemake_waits_for_no_timer_as_it_ends(tmp_path, leave_empty, how, sta
     interpreter = ending("results/tiny/grid.nc", how, tmp_path, leave_empty)
     line = command(write_mine(TINY, tmp_path / "mine.yaml"), tmp_path / "run", "results/tiny/grid.nc")[3:]
     program = AND_TIMERS.format(interpreter=str(interpreter))
-    done = subprocess.run([sys.executable, "-c", program, *line], capture_output=True, text=True)
+    environment = os.environ | NO_SERVER
+    done = subprocess.run([sys.executable, "-c", program, *line], capture_output=True, text=True, env=environment)
     assert done.returncode == status
     assert (tmp_path / "once").exists()
     assert done.stdout.endswith("timers: 0\n")

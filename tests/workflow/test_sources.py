@@ -25,6 +25,7 @@ BY_NAME = {  # modules that import others by a name made at run time, and who se
     "verification/__main__.py",  # an answer: its rule names the module beside the stage
     "verification/pages.py",  # a command of its own that writes pages of docs; no rule runs it
     "mpm_core/stages/first_kernels.py",  # the modules of kernels that the stage itself calls
+    "workflow/stage_server.py",  # what stages import themselves, in a copy of it
     "workflow/plan.py",  # excavations_from: what it makes is part of the slices of settings
 }
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import yaml
-from snakemake_server import call_snakemake
+from snakemake_server import NO_SERVER, call_snakemake
 from stage_server import stage_program
 
 from verification.extremes.tiny_mine import (  # noqa: F401  what tests import from here
@@ -114,7 +114,7 @@ def start(
 ) -> subprocess.Popen:
     """Snakemake in a session of its own; its output is read with communicate(). interpreter: as `snakemake`, if any."""
     text = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "encoding": "utf-8"}
-    environment = os.environ | {"PYTHONIOENCODING": "utf-8"}
+    environment = os.environ | {"PYTHONIOENCODING": "utf-8"} | (NO_SERVER if interpreter else {})
     python, *line = command(mine_file, folder, *options, cores=cores)
     if interpreter:
         line = ["-c", BY_INTERPRETER, str(interpreter), *line[2:]]

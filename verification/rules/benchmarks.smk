@@ -11,8 +11,6 @@ rule benchmark_case:
         targets.RUN,
     log:
         "logs/benchmarks/{problem}/{code}/{across}.log",
-    benchmark:
-        "benchmarks/benchmarks/{problem}/{code}/{across}.tsv"
     conda:
         "../../workflow/envs/environment.yaml"
     threads: 64
@@ -41,8 +39,6 @@ rule benchmarks:
         page=f"{targets.RESULTS}/report.html",
     log:
         "logs/benchmarks/report.log",
-    benchmark:
-        "benchmarks/benchmarks/report.tsv"
     conda:
         "../../workflow/envs/environment.yaml"
     threads: 1

@@ -14,8 +14,6 @@ rule truth_record:
         f"{TRUTH}/{{case}}.nc",
     log:
         "logs/calibration_truth/{case}.log",
-    benchmark:
-        "benchmarks/calibration_truth/{case}.tsv"
     wildcard_constraints:
         case="|".join(cases()),
     conda:
@@ -47,8 +45,6 @@ rule calibration_truth:
         page=f"{TRUTH}/report.html",
     log:
         "logs/calibration_truth/report.log",
-    benchmark:
-        "benchmarks/calibration_truth/report.tsv"
     conda:
         "../../workflow/envs/environment.yaml"
     threads: 1

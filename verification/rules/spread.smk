@@ -13,8 +13,6 @@ rule catalog_spread:
         page="results/catalog_spread/report.html",
     log:
         "logs/catalog_spread.log",
-    benchmark:
-        "benchmarks/catalog_spread.tsv"
     conda:
         "../../workflow/envs/environment.yaml"
     threads: 1

@@ -15,8 +15,6 @@ rule stability_points:
         "results/stability/points/{knob}.json",
     log:
         "logs/stability/{knob}.log",
-    benchmark:
-        "benchmarks/stability/{knob}.tsv"
     wildcard_constraints:
         knob="|".join([*KEYS, SEEDS]),
     conda:

@@ -12,8 +12,6 @@ rule tradeoff_points:
         f"{STUDY}/points.json",
     log:
         "logs/verification/{study}_points.log",
-    benchmark:
-        "benchmarks/verification/{study}_points.tsv"
     conda:
         "../../workflow/envs/environment.yaml"
     threads: 1
@@ -39,8 +37,6 @@ rule tradeoff:
         page="results/tradeoff/report.html",
     log:
         "logs/tradeoff.log",
-    benchmark:
-        "benchmarks/tradeoff.tsv"
     conda:
         "../../workflow/envs/environment.yaml"
     threads: 1

@@ -8,8 +8,6 @@ rule answer:
         figure=f"{STUDY}/figure.svg",
     log:
         "logs/verification/{study}.log",
-    benchmark:
-        "benchmarks/verification/{study}.tsv"
     conda:
         "../../workflow/envs/environment.yaml"
     threads: 1
@@ -34,8 +32,6 @@ rule verification_report:
         summary="results/verification/summary.csv",
     log:
         "logs/verification/report.log",
-    benchmark:
-        "benchmarks/verification/report.tsv"
     conda:
         "../../workflow/envs/environment.yaml"
     threads: 1

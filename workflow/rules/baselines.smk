@@ -18,8 +18,6 @@ rule flaws:
         runs=f"{BASELINE_RESULTS}/flaws_runs.nc",
     log:
         f"logs/{MINE.name}/{BASELINES}/flaws.log",
-    benchmark:
-        f"benchmarks/{MINE.name}/{BASELINES}/flaws.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1
@@ -47,8 +45,6 @@ rule excess_shear:
         runs=f"{BASELINE_RESULTS}/excess_shear_runs.nc",
     log:
         f"logs/{MINE.name}/{BASELINES}/excess_shear.log",
-    benchmark:
-        f"benchmarks/{MINE.name}/{BASELINES}/excess_shear.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1
@@ -77,8 +73,6 @@ if MINE.settings.baselines.since is not None:
             f"{BASELINE_RESULTS}/record.nc",
         log:
             f"logs/{MINE.name}/{BASELINES}/record.log",
-        benchmark:
-            f"benchmarks/{MINE.name}/{BASELINES}/record.tsv"
         conda:
             "../envs/environment.yaml"
         threads: 1
@@ -114,8 +108,6 @@ rule baselines:
         rates=f"{BASELINE_RESULTS}/rates.csv",
     log:
         f"logs/{MINE.name}/{BASELINES}/report.log",
-    benchmark:
-        f"benchmarks/{MINE.name}/{BASELINES}/report.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1

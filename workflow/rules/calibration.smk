@@ -24,8 +24,6 @@ rule trial:
         f"{CALIBRATION}/{{cells}}/{{trial}}.nc",
     log:
         f"logs/{MINE.name}/calibration/{{cells}}/{{trial}}.log",
-    benchmark:
-        f"benchmarks/{MINE.name}/calibration/{{cells}}/{{trial}}.tsv"
     wildcard_constraints:
         cells="doubled|own",
         trial=TRIALS.pattern,
@@ -56,8 +54,6 @@ checkpoint further:
         TRIALS.batch_file("{batch}"),
     log:
         f"logs/{MINE.name}/calibration/batch_{{batch}}.log",
-    benchmark:
-        f"benchmarks/{MINE.name}/calibration/batch_{{batch}}.tsv"
     wildcard_constraints:
         batch="[1-9][0-9]*",
     conda:
@@ -90,8 +86,6 @@ rule calibrate:
         mines=[f"{CALIBRATION}/{name}.yaml" for name in TRIALS.mine_files],
     log:
         f"logs/{MINE.name}/calibration/fit.log",
-    benchmark:
-        f"benchmarks/{MINE.name}/calibration/fit.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1

@@ -27,7 +27,9 @@ from workflow.mining_plans import MiningPlans
 from workflow.mine_folder import check_owner, leftovers, leftovers_line, note_owner
 from workflow.result_files import ResultFiles
 from workflow.rule_options import RuleOptions, each_time, kept
+from workflow.stage_client import ADDRESS
 from workflow.stage_inputs import StageInputs
+from workflow.stage_server import start_server
 from workflow.strict_yaml import check_files
 
 
@@ -59,13 +61,14 @@ FILES = ResultFiles(FOLDERS)
 STAGES = StageInputs(FILES, workflow)
 OPTIONS = RuleOptions(FILES, workflow)
 OPTIONS.limit_jobs()
+CLIENT = shlex.quote(str(BASE / "workflow/stage_client.py"))
 
-# `stage` in the rules. exec: a stage is a child of this process, not of a shell between them, and ends with it
-# (common.stage).
+# `stage` in the rules: by the process that has imported what stages need (workflow/stage_server.py), if there is one.
+# exec: a stage without it is a child of this process, not of a shell between them, and ends with it (common.stage).
 tell_stages(workflow.resource_settings.cores or 1)  # None on a cluster
 shell.prefix(
     f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(BASE))}; "
-    f'stage() {{{{ exec {shlex.quote(sys.executable)} -m "$@"; }}}}; '
+    f'stage() {{{{ exec {shlex.quote(sys.executable)} ${{{{{ADDRESS}:+-IS {CLIENT}}}}} -m "$@"; }}}}; '
 )
 
 

@@ -10,8 +10,6 @@ rule scene:
         FILES.own("scene.png"),
     log:
         f"logs/{MINE.name}/scene.log",
-    benchmark:
-        f"benchmarks/{MINE.name}/scene.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1
@@ -38,8 +36,6 @@ rule record:
         kept(f"{RESULTS}/record.nc"),
     log:
         "logs/{mine}/record.log",
-    benchmark:
-        "benchmarks/{mine}/record.tsv"
     priority: 2
     conda:
         "../envs/environment.yaml"
@@ -62,8 +58,6 @@ rule quakeml:
         kept(f"{RESULTS}/catalog.xml"),
     log:
         "logs/{mine}/quakeml.log",
-    benchmark:
-        "benchmarks/{mine}/quakeml.tsv"
     conda:
         "../envs/environment.yaml"
     threads: OPTIONS.reading_threads
@@ -91,8 +85,6 @@ rule compare:
         kept(f"{RESULTS}/comparison.nc"),
     log:
         "logs/{mine}/compare.log",
-    benchmark:
-        "benchmarks/{mine}/compare.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1
@@ -122,8 +114,6 @@ rule spread:
         kept(f"{RESULTS}/spread.nc"),
     log:
         "logs/{mine}/spread.log",
-    benchmark:
-        "benchmarks/{mine}/spread.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1
@@ -156,8 +146,6 @@ rule grid_convergence:
         kept(f"{RESULTS}/grid_convergence.nc"),
     log:
         "logs/{mine}/grid_convergence.log",
-    benchmark:
-        "benchmarks/{mine}/grid_convergence.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1
@@ -188,8 +176,6 @@ rule forecast_scores:
         kept(f"{RESULTS}/forecast_scores.nc"),
     log:
         "logs/{mine}/forecast_scores.log",
-    benchmark:
-        "benchmarks/{mine}/forecast_scores.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1
@@ -227,8 +213,6 @@ rule report:
         figures=directory(f"{RESULTS}/figures"),
     log:
         "logs/{mine}/report.log",
-    benchmark:
-        "benchmarks/{mine}/report.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 4  # The longest section takes about a quarter of the time of all.
@@ -262,8 +246,6 @@ rule twin:
         FILES.own("twin.csv"),
     log:
         f"logs/{MINE.name}/twin.log",
-    benchmark:
-        f"benchmarks/{MINE.name}/twin.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1

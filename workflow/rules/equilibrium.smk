@@ -6,8 +6,6 @@ rule elastic:
         kept(f"{RESULTS}/elastic.nc"),
     log:
         "logs/{mine}/elastic.log",
-    benchmark:
-        "benchmarks/{mine}/elastic.tsv"
     conda:
         "../envs/environment.yaml"
     threads: OPTIONS.threads
@@ -37,8 +35,6 @@ rule mining_step:
         kept(f"{RESULTS}/steps/{{step}}.nc"),
     log:
         "logs/{mine}/steps/{step}.log",
-    benchmark:
-        "benchmarks/{mine}/steps/{step}.tsv"
     priority: 1
     conda:
         "../envs/environment.yaml"

@@ -6,8 +6,6 @@ rule events:
         kept(f"{RESULTS}/events/{{step}}.nc"),
     log:
         "logs/{mine}/events/{step}.log",
-    benchmark:
-        "benchmarks/{mine}/events/{step}.tsv"
     conda:
         "../envs/environment.yaml"
     threads: OPTIONS.reading_threads
@@ -31,8 +29,6 @@ rule catalog:
         table=OPTIONS.packed(f"{RESULTS}/catalog.csv", "catalogue"),
     log:
         "logs/{mine}/catalog.log",
-    benchmark:
-        "benchmarks/{mine}/catalog.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1
@@ -54,8 +50,6 @@ rule closeness:
         kept(f"{RESULTS}/closeness.nc"),
     log:
         "logs/{mine}/closeness.log",
-    benchmark:
-        "benchmarks/{mine}/closeness.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1
@@ -77,8 +71,6 @@ rule vtk_events:
         f"{RESULTS}/vtk/{{catalog}}.vtu",
     log:
         "logs/{mine}/vtk/{catalog}.log",
-    benchmark:
-        "benchmarks/{mine}/vtk/{catalog}.tsv"
     wildcard_constraints:
         catalog="catalog|record|events/.+",
     conda:

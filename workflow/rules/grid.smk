@@ -6,8 +6,6 @@ rule grid:
         kept(f"{RESULTS}/grid.nc"),
     log:
         "logs/{mine}/grid.log",
-    benchmark:
-        "benchmarks/{mine}/grid.tsv"
     conda:
         "../envs/environment.yaml"
     threads: OPTIONS.threads
@@ -33,8 +31,6 @@ rule vtk:
         f"{RESULTS}/vtk/{{stage}}.vtu",
     log:
         "logs/{mine}/vtk/{stage}.log",
-    benchmark:
-        "benchmarks/{mine}/vtk/{stage}.tsv"
     wildcard_constraints:
         stage="elastic|steps/.+",
     conda:
@@ -58,8 +54,6 @@ rule vtk_solids:
         surfaces=directory(f"{RESULTS}/vtk/solids"),
     log:
         "logs/{mine}/vtk/solids.log",
-    benchmark:
-        "benchmarks/{mine}/vtk/solids.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1

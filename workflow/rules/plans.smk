@@ -20,8 +20,6 @@ rule plan_outcome:
         f"results/{MINE.name}/plans/{{plan}}/outcome.nc",
     log:
         f"logs/{MINE.name}/plans/{{plan}}/outcome.log",
-    benchmark:
-        f"benchmarks/{MINE.name}/plans/{{plan}}/outcome.tsv"
     wildcard_constraints:
         plan=PLANS.pattern,
     conda:
@@ -59,8 +57,6 @@ rule plans:
         table=f"results/{MINE.name}/plans/plans.csv",
     log:
         f"logs/{MINE.name}/plans/report.log",
-    benchmark:
-        f"benchmarks/{MINE.name}/plans/report.tsv"
     conda:
         "../envs/environment.yaml"
     threads: 1
