@@ -16,6 +16,7 @@ from numba import njit, prange
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
+from mpm_core.grid.remembered import Remembered
 
 GAUSS_POINT = 1.0 / np.sqrt(3.0)  # Of the rule with two points along each axis, -1 to 1.
 ORDER_2D = np.array([0, 4, 2, 6, 1, 5, 3, 7])
@@ -23,8 +24,7 @@ ORDER_3D = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5
 """Ordered dither (Bayer 1973): how far outward a point is moved, by its place along the other axes from the middle."""
 
 MAX_PARTS_KNOWN = 200_000  # Parts of cells whose integrals are remembered: 0.1 GB.
-# A mine asks for the integrals of the same parts again with each split and each part of the mine.
-_KNOWN: dict[bytes, np.ndarray] = {}
+MAX_CELLS_KNOWN = 200_000  # Cells of which the samples' volumes are: 0.15 GB.
 
 
 @dataclass(frozen=True)
@@ -192,35 +192,54 @@ def fullest_samples(filled: np.ndarray, volume: np.ndarray, dimension: int) -> n
 def part_integrals(corners: np.ndarray, samples: np.ndarray) -> PartIntegrals:
     """Integrals over sets of samples (k,) uint64, none of them empty, of cells with corners (k, 2^d, d)."""
     corner_count, dimension = corners.shape[1:]
-    keys = [corner.tobytes() + sample.tobytes() for corner, sample in zip(corners, samples, strict=True)]
-    new = {key: row for row, key in enumerate(keys) if key not in _KNOWN}  # each of them once
-    if len(_KNOWN) + len(new) > MAX_PARTS_KNOWN:
-        _KNOWN.clear()
-        new = {key: row for row, key in enumerate(keys)}
-    if new:
-        rows = list(new.values())
-        _KNOWN.update(zip(new, _integrals(corners[rows], samples[rows]), strict=True))
     ends = np.cumsum([1, dimension, corner_count, corner_count * dimension])
-    sums = np.array([_KNOWN[key] for key in keys]).reshape(len(keys), ends[-1])
+    sums = np.empty((0, ends[-1]))
+    if len(corners):
+        sums = _INTEGRALS[dimension](np.column_stack([_bits(corners), samples]))
     volume, place, modes, gradients = np.split(sums, ends[:-1], axis=1)
     gradients = gradients.reshape(-1, corner_count, dimension)
     return PartIntegrals(volume[:, 0], 2.0 * place / volume - 1.0, modes / volume, 0.5 * gradients / volume[:, :, None])
 
 
-def _integrals(corners: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Sums over sets of samples (k,), as `_integrate` writes them, side by side: (k, 1 + d + 2^d + 2^d d)."""
-    count, corner_count, dimension = corners.shape
+def sample_volumes(corners: np.ndarray) -> np.ndarray:
+    """Volume (k, 64) of each sample of cells with corners (k, 2^d, d), in cubes."""
+    if not len(corners):
+        return np.empty((0, SAMPLES_PER_CELL))
+    return _VOLUMES[corners.shape[2]](_bits(corners))
+
+
+def _bits(corners: np.ndarray) -> np.ndarray:
+    """Corners (k, 2^d, d) as rows (k, 2^d d) uint64."""
+    return np.ascontiguousarray(corners).view(np.uint64).reshape(len(corners), -1)
+
+
+def _corners(rows: np.ndarray, dimension: int) -> np.ndarray:
+    return np.ascontiguousarray(rows).view(np.float64).reshape(len(rows), 1 << dimension, dimension)
+
+
+def _integrals(rows: np.ndarray) -> np.ndarray:
+    """Sums over sets of samples as `_integrate` writes them, side by side, (k, 1 + d + 2^d + 2^d d); rows (k, 2^d d +
+    1): `_bits` and samples."""
+    dimension = 2 if rows.shape[1] == 9 else 3
+    corners, samples = _corners(rows[:, :-1], dimension), rows[:, -1].copy()
+    count, corner_count = len(rows), 1 << dimension
     volume, place = np.zeros(count), np.zeros((count, dimension))
     modes, gradients = np.zeros((count, corner_count)), np.zeros((count, corner_count, dimension))
     _integrate(corners, samples, *_tables(dimension), volume, place, modes, gradients)
     return np.concatenate([volume[:, None], place, modes, gradients.reshape(count, -1)], axis=1)
 
 
-def sample_volumes(corners: np.ndarray) -> np.ndarray:
-    """Volume (k, 64) of each sample of cells with corners (k, 2^d, d), in cubes."""
-    volume = np.zeros((len(corners), SAMPLES_PER_CELL))
-    _sum_volumes(corners, _tables(corners.shape[2])[1], volume)
+def _volumes(rows: np.ndarray) -> np.ndarray:
+    """Volumes (k, 64) of the samples of cells; rows (k, 2^d d): `_bits`."""
+    dimension = 2 if rows.shape[1] == 8 else 3
+    volume = np.zeros((len(rows), SAMPLES_PER_CELL))
+    _sum_volumes(_corners(rows, dimension), _tables(dimension)[1], volume)
     return volume
+
+
+# A mine asks for the same cells and parts again with each split and each part of the mine.
+_INTEGRALS = {dimension: Remembered(_integrals, MAX_PARTS_KNOWN) for dimension in (2, 3)}
+_VOLUMES = {dimension: Remembered(_volumes, MAX_CELLS_KNOWN) for dimension in (2, 3)}
 
 
 @functools.cache

@@ -99,7 +99,7 @@ class MultiLevelGrid:
         """(cell, d) float64, m: lower corner"""
         return self.origin + self.cell_index * self.fine_cell
 
-    @property
+    @cached_property
     def cell_center(self) -> np.ndarray:
         """(cell, d) float64, m"""
         return self.origin + (self.cell_index + 0.5 * self.cell_width[:, None]) * self.fine_cell

@@ -65,13 +65,28 @@ def apply_cells(block_cells, cell_rows, stiffness, width, values, forces):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def largest_row_sums(stiffness, corners):
-    """The largest sum of sizes along the rows of each corner, (cell, corners); stiffness (cell, 2^d d, 2^d d)."""
+def largest_row_sums(stiffness, pattern, patterns, hourglass):
+    """The largest sum of sizes along the rows of each corner, (cell, 2^d); stiffness (cell, 2^d d, 2^d d).
+
+    pattern (cell,): of patterns (k, mode, 2^d) at the corners, whose stiffness (k,) comes on top in each component; -1
+    where none does.
+    """
+    corners = patterns.shape[2]
     largest = np.zeros((len(stiffness), corners))
     dimension = stiffness.shape[1] // corners
     for cell in prange(len(stiffness)):
+        own = pattern[cell]
         for row in range(stiffness.shape[1]):
-            total = np.abs(stiffness[cell, row]).sum()
+            total = 0.0
+            for column in range(stiffness.shape[1]):
+                entry = stiffness[cell, row, column]
+                if own >= 0 and row % dimension == column % dimension:
+                    added = 0.0
+                    for mode in range(patterns.shape[1]):
+                        both = patterns[own, mode, row // dimension] * patterns[own, mode, column // dimension]
+                        added += both * hourglass[own]
+                    entry += added
+                total += abs(entry)
             largest[cell, row // dimension] = max(largest[cell, row // dimension], total)
     return largest
 

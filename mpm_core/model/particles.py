@@ -258,7 +258,9 @@ def volumes(particles: Particles, changes: Changes, step: int) -> np.ndarray:
 
 def shares_of_volume(distorted: DistortedCells, row: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Share (k,) of the volume of distorted cells, rows (k,) of them, that samples (k,) uint64 have; 1 of all."""
-    volume = distorted.sample_volumes[row]
-    held = (samples[:, None] >> np.arange(SAMPLES_PER_CELL, dtype=np.uint64)) & np.uint64(1)
-    share = np.sum(volume * held, axis=1) / volume.sum(axis=1)
-    return np.where(samples == ALL_SAMPLES, 1.0, share)
+    share = np.where(samples == ALL_SAMPLES, 1.0, 0.0)
+    some = np.flatnonzero((samples != ALL_SAMPLES) & (samples != NO_SAMPLES))
+    volume = distorted.sample_volumes[row[some]]
+    held = (samples[some, None] >> np.arange(SAMPLES_PER_CELL, dtype=np.uint64)) & np.uint64(1)
+    share[some] = np.sum(volume * held, axis=1) / volume.sum(axis=1)
+    return share

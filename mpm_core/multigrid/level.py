@@ -81,21 +81,18 @@ def _invert(node_row, node_parents, held, sums, inverse_diagonal):
             inverse_diagonal[row * width + k] = 0.0 if held[node, k] else 1.0 / diagonal
 
 
-def with_patterns(cells: ElasticCells) -> np.ndarray:
-    """Stiffness of the irregular cells, with what their hourglass patterns add where they are distorted."""
+def row_sums(cells: ElasticCells) -> np.ndarray:
+    """What bounds the stiffness of the irregular cells, with what their hourglass patterns add where they are
+    distorted: (k, 2^d) N/m, see `largest_row_sums`."""
     place = np.minimum(np.searchsorted(cells.irregular, cells.distorted), max(len(cells.irregular) - 1, 0))
     own = np.flatnonzero(cells.irregular[place] == cells.distorted) if len(cells.irregular) else np.empty(0, int)
-    if not len(own):
-        return cells.stiffness
-    corners = cells.patterns.shape[2]
-    dimension, bits = cells.stiffness.shape[1] // corners, np.arange(corners)
+    pattern = np.full(len(cells.irregular), -1)
+    pattern[place[own]] = np.arange(len(own))
+    bits = np.arange(cells.patterns.shape[2])
     sign = (-1.0) ** np.bitwise_count(bits & ~bits[:, None])  # (corner, mode)
-    patterns = cells.patterns[own] @ sign.T
-    added = np.einsum("kmc,kmd,k->kcd", patterns, patterns, cells.constants[cells.distorted[own], 2])
-    stiffness = cells.stiffness.copy()
-    for k in range(dimension):
-        stiffness[place[own], k::dimension, k::dimension] += added
-    return stiffness
+    return largest_row_sums(
+        cells.stiffness, pattern, cells.patterns[own] @ sign.T, cells.constants[cells.distorted[own], 2]
+    )
 
 
 class Operator:
@@ -131,7 +128,7 @@ class Operator:
         order = np.argsort(slot, kind="stable")
         self.cell_rows = siblings.corner_rows(cells.irregular[order])
         self.block_cells = np.searchsorted(slot[order] // corners, siblings.batch_start)
-        self.row_sums = largest_row_sums(with_patterns(cells), corners)[order]
+        self.row_sums = row_sums(cells)[order]
         self.distorted = cells.distorted
         self.pattern_slopes = np.repeat(cells.patterns.reshape(-1, corners, 1), self.dimension, axis=2)
         self.set_patterns(cells.constants[cells.distorted, 2])

@@ -56,14 +56,25 @@ class Siblings:
 
     def corner_rows(self, cells: np.ndarray) -> np.ndarray:
         """Rows of the corners of some cells, in the blocks of these cells: (k, 2^d) int32, bit order."""
-        dimension = round(np.log(self.places.shape[1]) / np.log(3))
-        corners = 1 << dimension
-        slot, lane = self.cell_place[cells] // LANES, self.cell_place[cells] % LANES
+        nodes = self.places.shape[1]
+        rows = np.empty((len(cells), 4 if nodes == 9 else 8), np.int32)
+        _corner_rows(self.places, self.cell_place, cells, rows)
+        return rows
+
+
+@njit(cache=True)
+def _corner_rows(places, cell_place, cells, rows):
+    """Rows of the corners of cells (k,): rows (k, 2^d), written."""
+    corners, lanes = rows.shape[1], places.shape[2]
+    dimension = 2 if corners == 4 else 3
+    for i in range(len(cells)):
+        slot, lane = cell_place[cells[i]] // lanes, cell_place[cells[i]] % lanes
         child = slot % corners
-        position = np.zeros((len(cells), corners), np.int64)
-        for axis in range(dimension - 1, -1, -1):
-            position = 3 * position + (child[:, None] >> axis & 1) + (np.arange(corners) >> axis & 1)
-        return self.places[slot[:, None] // corners, position, lane[:, None]]
+        for corner in range(corners):
+            position = 0
+            for axis in range(dimension - 1, -1, -1):
+                position = 3 * position + ((child >> axis) & 1) + ((corner >> axis) & 1)
+            rows[i, corner] = places[slot // corners, position, lane]
 
 
 @njit(cache=True)

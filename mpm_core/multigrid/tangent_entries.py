@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from mpm_core.kernels.tangent_rows import TAKE_TANGENTS_OFF
 from mpm_core.multigrid.siblings import Siblings
@@ -50,6 +51,14 @@ def pack(
     packed = []
     for values in (slopes.reshape(len(slopes), slopes.shape[1] * slopes.shape[2]), matrices):
         lanes = np.zeros((batch_start[-1], values.shape[1], LANES), precision)
-        lanes[batch, :, lane] = values[order]
+        _place(batch, lane, order, values, lanes)
         packed.append(lanes.reshape(-1))
     return Tangents(3 if corners == 8 else 2, batch_start, places.reshape(-1), *packed)
+
+
+@njit(cache=True)
+def _place(batch, lane, order, values, lanes):
+    """Values (k, n) of entries in this order to their batches (k,) and lanes (k,): lanes (batch, n, LANES), written."""
+    for i in range(len(order)):
+        for j in range(values.shape[1]):
+            lanes[batch[i], j, lane[i]] = values[order[i], j]

@@ -9,7 +9,7 @@ longer in equilibrium. Cells that are not split keep what they have, to the bit.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.distorted_cells import corner_offsets
@@ -47,12 +47,12 @@ def transfer(old: Model, state: State, new: Model) -> State:
     result.failed[found] = state.failed[source[found]]
     failed = np.flatnonzero(result.failed >= 0)
     for name, array in ARRAYS.items():
-        if array.dims[0] == "particle" and array.start is not None and name != "failed":
+        if array.dims[0] == "particle" and array.start is not None and name not in ("failed", "stress"):
             index = found if array.changes is Extent.ALL else failed
             getattr(result, name)[index] = getattr(state, name)[source[index]]
-    split = new.grid.cell_level != old.grid.cell_level[origin]
-    kept = np.flatnonzero(~split)
-    result.hourglass_force[kept] = state.hourglass_force[origin[kept]]
+    _take_rows(source, state.stress, result.stress)
+    kept = np.where(new.grid.cell_level == old.grid.cell_level[origin], origin, NO_SOURCE)
+    _take_rows(kept, *(values.reshape(len(values), -1) for values in (state.hourglass_force, result.hourglass_force)))
     result.displacement[:] = transfer_nodes(old, state.displacement, new, origin)
     result.energy[:] = state.energy
     recomputed = np.flatnonzero((source >= 0) & ~as_before & (result.failed < 0) & new.particles.is_rock)
@@ -191,6 +191,15 @@ def _sources(old: Model, new: Model, origin: np.ndarray) -> tuple[np.ndarray, np
     rest = np.flatnonzero(there[of_particle] & ~as_before)
     _nearest(rest, group[of_particle[rest]], groups[0], old.particles.position, new.particles.position, source)
     return source, as_before
+
+
+@njit(parallel=True, cache=True)
+def _take_rows(source, values, result):
+    """Rows `source` (k,) of values (n, m), but where that is NO_SOURCE: result (k, m), written there."""
+    for i in prange(len(source)):
+        if source[i] != NO_SOURCE:
+            for j in range(values.shape[1]):
+                result[i, j] = values[source[i], j]
 
 
 @njit(cache=True)

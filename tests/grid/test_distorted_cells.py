@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
-from mpm_core.grid import distorted_cells
 from mpm_core.grid.distorted_cells import (
     corner_offsets,
     fullest_samples,
@@ -63,25 +62,6 @@ def test_a_part_and_the_rest_are_the_whole(dimension, seed, samples):
         values = getattr(part, name)
         mean = (part.volume[0] * values[0] + part.volume[1] * values[1]) / part.volume[2]
         np.testing.assert_allclose(mean, values[2], atol=1e-12, err_msg=name)
-
-
-def test_each_part_is_integrated_once(monkeypatch):
-    """Whatever the order of parts; from the beginning once there would be too many to remember."""
-    summed, integrals = [], distorted_cells._integrals
-    monkeypatch.setattr(distorted_cells, "_KNOWN", {})
-    monkeypatch.setattr(
-        distorted_cells, "_integrals", lambda corners, held: summed.append(len(held)) or integrals(corners, held)
-    )
-    corners, samples = np.stack([bent(3, seed) for seed in (1, 2, 1)]), np.full(3, 5, np.uint64)
-    first = part_integrals(corners, samples)
-    other = part_integrals(np.concatenate([corners[:1], corners]), np.append(FULL, samples))
-    assert summed == [2, 1]
-    for of_first, of_other in zip(vars(first).values(), vars(other).values(), strict=True):
-        np.testing.assert_array_equal(of_first[0], of_first[2])
-        np.testing.assert_array_equal(of_first, of_other[1:])
-    monkeypatch.setattr(distorted_cells, "MAX_PARTS_KNOWN", 3)
-    part_integrals(corners, np.append(samples[:2], FULL - FULL // 2))
-    assert summed == [2, 1, 3]
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
