@@ -106,6 +106,9 @@ def serve(listener: socket.socket) -> None:
                 programs[program].pass_on()
         if listener in ready:
             program, _ = listener.accept()
+            if _other_end(program)[1] != os.getuid():  # whoever it is need not be waited for
+                program.close()
+                continue
             _, streams, _, _ = socket.recv_fds(program, 1, STREAMS)
             if not (process := os.fork()):
                 added = {key: value for key, value in os.environ.items() if key not in before}
@@ -158,9 +161,7 @@ def _become_stage(
 
 def _take_place_of(program: socket.socket, added: dict[str, str]) -> list[str]:
     """Take over folder, environment and limit of files of a program. Returns its words: those of the interpreter."""
-    process, user, _ = CREDENTIALS.unpack(program.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size))
-    if user != os.getuid():
-        sys.exit("a stage of another user")
+    process, _ = _other_end(program)
     program.close()
     folder = Path(f"/proc/{process}")
     resource.setrlimit(resource.RLIMIT_FSIZE, resource.prlimit(process, resource.RLIMIT_FSIZE))
@@ -171,6 +172,12 @@ def _take_place_of(program: socket.socket, added: dict[str, str]) -> list[str]:
     os.environ[PIPELINE_PROCESS] = str(os.getppid())  # which the stage ends with (common.stage)
     words = _strings(folder / "cmdline")
     return words[next(number for number, word in enumerate(words) if word.endswith("stage_client.py")) + 1 :]
+
+
+def _other_end(program: socket.socket) -> tuple[int, int]:
+    """Process and user of the program."""
+    process, user, _ = CREDENTIALS.unpack(program.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size))
+    return process, user
 
 
 def _strings(path: Path) -> list[str]:
