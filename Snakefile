@@ -14,7 +14,6 @@ snakemake --cores all catalog_spread                               what a catalo
 snakemake --cores all calibration_truth                            the demo's calibration on known truth
 """
 
-from snakemake.cli import get_argument_parser
 from snakemake.utils import min_version
 
 min_version("9.0")
@@ -64,7 +63,7 @@ rule all:
 # The verification measures the program, not the user's mine: its rules are read only if a target asks for more than the
 # rules above make, so that the run of a mine imports nothing of it, and `snakemake verification` needs no other words.
 # Snakemake itself looks at its targets after this file, so they are taken from the command line, as in profiles/default.
-if asks_for_more(get_argument_parser().parse_args(), workflow.is_rule, MINE.name):
+if asks_for_more(COMMAND_LINE, workflow.is_rule, MINE.name):
 
     include: "verification/Snakefile"
 

@@ -5,8 +5,10 @@ from collections.abc import Iterable
 import numpy as np
 import xarray as xr
 
+from common.source_tensors import scalar_potency
+from common.voigt import tensor_from_voigt
 from seismic.event_settings import EventSettings
-from seismic.events import extract_events
+from seismic.events import failed_rock, sum_by
 from seismic.regions import CORNERS, EDGES, FACES
 
 CLOSENESS_TRIED = (0.6, 0.7, 0.8, 0.9, 0.95)
@@ -29,9 +31,10 @@ def sizes_by_closeness(steps: Iterable[xr.Dataset], settings: EventSettings) -> 
         choices += [(chosen.closeness, reach) for reach in (EDGES, FACES)]
     potency: list[list] = [[np.empty(0)] for _ in choices]
     for step in steps:
+        rock = failed_rock(step, chosen)
         for (value, reach), parts in zip(choices, potency, strict=True):
-            events, _ = extract_events(step, chosen.model_copy(update={"closeness": value}), reach)
-            parts.append(events["potency"].values[events["resolved"].values == 1])
+            event, resolved = rock.events(chosen.model_copy(update={"closeness": value}), reach)
+            parts.append(scalar_potency(tensor_from_voigt(sum_by(event, rock.potency, len(resolved))))[resolved])
     joined = [np.concatenate(parts) for parts in potency]
     closeness, reaches = zip(*choices, strict=True)
     return xr.Dataset(

@@ -2,6 +2,7 @@
 
 import json
 import logging
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -34,6 +35,60 @@ MAX_IN_PLANE_SHARE = 1e-6
 LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")
 
 
+@dataclass(frozen=True)
+class FailedRock:
+    """What a step's events are made of.
+
+    where: name of the step for messages. Of the particles that strained in the step, (strained,): strain by kind
+    (strained, 6), volume m3, breaks (k,): those that failed in it with a drop. Of these, (k,): source: their index in
+    the step, potency (k, 6) m3, center (k, 3) m of the part of the cell that is theirs, spacing m, order (k, 2):
+    increment and generation of their failure.
+    """
+
+    where: str
+    strain: dict[str, NDArray]
+    volume: NDArray
+    breaks: NDArray
+    source: NDArray
+    potency: NDArray
+    center: NDArray
+    spacing: NDArray
+    order: NDArray
+
+    def events(self, settings: EventSettings, reach: int = CORNERS) -> tuple[NDArray, NDArray]:
+        """Event of each particle, (k,), and which events are resolved, (event,) bool, in the order in which they begin.
+
+        reach: over what regions are linked (seismic.regions).
+        """
+        label, resolved = find_events(self.center, self.spacing, self.potency, self.order, settings, reach)
+        rank = _rank_events(self.order, label, len(resolved))
+        return rank[label], resolved[np.argsort(rank)]
+
+
+def failed_rock(step: xr.Dataset, settings: EventSettings) -> FailedRock:
+    """Of a step, as extract_events takes it. Raises InputError if it lacks something or contradicts itself."""
+    where = _check_step(step, settings)
+    strain = {name: np.asarray(step[variable].values, dtype=np.float64) for name, variable in STRAIN_VARIABLES.items()}
+    strained = np.flatnonzero(np.any([np.any(values != 0.0, axis=1) for values in strain.values()], axis=0))
+    strain = {name: values[strained] for name, values in strain.items()}  # most rock has none
+    volume = np.asarray(step["volume"].values, dtype=np.float64)
+    if not all(np.all(np.isfinite(values)) for values in (*strain.values(), volume)):
+        raise InputError(f"{where}: a strain or a volume is not finite: compute the step again")
+    volume = volume[strained]
+
+    everything = particle_potency(strain["seismic"], volume, settings.seismic_fraction)
+    breaks = np.flatnonzero(scalar_potency(tensor_from_voigt(everything)) > 0.0)
+    source = strained[breaks]
+    stray = np.count_nonzero(step["failed"].values[source] != int(step.attrs["step_index"]))
+    if stray:
+        raise InputError(
+            f"{where}: {stray} particles have seismic strain but did not fail in it: compute the step again"
+        )
+    spacing = np.asarray(step["spacing"].values, dtype=np.float64)[source]
+    order, center = step["failure_order"].values[source], part_centers(step)[source]
+    return FailedRock(where, strain, volume, breaks, source, everything[breaks], center, spacing, order)
+
+
 def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int = CORNERS) -> tuple[xr.Dataset, dict]:
     """Events of a step and its potency budget.
 
@@ -48,35 +103,14 @@ def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int 
     Raises InputError for a dataset that lacks something or contradicts itself.
     """
     chosen = EventSettings.of(settings, "seismic")
-    where = _check_step(step, chosen)
-    step = step.assign_attrs(UNDATED | step.attrs) if chosen.start is None else dated(step, chosen.start, chosen.end)
-    strain = {name: np.asarray(step[variable].values, dtype=np.float64) for name, variable in STRAIN_VARIABLES.items()}
-    strained = np.flatnonzero(np.any([np.any(values != 0.0, axis=1) for values in strain.values()], axis=0))
-    strain = {name: values[strained] for name, values in strain.items()}  # most rock has none
-    volume = np.asarray(step["volume"].values, dtype=np.float64)
-    if not all(np.all(np.isfinite(values)) for values in (*strain.values(), volume)):
-        raise InputError(f"{where}: a strain or a volume is not finite: compute the step again")
-    volume = volume[strained]
-
-    everything = particle_potency(strain["seismic"], volume, chosen.seismic_fraction)
-    breaks = np.flatnonzero(scalar_potency(tensor_from_voigt(everything)) > 0.0)
-    source = strained[breaks]
-    stray = np.count_nonzero(step["failed"].values[source] != int(step.attrs["step_index"]))
-    if stray:
-        raise InputError(
-            f"{where}: {stray} particles have seismic strain but did not fail in it: compute the step again"
-        )
-    potency = everything[breaks]
+    rock = failed_rock(step, chosen)
+    where, source, potency, order, spacing = rock.where, rock.source, rock.potency, rock.order, rock.spacing
     weight = scalar_potency(tensor_from_voigt(potency))
+    step = step.assign_attrs(UNDATED | step.attrs) if chosen.start is None else dated(step, chosen.start, chosen.end)
     position = np.asarray(step["position"].values, dtype=np.float64)[source]
-    spacing = np.asarray(step["spacing"].values, dtype=np.float64)[source]
+    event, resolved = rock.events(chosen, reach)
 
-    order = step["failure_order"].values[source]
-    label, resolved = find_events(part_centers(step)[source], spacing, potency, order, chosen, reach)
-    rank = _rank_events(order, label, len(resolved))
-    event, resolved = rank[label], resolved[np.argsort(rank)]
-
-    event_potency = _sum_by(event, potency, len(resolved))
+    event_potency = sum_by(event, potency, len(resolved))
     moment = _moments(event, potency, len(resolved), step, source)
     values = _locate(position, spacing, weight, event, len(resolved), chosen.dimension)
     values |= describe_sources(tensor_from_voigt(event_potency), moment)
@@ -92,8 +126,10 @@ def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int 
         "event_scalars": float(np.sum(values["potency"])),
         "resolved_scalars": float(np.sum(values["potency"][resolved])),
     }
-    budget = potency_budget(strain, volume, chosen.seismic_fraction, event_potency, scalars, where)
-    attributes = _attributes(step, chosen, strain["seismic"][breaks], spacing) | {"budget": json.dumps(budget)}
+    budget = potency_budget(rock.strain, rock.volume, chosen.seismic_fraction, event_potency, scalars, where)
+    attributes = _attributes(step, chosen, rock.strain["seismic"][rock.breaks], spacing) | {
+        "budget": json.dumps(budget)
+    }
     attributes["unlike_share"] = unlike_share(potency, event, event_potency, chosen.closeness)
     attributes["at_once_share"] = at_once_share(weight, event, order, chosen.fewest)
     logging.info(
@@ -176,7 +212,7 @@ def particle_potency(seismic_strain: NDArray, volume: NDArray, seismic_fraction:
     return seismic_fraction * (np.asarray(seismic_strain) * np.asarray(volume)[:, None])
 
 
-def _sum_by(event: NDArray, values: NDArray, events: int) -> NDArray:
+def sum_by(event: NDArray, values: NDArray, events: int) -> NDArray:
     """Sums (event, k) of particle values (particle, k), added in the order of the particles."""
     return np.stack([np.bincount(event, column, minlength=events) for column in values.T], axis=-1)
 
@@ -191,7 +227,7 @@ def _moments(event: NDArray, potency: NDArray, events: int, step: xr.Dataset, so
     for index, name in enumerate(json.loads(step.attrs["material_names"])):
         own = np.flatnonzero(material == index)
         if len(own):
-            total += moment_from_potency(tensor_from_voigt(_sum_by(event[own], potency[own], events)), *moduli[name])
+            total += moment_from_potency(tensor_from_voigt(sum_by(event[own], potency[own], events)), *moduli[name])
     return total
 
 
@@ -221,7 +257,7 @@ def _locate(
     total = np.bincount(event, weight, minlength=events)
     origin = position.mean(axis=0) if len(position) else np.zeros(3)  # near the events: mine coordinates reach 10^5 m
     centred = position - origin
-    mean = _sum_by(event, weight[:, None] * centred, events) / total[:, None]
+    mean = sum_by(event, weight[:, None] * centred, events) / total[:, None]
     square = np.sum(np.square(centred - mean[event]), axis=1) + dimension / 12.0 * np.square(spacing)
     mean_square = np.bincount(event, weight * square, minlength=events) / total
     return {

@@ -7,6 +7,7 @@ program.
 """
 
 import atexit
+import functools
 import gc
 import importlib
 import os
@@ -27,6 +28,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from common.stage import PIPELINE_PROCESS
+from workflow.stage_client import ADDRESS
 
 # In the order in which a run needs them. They are imported while no stage asks for its start.
 MODULES = (
@@ -39,8 +41,10 @@ STREAMS = 3
 CREDENTIALS = struct.Struct("3i")  # process, user, group of the other end of a socket
 
 
+@functools.cache
 def start_server() -> str:
-    """Start the process. Returns what stages find it by (stage_client.ADDRESS); empty on other systems than Linux.
+    """Start the process, once. Returns what stages find it by, for stage_client.ADDRESS; empty on other systems than
+    Linux.
 
     It ends when this process does.
     """
@@ -57,8 +61,15 @@ def start_server() -> str:
         server = subprocess.Popen(
             line, stdin=subprocess.PIPE, pass_fds=[listener.fileno()], env=environment, start_new_session=True
         )
-    atexit.register(server.communicate)
+    atexit.register(_end, server)
     return name
+
+
+def _end(server: subprocess.Popen) -> None:
+    """End the process, and wait for it if stages may run: it ends them first."""
+    if not os.environ.get(ADDRESS):
+        server.kill()  # it may be importing
+    server.communicate()
 
 
 @dataclass(frozen=True)

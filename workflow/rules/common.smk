@@ -11,11 +11,20 @@ import threading
 
 gc.disable()  # until all rules are read: it would search all that they import, again and again
 
-import yaml
-from snakemake.utils import update_config
+from snakemake.cli import get_argument_parser
 
 BASE = Path(workflow.basedir)
 sys.path.insert(0, str(BASE))
+
+from workflow.stage_client import ADDRESS
+from workflow.stage_server import start_server
+
+COMMAND_LINE = get_argument_parser().parse_args()
+if (workflow.resource_settings.cores or 0) > 1 and not COMMAND_LINE.dryrun and ADDRESS not in os.environ:
+    start_server()  # It imports on a core that is idle while the rules are read. A call that runs no stage ends it.
+
+import yaml
+from snakemake.utils import update_config
 
 from common.errors import InputError
 from common.sources import source_hash
@@ -27,9 +36,7 @@ from workflow.mining_plans import MiningPlans
 from workflow.mine_folder import check_owner, leftovers, leftovers_line, note_owner
 from workflow.result_files import ResultFiles
 from workflow.rule_options import RuleOptions, each_time, kept
-from workflow.stage_client import ADDRESS
 from workflow.stage_inputs import StageInputs
-from workflow.stage_server import start_server
 from workflow.strict_yaml import check_files
 
 

@@ -85,6 +85,7 @@ rule compare:
         kept(f"{RESULTS}/comparison.nc"),
     log:
         "logs/{mine}/compare.log",
+    priority: 1  # the longest of what the report waits for
     conda:
         "../envs/environment.yaml"
     threads: 1
