@@ -40,14 +40,10 @@ def test_array_kernels_repeat_the_scalar_kernels():
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
 def test_one_and_two_threads_give_the_same_bits():
     outcomes = []
-    before = numba.get_num_threads()
-    try:
-        for threads in (1, 2):
-            numba.set_num_threads(threads)
-            stress, lame_lambda, shear_modulus, indices = particles(20_001)
-            plastic, regions = np.zeros_like(stress), np.zeros(len(stress), np.int8)
-            make_return_particles(coulomb)(stress, lame_lambda, shear_modulus, ROWS, indices, plastic, regions)
-            outcomes.append(stress.tobytes() + plastic.tobytes() + regions.tobytes())
-    finally:
-        numba.set_num_threads(before)
+    for threads in (1, 2):
+        numba.set_num_threads(threads)
+        stress, lame_lambda, shear_modulus, indices = particles(20_001)
+        plastic, regions = np.zeros_like(stress), np.zeros(len(stress), np.int8)
+        make_return_particles(coulomb)(stress, lame_lambda, shear_modulus, ROWS, indices, plastic, regions)
+        outcomes.append(stress.tobytes() + plastic.tobytes() + regions.tobytes())
     assert outcomes[0] == outcomes[1]

@@ -32,11 +32,7 @@ def test_sizes_are_the_norm_and_the_largest_component(count):
     norm, largest = sizes(values)
     assert norm == pytest.approx(np.linalg.norm(values), rel=1e-14)
     assert largest == np.abs(values).max()
-    before = numba.get_num_threads()
-    try:
-        numba.set_num_threads(min(2, numba.config.NUMBA_NUM_THREADS))
-        assert sizes(values) == (norm, largest)
-    finally:
-        numba.set_num_threads(before)
+    numba.set_num_threads(min(2, numba.config.NUMBA_NUM_THREADS))
+    assert sizes(values) == (norm, largest)
     values[count // 2, 1] = np.nan
     assert np.isnan(sizes(values)).all()

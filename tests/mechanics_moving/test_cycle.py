@@ -223,7 +223,6 @@ def test_same_bits_with_one_thread_or_two():
     """Forty steps with crossings and flowing rock: blocks, sums and relocation know nothing of threads."""
     if numba.config.NUMBA_NUM_THREADS < 2:
         pytest.skip("one processor")
-    before = numba.get_num_threads()
     states = []
     for threads in (1, 2):
         numba.set_num_threads(threads)
@@ -247,6 +246,5 @@ def test_same_bits_with_one_thread_or_two():
                 body.state.displacement,
             ]
         )
-    numba.set_num_threads(before)
     for one, two in zip(*states, strict=True):
         np.testing.assert_array_equal(one, two)

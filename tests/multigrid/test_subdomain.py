@@ -36,13 +36,9 @@ STRESS = uniform(-20e6, -14e6, -16e6)
 
 @pytest.fixture(autouse=True)
 def small_scenes(monkeypatch):
-    """A part may be half of them, its border near; one thread, whatever another test left."""
+    """A part may be half of them, its border near."""
     monkeypatch.setattr(surroundings, "MAX_SURROUNDINGS_SHARE", 0.5)
     monkeypatch.setattr(surroundings, "MAX_BORDER_SHARE", 1.0)
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
 
 
 def long_mine(dimension: int, **scene):

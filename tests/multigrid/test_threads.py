@@ -8,13 +8,10 @@ from mpm_core.kernels.threads import MAX_CELLS_ON_ONE_THREAD, threads_for, use_t
 
 @pytest.fixture
 def two_threads():
-    """Two threads, and then as many as before."""
-    before = numba.get_num_threads()
+    """Two threads."""
     use_threads(2)
     if numba.get_num_threads() < 2:
         pytest.skip("one core")
-    yield
-    numba.set_num_threads(before)
 
 
 def _work(cells: int, fail: bool) -> int:
@@ -37,10 +34,6 @@ def test_few_cells_are_one_threads_work(two_threads, cells, threads):
 
 def test_no_more_threads_than_there_are():
     """Whatever is asked for, from none to a thousand."""
-    before = numba.get_num_threads()
-    try:
-        for asked, given in ((0, 1), (1, 1), (1000, numba.config.NUMBA_NUM_THREADS)):
-            use_threads(asked)
-            assert numba.get_num_threads() == given
-    finally:
-        numba.set_num_threads(before)
+    for asked, given in ((0, 1), (1, 1), (1000, numba.config.NUMBA_NUM_THREADS)):
+        use_threads(asked)
+        assert numba.get_num_threads() == given

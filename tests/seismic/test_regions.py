@@ -299,12 +299,10 @@ def test_in_a_plane_edges_and_corners_touch():
 
 def test_threads_are_nothing():
     field = smooth_field(1, 20, 12, 12)
-    kept = numba.get_num_threads()
     found = []
     for threads in (1, numba.config.NUMBA_NUM_THREADS):
         numba.set_num_threads(threads)
         found.append(find_regions(*field, 0.8))
-    numba.set_num_threads(kept)
     assert_array_equal(*found)
 
 

@@ -5,7 +5,6 @@ import sys
 import time
 import xml.etree.ElementTree as ET
 
-import numba
 import numpy as np
 import pandas as pd
 import psutil
@@ -70,22 +69,16 @@ def test_closure_weights_each_node_of_a_wall_by_its_area(block):
 
 def test_rock_flows_in_the_coulomb_problem():
     """Else it would be the elastic one again: walls close by a tenth more at least (4,644 cells)."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
     elastic, coulomb = (
         ours.run(SETTINGS.mine(Case(problem, "multigrid", 3)))[0]["closure"] for problem in ("elastic", "coulomb")
     )
-    numba.set_num_threads(before)
     assert elastic > 4e-3
     assert coulomb > 1.1 * elastic
 
 
 def test_cells_that_follow_the_rock_fail_the_same_rock():
     """Fewer cells than the regular grid's 11,200, the same failed volume, and walls that close as much."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
     regular, adaptive = (ours.run(SETTINGS.mine(Case("brittle", code, 4)))[0] for code in ("multigrid", "adaptive"))
-    numba.set_num_threads(before)
     assert regular["cells_at_end"] == 20 * 28 * 20
     assert adaptive["cells_at_end"] < 0.8 * regular["cells_at_end"]
     assert regular["failed_volume"] > 500.0

@@ -1,19 +1,10 @@
 """A reduced set of the scenes at the extremes, and of their relations; all of them: ``snakemake extremes``."""
 
-import numba
 import pytest
 
 from verification.extremes.mines import random_mine
 from verification.extremes.outcomes import ENDED, FAULTS, Outcome, run
 from verification.extremes.relations import RELATIONS, compare, is_rest
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
 
 
 @pytest.mark.parametrize("seed", range(16))
