@@ -89,9 +89,14 @@ def test_an_interrupt_is_left_to_the_stage():
 @pytest.mark.parametrize("ended_by", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_processes_end_with_their_stage(tmp_path, ended_by):
     """An interrupt goes to all of them, as from a terminal: to those at work and to one that has nothing left to do."""
+
+    def heed() -> None:  # a shell's background processes ignore SIGINT
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
     stage = subprocess.Popen(
-        [sys.executable, "-c", STAGE, tmp_path], cwd=ROOT, start_new_session=True, stderr=subprocess.PIPE, text=True
-    )
+        [sys.executable, "-c", STAGE, tmp_path], cwd=ROOT, start_new_session=True, preexec_fn=heed,
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
     until = time.perf_counter() + TOO_LONG / 2
     while not {"a", "b", "c"} <= {path.name for path in tmp_path.iterdir()}:
         assert time.perf_counter() < until

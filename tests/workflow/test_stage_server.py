@@ -132,7 +132,11 @@ def test_a_program_ends_as_its_stage_does(script, text, status, says):
 @pytest.mark.parametrize("number", stage_client.PASSED_ON)
 def test_what_a_program_is_signalled_its_stage_is_too(script, number):
     """Once. Both end as the stage wants to."""
-    started, _ = running([script(WAIT)], preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+
+    def heed() -> None:  # a shell's background processes ignore some
+        signal.signal(number, signal.SIG_DFL)
+
+    started, _ = running([script(WAIT)], preexec_fn=heed)
     started.send_signal(number)
     text, errors = started.communicate(timeout=20)
     assert (text, errors, started.returncode) == (f"signal {number.value}\n", "", number.value)
