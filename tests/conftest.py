@@ -6,7 +6,14 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy
 
 import numba
+import psutil
 import pytest
+
+
+@pytest.hookimpl(optionalhook=True)  # of pytest-xdist
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than there are cores: the cluster's tests, above all, wait most of their time."""
+    return len(psutil.Process().cpu_affinity()) + 1
 
 
 @pytest.fixture(autouse=True)

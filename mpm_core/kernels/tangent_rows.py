@@ -90,7 +90,7 @@ def make_measure_tangents(law, dimension):
 
 
 @njit(inline="always", error_model="numpy")
-def _take(work, values, places, start, dimension):
+def take(work, values, places, start, dimension):
     """Rows corner * d + component of `work` from a nodal array."""
     for corner in range(1 << dimension):
         row = dimension * corner * W
@@ -104,7 +104,7 @@ def _take(work, values, places, start, dimension):
 
 
 @njit(inline="always", error_model="numpy")
-def _give(work, forces, places, start, dimension):
+def give(work, forces, places, start, dimension):
     """Add rows corner * d + component of `work` to a nodal array."""
     for corner in range(1 << dimension):
         row, place = dimension * corner * W, start + corner * W
@@ -134,7 +134,7 @@ def make_take_tangents_off(dimension):
             work = np.zeros(size, values.dtype)
             for batch in range(batch_start[block], batch_start[block + 1]):
                 start = batch * corners * W
-                _take(work, values, places, start, dimension)
+                take(work, values, places, start, dimension)
                 sum_modes(work, dimension)
                 for j in range(dimension):
                     for k in range(dimension):
@@ -161,7 +161,7 @@ def make_take_tangents_off(dimension):
                             total += derivative * load(work, stress + VOIGT[j][k] * W)
                         store(work, (dimension * mode + j) * W, total)
                 sum_corners(work, dimension)
-                _give(work, forces, places, start, dimension)
+                give(work, forces, places, start, dimension)
 
     return take_tangents_off
 

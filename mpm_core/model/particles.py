@@ -12,6 +12,7 @@ distorted cell (grid/distorted_cells.py), cut or not.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit, prange
 
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import DistortedCells, part_integrals
@@ -260,7 +261,26 @@ def shares_of_volume(distorted: DistortedCells, row: np.ndarray, samples: np.nda
     """Share (k,) of the volume of distorted cells, rows (k,) of them, that samples (k,) uint64 have; 1 of all."""
     share = np.where(samples == ALL_SAMPLES, 1.0, 0.0)
     some = np.flatnonzero((samples != ALL_SAMPLES) & (samples != NO_SAMPLES))
-    volume = distorted.sample_volumes[row[some]]
-    held = (samples[some, None] >> np.arange(SAMPLES_PER_CELL, dtype=np.uint64)) & np.uint64(1)
-    share[some] = np.sum(volume * held, axis=1) / volume.sum(axis=1)
+    share[some] = _held_shares(distorted.sample_volumes, row[some], samples[some])
     return share
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def _held_shares(volumes, row, samples):
+    """Share (k,) of the sample volumes (cell, 64) of rows (k,) that samples (k,) uint64 have."""
+    share = np.empty(len(row))
+    for i in prange(len(row)):
+        held, whole = np.zeros(8), np.zeros(8)  # sums side by side, as numpy adds
+        for sample in range(volumes.shape[1]):
+            volume = volumes[row[i], sample]
+            whole[sample % 8] += volume
+            if (samples[i] >> np.uint64(sample)) & np.uint64(1):
+                held[sample % 8] += volume
+        share[i] = _added(held) / _added(whole)
+    return share
+
+
+@njit(inline="always", error_model="numpy")
+def _added(sums):
+    """The total of eight sums."""
+    return ((sums[0] + sums[1]) + (sums[2] + sums[3])) + ((sums[4] + sums[5]) + (sums[6] + sums[7]))

@@ -86,7 +86,7 @@ class DirectSolution:
 
     def __init__(self, level: Level, held: bool):
         self.free = np.flatnonzero(level.inverse_diagonal)
-        operator = level.operator.in_double_precision()
+        operator = level.operator.in_precision(np.float64)
         values, forces = operator.zeros(), operator.zeros()
         self.factors = np.empty((len(self.free), len(self.free)))
         for column, element in enumerate(self.free):

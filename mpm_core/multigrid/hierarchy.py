@@ -21,7 +21,7 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import code_of
 from mpm_core.multigrid.coarsening import LevelGrid, coarsen, finest_grid
 from mpm_core.multigrid.cycle import MAX_DIRECT_UNKNOWNS, Cycle, stiffness_ratio
-from mpm_core.multigrid.level import Level
+from mpm_core.multigrid.level import Level, Operator
 from mpm_core.multigrid.stiff_bodies import StiffBodies, host_shear
 from mpm_core.multigrid.stiffness import ElasticCells
 from mpm_core.multigrid.transfer import MAX_VOID_STIFFNESS, build_transfer
@@ -153,13 +153,16 @@ class Hierarchy:
             fine.coarse_of_cell = coarse_of_cell
             self.levels.append(coarse)
 
-    def set_stiffness(self, cells: ElasticCells, hourglass: float, body_is_held: bool) -> Cycle:
-        """The V-cycle for this stiffness; hourglass: share kappa that holds single particles, inf if there are none."""
+    def set_stiffness(self, cells: ElasticCells, operator: Operator, hourglass: float, body_is_held: bool) -> Cycle:
+        """The V-cycle for this stiffness, which the operator of the finest level has.
+
+        hourglass: share kappa that holds single particles, inf if there are none.
+        """
         constants = filled = cells.constants
         host = most = host_shear(self.levels[0].grid, constants[:, 1])
         for level in self.levels:
             level.set_precision(np.float32 if host == np.inf else np.float64)
-        self.levels[0].operator.set_cells(cells)
+        self.levels[0].operator = operator.in_precision(self.levels[0].operator.precision)
         self.levels[0].set_diagonal()
         for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
             assert fine.coarse_of_cell is not None  # only the coarsest level has none

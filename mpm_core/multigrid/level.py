@@ -7,10 +7,10 @@ from mpm_core.kernels.operator_2 import apply_siblings_2
 from mpm_core.kernels.operator_3 import apply_siblings_3
 from mpm_core.kernels.operator_cells import add_row_sums, apply_cells, largest_row_sums
 from mpm_core.kernels.operator_rows import COLLECT, SPREAD
+from mpm_core.multigrid.cell_entries import Patterns, Tangents, pack
 from mpm_core.multigrid.coarsening import LevelGrid
 from mpm_core.multigrid.siblings import Siblings, build_siblings
 from mpm_core.multigrid.stiffness import ElasticCells
-from mpm_core.multigrid.tangent_entries import Tangents, pack
 from mpm_core.multigrid.transfer import Transfer
 from mpm_core.simd.lanes import LANES, POINT_WIDTH
 
@@ -108,8 +108,7 @@ class Operator:
         self.row_sums = np.empty((0, 1 << dimension))  # of irregular cells, see add_row_sums
         self.stiffness = np.empty((0, dimension << dimension, dimension << dimension), precision)
         self.distorted = np.empty(0, np.int32)
-        self.pattern_slopes = np.empty((0, 1 << dimension, dimension))
-        self.patterns: Tangents | None = None  # of distorted cells, with the sign of what is lacking
+        self.patterns: Patterns | None = None  # of distorted cells
         self.averaged: Tangents | None = None  # irregular cells in place of stiffness, with the sign of what is lacking
         self.tangents: Tangents | None = None  # of rock that flows: the operator is then that of flow
 
@@ -130,8 +129,11 @@ class Operator:
         self.block_cells = np.searchsorted(slot[order] // corners, siblings.batch_start)
         self.row_sums = row_sums(cells)[order]
         self.distorted = cells.distorted
-        self.pattern_slopes = np.repeat(cells.patterns.reshape(-1, corners, 1), self.dimension, axis=2)
-        self.set_patterns(cells.constants[cells.distorted, 2])
+        self.patterns = None
+        if len(cells.distorted):
+            each = np.repeat(cells.distorted, cells.patterns.shape[1])
+            self.patterns = Patterns.of(siblings, each, cells.patterns.reshape(-1, corners), self.precision)
+            self.set_patterns(cells.constants[cells.distorted, 2])
         if cells.averaged is None:
             self.stiffness = cells.stiffness[order].astype(self.precision)
         else:
@@ -139,31 +141,27 @@ class Operator:
             self.averaged = pack(siblings, cell, slopes, -matrices, self.precision)
 
     def set_patterns(self, constants: np.ndarray) -> None:
-        """Take over g (n,) of the distorted cells."""
+        """Take over g (n,) of the distorted cells, of which there are some."""
+        assert self.patterns is not None
         place = self.siblings.cell_place[self.distorted]
         self.constants[place // LANES, 2, place % LANES] = 0.0
-        each = len(self.pattern_slopes) // max(len(self.distorted), 1)
-        matrices = np.zeros((len(self.pattern_slopes), 36))
-        matrices[:, [0, 7, 14][: self.dimension]] = -np.repeat(constants, each)[:, None]
-        if len(matrices):
-            cells = np.repeat(self.distorted, each)
-            self.patterns = pack(self.siblings, cells, self.pattern_slopes, matrices, self.precision)
+        self.patterns.set_stiffness(np.repeat(constants, len(self.patterns.places.order) // len(constants)))
 
     def set_hourglass(self, cells: np.ndarray, constants: np.ndarray) -> None:
         """Take over g (k,) of some cells (k,), none of them distorted."""
         place = self.siblings.cell_place[cells]
         self.constants[place // LANES, 2, place % LANES] = constants
 
-    def in_double_precision(self) -> "Operator":
-        """The same operator in float64."""
-        other = Operator(self.siblings, self.dimension, np.float64)
+    def in_precision(self, precision) -> "Operator":
+        """A copy in another precision, or the same."""
+        other = Operator(self.siblings, self.dimension, precision)
         other.constants[:] = self.constants
         other.block_cells, other.cell_rows = self.block_cells, self.cell_rows
-        other.row_sums, other.stiffness = self.row_sums, self.stiffness.astype(np.float64)
-        other.averaged = self.averaged and self.averaged.in_double_precision()
-        other.patterns = self.patterns and self.patterns.in_double_precision()
-        other.distorted, other.pattern_slopes = self.distorted, self.pattern_slopes
-        other.tangents = self.tangents and self.tangents.in_double_precision()
+        other.row_sums, other.stiffness = self.row_sums, self.stiffness.astype(precision)
+        other.averaged = self.averaged and self.averaged.in_precision(precision)
+        other.patterns = self.patterns and self.patterns.in_precision(precision)
+        other.distorted = self.distorted
+        other.tangents = self.tangents and self.tangents.in_precision(precision)
         return other
 
     def zeros(self) -> np.ndarray:
@@ -187,9 +185,12 @@ class Operator:
         APPLY[self.dimension](f.batch_start, f.row_start, self.places, self.constants.reshape(-1), values, forces)
         if len(self.stiffness):
             apply_cells(self.block_cells, self.cell_rows, self.stiffness, self.width, values, forces)
-        for entries in (self.averaged, self.patterns, self.tangents):
-            if entries is not None:
-                entries.take_off(values, forces)
+        if self.averaged is not None:
+            self.averaged.take_off(values, forces)
+        if self.patterns is not None:
+            self.patterns.add(values, forces)
+        if self.tangents is not None:
+            self.tangents.take_off(values, forces)
         self.collect(forces)
 
     def sum_stiffness(self, sums: np.ndarray) -> None:

@@ -55,7 +55,8 @@ class ElasticSolver:
         free: rigid motions that the held nodes leave, the operator's null space; None: there are none.
         """
         self.operator.set_cells(cells)
-        self.cycle = self.elastic_cycle = self.hierarchy.set_stiffness(cells, hourglass, free is None or not free.count)
+        held = free is None or not free.count
+        self.cycle = self.elastic_cycle = self.hierarchy.set_stiffness(cells, self.operator, hourglass, held)
         self.rigid = [] if free is None else self._orthonormal(free)
 
     def set_tangents(self, model: Model, flow: FlowForces, displacement: np.ndarray) -> None:

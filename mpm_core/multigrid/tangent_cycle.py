@@ -13,9 +13,9 @@ import numpy as np
 
 from mpm_core.kernels.tangent_rows import make_measure_tangents
 from mpm_core.model.model import Model
+from mpm_core.multigrid.cell_entries import pack
 from mpm_core.multigrid.flow_forces import FlowForces
 from mpm_core.multigrid.level import Level
-from mpm_core.multigrid.tangent_entries import pack
 
 STIFFNESS_SHARE_KEPT = 0.01  # The V-cycle keeps this share of the stiffness that flow takes off.
 

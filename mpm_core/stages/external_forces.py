@@ -55,8 +55,9 @@ def external_force(model: Model, step: int) -> np.ndarray:
     if len(inside):
         stress_volume[:, :3] += (inside * missing[mined])[:, None]
     _spread(model, particles.cell[mined], shapes, stress_volume, -missing[mined, None] * body_force, nodal)
-    _add_severed(model, nodal, body_force, cell_pressure, 1.0 - model.rock_share(step))
-    _add_lost_traction(model, nodal, 1.0 - model.rock_share(step), cell_pressure)
+    mined_share = 1.0 - model.rock_share(step)
+    _add_severed(model, nodal, body_force, cell_pressure, mined_share)
+    _add_lost_traction(model, nodal, mined_share, cell_pressure)
     collect_to_parents(model.grid.node_parents, nodal)
     nodal[~_touched(model, volume)] = 0.0
     nodal[model.held] = 0.0

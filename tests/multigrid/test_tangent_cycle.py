@@ -5,7 +5,7 @@ import pytest
 
 from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
 from mpm_core.model.particles import slopes_of
-from mpm_core.multigrid.tangent_entries import pack
+from mpm_core.multigrid.cell_entries import pack
 from tests.mechanics.scenes import COULOMB, grid_around, make_model, make_scene, uniform
 from tests.multigrid.test_operator import scene_with_everything
 
@@ -34,10 +34,10 @@ def test_finest_level_is_the_derivative_of_the_forces(dimension, points, cut_cel
         solver.operator.collect(fallen[-1])
     expected = (fallen[0] - fallen[1]) / 2e-6
     with_flow, elastic = solver.operator.zeros(), solver.operator.zeros()
-    double = solver.finest.operator.in_double_precision()
+    double = solver.finest.operator.in_precision(np.float64)
     double.apply(change, with_flow)
     solver.drop_tangents()
-    solver.finest.operator.in_double_precision().apply(change, elastic)
+    solver.finest.operator.in_precision(np.float64).apply(change, elastic)
     free = solver.finest.inverse_diagonal != 0.0
     error = np.abs(elastic - with_flow - expected)[free]
     assert np.abs(expected[free]).max() > 0.01 * np.abs(elastic[free]).max()
