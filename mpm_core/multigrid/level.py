@@ -5,7 +5,7 @@ from numba import njit, prange
 
 from mpm_core.kernels.operator_2 import apply_siblings_2
 from mpm_core.kernels.operator_3 import apply_siblings_3
-from mpm_core.kernels.operator_cells import add_row_sums, apply_cells, largest_row_sums
+from mpm_core.kernels.operator_cells import add_row_sums, apply_cells
 from mpm_core.kernels.operator_rows import COLLECT, SPREAD
 from mpm_core.multigrid.cell_entries import Patterns, Tangents, pack
 from mpm_core.multigrid.coarsening import LevelGrid
@@ -81,20 +81,6 @@ def _invert(node_row, node_parents, held, sums, inverse_diagonal):
             inverse_diagonal[row * width + k] = 0.0 if held[node, k] else 1.0 / diagonal
 
 
-def row_sums(cells: ElasticCells) -> np.ndarray:
-    """What bounds the stiffness of the irregular cells, with what their hourglass patterns add where they are
-    distorted: (k, 2^d) N/m, see `largest_row_sums`."""
-    place = np.minimum(np.searchsorted(cells.irregular, cells.distorted), max(len(cells.irregular) - 1, 0))
-    own = np.flatnonzero(cells.irregular[place] == cells.distorted) if len(cells.irregular) else np.empty(0, int)
-    pattern = np.full(len(cells.irregular), -1)
-    pattern[place[own]] = np.arange(len(own))
-    bits = np.arange(cells.patterns.shape[2])
-    sign = (-1.0) ** np.bitwise_count(bits & ~bits[:, None])  # (corner, mode)
-    return largest_row_sums(
-        cells.stiffness, pattern, cells.patterns[own] @ sign.T, cells.constants[cells.distorted[own], 2]
-    )
-
-
 class Operator:
     """C^T K C of a level in one precision, on flat nodal arrays of its rows."""
 
@@ -127,7 +113,7 @@ class Operator:
         order = np.argsort(slot, kind="stable")
         self.cell_rows = siblings.corner_rows(cells.irregular[order])
         self.block_cells = np.searchsorted(slot[order] // corners, siblings.batch_start)
-        self.row_sums = row_sums(cells)[order]
+        self.row_sums = cells.row_sums()[order]
         self.distorted = cells.distorted
         self.patterns = None
         if len(cells.distorted):
@@ -135,7 +121,8 @@ class Operator:
             self.patterns = Patterns.of(siblings, each, cells.patterns.reshape(-1, corners), self.precision)
             self.set_patterns(cells.constants[cells.distorted, 2])
         if cells.averaged is None:
-            self.stiffness = cells.stiffness[order].astype(self.precision)
+            if cells.parts is not None:
+                self.stiffness = cells.parts.stiffness()[order].astype(self.precision)
         else:
             cell, slopes, matrices = cells.averaged
             self.averaged = pack(siblings, cell, slopes, -matrices, self.precision)

@@ -60,7 +60,9 @@ def cell_matrices(cells: ElasticCells, chosen: np.ndarray, dimension: int) -> np
     place = np.searchsorted(cells.irregular, chosen)
     own = np.flatnonzero(place < len(cells.irregular))
     own = own[cells.irregular[place[own]] == chosen[own]]
-    matrices[own] = cells.stiffness[place[own]]
+    for one, irregular in zip(own, place[own], strict=True):
+        assert cells.parts is not None  # there are irregular cells
+        matrices[one] = cells.parts.stiffness(irregular, irregular + 1)[0]
     return matrices + constants[:, 2, None, None] * np.kron(higher.T @ higher, np.eye(dimension))
 
 

@@ -87,8 +87,8 @@ def _transfer_shifted(
     One that was moved there before has its value; where the old grid has a cube, that is trilinear between its corners.
     """
     place = new.grid.node_index[nodes] + new.node_shift[nodes]
-    first = np.full(len(new.grid.node_index), len(new.cell_nodes), np.int64)
-    np.minimum.at(first, new.cell_nodes, np.arange(len(new.cell_nodes))[:, None])
+    first, around = np.full(len(new.grid.node_index), len(new.cell_nodes), np.int64), new.particles.distorted.cell
+    np.minimum.at(first, new.cell_nodes[around], around[:, None])  # all cells of a moved node are distorted
     same = holding_cells(old.grid, new.grid.cell_index[first[nodes]])
     was = np.zeros(len(nodes), bool)
     corners = old.cell_nodes[same]

@@ -131,7 +131,7 @@ def uniform_rock(grid) -> ElasticCells:
         [LAME * scale_of, SHEAR * scale_of, HOURGLASS * (LAME + 2 * SHEAR) * scale_of, 0.0 * size], axis=1
     )
     none = np.empty(0, np.int64)
-    return ElasticCells(constants, none, np.empty((0, 24, 24)), none, np.empty((0, 4, 8)))
+    return ElasticCells(constants, none, None, none, np.empty((0, 4, 8)))
 
 
 def yielding_particles(count: int):

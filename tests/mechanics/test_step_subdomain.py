@@ -63,11 +63,6 @@ def begun(folder, holes=HOLES, entries=(), body=None, **changes):
     return second, dataset, before
 
 
-def month(folder, checkpoint=None, **changes):
-    """State and facts of the step of `begun`."""
-    return mining_step(*begun(folder, **changes), folder / "f.npz", checkpoint)
-
-
 def failed_potency(state):
     """Of the step, summed over its particles, m2."""
     return float(potency(state.seismic_strain.values, state.volume.values).sum())
@@ -200,10 +195,10 @@ def test_a_step_killed_in_its_subdomain_or_after_it_ends_in_the_same_bytes(refin
 
 @pytest.mark.parametrize("holes", [HOLES, [*HOLES[:3], slot([478.0, 492.0], 16.0, 1.3)]], ids=["holes", "a slot"])
 def test_any_number_of_threads_gives_the_same_bits(holes, tmp_path, small):
-    results = []
+    start, results = begun(tmp_path, holes=holes), []
     for threads in (1, 2):
         numba.set_num_threads(threads)
-        results.append(month(tmp_path, holes=holes)[0])
+        results.append(mining_step(*start, tmp_path / "f.npz")[0])
     assert results[0].identical(results[1])
 
 
@@ -213,7 +208,7 @@ def test_rock_near_the_border_waits_for_the_whole(tmp_path, small, monkeypatch):
     monkeypatch.setattr(
         step_subdomain.StepSubdomain, "far_from_border", lambda self, fresh: setattr(self, "waits", True) or fresh[:0]
     )
-    state, facts = month(tmp_path)
+    state, facts = mining_step(*begun(tmp_path), tmp_path / "f.npz")
     assert facts["increments"] == 4
     increment, cells = state.convergence_increment.values, state.convergence_cells.values
     assert cells[increment == 1].max() > 2 * cells[0]

@@ -35,9 +35,8 @@ def cells_of(grid, modulus, poisson_ratio=0.25, points=1, kappa=0.05, share=1.0)
         constants[:, 2] = kappa * (constants[:, 0] + 2 * constants[:, 1])
     else:
         constants[:, 3] = (1 - 1 / points**2) / 3
-    edge = dimension << dimension
     none = np.empty(0, np.int64)
-    return ElasticCells(constants, none, np.empty((0, edge, edge)), none, np.empty((0, 1, 4)))
+    return ElasticCells(constants, none, None, none, np.empty((0, 1, 4)))
 
 
 def solve(grid, cells, kappa=0.05, points=1, held_faces=None, seed=1) -> Solution:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
+from mpm_core.multigrid import stiffness
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import elastic_cells
 from tests.mechanics.scenes import HOST, ball, box, excavation, grid_around, make_model, make_scene, uniform
@@ -98,3 +99,15 @@ def test_threads_do_not_change_a_bit():
         solver = solver_of(model, volume, ExplicitScheme(model, model.virgin_state(), volume))
         found.append(solver.solve(force, 1e-6, 20).displacement)
     assert np.array_equal(*found)
+
+
+@pytest.mark.parametrize("cut_cells", ["mean", "subdivide"])
+def test_row_sums_are_the_same_however_many_cells_are_at_once(cut_cells, monkeypatch):
+    """The largest sum of sizes along the rows of a corner, of each cell's matrix."""
+    model, volume = scene_with_everything(3, 1, cut_cells)
+    cells = elastic_cells(model, volume, ExplicitScheme(model, model.virgin_state(), volume).body.hourglass)
+    sums = np.abs(cells.parts.stiffness()).sum(axis=2).reshape(-1, 8, 3).max(axis=2)
+    assert len(sums) > 20
+    for number in (1, 7, 10_000):
+        monkeypatch.setattr(stiffness, "CELLS_AT_ONCE", number)
+        np.testing.assert_allclose(cells.row_sums(), sums, rtol=1e-12)

@@ -7,13 +7,20 @@ from pathlib import Path
 
 import pytest
 import yaml
-from stage_server import stage_program
+from stage_server import programs, stage_program
 from stand_ins import LEAVE_EMPTY, noting, program
 from tiny_mines import TINY, changed, merged, snakemake, write_mine
 
 from common.errors import InputError
 from workflow.configuration import load
 from workflow.mine_folder import NOTES
+
+
+@pytest.fixture(scope="session", autouse=True)
+def left_over():
+    """What the tests leave outside of pytest's folders is removed."""
+    yield
+    shutil.rmtree(programs())
 
 
 @pytest.fixture(scope="session")

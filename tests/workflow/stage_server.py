@@ -25,16 +25,14 @@ def stage_program(script: Path | None = None) -> Path:
 
     On other systems than Linux the interpreter or the script itself.
     """
-    if not (address := _address()):
+    if not (address := start_server()):
         return script or Path(sys.executable)
     values = {"variable": stage_client.ADDRESS, "address": address, "python": sys.executable}
     text = PROGRAM.format(**values, client=stage_client.__file__, script=f"'{script}'" if script else "")
-    return program(text, _folder() / (script.name if script else "stage"))
+    return program(text, programs() / (script.name if script else "stage"))
 
 
 @functools.cache
-def _folder() -> Path:
+def programs() -> Path:
+    """The folder of these programs."""
     return Path(tempfile.mkdtemp(prefix="stages-"))
-
-
-_address = functools.cache(start_server)
