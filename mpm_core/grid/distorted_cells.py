@@ -128,17 +128,11 @@ def distorted_cells(grid: MultiLevelGrid, place: np.ndarray, shift: np.ndarray) 
 def points_with_volume(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points at which cells with corners (k, 2^d, d) are tested for what they hold, 2^d in each sample: places
     (k, 64, 2^d, d), in the corners' units, and the volumes (k, 64, 2^d) that they stand for, in cubes."""
-    points = points_of_samples(corners.shape[2])
-    bits = corner_offsets(corners.shape[2])
-    shape = np.where(bits == 1, points[:, :, None, :], 1.0 - points[:, :, None, :])  # (sample, point, corner, axis)
-    slopes = []
-    for axis in range(corners.shape[2]):
-        along = shape.copy()
-        along[..., axis] = np.where(bits[:, axis] == 1, 1.0, -1.0)
-        slopes.append(np.prod(along, axis=3))
-    places = np.einsum("sgc,kcj->ksgj", np.prod(shape, axis=3), corners)
-    jacobian = np.einsum("asgc,kcj->ksgja", np.stack(slopes), corners)
-    return places, np.linalg.det(jacobian) / (SAMPLES_PER_CELL * len(bits))
+    count, corner_count, dimension = corners.shape
+    places = np.empty((count, SAMPLES_PER_CELL, corner_count, dimension))
+    volume = np.empty((count, SAMPLES_PER_CELL, corner_count))
+    _place_points(np.ascontiguousarray(corners), *_shapes_and_slopes(points_of_samples(dimension)), places, volume)
+    return places, volume
 
 
 def points_of_samples(dimension: int) -> np.ndarray:
@@ -249,14 +243,22 @@ def _tables(dimension: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     bits = corner_offsets(dimension)
     per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
     points = sub_cell_middles(dimension)[:, None, :] + GAUSS_POINT * (bits - 0.5) / per_edge
-    shape = np.where(bits == 1, points[:, :, None, :], 1.0 - points[:, :, None, :])
+    modes = np.prod(np.where(bits == 1, 2.0 * points[:, :, None, :] - 1.0, 1.0), axis=3)
+    return *_shapes_and_slopes(points), modes
+
+
+def _shapes_and_slopes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of the corners at points (64, 2^d, d) of the unit cube: shape functions (64, 2^d, 2^d) and their slopes
+    (64, 2^d, 2^d, d) there."""
+    dimension = points.shape[2]
+    bits = corner_offsets(dimension)
+    along = np.where(bits == 1, points[:, :, None, :], 1.0 - points[:, :, None, :])  # (sample, point, corner, axis)
     slopes = []
     for axis in range(dimension):
-        along = shape.copy()
-        along[..., axis] = np.where(bits[:, axis] == 1, 1.0, -1.0)
-        slopes.append(np.prod(along, axis=3))
-    modes = np.prod(np.where(bits == 1, 2.0 * points[:, :, None, :] - 1.0, 1.0), axis=3)
-    return np.prod(shape, axis=3), np.ascontiguousarray(np.stack(slopes, axis=3)), modes
+        across = along.copy()
+        across[..., axis] = np.where(bits[:, axis] == 1, 1.0, -1.0)
+        slopes.append(np.prod(across, axis=3))
+    return np.prod(along, axis=3), np.ascontiguousarray(np.stack(slopes, axis=3))
 
 
 @njit(error_model="numpy", cache=True)
@@ -302,6 +304,25 @@ def _set_jacobian(corners, cell, slopes, sample, gauss, jacobian, cofactor):
             m, n = (k + 1) % 3, (k + 2) % 3
             cofactor[j, k] = jacobian[a, m] * jacobian[b, n] - jacobian[a, n] * jacobian[b, m]
     return jacobian[0, 0] * cofactor[0, 0] + jacobian[0, 1] * cofactor[0, 1] + jacobian[0, 2] * cofactor[0, 2]
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def _place_points(corners, shapes, slopes, places, volume):
+    """Places (k, 64, 2^d, d) of points in cells and the volumes (k, 64, 2^d) that they stand for, written; shapes and
+    slopes: see `_shapes_and_slopes`."""
+    count, dimension = corners.shape[1], corners.shape[2]
+    weight = 1.0 / (SAMPLES_PER_CELL * count)
+    for cell in prange(len(corners)):
+        jacobian, cofactor = np.eye(3), np.empty((3, 3))
+        for sample in range(SAMPLES_PER_CELL):
+            for point in range(count):
+                element = _set_jacobian(corners, cell, slopes, sample, point, jacobian, cofactor)
+                volume[cell, sample, point] = weight * element
+                for j in range(dimension):
+                    total = 0.0
+                    for c in range(count):
+                        total += shapes[sample, point, c] * corners[cell, c, j]
+                    places[cell, sample, point, j] = total
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
