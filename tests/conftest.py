@@ -16,6 +16,11 @@ def pytest_xdist_auto_num_workers() -> int:
     return len(psutil.Process().cpu_affinity()) + 1
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The cluster's tests begin first, so that no other worker waits for them in the end."""
+    items.sort(key=lambda item: item.get_closest_marker("slurm") is None)
+
+
 @pytest.fixture(autouse=True)
 def one_thread():
     """One thread for every test, whatever another test left."""

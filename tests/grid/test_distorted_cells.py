@@ -7,15 +7,17 @@ from hypothesis import strategies as st
 
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import (
+    DistortedCells,
     corner_offsets,
     fullest_samples,
     part_integrals,
     points_of_samples,
+    points_with_volume,
     sample_volumes,
     smallest_element,
     sub_cell_middles,
 )
-from mpm_core.model.particles import centroids, mean_modes, shapes_of, slopes_of
+from mpm_core.model.particles import centroids, mean_modes, shapes_of, shares_of_volume, slopes_of
 
 FULL = np.uint64(2**64 - 1)
 BITS = st.integers(1, 2**64 - 1).map(np.uint64)
@@ -87,6 +89,41 @@ def test_points_lie_in_their_sub_cells_and_are_their_own_mirror_image(dimension)
         mirrored = points.reshape(-1, dimension).copy()
         mirrored[:, axis] = 1.0 - mirrored[:, axis]
         assert {tuple(p) for p in np.round(mirrored, 9).tolist()} == known
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_points_are_where_the_corners_take_them_and_stand_for_what_is_around_them(dimension):
+    """Places: the trilinear image, a product along each axis; volumes: differences of places, summed to the cell's."""
+    corners, step = np.stack([bent(dimension, seed) for seed in range(5)]), 1e-6
+    points = points_of_samples(dimension).reshape(-1, dimension)
+
+    def image(at):
+        bits = corner_offsets(dimension)
+        shape = np.prod(np.where(bits == 1, at[:, None, :], 1.0 - at[:, None, :]), axis=2)
+        return np.einsum("pc,kcj->kpj", shape, corners)
+
+    places, volume = points_with_volume(corners)
+    np.testing.assert_allclose(places.reshape(5, -1, dimension), image(points), atol=1e-15)
+    jacobian = np.stack(
+        [(image(points + way) - image(points - way)) / (2 * step) for way in step * np.eye(dimension)], axis=3
+    )
+    np.testing.assert_allclose(volume.reshape(5, -1), np.linalg.det(jacobian) / len(points), rtol=1e-8)
+
+
+@given(st.lists(BITS, min_size=1, max_size=20))
+@settings(deadline=None)
+def test_shares_of_volume_are_sums_over_samples(samples):
+    """All and none are whole numbers."""
+    samples = np.array([*samples, FULL, np.uint64(0)])
+    corners = np.stack([bent(3, seed) for seed in range(len(samples))])
+    volume = sample_volumes(corners)
+    held = samples[:, None] >> np.arange(SAMPLES_PER_CELL, dtype=np.uint64) & np.uint64(1)
+    expected = np.sum(volume * held, axis=1) / volume.sum(axis=1)
+    found = shares_of_volume(
+        DistortedCells(np.arange(len(samples), dtype=np.int32), corners), np.arange(len(samples)), samples
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
+    assert found[-2:].tolist() == [1.0, 0.0]
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -20,7 +20,8 @@ from workflow.stage_client import ADDRESS
 from workflow.stage_server import start_server
 
 COMMAND_LINE = get_argument_parser().parse_args()
-if (workflow.resource_settings.cores or 0) > 1 and not COMMAND_LINE.dryrun and ADDRESS not in os.environ:
+HAS_IDLE_CORE = workflow.is_main_process and (workflow.resource_settings.cores or 0) > 1  # None on a cluster
+if HAS_IDLE_CORE and not COMMAND_LINE.dryrun and ADDRESS not in os.environ:
     start_server()  # It imports on a core that is idle while the rules are read. A call that runs no stage ends it.
 
 import yaml
