@@ -7,7 +7,7 @@ import numpy as np
 from mpm_core.kernels.operator_cells import largest_row_sums, sum_cell_stiffness
 from mpm_core.model.model import Model
 
-CELLS_AT_ONCE = 256  # Their matrices stay in a near cache; those of all are half a gigabyte in a large mine.
+CELLS_AT_ONCE = 256  # The matrices of so many stay in a near cache; those of all would not fit into any.
 
 
 @dataclass(frozen=True)
