@@ -21,6 +21,8 @@ before each step, and all strain since then gets one return to the surface (back
 states near equilibrium counts. Those are the ends of increments and generations (`commit`).
 """
 
+from functools import cached_property
+
 import numpy as np
 
 from mpm_core.equilibrium.convergence import NoEquilibrium
@@ -47,10 +49,11 @@ class Body:
     """A model's particles and nodes on their way to equilibrium.
 
     `model` and the arrays of `state` are the caller's, the latter changed in place; work arrays are the body's own.
-    volume (particle,) m3; failed (particle,) bool; flowing (k,): failed particles that are there; mass (node,) kg;
+    volume (particle,) m3; failed (particle,) bool; flowing (k,): failed particles that are there; attached (node,)
+    bool, see Model.attached_nodes; moves (node, d) bool: of these what is not held;
     hourglass (cell,) N/m: stiffness of each cell now, intact_hourglass: of intact rock; free: rigid motions that
     nothing holds; unbalanced (node, d) N: forces at free nodes when last computed; start (node, d) m: where
-    displacement is counted from in the check for a run away; time_step s: stable, with damping.
+    displacement is counted from in the check for a run away.
     """
 
     way: Way
@@ -71,17 +74,28 @@ class Body:
         """Time step over the limit without damping."""
         return TIME_STEP_SHARE / np.sqrt(1.0 + self.model.scene.solver.damping)
 
+    @cached_property
+    def time_step(self) -> float:
+        """Stable, with damping, s."""
+        return self.time_step_share * density_and_limit(self.model, self.volume)[1]
+
+    @cached_property
+    def mass(self) -> np.ndarray:
+        """Mass at each node, (node,) kg."""
+        return nodal_mass(self.model, density_and_limit(self.model, self.volume)[0] * self.volume)
+
     def set_volume(self, volume: np.ndarray) -> None:
-        """Take over changed particle volumes: mass, time step and hourglass stiffness follow."""
+        """Take over changed particle volumes: what they are attached to, mass, time step and hourglass stiffness follow."""
+        for known in ("mass", "time_step"):
+            vars(self).pop(known, None)
         model, particles = self.model, self.model.particles
         self.volume = volume
         self.pattern_row = particles.distorted.rows(np.arange(len(model.cell_nodes)))
         lame, shear = model.elastic_constants[particles.material].T
         size = model.grid.cell_size[particles.cell]
-        density, limit = density_and_limit(model, volume)
-        self.time_step = self.time_step_share * limit
-        self.mass = nodal_mass(model, density * volume)
-        self.free = model.free_motions(volume)
+        self.attached = model.attached_nodes(volume)
+        self.moves = self.attached[:, None] & ~model.held
+        self.free = model.free_motions(self.attached)
         # stiffness that an intact particle gives its cell, N/m; 0 where it has company
         alone = np.repeat(np.diff(particles.group_start) == 1, np.diff(particles.group_start))
         hourglass = 4.0 * model.scene.solver.hourglass * hourglass_modulus(lame, shear) * volume / size**2
@@ -173,8 +187,8 @@ class Body:
             scatter.sum_weights,
             self.slot_force,
             external,
-            self.mass,
-            model.held,
+            self.mass if time_step else np.empty(0),
+            self.moves,
             model.scene.solver.damping,
             time_step,
             state.velocity,

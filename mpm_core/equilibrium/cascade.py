@@ -62,6 +62,10 @@ class Ramp:
 class Refining(Protocol):
     """Cells that follow the rock, and what a stage has on those of now."""
 
+    scheme: Scheme
+    brittle: Brittle
+    ramp: Ramp
+
     def flagged(
         self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, provisional: bool
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -69,8 +73,8 @@ class Refining(Protocol):
         particles (k,) may fail before. provisional: equilibrium is not reached to the final tolerance, so failure is
         checked again."""
 
-    def split(self, places: np.ndarray) -> "tuple[Scheme, Brittle, Ramp] | None":
-        """Split cells at places, in equilibrium: what goes on from there; None where no more cells are allowed."""
+    def split(self, places: np.ndarray) -> bool:
+        """Split cells at places, in equilibrium; False where no more cells are allowed."""
 
 
 class InStepSubdomain(Protocol):
@@ -255,11 +259,12 @@ def run_cascade(
                     scheme, brittle, external, tolerance, ramp.reference, step, history, step_subdomain, save, cells
                 )
                 if cells is not None and len(places):
-                    finer = cells.split(places)
-                    if finer is None:
+                    del scheme, brittle  # the memory is needed: no one but `cells` has them now
+                    are_split = cells.split(places)
+                    scheme, brittle, ramp = cells.scheme, cells.brittle, cells.ramp
+                    if not are_split:
                         cells = None
                     else:
-                        scheme, brittle, ramp = finer
                         history.splits += 1
                         external = ramp.at(history.load)
                         if history.last_equilibrium:  # the state to go back to has these cells, too

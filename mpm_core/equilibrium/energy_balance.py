@@ -37,7 +37,13 @@ from typing import Protocol
 
 import numpy as np
 
-from mpm_core.kernels.energy_sums import make_flow_energy, stored_energy, work_of_forces, work_of_stress
+from mpm_core.kernels.energy_sums import (
+    energy_of_hourglass,
+    make_flow_energy,
+    stored_energy,
+    work_of_forces,
+    work_of_stress,
+)
 from mpm_core.kernels.nodal_operations import advance_nodes
 from mpm_core.model.model import Model
 from mpm_core.model.state import (
@@ -71,7 +77,7 @@ class Counted(Protocol):
     model: Model
     state: State
     volume: np.ndarray
-    mass: np.ndarray
+    attached: np.ndarray
     unbalanced: np.ndarray
     slot_force: np.ndarray
     hourglass: np.ndarray
@@ -143,9 +149,10 @@ def nodal_forces(body: Counted) -> np.ndarray:
     """Forces -B^T s' V - H (node, d) N of the stress that slots were last filled from, at held nodes, too."""
     scatter, state = body.model.scatter, body.state
     zeros, found = np.zeros_like(state.displacement), np.zeros_like(state.displacement)
+    moves = body.attached[:, None] & np.ones(body.model.dimension, bool)
     advance_nodes(
         scatter.free_nodes, scatter.sum_start, scatter.sum_slots, scatter.sum_weights, body.slot_force, zeros,
-        body.mass, np.zeros_like(body.model.held), 0.0, 0.0, zeros.copy(), zeros, found,
+        np.empty(0), moves, 0.0, 0.0, zeros.copy(), zeros, found,
     )  # fmt: skip
     return found
 
@@ -171,7 +178,9 @@ def count_flow(body: Counted) -> float:
 
 def hourglass_energies(force: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
     """Energy (cell,) J of hourglass forces (cell, mode, d) N: q^2 / 2 k over their modes; stiffness (cell,) N/m."""
-    return 0.5 * np.sum(force**2, axis=(1, 2)) / np.where(stiffness > 0.0, stiffness, np.inf)
+    energy = np.empty(len(force))
+    energy_of_hourglass(force, stiffness, energy)
+    return energy
 
 
 def elastic_energy(model: Model, state: State, volume: np.ndarray) -> float:

@@ -64,7 +64,7 @@ class MultigridScheme:
     def __init__(self, model: Model, state: State, volume: np.ndarray):
         self.body = Body(model, state, volume)
         self.model, self.state = model, state
-        self.solver = ElasticSolver(model.grid, model.cell_nodes, model.held, model.node_position)
+        self.solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
         self.anderson: Anderson | None = None
         self.flow: FlowForces | None = None
         self.stale = np.ones(len(model.scatter.blocks), bool)  # blocks whose forces are not those of their stress
@@ -93,7 +93,8 @@ class MultigridScheme:
             # The V-cycle has the hourglass stiffness of intact rock: a killed stage that goes on finds the same one.
             cells = elastic_cells(self.model, self.body.volume, self.body.intact_hourglass)
             kappa = self.model.scene.solver.hourglass if self.body.particle_hourglass.any() else np.inf
-            self.solver.set_stiffness(cells, kappa, self.body.free)
+            free = self.body.free.at(self.model.node_position) if self.body.free.count else ()
+            self.solver.set_stiffness(cells, kappa, free)
             self.softened = np.zeros(len(self.body.hourglass), bool)
         failed = np.zeros(len(self.softened), bool)
         failed[self.model.particles.cell[self.body.flowing]] = True

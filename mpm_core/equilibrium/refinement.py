@@ -27,6 +27,7 @@ MAX_WAITING_SHARE = 1e-3
 REFINED_RINGS_AROUND_FAILURE = 1  # Rings of refined cells required around a particle before it may fail.
 # Rings around a flagged cell that are split with it, so that a crack needs a split less often.
 RINGS_SPLIT_AT_ONCE = 2
+CANDIDATES_AT_ONCE = 1 << 15  # Stresses of so many particles are copied at once: they stay in the cache.
 
 
 @dataclass(frozen=True)
@@ -91,10 +92,11 @@ def near_strength(model: Model, state: State, candidates: np.ndarray) -> np.ndar
     """(k,) bool: whether candidates (particle indices), intact ones, would break under 1 + NEAR_STRENGTH_SHARE times
     their change of stress since virgin."""
     excess = np.zeros(len(candidates))
-    if len(candidates):
-        changed = (1.0 + NEAR_STRENGTH_SHARE) * state.stress[candidates]
+    for first in range(0, len(candidates), CANDIDATES_AT_ONCE):
+        some = candidates[first : first + CANDIDATES_AT_ONCE]
+        changed = (1.0 + NEAR_STRENGTH_SHARE) * state.stress.take(some, axis=0)
         make_overstress_of(model.law)(
-            np.arange(len(candidates)), changed, model.insitu[candidates], model.particles.material[candidates],
-            model.intact_rows, excess,
+            np.arange(len(some)), changed, model.insitu.take(some, axis=0), model.particles.material[some],
+            model.intact_rows, excess[first : first + CANDIDATES_AT_ONCE],
         )  # fmt: skip
     return excess > 0.0

@@ -71,16 +71,13 @@ def cut_out(
         scatter=build_scatter(cell_nodes, grid.node_parents),
         cell_nodes=cell_nodes,
         body=model.body[cells],
-        insitu=model.insitu[indices],
+        insitu=model.insitu.take(indices, axis=0),
         held=held,
         plain=grid,
         severed=model.severed[:0],
     )
-    known = {  # else found anew for each part
-        "hourglass_patterns": model.hourglass_patterns[chosen[model.particles.distorted.cell]],
-        "step_stiffness": model.step_stiffness[indices],
-    }
-    vars(part).update(known)
+    known = model.hourglass_patterns[chosen[model.particles.distorted.cell]]
+    vars(part)["hourglass_patterns"] = known  # else found anew for each part
     own = part.virgin_state()
     copy_to_part(state, own, {"particle": indices, "node": nodes, "cell": cells})
     failed_before = own.failed >= 0
@@ -116,21 +113,22 @@ def _crop_grid(model: Model, chosen: np.ndarray, cells: np.ndarray):
     mark_nodes(model.cell_nodes, chosen, touched, shared)
     nodes = np.flatnonzero(touched)
     number = _numbers(nodes, len(touched))
-    parents = grid.node_parents[nodes]
+    parents = grid.node_parents.take(nodes, axis=0)
     of_shared = parents[shared[nodes]]
     shared[of_shared[of_shared >= 0]] = True
     own = np.where(parents < 0, np.int32(-1), number[parents])
     own[((own < 0) & (parents >= 0)).any(axis=1)] = -1
     part = replace(
         grid,
-        cell_index=grid.cell_index[cells],
+        cell_index=grid.cell_index.take(cells, axis=0),
         cell_level=grid.cell_level[cells],
-        vtk_nodes=number[grid.vtk_nodes[cells]],
-        node_index=grid.node_index[nodes],
+        vtk_nodes=number[grid.vtk_nodes.take(cells, axis=0)],
+        node_index=grid.node_index.take(nodes, axis=0),
         node_parents=own,
         phantoms=0,  # none that could be taken off again
     )
-    return part, nodes, number[model.cell_nodes[cells]], model.held[nodes] | shared[nodes, None]
+    cell_nodes = number[model.cell_nodes.take(cells, axis=0)]
+    return part, nodes, cell_nodes, model.held.take(nodes, axis=0) | shared[nodes, None]
 
 
 def _crop_particles(particles: Particles, chosen: np.ndarray, number: np.ndarray) -> tuple[Particles, np.ndarray]:
@@ -144,7 +142,7 @@ def _crop_particles(particles: Particles, chosen: np.ndarray, number: np.ndarray
     per_particle = ("excavation", "material", "xi", "position", "spacing", "full_volume", "sample")
     return Particles(
         cell=cell,
-        **{name: getattr(particles, name)[indices] for name in per_particle},
+        **{name: getattr(particles, name).take(indices, axis=0) for name in per_particle},
         group_start=start,
         group_table=particles.group_table[groups],
         cell_groups_start=np.append(0, np.cumsum(counts)),

@@ -8,6 +8,8 @@ so that a box aligned with the grid crosses nothing. Open means shrunk by CROSSI
 import numpy as np
 from numba import njit, prange
 
+from mpm_core.geometry.boxes import box_around
+
 # Cells are shrunk on each side by this share when crossed with facets, far above the round-off of a mine's coordinates.
 CROSSING_TOLERANCE = 1e-6
 PLANE_SLACK = 1e-3  # Candidates from a facet's plane may be off by this share of a cell; each is tested after.
@@ -187,7 +189,7 @@ def cell_box(corners: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.nda
     if len(index) == 0:
         return np.zeros(corners.shape[2], dtype=np.int64), np.zeros(corners.shape[2], dtype=np.int64)
     places = corners.reshape(-1, corners.shape[2])
-    first, last = index.min(axis=0), index.max(axis=0)
-    lower = np.clip(np.floor(places.min(axis=0) + CROSSING_TOLERANCE), first, last + 1.0).astype(np.int64)
-    upper = np.clip(np.ceil(places.max(axis=0) - CROSSING_TOLERANCE), first, last + 1.0).astype(np.int64)
+    (first, last), (lowest, highest) = box_around(index), box_around(places)
+    lower = np.clip(np.floor(lowest + CROSSING_TOLERANCE), first, last + 1.0).astype(np.int64)
+    upper = np.clip(np.ceil(highest - CROSSING_TOLERANCE), first, last + 1.0).astype(np.int64)
     return lower, upper

@@ -8,6 +8,7 @@ A point outside the bounding box is outside. For `Outside`, what a solid leaves 
 
 import numpy as np
 
+from mpm_core.geometry.boxes import in_box
 from mpm_core.geometry.crossing import cell_box, cross_cells
 from mpm_core.geometry.nearby import sample_cells_nearby
 from mpm_core.geometry.sampling import sample_points
@@ -36,7 +37,7 @@ def contains(solid: Solid | Outside, points: np.ndarray) -> np.ndarray:
     points = np.asarray(points, dtype=np.float64).reshape(-1, solid.dimension)
     center = solid.bounds.mean(axis=0)
     inside = np.zeros(len(points), dtype=bool)
-    near = np.flatnonzero(((points >= solid.bounds[0]) & (points <= solid.bounds[1])).all(axis=1))
+    near = np.flatnonzero(in_box(points, *solid.bounds))
     inside[near] = _contains(solid.corners(center), points[near] - center)
     return inside
 
@@ -88,7 +89,7 @@ def sample_mask(solid: Solid | Outside, origin: np.ndarray, cell_size: float, in
     mask = np.zeros(len(index), dtype=np.uint64)
     corners = solid.corners(origin) / cell_size
     lower, upper = cell_box(corners, index)
-    near = np.flatnonzero(((index >= lower) & (index < upper)).all(axis=1))
+    near = np.flatnonzero(in_box(index, lower, upper - 1))
     samples = sample_points(solid.dimension)
     if solid.dimension == 2 or len(corners) <= MAX_EXACT_FACETS:
         found = np.zeros(len(near), dtype=np.uint64)

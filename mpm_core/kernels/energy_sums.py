@@ -183,3 +183,14 @@ def make_flow_energy(law):
             energy[i, 1] = dissipated - mean
 
     return flow_energy
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def energy_of_hourglass(force, stiffness, energy):
+    """Energy (cell,) J of hourglass forces (cell, mode, d) N, written; none without stiffness (cell,) N/m."""
+    for cell in prange(len(force)):
+        squares = 0.0
+        for mode in range(force.shape[1]):
+            for j in range(force.shape[2]):
+                squares += force[cell, mode, j] ** 2
+        energy[cell] = 0.5 * squares / stiffness[cell] if stiffness[cell] > 0.0 else 0.0

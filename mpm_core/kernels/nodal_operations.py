@@ -15,7 +15,7 @@ def advance_nodes(
     slot_force,
     external_force,
     mass,
-    held,
+    moves,
     damping,
     time_step,
     velocity,
@@ -24,14 +24,15 @@ def advance_nodes(
 ):
     """One step of the free nodes: f = C^T f_slots + f_external, local damping -c |f| sgn(v), symplectic Euler.
 
-    free_nodes, sum_start, sum_slots, sum_weights: see block_scatter.Scatter; slot_force (slot, d) N; external_force,
-    held (node, d); mass (node,) kg, 0 where nothing is attached. In place: velocity, displacement (node, d). A time
-    step of zero is a look: nothing moves, and unbalanced (node, d) takes the force before damping, zero where held.
+    free_nodes, sum_start, sum_slots, sum_weights: see block_scatter.Scatter; slot_force (slot, d) N; external_force
+    (node, d) N; mass (node,) kg; moves (node, d) bool: neither held nor without rock. In place: velocity, displacement
+    (node, d). A time step of zero is a look, for which no mass is needed: nothing moves, and unbalanced (node, d) takes
+    the force before damping, zero where nothing moves.
     """
     for i in prange(len(free_nodes)):
         node = free_nodes[i]
         for j in range(velocity.shape[1]):
-            if held[node, j] or mass[node] == 0.0:
+            if not moves[node, j]:
                 velocity[node, j] = 0.0
                 if time_step == 0.0:
                     unbalanced[node, j] = 0.0
@@ -118,6 +119,15 @@ def collect_to_parents(node_parents, values):
                     values[node_parents[node, p], j] += values[node, j] / count
             for j in range(values.shape[1]):
                 values[node, j] = 0.0
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def mark_corners(cell_nodes, cell, volume, marked):
+    """Mark nodes (node,) bool in place: the corners of the cells (particle,) of particles with volume."""
+    for particle in prange(len(cell)):
+        if volume[particle] > 0.0:
+            for corner in range(cell_nodes.shape[1]):
+                marked[cell_nodes[cell[particle], corner]] = True  # threads may write the same
 
 
 @njit(parallel=True, error_model="numpy", cache=True)

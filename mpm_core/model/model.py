@@ -12,7 +12,7 @@ from mpm_core.grid.distorted_cells import DistortedCells, corner_offsets
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.grid.splitting import with_leaves
 from mpm_core.kernels.block_scatter import Scatter, build_scatter
-from mpm_core.kernels.nodal_operations import mark_nodes
+from mpm_core.kernels.nodal_operations import mark_corners
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Changes, Pieces, Unsupported, changes_of
 from mpm_core.model.particle_stiffness import step_stiffness
 from mpm_core.model.particles import Particles, at_step, part_means, seed, shares_of_volume, volumes
@@ -183,15 +183,21 @@ class Model:
         """Nothing mined: all changes are zero. Position, cell: the model's own; a scheme that moves them copies."""
         return State.virgin(self.particles, len(self.grid.node_index), len(self.cell_nodes), self.dimension)
 
-    def free_motions(self, volume: np.ndarray) -> RigidMotions:
-        """Rigid motions that fixed and roller faces leave to rock and fill of these volumes (particle,)."""
-        present = np.zeros(len(self.cell_nodes), bool)
-        present[self.particles.cell[volume > 0.0]] = True
-        touched, shared = np.zeros((2, len(self.held)), bool)
-        mark_nodes(self.cell_nodes, present, touched, shared)
-        nodes = np.flatnonzero(touched & self.held.any(axis=1))
+    def attached_nodes(self, volume: np.ndarray) -> np.ndarray:
+        """Nodes (node,) bool that rock and fill of these volumes (particle,) move with: corners of their cells, and
+        parents of those that hang."""
+        attached = np.zeros(len(self.held), bool)
+        mark_corners(self.cell_nodes, self.particles.cell, volume, attached)
+        parents = self.grid.node_parents[self.hanging[attached[self.hanging]]]
+        attached[parents[parents >= 0]] = True
+        return attached
+
+    def free_motions(self, attached: np.ndarray) -> RigidMotions:
+        """Rigid motions that fixed and roller faces leave to what is attached to nodes (node,) bool."""
+        held = np.unique(np.nonzero(self.held)[0])
+        nodes = held[attached[held]]
         if not len(nodes):
-            nodes = np.flatnonzero(touched)
+            nodes = np.flatnonzero(attached)
         return free_motions(self.node_position[nodes], self.held[nodes])
 
 

@@ -172,7 +172,7 @@ def copy_to_part(state: State, own: State, places: dict[str, np.ndarray]) -> Non
     """Fill the state of a part of a mine; places: what cells, nodes and particles of the whole it has, by dimension."""
     for name, array in ARRAYS.items():
         if array.dims[0] in places and array.start is not None:
-            setattr(own, name, getattr(state, name)[places[array.dims[0]]])
+            setattr(own, name, getattr(state, name).take(places[array.dims[0]], axis=0))
 
 
 def copy_from_part(own: State, state: State, places: dict[str, np.ndarray]) -> None:

@@ -1,6 +1,6 @@
 """Elastic displacement under nodal forces: conjugate gradients in double precision, a V-cycle in single precision."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,6 @@ from mpm_core.kernels.operator_rows import (
     turn_direction,
 )
 from mpm_core.model.model import Model
-from mpm_core.model.rigid_motions import RigidMotions
 from mpm_core.multigrid.flow_forces import FlowForces
 from mpm_core.multigrid.hierarchy import Hierarchy
 from mpm_core.multigrid.level import Operator
@@ -39,25 +38,21 @@ class ElasticSolver:
     Vectors between its methods are flat nodal arrays of rows (multigrid.siblings), float64.
     """
 
-    def __init__(
-        self, grid: MultiLevelGrid, cell_nodes: np.ndarray, held: np.ndarray, node_position: np.ndarray | None = None
-    ):
-        """cell_nodes (cell, 2^d) in bit order; held (node, d) bool; node_position (node, d) m, if not the grid's."""
-        self.node_position = grid.node_position if node_position is None else node_position
+    def __init__(self, grid: MultiLevelGrid, cell_nodes: np.ndarray, held: np.ndarray):
+        """cell_nodes (cell, 2^d) in bit order; held (node, d) bool."""
         self.hierarchy = Hierarchy(grid, cell_nodes, held)
         self.finest = self.hierarchy.levels[0]
         self.operator = Operator(self.finest.siblings, grid.dimension, np.float64)
         self.rigid: list[np.ndarray] = []
 
-    def set_stiffness(self, cells: ElasticCells, hourglass: float, free: RigidMotions | None = None) -> None:
+    def set_stiffness(self, cells: ElasticCells, hourglass: float, free: Sequence[np.ndarray] = ()) -> None:
         """Take over stiffness; hourglass: share kappa of it at single particles (inf where there are none).
 
-        free: rigid motions that the held nodes leave, the operator's null space; None: there are none.
+        free: rigid motions (node, d) that the held nodes leave, the operator's null space.
         """
         self.operator.set_cells(cells)
-        held = free is None or not free.count
-        self.cycle = self.elastic_cycle = self.hierarchy.set_stiffness(cells, self.operator, hourglass, held)
-        self.rigid = [] if free is None else self._orthonormal(free)
+        self.cycle = self.elastic_cycle = self.hierarchy.set_stiffness(cells, self.operator, hourglass, not len(free))
+        self.rigid = self._orthonormal(free)
 
     def set_tangents(self, model: Model, flow: FlowForces, displacement: np.ndarray) -> None:
         """Let the V-cycle be that of rock as it flows at this displacement, copies filled in, until `drop_tangents`."""
@@ -133,10 +128,10 @@ class ElasticSolver:
                 break
         return Solution(displacement, ratio, iterations)
 
-    def _orthonormal(self, motions: RigidMotions) -> list[np.ndarray]:
-        """Rigid motions as orthonormal flat arrays."""
+    def _orthonormal(self, motions: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Motions (node, d) as orthonormal flat arrays."""
         found: list[np.ndarray] = []
-        for motion in motions.at(self.node_position) if motions.count else ():
+        for motion in motions:
             rows = self.to_rows(motion)
             for _ in range(2):  # once more against round-off
                 for other in found:

@@ -59,9 +59,10 @@ def external_force(model: Model, step: int) -> np.ndarray:
     _add_severed(model, nodal, body_force, cell_pressure, mined_share)
     _add_lost_traction(model, nodal, mined_share, cell_pressure)
     collect_to_parents(model.grid.node_parents, nodal)
-    nodal[~_touched(model, volume)] = 0.0
+    attached = model.attached_nodes(volume)
+    nodal[~attached] = 0.0
     nodal[model.held] = 0.0
-    _require_balance(model, volume, nodal, step)
+    _require_balance(model, attached, nodal, step)
     return nodal
 
 
@@ -153,31 +154,21 @@ def _spread(
     particle_loads(model.cell_nodes, model.grid.cell_size, cell, modes, slopes, stress_volume, force, nodal)
 
 
-def _require_balance(model: Model, volume: np.ndarray, force: np.ndarray, step: int) -> None:
-    """Raise InputError if forces (node, d) N drive a rigid motion that the boundary leaves to the volumes (particle,),
-    or if there is nothing that they could act on."""
+def _require_balance(model: Model, attached: np.ndarray, force: np.ndarray, step: int) -> None:
+    """Raise InputError if forces (node, d) N drive a rigid motion that the boundary leaves to what is attached to nodes
+    (node,) bool, or if there is nothing that they could act on."""
     name = model.scene.steps[step]
-    if not volume.any():
+    if not attached.any():
         raise InputError(
             f"steps.{name}: nothing is left of the model, all rock is mined; mine less, or fill in this step"
         )
-    motions = model.free_motions(volume)
-    if motions.driven_by(force, model.node_position):
+    motions = model.free_motions(attached)
+    if motions.count and motions.driven_by(force, model.node_position):
         raise InputError(
             f"domain.boundary: in step {name} nothing keeps the model where it is "
             f"({motions.describe(model.scene.axes)}), and the forces on it (loads, excavations, pressure, lost "
             "traction) do not balance; give more faces fixed or roller, or balance the loads"
         )
-
-
-def _touched(model: Model, volume: np.ndarray) -> np.ndarray:
-    """Nodes (node,) bool of cells with rock or fill."""
-    present = model.particles.cell[volume > 0.0]
-    touched = np.zeros(len(model.grid.node_index), bool)
-    touched[model.cell_nodes[present]] = True
-    parents = model.grid.node_parents[touched]
-    touched[parents[parents >= 0]] = True
-    return touched
 
 
 def _add_lost_traction(model: Model, nodal: np.ndarray, mined_share: np.ndarray, pressure: np.ndarray) -> None:

@@ -8,7 +8,8 @@ import xarray as xr
 
 from common.errors import InputError
 from mpm_core.files.state_datasets import grid_dataset
-from mpm_core.geometry.inside import INSIDE, OUTSIDE, classify_cells, contains, sample_mask
+from mpm_core.geometry.boxes import in_box
+from mpm_core.geometry.inside import CROSSED, INSIDE, OUTSIDE, classify_cells, contains, sample_mask
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.building import GridCount, build_grid
@@ -67,7 +68,7 @@ def cut_pieces(
         first, last = np.floor(lower / 2**halvings), np.floor(upper / 2**halvings)
         blocks = np.flatnonzero(((base >= first) & (base <= last)).all(axis=1))
         near = np.concatenate([np.arange(start[block], end[block]) for block in blocks] or [np.empty(0, int)])
-        near = near[((index[near] >= lower) & (index[near] <= upper)).all(axis=1)]
+        near = near[in_box(index[near], lower, upper)]
         kind = classify_cells(solid, domain.lower, fine, index[near])
         samples = np.where(kind == INSIDE, ALL_SAMPLES, np.uint64(0))
         crossed = (kind != INSIDE) & (kind != OUTSIDE)
@@ -76,12 +77,38 @@ def cut_pieces(
             place = np.searchsorted(bent_code, code_of(index[near], domain.base_shape << halvings))
             place = np.minimum(place, len(bent_code) - 1)
             bent = np.flatnonzero((bent_place[place] == index[near]).all(axis=1))
+            bent = bent[~_are_amid_alike(solid, index[near], kind, bent, (lower, upper))]
             samples[bent] = _samples_inside(solid, domain, index[near][bent], corners[place[bent]])
         if cells.cut_cells == "whole":
             samples = np.where(np.bitwise_count(samples) >= SAMPLES_PER_CELL // 2, ALL_SAMPLES, np.uint64(0))
         keep = np.bitwise_count(samples) >= MIN_SAMPLES_KEPT
         parts.append(FinestPieces(index[near][keep], np.full(keep.sum(), number, np.int16), samples[keep]))
     return FinestPieces.all_of(parts, len(domain.lower))
+
+
+def _are_amid_alike(
+    solid: Solid | Outside, index: np.ndarray, kind: np.ndarray, chosen: np.ndarray, box: tuple[np.ndarray, np.ndarray]
+) -> np.ndarray:
+    """Which chosen ones (k,) of cells have all around them inside a solid, or all outside: (k,) bool. What a distorted
+    cell reaches is then as the cell itself.
+
+    index (n, d), kind (n,): the finest cells in a box of cells, beyond which a solid, but not `Outside`, has none.
+    """
+    if not len(chosen):
+        return np.zeros(0, bool)
+    shape = np.floor(box[1]).astype(np.int64) + 3  # room for all around: no two cells have one code
+    codes = code_of(index + 1, shape)
+    order = np.argsort(codes)
+    codes, kind = codes[order], kind[order]
+    beyond = CROSSED if isinstance(solid, Outside) else OUTSIDE
+    lowest, highest = np.full(len(chosen), INSIDE), np.full(len(chosen), OUTSIDE)
+    for step in all_cells((3,) * index.shape[1]) - 1:
+        cell = index[chosen] + step
+        code = code_of(cell + 1, shape)
+        place = np.minimum(np.searchsorted(codes, code), len(codes) - 1)
+        of_cell = np.where(codes[place] == code, kind[place], np.where(in_box(cell, *box), CROSSED, beyond))
+        lowest, highest = np.minimum(lowest, of_cell), np.maximum(highest, of_cell)
+    return (lowest == highest) & (lowest != CROSSED)
 
 
 def _samples_inside(solid: Solid | Outside, domain: Domain, index: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -47,9 +47,8 @@ def transfer(old: Model, state: State, new: Model) -> State:
     result.failed[found] = state.failed[source[found]]
     failed = np.flatnonzero(result.failed >= 0)
     for name, array in ARRAYS.items():
-        if array.dims[0] == "particle" and array.start is not None and name not in ("failed", "stress"):
-            index = found if array.changes is Extent.ALL else failed
-            getattr(result, name)[index] = getattr(state, name)[source[index]]
+        if array.dims[0] == "particle" and array.start is not None and array.changes is not Extent.ALL:
+            getattr(result, name)[failed] = getattr(state, name).take(source[failed], axis=0)
     _take_rows(source, state.stress, result.stress)
     kept = np.where(new.grid.cell_level == old.grid.cell_level[origin], origin, NO_SOURCE)
     _take_rows(kept, *(values.reshape(len(values), -1) for values in (state.hourglass_force, result.hourglass_force)))

@@ -100,14 +100,14 @@ class StepCells:
             patience = MAX_WAITING_SHARE * np.count_nonzero(state.failed == self.step)
         return self.refinement.flagged(model, state, brittle, fresh, len(self.model.cell_nodes), patience)
 
-    def split(self, places: np.ndarray) -> tuple[Scheme, Brittle, Ramp] | None:
-        """Split cells at places (k, d), in equilibrium: what goes on from there; None where there would be too many."""
+    def split(self, places: np.ndarray) -> bool:
+        """Split cells at places (k, d), in equilibrium; False where there would be too many."""
         grid = split(self.model.grid, places, RINGS_SPLIT_AT_ONCE, 1)
         most = self.ground.refinement.max_cells
         if (cells := len(grid.cell_level) + self.elsewhere) > most:
             logging.warning("%d cells would be more than grid.max_cells, %d: no more are split", cells, most)
             self.full = True
-            return None
+            return False
         before = len(self.model.grid.cell_level)
         self.onto(grid)
         self.places.append(places)
@@ -117,7 +117,7 @@ class StepCells:
             len(grid.cell_level),
             np.count_nonzero(grid.cell_level == grid.levels - 1),
         )
-        return self.scheme, self.brittle, self.ramp
+        return True
 
     def onto(self, grid: MultiLevelGrid, counted: Callable[[Model], np.ndarray] | None = None) -> None:
         """Go over to a grid whose cells are those of now or parts of them. What that adds to the energy is counted, of
@@ -129,15 +129,16 @@ class StepCells:
         require_cells(self.ground.scene, grid)
         old, was = body.model, stored(body, counted)
         virgin_was = virgin_work(body, self.moved())
+        self.scheme.drop_work_arrays()
         model = self.ground.on(grid, old)
-        state = transfer(old, body.state, model)
-        volume = model.volumes(self.step)
-        start = lasting_force(model, max(self.step - 1, 0)) + transfer_forces(self.start_cells, self.held_up, model)
-        target = external_force(model, self.step)
+        state, volume = transfer(old, body.state, model), model.volumes(self.step)
+        del body, old, self.scheme  # gigabytes that nothing needs any more
+        self.scheme = make_scheme(model, state, volume)
+        target, before = external_force(model, self.step), max(self.step - 1, 0)
+        lasting = lasting_force(model, before) if before < self.step else target
+        start = lasting + transfer_forces(self.start_cells, self.held_up, model)
         reference = measured_by(model, start, target, self.ramp.strain, self.step)
         self.ramp = replace(self.ramp, start=start, target=target, reference=reference)
-        self.scheme.drop_work_arrays()
-        self.scheme = make_scheme(model, state, volume)
         self.brittle = brittle_of(model, volume, self.step)
         self.refinement = Refinement.of(grid)
         self.displacement_before = transfer_nodes(self.start_cells, self.start_displacement, model)
@@ -220,6 +221,19 @@ def measured_by(model: Model, start: np.ndarray, target: np.ndarray, more_strain
 
 def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History) -> Scheme:
     """The state of the step before in equilibrium, on cells that are fine around all that this step mines."""
+    scheme, is_split = on_opened_cells(ground, previous, before)
+    if is_split:
+        scene, model = ground.scene, scheme.body.model
+        force, strain = external_force(model, before), boundary_strain(scene, before)
+        scheme.relax(force, scene.solver.tolerance, load_size(model, force, strain, before), history)
+        scheme.body.commit()
+        scheme.body.state.energy[:] = 0.0  # of cells that are other ones now: no part of what the step does
+    return scheme
+
+
+def on_opened_cells(ground: Ground, previous: xr.Dataset, before: int) -> tuple[Scheme, bool]:
+    """The state of the step before on cells that are fine around all that this step mines; whether they are split for
+    that."""
     scene, step = ground.scene, len(ground.scene.steps) - 1
     was, body = read_grid(previous)
     ground.refuse_other(was, before)
@@ -229,16 +243,11 @@ def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History
     if grid is was:
         model = ground.model(was, body, unsupported).at(before)
         state = read_state(previous, model)
-        return make_scheme(model, state, model.volumes(before))
+        return make_scheme(model, state, model.volumes(before)), False
     old = ground.model(was, body, unsupported, all_fallen=True).at(before)
     model = ground.on(grid, old, all_fallen=False).at(before)
     state = transfer(old, read_state(previous, old), model)
-    scheme = make_scheme(model, state, model.volumes(before))
-    force, strain = external_force(model, before), boundary_strain(scene, before)
-    scheme.relax(force, scene.solver.tolerance, load_size(model, force, strain, before), history)
-    scheme.body.commit()
-    state.energy[:] = 0.0  # of cells that are other ones now: no part of what the step does
-    return scheme
+    return make_scheme(model, state, model.volumes(before)), True
 
 
 def follow_walls(old: Model, new: Model, state: State) -> None:
