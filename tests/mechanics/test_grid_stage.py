@@ -15,7 +15,7 @@ from common.errors import InputError
 from mechanics.scenes import ball, excavation, grid_around, make_dataset, make_scene
 from mpm_core.files.state_datasets import grid_dataset, read_edge_nodes, read_grid, read_pieces
 from mpm_core.model.occupancy import ALL_SAMPLES
-from mpm_core.stages import stage_memory
+from mpm_core.stages import grid_stage, stage_memory
 from mpm_core.stages.equilibrium_stages import elastic_stage
 from mpm_core.stages.grid_stage import make_grid
 from mpm_core.stages.stage_memory import stage_bytes, usable
@@ -222,3 +222,45 @@ def test_a_grid_that_misses_an_excavation_by_a_fifth_is_refused_unless_allowed()
 def test_the_solid_s_volume_is_that_of_its_part_in_the_domain():
     dataset = make_grid(grid_slice(block([-4.0, 4.0, 4.0], [8.0, 12.0, 12.0])), {})
     assert json.loads(dataset.attrs["excavation_volume"]) == pytest.approx([512.0])
+
+
+def turned_block(random, plane, corner, **more):
+    """A block from a corner (d,) on, turned at random across the last axis."""
+    angle, width, depth = random.uniform(0.0, 0.5 * np.pi), *random.uniform(4.0, 7.0, 2)
+    along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+    sides = np.array([0 * along, width * along, width * along + depth * across, depth * across])
+    outline = (corner[:2] + sides).tolist()
+    if plane:
+        return {"shape": "polygon", "points": outline} | more
+    return {
+        "shape": "prism",
+        "polygon": outline,
+        "lower": corner[2],
+        "upper": corner[2] + random.uniform(4.0, 8.0),
+    } | more
+
+
+@pytest.mark.parametrize("plane", [None, "xz"])
+@pytest.mark.parametrize("outside", [False, True])
+def test_distorted_cells_amid_alike_ones_need_no_points(plane, outside, monkeypatch):
+    """What all cells around say of one is what its own points say, of blocks turned at random beside each other."""
+    own, skipped = grid_stage._are_amid_alike, 0
+    for seed in range(3):
+        random, alike, pieces = np.random.default_rng(seed), [], []
+        one, other = (
+            turned_block(random, plane, random.uniform(6.0, 9.0, 2 if plane else 3), name=name)
+            for name in ("one", "other")
+        )
+        scene = grid_slice(one, other | {"outside": outside}, plane=plane, coarse_cell=4.0, levels=3, volume_error=1.0)
+        for skip in (True, False):
+
+            def counted(*given, skip=skip, alike=alike):
+                alike.append(own(*given))
+                return alike[-1] & skip
+
+            monkeypatch.setattr(grid_stage, "_are_amid_alike", counted)
+            pieces.append(read_pieces(make_grid(scene, {})))
+        skipped += sum(map(np.sum, alike))
+        for name in ("place", "excavation", "samples"):
+            np.testing.assert_array_equal(*(getattr(parts, name) for parts in pieces))
+    assert skipped > 0
