@@ -77,7 +77,7 @@ def cut_pieces(
             place = np.searchsorted(bent_code, code_of(index[near], domain.base_shape << halvings))
             place = np.minimum(place, len(bent_code) - 1)
             bent = np.flatnonzero((bent_place[place] == index[near]).all(axis=1))
-            bent = bent[~_are_amid_alike(solid, index[near], kind, bent, (lower, upper))]
+            bent = bent[~_are_amid_alike(index[near], kind, bent, (lower, upper))]
             samples[bent] = _samples_inside(solid, domain, index[near][bent], corners[place[bent]])
         if cells.cut_cells == "whole":
             samples = np.where(np.bitwise_count(samples) >= SAMPLES_PER_CELL // 2, ALL_SAMPLES, np.uint64(0))
@@ -92,7 +92,7 @@ def _are_amid_alike(
     """Which chosen ones (k,) of cells have all around them inside a solid, or all outside: (k,) bool. What a distorted
     cell reaches is then as the cell itself.
 
-    index (n, d), kind (n,): the finest cells in a box of cells, beyond which a solid, but not `Outside`, has none.
+    index (n, d), kind (n,): the finest cells in a box of cells, beyond which there is nothing that they reach.
     """
     if not len(chosen):
         return np.zeros(0, bool)
@@ -100,13 +100,12 @@ def _are_amid_alike(
     codes = code_of(index + 1, shape)
     order = np.argsort(codes)
     codes, kind = codes[order], kind[order]
-    beyond = CROSSED if isinstance(solid, Outside) else OUTSIDE
     lowest, highest = np.full(len(chosen), INSIDE), np.full(len(chosen), OUTSIDE)
     for step in all_cells((3,) * index.shape[1]) - 1:
         cell = index[chosen] + step
         code = code_of(cell + 1, shape)
         place = np.minimum(np.searchsorted(codes, code), len(codes) - 1)
-        of_cell = np.where(codes[place] == code, kind[place], np.where(in_box(cell, *box), CROSSED, beyond))
+        of_cell = np.where(codes[place] == code, kind[place], np.where(in_box(cell, *box), CROSSED, OUTSIDE))
         lowest, highest = np.minimum(lowest, of_cell), np.maximum(highest, of_cell)
     return (lowest == highest) & (lowest != CROSSED)
 
