@@ -85,7 +85,7 @@ class Body:
         return nodal_mass(self.model, density_and_limit(self.model, self.volume)[0] * self.volume)
 
     def set_volume(self, volume: np.ndarray) -> None:
-        """Take over changed particle volumes: what they are attached to, mass, time step and hourglass stiffness follow."""
+        """Take over changed particle volumes: the nodes that move, mass, time step and hourglass stiffness follow."""
         for known in ("mass", "time_step"):
             vars(self).pop(known, None)
         model, particles = self.model, self.model.particles

@@ -87,7 +87,7 @@ def cut_pieces(
 
 
 def _are_amid_alike(
-    solid: Solid | Outside, index: np.ndarray, kind: np.ndarray, chosen: np.ndarray, box: tuple[np.ndarray, np.ndarray]
+    index: np.ndarray, kind: np.ndarray, chosen: np.ndarray, box: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
     """Which chosen ones (k,) of cells have all around them inside a solid, or all outside: (k,) bool. What a distorted
     cell reaches is then as the cell itself.
