@@ -42,10 +42,14 @@ class DistortedCells:
 
     def rows(self, cells: np.ndarray) -> np.ndarray:
         """Which of these each of some cells (n,) is, (n,) int64; -1 for cells that are cubes."""
-        if not len(self.cell):
-            return np.full(len(cells), -1, np.int64)
-        row = np.minimum(np.searchsorted(self.cell, cells), len(self.cell) - 1)
-        return np.where(self.cell[row] == cells, row, -1)
+        return self._row_of_cell.take(cells, mode="clip")
+
+    @cached_property
+    def _row_of_cell(self) -> np.ndarray:
+        """The row of each cell up to the last of these, and -1 once more, for all that follow: int64."""
+        row = np.full(self.cell[-1] + 2 if len(self.cell) else 1, -1)
+        row[self.cell] = np.arange(len(self.cell))
+        return row
 
     def volumes(self, cells: np.ndarray) -> np.ndarray:
         """Volume of each of some cells (n,), in cubes of its size: (n,)."""

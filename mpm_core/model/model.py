@@ -222,7 +222,7 @@ def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
 
 def _on_nodes(grid: MultiLevelGrid, scene: Scene) -> dict:
     """What a model knows of the nodes of a grid, by name."""
-    cell_nodes = np.ascontiguousarray(grid.vtk_nodes[:, BIT_ORDER[grid.dimension]])
+    cell_nodes = grid.vtk_nodes.take(BIT_ORDER[grid.dimension], axis=1)
     return {
         "cell_nodes": cell_nodes,
         "scatter": build_scatter(cell_nodes, grid.node_parents),

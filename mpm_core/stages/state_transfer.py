@@ -71,7 +71,7 @@ def transfer_nodes(old: Model | Cells, values: np.ndarray, new: Model, origin: n
     place = (new.grid.cell_index - old.grid.cell_index[origin]) / old.grid.cell_width[origin][:, None]
     share = new.grid.cell_width / old.grid.cell_width[origin]
     _interpolate_corners(old.cell_nodes, new.cell_nodes, origin, place, share, values, result)
-    shifted = np.flatnonzero(new.node_shift.any(axis=1))
+    shifted = np.unique(np.nonzero(new.node_shift)[0])
     if len(shifted):
         _transfer_shifted(old, values, new, shifted, result)
     spread_to_hanging(new.hanging, new.grid.node_parents, result)
