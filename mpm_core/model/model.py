@@ -238,10 +238,11 @@ def build_model(
     unsupported: Unsupported | None = None,
     all_fallen: bool = False,
     distorted: DistortedCells | None = None,
+    at: int | None = None,
 ) -> Model:
     """Seed the particles of a stage and tabulate what the kernels need. `pieces` as stored with the grid.
 
-    distorted: cells that are no cubes.
+    distorted: cells that are no cubes; at: the step of which particles are where they are, the last one without it.
     unsupported: what has fallen in the steps before; what loses its support in the last step of the scene falls here,
     unless all_fallen says that it is among them.
     """
@@ -257,9 +258,10 @@ def build_model(
     if grid.phantoms:  # of the step before
         grid = with_leaves(grid, grid.cell_index, grid.cell_level)
     parting = Parting(grid, np.empty((0, 3), np.int64), 0)
+    at = step if at is None else at
     if scene.cut_cells == "mean":
-        particles = at_step(particles, changes, step, grid)
-        parting = part(grid, changes, step)
+        particles = at_step(particles, changes, at, grid)
+        parting = part(grid, changes, at)
     insitu = virgin_stress(scene, particles.position)
     insitu[~particles.is_rock] = 0.0
     materials = scene.materials.values()
@@ -277,7 +279,7 @@ def build_model(
         intact_rows=intact_rows,
         residual_rows=residual_rows,
         unsupported=unsupported,
-        step=step,
+        step=at,
         plain=grid,
         **parting._asdict(),
         **_on_nodes(parting.grid, scene),

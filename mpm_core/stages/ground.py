@@ -49,11 +49,16 @@ class Ground:
         return self.scene.refinement
 
     def model(
-        self, grid: MultiLevelGrid, body: np.ndarray, unsupported: Unsupported, all_fallen: bool = False
+        self,
+        grid: MultiLevelGrid,
+        body: np.ndarray,
+        unsupported: Unsupported,
+        all_fallen: bool = False,
+        at: int | None = None,
     ) -> Model:
-        """The scene on a grid; body (cell,): rock body of each cell; unsupported, all_fallen: see build_model."""
+        """The scene on a grid; body (cell,): rock body of each cell; unsupported, all_fallen, at: see build_model."""
         distorted = distorted_cells(grid, self.edge_nodes.place, self.edge_nodes.shift)
-        return build_model(self.scene, grid, body, self.pieces(grid), unsupported, all_fallen, distorted)
+        return build_model(self.scene, grid, body, self.pieces(grid), unsupported, all_fallen, distorted, at)
 
     def pieces(self, grid: MultiLevelGrid) -> Pieces:
         """Parts of the cells of a grid inside excavations: of finest cells, as no other is mined."""
@@ -80,9 +85,10 @@ class Ground:
         rings = self.refinement.rings
         return split(grid, places, rings, rings) if len(places) else grid
 
-    def on(self, grid: MultiLevelGrid, model: Model, all_fallen: bool = True) -> Model:
+    def on(self, grid: MultiLevelGrid, model: Model, all_fallen: bool = True, at: int | None = None) -> Model:
         """The scene on another grid, whose cells are those of a model or parts of them."""
-        return self.model(grid, self._bodies(grid, model), transfer_unsupported(model, grid.cell_index), all_fallen)
+        unsupported = transfer_unsupported(model, grid.cell_index)
+        return self.model(grid, self._bodies(grid, model), unsupported, all_fallen, at)
 
     def _bodies(self, grid: MultiLevelGrid, model: Model) -> np.ndarray:
         """Rock body of each cell: of those that stay theirs, of parts that which holds their centre."""

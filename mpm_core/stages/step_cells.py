@@ -241,11 +241,11 @@ def on_opened_cells(ground: Ground, previous: xr.Dataset, before: int) -> tuple[
     require_cells(scene, grid)
     unsupported = read_unsupported(previous)
     if grid is was:
-        model = ground.model(was, body, unsupported).at(before)
+        model = ground.model(was, body, unsupported, at=before)
         state = read_state(previous, model)
         return make_scheme(model, state, model.volumes(before)), False
-    old = ground.model(was, body, unsupported, all_fallen=True).at(before)
-    model = ground.on(grid, old, all_fallen=False).at(before)
+    old = ground.model(was, body, unsupported, all_fallen=True, at=before)
+    model = ground.on(grid, old, all_fallen=False, at=before)
     state = transfer(old, read_state(previous, old), model)
     return make_scheme(model, state, model.volumes(before)), True
 
