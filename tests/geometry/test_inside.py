@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from mpm_core.geometry import Solid, build_shape, contains
 from mpm_core.geometry import inside as inside_module
+from mpm_core.geometry.boxes import box_around, in_box
 from tests.geometry.solid_twins import joined, moved, rotation, winding_number
 
 BOX = build_shape({"name": "box", "shape": "box", "lower": [-1, -2, -3], "upper": [1, 2, 3]}, 3)
@@ -22,6 +23,18 @@ def scatter(solid: Solid, count: int, seed: int = 0) -> np.ndarray:
     """Points in and a little around the solid's bounding box."""
     lower, upper = solid.bounds
     return lower + (upper - lower) * np.random.default_rng(seed).uniform(-0.2, 1.2, (count, solid.dimension))
+
+
+@given(seed=st.integers(0, 10**6), dimension=st.sampled_from([2, 3]), count=st.integers(1, 40))
+def test_boxes_are_those_of_all_axes_at_once(seed, dimension, count):
+    """Sides and corners of a box count as in it; a point that is no number is in none."""
+    points = np.random.default_rng(seed).integers(-3, 4, (count, dimension)).astype(float)
+    lower, upper = box_around(points)
+    np.testing.assert_array_equal([lower, upper], [points.min(axis=0), points.max(axis=0)])
+    assert in_box(points, lower, upper).all()
+    smaller = np.append(points, np.full((1, dimension), np.nan), axis=0)
+    expected = ((smaller >= -1.0) & (smaller <= 2.0)).all(axis=1)
+    np.testing.assert_array_equal(in_box(smaller, np.full(dimension, -1.0), np.full(dimension, 2.0)), expected)
 
 
 @pytest.mark.parametrize("name", SOLIDS)

@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from mpm_core.equilibrium.body import nodal_mass
+from mpm_core.equilibrium.body import Body, nodal_mass
 from mpm_core.kernels.nodal_operations import sizes
 from tests.mechanics.scenes import ball, excavation, grid_around, make_model, make_scene
 
@@ -23,6 +23,30 @@ def test_nodes_have_the_mass_of_the_particles_and_its_centre(dimension):
     np.testing.assert_allclose(nodal @ model.grid.node_position, mass @ model.particles.position)
     assert grid.is_hanging.any()
     assert (nodal[model.grid.is_hanging] == 0.0).all()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_nodes_are_attached_where_they_have_mass(dimension):
+    """Whatever is mined: free nodes as their mass says, hanging ones as the cells that they are corners of. What moves,
+    mass and time step follow the volume."""
+    shapes = [ball([9.0] * dimension, 3.0)]
+    grid = grid_around(shapes, (5,) * dimension, levels=3, coarse=4.0)
+    model = make_model(make_scene("xy" if dimension == 2 else None, excavations=[excavation()]), grid, shapes)
+    whole = model.particles.full_volume
+    kept = np.linalg.norm(model.particles.position - 6.0, axis=1) > 5.0
+    body = Body(model, model.virgin_state(), whole)
+    assert body.attached.all()
+    before = body.mass, body.time_step
+    body.set_volume(np.where(kept, whole, 0.0))
+    hanging, corners = model.grid.is_hanging, np.unique(model.cell_nodes[model.particles.cell[kept]])
+    np.testing.assert_array_equal(body.attached[~hanging], body.mass[~hanging] > 0.0)
+    np.testing.assert_array_equal(np.flatnonzero(body.attached & hanging), corners[hanging[corners]])
+    assert 0 < np.count_nonzero(hanging & ~body.attached) < np.count_nonzero(hanging)
+    np.testing.assert_array_equal(body.moves, body.attached[:, None] & ~model.held)
+    assert body.mass.sum() < before[0].sum()
+    body.set_volume(whole)
+    np.testing.assert_array_equal(body.mass, before[0])
+    assert body.time_step == before[1]
 
 
 @pytest.mark.parametrize("count", [1, 63, 1000])
