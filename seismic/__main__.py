@@ -62,10 +62,10 @@ def closeness(chosen: argparse.Namespace) -> None:
     """Sizes of events at several values of closeness, and with shorter links."""
     from common.part_centers import PLACE_VARIABLES
     from seismic.closeness import sizes_by_closeness
-    from seismic.events import STEP_VARIABLES
+    from seismic.events import ROCK_VARIABLES
 
     settings = read_slice(chosen.settings)
-    steps = (read_dataset(path, {*STEP_VARIABLES, *PLACE_VARIABLES}) for path in chosen.steps)
+    steps = (read_dataset(path, {*ROCK_VARIABLES, *PLACE_VARIABLES}) for path in chosen.steps)
     sizes = sizes_by_closeness(steps, EventSettings.of(settings, "seismic"))
     write_dataset(sizes.assign_attrs(provenance(settings, "seismic closeness", chosen.steps)), chosen.output)
 

@@ -26,7 +26,8 @@ STRAIN_VARIABLES = {
     "later": "later_strain",
     "plastic": "plastic_strain_step",
 }
-STEP_VARIABLES = (*STRAIN_VARIABLES.values(), "position", "spacing", "volume", "material", "failed", "failure_order")
+ROCK_VARIABLES = (STRAIN_VARIABLES["seismic"], "position", "spacing", "volume", "failed", "failure_order")
+STEP_VARIABLES = (*STRAIN_VARIABLES.values(), *ROCK_VARIABLES[1:], "material")
 STEP_ATTRIBUTES = ("mine", "step", "step_index", "lame_lambda", "shear_modulus")
 MATERIAL_ATTRIBUTES = ("material_names", "elastic_moduli")
 UNDATED = {"start": "", "end": "", "dated": 0}
@@ -37,18 +38,13 @@ LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")
 
 @dataclass(frozen=True)
 class FailedRock:
-    """What a step's events are made of.
+    """What a step's events are made of: particles that failed in it with a drop, (k,).
 
-    where: name of the step for messages. Of the particles that strained in the step, (strained,): strain by kind
-    (strained, 6), volume m3, breaks (k,): those that failed in it with a drop. Of these, (k,): source: their index in
-    the step, potency (k, 6) m3, center (k, 3) m of the part of the cell that is theirs, spacing m, order (k, 2):
-    increment and generation of their failure.
+    where: name of the step for messages; source (k,): their index in the step, potency (k, 6) m3, center (k, 3) m of
+    the part of the cell that is theirs, spacing (k,) m, order (k, 2): increment and generation of their failure.
     """
 
     where: str
-    strain: dict[str, NDArray]
-    volume: NDArray
-    breaks: NDArray
     source: NDArray
     potency: NDArray
     center: NDArray
@@ -65,19 +61,13 @@ class FailedRock:
         return rank[label], resolved[np.argsort(rank)]
 
 
-def failed_rock(step: xr.Dataset, settings: EventSettings) -> FailedRock:
-    """Of a step, as extract_events takes it. Raises InputError if it lacks something or contradicts itself."""
-    where = _check_step(step, settings)
-    strain = {name: np.asarray(step[variable].values, dtype=np.float64) for name, variable in STRAIN_VARIABLES.items()}
-    strained = np.flatnonzero(np.any([np.any(values != 0.0, axis=1) for values in strain.values()], axis=0))
-    strain = {name: values[strained] for name, values in strain.items()}  # most rock has none
-    volume = np.asarray(step["volume"].values, dtype=np.float64)
-    if not all(np.all(np.isfinite(values)) for values in (*strain.values(), volume)):
-        raise InputError(f"{where}: a strain or a volume is not finite: compute the step again")
-    volume = volume[strained]
-
-    everything = particle_potency(strain["seismic"], volume, settings.seismic_fraction)
-    breaks = np.flatnonzero(scalar_potency(tensor_from_voigt(everything)) > 0.0)
+def failed_rock(step: xr.Dataset, settings: EventSettings, needed: tuple[str, ...] = ROCK_VARIABLES) -> FailedRock:
+    """Of a step with the variables needed, as extract_events takes it. Raises InputError if it lacks something or
+    contradicts itself."""
+    where = _check_step(step, settings, needed)
+    strained, (strain,), volume = _strained(step, where, STRAIN_VARIABLES["seismic"])
+    potency = particle_potency(strain, volume, settings.seismic_fraction)
+    breaks = np.flatnonzero(scalar_potency(tensor_from_voigt(potency)) > 0.0)
     source = strained[breaks]
     stray = np.count_nonzero(step["failed"].values[source] != int(step.attrs["step_index"]))
     if stray:
@@ -86,7 +76,21 @@ def failed_rock(step: xr.Dataset, settings: EventSettings) -> FailedRock:
         )
     spacing = np.asarray(step["spacing"].values, dtype=np.float64)[source]
     order, center = step["failure_order"].values[source], part_centers(step)[source]
-    return FailedRock(where, strain, volume, breaks, source, everything[breaks], center, spacing, order)
+    return FailedRock(where, source, potency[breaks], center, spacing, order)
+
+
+def _strained(step: xr.Dataset, where: str, *names: str) -> tuple[NDArray, list[NDArray], NDArray]:
+    """Particles (k,) of a step that have some of the strains named, each strain (k, 6) of theirs, and volume (k,) m3.
+
+    Raises InputError if one of these is not finite.
+    """
+    strains = [np.asarray(step[name].values, dtype=np.float64) for name in names]
+    strained = np.flatnonzero(np.any([np.any(values != 0.0, axis=1) for values in strains], axis=0))
+    strains = [values[strained] for values in strains]  # most rock has none
+    volume = np.asarray(step["volume"].values, dtype=np.float64)
+    if not all(np.all(np.isfinite(values)) for values in (*strains, volume)):
+        raise InputError(f"{where}: a strain or a volume is not finite: compute the step again")
+    return strained, strains, volume[strained]
 
 
 def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int = CORNERS) -> tuple[xr.Dataset, dict]:
@@ -103,7 +107,9 @@ def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int 
     Raises InputError for a dataset that lacks something or contradicts itself.
     """
     chosen = EventSettings.of(settings, "seismic")
-    rock = failed_rock(step, chosen)
+    rock = failed_rock(step, chosen, STEP_VARIABLES)
+    _, strains, volume = _strained(step, rock.where, *STRAIN_VARIABLES.values())
+    strain = dict(zip(STRAIN_VARIABLES, strains, strict=True))
     where, source, potency, order, spacing = rock.where, rock.source, rock.potency, rock.order, rock.spacing
     weight = scalar_potency(tensor_from_voigt(potency))
     step = step.assign_attrs(UNDATED | step.attrs) if chosen.start is None else dated(step, chosen.start, chosen.end)
@@ -126,8 +132,8 @@ def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int 
         "event_scalars": float(np.sum(values["potency"])),
         "resolved_scalars": float(np.sum(values["potency"][resolved])),
     }
-    budget = potency_budget(rock.strain, rock.volume, chosen.seismic_fraction, event_potency, scalars, where)
-    attributes = _attributes(step, chosen, rock.strain["seismic"][rock.breaks], spacing) | {
+    budget = potency_budget(strain, volume, chosen.seismic_fraction, event_potency, scalars, where)
+    attributes = _attributes(step, chosen, step["seismic_strain"].values[source], spacing) | {
         "budget": json.dumps(budget)
     }
     attributes["unlike_share"] = unlike_share(potency, event, event_potency, chosen.closeness)
@@ -190,11 +196,12 @@ def dated(step: xr.Dataset, start: str, end: str) -> xr.Dataset:
     return step.assign_attrs(start=start, end=end, dated=int(bool(start)))
 
 
-def _check_step(step: xr.Dataset, settings: EventSettings) -> str:
-    """Name of the step for messages. Raises InputError if the dataset is not a step of this mine."""
-    missing = [name for name in STEP_VARIABLES if name not in step.variables]
-    needed = (*STEP_ATTRIBUTES, *MATERIAL_ATTRIBUTES, *LABEL_ATTRIBUTES)
-    missing += [name for name in needed if name not in step.attrs]
+def _check_step(step: xr.Dataset, settings: EventSettings, needed: tuple[str, ...]) -> str:
+    """Name of the step for messages. Raises InputError if the dataset is not a step of this mine with the variables
+    needed."""
+    missing = [name for name in needed if name not in step.variables]
+    attributes = (*STEP_ATTRIBUTES, *MATERIAL_ATTRIBUTES, *LABEL_ATTRIBUTES)
+    missing += [name for name in attributes if name not in step.attrs]
     where = f"step {step.attrs.get('step', '?')}"
     if missing:
         raise InputError(f"{where}: not a mining step, it lacks {', '.join(missing)}: give a dataset of steps/")
