@@ -66,7 +66,7 @@ def test_a_shift_by_whole_cells_shifts_the_nodes():
     np.testing.assert_allclose(one.shift, other.shift, atol=1e-9)
 
 
-def rough_box(lower, edge, noise, per_edge=24):
+def rough_box(lower, edge, noise, per_edge=12):
     """A box whose faces are many triangles with vertices moved at random by up to `noise` along each axis."""
     mesh = trimesh.creation.box(extents=[edge] * 3)
     while mesh.edges_unique_length.max() > edge / per_edge:
