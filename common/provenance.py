@@ -20,7 +20,7 @@ from pathlib import Path
 import netCDF4
 
 from common.compiling import compile_less
-from common.kernel_files import name_kernel_files
+from common.kernel_files import share_kernel_files
 from common.sources import ROOT, source_hash
 
 PACKAGES = ("numpy", "numba", "scipy", "scikit-learn", "xarray", "netCDF4", "obspy")
@@ -168,7 +168,7 @@ def use_numba_cache() -> None:
     which that kernel calls in another file. A new hash means a new folder; all but the latest few are removed. The
     folder is in the checkout or, where nothing can be written there, in the user's cache.
     """
-    name_kernel_files()
+    share_kernel_files()
     compile_less()
     if "NUMBA_CACHE_DIR" in os.environ:
         return

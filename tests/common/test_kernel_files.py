@@ -1,5 +1,7 @@
 """Kernels that processes compile at the same time keep files of their own."""
 
+import errno
+import importlib
 import itertools
 import multiprocessing
 import os
@@ -9,14 +11,28 @@ import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from unittest.mock import Mock
 
+import numba
 import pytest
+from numba import types
 from numba.core.caching import IndexDataCacheFile
 
-from common.kernel_files import name_kernel_files
+from common import kernel_files
+from common.kernel_files import share_kernel_files
 
 ROOT = Path(__file__).parents[2]
 ACCESSES = ("_load_index", "_save_index", "_save_data")
+KERNEL = """
+from numba import njit
+
+@njit(cache=True)
+def total(values):
+    result = 0.0
+    for value in values:
+        result += value
+    return result
+"""
 CHANGED = """
 import sys
 import mpm_core
@@ -29,7 +45,7 @@ print(IndexDataCacheFile.save.__module__, end="")
 @pytest.fixture
 def files(tmp_path) -> list[IndexDataCacheFile]:
     """The files of one kernel as two processes see them."""
-    name_kernel_files()
+    share_kernel_files()
     return [IndexDataCacheFile(str(tmp_path), "kernel", "stamp") for _ in range(2)]
 
 
@@ -91,6 +107,53 @@ def test_a_kernel_is_found_again_and_replaced(files):
     for key, data in (("int32", "first"), ("float64", "other"), ("int32", "second")):
         one.save(key, data)
     assert (two.load("int32"), two.load("float64"), two.load("int64")) == ("second", "other", None)
+
+
+def compile_together(folder, barrier, found, change=lambda: None) -> None:
+    """Compile the kernel of a folder when all processes are ready: what of it was read, and what compiled."""
+    os.chdir(folder)
+    sys.path.insert(0, str(folder))
+    change()
+    total = importlib.import_module("kernel_of_two").total
+    barrier.wait()
+    total.compile((types.float64[::1],))
+    found.put((sum(total.stats.cache_hits.values()), sum(total.stats.cache_misses.values())))
+
+
+def compiled_by(folder, *changes) -> list[tuple[int, int]]:
+    """(read, compiled) by each of several processes at once, sorted; changes: what each does first."""
+    share_kernel_files()
+    (folder / "kernel_of_two.py").write_text(KERNEL)
+    context = multiprocessing.get_context("fork")
+    barrier, found = context.Barrier(len(changes)), context.Queue()
+    processes = [context.Process(target=compile_together, args=(folder, barrier, found, one)) for one in changes]
+    for process in processes:
+        process.start()
+    results = sorted(found.get(timeout=60.0) for _ in processes)
+    for process in processes:
+        process.join()
+    return results
+
+
+def nothing() -> None:
+    """No change."""
+
+
+def test_of_processes_that_need_a_kernel_at_once_one_compiles_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kernels"))
+    assert compiled_by(tmp_path, nothing, nothing, nothing) == [(0, 1), (1, 0), (1, 0)]
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOLCK, "no locks"), BlockingIOError(errno.EAGAIN, "held for ever")])
+def test_without_locks_or_for_ever_locked_a_kernel_is_compiled(error, tmp_path, monkeypatch):
+    """On a file system that has none, or that keeps those of a machine that is lost."""
+
+    def refuse() -> None:
+        kernel_files.MAX_WAIT = 0.2
+        kernel_files.fcntl.lockf = Mock(side_effect=error)
+
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kernels"))
+    assert compiled_by(tmp_path, refuse) == [(0, 1)]
 
 
 def test_numba_is_changed_as_it_is_imported():
