@@ -23,6 +23,7 @@ OPTIONS = (
     "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage",
     "--proxy-server=127.0.0.1:9", "--proxy-bypass-list=<-loopback>",  # nothing listens there
     "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",  # WebGL without a graphics card
+    "--disable-gpu-compositing",  # pages are drawn without the detour over WebGL's software
 )  # fmt: skip
 
 
