@@ -33,6 +33,7 @@ ADAPTIVE = {"rings": 1, "max_cells": 10**6, "bodies": []}
 STRESS = uniform(-30e6, -20e6, -18e6, 0.0, 3e6)
 HOLES = [ball([26.0, 40.0], 4.9), ball([55.0, 40.0], 4.9)]
 BRITTLE = {"scheme": "multigrid", "tolerance": 1e-5, "cascade_tolerance": 1e-3, "increments": 2}
+LOOSE = BRITTLE | {"tolerance": 1e-3, "cascade_tolerance": 1e-2}  # for comparisons of bits
 
 
 def adaptive_scene(mined=(0,), steps=1, **changes):
@@ -127,7 +128,7 @@ def test_an_opening_has_fine_cells_once_it_is_mined(tmp_path):
 
 
 def test_a_step_killed_on_split_cells_ends_in_the_same_bytes(tmp_path):
-    start = first_step(tmp_path)
+    start = first_step(tmp_path, solver=LOOSE)
     whole, facts = mining_step(*start, tmp_path / "f.npz")
     assert facts["cell_splits"] > 1
     write_dataset(whole, tmp_path / "whole.nc")
@@ -158,7 +159,7 @@ def test_a_step_killed_with_as_many_cells_as_may_be_ends_in_the_same_bytes(tmp_p
 
 
 def test_any_number_of_threads_gives_the_same_bits(tmp_path):
-    start, results = first_step(tmp_path), []
+    start, results = first_step(tmp_path, solver=LOOSE), []
     for threads in (1, 2):
         numba.set_num_threads(threads)
         results.append(mining_step(*start, tmp_path / "f.npz")[0])

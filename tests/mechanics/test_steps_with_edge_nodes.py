@@ -20,6 +20,7 @@ from mpm_core.stages.ground import Ground
 STRESS = uniform(-25e6, -16e6, -14e6, 0.0, 3e6)
 TIGHT = {"scheme": "multigrid", "tolerance": 1e-8}
 BRITTLE = {"scheme": "multigrid", "tolerance": 1e-5, "cascade_tolerance": 1e-3, "increments": 3}
+LOOSE = BRITTLE | {"tolerance": 1e-3, "cascade_tolerance": 1e-2}  # for comparisons of bits
 ADAPTIVE = {"rings": 1, "max_cells": 10**6, "bodies": []}
 OPENING = [7.3] * 3, [15.6, 14.9, 15.2]
 NEIGHBOUR = [15.6, 8.4, 7.3], [19.4, 14.9, 13.1]
@@ -154,7 +155,7 @@ def test_the_balance_closes_where_rock_fails(scheme, refinement, tmp_path):
 @pytest.mark.parametrize("generations", [1, 6])
 def test_a_killed_step_goes_on_and_ends_in_the_same_bytes(generations, tmp_path):
     grid = grid_of(OPENING, NEIGHBOUR, later=[1])
-    options = {"host": COULOMB, "stress": STRESS, "solver": BRITTLE, "refinement": ADAPTIVE}
+    options = {"host": COULOMB, "stress": STRESS, "solver": LOOSE, "refinement": ADAPTIVE}
     before = states_of(tmp_path, grid, (0, -1), **{k: options[k] for k in ("host", "solver", "refinement")})[-1][0]
     entries = [excavation(0, name="e0"), excavation(1, name="e1")]
     scene = make_scene("xz", excavations=entries, steps=2, **options)
@@ -176,7 +177,7 @@ def test_any_number_of_threads_gives_the_same_bits(tmp_path):
     grid, results = grid_of(OPENING, plane=None), []
     for threads in (1, 2):
         numba.set_num_threads(threads)
-        results.append(states_of(tmp_path, grid, (0,), None, host=COULOMB, solver=BRITTLE)[-1][0])
+        results.append(states_of(tmp_path, grid, (0,), None, host=COULOMB, solver=LOOSE)[-1][0])
     assert (results[0].failed.values >= 0).any()
     assert results[0].identical(results[1])
 
