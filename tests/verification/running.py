@@ -1,6 +1,7 @@
 """Reduced studies run in this process by the ordinary stage functions, without Snakemake."""
 
 import copy
+import functools
 from pathlib import Path
 
 import yaml
@@ -53,6 +54,7 @@ def run_study(name: str, folder: Path, variants: dict[str, dict] | list[str] | N
 
 
 def _variant(mine, folder: Path) -> Variant:
+    @functools.cache  # as the files of a study are made once, whoever reads them
     def read(path: str):
         if path.startswith("ensemble/"):
             _, number, path = path.split("/", 2)
