@@ -35,6 +35,7 @@ MODULES = (
     *("catalogs.records", "mpm_core.stages.grid_stage", "mpm_core.stages.first_kernels"),
     *("mpm_core.stages.equilibrium_stages", "seismic.events", "seismic.catalog", "seismic.closeness"),
     *("catalogs.comparison", "catalogs.quakeml", "catalogs.report.page"),
+    *("scipy.ndimage", "pint"),  # stages import these as they go, xarray the second for times
 )
 ROOT = Path(__file__).parents[1]
 STREAMS = 3
