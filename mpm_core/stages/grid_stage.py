@@ -92,7 +92,8 @@ def _are_amid_alike(
     """Which chosen ones (k,) of cells have all around them inside a solid, or all outside: (k,) bool. What a distorted
     cell reaches is then as the cell itself.
 
-    index (n, d), kind (n,): the finest cells in a box of cells, beyond which there is nothing that they reach.
+    index (n, d), kind (n,): the finest cells in a box of cells, beyond which all is outside. A cell in it that is not
+    among these is coarser, or beyond the domain: then nothing is said.
     """
     if not len(chosen):
         return np.zeros(0, bool)
