@@ -102,17 +102,18 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
     base = f"smi:local/{_word(catalog.attrs['mine'])}/{kind}"
     says = SAYS[kind].format(mine=catalog.attrs["mine"])
     made = CreationInfo(agency_id=kind, author=AUTHOR if says else None)
-    mechanisms = _mechanisms(catalog)
-    texts = {field.name: _texts(catalog[field.name].values) for field in FIELDS}
+    values = {field.name: catalog[field.name].values for field in FIELDS}  # once: xarray takes long over each
+    mechanisms = _mechanisms(values)
+    texts = {name: _texts(column) for name, column in values.items()}
+    location_error = float(catalog.attrs.get("location_error", np.nan))
     events = []
     for index, row in enumerate(rows):
         name = f"{base}/event/{row + 1:06d}"
         event = Event(resource_id=ResourceIdentifier(name), event_type=EVENT_TYPE, creation_info=made)
         event.event_descriptions = [EventDescription(text=says)] if says else []
-        origin = _origin(f"{name}/origin", catalog, index, globe[index])
+        origin = _origin(f"{name}/origin", values, index, globe[index], location_error)
         event.origins, event.preferred_origin_id = [origin], origin.resource_id
-        if np.isfinite(catalog["mw"].values[index]):
-            mw = float(catalog["mw"].values[index])
+        if np.isfinite(mw := float(values["mw"][index])):
             size = Magnitude(resource_id=ResourceIdentifier(f"{name}/magnitude"), mag=mw, magnitude_type="Mw")
             size.origin_id = origin.resource_id
             event.magnitudes, event.preferred_magnitude_id = [size], size.resource_id
@@ -131,24 +132,23 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
     return result
 
 
-def _origin(name: str, catalog: xr.Dataset, index: int, globe: np.ndarray) -> Origin:
-    """Where and when an event was; globe: latitude and longitude (degrees), depth (m).
+def _origin(name: str, values: dict[str, np.ndarray], index: int, globe: np.ndarray, location_error: float) -> Origin:
+    """Where and when an event was; values: by field, of all events; globe: latitude and longitude (degrees), depth (m).
 
-    location_error is the root mean square distance in 3-D: depth gets its share as a standard error, the horizontal the
-    radius of a circle of the same confidence.
+    location_error (m, NaN if not known) is the root mean square distance in 3-D: depth gets its share as a standard
+    error, the horizontal the radius of a circle of the same confidence.
     """
     origin = Origin(
         resource_id=ResourceIdentifier(name),
-        time=UTCDateTime(ns=int(catalog["time"].values[index].astype("datetime64[ns]").astype(np.int64))),
+        time=UTCDateTime(ns=int(values["time"][index].astype("datetime64[ns]").astype(np.int64))),
         latitude=float(globe[0]),
         longitude=float(globe[1]),
         depth=float(globe[2]),
         depth_type="other",
     )
-    lower, upper = (float(catalog[f"time_{side}_uncertainty"].values[index]) for side in ("lower", "upper"))
+    lower, upper = (float(values[f"time_{side}_uncertainty"][index]) for side in ("lower", "upper"))
     if np.isfinite(lower) and np.isfinite(upper):
         origin.time_errors = QuantityError(lower_uncertainty=lower, upper_uncertainty=upper)
-    location_error = float(catalog.attrs.get("location_error", np.nan))
     if np.isfinite(location_error):
         origin.depth_errors = QuantityError(uncertainty=location_error / np.sqrt(3))
         origin.origin_uncertainty = OriginUncertainty(
@@ -159,9 +159,12 @@ def _origin(name: str, catalog: xr.Dataset, index: int, globe: np.ndarray) -> Or
     return origin
 
 
-def _mechanisms(catalog: xr.Dataset) -> list[FocalMechanism | None]:
-    """Focal mechanism of each event, without identifiers; None where it has no moment tensor."""
-    tensors = catalog["moment_tensor"].values
+def _mechanisms(values: dict[str, np.ndarray]) -> list[FocalMechanism | None]:
+    """Focal mechanism of each event, without identifiers; None where it has no moment tensor.
+
+    values: by field, of all events.
+    """
+    tensors = values["moment_tensor"]
     found: list[FocalMechanism | None] = [None] * len(tensors)
     known = np.flatnonzero(np.isfinite(tensors).all(axis=(1, 2)))
     tensors = tensors[known]
@@ -169,9 +172,9 @@ def _mechanisms(catalog: xr.Dataset) -> list[FocalMechanism | None]:
     axes, lengths = principal_axes(tensors), np.linalg.eigvalsh(tensors)
     planes = nodal_planes(axes[:, 0], axes[:, 2])
     trends, plunges = trend_plunge(axes)
-    clear = np.isfinite(catalog["p_axis"].values).all(axis=1) & np.isfinite(catalog["t_axis"].values).all(axis=1)
+    clear = np.isfinite(values["p_axis"]).all(axis=1) & np.isfinite(values["t_axis"]).all(axis=1)
     for row, event in enumerate(known):
-        scalar = float(catalog["moment"].values[event])
+        scalar = float(values["moment"][event])
         source = MomentTensor(
             scalar_moment=scalar if np.isfinite(scalar) else None,
             tensor=Tensor(**{key: float(sign * tensors[row, i, j]) for key, (sign, i, j) in UP_SOUTH_EAST.items()}),
