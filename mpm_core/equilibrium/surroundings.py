@@ -112,8 +112,7 @@ class Surroundings:
 
     def reach_beyond(self, places: np.ndarray, cubes: int) -> np.ndarray:
         """(k,) bool: whether they end within so many cubes of places (k, d), fine units, that lie in them."""
-        around = np.ones((3,) * self.near.ndim)
-        inner = scipy.ndimage.binary_erosion(self.near, around, cubes, border_value=1) if cubes else self.near
+        inner = scipy.ndimage.minimum_filter(self.near, 2 * cubes + 1, mode="constant", cval=1)
         return ~inner[tuple(((places >> self.cubes.halvings) - self.cubes.lower).T)]
 
     def are_wide(self, failed: np.ndarray) -> np.ndarray:

@@ -106,7 +106,11 @@ def distorted_shapes(place: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, 
     dimension = place.shape[1]
     offsets = corner_offsets(dimension)
     around = (place[:, None, :] - offsets).reshape(-1, dimension)
-    cells, row = np.unique(around, axis=0, return_inverse=True)
+    lowest = around.min(axis=0, initial=0)
+    shape = tuple(around.max(axis=0, initial=0) - lowest + 1)
+    codes = np.ravel_multi_index(tuple((around - lowest).T), shape)  # to sort rows would take many times as long
+    codes, row = np.unique(codes, return_inverse=True)
+    cells = np.stack(np.unravel_index(codes, shape), axis=1) + lowest
     corners = np.repeat(offsets[None].astype(float), len(cells), axis=0)
     corners[row.reshape(len(place), len(offsets)), np.arange(len(offsets))] += shift[:, None, :]
     return cells.astype(np.int32), corners

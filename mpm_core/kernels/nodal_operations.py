@@ -122,6 +122,15 @@ def collect_to_parents(node_parents, values):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
+def mark_cells(cell_nodes, marked, cells):
+    """Mark cells (cell,) bool with a corner among marked nodes (node,) bool: written."""
+    for cell in prange(len(cell_nodes)):
+        cells[cell] = False
+        for corner in range(cell_nodes.shape[1]):
+            cells[cell] |= marked[cell_nodes[cell, corner]]
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
 def mark_corners(cell_nodes, cell, volume, marked):
     """Mark nodes (node,) bool in place: the corners of the cells (particle,) of particles with volume."""
     for particle in prange(len(cell)):

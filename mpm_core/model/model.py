@@ -12,7 +12,7 @@ from mpm_core.grid.distorted_cells import DistortedCells, corner_offsets
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.grid.splitting import with_leaves
 from mpm_core.kernels.block_scatter import Scatter, build_scatter
-from mpm_core.kernels.nodal_operations import mark_corners
+from mpm_core.kernels.nodal_operations import mark_cells, mark_corners
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Changes, Pieces, Unsupported, changes_of
 from mpm_core.model.particle_stiffness import step_stiffness
 from mpm_core.model.particles import Particles, at_step, part_means, seed, shares_of_volume, volumes
@@ -91,7 +91,12 @@ class Model:
     @cached_property
     def node_position(self) -> np.ndarray:
         """(node, d) m: where nodes are, those that lie on edges of openings, too."""
-        return self.grid.node_position + self.node_shift * self.grid.fine_cell
+        return self.positions_of(slice(None))
+
+    def positions_of(self, nodes: np.ndarray | slice) -> np.ndarray:
+        """(k, d) m: where some nodes (k,) are, see node_position."""
+        grid = self.grid
+        return grid.origin + grid.node_index[nodes] * grid.fine_cell + self.node_shift[nodes] * grid.fine_cell
 
     @cached_property
     def node_shift(self) -> np.ndarray:
@@ -161,7 +166,9 @@ class Model:
         rock, solid = self.changes.rock_samples(cells, step), self.changes.solid_samples(cells, step)
         filled = np.zeros(len(self.plain.node_index), bool)
         filled[self.plain.vtk_nodes[(rock == NO_SAMPLES) & (solid == ALL_SAMPLES)]] = True
-        return filled[self.plain.vtk_nodes].any(axis=1)
+        beside = np.empty(cells, bool)
+        mark_cells(self.plain.vtk_nodes, filled, beside)
+        return beside
 
     def rock_share(self, step: int) -> np.ndarray:
         """Share of each cell's volume that is rock once `step` is mined, (cell,)."""
@@ -194,11 +201,10 @@ class Model:
 
     def free_motions(self, attached: np.ndarray) -> RigidMotions:
         """Rigid motions that fixed and roller faces leave to what is attached to nodes (node,) bool."""
-        held = np.unique(np.nonzero(self.held)[0])
-        nodes = held[attached[held]]
+        nodes = np.flatnonzero(np.logical_or.reduce(self.held.T) & attached)  # rows are short: by column
         if not len(nodes):
             nodes = np.flatnonzero(attached)
-        return free_motions(self.node_position[nodes], self.held[nodes])
+        return free_motions(self.positions_of(nodes), self.held[nodes])
 
 
 def held_faces(scene: Scene) -> dict[tuple[int, int], list[int]]:

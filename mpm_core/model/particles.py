@@ -179,6 +179,9 @@ def seed(
     cell_groups = np.argsort(group_cell, kind="stable").astype(np.int32)
     cell_size = grid.cell_size[group_cell]
     xi = points[table[group] + place]
+    sample = np.full(len(group), -1, np.int8)
+    of_samples = np.flatnonzero(is_sample[group])
+    sample[of_samples] = place[of_samples]
     modes, full_volume = mode_table(points), cell_size**dimension / size
     full_volume *= distorted.volumes(group_cell)
     return Particles(
@@ -189,7 +192,7 @@ def seed(
         position=grid.cell_center[group_cell[group]] + 0.5 * cell_size[group][:, None] * xi,
         spacing=(cell_size / per_edge)[group],
         full_volume=full_volume[group],
-        sample=np.where(is_sample[group], place, -1).astype(np.int8),
+        sample=sample,
         group_start=start,
         group_table=table,
         cell_groups_start=np.searchsorted(group_cell[cell_groups], np.arange(cells + 1)).astype(np.int64),

@@ -21,6 +21,7 @@ from numba import njit
 
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
+from mpm_core.kernels.nodal_operations import mark_cells
 from mpm_core.model.occupancy import Changes
 
 NO_CELL = -1
@@ -92,7 +93,9 @@ def _octants(grid: MultiLevelGrid, mined: np.ndarray) -> np.ndarray:
     chosen[grid.is_hanging] = False
     chosen[grid.node_parents[grid.node_parents >= 0]] = False
     finest = np.flatnonzero(grid.cell_level == grid.levels - 1)
-    around = finest[chosen[grid.vtk_nodes[finest]].any(axis=1)]
+    touched = np.empty(len(grid.cell_level), bool)
+    mark_cells(grid.vtk_nodes, chosen, touched)
+    around = finest[touched[finest]]
     nodes = np.flatnonzero(chosen)
     row = np.full(len(chosen), -1, np.int64)
     row[nodes] = np.arange(len(nodes))

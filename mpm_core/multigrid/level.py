@@ -216,7 +216,8 @@ class Level:
     @property
     def unknowns(self) -> int:
         """Components of free nodes that nothing holds."""
-        return int(np.count_nonzero(~self.held[self.grid.node_parents[:, 0] < 0]))
+        free = self.grid.node_parents[:, 0] < 0
+        return sum(int(np.count_nonzero(free & ~held)) for held in self.held.T)
 
     def set_diagonal(self) -> None:
         """D^-1 by element, from the operator's constants; 0 on copies, where held and where nothing is attached."""

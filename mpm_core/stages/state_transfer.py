@@ -68,10 +68,9 @@ def transfer_nodes(old: Model | Cells, values: np.ndarray, new: Model, origin: n
     """
     origin = holding_cells(old.grid, new.grid.cell_index) if origin is None else origin
     result = np.empty((len(new.grid.node_index), values.shape[1]))
-    place = (new.grid.cell_index - old.grid.cell_index[origin]) / old.grid.cell_width[origin][:, None]
-    share = new.grid.cell_width / old.grid.cell_width[origin]
-    _interpolate_corners(old.cell_nodes, new.cell_nodes, origin, place, share, values, result)
-    shifted = np.unique(np.nonzero(new.node_shift)[0])
+    grids = (old.grid.cell_index, new.grid.cell_index, old.grid.cell_level, new.grid.cell_level)
+    _interpolate_corners(old.cell_nodes, new.cell_nodes, origin, *grids, old.grid.levels, values, result)
+    shifted = np.flatnonzero(np.logical_or.reduce(new.node_shift.T))  # rows are short: by column
     if len(shifted):
         _transfer_shifted(old, values, new, shifted, result)
     spread_to_hanging(new.hanging, new.grid.node_parents, result)
@@ -232,30 +231,40 @@ def _take_corners(old_nodes, new_nodes, origin, place, old_width, width, values,
 
 
 @njit(error_model="numpy", cache=True)
-def _interpolate_corners(old_nodes, new_nodes, origin, place, share, values, result):
-    """Values at the corners of new cells: place (cell, d) of each one's lower corner in its old cell, in its edges;
-    share (cell,): of its edge. result (node, component), written; corners of cells that stay take theirs as they are.
+def _interpolate_corners(
+    old_nodes, new_nodes, origin, old_index, new_index, old_level, new_level, levels, values, result
+):
+    """Values at the corners of new cells, parts of the old ones `origin` (new cell,): result (node, component),
+    written; corners of cells that stay take theirs as they are.
+
+    old_index, new_index (cell, d): lower corners, fine units; old_level, new_level (cell,), of so many levels.
     """
-    corners, dimension = old_nodes.shape[1], place.shape[1]
+    corners, dimension = old_nodes.shape[1], old_index.shape[1]
+    place = np.empty(dimension)
     for stays in range(2):
         for cell in range(len(origin)):
-            if (share[cell] == 1.0) != (stays == 1):
+            before = origin[cell]
+            if (new_level[cell] == old_level[before]) != (stays == 1):
                 continue
+            share = 1.0 / (1 << (new_level[cell] - old_level[before]))
+            for axis in range(dimension):
+                steps = new_index[cell, axis] - old_index[before, axis]
+                place[axis] = steps / (1 << (levels - 1 - old_level[before]))
             for corner in range(corners):
                 node = new_nodes[cell, corner]
                 if stays:
                     for j in range(values.shape[1]):
-                        result[node, j] = values[old_nodes[origin[cell], corner], j]
+                        result[node, j] = values[old_nodes[before, corner], j]
                     continue
                 for j in range(values.shape[1]):
                     result[node, j] = 0.0
                 for other in range(corners):
                     weight = 1.0
                     for axis in range(dimension):
-                        at = place[cell, axis] + share[cell] * ((corner >> axis) & 1)
+                        at = place[axis] + share * ((corner >> axis) & 1)
                         weight *= at if (other >> axis) & 1 else 1.0 - at
                     for j in range(values.shape[1]):
-                        result[node, j] += weight * values[old_nodes[origin[cell], other], j]
+                        result[node, j] += weight * values[old_nodes[before, other], j]
 
 
 def _modal_sums(model: Model, displacement: np.ndarray, cells: np.ndarray) -> np.ndarray:

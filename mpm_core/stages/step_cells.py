@@ -258,8 +258,9 @@ def follow_walls(old: Model, new: Model, state: State) -> None:
     """
     part_nodes(old, state, new)
     state.position = new.particles.position
-    rows = old.particles.row, new.particles.row
-    moved = np.flatnonzero((old.slopes[rows[0]] != new.slopes[rows[1]]).any(axis=(1, 2)))
+    was, now = old.particles.row, new.particles.row
+    own = np.flatnonzero((was != now) | (now >= new.particles.shared_rows))  # the others have the same row of a table
+    moved = own[(old.slopes[was[own]] != new.slopes[now[own]]).any(axis=(1, 2))]
     state.stress[moved] += old.insitu[moved] - new.insitu[moved]
     intact = moved[(state.failed[moved] < 0) & new.particles.is_rock[moved]]
     state.stress[intact] = elastic_stress(new, state.displacement, intact)
