@@ -96,3 +96,23 @@ def test_a_rough_ball_moves_no_node():
     solid = Solid("rough", vertices, mesh.faces)
     assert len(sharp_edges(solid).segments) > 1000
     assert not len(chosen(solid).place)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 60), st.sampled_from([2, 3]))
+@settings(max_examples=25, deadline=None)
+def test_cells_around_moved_nodes_are_found_once_in_order(seed, count, dimension):
+    """As one by one; nodes at the edge of the domain have cells beyond it."""
+    random = np.random.default_rng(seed)
+    place = np.unique(random.integers(0, 6, (count, dimension)), axis=0)
+    random.shuffle(place)
+    shift = random.uniform(-0.4, 0.4, place.shape)
+    offsets = np.arange(1 << dimension)[:, None] >> np.arange(dimension) & 1
+    expected: dict[tuple, np.ndarray] = {}
+    for node, moved in zip(place, shift, strict=True):
+        for corner, offset in enumerate(offsets):
+            expected.setdefault(tuple(node - offset), offsets.astype(float))[corner] += moved
+    cells, corners = distorted_shapes(place, shift)
+    assert cells.dtype == np.int32
+    assert list(map(tuple, cells)) == sorted(expected)
+    for cell, found in zip(cells, corners, strict=True):
+        np.testing.assert_array_equal(found, expected[tuple(cell)])

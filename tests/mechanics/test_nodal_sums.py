@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mpm_core.equilibrium.body import Body, nodal_mass
-from mpm_core.kernels.nodal_operations import sizes
+from mpm_core.kernels.nodal_operations import mark_cells, sizes
 from tests.mechanics.scenes import ball, excavation, grid_around, make_model, make_scene
 
 
@@ -60,3 +60,16 @@ def test_sizes_are_the_norm_and_the_largest_component(count):
     assert sizes(values) == (norm, largest)
     values[count // 2, 1] = np.nan
     assert np.isnan(sizes(values)).all()
+
+
+@pytest.mark.parametrize("corners", [4, 8])
+def test_cells_with_a_marked_corner_are_marked(corners):
+    """Whatever stood there before, with one thread and with two."""
+    random = np.random.default_rng(corners)
+    cell_nodes = random.integers(0, 900, (500, corners)).astype(np.int32)
+    marked = random.random(900) < 0.1
+    for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+        numba.set_num_threads(threads)
+        cells = random.random(500) < 0.5
+        mark_cells(cell_nodes, marked, cells)
+        np.testing.assert_array_equal(cells, [marked[nodes].any() for nodes in cell_nodes])

@@ -133,3 +133,17 @@ def test_cells_of_all_levels(dimension, monkeypatch):
             break
     np.testing.assert_array_equal(around.cells, np.flatnonzero(meets))
     assert len(np.unique(grid.cell_level[around.cells])) > 1
+
+
+@pytest.mark.parametrize("beyond", [0, 1, 4, 30])
+def test_places_whose_surroundings_end_near_them_are_found(beyond):
+    """2-D, against all cubes near each place one by one; beyond the domain there is no end."""
+    cubes = Cubes(layer(2, 60))
+    around = cubes.around(np.concatenate([row(2, 1, 3), row(2, 2, 9), row(2, 1, 40)]))
+    inside = np.argwhere(around.near)
+    places = (inside + cubes.lower) << cubes.halvings
+    expected = [
+        not around.near[tuple(slice(max(at - beyond, 0), at + beyond + 1) for at in cube)].all() for cube in inside
+    ]
+    assert any(expected) == (beyond > 0)
+    np.testing.assert_array_equal(around.reach_beyond(places, beyond), expected)
