@@ -1,10 +1,8 @@
 """The body of every command line: a log of its own, one line to the user, and no orphan processes."""
 
 import ctypes
-import gc
 import logging
 import os
-import re
 import resource
 import signal
 import sys
@@ -16,74 +14,16 @@ from common.costs import CLOCK, Costs
 from common.disk import full_one, no_room
 from common.errors import InputError
 from common.progress import Progress, log_compilation
+from common.result_folders import notes_on
 
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
-# Environment variables: the process that starts the stages, the cores that it has, and those that it gives to a stage.
-PIPELINE_PROCESS, RUN_CORES, STAGE_CORES = "PIPELINE_PROCESS", "CORES_OF_RUN", "CORES_OF_STAGE"
-COMPANION_FOLDERS = {  # folders of runs besides the mine's own (workflow/folders.py), and what they are
-    r"results/[^/]+/(plans/[^/]+/)?coarse/": "the mine on cells of twice the size; "
-    "grid_convergence: false leaves it out",
-    r"results/[^/]+/elastic_rock/": "the mine in elastic rock, for its baselines",
-    r"results/[^/]+/(plans/[^/]+/)?drawn_rock/[0-9]+/": "rock that the calibration has drawn; "
-    "hazard.rock: mine_file leaves it out",
-    r"results/[^/]+/plans/[^/]+/": "another plan of the mine; without it in plans it is left out",
-    r"results/[^/]+/(plans/[^/]+/)?ensemble/[0-9]+/": "a perturbed member; ensemble: 0 leaves all of them out",
-}
 INTERRUPTED = 130  # what a shell makes of SIGINT
 
 
-def tell_stages(cores: int) -> None:
-    """Tell the stages that this process starts its number and how many cores it has (the workflow does, once)."""
-    os.environ[PIPELINE_PROCESS], os.environ[RUN_CORES] = str(os.getpid()), str(cores)
-
-
 def die_with_parent() -> None:
-    """Ask Linux to end this process when its parent does, so that a killed pipeline leaves no stage behind.
-
-    A parent that ended before this call is known by its number in the environment.
-    """
+    """Ask Linux to end this process when its parent does, so that a killed pipeline leaves no stage behind."""
     if sys.platform == "linux":
-        parent = int(os.environ.get(PIPELINE_PROCESS, os.getppid()))
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if parent == os.getppid():
-            return  # it has not ended before the call
-        import psutil
-
-        if not psutil.pid_exists(parent) or psutil.Process(parent).status() == psutil.STATUS_ZOMBIE:
-            os._exit(1)
-
-
-def leave_cores_to_others() -> None:
-    """Let Linux run this process where a core would be idle, if it was given none and another stage has some.
-
-    Nothing that waits for a core waits for this process: with a low priority it would, a few milliseconds each time,
-    and a step waits for its threads thousands of times a second. It has threads for half of the cores: the others run
-    what no thread of a step can share, and a thread there would hold up the rest.
-    """
-    if sys.platform == "linux" and os.environ.get(STAGE_CORES) == "0":
-        cores = int(os.environ.get(RUN_CORES, "1"))
-        if _others_work():
-            os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-            cores = max(1, cores // 2)
-        os.environ[STAGE_CORES] = os.environ["OMP_NUM_THREADS"] = str(cores)  # 0 until now
-
-
-def _others_work() -> bool:
-    """Whether another stage of this run has cores of its own: it would have to share them."""
-    import psutil
-
-    for other in psutil.Process(int(os.environ.get(PIPELINE_PROCESS, os.getppid()))).children(recursive=True):
-        try:
-            if other.pid != os.getpid() and os.sched_getscheduler(other.pid) != os.SCHED_IDLE:
-                return True
-        except OSError:  # it has just ended
-            continue
-    return False
-
-
-def threads_on(cores: int) -> int:
-    """Threads of a stage that was given so many cores: as many, or (0) those that leave_cores_to_others has found."""
-    return cores or int(os.environ.get(STAGE_CORES, "0")) or 1
 
 
 class ToTerminal(logging.Handler):
@@ -134,11 +74,9 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     does: what it does, in words (the first line of a docstring), shown if it takes longer than a moment.
     """
     die_with_parent()
-    leave_cores_to_others()
-    gc.freeze()  # what is imported stays: the collector need not search it, above all as the process ends
     CLOCK.start()
     progress = Progress(name, f"{does.strip().splitlines()[0].rstrip('.')}; log: {log}")
-    whose = name + "".join(f" ({note})" for folder, note in COMPANION_FOLDERS.items() if re.search(folder, name))
+    whose = name + "".join(f" ({note})" for note in notes_on(name))
     file = None
     try:
         file = start_log(log, progress)
@@ -173,4 +111,3 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
         cut = f"; its log {log} is cut short: {file.lost}" if file.lost else ""
         spent = f"{costs.seconds:.1f} s ({costs.processor:.1f} s of processor time), {costs.memory:.0f} MiB"
         print(f"{name}: {spent}{cut}", file=sys.stderr)
-    gc.freeze()

@@ -6,11 +6,10 @@ import sys
 from pathlib import Path
 
 from baselines.settings import BaselineSettings
+from common.result_folders import BASELINES, ELASTIC_ROCK
 from mpm_core.constitutive.laws import can_fail
 from workflow.dates import read_date
-from workflow.folders import ELASTIC_ROCK, ENSEMBLE
 from workflow.mine import Mine
-from workflow.result_files import BASELINES
 
 SMALLEST_RADIUS, LARGEST_RADIUS = 0.5, 6.0  # radii of flaws over the edge of the finest cell, where none are given
 STRENGTH = ("friction_angle", "cohesion")
@@ -66,14 +65,6 @@ class BaselinePlan:
         assert self.settings  # a mine without record ends here
         names = ["elastic", *(f"steps/{step}" for step in self.mine.mined_steps)]
         return [f"results/{self.mine.name}/{ELASTIC_ROCK}/{name}.nc" for name in names]
-
-    def members(self) -> list[str]:
-        """Folders of the ensemble's members, which are runs of the mine's own model."""
-        return [f"results/{self.mine.name}/{ENSEMBLE}/{number}" for number in range(1, self.mine.members + 1)]
-
-    def member_events(self) -> list[str]:
-        """Events of the dated steps of the members."""
-        return [f"{folder}/events/{step}.nc" for folder in self.members() for step in self.mine.dated_steps]
 
     def excess_shear_slice(self) -> dict:
         """What the catalogues of excess shear stress depend on, beside states, record and comparison."""

@@ -154,7 +154,7 @@ class CalibrationTrials:
             {"name": step, "scene": run.step_slice(step), "events": [one.event_slice(step) for one in mines]}
             for step in run.mined_steps
         ]
-        return {"grid": mine.grid_slice(), "elastic": mine.slice_of("elastic"), "steps": steps}
+        return {"grid": mine.grid_slice(), "elastic": mine.scene_slice(0), "steps": steps}
 
     def fit_slice(self, batch: int | None = None) -> dict:
         """What the fit depends on, beside trials and record; with a batch: what its points depend on."""

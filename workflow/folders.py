@@ -8,18 +8,13 @@ import functools
 import re
 from typing import Protocol
 
+from common.result_folders import ALL_RUNS, COARSE, DRAWN_ROCK, ELASTIC_ROCK, ENSEMBLE, PLANS, SEPARATE_RUNS
 from workflow.mine import Mine
 from workflow.mine_settings import MINE_FILE_PLAN
 from workflow.mining_plans import MiningPlans
 
 NAME = "[A-Za-z0-9][A-Za-z0-9_-]*"
-ENSEMBLE = "ensemble"  # folder of the perturbed members, by number
-COARSE = "coarse"  # folder of the companion on cells of twice the size
-ELASTIC_ROCK = "elastic_rock"  # folder of the same mine in rock that does not fail, for its baselines
-PLANS = "plans"  # folder of the mine's other plans, by name
-DRAWN_ROCK = "drawn_rock"  # folder of the same mine in rock drawn from the posterior of its calibration, by number
 ALL_CORES = 64
-RUNS = f"{ENSEMBLE}/[1-9][0-9]*|{COARSE}|{ELASTIC_ROCK}|{DRAWN_ROCK}/[1-9][0-9]*"
 
 
 class OtherMines(Protocol):
@@ -58,12 +53,17 @@ class Folders:
     @property
     def pattern(self) -> str:
         """Regular expression of the wildcard `mine`: a mine's folder, or that of one of its other runs."""
-        return f"({self.places})(/(?:{RUNS}))?"
+        return f"({self.places})(/(?:{SEPARATE_RUNS}))?"
+
+    @property
+    def pattern_with_coarse(self) -> str:
+        """The same with the folders of companions."""
+        return f"({self.places})(/(?:{ALL_RUNS}))?"
 
     def parts(self, folder: str) -> tuple[str, str]:
         """Folder of the whole mine, and which run is meant: ensemble/<number>, coarse, elastic_rock,
         drawn_rock/<number>, or "": its own."""
-        found = re.fullmatch(f"({self.places})/?({RUNS}|)", folder)
+        found = re.fullmatch(f"({self.places})/?({ALL_RUNS}|)", folder)
         assert found, f"{folder} is no folder of a mine"  # the wildcard `mine` matches no other
         return found[1], found[2]
 
@@ -124,7 +124,7 @@ class Folders:
             if before[0] != before[1] or not before[0]:
                 return False
             needed += [*(f"steps/{name}" for name in before[0]), stage]
-        return all(mines[0].slice_of(one) == mines[1].slice_of(one) for one in needed)
+        return all(mines[0].mechanics_slice(one) == mines[1].mechanics_slice(one) for one in needed)
 
     def threads(self, folder: str) -> int:
         """Threads of a stage of the mechanics: all of them, unless the folder's mine is small."""

@@ -154,10 +154,17 @@ class Mine(Plan):
         settings = self.settings
         flat = {"thickness": settings.thickness} if self.plane else {}
         slice_ = {"mine": self.name, "frame": settings.frame.given(), **flat, **settings.seismic.given()}
-        if step:
-            own = self.steps[self.step_index(step)]
-            slice_ |= {"start": own.start or "", "end": own.end or ""}
-        return slice_
+        return slice_ | self._dates(step) if step else slice_
+
+    def events_slice(self) -> dict:
+        """What the events of all steps depend on, beside their states."""
+        steps = [{"name": name, "dates": self._dates(name)} for name in self.mined_steps]
+        return {"seismic": self.event_slice(), "steps": steps}
+
+    def _dates(self, step: str) -> dict[str, str]:
+        """First date of a step, and the first one after it; empty texts where it has none."""
+        own = self.steps[self.step_index(step)]
+        return {"start": own.start or "", "end": own.end or ""}
 
     def spread_slice(self) -> dict:
         """What spread.nc depends on besides the runs of the ensemble."""
@@ -208,27 +215,20 @@ class Mine(Plan):
             "insitu": self._insitu_stress() | {"surface": self.settings.frame.surface},
         }
 
-    def slice_of(self, stage: str) -> dict:
-        """The slice of a stage, which is named by its result below results/<mine>, without ending: "steps/2019-08"."""
+    def mechanics_slice(self, stage: str) -> dict:
+        """What a stage of the mechanics depends on, besides other stages: "grid", "elastic" or "steps/<step>"."""
         kind, _, step = stage.partition("/")
-        of_stage = {
-            "scene": self.picture_slice,
-            "grid": self.grid_slice,
-            "solids": self.solids_slice,
-            "elastic": lambda: self.scene_slice(0),
-            "steps": lambda: self.step_slice(step),
-            "events": lambda: self.event_slice(step),
-            "catalog": self.event_slice,
-            "closeness": self.event_slice,
-            "quakeml": dict,
-            "record": self.record_slice if self.settings.record else dict,
-            "comparison": self.comparison_slice,
-            "spread": self.spread_slice,
-            "grid_convergence": self.convergence_slice,
-            "forecast_scores": self.forecast_slice,
-            "report": self.report_slice,
-        }
-        return of_stage[kind]()
+        if kind == "grid":
+            return self.grid_slice()
+        return self.step_slice(step) if step else self.scene_slice(0)
+
+    def run_slices(self) -> dict:
+        """Settings of all stages up to the events, for workflow.run_mine.run_stages."""
+        steps = [
+            {"name": name, "scene": self.step_slice(name), "events": [self.event_slice(name)]}
+            for name in self.mined_steps
+        ]
+        return {"grid": self.grid_slice(), "elastic": self.scene_slice(0), "steps": steps}
 
     def record_slice(self) -> dict:
         """What record.nc depends on besides the recorded data."""

@@ -12,13 +12,13 @@ from snakemake.utils import update_config
 
 from calibration.mine_files import copied_values
 from common.errors import InputError, InputErrors
+from common.result_folders import CALIBRATION
 from workflow.configuration import load
 from workflow.mine import Mine
 from workflow.mine_settings import MINE_FILE_PLAN, MiningPlan
 from workflow.strict_yaml import read_yaml
 
 OTHER_SECTIONS = ("plans", "calibration")  # of a mine file that a plan has not
-CALIBRATION = "calibration"  # folder of the posterior's draws below results/<mine>
 
 
 class MiningPlans:

@@ -4,10 +4,10 @@ import os
 import sys
 from pathlib import Path
 
+from common.result_folders import COARSE, DRAWN_ROCK, ENSEMBLE, PLANS
 from workflow.calibration_trials import DRAWS
-from workflow.folders import COARSE, DRAWN_ROCK, ENSEMBLE
 from workflow.mine_settings import MINE_FILE_PLAN
-from workflow.result_files import PLANS, ResultFiles
+from workflow.result_files import ResultFiles
 
 OUTCOME = "outcome.nc"
 POSTERIOR = "posterior"
@@ -120,9 +120,16 @@ class PlanOutcomes:
         return found
 
     def results(self, plan: str) -> list[str]:
-        """All files that the outcome of a plan is made from, beside grid, record and comparison."""
+        """All that the outcome of a plan is made from, beside grid, record and comparison: states, folders of events.
+
+        The states of a companion are in a folder, too.
+        """
         runs = [*self._run_files(plan), *self._compared_runs(plan), *self._recorded_runs()]
-        return list(dict.fromkeys(path for run in runs for kind in ("events", "states") for path in run.get(kind, ())))
+        found = [os.path.dirname(path) for run in runs for path in run["events"]]
+        for run in runs:
+            is_coarse = run["kind"] == "coarse"
+            found += [os.path.dirname(path) if is_coarse else path for path in run.get("states", ())]
+        return list(dict.fromkeys(found))
 
     def grid(self, plan: str) -> str:
         """The grid of a plan's own run."""

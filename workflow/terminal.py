@@ -12,35 +12,22 @@ from pathlib import Path
 
 from snakemake.logging import ColorizingTextHandler
 from snakemake_interface_logger_plugins.base import LogHandlerBase
+from snakemake_interface_logger_plugins.common import LogEvent
 
 from common.disk import NO_ROOM as NO_ROOM_ERRORS
 from common.disk import disk_full
 
-CHATTER = (
-    "Config file ",
-    "Assuming unrestricted",
-    "Building DAG",
-    "Using shell",
-    "Provided cores",
-    "Rules claiming",
-    "Conda environments",
-    "Select jobs",
-    "Execute ",
-    "Complete log",
-    "Elapsed time",
-    "Shutting down",
-    "Cleaning up SLURM log files",
-    "Restored previous version",
-    "Cannot restore ",  # a result that failed had no earlier version
-    "Removing output files of failed job",  # the stage has said why it failed
-    "Exiting because a job",
-    "WorkflowError:\nAt least one job did not complete",
-)
-QUIET_EVENTS = ("workflow_started", "job_finished", "resources_info")
+QUIET_EVENTS = (LogEvent.WORKFLOW_STARTED, LogEvent.JOB_FINISHED, LogEvent.JOB_STARTED, LogEvent.RESOURCES_INFO)
+SHOWN = (
+    "Nothing to be done",
+    "This was a dry-run",
+    "Reasons:",
+    "Unlocking",
+    "Congratulations",
+)  # of what Snakemake says of no event
+SAID_BEFORE = ("Exiting because a job", "WorkflowError:\nAt least one job did not complete")  # by the stage itself
 LOOK_ELSEWHERE = "For further error details"  # of every job on a cluster
-UNFINISHED_NOTE = "Ignore corrupted or currently written metadata"  # of a job that a full disk cut off; it is run again
 NO_ROOM = re.compile(rf"\[Errno (?:{'|'.join(str(number) for number in NO_ROOM_ERRORS)})\] ([^:)\n]*)")
-REPORTED_ITSELF = ("exit status 1.", "exit status 2.", "exit status 130.")  # a stage's error; argparse's; Ctrl-C
 
 
 class OneLine(logging.Filter):
@@ -50,34 +37,30 @@ class OneLine(logging.Filter):
     """
 
     table_is_shown = False
-
-    full = False  # whether the user has been warned that the disk is full
+    full = False  # whether the user has been told that the disk is full
 
     def filter(self, record: logging.LogRecord) -> bool:
         """False for a record that says nothing to the user."""
-        event = getattr(getattr(record, "event", None), "value", None)
-        text = str(record.msg)
-        if event == "run_info":
-            if self.table_is_shown:
-                return False
-            self.table_is_shown = True
-        if event in QUIET_EVENTS or text.startswith(CHATTER):
+        event, text = getattr(record, "event", None), str(record.msg)
+        if event == LogEvent.RUN_INFO:
+            shown, self.table_is_shown = self.table_is_shown, True
+            return not shown
+        if event in QUIET_EVENTS or text.startswith(SAID_BEFORE):
             return False
-        error = vars(record)
-        if event == "job_error" and error["rule_msg"]:  # of a job on a cluster, whose stage says nothing here
-            reason = error["rule_msg"].partition(LOOK_ELSEWHERE)[0].splitlines()[0].rstrip(".")
-            record.msg = f"{error['output'][0].split(' (')[0]}: {reason}; see {' and '.join(error['log'])}"
-            error["event"] = None  # Snakemake's filter would drop the record
-            return True
-        if full := NO_ROOM.search(text):
+        if event is None and record.levelno < logging.WARNING:
+            return text.startswith(SHOWN)
+        if event == LogEvent.JOB_ERROR and (rule_message := vars(record)["rule_msg"]):  # on a cluster
+            reason = rule_message.partition(LOOK_ELSEWHERE)[0].splitlines()[0].rstrip(".")
+            output = vars(record)["output"][0].split(" (")[0]
+            record.msg = f"{output}: {reason}; see {' and '.join(vars(record)['log'])}"
+            vars(record)["event"] = None  # Snakemake's filter would drop the record
+        elif full := NO_ROOM.search(text):
             said, self.full = self.full, True
             folder = re.search(r"directory (/.*)|: '(/[^'\n]*)'", text)
             record.msg = disk_full(full[1], Path.cwd() if folder is None else folder[1] or Path(folder[2]).parent)
             return not said
-        if self.full and text.startswith(UNFINISHED_NOTE):
-            return False
-        if event == "error" and "CalledProcessError" in text:
-            if text.rstrip().endswith(REPORTED_ITSELF):
+        elif event == LogEvent.ERROR and "CalledProcessError" in text:
+            if "exit status" in text:  # the stage has said why
                 return False
             output = re.search(r"--output (\S+)", text)
             end = text.rstrip().rsplit("' ", 1)[-1]  # "died with <Signals.SIGKILL: 9>."

@@ -7,12 +7,12 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-
-from common.datasets import MIN_VALUES_COMPRESSED, checksum, open_dataset, read_dataset, rows_of_chunk, write_dataset
-from common.errors import InputError
 from common.slices import read_slice
 from common.sources import ROOT
 from workflow.stage_inputs import SliceFiles
+
+from common.datasets import MIN_VALUES_COMPRESSED, checksum, open_dataset, read_dataset, rows_of_chunk, write_dataset
+from common.errors import InputError
 
 random = np.random.default_rng(4)
 MANY = 2 * MIN_VALUES_COMPRESSED

@@ -7,20 +7,12 @@ from pathlib import Path
 
 import pytest
 import yaml
-from stage_server import programs, stage_program
-from stand_ins import LEAVE_EMPTY, noting, program
+from stand_ins import LEAVE_EMPTY, program
 from tiny_mines import TINY, changed, merged, snakemake, write_mine
 
 from common.errors import InputError
 from workflow.configuration import load
 from workflow.mine_folder import NOTES
-
-
-@pytest.fixture(scope="session", autouse=True)
-def left_over():
-    """What the tests leave outside of pytest's folders is removed."""
-    yield
-    shutil.rmtree(programs())
 
 
 @pytest.fixture(scope="session")
@@ -37,7 +29,7 @@ def tiny_file(base) -> Path:
 
 @pytest.fixture(scope="session")
 def undisturbed(base, tiny_file, tmp_path_factory) -> tuple[Path, str]:
-    """Folder and terminal text of one run of the tiny mine to its report, on two cores; see also `notes`.
+    """Folder and terminal text of one run of the tiny mine to its report, on two cores.
 
     One run for all workers of pytest-xdist: the first makes it, the others copy it, mine file and time stamps included.
     """
@@ -61,27 +53,15 @@ def undisturbed(base, tiny_file, tmp_path_factory) -> tuple[Path, str]:
 
 def run_to_report(mine_file: Path, folder: Path) -> str:
     """Terminal text of a run of a mine in a folder."""
-    status, text = snakemake(mine_file, folder, interpreter=noting(folder.parent / "notes"))
+    status, text = snakemake(mine_file, folder)
     assert status == 0, text
     return text
 
 
 @pytest.fixture(scope="session")
-def notes(undisturbed, base) -> Path:
-    """Folder with the files that each stage of that run has used (stand_ins.noting)."""
-    return base / "notes"
-
-
-@pytest.fixture(scope="session")
-def leave_empty_in_copies(tmp_path_factory) -> Path:
+def leave_empty(tmp_path_factory) -> Path:
     """An interpreter whose stages say what their results were made from, and nothing else; for any checkout."""
     return program(LEAVE_EMPTY, tmp_path_factory.mktemp("programs") / "leave_empty")
-
-
-@pytest.fixture(scope="session")
-def leave_empty(leave_empty_in_copies) -> Path:
-    """The same for this checkout, from a process that has imported what it needs."""
-    return stage_program(leave_empty_in_copies)
 
 
 @pytest.fixture

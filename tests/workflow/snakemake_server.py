@@ -9,7 +9,6 @@ import functools
 import importlib
 import json
 import os
-import re
 import runpy
 import select
 import subprocess
@@ -17,9 +16,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
 MODULES = ("snakemake.cli", "snakemake_executor_plugin_slurm", "workflow.configuration", "workflow.terminal")
-NO_SERVER = {"STAGE_SERVER": ""}  # of its own, which would go around the interpreter (workflow/stage_client.py)
 PATIENCE = 600  # s
 
 
@@ -32,7 +29,7 @@ def call_snakemake(words: list[str], interpreter: Path, checkout: Path) -> tuple
     with tempfile.TemporaryDirectory() as folder:
         terminal = Path(folder) / "terminal"
         call = {"words": words, "terminal": str(terminal), "interpreter": str(interpreter)}
-        call |= {"folder": os.getcwd(), "environment": os.environ | NO_SERVER}
+        call |= {"folder": os.getcwd(), "environment": dict(os.environ)}
         server.stdin.write(f"{json.dumps(call)}\n")
         server.stdin.flush()
         if not select.select([server.stdout], [], [], PATIENCE)[0]:
@@ -57,11 +54,6 @@ def _serve(checkout: Path) -> None:
     for module in MODULES:
         importlib.import_module(module)
     importlib.import_module("common.quantities").units()
-    if checkout == ROOT:  # the sources of copies are edited
-        source_hash = importlib.import_module("common.sources").source_hash
-        for rules in (ROOT / "workflow/rules").iterdir():
-            for stage in re.findall(r'source_hash\("([^"]+)"', rules.read_text(encoding="utf-8")):
-                source_hash(stage)
     for line in sys.stdin:
         if not (copy := os.fork()):
             return _run(**json.loads(line))

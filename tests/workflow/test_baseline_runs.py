@@ -75,7 +75,6 @@ def test_what_stages_are_given_follows_from_the_mine_file(tmp_path):
     assert flaws.strength["host"].given() == {"friction_angle": 25.0, "cohesion": 0.0}
     assert (flaws.radii, flaws.exponent, flaws.upper) == ((1.0, 9.0), 2.5, (70.0, 70.0, 70.0))
     assert StressSlice.of(plan.excess_shear_slice()).strength == flaws.strength
-    assert plan.member_events() == [f"results/tiny/ensemble/{n}/events/2019-08.nc" for n in (1, 2)]
     assert "members" not in plan.report_slice()["comparison"]
 
 
@@ -160,9 +159,9 @@ def test_wrong_radii_are_refused(refuse):
 
 
 @pytest.mark.slow
-def test_baselines_of_the_tiny_mine(spoiled, base, leave_empty):
+def test_baselines_of_the_tiny_mine(spoiled, base):
     """Beside results that stand, with a record of larger events: elastic steps, catalogues, page and table. A second
-    call has nothing to do, and a plain run takes nothing of it for left over."""
+    call has nothing to do."""
     results = spoiled / "results/tiny"
     steps = {path: digest for path, digest in hashes(results).items() if path.startswith("steps/")}
     given = {"record.file": "large.csv", "record.twin": True, "face": FACE, "baselines": {"since": "2019-07-01"}}
@@ -177,11 +176,8 @@ def test_baselines_of_the_tiny_mine(spoiled, base, leave_empty):
     with edited(base / "files" / "tiny.yaml", mine) as file:
         status, text = snakemake(file, spoiled, "baselines")
         again = snakemake(file, spoiled, "--dry-run", "baselines")
-        plain = snakemake(file, spoiled, interpreter=leave_empty)
     assert status == 0, text
     assert "Nothing to be done" in again[1]
-    assert plain[0] == 0, plain[1]
-    assert "not part of the mine file's plan" not in plain[1]
     after = hashes(results)
     assert {path: after[path] for path in steps} == steps
 

@@ -5,24 +5,12 @@ import subprocess
 import sys
 
 import pytest
-from snakemake_server import NO_SERVER
-from stand_ins import ending
-from tiny_mines import ROOT, TINY, command, snakemake, write_mine
+from tiny_mines import ROOT, TINY, snakemake, write_mine
 
 from common.errors import InputError
+from workflow.command_line import read_overrides
 from workflow.mine_folder import check_owner, note_owner
-from workflow.snakemake_command_line import read_overrides
 
-AND_TIMERS = """
-import sys, threading
-sys.executable = {interpreter!r}
-from snakemake.cli import main
-try:
-    main(sys.argv[1:])
-finally:
-    waiting = [one for one in threading.enumerate() if isinstance(one, threading.Timer) and not one.finished.is_set()]
-    print("timers:", len(waiting))
-"""
 READ_ONLY = "/sys"  # a folder of Linux that takes no files, of root neither
 
 
@@ -98,18 +86,6 @@ def test_snakemake_ends_in_one_line(tmp_path, options, says):
     assert says in lines[0]
 
 
-@pytest.mark.parametrize(("how", "status"), [("true", 0), ("exit 1", 1)])
-def test_snakemake_waits_for_no_timer_as_it_ends(tmp_path, leave_empty, how, status):
-    interpreter = ending("results/tiny/grid.nc", how, tmp_path, leave_empty)
-    line = command(write_mine(TINY, tmp_path / "mine.yaml"), tmp_path / "run", "results/tiny/grid.nc")[3:]
-    program = AND_TIMERS.format(interpreter=str(interpreter))
-    environment = os.environ | NO_SERVER
-    done = subprocess.run([sys.executable, "-c", program, *line], capture_output=True, text=True, env=environment)
-    assert done.returncode == status
-    assert (tmp_path / "once").exists()
-    assert done.stdout.endswith("timers: 0\n")
-
-
 @pytest.mark.skipif(not os.path.isdir(READ_ONLY), reason="no folder that takes no files")
 @pytest.mark.parametrize("folder", [READ_ONLY, __file__], ids=["read-only", "a file"])
 def test_a_working_directory_that_takes_no_files_is_one_line(tmp_path, folder):
@@ -135,30 +111,24 @@ def test_results_under_a_name_of_the_command_line_are_not_replaced(tmp_path, mon
 @pytest.mark.parametrize(
     ("words", "status", "says"),
     [
-        ("mpm_core", 2, "python -m mpm_core: the following arguments are required: stage; --help"),
+        ("workflow", 2, "python -m workflow: the following arguments are required: job, --output; --help"),
+        ("workflow jobs/grid.json --output x --threads many", 2, "python -m workflow: argument --threads: inv"),
         (
-            "mpm_core grid --scene x --output x --threads many",
+            "workflow nonsense.json --output x",
             2,
-            "python -m mpm_core grid: argument --threads: inv",
-        ),
-        ("seismic events", 2, "python -m seismic events: the following arguments are required"),
-        ("catalogs nonsense", 2, "python -m catalogs: argument stage: invalid choice"),
-        (
-            "verification.stability points",
-            2,
-            "python -m verification.stability points: the following arguments are required",
+            "python -m workflow: nonsense.json: no job of a stage; there ",
         ),
         ("workflow.generate nonsense", 2, "python -m workflow.generate: unrecognized arguments: nonsense"),
-        ("mpm_core grid --scene . --output x", 1, "grid x: .: not readable (Is a directory); slices stand in results/"),
-        ("mpm_core grid --scene README.md --output x", 1, "grid x: README.md: not JSON ("),
-        ("mpm_core elastic --scene {empty} --grid x --output x", 1, "elastic x: not the slice of a step; slices stand"),
+        ("workflow jobs/grid --output x", 1, "grid x: jobs/grid: not readable (No such file or directory); jobs stand"),
+        ("workflow {empty}/jobs/grid.json --output x", 1, "grid x: {empty}/jobs/grid.json: not JSON ("),
     ],
 )
 def test_a_stage_that_is_called_wrong_by_hand_is_one_line(tmp_path, words, status, says):
     """No usage of many lines, no traceback, no advice to delete what is no slice."""
-    (tmp_path / "empty.json").write_text("{}")
-    line = words.format(empty=tmp_path / "empty.json").split()
+    (tmp_path / "jobs").mkdir()
+    (tmp_path / "jobs/grid.json").write_text("")
+    line = words.format(empty=tmp_path).split()
     run = subprocess.run([sys.executable, "-m", *line], cwd=ROOT, capture_output=True, text=True)
     assert run.returncode == status
     assert len(run.stderr.splitlines()) == 1, run.stderr
-    assert run.stderr.startswith(says)
+    assert run.stderr.startswith(says.format(empty=tmp_path))

@@ -18,11 +18,14 @@ def test_members_run_beside_what_stands_and_are_gathered(spoiled, base):
         again = snakemake(file, spoiled, "--dry-run")
         drawn = snakemake(file, spoiled, "--dry-run", "results/tiny/ensemble/1/vtk/steps/2019-08.vtu")
     assert status == 0, text
-    assert jobs(text) == {"mining_step": 4, "events": 4, "spread": 1, "compare": 1, "report": 1, "all": 1}
+    assert jobs(text) == {"step": 4, "events": 2, "comparison": 1, "report": 1, "report_page": 1, "all": 1}
     after = hashes(results)
     assert {path for path in before if after[path] != before[path]} <= {"comparison.nc"}
     steps = [f"{folder}/{step}.nc" for folder in ("steps", "events") for step in ("history", "2019-08")]
-    assert set(after) - set(before) == {"spread.nc", *(f"ensemble/{k}/{step}" for k in (1, 2) for step in steps)}
+    assert set(after) - set(before) == {
+        "spread.nc",
+        *(f"ensemble/{member}/{file}" for member in (1, 2) for file in (*steps, "catalog.nc")),
+    }
 
     stress = [
         xr.open_dataset(results / run / "steps/2019-08.nc").stress.values for run in ("", "ensemble/1", "ensemble/2")

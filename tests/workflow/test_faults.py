@@ -1,6 +1,5 @@
 """Each fault ends with one line that says where and what to do, and leaves every result as it was."""
 
-import json
 import re
 import subprocess
 import sys
@@ -13,6 +12,7 @@ from tiny_mines import FLAT, ROOT, TINY, box, changed, edited, hashes, merged, s
 from catalogs.records import read_record
 from common.datasets import read_dataset
 from common.errors import InputError
+from common.job import write_job
 from mpm_core.scene.scene import parse_scene
 from mpm_core.stages import equilibrium_stages, grid_stage, stage_memory
 from workflow.configuration import load
@@ -27,27 +27,30 @@ def spoken(text: str) -> list[str]:
 
 
 STOPE = {"name": "stope_1", "step": "2019-08", "fill": "fill"}
-FAULTS = {  # values changed, the one line's parts
-    "unknown key": ({"solver.tolerancee": 1}, ("files/tiny.yaml: solver.tolerancee: unknown key", "tolerance?")),
+FAULTS = {  # values changed, the one line's parts, result of the stage that fails
+    "unknown key": ({"solver.tolerancee": 1}, ("files/tiny.yaml: solver.tolerancee: unknown key", "tolerance?"), ""),
     "no convergence": (
         {"solver.scheme": "explicit", "solver.max_iterations": 20},
         ("elastic results/tiny/elastic.nc: no convergence", "solver.max_iterations"),
+        "elastic.nc",
     ),
     "outside the domain": (
         {"excavations.2": box("stope_2", "planned", [145, 40, 25], [155, 55, 50], fill="fill")},
         ("files/tiny.yaml: excavations.stope_2: lies outside the domain", "check its coordinates"),
+        "",
     ),
     "record without a column": (
         {"record.columns.log_potency": "magnitude"},
         ("record.csv: column 'magnitude' (record.columns.log_potency) is missing", "it has date, x, y, z, size"),
+        "record.nc",
     ),
 }
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_user_reads_one_line_and_all_results_stand(spoiled, base, fault):
+def test_user_reads_one_line_and_other_results_stand(spoiled, base, fault):
     """On the terminal, as the profile shows it: no traceback, no shell command, no configuration as JSON."""
-    values, says = FAULTS[fault]
+    values, says, failed = FAULTS[fault]
     before = hashes(spoiled / "results/tiny")
     with edited(base / "files/tiny.yaml", changed(TINY, **values)) as file:
         status, text = snakemake(file, spoiled)
@@ -55,6 +58,7 @@ def test_user_reads_one_line_and_all_results_stand(spoiled, base, fault):
     assert status != 0
     assert len(lines) == 1, text
     assert all(part in lines[0] for part in says), lines[0]
+    before.pop(failed, None)
     assert hashes(spoiled / "results/tiny") == before
 
 
@@ -74,8 +78,8 @@ def test_a_record_that_cannot_be_read_ends_the_run_before_anything_is_solved(bas
     assert not list((base / "unreadable").glob("results/tiny/*.nc"))
 
 
-def test_a_record_spoiled_later_leaves_the_one_that_was_read(spoiled, base):
-    """A value that is no number, in a file that was good: record.nc, comparison and report stand as they were."""
+def test_a_record_spoiled_later_leaves_comparison_and_report(spoiled, base):
+    """A value that is no number, in a file that was good: what was compared stands as it was."""
     file = write_mine(TINY, base / "files/spoiled/mine.yaml")
     record = file.parent / "record.csv"
     record.write_text(record.read_text().replace("2019-08-07T06:00:00,", "2019-08-07T06:00:00,north ", 1))
@@ -83,7 +87,9 @@ def test_a_record_spoiled_later_leaves_the_one_that_was_read(spoiled, base):
     status, text = snakemake(file, spoiled)
     assert status != 0
     assert "is not a number" in text
+    before.pop("record.nc")
     assert hashes(spoiled / "results/tiny") == before
+    assert (spoiled / "results/tiny/report.html").is_file()
 
 
 def test_results_of_another_file_are_not_replaced(spoiled, base, tiny_file):
@@ -161,9 +167,17 @@ def test_solid_outside_the_domain(refused, tmp_path):
 def test_solid_that_reaches_beyond_the_domain_is_told(mine, tmp_path):
     """On the terminal, when the grid is made: a coordinate typed wrong, or a drive that goes on."""
     made = mine(TINY, **{"excavations.0": box("drive", "history", [20, 30, 40], [99, 40, 50])})
-    output = ["--output", str(tmp_path / "grid.nc"), "--log", str(tmp_path / "grid.log"), "--threads", "1"]
-    (tmp_path / "slice.json").write_text(json.dumps(made.grid_slice()))
-    line = [sys.executable, "-m", "mpm_core", "grid", "--scene", str(tmp_path / "slice.json"), *output]
+    job = write_job(tmp_path, "grid", "", made.grid_slice(), {}, "")
+    line = [
+        sys.executable,
+        "-m",
+        "workflow",
+        job,
+        "--output",
+        str(tmp_path / "grid.nc"),
+        "--log",
+        str(tmp_path / "log"),
+    ]
     run = subprocess.run(line, cwd=ROOT, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     assert "excavations.drive reaches beyond the domain; the part inside is used" in run.stderr

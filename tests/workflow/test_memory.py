@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from tiny_mines import TINY, snakemake
+from workflow.rule_memory import COMPILING, mechanics_mb, reading_mb
 
 from common.datasets import write_dataset
 from mpm_core.settings import SolverSettings
 from mpm_core.stages.stage_memory import BASE_BYTES, stage_bytes
 from mpm_core.stages.step_cells import SCHEMES
-from workflow.rule_memory import COMPILING, mechanics_mb, reading_mb
 
 
 @pytest.fixture

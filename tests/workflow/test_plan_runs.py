@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from stage_server import stage_program
 from stand_ins import program
 from tiny_mines import FLAT, NEXT_STEP, STILL, TINY, changed, edited, hashes, jobs, snakemake, write_mine
 
-from common.slices import read_slice
+from common.job import read_job
 
 PLANS = {
     "swapped": {
@@ -45,18 +44,20 @@ def test_plans_of_the_tiny_mine(planned, undisturbed, base):
     another class of chance makes no step again."""
     folder, text = planned
     results = folder / "results/tiny"
-    assert jobs(text) == {"mining_step": 3, "events": 3, "plan_outcome": 3, "plans": 1}
+    assert jobs(text) == {"step": 3, "events": 2, "plan_outcome": 3, "plans": 1}
     with edited(base / "files" / "tiny.yaml", PLANNED) as file:
         again = snakemake(file, folder, "--dry-run", "plans")
     assert "Nothing to be done" in again[1]
     before, after = hashes(undisturbed[0] / "results/tiny"), hashes(results)
     assert {name: after[name] for name in before} == before
-    steps = {"swapped": ("2019-08", "2019-09"), "longer": ("2019-09",)}
-    made = {
-        f"plans/{plan}/{kind}/{step}.nc" for plan, own in steps.items() for step in own for kind in ("steps", "events")
-    }
-    made |= {f"plans/{plan}/outcome.nc" for plan in ("mine_file", *PLANS)}
-    assert set(after) - set(before) == made | {"plans/plans.csv"}
+    made = {f"plans/{plan}/steps/{step}.nc" for plan, step in (("swapped", "2019-08"), ("swapped", "2019-09"))}
+    made |= {"plans/longer/steps/2019-09.nc", "plans/plans.csv"}
+    made |= {f"plans/{plan}/events/{step}.nc" for plan in PLANS for step in ("history", "2019-08", "2019-09")}
+    made |= {f"plans/{plan}/{name}.nc" for plan in PLANS for name in ("outcome", "catalog")}
+    made |= {"plans/mine_file/outcome.nc"}
+    kept = {name for name in after if name.startswith("forecasts/")}
+    assert len(kept) == 3
+    assert set(after) - set(before) - kept == made
 
     outcome = {plan: xr.open_dataset(results / f"plans/{plan}/outcome.nc") for plan in ("mine_file", *PLANS)}
     own, longer = outcome["mine_file"], outcome["longer"]
@@ -96,7 +97,7 @@ def test_a_kept_forecast_is_scored_when_its_month_is_recorded(planned, base):
     with edited(files / "tiny.yaml", mined) as file:
         status, text = snakemake(file, folder, "results/tiny/report.html")
     assert status == 0, text
-    assert jobs(text)["forecast_scores"] == 1
+    assert jobs(text)["comparison"] == 1
     scores = xr.open_dataset(results / "forecast_scores.nc")
     assert dict(zip(scores.step.values, scores.status.values, strict=True))["2019-09"] == "scored"
     assert scores.recorded.sel(quantity="number")[scores.step.values == "2019-09"].item() > 0
@@ -134,17 +135,20 @@ import os, re, runpy, shutil, sys
 from pathlib import Path
 sys.path.insert(0, os.environ["PYTHONPATH"])
 sys.argv = sys.argv[2:]
-output = sys.argv[sys.argv.index("--output") + 1]
-if drawn := re.search("drawn_rock/([0-9])/", output):
-    Path(output).parent.mkdir(parents=True, exist_ok=True)
-    own = output.replace(drawn[0], "")
-    if "/steps/" in own:
-        from common.datasets import read_dataset, write_dataset
-        state = read_dataset(own)
-        state.attrs["energy_released"] *= 1.0 + int(drawn[1]) / 10.0
-        write_dataset(state, output)
-    else:
-        shutil.copy(own, output)
+outputs = sys.argv[sys.argv.index("--output") + 1 : sys.argv.index("--log")]
+if drawn := re.search("drawn_rock/([0-9])/", outputs[0]):
+    for output in outputs:
+        Path(output).parent.mkdir(parents=True, exist_ok=True)
+        own = output.replace(drawn[0], "")
+        if "/steps/" in own:
+            from common.datasets import read_dataset, write_dataset
+            state = read_dataset(own)
+            state.attrs["energy_released"] *= 1.0 + int(drawn[1]) / 10.0
+            write_dataset(state, output)
+        elif Path(own).is_dir():
+            shutil.copytree(own, output, dirs_exist_ok=True)
+        else:
+            shutil.copy(own, output)
 else:
     runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
 """
@@ -167,15 +171,15 @@ def test_plans_in_rock_that_a_calibration_has_drawn(planned, base, tmp_path):
         for draw, value in residual.items():
             drawn = changed(TINY, **{"materials.host.cohesion.residual": f"{value:g} Pa"})
             write_mine(drawn, results / f"calibration/draw_{draw}.yaml")
-        stages = stage_program(program(IN_DRAWN_ROCK, tmp_path / "in_drawn_rock"))
+        stages = program(IN_DRAWN_ROCK, tmp_path / "in_drawn_rock")
         status, text = snakemake(file, folder, "plans", interpreter=stages)
     assert status == 0, text
-    # in each rock two steps of either plan, which share history; events of dated steps
-    assert jobs(text) == {"elastic": 5, "mining_step": 20, "events": 15, "plan_outcome": 2, "plans": 1}
+    # in each rock two steps of either plan, which share history
+    assert jobs(text) == {"elastic": 5, "step": 20, "events": 10, "plan_outcome": 2, "plans": 1}
     for draw, value in residual.items():
         for place in (f"drawn_rock/{draw}", f"plans/swapped/drawn_rock/{draw}"):
-            (slice_,) = (results / place / "slices/steps").glob("2019-08.*.json")
-            assert read_slice(slice_)["materials"]["host"]["cohesion"]["residual"] == pytest.approx(value)
+            (job,) = (results / place / "jobs/step").glob("2019-08.*.json")
+            assert read_job(job).settings["materials"]["host"]["cohesion"]["residual"] == pytest.approx(value)
     for plan, place in (("mine_file", results), ("swapped", results / "plans/swapped")):
         outcome = xr.open_dataset(results / f"plans/{plan}/outcome.nc")
         assert outcome.run_kind.values.tolist() == ["own", *["draw"] * 5]

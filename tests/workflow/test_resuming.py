@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 # A stage that keeps every generation and is killed as it has kept the second: what a stage of hours comes to.
 KILLED_WITHIN = """
 import os, signal
-from mpm_core import __main__
+from workflow import __main__
 from mpm_core.stages import checkpoint
 from common.costs import CLOCK
 save = checkpoint.Checkpoint.save
@@ -47,7 +47,7 @@ def stage_of(snakemake: psutil.Process, name: str) -> psutil.Process | None:
     """The child of Snakemake that runs this stage."""
     for child in snakemake.children(recursive=True):
         try:
-            if name in child.cmdline():
+            if any(f"/jobs/{name}" in word for word in child.cmdline()):
                 return child
         except psutil.Error:  # it ended in between
             continue
@@ -77,7 +77,7 @@ def test_killed_in_a_mechanics_stage_and_resumed_gives_the_same_bytes(spoiled, t
         assert status == 0, text
     status, text = snakemake(tiny_file, spoiled, "--rerun-incomplete", *STEPS)
     assert status == 0, text
-    assert jobs(text) == {"mining_step": 2}
+    assert jobs(text) == {"step": 2}
     assert hashes(results) == hashes(undisturbed[0] / "results/tiny")
 
 
@@ -93,7 +93,7 @@ def test_killed_within_a_step_it_goes_on_inside_it_to_the_same_bytes(spoiled, ti
     command = await_(lambda: stage_of(psutil.Process(run.pid), "step")).cmdline()
     os.kill(run.pid, signal.SIGKILL)
     run.wait()
-    arguments = command[command.index("mpm_core") + 1 :]
+    arguments = command[command.index("workflow") + 1 :]
     killed = subprocess.run(
         [sys.executable, "-c", KILLED_WITHIN, *arguments], cwd=spoiled, env={**os.environ, "PYTHONPATH": str(ROOT)}
     )

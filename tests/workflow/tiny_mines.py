@@ -11,8 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import yaml
-from snakemake_server import NO_SERVER, call_snakemake
-from stage_server import stage_program
+from snakemake_server import call_snakemake
 
 from verification.extremes.tiny_mine import (  # noqa: F401  what tests import from here
     DIRECTED,
@@ -31,22 +30,8 @@ from verification.extremes.tiny_mine import (  # noqa: F401  what tests import f
 ROOT = Path(__file__).parents[2]
 DEFAULT = ROOT / "config" / "default.yaml"
 STAGES = {
-    "scene",
-    "grid",
-    "elastic",
-    "mining_step",
-    "events",
-    "catalog",
-    "closeness",
-    "quakeml",
-    "record",
-    "compare",
-    "spread",
-    "grid_convergence",
-    "plan_outcome",
-    "plans",
-    "forecast_scores",
-    "report",
+    *("scene", "grid", "elastic", "step", "companion", "events", "catalogue", "record", "comparison", "report"),
+    *("report_page", "plan_outcome", "plans", "flaws", "excess_shear", "baselines", "trial", "further", "calibrate"),
     "all",
 }
 DATASETS = (".nc", ".csv", ".xml")
@@ -114,7 +99,7 @@ def start(
 ) -> subprocess.Popen:
     """Snakemake in a session of its own; its output is read with communicate(). interpreter: as `snakemake`, if any."""
     text = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "encoding": "utf-8"}
-    environment = os.environ | {"PYTHONIOENCODING": "utf-8"} | (NO_SERVER if interpreter else {})
+    environment = os.environ | {"PYTHONIOENCODING": "utf-8"}
     python, *line = command(mine_file, folder, *options, cores=cores)
     if interpreter:
         line = ["-c", BY_INTERPRETER, str(interpreter), *line[2:]]
@@ -125,8 +110,8 @@ def snakemake(
     mine_file: Path, folder: Path, *options: str, interpreter: Path | None = None, checkout: Path = ROOT
 ) -> tuple[int, str]:
     """Exit status and terminal text of a run; interpreter: the program that runs the stages."""
-    interpreter = interpreter or (stage_program() if checkout == ROOT else Path(sys.executable))
-    return call_snakemake(command(mine_file, folder, *options, checkout=checkout)[3:], interpreter, checkout)
+    words = command(mine_file, folder, *options, checkout=checkout)[3:]
+    return call_snakemake(words, interpreter or Path(sys.executable), checkout)
 
 
 def finished(process: subprocess.Popen) -> tuple[int, str]:
@@ -139,14 +124,6 @@ def jobs(text: str) -> dict[str, int]:
     """How often each rule runs, from the table of jobs that Snakemake prints."""
     pairs = (line.split() for line in text.splitlines())
     return {pair[0]: int(pair[1]) for pair in pairs if len(pair) == 2 and pair[0] in STAGES and pair[1].isdigit()}
-
-
-def slices(mine) -> dict[str, dict]:
-    """The slice of every stage of a mine, by the stage's name."""
-    stages = ["grid", "elastic", *(f"{folder}/{step}" for folder in ("steps", "events") for step in mine.mined_steps)]
-    stages += ["catalog", "closeness", "record", "comparison"]
-    stages += ["spread"] * bool(mine.members) + ["grid_convergence"] * bool(mine.has_companion)
-    return {stage: mine.slice_of(stage) for stage in stages}
 
 
 def hashes(results: Path, suffixes: tuple[str, ...] = DATASETS) -> dict[str, str]:

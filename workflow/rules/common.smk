@@ -1,43 +1,26 @@
-"""Loads and checks the configuration, and makes what the rules ask (workflow/result_files.py and its neighbours).
+"""Loads and checks the configuration, and makes what the rules ask."""
 
-Rules depend on the sources that their stage runs (common.sources) by hash, a parameter. As input files they would be
-looked at, all of them, for every waiting job, every second: a third of a core for some 300 jobs.
-"""
-
-import gc
 import shlex
+import shutil
 import sys
-import threading
 
-gc.disable()  # until all rules are read: it would search all that they import, again and again
-
-from snakemake.cli import get_argument_parser
-
-BASE = Path(workflow.basedir)
-sys.path.insert(0, str(BASE))
-
-from workflow.stage_client import ADDRESS
-from workflow.stage_server import start_server
-
-COMMAND_LINE = get_argument_parser().parse_args()
-HAS_IDLE_CORE = workflow.is_main_process and (workflow.resource_settings.cores or 0) > 1  # None on a cluster
-if HAS_IDLE_CORE and not COMMAND_LINE.dryrun and ADDRESS not in os.environ:
-    start_server()  # It imports on a core that is idle while the rules are read. A call that runs no stage ends it.
+BASE = Path(workflow.basedir)  # with config: the checkout, or the package `workflow` of an installation
+PACKAGES = BASE if (BASE / "mpm_core").is_dir() else BASE.parent
+sys.path.insert(0, str(PACKAGES))
 
 import yaml
 from snakemake.utils import update_config
 
 from common.errors import InputError
-from common.sources import source_hash
-from common.stage import tell_stages
-from workflow.snakemake_command_line import asks_for_more, read_overrides
+from workflow.command_line import read_overrides
 from workflow.configuration import load
-from workflow.folders import COARSE, NAME, Folders
+from common.result_folders import BASELINES, CALIBRATION, COARSE, PLANS
+from workflow.folders import NAME, Folders
 from workflow.mining_plans import MiningPlans
-from workflow.mine_folder import check_owner, leftovers, leftovers_line, note_owner
+from workflow.mine_folder import check_owner, note_owner
 from workflow.result_files import ResultFiles
-from workflow.rule_options import RuleOptions, each_time, kept
-from workflow.stage_inputs import StageInputs
+from workflow.rule_inputs import RuleInputs
+from workflow.rule_resources import RuleResources, by_attempt
 from workflow.strict_yaml import check_files
 
 
@@ -62,40 +45,29 @@ try:
 except InputError as error:
     sys.exit(str(error))
 
-RESULTS = "results/{mine}"
-PLANS = MiningPlans(MINE, MINE_FILE, OVERRIDES)
-FOLDERS = Folders(MINE, PLANS)
+RESULTS, LOGS = "results/{mine}", "logs/{mine}"
+OWN_LOGS = f"logs/{MINE.name}"
+MINING_PLANS = MiningPlans(MINE, MINE_FILE, OVERRIDES)
+FOLDERS = Folders(MINE, MINING_PLANS)
 FILES = ResultFiles(FOLDERS)
-STAGES = StageInputs(FILES, workflow)
-OPTIONS = RuleOptions(FILES, workflow)
-OPTIONS.limit_jobs()
-CLIENT = shlex.quote(str(BASE / "workflow/stage_client.py"))
+INPUTS = RuleInputs(FOLDERS)
+RESOURCES = RuleResources(FILES, workflow.resource_settings.cores)  # None on a cluster
 
-# `stage` in the rules: by the process that has imported what stages need (workflow/stage_server.py), if there is one.
-# exec: a stage without it is a child of this process, not of a shell between them, and ends with it (common.stage).
-tell_stages(workflow.resource_settings.cores or 1)  # None on a cluster
-shell.prefix(
-    f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(BASE))}; "
-    f'stage() {{{{ exec {shlex.quote(sys.executable)} ${{{{{ADDRESS}:+-IS {CLIENT}}}}} -m "$@"; }}}}; '
-)
+# A stage is a child of this process, not of a shell between them, and ends with it (common.stage).
+RUN = f"exec {shlex.quote(sys.executable)} -m workflow {{input.job:q}} --output {{output:q}} --log {{log:q}} --threads"
+# Stages that solve equilibrium have numba's threads, others run their kernels on one.
+SOLVE, RUN = f"{RUN} {{params.threads}}", f"NUMBA_NUM_THREADS=1 {RUN} {{threads}}"
+# A stage beside others gets what these leave of the cores.
+IN_IDLE_TIME = "chrt --idle 0" if shutil.which("chrt") else "nice -n 19"
+shell.prefix(f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(PACKAGES))}; ")
 
 
-def cancel_timers() -> None:
-    """Let Snakemake end at once: it looks for jobs again a second after each start, and would wait for its last look."""
-    for thread in threading.enumerate():
-        if isinstance(thread, threading.Timer):
-            thread.cancel()
-
-
-# On a cluster (profiles/slurm) these are run where Snakemake runs. Those that read events alone take seconds, less than a
-# wait in the queue. The fits of a calibration have no other record of their settings than Snakemake's, which a job that
-# ends while Snakemake is not running leaves out. Jobs are not grouped: all steps of a run would become one job, which
-# starts from its beginning after a failure.
+# On a cluster (profiles/slurm) these run where Snakemake runs: they take seconds, less than a wait in the queue.
 localrules:
     calibrate,
-    catalog,
-    compare,
+    catalogue,
+    comparison,
     further,
-    quakeml,
     record,
+    report_page,
     twin,

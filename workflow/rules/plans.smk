@@ -3,71 +3,59 @@
 from workflow.plan_outcomes import PlanOutcomes
 
 OUTCOMES = PlanOutcomes(FILES, MINE_FILE)
+PLAN_RESULTS, PLAN_LOGS = f"results/{MINE.name}/{PLANS}", f"{OWN_LOGS}/{PLANS}"
 
 
 rule plan_outcome:
-    """What the runs of a plan release by step and opening, and the chance of events near openings."""
+    """What the runs of a plan release by step and opening, and the chance of events near openings.
+
+    The stage also lays a copy into results/<mine>/forecasts, by date: a forecast cannot be made again.
+    """
     input:
-        STAGES.named_inputs(
-            "plans outcome",
-            f"results/{MINE.name}/plans/{{plan}}/outcome.nc",
-            lambda wildcards: OUTCOMES.outcome_slice(wildcards.plan),
+        INPUTS.of(
+            "plan_outcome",
+            "{plan}",
+            settings=lambda wildcards: OUTCOMES.outcome_slice(wildcards.plan),
             grid=lambda wildcards: OUTCOMES.grid(wildcards.plan),
             results=lambda wildcards: OUTCOMES.results(wildcards.plan),
-            matched=[FILES.own("record.nc"), FILES.own("comparison.nc")] if FILES.has_record else [],
+            record=FILES.if_recorded("record.nc"),
+            comparison=FILES.if_recorded("comparison.nc"),
         ),
     output:
-        f"results/{MINE.name}/plans/{{plan}}/outcome.nc",
+        f"{PLAN_RESULTS}/{{plan}}/outcome.nc",
     log:
-        f"logs/{MINE.name}/plans/{{plan}}/outcome.log",
+        f"{PLAN_LOGS}/{{plan}}/outcome.log",
     wildcard_constraints:
-        plan=PLANS.pattern,
+        plan=MINING_PLANS.pattern,
     conda:
         "../envs/environment.yaml"
     threads: 1
     resources:
-        mem_mb=each_time(2000),
+        mem_mb=by_attempt(2000),
         runtime=60,
-    params:
-        code=source_hash("plans outcome"),
-        settings=STAGES.named_slice(
-            MINE.name,
-            lambda wildcards: f"plans/{wildcards.plan}/outcome",
-            lambda wildcards: OUTCOMES.outcome_slice(wildcards.plan),
-        ),
-        record=OPTIONS.if_made("record", "record.nc", FILES.has_record),
-        comparison=OPTIONS.if_made("comparison", "comparison.nc", FILES.has_record),
     shell:
-        "stage plans outcome --settings {params.settings:q} --grid {input.grid} {params.record} {params.comparison}"
-        " --output {output} --log {log}"
+        RUN
 
 
 rule plans:
     """All plans side by side: a page, and a table."""
     input:
-        STAGES.named_inputs(
-            "plans report",
-            f"results/{MINE.name}/plans/report.html",
-            lambda wildcards: OUTCOMES.report_slice(),
+        INPUTS.of(
+            "plans",
+            settings=lambda wildcards: OUTCOMES.report_slice(),
             outcomes=lambda wildcards: OUTCOMES.outcomes(),
             grid=FILES.own("grid.nc"),
         ),
     output:
-        page=f"results/{MINE.name}/plans/report.html",
-        table=f"results/{MINE.name}/plans/plans.csv",
+        page=f"{PLAN_RESULTS}/report.html",
+        table=f"{PLAN_RESULTS}/plans.csv",
     log:
-        f"logs/{MINE.name}/plans/report.log",
+        f"{PLAN_LOGS}/report.log",
     conda:
         "../envs/environment.yaml"
     threads: 1
     resources:
-        mem_mb=each_time(4000),
+        mem_mb=by_attempt(4000),
         runtime=60,
-    params:
-        code=source_hash("plans report"),
-        settings=STAGES.named_slice(
-            MINE.name, lambda wildcards: "plans/report", lambda wildcards: OUTCOMES.report_slice()
-        ),
     shell:
-        "stage plans report --settings {params.settings:q} --outcomes {input.outcomes} --grid {input.grid}"
-        " --output {output.page} --table {output.table} --log {log}"
+        RUN

@@ -1,0 +1,195 @@
+"""A job: one call of a stage, as a file that says all that its results depend on.
+
+The file is `results/<mine>/jobs/<stage>.<hash>.json`, or `<stage>/<part>.<hash>.json` where a stage has several
+jobs, as those of the steps. It holds the stage's settings in SI units, the results that it reads, and hashes of its
+code and of the user's files that the settings name. The hash in its name is that of its content, and the file is an
+input of the stage's rule. So whatever changes makes another file, newer than the results, and Snakemake runs the stage
+again, also where its own notes (`.snakemake`) are gone. `python -m workflow <file> --output ...` runs a job.
+"""
+
+import functools
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from common.errors import InputError
+
+FOLDER = "jobs"  # below results/<mine>
+PACKAGES = ("numpy", "numba", "scipy", "scikit-learn", "xarray", "netCDF4", "obspy")
+MADE_FROM = "made_from"
+AS_WRITTEN = {"config", "default"}  # keys of the report's settings: it quotes these, and opens none of their files
+REMEDY = "jobs stand in results/<mine>/jobs; the next run writes deleted ones again"
+
+
+@dataclass(frozen=True)
+class Job:
+    """A stage's settings (plain values, SI), the paths that it reads by name, the paths that it writes, its threads,
+    and the folder of the logs of the mine's stages."""
+
+    stage: str
+    settings: dict
+    inputs: dict[str, list[str]]
+    code: str
+    files: dict[str, str]
+    outputs: tuple[Path, ...] = ()
+    threads: int = 1
+    logs: Path | None = None
+
+    def input(self, name: str) -> str:
+        """Path of an input that is one file."""
+        (path,) = self.inputs[name]
+        return path
+
+    def input_if_any(self, name: str) -> str | None:
+        """Path of an input; None where the scene has none."""
+        return self.input(name) if name in self.inputs else None
+
+    def paths(self, name: str) -> list[str]:
+        """Paths of an input that is several files, in order; empty where the scene has none."""
+        return self.inputs.get(name, [])
+
+    def output(self, name: str = "") -> Path:
+        """The path written that has this file name; without a name the first one."""
+        return next(path for path in self.outputs if name in ("", path.name))
+
+    def writes(self, name: str) -> bool:
+        """Whether one of the paths written has this file name."""
+        return any(path.name == name for path in self.outputs)
+
+    def record(self) -> dict[str, str]:
+        """Attributes of every dataset that the job writes: what it was made from.
+
+        config_hash: of the settings; source_hash: of the code; made_from: of these, of the content of the user's files,
+        and of the `made_from` of all results that were read, so that it identifies all that came before; versions: of
+        libraries, JSON.
+        """
+        config = config_hash(self.settings)
+        before = sorted(made for name in self.inputs for path in self.paths(name) for made in read_made_from(path))
+        parts = [self.stage, config, self.code, *self.files.values(), *before]
+        return {
+            "config_hash": config,
+            "source_hash": self.code,
+            MADE_FROM: hashlib.sha256(" ".join(parts).encode()).hexdigest()[:16],
+            "versions": json.dumps({name: version(name) for name in PACKAGES}),
+        }
+
+
+def write_job(
+    folder: str | os.PathLike, stage: str, part: str, settings: dict, inputs: dict[str, list[str]], code: str
+) -> str:
+    """Path of the job of a stage in a folder of results; the file is written unless it stands there.
+
+    part: of a stage that has several jobs in the folder, such as the name of a step; else empty. Raises InputError
+    where the file cannot be written.
+    """
+    from common.datasets import atomic_path  # here: what only reads jobs need not wait for xarray
+
+    files = {path.as_posix(): content_of(path) for path in files_of(settings)}
+    values = {"stage": stage, "settings": settings, "inputs": inputs, "code": code, "files": files}
+    text = json.dumps(values, sort_keys=True)
+    path = Path(folder, FOLDER, f"{stage}/{part}" if part else stage)
+    path = path.with_name(f"{path.name}.{content_hash(text)}.json")
+    if not path.is_file() or path.read_text(encoding="utf-8", errors="replace") != text:
+        try:
+            with atomic_path(path) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise InputError(
+                f"{path}: cannot be written ({error.strerror}); mend its folder, or move it away"
+            ) from error
+    return path.as_posix()
+
+
+def read_job(path: str | os.PathLike) -> Job:
+    """The job of a file. Raises InputError for what is none, and for a file whose content is not of its name."""
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+        values = json.loads(text)
+    except OSError as error:
+        raise InputError(f"{path}: not readable ({error.strerror}); {REMEDY}") from error
+    except ValueError as error:
+        raise InputError(f"{path}: not JSON ({error}); {REMEDY}") from error
+    named = re.fullmatch(r"\.([0-9a-f]{16})", Path(path.stem).suffix)
+    if not isinstance(values, dict) or (named and named[1] != content_hash(text)):
+        raise InputError(f"{path}: damaged: its content is not what was written; {REMEDY}")
+    return Job(**values)
+
+
+def stage_of(path: str | os.PathLike) -> str:
+    """Name of the stage that a job's file is of, from its path."""
+    parts = Path(path).parts
+    below = parts[len(parts) - parts[::-1].index(FOLDER) :] if FOLDER in parts else parts[-1:]
+    return below[0].split(".")[0]
+
+
+def remove_earlier(path: str | os.PathLike) -> None:
+    """Remove other jobs of the same stage: what they describe is about to be replaced.
+
+    If their settings come back, they are written again, and then they are newer than the results.
+    """
+    path = Path(path)
+    name = Path(path.stem).stem
+    for earlier in path.parent.glob(f"{name}.*{path.suffix}"):
+        if earlier.name != path.name and re.fullmatch(r"\.[0-9a-f]{16}", earlier.name[len(name) : -len(path.suffix)]):
+            earlier.unlink(missing_ok=True)
+
+
+def content_hash(text: str) -> str:
+    """The end of the name of a job's file."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def config_hash(settings: dict) -> str:
+    """Hash of settings, independent of key order and of the folder that their files are in."""
+
+    def without_folder(pairs: list[tuple]) -> dict:
+        return {key: Path(value).name if key == "file" and isinstance(value, str) else value for key, value in pairs}
+
+    text = json.dumps(settings, sort_keys=True)
+    return content_hash(json.dumps(json.loads(text, object_pairs_hook=without_folder), sort_keys=True))
+
+
+def files_of(settings) -> Iterator[Path]:
+    """Files and folders that settings name by the key `file`, in the order of their keys."""
+    if isinstance(settings, dict):
+        for key in sorted(settings.keys() - AS_WRITTEN):
+            if key == "file" and isinstance(settings[key], str):
+                yield Path(settings[key])
+            else:
+                yield from files_of(settings[key])
+    elif isinstance(settings, list | tuple):
+        for entry in settings:
+            yield from files_of(entry)
+
+
+@functools.cache
+def content_of(path: Path) -> str:
+    """Digest of a file's bytes, of a folder's names and bytes (hidden ones left out); empty if it cannot be read."""
+    try:
+        if path.is_dir():
+            inside = sorted(entry for entry in path.iterdir() if not entry.name.startswith("."))
+            text = "".join(f"{entry.name}\0{content_of(entry)}\0" for entry in inside)
+            return hashlib.sha256(text.encode()).hexdigest()
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:  # the stage that reads it says why
+        return ""
+
+
+def read_made_from(path: str | os.PathLike) -> Iterable[str]:
+    """The `made_from` of a dataset, of all datasets in a folder, or nothing."""
+    import netCDF4
+
+    path = Path(path)
+    for dataset in sorted(path.glob("*.nc")) if path.is_dir() else [path] if path.suffix == ".nc" else []:
+        try:
+            with netCDF4.Dataset(dataset) as opened:
+                yield str(getattr(opened, MADE_FROM, ""))
+        except OSError:  # the stage that reads it says why
+            continue

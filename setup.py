@@ -1,0 +1,12 @@
+"""The packages of the pipeline; all else about them is in pyproject.toml."""
+
+from setuptools import find_packages, setup
+
+# The defaults, the shipped mines and the profiles stand beside the packages here, and within `workflow` when installed.
+DATA = {"workflow.config": "config", "workflow.profiles": "profiles"}
+
+setup(
+    packages=[*find_packages(exclude=["tests*", "docs*"]), *DATA],
+    package_dir=DATA,
+    package_data={"": ["**/*.smk", "**/Snakefile", "**/*.yaml", "**/*.rst", "**/*.j2", "**/*.js", "**/*.css", "**/*.txt"]},
+)

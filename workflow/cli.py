@@ -1,0 +1,34 @@
+"""The command of the installed package: rockburst-mpm <mine>.yaml [targets] [options of Snakemake]."""
+
+import sys
+from pathlib import Path
+
+USAGE = """\
+usage: rockburst-mpm <mine>.yaml [targets] [options of Snakemake]
+
+It runs Snakemake on a mine's file, on all cores unless --cores says otherwise. Results go to the folder `results` of the
+working directory. Targets and options are those of `snakemake`; `snakemake --help` lists the options.
+"""
+INSTALLED = Path(__file__).resolve().parent
+
+
+def arguments(words: list[str]) -> list[str]:
+    """Snakemake's arguments for a mine's file and further words. Ends with exit status 2 and the usage without a file."""
+    if not words or words[0].startswith("-"):
+        print(USAGE, end="", file=sys.stderr)
+        sys.exit(0 if words[:1] in (["-h"], ["--help"]) else 2)
+    mine, *others = words
+    # In a checkout the Snakefile, config and profiles stand beside the packages, in an installation within this one.
+    base = INSTALLED if (INSTALLED / "profiles").is_dir() else INSTALLED.parent
+    cores = (
+        [] if any(word in ("--cores", "-c") or word.startswith("--cores=") for word in others) else ["--cores", "all"]
+    )
+    profile = ["--snakefile", str(base / "Snakefile"), "--workflow-profile", str(base / "profiles/default")]
+    return [*others, *cores, *profile, "--configfile", mine]
+
+
+def main() -> None:
+    """Run Snakemake."""
+    from snakemake.cli import main as run_snakemake
+
+    run_snakemake(arguments(sys.argv[1:]))

@@ -1,0 +1,29 @@
+"""The rules of the pipeline: what is made of what. Each stage is declared in workflow/stages."""
+
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+include: "rules/common.smk"
+include: "rules/mechanics.smk"
+include: "rules/catalogue.smk"
+include: "rules/comparison.smk"
+include: "rules/requests.smk"
+include: "rules/calibration.smk"
+include: "rules/baselines.smk"
+include: "rules/plans.smk"
+
+
+wildcard_constraints:
+    mine=FOLDERS.pattern,
+    step=NAME,
+
+
+onstart:
+    note_owner(MINE.name, MINE_FILE, "name" in OVERRIDES)
+    if FILES.has_catalog and not FILES.has_quakeml:
+        print(
+            f"{MINE.name}: frame has no place on Earth: no catalog.xml, catalog.csv in mine coordinates",
+            file=sys.stderr,
+        )

@@ -1,0 +1,73 @@
+"""Inputs of the rules: the file of each job, and the results that the job reads."""
+
+import functools
+import sys
+from collections.abc import Callable, Mapping
+
+from snakemake.io import unpack
+from snakemake.iocontainers import Wildcards
+
+from common.errors import InputError
+from workflow.folders import Folders
+from workflow.stages import stages
+from common.job import write_job
+
+Paths = str | list[str]
+Given = Paths | Callable[[Wildcards], Paths]
+
+
+class RuleInputs:
+    """Inputs of the rules of any mine."""
+
+    def __init__(self, folders: Folders):
+        self.folders = folders
+        self.own = folders.mine.name
+
+    def of(
+        self,
+        stage: str,
+        part: str = "",
+        settings: Callable[[Wildcards], dict] | None = None,
+        folder: str = "",
+        **reads: Given,
+    ):
+        """Inputs of the rule of a stage: `job`, the file that says all that the stage depends on, and what it reads.
+
+        part: of a stage with several jobs in a folder, by wildcards ("{step}"). settings: those of a stage that
+        declares none itself. folder: of results, by wildcards; else that of the wildcard `mine`, or of the run's own
+        mine. reads: paths, or functions of wildcards, by name; an empty list: the scene has none.
+        """
+
+        @functools.cache
+        def job(wildcards: tuple[tuple[str, str], ...], inputs: tuple[tuple[str, tuple[str, ...]], ...]) -> str:
+            known = dict(wildcards)
+            place = folder.format(**known) or known.get("mine", self.own)
+            declared = stages()[stage]
+            if settings is not None:
+                values = settings(Wildcards(fromdict=known))
+            else:
+                assert declared.settings_of is not None, f"the rule of {stage} gives its settings"
+                values = declared.settings_of(self.folders.mine_at(place), known)
+            paths = {name: list(found) for name, found in inputs if found}
+            try:
+                return write_job(f"results/{place}", stage, part.format(**known), values, paths, declared.source_hash())
+            except InputError as error:
+                sys.exit(str(error))
+
+        def inputs(wildcards: Wildcards) -> Mapping[str, Paths]:
+            found = {name: _filled(given, wildcards) for name, given in reads.items()}
+            listed = tuple((name, tuple(_as_list(paths))) for name, paths in found.items())
+            return {"job": job(tuple(sorted(wildcards.items())), listed), **found}
+
+        return unpack(inputs)
+
+
+def _as_list(paths: Paths) -> list[str]:
+    return [paths] if isinstance(paths, str) else list(paths)
+
+
+def _filled(given: Given, wildcards: Wildcards) -> Paths:
+    """What a function gives, a name with the wildcards filled in, or a list as it is."""
+    if callable(given):
+        return given(wildcards)
+    return given.format(**wildcards) if isinstance(given, str) else given

@@ -1,0 +1,87 @@
+"""The chain of the mechanics, for the mine itself, its plans and its other runs."""
+
+
+rule grid:
+    """Cells, nodes, hanging-node constraints, and the part of each cell inside each excavation."""
+    input:
+        INPUTS.of("grid"),
+    output:
+        f"{RESULTS}/grid.nc",
+    log:
+        f"{LOGS}/grid.log",
+    conda:
+        "../envs/environment.yaml"
+    threads: RESOURCES.threads
+    resources:
+        mem_mb=by_attempt(4000),  # of some million cells; how many there are is known when it is done
+        runtime=30,
+    params:
+        threads=RESOURCES.used_threads,
+    shell:
+        SOLVE
+
+
+rule elastic:
+    """Elastic equilibrium of everything mined in history."""
+    input:
+        INPUTS.of("elastic", grid=FILES.grid),
+    output:
+        f"{RESULTS}/elastic.nc",
+    log:
+        f"{LOGS}/elastic.log",
+    conda:
+        "../envs/environment.yaml"
+    threads: RESOURCES.threads
+    resources:
+        mem_mb=RESOURCES.elastic_memory,
+        runtime=240,
+    params:
+        threads=RESOURCES.used_threads,
+    shell:
+        SOLVE
+
+
+rule step:
+    """Equilibrium of rock that fails after one mining step, from the state of the step before."""
+    input:
+        INPUTS.of("step", "{step}", grid=FILES.grid, state=FILES.previous_state),
+    output:
+        f"{RESULTS}/steps/{{step}}.nc",
+    log:
+        f"{LOGS}/steps/{{step}}.log",
+    priority: 1  # before the companion
+    conda:
+        "../envs/environment.yaml"
+    threads: RESOURCES.threads
+    resources:
+        mem_mb=RESOURCES.step_memory,
+        runtime=720,
+    params:
+        threads=RESOURCES.used_threads,
+    shell:
+        SOLVE
+
+
+rule companion:
+    """The same mine on cells of twice the size, all stages in one job; it gets what other jobs leave of the cores."""
+    input:
+        INPUTS.of("companion"),
+        cells=ancient(FILES.grid),  # for the job's memory alone
+    output:
+        f"{RESULTS}/{COARSE}/grid.nc",
+        f"{RESULTS}/{COARSE}/elastic.nc",
+        directory(f"{RESULTS}/{COARSE}/steps"),
+        directory(f"{RESULTS}/{COARSE}/events"),
+        f"{RESULTS}/{COARSE}/catalog.nc",
+    log:
+        f"{LOGS}/{COARSE}.log",
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=RESOURCES.companion_memory,
+        runtime=720,
+    params:
+        threads=1,
+    shell:
+        SOLVE.replace("exec", f"exec {IN_IDLE_TIME}")

@@ -1,0 +1,96 @@
+"""What is made on request: a picture of the scene, and files for ParaView."""
+
+
+rule scene:
+    """A picture of the scene, before anything is solved, on request: cells, solids by step, record.
+
+    Cells are those of the first step; cells that follow the rock are split in the steps.
+    """
+    input:
+        INPUTS.of("scene", grid=FILES.own("grid.nc"), record=FILES.if_recorded("record.nc")),
+    output:
+        FILES.own("scene.png"),
+    log:
+        f"{OWN_LOGS}/scene.log",
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=by_attempt(4000),  # of some million cells
+        runtime=30,
+    shell:
+        RUN
+
+
+rule vtk:
+    """A stage for ParaView, on request: results/<mine>/vtk/elastic.vtu or vtk/steps/<step>.vtu."""
+    input:
+        INPUTS.of(
+            "vtk",
+            "{stage}",
+            settings=lambda wildcards: {"state": f"results/{wildcards.mine}/{wildcards.stage}.nc"},
+            folder="{mine}",
+            grid=FILES.grid_of_any,
+            made=FILES.made_by("{stage}"),
+        ),
+    output:
+        f"{RESULTS}/vtk/{{stage}}.vtu",
+    log:
+        f"{LOGS}/vtk/{{stage}}.log",
+    wildcard_constraints:
+        mine=FOLDERS.pattern_with_coarse,
+        stage="elastic|steps/.+",
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=RESOURCES.reading_memory("vtk"),
+        runtime=30,
+    shell:
+        RUN
+
+
+rule vtk_events:
+    """Events for ParaView, on request: vtk/catalog.vtu, vtk/record.vtu or vtk/events/<step>.vtu."""
+    input:
+        INPUTS.of(
+            "vtk_events",
+            "{catalog}",
+            settings=lambda wildcards: {"events": f"results/{wildcards.mine}/{wildcards.catalog}.nc"},
+            folder="{mine}",
+            made=FILES.made_by("{catalog}"),
+        ),
+    output:
+        f"{RESULTS}/vtk/{{catalog}}.vtu",
+    log:
+        f"{LOGS}/vtk/{{catalog}}.log",
+    wildcard_constraints:
+        mine=FOLDERS.pattern_with_coarse,
+        catalog="catalog|record|events/.+",
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=by_attempt(1000),
+        runtime=10,
+    shell:
+        RUN
+
+
+rule vtk_solids:
+    """Excavations and rock bodies for ParaView, on request: vtk/solids.vtm names the files of its folder."""
+    input:
+        INPUTS.of("vtk_solids"),
+    output:
+        names=f"{RESULTS}/vtk/solids.vtm",
+        surfaces=directory(f"{RESULTS}/vtk/solids"),
+    log:
+        f"{LOGS}/vtk/solids.log",
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=by_attempt(2000),
+        runtime=30,
+    shell:
+        RUN

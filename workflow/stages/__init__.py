@@ -1,0 +1,91 @@
+"""The stages of the pipeline. A stage is declared once: a function with the decorator `stage`.
+
+The decorator says which settings of the mine the stage depends on, and which packages hold its code. The rule of the
+same name (workflow/rules) says which files it reads and writes, and its cores and memory. To add a stage, write its
+function in a module of this folder, and its rule.
+
+Modules of this folder import libraries and the mechanics within their functions: the rules import them all.
+"""
+
+import hashlib
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from workflow.mine import Mine
+from common.job import Job
+
+ROOT = Path(__file__).resolve().parents[2]
+MODULES = ("mechanics", "catalogue", "comparison", "requests", "calibration", "baselines", "plans")
+IMPORTS = {  # packages that the code of a package uses
+    "common": (),
+    "mpm_core": ("common",),
+    "seismic": ("common",),
+    "catalogs": ("common",),
+    "calibration": ("catalogs", "common", "mpm_core", "seismic"),
+    "baselines": ("catalogs", "common", "mpm_core"),
+    "plans": ("catalogs", "common"),
+}
+
+SettingsOf = Callable[[Mine, Mapping[str, str]], dict]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage: run does its work; settings_of gives what it depends on, of a mine and the wildcards of its rule."""
+
+    name: str
+    run: Callable[[Job], None]
+    settings_of: SettingsOf | None
+    packages: tuple[str, ...]
+
+    @property
+    def about(self) -> str:
+        """What the stage does: the first line of its docstring."""
+        return (self.run.__doc__ or self.name).strip().splitlines()[0].rstrip(".")
+
+    def source_hash(self) -> str:
+        """Hash of the code that the stage runs: its packages, those that these import, and its own module."""
+        needed = {*self.packages, *(name for package in self.packages for name in IMPORTS[package])}
+        module = ROOT / f"{self.run.__module__.replace('.', '/')}.py"
+        return hashlib.sha256(f"{package_hash(*sorted(needed))} {module.read_text()}".encode()).hexdigest()[:16]
+
+
+_STAGES: dict[str, Stage] = {}
+
+
+def stage(
+    *packages: str, settings: SettingsOf | None = None, name: str = ""
+) -> Callable[[Callable[[Job], None]], Callable[[Job], None]]:
+    """Declare a function as the stage of its name, or of `name`.
+
+    packages: those whose code it runs. settings: of a stage whose rule gives none of its own.
+    """
+
+    def declare(run: Callable[[Job], None]) -> Callable[[Job], None]:
+        made = Stage(name or run.__name__, run, settings, packages)
+        _STAGES[made.name] = made
+        return run
+
+    return declare
+
+
+@cache
+def stages() -> dict[str, Stage]:
+    """All stages by name."""
+    for module in MODULES:
+        importlib.import_module(f"{__name__}.{module}")
+    return _STAGES
+
+
+@cache
+def package_hash(*packages: str) -> str:
+    """Hash of all files of packages, in path order; compiled ones are left out."""
+    digest = hashlib.sha256()
+    for package in packages:
+        for path in sorted((ROOT / package).rglob("*")):
+            if path.is_file() and path.suffix != ".pyc":
+                digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,79 @@
+"""Stages from plastic strain to the synthetic catalogue, and the recorded one."""
+
+import json
+import logging
+from pathlib import Path
+
+from workflow.stages import stage
+from common.job import Job
+
+
+@stage("catalogs", settings=lambda mine, wildcards: mine.record_slice())
+def record(job: Job) -> None:
+    """The recorded catalogue as the configuration's `record` describes it."""
+    from catalogs.records import read_record
+    from common.event_table import write_events
+
+    frame = {"frame": json.dumps(job.settings["frame"])} if job.settings.get("frame") else {}
+    write_events(read_record(job.settings).assign_attrs(frame | job.record()), job.output())
+
+
+@stage("seismic", settings=lambda mine, wildcards: mine.events_slice())
+def events(job: Job) -> None:
+    """Seismic events of all steps, from their plastic strain, and the catalogue of the dated ones"""
+    from common.event_table import read_events, write_events
+    from common.processes import call_all
+    from seismic.catalog import merge
+
+    folder, record = job.output("events"), job.record()
+    folder.mkdir(parents=True, exist_ok=True)
+    steps = {one["name"]: one for one in job.settings["steps"]}
+    files = {name: folder / f"{name}.nc" for name in steps}
+    states = dict(zip(steps, job.paths("steps"), strict=True))
+
+    def extract(name: str) -> None:
+        extracted = _events_of(states[name], job.settings["seismic"] | steps[name]["dates"])
+        write_events(extracted.assign_attrs(record), files[name])
+
+    call_all({name: lambda name=name: extract(name) for name in steps}, job.threads)
+    dated = [name for name in steps if steps[name]["dates"]["start"]]
+    merged = merge([read_events(files[name]) for name in dated or steps])
+    logging.info("catalogue of %d events, %d resolved", merged.sizes["event"], int(merged["resolved"].sum()))
+    write_events(merged.assign_attrs(record), job.output("catalog.nc"))
+
+
+def _events_of(state: str, settings: dict):
+    """Events of one step. Raises InputError that names the file of its state."""
+    from common.datasets import read_dataset
+    from common.errors import InputError
+    from common.part_centers import PLACE_VARIABLES
+    from seismic.event_settings import EventSettings
+    from seismic.events import STEP_VARIABLES, extract_events
+
+    try:
+        return extract_events(
+            read_dataset(state, {*STEP_VARIABLES, *PLACE_VARIABLES}), EventSettings.of(settings, "seismic")
+        )[0]
+    except InputError as error:
+        raise InputError(f"{state}: {error}") from error
+
+
+@stage("seismic", "catalogs", settings=lambda mine, wildcards: mine.event_slice())
+def catalogue(job: Job) -> None:
+    """The catalogue as a table and as QuakeML, and sizes of events at several values of closeness"""
+    from catalogs.quakeml import write_quakeml
+    from common.datasets import read_dataset, write_dataset
+    from common.event_table import read_events
+    from common.part_centers import PLACE_VARIABLES
+    from seismic.catalog import write_csv
+    from seismic.closeness import sizes_by_closeness
+    from seismic.event_settings import EventSettings
+    from seismic.events import ROCK_VARIABLES
+
+    catalog = read_events(Path(job.input("catalog")))
+    write_csv(catalog, job.output("catalog.csv"))
+    if job.writes("catalog.xml"):
+        write_quakeml(catalog, job.output("catalog.xml"))
+    states = (read_dataset(path, {*ROCK_VARIABLES, *PLACE_VARIABLES}) for path in job.paths("steps"))
+    sizes = sizes_by_closeness(states, EventSettings.of(job.settings, "seismic"))
+    write_dataset(sizes.assign_attrs(job.record()), job.output("closeness.nc"))

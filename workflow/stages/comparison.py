@@ -1,0 +1,116 @@
+"""Stages that compare a mine's catalogue with others, and the report."""
+
+from pathlib import Path
+
+from workflow.mine import Mine
+from workflow.stages import stage
+from common.job import Job
+
+
+def comparison_settings(mine: Mine) -> dict:
+    """Settings of each comparison that a mine has."""
+    has_record = mine.settings.record is not None
+    return {
+        "comparison": mine.comparison_slice() if has_record else {},
+        "spread": mine.spread_slice() if mine.members else {},
+        "grid_convergence": mine.convergence_slice() if mine.has_companion else {},
+        "forecast_scores": mine.forecast_slice() if has_record and mine.settings.forecasts else {},
+    }
+
+
+@stage("catalogs", "plans", settings=lambda mine, wildcards: comparison_settings(mine))
+def comparison(job: Job) -> None:
+    """The synthetic catalogue against the recorded one, other runs of the model, larger cells, and kept forecasts"""
+    from common.datasets import write_dataset
+    from common.event_table import read_events
+
+    catalog = read_events(job.input("catalog"))
+    compared = _with_record(job, catalog) if job.writes("comparison.nc") else None
+    found = {
+        "comparison.nc": compared,
+        "spread.nc": _with_members(job, catalog, compared) if job.writes("spread.nc") else None,
+        "grid_convergence.nc": _with_companion(job, catalog) if job.writes("grid_convergence.nc") else None,
+        "forecast_scores.nc": _with_forecasts(job) if job.writes("forecast_scores.nc") else None,
+    }
+    for name, dataset in found.items():
+        if dataset is not None:
+            write_dataset(dataset.assign_attrs(job.record()), job.output(name))
+
+
+def _with_record(job: Job, catalog):
+    """comparison.nc"""
+    from catalogs.comparison import compare
+    from catalogs.comparison_settings import ComparisonSlice
+    from catalogs.members import read_members
+    from common.event_table import read_events
+
+    settings = job.settings["comparison"]
+    dated = [one["name"] for one in settings["steps"]]
+    folders = [Path(path).parent for path in job.paths("members")]
+    members = read_members(folders, dated, catalog.attrs["mine"])
+    record = read_events(job.input("record"))
+    return compare(catalog, record, ComparisonSlice.of(settings, "comparison"), members)
+
+
+def _with_members(job: Job, catalog, compared):
+    """spread.nc"""
+    from catalogs.comparison_settings import SpreadSettings
+    from catalogs.spread import gather
+
+    runs = [Path(path).parent for path in (job.input("catalog"), *job.paths("members"))]
+    return gather(runs, catalog, compared, SpreadSettings.of(job.settings["spread"]))
+
+
+def _with_companion(job: Job, catalog):
+    """grid_convergence.nc"""
+    from catalogs.grid_convergence import compare
+    from common.datasets import read_dataset
+    from common.event_table import read_events
+
+    settings, coarse = job.settings["grid_convergence"], Path(job.input("coarse")).parent
+    folders = [Path(job.input("catalog")).parent, coarse]
+    states = [[read_dataset(folder / f"steps/{name}.nc", ()).attrs for name in settings["steps"]] for folder in folders]
+    catalogs = [catalog, read_events(coarse / "catalog.nc")]
+    return compare(catalogs, states, read_dataset(coarse / "grid.nc", ()).attrs, settings)
+
+
+def _with_forecasts(job: Job):
+    """forecast_scores.nc"""
+    import json
+
+    from common.datasets import read_dataset
+    from common.event_table import read_events
+    from plans.layout import read_outcome
+    from plans.score_sentences import sentences
+    from plans.scores import score
+    from plans.settings import ScoreSlice
+
+    settings = ScoreSlice.of(job.settings["forecast_scores"], "forecasts")
+    forecasts = [read_outcome(one.file) for one in settings.forecasts]
+    found = score(forecasts, read_events(job.input("record")), read_dataset(job.input("grid")), settings)
+    return found.assign_attrs(sentences=json.dumps(sentences(found), ensure_ascii=False))
+
+
+@stage("catalogs", settings=lambda mine, wildcards: mine.report_slice())
+def report(job: Job) -> None:
+    """The report for a geotechnical engineer, and its figures."""
+    from catalogs.comparison_settings import ReportSlice
+    from catalogs.report.page import write_report
+
+    settings = ReportSlice.of(job.settings)
+    single = ("grid", "elastic", "catalog", "record", "comparison", "spread", "closeness", "grid_convergence")
+    names = [Path(path).stem for path in job.paths("steps")]
+    write_report(
+        config=settings.config,
+        default=settings.default,
+        excavations=settings.excavations,
+        insitu=settings.insitu,
+        steps=job.paths("steps"),
+        events=[f"{folder}/{name}.nc" for folder in job.paths("events") for name in names],
+        forecast_scores=job.input_if_any("forecast_scores"),
+        logs=job.logs,
+        output=job.outputs[0],
+        figures=job.output("figures"),
+        processes=job.threads,
+        **{name: job.input_if_any(name) for name in single},
+    )

@@ -1,0 +1,87 @@
+"""Stages of the mechanics: grid, elastic equilibrium, mining steps, and the companion on cells of twice the size."""
+
+import logging
+from contextlib import ExitStack
+
+from workflow.mine import Mine
+from workflow.stages import stage
+from common.job import Job
+
+
+@stage("mpm_core", settings=lambda mine, wildcards: mine.grid_slice())
+def grid(job: Job) -> None:
+    """cells and nodes from the solids"""
+    from common.datasets import write_dataset
+    from mpm_core.kernels.threads import use_threads
+    from mpm_core.stages.first_kernels import compile_for_grid
+    from mpm_core.stages.grid_stage import make_grid
+
+    compile_for_grid(job.settings.get("plane"), job.threads)
+    use_threads(job.threads)
+    write_dataset(make_grid(job.settings, job.record()), job.output())
+
+
+@stage("mpm_core", settings=lambda mine, wildcards: mine.scene_slice(0))
+def elastic(job: Job) -> None:
+    """elastic equilibrium of everything mined in history"""
+    _solve(job)
+
+
+@stage("mpm_core", settings=lambda mine, wildcards: mine.step_slice(wildcards["step"]))
+def step(job: Job) -> None:
+    """Equilibrium of rock that fails after this mining step"""
+    _solve(job)
+
+
+def _solve(job: Job) -> None:
+    """Write elastic.nc, or steps/<step>.nc from the state of the step before."""
+    from common.datasets import open_dataset, write_dataset
+    from mpm_core.kernels.threads import use_threads
+    from mpm_core.scene.scene import parse_scene
+    from mpm_core.stages.checkpoint import Checkpoint, key_of
+    from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+    from mpm_core.stages.first_kernels import compile_for_scene
+
+    record, scene, output = job.record(), parse_scene(job.settings), job.output()
+    compile_for_scene(job.stage, scene, job.threads)
+    use_threads(job.threads)
+    failed_state = output.with_suffix(".failed.npz")
+    with ExitStack() as files:  # gigabytes in a large mine, read once each
+        cells = files.enter_context(open_dataset(job.input("grid")))
+        if job.stage == "elastic":
+            dataset, facts = elastic_stage(scene, cells, failed_state)
+        else:
+            state = job.input("state")
+            before = files.enter_context(open_dataset(state))
+            checkpoint = Checkpoint(output.with_suffix(".checkpoint.npz"), key_of(record, job.input("grid"), state))
+            dataset, facts = mining_step(scene, cells, before, failed_state, checkpoint)
+    for name, value in facts.items():
+        logging.info("%s: %s", name, value)
+    dataset.attrs |= record
+    write_dataset(dataset, output)
+
+
+def companion_settings(mine: Mine) -> dict:
+    """Settings of all stages of a mine on cells of twice the size, as run_stages takes them."""
+    return mine.coarser().run_slices()
+
+
+@stage("mpm_core", "seismic", settings=lambda mine, wildcards: companion_settings(mine))
+def companion(job: Job) -> None:
+    """The same mine on cells of twice the size: grid, steps, events and catalogue, in one job"""
+    from common.datasets import write_dataset
+    from common.event_table import write_events
+    from mpm_core.kernels.threads import use_threads
+    from seismic.catalog import merge
+    from workflow.run_mine import run_stages
+
+    use_threads(job.threads)
+    record, folder, events = job.record(), job.output("grid.nc").parent, []
+    for name, dataset, _ in run_stages(job.settings, folder.with_suffix(".failed.npz")):
+        if name.startswith("events/"):
+            events.append(dataset)
+            write_events(dataset.assign_attrs(record), folder / f"{name}.nc")
+        else:
+            write_dataset(dataset.assign_attrs(record), folder / f"{name}.nc")
+        logging.info("%s is done", name)
+    write_events(merge(events).assign_attrs(record), folder / "catalog.nc")

@@ -1,0 +1,69 @@
+"""Stages that run on request: pictures, files for ParaView, a record for a mine that has none."""
+
+import logging
+from pathlib import Path
+
+from workflow.stages import stage
+from common.job import Job
+
+
+@stage("catalogs", settings=lambda mine, wildcards: mine.picture_slice())
+def scene(job: Job) -> None:
+    """A picture of what will be solved: cells, solids, record."""
+    from catalogs.comparison_settings import PictureSlice
+    from catalogs.figures.overview import write_overview
+    from common.datasets import read_dataset
+    from common.event_table import read_events
+
+    record = job.input_if_any("record")
+    steps = PictureSlice.of(job.settings).steps
+    write_overview(read_dataset(job.input("grid")), steps, read_events(record) if record else None, job.output())
+
+
+@stage("catalogs", settings=lambda mine, wildcards: {"noise": 10.0, "cut": -3.0, "seed": 1})
+def twin(job: Job) -> None:
+    """A modelled catalogue as a seismic system might have recorded it.
+
+    noise: root mean square location error, m; cut: smallest log10 of potency in m3.
+    """
+    from catalogs.twin import write_twin
+    from common.event_table import read_events
+
+    count = write_twin(read_events(job.input("catalog")), **job.settings, path=job.output())
+    logging.info("%d events", count)
+
+
+@stage("mpm_core")
+def vtk(job: Job) -> None:
+    """a state for ParaView"""
+    from common.datasets import read_dataset
+    from mpm_core.files.state_datasets import read_edge_nodes, read_grid, read_pieces
+    from mpm_core.files.state_vtk import write_vtu
+
+    state, first = read_dataset(job.settings["state"]), read_dataset(job.input("grid"))
+    write_vtu(read_grid(state)[0], read_pieces(first), read_edge_nodes(first), state, job.output())
+
+
+@stage("catalogs")
+def vtk_events(job: Job) -> None:
+    """A catalogue's events for ParaView."""
+    from catalogs.events_vtk import write_points
+    from common.event_table import read_events
+
+    write_points(read_events(Path(job.settings["events"])), job.output())
+
+
+@stage("mpm_core", settings=lambda mine, wildcards: mine.solids_slice())
+def vtk_solids(job: Job) -> None:
+    """the solids for ParaView"""
+    from mpm_core.files.state_vtk import INDEX, write_solids
+    from mpm_core.scene.scene_solids import read_solids
+    from mpm_core.settings import GridSlice
+    from mpm_core.stages.grid_stage import domain_of
+
+    settings = GridSlice.of(job.settings)
+    domain, may_miss = domain_of(settings), {"rock_bodies": settings.far_field is not None}
+    groups = {
+        group: read_solids(getattr(settings, group), group, domain, may_miss.get(group, False)) for group in INDEX
+    }
+    write_solids(groups, settings.plane, settings.mined, job.output())
