@@ -1,7 +1,9 @@
-"""Which seeded flaws slip in which state (Salamon 1993, Linkov 2005), and how many are expected to.
+"""Seeded flaws: their places, the slips of each state (Salamon 1993, Linkov 2005), and how many slips are expected.
 
-A flaw is a penny-shaped crack with a Coulomb strength of its own. It slips where the shear traction on its plane is
-above its strength, and then bears its residual strength. What it loses and what it adds to the stress around it stays.
+A flaw is a penny-shaped crack at a random place, with a plane of any direction, a radius of a power law and a Coulomb
+strength of its own. It slips where the shear traction on its plane is above its strength, and then supports its
+residual strength. Each slip changes the stress on this flaw and on those around it for good.
+
 Equations: docs/explanation/baselines.md.
 """
 
@@ -14,14 +16,85 @@ from scipy.spatial import cKDTree
 
 from baselines.elastic_rock import ElasticRock
 from baselines.point_source import crack_factor, reach, slip_tensor, smearing, source_stress, traction
-from baselines.seeds import RadiusLaw, Seeds, sow
 from baselines.settings import FlawStrength
 from common.errors import InputError
 
+# Standard deviation of the natural logarithm of the cohesion of flaws in one rock; its mean is the rock's cohesion.
+COHESION_SCATTER = 0.3
 PILOTS = 400_000  # Flaws at random that the expected number is a mean over.
 # A flaw that has slipped slips again once it would lose this share of its largest stress drop so far.
 MIN_DROP_SHARE = 0.02
 MAX_SLIPS_PER_FLAW = 3  # More slips of a state than this, for each flaw on average, count as endless.
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """Flaws in rock: part of the rock (seed,), place (seed, 3) m, radius (seed,) m, unit normal (seed, 3).
+
+    rank (seed,), 0 to 1: a flaw is in the rock while its rank is below the share of its cube that is rock. cohesion
+    (seed,): over that of the rock before slip.
+    """
+
+    part: NDArray
+    place: NDArray
+    radius: NDArray
+    normal: NDArray
+    rank: NDArray
+    cohesion: NDArray
+
+    def __len__(self) -> int:
+        return len(self.part)
+
+
+@dataclass(frozen=True)
+class RadiusLaw:
+    """Radii a from `smallest` to `largest`, m; the number of those above a falls as a^-exponent."""
+
+    smallest: float
+    largest: float
+    exponent: float
+
+    def share_above(self, radius: NDArray) -> NDArray:
+        """Share of flaws with at least these radii."""
+        ends = (self.largest / self.smallest) ** -self.exponent
+        inside = np.clip(radius, self.smallest, self.largest)
+        return ((inside / self.smallest) ** -self.exponent - ends) / (1.0 - ends)
+
+    def mean_cube(self) -> float:
+        """Mean of a^3, m3."""
+        power, ratio = 3.0 - self.exponent, self.largest / self.smallest
+        integral = np.log(ratio) if abs(power) < 1e-9 else (ratio**power - 1.0) / power
+        return float(self.smallest**3 * self.exponent * integral / (1.0 - ratio**-self.exponent))
+
+    def radius_of(self, share: NDArray) -> NDArray:
+        """Radius, m, that such a share of flaws exceeds: the inverse of share_above."""
+        ends = (self.largest / self.smallest) ** -self.exponent
+        return self.smallest * (ends + share * (1.0 - ends)) ** (-1.0 / self.exponent)
+
+
+def draw_flaws(rock: ElasticRock, numbers: NDArray, law: RadiusLaw, generator: np.random.Generator) -> Seeds:
+    """Flaws at random, given their number in each part of the rock (part,).
+
+    Places are drawn from the whole cube of a part, also where it is not rock: the rank of a flaw decides that.
+    """
+    part = np.repeat(np.arange(len(numbers)), numbers)
+    count = len(part)
+    place = rock.centre[part] + (generator.uniform(size=(count, 3)) - 0.5) * rock.edge[part, None]
+    normal = generator.normal(size=(count, 3))
+    cohesion = np.exp(COHESION_SCATTER * generator.normal(size=count) - 0.5 * COHESION_SCATTER**2)
+    return Seeds(
+        part,
+        place,
+        law.radius_of(generator.uniform(size=count)),
+        normal / np.linalg.norm(normal, axis=1)[:, None],
+        generator.uniform(size=count),
+        cohesion,
+    )
+
+
+def draw_poisson_flaws(rock: ElasticRock, density: float, law: RadiusLaw, generator: np.random.Generator) -> Seeds:
+    """Flaws at random, `density` per m3 of rock."""
+    return draw_flaws(rock, generator.poisson(density * rock.edge**3), law, generator)
 
 
 @dataclass(frozen=True)
@@ -45,16 +118,16 @@ class FlawStrengths:
         self.cohesion = cohesion[seeds.part] * seeds.cohesion
 
     def before(self, normal_stress: NDArray, seeds: NDArray) -> NDArray:
-        """Before slip, at a normal stress (tension positive) of these seeds."""
+        """Strength before slip, at a normal stress (tension positive) of these seeds."""
         return np.maximum(0.0, self.cohesion[seeds] - normal_stress * self.friction[seeds])
 
     def residual(self, normal_stress: NDArray, seeds: NDArray) -> NDArray:
-        """After slip."""
+        """Strength after slip, without cohesion."""
         return np.maximum(0.0, -normal_stress * self.friction[seeds])
 
 
 class FlawedRock:
-    """Flaws in rock, and what they bear now."""
+    """Flaws in rock, and the stress on each of them, which changes with every slip."""
 
     def __init__(self, rock: ElasticRock, seeds: Seeds, strength: Mapping[str, FlawStrength]):
         self.rock, self.seeds = rock, seeds
@@ -73,12 +146,12 @@ class FlawedRock:
         return across, on_plane - across[:, None] * normal - self.relieved[seeds]
 
     def excess(self, state: int, seeds: NDArray) -> NDArray:
-        """Shear traction above what they bear, Pa, of these seeds."""
+        """Shear traction above strength, Pa, of these seeds."""
         across, shear = self._tractions(state, seeds)
         largest = self.largest_drop[seeds]
         again = self.strengths.residual(across, seeds) + MIN_DROP_SHARE * largest
-        borne = np.where(largest > 0.0, again, self.strengths.before(across, seeds))
-        return np.linalg.norm(shear, axis=1) - borne
+        supported_shear = np.where(largest > 0.0, again, self.strengths.before(across, seeds))
+        return np.linalg.norm(shear, axis=1) - supported_shear
 
     def drop(self, state: int, seeds: NDArray) -> tuple[NDArray, NDArray]:
         """Stress drop (k,), Pa, and direction of slip (k, 3) of seeds that slip now."""
@@ -106,7 +179,8 @@ class Neighbours:
         self.width = smearing(flawed.poisson_ratio) * self.seeds.radius
 
     def add_stress(self, seed: int, drop: float, direction: NDArray) -> NDArray:
-        """Add the stress of a slip to the flaws within its reach; these flaws."""
+        """Add the stress of a slip to the flaws within its reach, and return the indices of these flaws."""
+
         near = np.array(self.tree.query_ball_point(self.seeds.place[seed], self.reach[seed]))
         near = near[near != seed]
         shear, poisson = self.flawed.shear_modulus[seed], self.flawed.poisson_ratio[seed]
@@ -200,7 +274,7 @@ def expected_per_density(
     volume = rock.edge**3
     if not volume.sum() > 0.0:
         return 0.0
-    seeds = sow(rock, generator.multinomial(pilots, volume / volume.sum()), law, generator)
+    seeds = draw_flaws(rock, generator.multinomial(pilots, volume / volume.sum()), law, generator)
     slips = find_slips(rock, seeds, strength, interacting=False)
     part = seeds.part[slips.seed]
     factor = crack_factor(rock.poisson_ratio[part]) / rock.shear_modulus[part]

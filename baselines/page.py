@@ -2,45 +2,67 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from baselines.figure import draw_events
-from baselines.models import NUMBER, POTENCY, BesideRecord, Model
-from baselines.months import Months, map_rows, nuisance_rows, rate_rows, sentences
-from baselines.scores import Counted, MapScores
-from baselines.settings import FlawSlice
+from baselines.catalogues import split_runs
+from baselines.models import (
+    NUMBER,
+    POTENCY,
+    Counted,
+    MapScores,
+    Model,
+    ModelComparison,
+    compare_with_record,
+    lead_verdict,
+)
+from baselines.month_report import (
+    hundredths,
+    map_rows,
+    nuisance_rows,
+    rate_rows,
+    sentences,
+    write_months,
+    write_rates,
+)
+from baselines.months import Months, compare_with_months
+from baselines.settings import BaselineReportSlice, FlawSlice
 from catalogs.event_density import UNIFORM_SHARE
-from catalogs.figures import style
+from catalogs.figures import panels, style, views
+from catalogs.members import read_members
 from catalogs.report.text import DASH, between, fixed, number, percent, plural, whole, with_unit
-from common.datasets import atomic_path
+from catalogs.sizes import log_potency
+from common.datasets import atomic_path, read_dataset
+from common.event_table import read_events
 from common.pages import page_templates
 
 TEMPLATES = Path(__file__).parent / "templates"
 INPUT = "input, not scored"
 NO_AXES = "no axes"
+SMALLEST, LARGEST = 2.5, 11.0  # Points: diameters of the smallest and largest event shown.
 
 
 def verdict(models: Sequence[Model], scores: MapScores) -> list[str]:
-    """Which model places the recorded events best, and whether that is more than chance; then the others."""
+    """Name the model that places the recorded events best, and say whether its lead over the others may be chance."""
     mean, interval = scores.mean(), scores.interval()
     best, second, *rest = (int(row) for row in np.argsort(-mean, kind="stable"))
     known = bool(np.isfinite(interval).all())
 
     def lead(other: int) -> str:
-        """By how much the best gains more than another, and whether that is chance."""
+        """Lead of the best model over another, and whether it may be chance."""
         value, ends = scores.lead(best, other)
-        said = (
-            f"{fixed(value, 2)}{f' ({between(ends, _hundredths)})' if known else ''} more than by {models[other].name}"
-        )
         if not known:
-            return said
-        return f"{said}, which is {'more than chance' if ends[0] > 0.0 else 'no more than chance may make'}"
+            return f"{fixed(value, 2)} more than by {models[other].name}"
+        interval_text = between(ends, hundredths)
+        return f"{fixed(value, 2)} ({interval_text}) more than by {models[other].name}, which is {lead_verdict(ends)}"
 
-    ends = f" (95 % interval {between(interval[best], _hundredths)})" if known else ""
+    ends = f" (95 % interval {between(interval[best], hundredths)})" if known else ""
     gain = f"{fixed(mean[best], 2)} nats per event over a uniform rate{ends}"
     name = models[best].name
     placed = f"Recorded events are placed best by {name}: {gain}, {lead(second)}."
@@ -53,10 +75,6 @@ def verdict(models: Sequence[Model], scores: MapScores) -> list[str]:
             "tell a difference from chance."
         )
     return found
-
-
-def _hundredths(value: float) -> str:
-    return fixed(value, 2)
 
 
 def _valued(value, interval, unit: str = "", form=number) -> str:
@@ -89,7 +107,7 @@ def measure_rows(models: Sequence[Model], scores: MapScores) -> list[dict]:
     gain, interval = scores.mean(), scores.interval()
     rows = {
         "information gain, nats per recorded event": [
-            _valued(gain[row], interval[row], form=_hundredths) for row in range(len(models))
+            _valued(gain[row], interval[row], form=hundredths) for row in range(len(models))
         ],
         "number of events, modelled over recorded": [ratio(model, "event", NUMBER) for model in models],
         "summed potency, modelled over recorded": [ratio(model, "potency", POTENCY) for model in models],
@@ -120,17 +138,17 @@ def step_rows(models: Sequence[Model], recorded: Counted, scores: MapScores, ste
                     INPUT if POTENCY in model.inputs else number(one[1][index])
                     for model, one in zip(models, sums, strict=True)
                 ],
-                "gains": [_valued(gain[row], interval[row], form=_hundredths) for row in range(len(models))],
+                "gains": [_valued(gain[row], interval[row], form=hundredths) for row in range(len(models))],
             }
         )
     return rows
 
 
-def write_table(path: Path, found: BesideRecord) -> None:
-    """Gain, number and potency of each step and of all steps, as CSV, atomically."""
-    recorded, scores, steps, rows = found.recorded, found.scores, found.steps, []
+def write_table(path: Path, comparison: ModelComparison) -> None:
+    """Write gain, number and potency of each step and of all steps as CSV, atomically."""
+    recorded, scores, steps, rows = comparison.recorded, comparison.scores, comparison.steps, []
     count, potency = recorded.by_step(len(steps))
-    for row, model in enumerate(found.models):
+    for row, model in enumerate(comparison.models):
         sums = model.counted.by_step(len(steps))
         for index, step in [*enumerate(steps), (None, "all")]:
             pick = slice(None) if index is None else index
@@ -161,33 +179,33 @@ def _box_text(box: np.ndarray) -> str:
 def write_page(
     page: Path,
     mine: str,
-    found: BesideRecord,
+    comparison: ModelComparison,
     attributes: Mapping,
     grid: xr.Dataset,
     planned: Sequence[str],
     flaws: FlawSlice,
     months: Months,
 ) -> None:
-    """Write the page, which needs nothing else, and its figure beside it, atomically.
+    """Write the page, which needs nothing else, and its figure in the same folder, atomically.
 
     attributes: of the catalogue of flaws; grid: grid.nc of the mine; planned: excavations that are not mined; months:
     maps and rates of the record itself.
     """
-    models, recorded, scores = found.models, found.recorded, found.scores
+    models, recorded, scores = comparison.models, comparison.recorded, comparison.scores
     names = json.loads(grid.attrs["excavation_names"])
     with style.applied():
-        figure = draw_events(found, grid, [index for index, name in enumerate(names) if name in planned])
+        figure = draw_events(comparison, grid, [index for index, name in enumerate(names) if name in planned])
         picture = style.save(figure, page.parent / "events.svg")
     text = (
         page_templates(TEMPLATES)
         .get_template("baselines.html.j2")
         .render(
             mine=mine,
-            is_twin=found.is_twin,
+            is_twin=comparison.is_twin,
             verdict=verdict(models, scores),
             labels=[model.label for model in models],
             measures=measure_rows(models, scores),
-            steps=step_rows(models, recorded, scores, found.steps),
+            steps=step_rows(models, recorded, scores, comparison.steps),
             picture=picture,
             months={
                 "sentences": sentences(months),
@@ -228,3 +246,91 @@ def write_page(
     )
     with atomic_path(page) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def draw_events(comparison: ModelComparison, grid: xr.Dataset, planned: Sequence[int]) -> Figure:
+    """Draw recorded and modelled events of the dated steps in the same section and plan, one column for each catalogue.
+
+    Modelled events are those of one run of each model; colour by step, size by log P.
+    grid: grid.nc of the mine, whose excavations lie underneath; planned: indices of those that are not mined.
+    """
+    label = "Recorded (twin)" if comparison.is_twin else "Recorded"
+    shown = {label: comparison.recorded} | {model.label: model.first for model in comparison.models}
+    lower, upper = views.frame_limits(grid, [events.place for events in shown.values()], margin=0.05)
+    planes = [(view, name) for view in (views.LOOKING_NORTH, views.PLAN) for name in shown]
+    named = [replace(view, name=f"{name}\n{view.name.lower()}") for view, name in planes]
+    figure, array, _ = panels.panels(named, lower, upper, len(shown), tallest=13.0)
+    colours = style.step_colours([True] * len(comparison.steps))
+    sizes = [log_potency(events.potency) for events in shown.values() if len(events.potency)]
+    low, high = min(size.min() for size in sizes), max(size.max() for size in sizes)
+
+    def diameter(size):
+        return SMALLEST + (LARGEST - SMALLEST) * (size - low) / max(high - low, 1e-9)
+
+    def draw(axes, events: Counted, view: views.View) -> None:
+        wide = diameter(log_potency(events.potency))
+        order = (-wide).argsort(kind="stable")  # large ones first, so that small ones stay visible
+        axes.scatter(
+            *events.place[order][:, view.axes].T, s=wide[order] ** 2, c=[colours[step] for step in events.step[order]],
+            alpha=0.8, edgecolors="black", linewidths=0.25, zorder=3, rasterized=len(order) > 300,
+        )  # fmt: skip
+
+    for axes, (view, name) in zip(array, planes, strict=True):
+        views.draw_excavations(axes, grid, view, planned)
+        draw(axes, shown[name], view)
+
+    def mark(width: float, name: str, colour) -> Line2D:
+        return Line2D(
+            [], [], linestyle="none", marker="o", markersize=width, label=name, color=colour, markeredgecolor="k",
+            markeredgewidth=0.25,
+        )  # fmt: skip
+
+    keys = [
+        mark(7.0, step, colour) for step, colour in style.thinned(list(zip(comparison.steps, colours, strict=True)))
+    ]
+    values = [low + share * (high - low) for share in (0.0, 0.5, 1.0)]
+    keys += [mark(diameter(value), f"log P {value:.1f}".replace("-", "−"), "#bbbbbb") for value in values]
+    panels.key(figure, keys)
+    return figure
+
+
+def report_stage(
+    given: Mapping,
+    *,
+    grid: Path,
+    catalog: Path,
+    members: Sequence[Path],
+    flaws: Path,
+    excess_shear: Path,
+    record: Path,
+    comparison: Path,
+    earlier: Path,
+    output: Path,
+    table: Path,
+    months: Path,
+    rates: Path,
+) -> None:
+    """Compare all models with the record, and write the page (`output`) and the tables.
+
+    given: the stage's slice (BaselineReportSlice); members: folders with events of the mine's other runs; flaws,
+    excess_shear: files of all runs of each baseline; comparison: file of the mine's own comparison with the record;
+    earlier: file of the record from an earlier date on, or of the record itself.
+    """
+    settings = BaselineReportSlice.of(given)
+    grid_data, steps = read_dataset(grid), [step.name for step in settings.comparison.steps]
+    fine_cell = float(grid_data.attrs["fine_cell"])
+    flaw_events = read_events(flaws)
+    compared = compare_with_record(
+        [read_events(catalog), *read_members(members, steps, settings.mine)],
+        read_dataset(comparison),
+        split_runs(flaw_events),
+        split_runs(read_events(excess_shear)),
+        read_events(record),
+        fine_cell,
+        settings.comparison,
+    )
+    monthly = compare_with_months(compared, read_events(earlier), fine_cell, settings)
+    write_table(table, compared)
+    write_months(months, monthly)
+    write_rates(rates, monthly)
+    write_page(output, settings.mine, compared, flaw_events.attrs, grid_data, settings.planned, settings.flaws, monthly)

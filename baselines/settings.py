@@ -53,7 +53,7 @@ class FlawStrength(Settings):
 
 
 class StressSlice(Settings):
-    """What both baselines are made from, beside the states of elastic rock, the record and its comparison."""
+    """The slice of excess shear stress; states, record and comparison are inputs of their own."""
 
     mine: str
     strength: dict[str, FlawStrength]

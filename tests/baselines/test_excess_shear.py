@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rock_fixtures import QUIET, SLIPPING, STRENGTH, block
 
-from baselines.excess_shear import draw_places, excess_shear_stress, raised_excess
+from baselines.catalogues import draw_places, excess_shear_stress, raised_excess
 from baselines.point_source import traction
 from common.voigt import voigt_from_tensor
 

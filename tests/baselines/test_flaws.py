@@ -7,9 +7,18 @@ import pytest
 from rock_fixtures import QUIET, SHEAR, SLIPPING, STRENGTH, block
 
 from baselines import flaws
-from baselines.flaws import FlawedRock, Neighbours, expected_per_density, find_slips, potency_tensors
+from baselines.flaws import (
+    FlawedRock,
+    Neighbours,
+    RadiusLaw,
+    Seeds,
+    draw_flaws,
+    draw_poisson_flaws,
+    expected_per_density,
+    find_slips,
+    potency_tensors,
+)
 from baselines.point_source import crack_factor, slip_tensor, smearing, source_stress, traction
-from baselines.seeds import RadiusLaw, Seeds, sow, sow_poisson
 from catalogs.sizes import estimate_b, log_potency
 from common.errors import InputError
 from common.source_tensors import scalar_potency
@@ -47,7 +56,7 @@ def test_radii_follow_their_law(exponent):
 def test_flaws_lie_in_their_parts_on_planes_of_any_direction():
     """Poisson numbers of the density; normals have no preferred direction; the mean cohesion is that of the rock."""
     rock = block([QUIET], cells=4)
-    seeds = sow_poisson(rock, 0.5, LAW, np.random.default_rng(1))
+    seeds = draw_poisson_flaws(rock, 0.5, LAW, np.random.default_rng(1))
     assert len(seeds) == pytest.approx(32_000, abs=3.5 * np.sqrt(32_000))
     np.testing.assert_array_equal(np.abs(seeds.place - rock.centre[seeds.part]).max(axis=1) <= 5.0, True)
     np.testing.assert_allclose(seeds.normal.T @ seeds.normal / len(seeds), np.eye(3) / 3, atol=0.01)
@@ -143,7 +152,7 @@ def test_flaws_come_to_rest_however_close_they_lie():
     """A crack density of 20: most of them overlap. No stress drop is larger than the shear of any plane."""
     rock = block([SLIPPING], cells=2, edge=15.0)
     law = RadiusLaw(4.0, 12.0, 2.0)
-    seeds = sow_poisson(rock, 20.0 / law.mean_cube(), law, np.random.default_rng(11))
+    seeds = draw_poisson_flaws(rock, 20.0 / law.mean_cube(), law, np.random.default_rng(11))
     slips = find_slips(rock, seeds, STRENGTH)
     assert 0 < len(slips.seed) < len(seeds)
     assert slips.drop.max() < 15e6
@@ -152,7 +161,7 @@ def test_flaws_come_to_rest_however_close_they_lie():
 def test_without_mining_nothing_slips_after_history():
     """In the state that the flaws have come to rest in, interacting ones too: hundreds have slipped by then."""
     rock = block([SLIPPING, SLIPPING, SLIPPING], cells=3)
-    seeds = sow_poisson(rock, 0.02, LAW, np.random.default_rng(5))
+    seeds = draw_poisson_flaws(rock, 0.02, LAW, np.random.default_rng(5))
     slips = find_slips(rock, seeds, STRENGTH)
     assert len(slips.state) > 100
     assert np.count_nonzero(slips.state) == 0
@@ -161,7 +170,7 @@ def test_without_mining_nothing_slips_after_history():
 def test_flaws_rest_at_or_below_their_strength():
     """After a state no flaw is above what it bears, whatever others have added."""
     rock = block([SLIPPING], cells=3)
-    seeds = sow_poisson(rock, 0.02, LAW, np.random.default_rng(6))
+    seeds = draw_poisson_flaws(rock, 0.02, LAW, np.random.default_rng(6))
     flawed = FlawedRock(rock, seeds, STRENGTH)
     flaws._cascade(flawed, Neighbours(flawed), 0, np.ones(len(seeds), bool))
     assert flawed.excess(0, np.arange(len(seeds))).max() <= 0.0
@@ -173,7 +182,7 @@ def test_mirrored_flaws_in_mirrored_rock_slip_as_mirror_images():
     generator = np.random.default_rng(7)
     stress = np.array([SLIPPING, 1.1 * SLIPPING])[:, None, :] + 3e6 * generator.normal(size=(2, 27, 6))
     rock = block(stress, cells=3)
-    seeds = sow_poisson(rock, 0.02, LAW, generator)
+    seeds = draw_poisson_flaws(rock, 0.02, LAW, generator)
     mirror = np.diag([-1.0, 1.0, 1.0])
     signs = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
     image = dataclasses.replace(rock, centre=rock.centre @ mirror, stress=rock.stress * signs)
@@ -196,7 +205,7 @@ def test_number_of_slips_is_linear_in_density_and_as_expected():
     for density in (0.05, 0.15):
         counts = []
         for run in range(20):
-            seeds = sow_poisson(rock, density, LAW, np.random.default_rng([9, run]))
+            seeds = draw_poisson_flaws(rock, density, LAW, np.random.default_rng([9, run]))
             slips = find_slips(rock, seeds, STRENGTH, interacting=False)
             large = scalar_potency(potency_tensors(rock, seeds, slips)) >= cut
             counts.append([np.count_nonzero(large & (slips.state == state)) for state in (1, 2)])
@@ -210,7 +219,7 @@ def test_exponent_of_potency_is_a_third_of_that_of_radii():
     """b of log P = D / 3 where all slip at one stress drop: one plane, one strength."""
     rock = block([QUIET, SLIPPING], cells=2)
     law = RadiusLaw(0.5, 500.0, 2.4)
-    seeds = sow(rock, np.full(8, 1000), law, np.random.default_rng(10))
+    seeds = draw_flaws(rock, np.full(8, 1000), law, np.random.default_rng(10))
     seeds = dataclasses.replace(seeds, normal=np.broadcast_to(PLANE, (8000, 3)), cohesion=np.ones(8000))
     slips = find_slips(rock, seeds, STRENGTH, interacting=False)
     size = log_potency(scalar_potency(potency_tensors(rock, seeds, slips)))

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baselines.month_maps import MonthMaps, Periods, Places, line_places, mean_interval, move, nuisances
-from baselines.scores import Counted
+from baselines.models import Counted
+from baselines.months import MonthMaps, Periods, Places, line_places, mean_interval, move, nuisances
 from catalogs.event_density import UNIFORM_SHARE
 from catalogs.face import Face
 from catalogs.face_settings import FacePosition

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from baselines.month_maps import Periods, Places
-from baselines.rates import n_test, step_rates
+from baselines.months import Periods, Places, n_test, step_rates
 from catalogs.face import Face
 from catalogs.face_settings import FacePosition
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from elk_creek_fixtures import recorded_data, write_tiny_mine
 
-from baselines.month_maps import MonthMaps, Periods, Places
+from baselines.months import MonthMaps, Periods, Places
 from catalogs.face import Face
 from catalogs.face_settings import FacePosition, FaceSettings
 from catalogs.records import elk_creek_reader as record

@@ -8,9 +8,16 @@ import pytest
 import xarray as xr
 from rock_fixtures import QUIET, SLIPPING, STRENGTH, write_block
 
-from baselines import drawing
-from baselines.catalogue import RUNS, Asked, join_runs, make_catalogue, split_runs
-from baselines.drawing import draw_excess_shear, draw_flaws
+from baselines import catalogues
+from baselines.catalogues import (
+    RUNS,
+    RecordedTargets,
+    excess_shear_runs,
+    flaw_runs,
+    join_runs,
+    make_catalogue,
+    split_runs,
+)
 from baselines.settings import FlawSlice
 from catalogs.comparison import compare
 from catalogs.comparison_settings import DatedStep
@@ -29,7 +36,7 @@ SETTINGS = {
     "radii": [0.5, 6.0],
     "exponent": 2.0,
 }
-ASKED = Asked(cut=3e-3, floor=2e-3, number=60, sizes=np.geomspace(3e-3, 0.3, 60), weight=np.ones(2))
+TARGETS = RecordedTargets(cut=3e-3, floor=2e-3, number=60, sizes=np.geomspace(3e-3, 0.3, 60), weight=np.ones(2))
 
 
 @pytest.fixture(scope="module")
@@ -48,13 +55,13 @@ def slice_of(**values) -> FlawSlice:
 @pytest.fixture(scope="module")
 def flaws(states):
     """Runs of the seeded flaws."""
-    return draw_flaws(states, ASKED, slice_of())
+    return flaw_runs(states, TARGETS, slice_of())
 
 
 @pytest.fixture(scope="module")
 def excess_shear(states):
     """Runs of excess shear stress."""
-    return draw_excess_shear(states, ASKED, slice_of())
+    return excess_shear_runs(states, TARGETS, slice_of())
 
 
 @pytest.mark.parametrize("kind", ["flaws", "excess_shear"])
@@ -79,7 +86,7 @@ def test_events_lie_where_and_when_stress_slips(kind, request):
     assert np.mean(step == "2019-08") == pytest.approx(0.5, abs=0.08)
     time = every["time"].values
     assert ((time >= np.datetime64("2019-08-01")) & (time < np.datetime64("2019-10-01"))).all()
-    assert every["potency"].values.min() >= ASKED.cut * (1 - 1e-12)
+    assert every["potency"].values.min() >= TARGETS.cut * (1 - 1e-12)
 
 
 def test_flaws_have_mechanisms_of_slip_and_excess_shear_stress_has_none(flaws, excess_shear):
@@ -88,19 +95,19 @@ def test_flaws_have_mechanisms_of_slip_and_excess_shear_stress_has_none(flaws, e
     np.testing.assert_allclose(flaws[0]["moment"], 22.8e9 * flaws[0]["potency"])
     assert np.isfinite(flaws[0]["source_size"]).all()
     assert np.isnan(excess_shear[0]["potency_tensor"]).all()
-    assert np.isin(excess_shear[0]["potency"].values, ASKED.sizes).all()
+    assert np.isin(excess_shear[0]["potency"].values, TARGETS.sizes).all()
 
 
 def test_only_the_part_of_a_step_that_the_record_shares_counts(states):
     """Half of the second step: more events are drawn, so that the recorded number falls into the shared time."""
-    asked = Asked(ASKED.cut, ASKED.floor, 60, ASKED.sizes, weight=np.array([1.0, 0.5]))
-    runs = draw_excess_shear(states, asked, slice_of())
+    targets = RecordedTargets(TARGETS.cut, TARGETS.floor, 60, TARGETS.sizes, weight=np.array([1.0, 0.5]))
+    runs = excess_shear_runs(states, targets, slice_of())
     assert np.mean([run.sizes["event"] for run in runs]) == pytest.approx(80, abs=3.5 * np.sqrt(80 / RUNS))
 
 
 def test_a_box_leaves_out_the_rest_of_the_mine(states):
     """All events lie in the box that the record is taken from, as many as recorded."""
-    runs = draw_excess_shear(states, ASKED, slice_of(lower=[0, 0, 0], upper=[40, 40, 20]))
+    runs = excess_shear_runs(states, TARGETS, slice_of(lower=[0, 0, 0], upper=[40, 40, 20]))
     assert max(run["location"].values[:, 2].max() for run in runs) <= 20.0
     assert np.mean([run.sizes["event"] for run in runs]) == pytest.approx(60, abs=3.5 * np.sqrt(60 / RUNS))
 
@@ -133,20 +140,20 @@ def test_the_comparison_takes_it_like_any_other_catalogue(kind, request, tmp_pat
     assert int(found["model_runs"]) == RUNS
 
 
-def test_what_is_asked_follows_from_record_and_comparison():
+def test_targets_follow_from_record_and_comparison():
     """Number and sizes of those that count; half of the last step is not recorded."""
     events = record(40).assign_attrs(period=json.dumps({"common": ["2019-08-01", "2019-09-16"]}))
     used = np.arange(40) % 2
     comparison = xr.Dataset(
         {"record_used": ("event_record", used), "cut": -2.0, "model_floor": np.nan}, attrs={"cut_text": "log P >= -2"}
     )
-    asked = Asked.of(events, comparison, STEPS)
-    assert (asked.cut, asked.number) == (pytest.approx(0.01), 20)
-    np.testing.assert_array_equal(asked.sizes, events["potency"].values[used == 1])
-    np.testing.assert_allclose(asked.weight, [1.0, 0.5])
-    np.testing.assert_allclose(asked.of_states(4), [0.0, 0.0, 1.0, 0.5])
+    targets = RecordedTargets.of(events, comparison, STEPS)
+    assert (targets.cut, targets.number) == (pytest.approx(0.01), 20)
+    np.testing.assert_array_equal(targets.sizes, events["potency"].values[used == 1])
+    np.testing.assert_allclose(targets.weight, [1.0, 0.5])
+    np.testing.assert_allclose(targets.state_weights(4), [0.0, 0.0, 1.0, 0.5])
     with pytest.raises(InputError, match="no event that is compared"):
-        Asked.of(events, comparison.assign(record_used=0 * comparison["record_used"]), STEPS)
+        RecordedTargets.of(events, comparison.assign(record_used=0 * comparison["record_used"]), STEPS)
 
 
 def test_times_are_spread_over_each_step_in_the_order_of_slip():
@@ -162,23 +169,23 @@ def test_times_are_spread_over_each_step_in_the_order_of_slip():
 @pytest.mark.parametrize(
     ("draw", "values", "problem"),
     [
-        (draw_flaws, {"radii": [0.01, 0.1]}, "no flaw slips by log P -2.52 or more"),
-        (draw_flaws, {"strength": {"host": {"friction_angle": 60.0, "cohesion": 1e6}}}, "no flaw slips"),
-        (draw_flaws, {"radii": [0.5, 500.0], "exponent": 0.5}, "many times"),
-        (draw_excess_shear, {"strength": {"host": {"friction_angle": 60.0, "cohesion": 1e6}}}, "no dated step raises"),
+        (flaw_runs, {"radii": [0.01, 0.1]}, "no flaw slips by log P -2.52 or more"),
+        (flaw_runs, {"strength": {"host": {"friction_angle": 60.0, "cohesion": 1e6}}}, "no flaw slips"),
+        (flaw_runs, {"radii": [0.5, 500.0], "exponent": 0.5}, "many times"),
+        (excess_shear_runs, {"strength": {"host": {"friction_angle": 60.0, "cohesion": 1e6}}}, "no dated step raises"),
     ],
 )
 def test_rock_that_cannot_slip_is_refused(states, draw, values, problem):
     """In one line that names the keys."""
     with pytest.raises(InputError, match=problem) as refused:
-        draw(states, ASKED, slice_of(**values))
+        draw(states, TARGETS, slice_of(**values))
     assert "baselines." in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
 def test_more_flaws_than_memory_holds_are_refused(states, monkeypatch):
     """Before any is sown."""
-    monkeypatch.setattr(drawing, "MAX_SEEDS", 10)
-    monkeypatch.setattr(drawing, "sow_poisson", SimpleNamespace())
+    monkeypatch.setattr(catalogues, "MAX_SEEDS", 10)
+    monkeypatch.setattr(catalogues, "draw_poisson_flaws", SimpleNamespace())
     with pytest.raises(InputError, match="flaws are needed"):
-        draw_flaws(states, ASKED, slice_of())
+        flaw_runs(states, TARGETS, slice_of())

@@ -1,0 +1,160 @@
+"""The months of the record on the page of the baselines: sentences, rows of tables, and files of numbers."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from baselines.models import lead_verdict
+from baselines.months import MEASURES, Months, MonthScores, Rate
+from catalogs.report.text import between, fixed, number, plural, whole
+from common.datasets import atomic_path
+
+OF_RECORD = ("all_earlier", "last")  # Maps that need a record; the others of the table need none.
+SIGNIFICANCE = 0.05  # A p-value below it says that a number does not fit.
+
+
+def sentences(months: Months) -> list[str]:
+    """Compare the pipeline's map with maps of the record and maps that need no record; then test the numbers."""
+    scores, labels = months.scores, list(months.maps.labels)
+    mean, names = dict(zip(labels, scores.mean(), strict=True)), months.maps.labels
+    pipeline = next(iter(months.maps.models))
+    if not scores.common.any() or not any(np.isfinite(mean[one]) for one in OF_RECORD):
+        return [
+            "No month has an earlier one in the record, so there is no map of earlier months. Give baselines.since, if "
+            "the record begins before the dated steps.",
+        ]
+    steps = len(np.unique(scores.step[scores.common]))
+    best = max((one for one in OF_RECORD if np.isfinite(mean[one])), key=lambda one: mean[one])
+    others = [one for one in labels if one not in (*OF_RECORD, pipeline, "mixed", "ceiling")]
+    found = [
+        f"In {plural(steps, 'step')} with earlier months the map of the pipeline gains {fixed(mean[pipeline], 2)} nats "
+        f"per recorded event over a uniform rate, and the best map of the record, {names[best]}, "
+        f"{fixed(mean[best], 2)}. {_lead(scores, pipeline, best, 'The pipeline')}"
+    ]
+    found += [_lead(scores, pipeline, one, "The pipeline", f"than the map “{names[one]}”") for one in others]
+    found.append(_lead(scores, "mixed", "all_earlier", "Half mixed with the pipeline, the map of all earlier months"))
+    for measure in MEASURES:
+        p_values = np.array([row.all_earlier[measure].p_value for row in months.rates])
+        tested = int(np.isfinite(p_values).sum())
+        if tested:
+            fits = int((p_values >= SIGNIFICANCE).sum())
+            found.append(
+                f"By {measure}, the rate of all earlier months fits the number of {fits} of {plural(tested, 'step')} "
+                f"(p ≥ {SIGNIFICANCE:g})."
+            )
+    return found
+
+
+def _lead(scores: MonthScores, one: str, other: str, name: str, than: str = "") -> str:
+    """Say by how much a map gains more or less than another, and whether that may be chance."""
+    value, ends = scores.lead(one, other)
+    said = f"{name} gains {fixed(abs(value), 2)} {'more' if value >= 0.0 else 'less'}"
+    said = " ".join([said, than]).strip()
+    if not np.isfinite(ends).all():
+        return f"{said}."
+    return f"{said} (difference {between(ends, hundredths)}), which is {lead_verdict(ends)}."
+
+
+def hundredths(value: float) -> str:
+    """A gain, nats, with two decimals."""
+    return fixed(value, 2)
+
+
+def map_rows(months: Months) -> list[dict]:
+    """A row for each map: its gain in each step and in all that every map forecasts, with interval."""
+    counted = range(len(months.steps))
+    by_step = np.array([months.scores.mean(step) for step in counted]).reshape(len(months.steps), -1)
+    mean, interval = months.scores.mean(), months.scores.interval()
+    rows = []
+    for row, name in enumerate(months.maps.labels.values()):
+        ends = between(interval[row], hundredths)
+        value = hundredths(mean[row])
+        rows.append(
+            {
+                "name": name,
+                "steps": [hundredths(by_step[step, row]) for step in counted],
+                "all": value if not np.isfinite(interval[row]).all() else f"{value} ({ends})",
+            }
+        )
+    return rows
+
+
+def nuisance_rows(months: Months) -> list[dict]:
+    """A row for each map: its gain in all common steps for each choice."""
+    return [
+        {"name": name, "cells": [hundredths(gain[row]) for _, gain in months.nuisances]}
+        for row, name in enumerate(months.maps.labels.values())
+    ]
+
+
+def rate_rows(months: Months) -> list[dict]:
+    """A row for each step: metres, days, numbers and potency by these, and the number that earlier months predict."""
+
+    def predicted(rate: Rate) -> str:
+        chance = "p < 0.001" if rate.p_value < 0.001 else f"p = {number(rate.p_value, 2)}"
+        return number(rate.expected) if not np.isfinite(rate.p_value) else f"{number(rate.expected)} ({chance})"
+
+    return [
+        {
+            "step": step,
+            "amounts": [number(row.amount[measure]) for measure in MEASURES],
+            "number": whole(row.number),
+            "per": [number(_per(row.number, row.amount[measure])) for measure in MEASURES],
+            "potency": [number(_per(row.potency, row.amount[measure])) for measure in MEASURES],
+            "expected": [predicted(of[measure]) for of in (row.all_earlier, row.last) for measure in MEASURES],
+        }
+        for step, row in zip(months.steps, months.rates, strict=True)
+    ]
+
+
+def _per(value: float, amount: float) -> float:
+    return value / amount if amount > 0.0 else np.nan
+
+
+def write_months(path: Path, months: Months) -> None:
+    """Gain of each map in each step and in all that every map forecasts, as CSV, atomically."""
+    rows = []
+    for index, step in [*enumerate(months.steps), (None, "all")]:
+        mean, interval = months.scores.mean(index), months.scores.interval(index)
+        own = months.scores.common if index is None else months.scores.step == index
+        for row, (label, name) in enumerate(months.maps.labels.items()):
+            rows.append(
+                {
+                    "map": label,
+                    "name": name,
+                    "step": step,
+                    "recorded events": int(own.sum()),
+                    "gain, nats per event": mean[row],
+                    "gain, lower": interval[row, 0],
+                    "gain, upper": interval[row, 1],
+                }
+            )
+    _write(path, rows)
+
+
+def write_rates(path: Path, months: Months) -> None:
+    """Numbers of each step by metres and by days, as CSV, atomically."""
+    _write(
+        path,
+        [
+            {
+                "step": step,
+                **{f"{measure}": row.amount[measure] for measure in MEASURES},
+                "recorded events": row.number,
+                "recorded potency, m3": row.potency,
+                **{
+                    f"{what}, {since} by {measure}": getattr(of[measure], key)
+                    for since, of in (("all earlier", row.all_earlier), ("last", row.last))
+                    for measure in MEASURES
+                    for what, key in (("expected events", "expected"), ("p-value", "p_value"))
+                },
+            }
+            for step, row in zip(months.steps, months.rates, strict=True)
+        ],
+    )
+
+
+def _write(path: Path, rows: list[dict]) -> None:
+    with atomic_path(path) as temporary:
+        pd.DataFrame(rows).to_csv(temporary, index=False, float_format="%.6g")
