@@ -1,4 +1,4 @@
-"""Figures of a calibration: posterior beside prior, predictions beside the record, the surrogate beside trials."""
+"""Figures of a calibration: posterior and prior, predictions and the record, the surrogate and the trials."""
 
 from collections.abc import Sequence
 
@@ -88,7 +88,7 @@ def _draw_pair(panel, fit: Fit, pair: tuple[int, int], values: tuple[NDArray, ND
 
 
 def draw_predictions(fit: Fit, steps: Sequence[str], prior: NDArray) -> Figure:
-    """Potency and number by step: recorded, predicted by the posterior (90 %), and what trials of the prior make.
+    """Potency and number by step: recorded, predicted by the posterior (90 %), and computed by trials of the prior.
 
     prior: ln potency and ln number of the trials, corrected for the cells (trial, output).
     """
@@ -121,7 +121,7 @@ def draw_predictions(fit: Fit, steps: Sequence[str], prior: NDArray) -> Figure:
 
 
 def draw_surrogate(fit: Fit, steps: Sequence[str]) -> Figure:
-    """Each trial as all others predict it, beside what it made: potency and number."""
+    """Potency and number of each trial as all others predict them, against those computed."""
     figure = style.new_figure(height=3.6)
     mean, deviation = fit.surrogate.left_out()
     made, count = fit.surrogate.outputs, fit.steps

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp
 from scipy.stats import chi2, nbinom, norm
 
-from calibration.cells import CellCorrection, Discrepancy
-from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, Recorded
+from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, CellCorrection, Discrepancy, RecordedOutputs
 
 DEGREES_OF_FREEDOM = 5.0  # Of the Student t distribution of potency and sizes.
 NODES, NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(9)  # Of the mean over what the surrogate does not know.
@@ -24,13 +23,13 @@ MAX_IMPLAUSIBILITY = 3.0  # Above it no trial within the ranges fits the record 
 
 @dataclass(frozen=True)
 class Likelihood:
-    """Of a record: terms that count, columns of the outputs by term, the cells' correction, and the model's own error.
+    """Likelihood of a record: terms that count, columns of the outputs by term, correction for the cells, model error.
 
-    model_error: standard deviation of ln potency, ln number and ln mean size that each step has beside the cells.
+    model_error: standard deviation of ln potency, ln number and ln mean size of each step, without that of the cells.
     gain_error (step,): r.m.s. error, nats, with which the information gain at recorded places is predicted.
     """
 
-    recorded: Recorded
+    recorded: RecordedOutputs
     terms: Sequence[str]
     columns: dict[str, slice]
     correction: CellCorrection
@@ -54,7 +53,7 @@ class Likelihood:
             if term == POTENCY:
                 total += student_term(*known, recorded.log_potency, recorded.covariance, discrepancy)
             elif term == NUMBER:
-                total += number_term(*known, recorded.number, recorded.clustering, discrepancy)
+                total += number_term(*known, recorded.number, recorded.dispersion_index, discrepancy)
             elif term == PLACES:
                 total += mean[:, part] @ self.place_weights()
             elif term == SIZES:
@@ -65,16 +64,16 @@ class Likelihood:
     def place_weights(self) -> NDArray:
         """Independent events (step,) that the mean information gain of a step counts for.
 
-        That is the recorded number over its clustering, and at most one over the error of the gain: the error of the
-        prediction then changes the log-likelihood by one at most.
+        That is the recorded number over its dispersion index, and at most one over the error of the gain: the error of
+        the prediction then changes the log-likelihood by one at most.
         """
-        independent = self.recorded.number / self.recorded.clustering
+        independent = self.recorded.number / self.recorded.dispersion_index
         if self.gain_error is None:
             return independent
         return np.minimum(independent, 1.0 / np.maximum(self.gain_error, 1e-12))
 
     def implausibility(self, mean: NDArray, deviation: NDArray) -> NDArray:
-        """How far the recorded ln potency, ln number and ln mean size are from what is expected, (point,), in standard
+        """Distance of the recorded ln potency, ln number and ln mean size from the expected ones, (point,), in standard
         deviations, of the terms that count. Places have no expected value.
 
         The larger of two distances: that of the value that is furthest off, and that of all together. The latter is
@@ -84,7 +83,7 @@ class Likelihood:
         number = np.maximum(recorded.number, 0.5)
         values = {
             POTENCY: (recorded.log_potency, np.diag(recorded.covariance)),
-            NUMBER: (np.log(number), recorded.clustering / number),
+            NUMBER: (np.log(number), recorded.dispersion_index / number),
             SIZES: (np.array([recorded.log_excess]), np.array([recorded.excess_error**2])),
         }
         largest, squares, count = np.zeros(len(mean)), np.zeros(len(mean)), 0
@@ -125,24 +124,27 @@ def student_term(
 
 
 def number_term(
-    mean: NDArray, deviation: NDArray, number: NDArray, clustering: float, discrepancy: Discrepancy
+    mean: NDArray, deviation: NDArray, number: NDArray, dispersion_index: float, discrepancy: Discrepancy
 ) -> NDArray:
     """Log-probability (point,) of recorded numbers (step,): negative binomial about the expected ones.
 
-    mean, deviation (point, step) of ln number. What is not known is integrated out: the common part of the discrepancy
-    over all steps at once, the rest for each step by itself. clustering: variance over mean of a number.
+    mean, deviation (point, step): those of ln number. Errors are integrated out: the common part of the discrepancy
+    over all steps at once, the rest for each step by itself. dispersion_index: variance over mean of a number.
     """
     own = np.sqrt(deviation**2 + discrepancy.own**2)
     by_common = []
     for common, weight in zip(NODES, NODE_WEIGHTS, strict=True):
         expected = np.exp(mean[:, :, None] + discrepancy.common * common + own[:, :, None] * NODES)
-        probability = _log_probability(number[:, None], expected, clustering)
+        probability = _log_probability(number[:, None], expected, dispersion_index)
         of_step = logsumexp(probability, axis=2, b=NODE_WEIGHTS / NODE_WEIGHTS.sum())
         by_common.append(of_step.sum(axis=1) + np.log(weight / NODE_WEIGHTS.sum()))
     return np.asarray(logsumexp(by_common, axis=0))
 
 
-def _log_probability(number: NDArray, expected: NDArray, clustering: float) -> NDArray:
-    """Of a number with this variance over its mean; Poisson where they are equal (to a thousandth)."""
-    excess = max(clustering - 1.0, 1e-3)
+def _log_probability(number: NDArray, expected: NDArray, dispersion_index: float) -> NDArray:
+    """Log-probability of a count with this variance-to-mean ratio (negative binomial).
+
+    At a ratio of 1 it is that of a ratio of 1.001, which is nearly a Poisson number's.
+    """
+    excess = max(dispersion_index - 1.0, 1e-3)
     return nbinom.logpmf(number, expected / excess, 1.0 / (1.0 + excess))

@@ -37,7 +37,7 @@ class _Key:
 
     @property
     def value(self) -> Any:
-        """What the configuration has there."""
+        """The value that the configuration has there."""
         return self.section[self.name]
 
     def write(self, value: str | float) -> None:
@@ -89,7 +89,7 @@ def copied_values(text: dict, source: dict, quantities: Sequence[CalibratedQuant
 
 
 def given_share(text: dict, quantity: CalibratedQuantity, where: str) -> float:
-    """What the configuration itself has of a quantity, as a share of its range. Raises InputError as `with_values`."""
+    """Value of a quantity in the configuration itself, as a share of its range. Raises InputError as `with_values`."""
     written = _Key(text, quantity.key, f"{where}.key").value
     try:
         if quantity.confinement is None:

@@ -9,9 +9,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from calibration.figures import draw_pairs, draw_predictions, draw_surrogate
-from calibration.fit import SHARES, Fit, Rows
+from calibration.fit import SHARES, Fit, Rows, SelfTest
 from calibration.likelihood import MAX_IMPLAUSIBILITY
-from calibration.self_test import SelfTest
 from calibration.settings import CalibratedQuantity
 from calibration.tradeoffs import best_known_strengths, correlation, telling_observations
 from calibration.trials import NUMBER, PLACES, POTENCY, SIZES
@@ -27,16 +26,16 @@ BEST_TRIALS = 5
 
 @dataclass(frozen=True)
 class Trials:
-    """The trials of a fit, in order: names, and of which kind each is: `replicate`, `design` or `further`.
+    """The trials of a fit, in order: names, and the kind of each: `replicate`, `design` or `further`.
 
-    pairs: how many were run on finer cells, too. silent_history: whether history mines openings and no rock fails in
-    it.
+    pairs: number of those that were run on finer cells, too. nothing_fails_before_record: history mines openings, and
+    no rock fails in it.
     """
 
     names: list[str]
     kinds: list[str]
     pairs: int
-    silent_history: bool
+    nothing_fails_before_record: bool
 
     def count(self, kind: str) -> int:
         """Number of trials of a kind."""
@@ -58,7 +57,7 @@ def formatted(quantity: CalibratedQuantity, share: float) -> str:
 
 
 def verdict(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[str]:
-    """What the calibration found, in sentences."""
+    """The results of the calibration, in sentences."""
     found = []
     least = fit.posterior.implausibility
     if not fit.fits:
@@ -161,7 +160,7 @@ def quantity_rows(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[di
 
 
 def step_rows(fit: Fit, steps: Sequence[str]) -> list[dict]:
-    """Recorded and predicted potency and number of each step."""
+    """RecordedOutputs and predicted potency and number of each step."""
     low, middle, high = fit.intervals()
     deviation = np.sqrt(np.diag(fit.recorded.covariance))
     recorded = [np.exp(fit.recorded.log_potency + shift * deviation) for shift in (0.0, -1.645, 1.645)]
@@ -186,7 +185,7 @@ def _between(low: float, high: float) -> str:
 
 
 def trials_sentence(fit: Fit, trials: Trials) -> str:
-    """How many trials there were, and how well they predict each other."""
+    """State the number of trials, and the error with which they predict each other."""
     mean, deviation = fit.surrogate.left_out()
     inside = np.mean(np.abs(fit.surrogate.outputs - mean) < 1.645 * deviation)
     potency = fit.likelihood.columns[POTENCY]
@@ -203,7 +202,7 @@ def trials_sentence(fit: Fit, trials: Trials) -> str:
             f"{trials.pairs} were run on the mine's own cells, too, which multiply the potency of the steps by "
             f"{', '.join(f'{value:.2f}' for value in shift)}. "
         )
-    if trials.pairs and trials.silent_history:
+    if trials.pairs and trials.nothing_fails_before_record:
         text += (
             "On cells of twice the size no rock fails in history, as they do not resolve its openings. The factors "
             "carry this, and their scatter is part of the uncertainty. "
@@ -216,7 +215,7 @@ def trials_sentence(fit: Fit, trials: Trials) -> str:
 
 
 def tested_sentence(tested: SelfTest, quantities: Sequence[CalibratedQuantity]) -> str:
-    """How often the intervals held values that are known."""
+    """State how often the intervals held values that are known."""
     widths = ", ".join(
         f"{quantity.title} {width:.2f}" for quantity, width in zip(quantities, tested.width.mean(axis=0), strict=True)
     )
@@ -249,7 +248,7 @@ def write_table(
     quantities: Sequence[CalibratedQuantity],
     steps: Sequence[str],
 ) -> None:
-    """Write what every row of the trials was and made, atomically."""
+    """Write quantities and outputs of every row of the trials, atomically."""
     columns: dict[str, NDArray | list] = {
         "trial": [trials.names[trial] for trial in rows.trials],
         "kind": [trials.kinds[trial] for trial in rows.trials],

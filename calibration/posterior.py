@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
-from scipy.stats import chi2, norm
-
-from calibration.design import sobol_points
+from scipy.stats import chi2, norm, qmc
 
 POINTS = 2**13  # Sobol points of a round.
 MIN_EFFECTIVE_POINTS = 400.0  # Points whose weights are worth fewer equal ones are drawn again, closer.
@@ -16,6 +14,15 @@ MAX_ROUNDS = 15
 PRIOR_SHARE = 0.1  # Of the points of a round, drawn from the prior: no part of it is left out, no weight is unbounded.
 FREEDOM = 4.0  # Degrees of freedom of the Student t distribution of all others.
 MIN_VARIANCE = 1e-8  # Of a quantity over its range: where one point has all the weight.
+
+
+def sobol_points(count: int, quantities: int, seed: int) -> NDArray:
+    """A scrambled Sobol sequence (point, quantity) in [0, 1), the cube in which the prior is uniform.
+
+    The first points are those of any shorter sequence.
+    """
+    powers = int(np.ceil(np.log2(max(count, 2))))
+    return qmc.Sobol(quantities, scramble=True, rng=np.random.default_rng(seed)).random_base2(powers)[:count]
 
 
 @dataclass(frozen=True)
@@ -32,7 +39,7 @@ class Posterior:
 
     @property
     def effective(self) -> float:
-        """Sum of the weights squared over the sum of their squares."""
+        """Number of equal weights that these are worth: the square of their sum over the sum of their squares."""
         return float(1.0 / np.sum(self.weights**2))
 
     def quantiles(self, shares: NDArray, values: NDArray | None = None) -> NDArray:
@@ -40,7 +47,7 @@ class Posterior:
         return weighted_quantiles(self.points if values is None else values, self.weights, shares)
 
     def draws(self, count: int, seed: int) -> NDArray:
-        """So many points (draw, quantity) at random, by their weights."""
+        """Points (draw, quantity) drawn at random by their weights."""
         chosen = np.random.default_rng(seed).choice(len(self.points), count, p=self.weights)
         return self.points[chosen]
 

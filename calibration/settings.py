@@ -76,7 +76,7 @@ class CalibratedQuantity(Settings):
 
     @property
     def title(self) -> str:
-        """What the quantity is called on the page: its key, or the strength that it stands for."""
+        """Title of the quantity on the page: its key, or the strength that it stands for."""
         found = STRENGTH.fullmatch(self.key)
         if self.confinement is None or found is None:
             return self.key
@@ -84,7 +84,7 @@ class CalibratedQuantity(Settings):
 
     @property
     def changes_events_only(self) -> bool:
-        """Whether the rock is the same for all values."""
+        """True if the rock is the same for all values."""
         return self.key.startswith(EVENT_SECTION)
 
     def _parts(self) -> tuple[list[float], str]:
@@ -126,7 +126,7 @@ class CalibratedQuantity(Settings):
         return (value - low) / (high - low)
 
     def written(self, share: float) -> str | float:
-        """The same as a mine file has it."""
+        """Value at a share of the range, as a mine file has it."""
         number = float(f"{self.value(share):.6g}")
         return f"{number:.6g} {self.unit}" if self.unit else number
 

@@ -10,22 +10,21 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from calibration.cells import CellCorrection
-from calibration.extractions import extractions
-from calibration.fit import SHARES, Fit, Rows, calibrate
-from calibration.further import further_points
+from calibration.fit import SHARES, Fit, Rows, SelfTest, calibrate, calibrate_to_trials
 from calibration.mine_files import write_mine
 from calibration.page import Trials, write_page, write_table
-from calibration.self_test import SelfTest, calibrate_to_trials
 from calibration.settings import CalibrationSettings
+from calibration.tradeoffs import further_points
 from calibration.trials import (
     PLACES,
+    CellCorrection,
     Places,
     common_cut,
     counted_events,
     covered,
+    extractions,
     gains,
-    has_silent_history,
+    nothing_fails_before_record,
     outputs,
     read_places,
     read_record,
@@ -38,7 +37,7 @@ from common.event_table import read_events
 
 @dataclass(frozen=True)
 class Calibration:
-    """All that the stages read: settings, catalogues of the rows in order, cut (log10 m3), rows, and the fit."""
+    """A fit with all that it was made from: settings, catalogues of the rows in order, cut (log10 m3), rows."""
 
     settings: CalibrationSettings
     steps: tuple[str, ...]
@@ -56,14 +55,16 @@ class Calibration:
         return gains(self.catalogues, self.steps, self.cut, Places.of_events(location, step, self.places, generator))
 
     def self_test(self, trials: NDArray) -> SelfTest:
-        """Each of these trials in turn as the record."""
-        known = self.gains_at if PLACES in self.settings.terms else None
-        return calibrate_to_trials(self.fit, self.rows, trials, self.settings.seed, known)
+        """Calibrate to each of these trials in turn, as if it were the record."""
+        gains_at = self.gains_at if PLACES in self.settings.terms else None
+        return calibrate_to_trials(self.fit, self.rows, trials, self.settings.seed, gains_at)
 
 
-def read_calibration(given: dict, trials: Sequence[str], finer: Sequence[str], record_file: str) -> Calibration:
-    """The calibration of a stage's slice to a record; trials: their files in the slice's order; finer: those of the
-    first designed trials on the mine's own cells. Raises InputError where the record lacks what the terms need."""
+def read_calibration(given: dict, trials: Sequence[Path], finer: Sequence[Path], record_file: Path) -> Calibration:
+    """The calibration of a stage's slice to a record.
+
+    trials: files of their catalogues, in the slice's order; finer: files of the first designed trials on the mine's own
+    cells. Raises InputError where the record lacks what the terms need."""
     settings = CalibrationSettings.of(given["calibration"], "calibration")
     dated = tuple(DatedStep.of(step) for step in given["steps"])
     steps = tuple(step.name for step in dated)
@@ -82,7 +83,7 @@ def read_calibration(given: dict, trials: Sequence[str], finer: Sequence[str], r
     correction = CellCorrection.none(made)
     if finer:
         first = settings.replicates
-        coarse = made.chosen(np.flatnonzero((number >= first) & (number < first + len(finer))))
+        coarse = made.of_runs(np.flatnonzero((number >= first) & (number < first + len(finer))))
         correction = CellCorrection.of(coarse, outputs(fine, steps, cut, settings.terms, places), len(finer))
     correction = correction.during(covered(exposure, dated), made)
     recorded = read_record(record, exposure, cut, settings.seed, settings.terms)
@@ -91,28 +92,39 @@ def read_calibration(given: dict, trials: Sequence[str], finer: Sequence[str], r
     return Calibration(settings, steps, catalogues, cut, rows, places, fit)
 
 
-def fit_stage(given: dict, found: Calibration, pairs: int, page: Path, table: Path) -> None:
-    """Write page, table of trials and mine files. given: the stage's slice; pairs: trials run on finer cells, too."""
-    settings, fit = found.settings, found.fit
-    names = [trial["name"] for trial in given["trials"]]
-    designed = np.array([number for number, trial in enumerate(given["trials"]) if trial["kind"] == "design"])
-    trials = Trials(
-        names,
-        [trial["kind"] for trial in given["trials"]],
-        pairs,
-        has_silent_history(found.catalogues) and given["has_history"],
-    )
-    write_table(table, fit, found.rows, trials, settings.quantities, found.steps)
-    write_mine(page.parent / "middle.yaml", given["text"], settings.quantities, fit.posterior.quantiles(SHARES)[1])
-    draws = fit.posterior.draws(given["draws"], settings.seed)
-    for number, draw in enumerate(draws, start=1):
-        write_mine(page.parent / f"draw_{number}.yaml", given["text"], settings.quantities, draw)
-    tested = found.self_test(designed)
-    write_page(page, given["mine"], fit, found.rows, trials, tested, settings.quantities, found.steps, len(draws))
+def further_stage(given: dict, *, trials: Sequence[Path], finer: Sequence[Path], record: Path, output: Path) -> None:
+    """Write the points of a further batch, (trial, quantity) in the unit cube, as JSON.
 
-
-def further_stage(given: dict, found: Calibration, output: Path) -> None:
-    """Write the points of a further batch, (trial, quantity) in the unit cube, as JSON."""
-    points = further_points(found.fit, found.settings.batch_trials, found.settings.seed + given["batch"])
+    given: the stage's slice; files as of read_calibration.
+    """
+    calibration = read_calibration(given, trials, finer, record)
+    settings = calibration.settings
+    points = further_points(calibration.fit, settings.batch_trials, settings.seed + given["batch"])
     with atomic_path(output) as temporary:
         temporary.write_text(json.dumps(points.tolist()), encoding="utf-8")
+
+
+def fit_stage(
+    given: dict, *, trials: Sequence[Path], finer: Sequence[Path], record: Path, output: Path, table: Path
+) -> None:
+    """Write the page (`output`), the table of the trials, and mine files next to the page.
+
+    given: the stage's slice; files as of read_calibration.
+    """
+    calibration = read_calibration(given, trials, finer, record)
+    settings, fit, steps = calibration.settings, calibration.fit, calibration.steps
+    kinds = [trial["kind"] for trial in given["trials"]]
+    designed = np.array([number for number, kind in enumerate(kinds) if kind == "design"])
+    listed = Trials(
+        [trial["name"] for trial in given["trials"]],
+        kinds,
+        len(finer),
+        nothing_fails_before_record(calibration.catalogues) and given["has_history"],
+    )
+    write_table(table, fit, calibration.rows, listed, settings.quantities, steps)
+    write_mine(output.parent / "middle.yaml", given["text"], settings.quantities, fit.posterior.quantiles(SHARES)[1])
+    draws = fit.posterior.draws(given["draws"], settings.seed)
+    for number, draw in enumerate(draws, start=1):
+        write_mine(output.parent / f"draw_{number}.yaml", given["text"], settings.quantities, draw)
+    tested = calibration.self_test(designed)
+    write_page(output, given["mine"], fit, calibration.rows, listed, tested, settings.quantities, steps, len(draws))

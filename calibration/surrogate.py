@@ -1,4 +1,4 @@
-"""What the trials say of the model between them: a Gaussian process for each output, over the unit cube."""
+"""The model between the trials: a Gaussian process for each output, over the unit cube."""
 
 import copy
 import warnings
@@ -20,7 +20,7 @@ class QuantityKernel(RBF):
     """A squared exponential of all columns but the last one, which numbers the trial."""
 
     def __call__(self, X, Y=None, eval_gradient=False):
-        """As RBF has it."""
+        """Kernel matrix of RBF, without the last column."""
         return super().__call__(X[:, :-1], None if Y is None else Y[:, :-1], eval_gradient)
 
 
@@ -28,7 +28,7 @@ class TrialKernel(WhiteKernel):
     """Noise that rows of one trial, by the last column, have in common."""
 
     def __call__(self, X, Y=None, eval_gradient=False):
-        """As WhiteKernel has it."""
+        """Kernel matrix of WhiteKernel, in which rows of one trial are the same."""
         other = X if Y is None else Y
         value = self.noise_level * (X[:, -1:] == other[:, -1]).astype(float)
         return (value, value[:, :, None]) if eval_gradient else value

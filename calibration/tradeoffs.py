@@ -1,4 +1,7 @@
-"""What a posterior cannot tell apart, and what would: correlations, strengths, further observations."""
+"""Limits of what a record tells: quantities that it cannot tell apart, and what would narrow them.
+
+Correlations and strengths of the posterior; measurements of a quantity, and further trials, that would teach most.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,12 +12,15 @@ from numpy.typing import NDArray
 from calibration.fit import SHARES, Fit
 from calibration.posterior import weighted_quantiles
 from calibration.settings import STRENGTH, CalibratedQuantity, friction_key, strength_under
+from calibration.trials import NUMBER, POTENCY, SIZES
 from common.quantities import parse_quantity
 
 CONFINEMENTS = np.linspace(0.0, 40.0, 81)  # MPa, at which a strength is looked for that the record tells.
 MEASURED_TO = 0.1  # Standard error of a further measurement, as a share of its range.
 MIN_NARROWING = 0.75  # A measurement that leaves a larger share of the width is not mentioned.
 PRIOR_POINTS = 4096  # Points of the prior that its own spread of a strength is taken from.
+CANDIDATES = 400  # Points of the posterior among which a trial is chosen.
+JUDGES = 400  # Points of the posterior over which the prediction's variance is averaged.
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,7 @@ class KnownStrength:
 
 @dataclass(frozen=True)
 class TellingObservation:
-    """A measurement that would narrow another quantity: its width, over that of the prior, before and after."""
+    """A measurement that would narrow another quantity, with its width over that of the prior before and after."""
 
     measured: CalibratedQuantity
     narrowed: CalibratedQuantity
@@ -57,7 +63,7 @@ def _covariance(fit: Fit) -> NDArray:
 
 def best_known_strengths(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[KnownStrength]:
     """For each pair of a cohesion and a friction angle of the same rock: the confinement at which the posterior of the
-    strength is narrowest beside its prior."""
+    strength is narrowest compared with its prior."""
     keys = [quantity.key for quantity in quantities]
     found: list[KnownStrength] = []
     for number, quantity in enumerate(quantities):
@@ -120,3 +126,48 @@ def telling_observations(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> 
             before = float(left[narrowed])
             found.append(TellingObservation(quantities[best], quantities[narrowed], before, before * share))
     return found
+
+
+def further_points(fit: Fit, count: int, seed: int) -> NDArray:
+    """Points (trial, quantity) of the posterior that lower the variance of the record's prediction most.
+
+    A trial at x lowers the variance of an output at z by c(z, x)^2 / (c(x, x) + noise), with the covariance c of the
+    Gaussian process (Cohn 1996). Outputs are weighted by one over the variance that the likelihood has for other
+    reasons: what is uncertain anyhow need not be predicted better. After each choice the covariance is that with the
+    chosen trial, so that trials of a batch keep apart.
+    """
+    places = fit.posterior.draws(CANDIDATES + JUDGES, seed)
+    columns, weights = _weights(fit)
+    covariances = [fit.surrogate.covariance(places, column) for column in columns]
+    noise = fit.surrogate.noise[columns] ** 2
+    chosen = []
+    for _ in range(count):
+        gains = np.zeros(CANDIDATES)
+        for one, noise_of_one, weight in zip(covariances, noise, weights, strict=True):
+            to_judges = one[:CANDIDATES, CANDIDATES:]
+            gains += weight * (to_judges**2).mean(axis=1) / (np.diag(one)[:CANDIDATES] + noise_of_one)
+        best = int(gains.argmax())
+        chosen.append(places[best])
+        covariances = [
+            one - np.outer(one[:, best], one[best]) / (one[best, best] + noise_of_one)
+            for one, noise_of_one in zip(covariances, noise, strict=True)
+        ]
+    return np.array(chosen)
+
+
+def _weights(fit: Fit) -> tuple[list[int], NDArray]:
+    """Outputs with a recorded value, and one over the variance that record, cells, model and chance give it."""
+    likelihood, recorded = fit.likelihood, fit.recorded
+    number = np.maximum(recorded.number, 1.0)
+    variances = {
+        POTENCY: np.diag(recorded.covariance),
+        NUMBER: recorded.dispersion_index / number,
+        SIZES: np.array([recorded.excess_error**2]),
+    }
+    columns: list[int] = []
+    found = []
+    for term in [term for term in variances if term in likelihood.terms] or [POTENCY]:
+        part, error = likelihood.columns[term], likelihood.discrepancy(term)
+        columns += range(part.start, part.stop)
+        found.append(variances[term] + error.common**2 + error.own**2 + fit.surrogate.noise[part] ** 2)
+    return columns, 1.0 / np.concatenate(found)

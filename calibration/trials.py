@@ -1,7 +1,11 @@
-"""What catalogues make of every dated step, and what a record says of the same: outputs of trials by term."""
+"""Outputs of trials by term, what a record says of the same, and what finer cells change in them.
+
+The catalogues of a trial differ in the settings with which events were extracted from its rock. Each is a run of its
+own here, and of each dated step it has a potency, a number of events, places and sizes.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
@@ -21,28 +25,30 @@ POTENCY, NUMBER, PLACES, SIZES = TERMS = ("potency", "number", "places", "sizes"
 MIN_DEVIATION = 1.0  # m, along each axis: places are never known better.
 BOX_MARGIN = 3.0  # Deviations by which the box of uniform events is larger than what events take up.
 AXES = 3
+MIN_PAIRS = 2  # Pairs of runs on two sizes of cells that a scatter needs.
+EXTRACTION = "extraction"  # Variable (event,): number of the set that an event is from.
 
 
 @dataclass(frozen=True)
-class Recorded:
-    """What the record says of each step, in the steps' order.
+class RecordedOutputs:
+    """Outputs of the record, of each step in order.
 
-    log_potency (step,) ln m3, covariance (step, step) of it; number (step,) of events above the common cut; clustering:
-    variance over mean of that number; log_excess: ln of the mean of log10 potency above the cut, and its standard
-    error.
+    log_potency (step,) ln m3, covariance (step, step) of it; number (step,) of events above the common cut;
+    dispersion_index: variance over mean of that number, at least 1; log_excess: ln of the mean of log10 potency above
+    the cut; excess_error: its standard error.
     """
 
     log_potency: NDArray
     covariance: NDArray
     number: NDArray
-    clustering: float = 1.0
+    dispersion_index: float = 1.0
     log_excess: float = 0.0
     excess_error: float = 1.0
 
 
 @dataclass(frozen=True)
 class Places:
-    """Where events above the cut were recorded: location (event, xyz) m, step (event,) by number.
+    """Places of recorded events above the cut: location (event, xyz) m, step (event,) by number.
 
     deviation (event,): standard deviation, m, along each axis of a recorded from a modelled place; error (event,): that
     of the record alone; box: corners (2, xyz), m, of the rock in which an event may lie anywhere.
@@ -73,7 +79,7 @@ class Places:
 
 
 class Outputs:
-    """What runs make of the steps: for each term an array (run, output of the term), and all side by side.
+    """Outputs of runs: for each term an array (run, output of the term), and all of them in one array.
 
     potency: ln m3 by step. number: ln of events from the cut on, by step. places: mean information gain at recorded
     places, nats, by step. sizes: ln of the mean of log10 potency above the cut, one output.
@@ -89,14 +95,92 @@ class Outputs:
 
     @property
     def columns(self) -> dict[str, slice]:
-        """Where each term stands in `all`."""
+        """Columns of each term in `all`."""
         ends = np.cumsum([values.shape[1] for values in self.by_term.values()])
         starts = np.concatenate([[0], ends[:-1]])
         return {term: slice(int(a), int(b)) for term, a, b in zip(self.by_term, starts, ends, strict=True)}
 
-    def chosen(self, runs: slice | NDArray) -> "Outputs":
-        """Of some runs."""
+    def of_runs(self, runs: slice | NDArray) -> "Outputs":
+        """Outputs of these runs only."""
         return Outputs({term: values[runs] for term, values in self.by_term.items()})
+
+
+@dataclass(frozen=True)
+class Discrepancy:
+    """Error of the model itself: standard deviations of an output of a step.
+
+    common: that of an error which all steps share, such as that of the cells; own: that of an independent error of each
+    step.
+    """
+
+    common: float = 0.0
+    own: float = 0.0
+
+    def covariance(self, steps: int) -> NDArray:
+        """Covariance (step, step) of the errors of so many steps."""
+        return np.full((steps, steps), self.common**2) + self.own**2 * np.eye(steps)
+
+    def with_own(self, other: float) -> "Discrepancy":
+        """This discrepancy and a further independent error of each step."""
+        return Discrepancy(self.common, float(np.hypot(self.own, other)))
+
+
+@dataclass(frozen=True)
+class CellCorrection:
+    """Correction of trials for their cells: shift (output,) that finer cells add to the outputs; errors, by term."""
+
+    shift: NDArray
+    errors: dict[str, Discrepancy] = field(default_factory=dict)
+
+    @classmethod
+    def none(cls, trials: Outputs) -> "CellCorrection":
+        """No correction, for trials on the cells of the mine."""
+        return cls(np.zeros(trials.all.shape[1]))
+
+    @classmethod
+    def of(cls, trials: Outputs, finer: Outputs, pairs: int) -> "CellCorrection":
+        """The correction that trials run on both cells give: mean differences, and the scatter of the differences.
+
+        The scatter of a run's mean over its steps is an error that all steps share, the rest is each step's own. pairs:
+        number of trials, each of as many rows: rows of one rock are one pair.
+        """
+        shifts, errors = [], {}
+        for term, coarse in trials.by_term.items():
+            difference = (finer.by_term[term] - coarse).reshape(pairs, -1, coarse.shape[1]).mean(axis=1)
+            mean = difference.mean(axis=0)
+            off = difference - mean
+            widened = np.sqrt(1.0 + 1.0 / pairs)  # the mean itself is known from these pairs only
+            common = off.mean(axis=1).std(ddof=1) * widened if pairs >= MIN_PAIRS else 0.0
+            own = np.sqrt(np.mean((off - off.mean(axis=1, keepdims=True)) ** 2) * pairs / max(pairs - 1, 1)) * widened
+            shifts.append(mean)
+            errors[term] = Discrepancy(float(common), float(own))
+        return cls(np.concatenate(shifts), errors)
+
+    def during(self, share: NDArray, trials: Outputs) -> "CellCorrection":
+        """This correction, and one of potency and number for the share of each step (step,) that is recorded."""
+        shift = self.shift.copy()
+        for term in (POTENCY, NUMBER):
+            shift[trials.columns[term]] += np.log(share)
+        return CellCorrection(shift, self.errors)
+
+
+def join_extractions(sets: Sequence[xr.Dataset]) -> xr.Dataset:
+    """One dataset of several sets of events from the rock of one trial, extracted with different settings.
+
+    It has the attributes of the first set, and the potency floors of all.
+    """
+    together = xr.concat(list(sets), dim="event", combine_attrs="override")
+    together[EXTRACTION] = ("event", np.repeat(np.arange(len(sets)), [one.sizes["event"] for one in sets]))
+    return together.assign_attrs(potency_floors=[float(one.attrs["potency_floor"]) for one in sets])
+
+
+def extractions(trial: xr.Dataset) -> list[xr.Dataset]:
+    """The sets of events of a trial, in order, each with its own potency floor."""
+    number = trial[EXTRACTION].values
+    return [
+        trial.isel(event=np.flatnonzero(number == one)).assign_attrs(potency_floor=float(floor))
+        for one, floor in enumerate(np.atleast_1d(trial.attrs["potency_floors"]))
+    ]
 
 
 def common_cut(catalogues: Sequence[xr.Dataset], record: xr.Dataset) -> float:
@@ -108,7 +192,7 @@ def common_cut(catalogues: Sequence[xr.Dataset], record: xr.Dataset) -> float:
 
 
 def counted_events(events: xr.Dataset, steps: Sequence[str], cut: float) -> tuple[NDArray, NDArray]:
-    """Location (event, xyz) and number of the step (event,) of a catalogue's events that count."""
+    """Location (event, xyz) and number of the step (event,) of the resolved events of these steps from the cut on."""
     step = np.full(events.sizes["event"], -1)
     for index, name in enumerate(steps):
         step[events["step"].values == name] = index
@@ -129,7 +213,7 @@ def gains(catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float, pl
 def outputs(
     catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float, terms: Sequence[str], places: Places | None
 ) -> Outputs:
-    """What catalogues make of the steps: potency and number always, the other terms where they count.
+    """Outputs of catalogues: potency and number always, the other terms where they count.
 
     A step without potency counts as the smallest resolvable event, one without events as half an event. One event a
     decade above the cut is added to the sizes, so that a run without events has some.
@@ -155,15 +239,15 @@ def outputs(
 
 def read_record(
     record: xr.Dataset, exposure: Exposure, cut: float, seed: int, terms: Sequence[str] = (POTENCY,)
-) -> Recorded:
-    """What the record says of each dated step, its potency with a covariance by bootstrap of its events.
+) -> RecordedOutputs:
+    """Outputs of the record in each dated step, with a covariance of potency by bootstrap of its events.
 
-    Events of a day are drawn together in effect: the variance is raised by how clustered their numbers are. A step
+    Events of a day are drawn together in effect: the variance is raised by the dispersion of their numbers. A step
     without recorded potency counts as the cut where potency is no term. Raises InputError where it is one.
     """
     step, potency = exposure.step(record["time"].values), record["potency"].values
     used = (step >= 0) & (record["resolved"].values == 1)
-    clustering = exposure.clustering(record["time"].values[used])
+    dispersion_index = exposure.clustering(record["time"].values[used])
     counted = used & (log_potency(potency) >= cut)
     generator, steps = np.random.default_rng(seed), len(exposure.start)
     logs, variances = np.zeros(steps), np.zeros(steps)
@@ -180,10 +264,10 @@ def read_record(
         logs[index] = np.log(sizes.sum())
         drawn = generator.poisson(1.0, (BOOTSTRAPS, len(sizes))) @ sizes  # numbers vary as well as sizes
         drawn = drawn[drawn > 0.0]
-        variances[index] = np.log(drawn).var() * potency_clustering(sizes, clustering)
+        variances[index] = np.log(drawn).var() * potency_clustering(sizes, dispersion_index)
     number = np.array([np.count_nonzero(counted & (step == index)) for index in range(steps)])
     excess = log_potency(potency[counted]) - cut
-    return Recorded(logs, np.diag(variances), number, clustering, *mean_excess(excess))
+    return RecordedOutputs(logs, np.diag(variances), number, dispersion_index, *mean_excess(excess))
 
 
 def mean_excess(excess: NDArray) -> tuple[float, float]:
@@ -209,7 +293,7 @@ def covered(exposure: Exposure, steps: Sequence[DatedStep]) -> NDArray:
 
 
 def read_places(record: xr.Dataset, exposure: Exposure, cut: float, catalogues: Sequence[xr.Dataset]) -> Places:
-    """Where recorded events of dated steps above the cut are, to be compared with these catalogues."""
+    """Places of recorded events of dated steps above the cut, to be compared with these catalogues."""
     step = exposure.step(record["time"].values)
     location = record["location"].values
     used = (step >= 0) & (record["resolved"].values == 1) & (log_potency(record["potency"].values) >= cut)
@@ -223,6 +307,6 @@ def read_places(record: xr.Dataset, exposure: Exposure, cut: float, catalogues: 
     return Places(location[used], step[used], deviation, error, box)
 
 
-def has_silent_history(catalogues: Sequence[xr.Dataset]) -> bool:
-    """Whether no rock fails before the record in any of the trials, as where cells do not resolve its openings."""
+def nothing_fails_before_record(catalogues: Sequence[xr.Dataset]) -> bool:
+    """True if no rock fails before the record in any of the trials, as where cells do not resolve its openings."""
     return all(float(one.attrs["potency_before_record"]) == 0.0 for one in catalogues)

@@ -62,7 +62,7 @@ class CalibrationTrials:
     @functools.cached_property
     def points(self) -> np.ndarray:
         """Points of replicates and design (trial, quantity) in the unit cube."""
-        from calibration.design import sobol_points  # here: runs that calibrate nothing need no scipy
+        from calibration.posterior import sobol_points  # here: runs that calibrate nothing need no scipy
 
         settings = self.settings
         design = sobol_points(settings.trials, len(settings.quantities), settings.seed)
@@ -113,7 +113,7 @@ class CalibrationTrials:
     def rows(self, name: str) -> np.ndarray:
         """Points (row, quantity) in the unit cube at which a trial tells of the mine: one, or EXTRACTIONS of them that
         differ in what changes events only. Ends the run in one line if there is no such trial."""
-        from calibration.design import sobol_points
+        from calibration.posterior import sobol_points
 
         batched = BATCH_TRIAL.fullmatch(name)
         batch, number = (int(batched["batch"]), int(batched["number"])) if batched else (0, int(name))

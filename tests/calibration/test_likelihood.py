@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_t, nbinom, norm, poisson
 
-from calibration.cells import CellCorrection, Discrepancy
 from calibration.likelihood import DEGREES_OF_FREEDOM, Likelihood, number_term, student_term
 from calibration.posterior import find_posterior
-from calibration.trials import Recorded
+from calibration.trials import CellCorrection, Discrepancy, RecordedOutputs
 
 NONE = Discrepancy()
 
 
-def recorded(log_potency, variance=0.04, number=(40, 60), clustering=3.0):
+def recorded(log_potency, variance=0.04, number=(40, 60), dispersion_index=3.0):
     """Two steps."""
-    return Recorded(np.array(log_potency, float), variance * np.eye(2), np.array(number), clustering)
+    return RecordedOutputs(np.array(log_potency, float), variance * np.eye(2), np.array(number), dispersion_index)
 
 
 def potency_term(mean, deviation, record, discrepancy):
@@ -26,7 +25,7 @@ def potency_term(mean, deviation, record, discrepancy):
 
 def numbers(mean, deviation, record, discrepancy):
     """Of the numbers of a record."""
-    return number_term(mean, deviation, record.number, record.clustering, discrepancy)
+    return number_term(mean, deviation, record.number, record.dispersion_index, discrepancy)
 
 
 def judge(record, terms=("potency",), error=NONE, model_error=0.0):
@@ -48,13 +47,13 @@ def test_potency_term_is_the_density_of_a_student_t_with_the_stated_covariance()
 
 
 def test_number_term_is_negative_binomial_and_poisson_without_clusters():
-    """Nothing left open: the closed forms; variance over mean is the clustering."""
+    """Nothing left open: the closed forms; variance over mean is the dispersion index."""
     expected = np.array([[35.0, 70.0]])
     record = recorded([0, 0])
     exact = sum(nbinom(mean / 2.0, 1 / 3.0).logpmf(number) for mean, number in zip(expected[0], (40, 60), strict=True))
     nothing = np.zeros((1, 2))
     np.testing.assert_allclose(numbers(np.log(expected), nothing, record, NONE), exact, rtol=1e-9)
-    record = recorded([0, 0], clustering=1.0)
+    record = recorded([0, 0], dispersion_index=1.0)
     exact = poisson(expected[0]).logpmf([40, 60]).sum()
     np.testing.assert_allclose(numbers(np.log(expected), nothing, record, NONE), exact, atol=5e-3)
 
@@ -130,7 +129,7 @@ def test_places_count_by_independent_events():
     """A gain of one nat in a step of forty events that come three at a time is worth 13.3 nats."""
     mean = np.zeros((2, 7))
     mean[1, 4] = 1.0
-    judged = judge(recorded([0, 0], number=(40, 60), clustering=3.0), ("places",))
+    judged = judge(recorded([0, 0], number=(40, 60), dispersion_index=3.0), ("places",))
     first, other = judged(mean, np.zeros((2, 7)))
     assert other - first == pytest.approx(40 / 3)
     unsure = replace(judged, gain_error=np.array([0.5, 0.01]))
@@ -139,7 +138,7 @@ def test_places_count_by_independent_events():
 
 def test_numbers_and_sizes_that_no_values_give_are_implausible():
     """Potency right, number or mean size far off: only a likelihood that counts them says so."""
-    record = Recorded(np.zeros(2), 0.01 * np.eye(2), np.array([100, 100]), 1.0, log_excess=0.0, excess_error=0.1)
+    record = RecordedOutputs(np.zeros(2), 0.01 * np.eye(2), np.array([100, 100]), 1.0, log_excess=0.0, excess_error=0.1)
     mean = np.array([[0.0, 0.0, np.log(100), np.log(100), 0, 0, 0.0]])
     few, large = mean.copy(), mean.copy()
     few[0, 3], large[0, 6] = np.log(50), 0.5
@@ -155,7 +154,7 @@ def test_numbers_and_sizes_that_no_values_give_are_implausible():
 
 def test_steps_that_are_all_off_a_little_are_implausible_together():
     """Four values, each 2.2 standard deviations off, are more than three off together. A common error excuses them."""
-    record = Recorded(np.zeros(2), 0.01 * np.eye(2), np.array([100, 100]), 1.0)
+    record = RecordedOutputs(np.zeros(2), 0.01 * np.eye(2), np.array([100, 100]), 1.0)
     mean = np.array([[0.22, 0.22, np.log(100) + 0.22, np.log(100) + 0.22, 0, 0, 0.0]])
     judged = judge(record, ("potency", "number"))
     found = judged.implausibility(mean, np.zeros((1, 7)))[0]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.design import sobol_points
+from calibration.posterior import sobol_points
 from calibration.surrogate import Surrogate
 
 

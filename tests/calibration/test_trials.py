@@ -5,22 +5,22 @@ import pytest
 import xarray as xr
 import yaml
 
-from calibration.cells import CellCorrection, Discrepancy
-from calibration.extractions import extractions, joined
-from calibration.fit import Rows, calibrate
-from calibration.further import further_points
+from calibration.fit import Rows, calibrate, calibrate_to_trials
 from calibration.mine_files import with_values, write_mine
-from calibration.self_test import calibrate_to_trials
 from calibration.settings import CalibratedQuantity, CalibrationSettings, cohesion_of, strength_under
-from calibration.tradeoffs import best_known_strengths, telling_observations
+from calibration.tradeoffs import best_known_strengths, further_points, telling_observations
 from calibration.trials import (
+    CellCorrection,
+    Discrepancy,
     Outputs,
     Places,
-    Recorded,
+    RecordedOutputs,
     common_cut,
     covered,
+    extractions,
     gains,
-    has_silent_history,
+    join_extractions,
+    nothing_fails_before_record,
     outputs,
     read_places,
     read_record,
@@ -121,10 +121,10 @@ def test_places_near_recorded_ones_gain_most_in_their_own_step():
 def test_a_trial_with_several_extractions_is_so_many_catalogues():
     """In order, an empty one among them."""
     sets = [catalogue({"one": sizes}, floor=floor) for sizes, floor in (([1.0], 0.01), ([], 0.02), ([2.0, 3.0], 0.04))]
-    together = joined(sets)
+    together = join_extractions(sets)
     assert [one["potency"].values.tolist() for one in extractions(together)] == [[1.0], [], [2.0, 3.0]]
     assert [one.attrs["potency_floor"] for one in extractions(together)] == [0.01, 0.02, 0.04]
-    assert len(extractions(joined(sets[:1]))) == 1
+    assert len(extractions(join_extractions(sets[:1]))) == 1
 
 
 def test_events_count_from_the_largest_floor_of_all_runs_on():
@@ -144,7 +144,7 @@ def test_record_of_equal_and_of_unequal_sizes():
     equal = read_record(record(days, [0.1] * 200), EXPOSURE, -2.0, seed=1)
     np.testing.assert_allclose(np.exp(equal.log_potency), 10.0)
     np.testing.assert_array_equal(equal.number, 100)
-    np.testing.assert_allclose(np.diag(equal.covariance) / equal.clustering, 0.01, rtol=0.15)
+    np.testing.assert_allclose(np.diag(equal.covariance) / equal.dispersion_index, 0.01, rtol=0.15)
     ruled = read_record(record(days, [10.0, *[0.1] * 199]), EXPOSURE, -2.0, seed=1)
     assert ruled.covariance[0, 0] > 5.0 * ruled.covariance[1, 1]
 
@@ -170,11 +170,11 @@ def test_steps_count_for_the_time_that_the_record_covers():
         covered(Exposure.of(tuple(steps), ("2019-09-02", "2019-10-01")), steps)
 
 
-def test_history_is_silent_where_no_rock_fails_in_any_trial():
+def test_nothing_fails_before_the_record_where_no_rock_fails_in_any_trial():
     """One trial with failure before the record is enough."""
     silent = catalogue({"one": [1.0]}, before=0.0)
-    assert has_silent_history([silent, silent])
-    assert not has_silent_history([silent, catalogue({"one": [1.0]})])
+    assert nothing_fails_before_record([silent, silent])
+    assert not nothing_fails_before_record([silent, catalogue({"one": [1.0]})])
 
 
 def test_cells_are_corrected_by_pairs():
@@ -219,7 +219,7 @@ def trials_at(points, noise=0.05, seed=6):
 
 def fitted(rows, values, number, variance=0.01):
     """Calibrated to a record of these values."""
-    recorded = Recorded(values, variance * np.eye(2), number, 2.0)
+    recorded = RecordedOutputs(values, variance * np.eye(2), number, 2.0)
     return calibrate(rows, CellCorrection.none(rows.outputs), recorded, ("potency", "number"), 0.1, seed=1)
 
 

@@ -7,16 +7,25 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from calibration.cells import CellCorrection
-from calibration.extractions import extractions
-from calibration.fit import SHARES, Fit, expected
+from calibration.fit import SHARES, Fit, SelfTest, fit_likelihood
 from calibration.likelihood import MAX_IMPLAUSIBILITY
-from calibration.posterior import Posterior, find_posterior
-from calibration.self_test import SelfTest
+from calibration.posterior import Posterior
 from calibration.settings import CalibratedQuantity
 from calibration.stages import Calibration
 from calibration.tradeoffs import CONFINEMENTS, PRIOR_POINTS, best_known_strengths, strengths
-from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, Outputs, Places, counted_events, gains, outputs
+from calibration.trials import (
+    NUMBER,
+    PLACES,
+    POTENCY,
+    SIZES,
+    CellCorrection,
+    Outputs,
+    Places,
+    counted_events,
+    extractions,
+    gains,
+    outputs,
+)
 from verification.calibration_truth.chains import chain_quantiles
 
 COVERAGE = (0.80, 0.97)  # Of 90 % intervals.
@@ -138,12 +147,7 @@ def fit_to_catalogue(found: Calibration, catalogue: xr.Dataset) -> Fit:
     correction = CellCorrection.none(trials)
     surrogate = found.fit.surrogate.of(found.rows.points, trials.all, found.rows.trials)
     likelihood = replace(found.fit.likelihood, recorded=recorded, correction=correction)
-
-    def evaluate(points: NDArray) -> tuple[NDArray, NDArray]:
-        known = expected(surrogate, correction, points)
-        return likelihood(*known), likelihood.implausibility(*known)
-
-    return Fit(surrogate, likelihood, find_posterior(evaluate, found.rows.points.shape[1], found.settings.seed))
+    return fit_likelihood(surrogate, likelihood, found.rows.points.shape[1], found.settings.seed)
 
 
 def chain_claims(found: Calibration, quantities: Sequence[CalibratedQuantity]) -> list[Claim]:

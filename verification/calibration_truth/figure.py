@@ -7,8 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from calibration.figures import axis_label, label_log_axis
-from calibration.fit import SHARES
-from calibration.self_test import SelfTest
+from calibration.fit import SHARES, SelfTest
 from calibration.settings import CalibratedQuantity
 from catalogs.figures import style
 
