@@ -1,8 +1,8 @@
-"""By how much a plan differs from another: a ratio of totals, its interval, and whether it is more than chance makes.
+"""Difference between two plans: a ratio of totals, its interval, and whether chance explains it.
 
-Three things are not known of the ratio of what two plans make on average, and each has an interval of ln ratio: chance
-(catalogs.exposure.total_ratio), the cells (how the ratio changes on cells of twice the size) and the rock (how it
-scatters over draws of a posterior). On each side of the ratio the distances to their ends are added in quadrature
+The ratio of the mean totals of two plans is uncertain for three reasons, and each has an interval of ln ratio: chance
+(catalogs.exposure.total_ratio), the cells (the change of the ratio on cells of twice the size) and the rock (its
+scatter over draws of a posterior). On each side of the ratio the distances to their ends are added in quadrature
 (Zou and Donner 2008).
 
 Rows that compare plans at once for many steps or openings differ by chance in one of twenty cases.
@@ -21,21 +21,22 @@ from catalogs.grid_convergence import SAFETY_FACTOR
 from catalogs.jackknife import INTERVAL_95
 from catalogs.sum_measures import MIN_RUNS_FOR_VARIANCE, MIN_SCALE_SHARE, mean_total
 from common.errors import InputError
-from plans.factors import CELLS, CHANCE, MIN_DRAWS, ROCK, RUNS
 from plans.layout import ANY, COARSE, DRAW, LIKE_OWN, OWN
+from plans.record import CELLS, CHANCE, MIN_DRAWS, ROCK, RUNS
 
 NUMBER, POTENCY = "number", "potency"
 # A variance between runs needs as many events of all runs together: of fewer, most of it is in events that are rare.
 MIN_EVENTS_FOR_VARIANCE = 50
+OTHER_CAUSES = {CELLS: "cell size", ROCK: "rock"}  # of a difference, in words
 OF_ALL_RUNS = {NUMBER: "shared_number", POTENCY: "whole_potency"}  # what runs on other cells can be compared by
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The ratio of a plan to another: value, 95 % interval (2,), that of chance alone, and what the interval holds.
+    """Ratio of a plan to another: value, 95 % interval (2,), and that of chance alone, by_chance (2,).
 
-    value: NaN where the other has nothing. is_shared: both plans are the same runs here. contains, lacks: CHANCE,
-    CELLS, ROCK, and RUNS where one run has to do.
+    value: NaN where the other has nothing. is_shared: both plans are the same runs here. contains, lacks: those of
+    CHANCE, CELLS and ROCK that the interval does, and RUNS where there is one run only.
     """
 
     value: float
@@ -46,8 +47,8 @@ class Difference:
     is_shared: bool = False
 
     @property
-    def is_more_than_chance(self) -> bool:
-        """Whether 1 is outside of the interval."""
+    def is_significant(self) -> bool:
+        """True if the interval excludes 1."""
         return bool(self.interval[0] > 1.0 or self.interval[1] < 1.0)
 
     @property
@@ -57,21 +58,21 @@ class Difference:
             return "the same runs in both plans"
         if not np.isfinite(self.interval).any():
             return "neither plan makes anything"
-        if self.is_more_than_chance:
-            return "more than chance makes"
+        if self.is_significant:
+            return "larger than chance explains"
         if self.by_chance[0] > 1.0 or self.by_chance[1] < 1.0:
-            others = " and ".join(f"the {one}" for one in self.contains if one != CHANCE)
-            return f"more than chance makes, but {others} may make it"
-        return "no difference that chance does not make"
+            others = " and ".join(OTHER_CAUSES[one] for one in self.contains if one != CHANCE)
+            return f"larger than chance explains, but {others} may explain it"
+        return "difference within chance"
 
 
-def own_steps(plan: xr.Dataset, other: xr.Dataset) -> list[str]:
+def steps_with_other_runs(plan: xr.Dataset, other: xr.Dataset) -> list[str]:
     """Names of the steps of a plan whose runs are not those of the other plan, in order."""
-    made = dict(zip(other["step"].values, other["made_by"].values, strict=True))
+    digests = dict(zip(other["step"].values, other["made_by"].values, strict=True))
     return [
         str(step)
         for step, digest in zip(plan["step"].values, plan["made_by"].values, strict=True)
-        if not digest or made.get(step) != digest
+        if not digest or digests.get(step) != digest
     ]
 
 
@@ -95,18 +96,18 @@ def compare(
     if digests[0] == digests[1] and all(digests[0]):
         return Difference(1.0, np.ones(2), np.ones(2), (), (), is_shared=True)
     runs = [one.isel(run=np.flatnonzero(np.isin(one["run_kind"].values, LIKE_OWN))) for one in both]
-    ratio = _by_chance([one.sel(opening=opening) for one in runs], quantity)
+    ratio = _ratio_by_chance([one.sel(opening=opening) for one in runs], quantity)
     contains, lacks = [CHANCE], []
     if min(one.sizes["run"] for one in runs) < 2:
         lacks.append(RUNS)
-    cells, rock = _cells(both, quantity), _rock(both, quantity)
-    for name, found in ((CELLS, cells), (ROCK, rock)):
-        (lacks if found is None else contains).append(name)
-    lower, upper = _widened(ratio, cells or 0.0, rock)
+    cells, rock = _half_width_by_cells(both, quantity), _interval_by_rock(both, quantity)
+    for name, uncertainty in ((CELLS, cells), (ROCK, rock)):
+        (lacks if uncertainty is None else contains).append(name)
+    lower, upper = _widened_interval(ratio, cells or 0.0, rock)
     return Difference(ratio.value, np.array([lower, upper]), ratio.interval, tuple(contains), tuple(lacks))
 
 
-def _by_chance(runs: Sequence[xr.Dataset], quantity: str) -> Ratio:
+def _ratio_by_chance(runs: Sequence[xr.Dataset], quantity: str) -> Ratio:
     """The ratio and its interval by chance, of the plans' own runs and members."""
     numbers, sums = ([one[name].sum("step").values for one in runs] for name in (NUMBER, quantity))
     squares = [one["squares" if quantity == POTENCY else NUMBER].sum("step").values for one in runs]
@@ -116,23 +117,23 @@ def _by_chance(runs: Sequence[xr.Dataset], quantity: str) -> Ratio:
 def ratio_of_runs(numbers: Sequence[NDArray], sums: Sequence[NDArray], squares: Sequence[NDArray]) -> Ratio:
     """The ratio of the mean sum of two sets of runs, and its interval by chance.
 
-    numbers, sums, squares: of both sets, (run,) each: number of events, sum of their sizes, sum of squared sizes. Runs
-    of one place in both share their perturbation: what they have in common is no chance of the ratio.
+    numbers, sums, squares: for both sets, (run,) each: number of events, sum of their sizes, sum of squared sizes. Runs
+    of the same index share their perturbation: what they have in common does not change the ratio.
     """
     total = float(sum(one.sum() for one in sums))
     scale = float(sum(one.sum() for one in squares)) / total if total else 1.0
     unlike, both = unlike_share(*sums), []
     for number, added, squared in zip(numbers, sums, squares, strict=True):
-        found = mean_total(added, squared, scale)
-        least = scale / len(number) if number.sum() < MIN_EVENTS_FOR_VARIANCE else MIN_SCALE_SHARE * found.value
-        both.append(Total(found.value, max(found.scale * unlike, least)))
+        mean = mean_total(added, squared, scale)
+        least = scale / len(number) if number.sum() < MIN_EVENTS_FOR_VARIANCE else MIN_SCALE_SHARE * mean.value
+        both.append(Total(mean.value, max(mean.scale * unlike, least)))
     return total_ratio(*both)
 
 
 def unlike_share(first: NDArray, second: NDArray) -> float:
     """Variance of the difference of two sets of sums (run,), each over its mean, over that of independent runs.
 
-    1 where runs are no pairs, are too few for a variance, or do not vary.
+    1 where runs do not come in pairs, are too few for a variance, or do not vary.
     """
     if len(first) != len(second) or len(first) < MIN_RUNS_FOR_VARIANCE or not (first.any() and second.any()):
         return 1.0
@@ -150,13 +151,13 @@ def _log_ratios(both: Sequence[xr.Dataset], quantity: str, kind: str) -> NDArray
     return np.log(first[some] / second[some])
 
 
-def _cells(both: Sequence[xr.Dataset], quantity: str) -> float | None:
+def _half_width_by_cells(both: Sequence[xr.Dataset], quantity: str) -> float | None:
     """Half the width of the interval of ln ratio that is due to the cells; None without a run on doubled cells."""
     own, coarse = (_log_ratios(both, quantity, kind) for kind in (OWN, COARSE))
     return float(SAFETY_FACTOR * abs(own[0] - coarse[0])) if len(own) and len(coarse) else None
 
 
-def _rock(both: Sequence[xr.Dataset], quantity: str) -> NDArray | None:
+def _interval_by_rock(both: Sequence[xr.Dataset], quantity: str) -> NDArray | None:
     """Lower and upper end (2,) of the interval of ln ratio over rock of the posterior; None of too few draws.
 
     It is that of one more draw, whose rock is that of the mine. Each draw is one run, so its chance is in it, too.
@@ -168,7 +169,7 @@ def _rock(both: Sequence[xr.Dataset], quantity: str) -> NDArray | None:
     return values.mean() + np.array([-half, half])
 
 
-def _widened(ratio: Ratio, cells: float, rock: NDArray | None) -> tuple[float, float]:
+def _widened_interval(ratio: Ratio, cells: float, rock: NDArray | None) -> tuple[float, float]:
     """Ends of the interval of chance, moved outward by the cells and the rock."""
     lower, upper = float(ratio.interval[0]), float(ratio.interval[1])
     middle = np.log(ratio.value) if ratio.value > 0.0 else None

@@ -1,9 +1,9 @@
 """Chance of large events near openings, and the forecast of steps that are ahead of the record.
 
 The number of events from the floor on within a distance of an opening is Lambda on average. Its estimate is the mean of
-the plan's own run and its members, times a factor. With a record the factor is the number recorded over the number
-modelled in the recorded steps (plans.factors). The share S(m) of events as large as m follows from a power law with an
-upper end (plans.truncated_law). Events are independent, so the chance of one at least is
+the plan's own run and its members, times a factor (plans.record). The share S(m) of events as large as m follows from a
+power law with an upper end, of which neither the slope nor the end is known. Events are independent, so the chance of
+one at least is
 
   p = 1 - exp(-Lambda S(m)),
 
@@ -13,8 +13,7 @@ chance of the runs too, by Jeffreys' prior: half an event more.
 """
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,9 +24,8 @@ from catalogs.completeness import MIN_EVENTS_ABOVE_CUT
 from catalogs.jackknife import INTERVAL_95
 from catalogs.sizes import LN10, MIN_EVENTS_FOR_B, log_potency
 from catalogs.sum_measures import MIN_RUNS_FOR_VARIANCE
-from plans.factors import LAW, Factors, find_factors
-from plans.record import RecordedNumbers
-from plans.runs import StepEvents
+from plans.record import LAW, Factors, RecordedNumbers, find_factors
+from plans.runs import StepResult
 from plans.settings import OutcomeSlice
 from plans.truncated_law import TruncatedLaw, find_law
 
@@ -40,16 +38,8 @@ MIN_ROOM = 1.0
 SIZE_CLASS = 0.5  # log10 P: an event that two runs share has a size in each, which is not quite the same.
 
 
-@dataclass(frozen=True)
-class Hazard:
-    """Variables and attributes of outcome.nc."""
-
-    data: dict[str, Any]
-    attributes: dict[str, Any]
-
-
-def dispersion(number: NDArray) -> float:
-    """Variance of a number (run,) of events over its mean; 1 of fewer runs than a variance needs, and never less.
+def dispersion_index(number: NDArray) -> float:
+    """Variance over mean of the number of events (run,), at least 1; 1 for fewer runs than a variance needs.
 
     Of few runs the variance is uncertain: it is widened so that a normal interval holds as often as one of Student's t.
     """
@@ -78,7 +68,7 @@ def chance_of(expected: NDArray, share: NDArray) -> NDArray:
 
 
 def draw_numbers(expected: NDArray, ratio: float, generator: np.random.Generator) -> NDArray:
-    """A number of events for each expected one (draw,): Poisson, or negative binomial with this variance over mean."""
+    """Numbers of events (draw,) about the expected ones: Poisson, or negative binomial with this variance over mean."""
     expected = np.minimum(expected, MAX_EXPECTED)
     if ratio > 1.0:
         expected = (ratio - 1.0) * generator.standard_gamma(np.maximum(expected, 1e-12) / (ratio - 1.0))
@@ -87,44 +77,39 @@ def draw_numbers(expected: NDArray, ratio: float, generator: np.random.Generator
 
 def find_hazard(
     settings: OutcomeSlice,
-    data: dict[str, Any],
-    runs: Sequence[Sequence[StepEvents]],
+    values: Mapping[str, NDArray],
+    runs: Sequence[Sequence[StepResult]],
     ahead: NDArray,
     floor: float,
     recorded: RecordedNumbers | None,
-) -> Hazard:
-    """Expected numbers, chances and forecasts of a plan.
+) -> tuple[dict[str, NDArray], dict[str, Any]]:
+    """Expected numbers, chances and forecasts of a plan: variables and attributes of plans.layout.
 
-    data: variables of plans.layout that say what the runs made; runs: events from the floor on of the plan's own run
+    values: variables of plans.layout with the results of the runs; runs: events from the floor on of the plan's own run
     and of its members; ahead (step,): steps that begin after the record.
     """
     generator = np.random.default_rng(SEED)
-    law, law_attributes = _law(runs, data, floor, recorded, generator)
+    law, law_attributes = _law(runs, values["whole_potency"], floor, recorded, generator)
     counted = ahead if ahead.any() else np.ones_like(ahead)
-    factors = find_factors(settings, data, recorded, counted, DRAWS, generator)
-    own = ~np.isnan(data["number"][1][:, 0, 0])
-    within, number = data["number_within"][1][own], data["number"][1][own][:, :, -1]
-    ratio = dispersion(number[:, counted].sum(axis=1))
+    factors = find_factors(settings, values, recorded, counted, DRAWS, generator)
+    own = ~np.isnan(values["number"][:, 0, 0])
+    within, number = values["number_within"][own], values["number"][own][:, :, -1]
+    ratio = dispersion_index(number[:, counted].sum(axis=1))
     periods = [*np.eye(len(ahead), dtype=bool), counted]
-    days = np.array([data["days"][1][period].sum() for period in periods])
-    sizes = data["size_log_potency"][1]
+    days, sizes = values["days"], values["size_log_potency"]
     share = law.share_above(sizes) if law else np.full((len(sizes), DRAWS), np.nan)
     is_open = _is_open(settings)
     rows = []
     for period in periods:
         factor = factors.of(period, number.sum(axis=0))
-        open_days = is_open @ np.where(period, data["days"][1], 0.0)
+        open_days = is_open @ np.where(period, days, 0.0)
         years = DAYS_OF_YEAR / np.where(open_days > 0.0, open_days, np.inf)
         row = chances(within[:, period].sum(axis=1), ratio, factor, share, years, generator)
-        for values in row.values():
-            values[open_days == 0.0] = np.nan
+        for of_period in row.values():
+            of_period[open_days == 0.0] = np.nan
         rows.append(row)
-    places = ("period", "opening", "distance")
-    of_sizes = (*places, "size")
-    dims = {"expected": places, "chance": of_sizes, "yearly_chance": of_sizes}
-    dims |= {f"{name}_interval": (*dims[name], "interval") for name in dims.copy()}
-    dims["yearly_number"] = of_sizes
-    found = {name: (dims[name], np.stack([row[name] for row in rows])) for name in rows[0]}
+    hazard = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
+    hazard["period_days"] = np.array([days[period].sum() for period in periods])
     forecast, spread = _forecasts(number, ratio, factors, law, ahead, recorded, generator)
     attributes = {
         "contains": json.dumps([*factors.contains, *([LAW] if law else [])]),
@@ -133,11 +118,11 @@ def find_hazard(
         "runs": int(own.sum()),
         "number_dispersion": spread,
     }
-    return Hazard(found | forecast | {"period_days": ("period", days)}, attributes | law_attributes)
+    return hazard | forecast, attributes | law_attributes
 
 
 def _is_open(settings: OutcomeSlice) -> NDArray:
-    """Whether each opening, and any of them, is mined by each step (opening + 1, step)."""
+    """Openings mined by each step (opening + 1, step) bool; the last row: any of them."""
     names = ["", *(step.name for step in settings.steps)]  # an opening without a step is mined before the first
     mined = np.array([names.index(opening.step) - 1 for opening in settings.openings], int)
     found = mined[:, None] <= np.arange(len(settings.steps))
@@ -182,9 +167,9 @@ def _interval(draws: NDArray) -> NDArray:
     return np.moveaxis(np.quantile(draws, INTERVAL_95, axis=-1), 0, -1)
 
 
-def independent_share(runs: Sequence[Sequence[StepEvents]]) -> float:
-    """How many independent sizes each event of these runs counts as: 1 of runs that share nothing, one over their
-    number if all are the same.
+def independent_share(runs: Sequence[Sequence[StepResult]]) -> float:
+    """Number of independent sizes that each event of these runs counts as: 1 for runs that share nothing, one over
+    their number if all are the same.
 
     Numbers by step and class of size vary between runs that share a part rho of their events by 1 - rho of their mean,
     and K such runs are worth K / (1 + (K - 1) rho) independent ones (Kish 1965).
@@ -200,16 +185,19 @@ def independent_share(runs: Sequence[Sequence[StepEvents]]) -> float:
 
 
 def _law(
-    runs: Sequence[Sequence[StepEvents]],
-    data: dict[str, Any],
+    runs: Sequence[Sequence[StepResult]],
+    whole_potency: NDArray,
     floor: float,
     recorded: RecordedNumbers | None,
     generator: np.random.Generator,
 ) -> tuple[TruncatedLaw | None, dict[str, Any]]:
-    """The law of sizes, of the record where it has enough events, else of all runs; None of too few sizes."""
+    """The law of sizes of the record where it has enough events, else of all runs, and its attributes; None without.
+
+    whole_potency (run, step): that of all events of a step, m3.
+    """
     modelled = log_potency(np.concatenate([step.potency for run in runs for step in run]))
     x, width, source = modelled, 0.0, "model"
-    whole = float(np.nansum(data["whole_potency"][1], axis=1).max())
+    whole = float(np.nansum(whole_potency, axis=1).max())
     if recorded is not None:
         whole = max(whole, recorded.potency)
         if len(recorded.sizes) >= MIN_EVENTS_ABOVE_CUT:
@@ -243,11 +231,11 @@ def _forecasts(
     ahead: NDArray,
     recorded: RecordedNumbers | None,
     generator: np.random.Generator,
-) -> tuple[dict[str, Any], float]:
-    """Draws of what each step that is ahead will make, and the variance of its number over its mean."""
+) -> tuple[dict[str, NDArray], float]:
+    """Draws of number, potency and largest event of each step that is ahead; and the dispersion index of the number."""
     shape = (len(ahead), DRAWS)
     found = {name: np.full(shape, np.nan) for name in ("number", "potency", "largest")}
-    spread = recorded.clustering if recorded is not None and recorded.recorded.any() else ratio
+    spread = recorded.dispersion_index if recorded is not None and recorded.recorded.any() else ratio
     for step in np.flatnonzero(ahead):
         expected = draw_expected(number[:, step].sum(), len(number), ratio, DRAWS, generator)
         expected = expected * factors.of(np.arange(len(ahead)) == step, number.sum(axis=0))
@@ -255,4 +243,4 @@ def _forecasts(
         found["number"][step] = drawn
         if law is not None:
             found["potency"][step], found["largest"][step] = law.sizes(drawn, generator)
-    return {f"forecast_{name}": (("step", "draw"), values) for name, values in found.items()}, float(max(1.0, spread))
+    return {f"forecast_{name}": draws for name, draws in found.items()}, float(max(1.0, spread))

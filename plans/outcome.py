@@ -1,9 +1,11 @@
-"""The outcome of a plan: what its runs made, the hazard that follows, and the forecast of what is ahead.
+"""The outcome of a plan: results of its runs, the hazard that follows, and the forecast of what is ahead.
 
 Layout of outcome.nc: plans.layout.
 """
 
 import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,13 +13,36 @@ import xarray as xr
 
 from catalogs.exposure import DAY, window
 from catalogs.periods import ALL_STEPS
+from common.datasets import read_dataset
 from common.errors import InputError
+from common.event_table import read_events
 from common.source_tensors import moment_of_magnitude
-from plans.hazard import Hazard, find_hazard
-from plans.layout import ANY, LIKE_OWN, OWN, described
+from plans.hazard import find_hazard
+from plans.layout import ANY, LIKE_OWN, OWN, new_outcome
 from plans.record import is_ahead, read_recorded
-from plans.runs import Geometry, StepEvents, common_floor, counts, digest, read_run, read_states, run_floor
+from plans.runs import Geometry, StepResult, common_floor, counts, digest, read_run, run_floor
 from plans.settings import OutcomeSlice
+
+
+def outcome_stage(
+    given: Mapping, *, grid: Path, record: Path | None = None, comparison: Path | None = None
+) -> xr.Dataset:
+    """The outcome of a plan from files; given: the stage's slice (OutcomeSlice), which names the files of the runs.
+
+    record, comparison: files of the mine, both or neither. Raises InputError as make_outcome.
+    """
+    if (record is None) != (comparison is None):
+        raise InputError("plans outcome: give both --record and --comparison, or neither")
+    settings = OutcomeSlice.of(given, "plans")
+    events = read_events(record) if record else None
+    return make_outcome(settings, read_dataset(grid), events, read_dataset(comparison, ["cut"]) if comparison else None)
+
+
+def input_files(settings: OutcomeSlice) -> list[str]:
+    """Files of all runs that an outcome is made from, each once: runs of the mine may be runs of its plan, too."""
+    files = [path for run in (*settings.runs, *settings.recorded_runs) for path in (*run.events, *run.states)]
+    files += [path for run in settings.compared_runs for path in run.events]
+    return list(dict.fromkeys(files))
 
 
 def make_outcome(
@@ -37,25 +62,21 @@ def make_outcome(
     runs = [read_run(run, steps, settings.mine) for run in settings.runs]
     like_own = [number for number, kind in enumerate(kinds) if kind in LIKE_OWN]
     recorded = read_recorded(settings, record, comparison) if record is not None and comparison is not None else None
-    others = [(run.kind, run_floor(run, settings.mine)) for run in settings.compared_runs]
-    alike = [one for kind, one in others if kind in LIKE_OWN]
-    floor = float(np.fmax.reduce([common_floor([runs[number] for number in like_own]), *alike]))
+    other_floors = [(run.kind, run_floor(run, settings.mine)) for run in settings.compared_runs]
+    own_floors = [common_floor([runs[number] for number in like_own])]
+    own_floors += [one for kind, one in other_floors if kind in LIKE_OWN]
+    floor = float(np.fmax.reduce(own_floors))
     floor = recorded.floor_above(floor) if recorded else floor
-    shared = float(np.fmax.reduce([common_floor(runs), floor, *(one for _, one in others)]))
-    numbers = recorded.numbers(floor, shared) if recorded else None
-    states = [read_states(run, steps, settings.mine) for run in settings.runs]
-    data = _made(settings, geometry, runs, like_own, floor, shared)
-    data |= {
-        name: (("run", "step"), np.array([getattr(one, name) for one in states]))
-        for name in ("energy_released", "failed_volume")
-    }
-    data["mined"] = ("step", np.array(geometry.step_volume))
-    data["made_by"] = ("step", [digest(runs, states, kinds, number) for number in range(len(steps))])
-    data |= _plan(settings, geometry)
+    shared = float(np.fmax.reduce([common_floor(runs), floor, *(one for _, one in other_floors)]))
+    values = _plan_values(settings, geometry)
+    values |= _run_values(runs, shared)
+    values |= _values_from_floor(runs, like_own, geometry, settings.hazard.distances, floor)
+    values["made_by"] = [digest(runs, kinds, number) for number in range(len(steps))]
     until = recorded.until if recorded else None
     ahead = np.array([is_ahead(step, until) for step in steps])
     counted = [[step.from_floor(floor) for step in runs[number]] for number in like_own]
-    hazard = find_hazard(settings, data, counted, ahead, floor, numbers)
+    numbers = recorded.numbers(floor, shared) if recorded else None
+    hazard, attributes = find_hazard(settings, values, counted, ahead, floor, numbers)
     attributes = {
         "mine": settings.mine,
         "plan": settings.plan,
@@ -65,81 +86,68 @@ def make_outcome(
         "differs_in": json.dumps(list(settings.differs_in)),
         "recorded_until": str(until)[:19] if until is not None else "",
         "steps_ahead": json.dumps([step.name for step, one in zip(steps, ahead, strict=True) if one]),
+    } | attributes
+    return new_outcome(values | hazard, attributes)
+
+
+def _plan_values(settings: OutcomeSlice, geometry: Geometry) -> dict[str, Any]:
+    """Steps, openings and classes of a plan, and the names along each dimension, as variables of plans.layout."""
+    steps, sizes = settings.steps, np.array(list(settings.hazard.sizes.values()), float)
+    windows = [window(step.model_dump()) for step in steps]
+    names = [step.name for step in steps]
+    return {
+        "run_kind": [run.kind for run in settings.runs],
+        "start": [step.start for step in steps],
+        "end": [step.end for step in steps],
+        "days": np.array([(end - start) / DAY for start, end in windows]),
+        "mined": np.array(geometry.step_volume),
+        "opening_step": [*(opening.step for opening in settings.openings), ""],
+        "opening_volume": np.append(geometry.volume, geometry.volume.sum()),
+        "size_magnitude": sizes,
+        "size_log_potency": np.log10(moment_of_magnitude(sizes)) - np.log10(settings.shear_modulus),
+        "step": names,
+        "opening": [*(opening.name for opening in settings.openings), ANY],
+        "distance": np.array(settings.hazard.distances, float),
+        "size": list(settings.hazard.sizes),
+        "period": [*names, ALL_STEPS],
+        "interval": ["lower", "upper"],
     }
-    return described(_dataset(settings, data, hazard, attributes))
 
 
-def _made(
-    settings: OutcomeSlice,
+def _run_values(runs: Sequence[Sequence[StepResult]], shared: float) -> dict[str, Any]:
+    """Sums of each step of all runs (run, step), as variables of plans.layout; shared: the shared floor, log10 m3."""
+    sums = {
+        name: np.array([[getattr(step, name) for step in run] for run in runs])
+        for name in ("whole_potency", "energy_released", "failed_volume")
+    }
+    numbers = [[len(step.from_floor(shared).potency) for step in run] for run in runs]
+    return sums | {"shared_number": np.array(numbers, float)}
+
+
+def _values_from_floor(
+    runs: Sequence[Sequence[StepResult]],
+    like_own: Sequence[int],
     geometry: Geometry,
-    runs: list[list[StepEvents]],
-    like_own: list[int],
+    distances: Sequence[float],
     floor: float,
-    shared: float,
 ) -> dict[str, Any]:
-    """What the runs made, as variables."""
-    shape = (len(runs), len(settings.steps), len(geometry.mined) + 1)
-    by_opening = {name: np.full(shape, np.nan) for name in ("number", "potency", "squares", "largest")}
-    within = np.full((*shape, len(settings.hazard.distances)), np.nan)
-    of_events: dict[str, list] = {"location": [], "potency": [], "step": [], "run": []}
+    """Numbers by opening from a floor on (log10 m3), and the events counted, as variables of plans.layout.
+
+    They are those of the runs `like_own`; numbers of other runs are NaN.
+    """
+    shape = (len(runs), len(runs[0]), len(geometry.mined) + 1)
+    values = {name: np.full(shape, np.nan) for name in ("number", "potency", "squares", "largest")}
+    values["number_within"] = np.full((*shape, len(distances)), np.nan)
+    events: dict[str, list] = {"location": [], "potency": [], "step": [], "run": []}
     for number in like_own:
         for index, step in enumerate(runs[number]):
-            events = step.from_floor(floor)
-            found = counts(events, geometry, index, settings.hazard.distances)
-            within[number, index] = found.pop("number_within")
-            for name, values in found.items():
-                by_opening[name][number, index] = values
-            of_events["location"].append(events.location)
-            of_events["potency"].append(events.potency)
-            of_events["step"].append(np.full(len(events.potency), index, np.int32))
-            of_events["run"].append(np.full(len(events.potency), number, np.int32))
-    every = ("run", "step")
-    return {
-        **{name: ((*every, "opening"), values) for name, values in by_opening.items()},
-        "number_within": ((*every, "opening", "distance"), within),
-        "shared_number": (
-            every,
-            np.array([[len(step.from_floor(shared).potency) for step in run] for run in runs], float),
-        ),
-        "whole_potency": (every, np.array([[step.whole for step in run] for run in runs])),
-        "event_location": (("event", "xyz"), np.concatenate(of_events["location"]).reshape(-1, 3)),
-        **{f"event_{name}": ("event", np.concatenate(of_events[name])) for name in ("potency", "step", "run")},
-    }
-
-
-def _plan(settings: OutcomeSlice, geometry: Geometry) -> dict[str, Any]:
-    """Dates, openings and classes of a plan, as variables."""
-    steps, sizes = settings.steps, list(settings.hazard.sizes.values())
-    windows = [window(step.model_dump()) for step in steps]
-    log_potency = np.log10(moment_of_magnitude(np.array(sizes, float))) - np.log10(settings.shear_modulus)
-    return {
-        "run_kind": ("run", [run.kind for run in settings.runs]),
-        "start": ("step", [step.start for step in steps]),
-        "end": ("step", [step.end for step in steps]),
-        "days": ("step", np.array([(end - start) / DAY for start, end in windows])),
-        "opening_step": ("opening", [*(opening.step for opening in settings.openings), ""]),
-        "opening_volume": ("opening", np.append(geometry.volume, geometry.volume.sum())),
-        "size_magnitude": ("size", np.array(sizes, float)),
-        "size_log_potency": ("size", log_potency),
-    }
-
-
-def _dataset(settings: OutcomeSlice, data: dict[str, Any], hazard: Hazard, attributes: dict) -> xr.Dataset:
-    """All variables with their coordinates."""
-    names = [step.name for step in settings.steps]
-    text = {
-        "run_kind", "start", "end", "made_by", "opening_step",
-    }  # fmt: skip
-    values = {
-        name: (dims, np.array(one, object) if name in text else one)
-        for name, (dims, one) in (data | hazard.data).items()
-    }
-    coordinates = {
-        "step": np.array(names, object),
-        "opening": np.array([*(opening.name for opening in settings.openings), ANY], object),
-        "distance": np.array(settings.hazard.distances, float),
-        "size": np.array(list(settings.hazard.sizes), object),
-        "period": np.array([*names, ALL_STEPS], object),
-        "interval": np.array(["lower", "upper"], object),
-    }
-    return xr.Dataset(values, coords=coordinates, attrs=attributes | hazard.attributes)
+            counted = step.from_floor(floor)
+            for name, by_opening in counts(counted, geometry, index, distances).items():
+                values[name][number, index] = by_opening
+            events["location"].append(counted.location)
+            events["potency"].append(counted.potency)
+            events["step"].append(np.full(len(counted.potency), index, np.int32))
+            events["run"].append(np.full(len(counted.potency), number, np.int32))
+    values |= {f"event_{name}": np.concatenate(parts) for name, parts in events.items()}
+    values["event_location"] = values["event_location"].reshape(-1, 3)
+    return values

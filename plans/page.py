@@ -1,23 +1,48 @@
-"""The page of the plans, and the table beside it."""
+"""The page of the plans with its figures, and the table in the same folder."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import matplotlib as mpl
+import matplotlib.dates
+import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
-from catalogs.figures import style
+from catalogs.exposure import window
+from catalogs.figures import panels, style, views
 from catalogs.report.text import typeset
-from common.datasets import atomic_path
+from common.datasets import atomic_path, read_dataset
 from common.errors import InputError
 from common.pages import page_templates
 from common.provenance import comment
-from plans.figures import draw_course, draw_plans
-from plans.plan_summary import PlanSummary
-from plans.sentences import contained, law_texts, missing, spanned, verdict
+from plans.layout import ANY, PlanSummary, read_outcome
+from plans.sentences import interval_contents, law_texts, missing, step_range, verdict
 from plans.settings import PlansReportSlice
 from plans.tables import exposed_rows, forecast_rows, matrix, opening_rows, plan_rows, step_rows, write_table
 
 TEMPLATES = Path(__file__).parent / "templates"
+COLOURS = (style.MODELLED, style.RECORDED, style.BOTH, "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito (2008)
+DASHES = ("-", "--", "-.", ":")  # so that overlapping lines can be distinguished
+MAX_EVENTS_SHOWN = 60  # Events of each plan that are drawn.
+SMALLEST, LARGEST = 3.0, 12.0  # Points: diameters of the smallest and largest event shown.
+MAX_COLUMNS = 3
+
+
+def report_stage(
+    given: Mapping, made_from: str, *, grid: Path, outcomes: Sequence[Path], output: Path, table: Path
+) -> None:
+    """Write the page of all plans (`output`) and the table.
+
+    given: the stage's slice (PlansReportSlice); made_from: digest of its inputs, kept at the end of the page; outcomes:
+    outcome.nc of each plan, that which others are compared with first.
+    """
+    plans = [read_outcome(path) for path in outcomes]
+    write_report(plans, read_dataset(grid), PlansReportSlice.of(given, "plans"), output, table, made_from)
 
 
 def write_report(
@@ -54,14 +79,14 @@ def write_report(
             labels=[plan.name for plan in plans],
             verdict=verdict(plans, hazard),
             missing=missing(plans, hazard),
-            contained=contained(plans),
+            contained=interval_contents(plans),
             plans=plan_rows(plans),
             steps=step_rows(plans, hazard),
             openings=opening_rows(plans),
             sizes=[(name, typeset(f"{value:g}")) for name, value in hazard.sizes.items()],
             distances=[f"{distance:g}" for distance in hazard.distances],
             matrices=[
-                {"plan": plan.name, "steps": spanned(plan.counted), "rows": matrix(plan, hazard)} for plan in plans
+                {"plan": plan.name, "steps": step_range(plan.counted), "rows": matrix(plan, hazard)} for plan in plans
             ],
             exposed=exposed_rows(plans, hazard),
             likelihoods=sorted((hazard.likelihoods or {}).items(), key=lambda one: one[1]),
@@ -75,3 +100,86 @@ def write_report(
     write_table(table, plans, hazard)
     with atomic_path(page) as temporary:
         temporary.write_text(f"{text.rstrip()}\n{comment(made_from)}", encoding="utf-8")
+
+
+def step_order(plans: Sequence[PlanSummary]) -> list[str]:
+    """Names of the steps of all plans, in order of time."""
+    start = {step: plan.dates(step)[0] for plan in plans for step in plan.steps}
+    return sorted(start, key=lambda step: start[step])
+
+
+def draw_plans(plans: Sequence[PlanSummary], grid: xr.Dataset) -> Figure:
+    """Openings of each plan in the colour of the step that mines them, with its largest events, in plan.
+
+    Size by log P, colour by step; the plan's own run. grid: grid.nc of the mine; an opening that it lacks is not drawn.
+    """
+    steps, names = step_order(plans), json.loads(grid.attrs["excavation_names"])
+    colours = dict(zip(steps, style.step_colours([True] * len(steps)), strict=True))
+    events = [_largest(plan) for plan in plans]
+    lower, upper = views.frame_limits(grid, [place for place, _, _ in events], margin=0.03)
+    named = [replace(views.PLAN, name=plan.name) for plan in plans]
+    figure, array, _ = panels.panels(named, lower, upper, min(len(plans), MAX_COLUMNS), tallest=11.0)
+    known = np.concatenate([size for _, size, _ in events])
+    low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
+
+    def diameter(size):
+        return SMALLEST + (LARGEST - SMALLEST) * (size - low) / max(high - low, 1e-9)
+
+    for axes, plan, view, (place, size, step) in zip(array, plans, named, events, strict=True):
+        mined = {name: plan.mined_in(name) for name in plan.openings}
+        views.draw_excavations(axes, grid, view, [number for number, name in enumerate(names) if name not in mined])
+        for one in plan.steps:
+            chosen = [names.index(name) for name in mined if mined[name] == one and name in names]
+            corner, edge, share = views.silhouette(grid, view, chosen)
+            drawn = share >= views.MIN_EXCAVATED_SHARE_DRAWN
+            if drawn.any():
+                pale = mpl.colors.to_rgba(colours[one], 0.35)
+                views.draw_squares(axes, corner[drawn], edge[drawn], facecolors=pale, zorder=1.0)
+        across, up = place[:, view.axes].T
+        axes.scatter(
+            across, up, s=diameter(size) ** 2, c=[colours[plan.steps[number]] for number in step],
+            alpha=0.85, edgecolors="black", linewidths=0.3, zorder=5,
+        )  # fmt: skip
+    keys: list = [Patch(facecolor=colour, label=step) for step, colour in style.thinned(list(colours.items()))]
+    for value in (low, high) if len(known) else ():
+        keys.append(
+            Line2D([], [], linestyle="none", marker="o", markersize=diameter(value), color="#bbbbbb",
+                   markeredgecolor="k", markeredgewidth=0.3, label=f"log P {value:.1f}".replace("-", "−"))
+        )  # fmt: skip
+    panels.key(figure, keys)
+    return figure
+
+
+def _largest(plan: PlanSummary) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The largest events of a plan's own run, the largest first: location, log10 P, index of the step."""
+    place, size, step = plan.own_events()
+    order = np.argsort(-size, kind="stable")[:MAX_EVENTS_SHOWN]
+    return place[order], size[order], step[order]
+
+
+def draw_course(plans: Sequence[PlanSummary]) -> Figure:
+    """Summed potency of each plan against time: the mean of its runs as a thick line, each run as a thin one.
+
+    A model dates no event within its step, so lines are straight in each.
+    """
+    figure = style.new_figure(height=3.6)
+    axes = figure.subplots()
+    for place, plan in enumerate(plans):
+        colour, dash = COLOURS[place % len(COLOURS)], DASHES[place % len(DASHES)]
+        potency = plan.of_runs("potency", plan.steps, ANY)
+        times, rising = [], []
+        for number, step in enumerate(plan.steps):
+            start, end = window(dict(zip(("start", "end"), plan.dates(step), strict=True)))
+            before = potency[:, :number].sum(axis=1)
+            times += [start, end]
+            rising += [before, before + potency[:, number]]
+        lines = np.array(rising)
+        if plan.members:
+            axes.plot(times, lines, color=colour, linewidth=0.5, alpha=0.6)
+        axes.plot(times, lines.mean(axis=1), color=colour, linestyle=dash, linewidth=2.0, label=plan.name)
+    axes.set(xlabel="date (UTC)", ylabel="summed potency (m³)")
+    axes.set_ylim(bottom=0.0)
+    axes.xaxis.set_major_formatter(mpl.dates.ConciseDateFormatter(axes.xaxis.get_major_locator()))
+    axes.grid(axis="y", color="#e2e2e2", linewidth=0.6)
+    axes.legend(loc="upper left")
+    return figure

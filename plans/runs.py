@@ -1,9 +1,9 @@
-"""What the runs of a plan made: numbers by step and opening, counted from one floor on."""
+"""Results of a plan's runs: events and energy of each step, and numbers by opening, counted from one floor on."""
 
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -18,48 +18,70 @@ from common.errors import InputError
 from common.event_table import check_events
 from plans.settings import Opening, RunFiles
 
-USED = ("potency", "location", "resolved")
-
 
 @dataclass(frozen=True)
-class StepEvents:
-    """Resolved events of one step of one run: potency (event,) m3, location (event, 3) m.
+class StepResult:
+    """Result of one step of one run: its resolved events, potency (event,) m3, location (event, 3) m, and its sums.
 
-    floor: log10 m3, NaN if nothing failed; whole: potency of all events, resolved or not, m3.
+    floor: log10 m3, NaN if nothing failed; whole_potency: of all events, resolved or not, m3; energy_released, J;
+    failed_volume, m3; made_from: digest of the inputs of the state. The last three are NaN and empty where the run's
+    states are not read.
     """
 
     potency: NDArray
     location: NDArray
     floor: float
-    whole: float
+    whole_potency: float
+    energy_released: float = np.nan
+    failed_volume: float = np.nan
+    made_from: str = ""
 
-    def from_floor(self, floor: float) -> "StepEvents":
-        """The events from a floor on; all of them without one (NaN)."""
-        kept = ~(log_potency(self.potency) < floor)
-        return StepEvents(self.potency[kept], self.location[kept], self.floor, self.whole)
+    def from_floor(self, floor: float) -> "StepResult":
+        """This result with the events from a floor on; all of them without one (NaN)."""
+        counts = ~(log_potency(self.potency) < floor)
+        return replace(self, potency=self.potency[counts], location=self.location[counts])
 
 
-def read_run(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> list[StepEvents]:
-    """Events of each step of a run. Raises InputError for files of another mine, of other steps, or too few of them."""
-    if len(run.events) != len(steps):
-        raise InputError(f"plans: a run ({run.kind}) has events of {len(run.events)} steps, and {len(steps)} are dated")
-    found = []
-    for path, step in zip(run.events, steps, strict=True):
+def read_run(run: RunFiles, steps: Sequence[DatedStep], mine: str, has_states: bool = True) -> list[StepResult]:
+    """Results of each step of a run; has_states: its states are read, too.
+
+    Raises InputError for files of another mine, of other steps, or too few of them.
+    """
+    results = []
+    for path, step in zip(_checked(run, "events", steps), steps, strict=True):
         events = check_events(read_dataset(path), path)
         has = events.attrs.get("mine"), events.attrs.get("step", step.name)
         if has != (mine, step.name):
             raise InputError(f"{path}: events of step {has[1]} of mine {has[0]}, not of {step.name} of {mine}")
-        counted = events["resolved"].values == 1
-        potency = events["potency"].values
-        found.append(
-            StepEvents(
-                potency[counted],
-                events["location"].values[counted],
-                _log_floor(events.attrs),
-                float(potency.sum()),
+        is_resolved, potency = events["resolved"].values == 1, events["potency"].values
+        location = events["location"].values[is_resolved]
+        results.append(StepResult(potency[is_resolved], location, _log_floor(events.attrs), float(potency.sum())))
+    return _with_states(results, run, steps, mine) if has_states else results
+
+
+def _with_states(
+    results: Sequence[StepResult], run: RunFiles, steps: Sequence[DatedStep], mine: str
+) -> list[StepResult]:
+    """Results with energy, failed volume and digest of each state. Raises InputError as read_run."""
+    completed = []
+    for result, path, step in zip(results, _checked(run, "states", steps), steps, strict=True):
+        state = read_dataset(path, names=()).attrs
+        if (state.get("mine"), state.get("step")) != (mine, step.name):
+            raise InputError(
+                f"{path}: state of step {state.get('step')} of mine {state.get('mine')}, not of {step.name} of {mine}"
             )
-        )
-    return found
+        energy, failed = (float(state[name]) for name in ("energy_released", "failed_volume"))
+        made_from = str(state.get("made_from", ""))
+        completed.append(replace(result, energy_released=energy, failed_volume=failed, made_from=made_from))
+    return completed
+
+
+def _checked(run: RunFiles, kind: str, steps: Sequence[DatedStep]) -> tuple[str, ...]:
+    """Files of a run, `events` or `states`. Raises InputError unless there is one for each step."""
+    files: tuple[str, ...] = getattr(run, kind)
+    if len(files) != len(steps):
+        raise InputError(f"plans: a run ({run.kind}) has {kind} of {len(files)} steps, and {len(steps)} are dated")
+    return files
 
 
 def run_floor(run: RunFiles, mine: str) -> float:
@@ -79,50 +101,24 @@ def _log_floor(attributes: Mapping) -> float:
     return float(np.log10(smallest)) if smallest > 0.0 else np.nan
 
 
-@dataclass(frozen=True)
-class States:
-    """Of each step of a run: energy released (J), failed volume (m3), and the digest of what the state is made from."""
-
-    energy_released: list[float]
-    failed_volume: list[float]
-    made_from: list[str]
-
-
-def read_states(run: RunFiles, steps: Sequence[DatedStep], mine: str) -> States:
-    """The states of a run. Raises InputError as read_run."""
-    found = States([], [], [])
-    if len(run.states) != len(steps):
-        raise InputError(f"plans: a run ({run.kind}) has states of {len(run.states)} steps, and {len(steps)} are dated")
-    for path, step in zip(run.states, steps, strict=True):
-        state = read_dataset(path, names=()).attrs
-        if (state.get("mine"), state.get("step")) != (mine, step.name):
-            raise InputError(
-                f"{path}: state of step {state.get('step')} of mine {state.get('mine')}, not of {step.name} of {mine}"
-            )
-        found.energy_released.append(float(state["energy_released"]))
-        found.failed_volume.append(float(state["failed_volume"]))
-        found.made_from.append(str(state.get("made_from", "")))
-    return found
-
-
-def common_floor(runs: Sequence[Sequence[StepEvents]]) -> float:
+def common_floor(runs: Sequence[Sequence[StepResult]]) -> float:
     """Largest floor (log10 m3) of the steps of runs; NaN if nothing failed in any."""
     return float(np.fmax.reduce([step.floor for run in runs for step in run], initial=np.nan))
 
 
-def digest(runs: Sequence[Sequence[StepEvents]], states: Sequence[States], kinds: Sequence[str], step: int) -> str:
+def digest(runs: Sequence[Sequence[StepResult]], kinds: Sequence[str], step: int) -> str:
     """Digest of a step of all runs; empty where a state carries none of its own.
 
     It is that of states and events, not of the files of events: these depend on the dates of a step too, rock does not.
     """
-    found = hashlib.sha256()
-    for kind, run, state in zip(kinds, runs, states, strict=True):
-        events = run[step]
-        if not state.made_from[step]:
+    sha = hashlib.sha256()
+    for kind, run in zip(kinds, runs, strict=True):
+        result = run[step]
+        if not result.made_from:
             return ""
-        found.update(f"{kind} {state.made_from[step]} {events.whole!r}".encode())
-        found.update(np.ascontiguousarray(np.column_stack([events.location, events.potency])).tobytes())
-    return found.hexdigest()[:16]
+        sha.update(f"{kind} {result.made_from} {result.whole_potency!r}".encode())
+        sha.update(np.ascontiguousarray(np.column_stack([result.location, result.potency])).tobytes())
+    return sha.hexdigest()[:16]
 
 
 @dataclass(frozen=True)
@@ -142,7 +138,8 @@ class Geometry:
 
     @classmethod
     def of(cls, grid: xr.Dataset, openings: Sequence[Opening], steps: Sequence[DatedStep]) -> "Geometry":
-        """From grid.nc. Raises InputError for an opening or step that does not exist, and in plane strain."""
+        """Geometry of the openings in grid.nc. Raises InputError for an opening or step that does not exist, and in
+        plane strain."""
         if int(grid.attrs["dimension"]) != 3:
             raise InputError(f"plans: mine {grid.attrs['mine']} is two-dimensional; plans need plane: none")
         names = json.loads(grid.attrs["excavation_names"])
@@ -156,16 +153,16 @@ class Geometry:
                     f"plans: {opening.name} is mined in {opening.step}, which is no dated step of the plan"
                 )
             index[names.index(opening.name)] = own
-        own = index[grid["piece_excavation"].values]
-        kept = own >= 0
+        number_of_piece = index[grid["piece_excavation"].values]
+        is_mined = number_of_piece >= 0
         volume = np.array(json.loads(grid.attrs["excavation_volume_grid"]), float)
         mined = np.array([number.get(opening.step, -1) for opening in openings], int)
         grid_index = np.array([names.index(opening.name) for opening in openings], int)
         by_step = [grid_index[mined == step] for step in range(-1, len(steps))]
         return cls(
-            grid["piece_origin"].values[kept],
+            grid["piece_origin"].values[is_mined],
             float(grid.attrs["fine_cell"]),
-            own[kept],
+            number_of_piece[is_mined],
             mined,
             np.array([volume[names.index(opening.name)] for opening in openings]),
             np.array(volumes_mined(grid, by_step)[1:]),
@@ -196,7 +193,7 @@ class Geometry:
         return found
 
 
-def counts(events: StepEvents, geometry: Geometry, step: int, distances: Sequence[float]) -> dict[str, NDArray]:
+def counts(events: StepResult, geometry: Geometry, step: int, distances: Sequence[float]) -> dict[str, NDArray]:
     """Number, potency, sum of squares and largest size by opening (opening + 1,), the last of all events together; and
     number_within (opening + 1, distance), of which the last counts each event once."""
     count = len(geometry.mined)

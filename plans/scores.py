@@ -1,62 +1,116 @@
-"""How good kept forecasts were, once the months that they were made for are recorded.
+"""How good kept forecasts were, once the months that they were made for are recorded; and that in sentences.
 
-A forecast is an outcome.nc that was kept: what it says of a step that began after its last recorded event. It is scored
-when the record covers the whole step, and if the mine file now mines its openings in the same steps as the forecast.
-Nothing of it is computed again.
+A forecast is an outcome.nc that was kept: its draws and chances for a step that began after its last recorded event. It
+is scored when the record covers the whole step, and if the mine file now mines its openings in the same steps as the
+forecast. Nothing of it is computed again.
 
-Layout of forecast_scores.nc
-----------------------------
-Dimensions: row (a step of a forecast), quantity (number, potency: m3, largest: log10 m3), interval (lower, upper: 95
-%), said (a chance that was given for a row).
+Layout of forecast_scores.nc: ROW_FIELDS and CHANCE_FIELDS. Dimensions: row (a step of a forecast), quantity (number,
+potency: m3, largest: log10 m3), interval (lower, upper: 95 %), said (a chance that was given for a row).
 
-  forecast, file (row)                   index in the list `forecasts` of the mine file, and the file as written there
-  plan, step, start, end (row)           names and dates
-  status (row)                           "scored"; "not recorded yet"; "known": the record reached its beginning when
-                                         the forecast was made, so it is no forecast; "mined otherwise"; "no floor": no
-                                         event in the runs of the plan says from which size on events count
-  difference (row)                       what is mined otherwise, in words; else empty
-  median (row, quantity), range (row, quantity, interval)   of the forecast
-  recorded (row, quantity)               what is recorded, from the forecast's floor on; -inf: no event is largest
-  place (row, quantity)                  share of the forecast below it, plus half of what is equal: uniform if the
-                                         forecast is good
-  inside (row, quantity)                 1: within the range
-  gain (row) nats                        mean information gain of the recorded places over uniform ones
-  floor (row) log10 m3                   from which events count
-  said_row, said_opening, said_distance (m), said_size, said_magnitude, said_chance (said)   chances of the duration
-  happened (said)                        1: there was such an event
-  rate_chance (said)                     chance at the rate of the record that the forecast was made with; NaN where
-                                         none is known
 Attributes: mine, sentences (JSON: all of it in words, for the report), config_hash, source_hash, made_from, versions.
 """
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from catalogs.comparison_settings import DatedStep
 from catalogs.event_density import box_around, information_gain
 from catalogs.exposure import DAY, common_period, window
 from catalogs.jackknife import INTERVAL_95
 from catalogs.location_errors import location_errors
+from catalogs.report.text import fixed, number, plural, typeset, whole
 from catalogs.sizes import log_potency
+from common.datasets import read_dataset
 from common.errors import InputError
+from common.event_table import read_events
+from common.fields import TEXT, Field
 from plans.hazard import chance_of
-from plans.layout import ANY
+from plans.layout import ANY, read_outcome
 from plans.record import is_covered
 from plans.runs import Geometry
 from plans.settings import Opening, ScoreSlice
 
 QUANTITIES = ("number", "potency", "largest")
-SCORED, NOT_YET, KNOWN = "scored", "not recorded yet", "known"
-MINED_OTHERWISE, NO_FLOOR = "mined otherwise", "no floor"
+SCORED = "scored"
+NOT_YET = "not recorded yet"
+KNOWN = "known"  # The record reached the beginning of the step when the forecast was made, so it is no forecast.
+MINED_OTHERWISE = "mined otherwise"
+NO_FLOOR = "no floor"  # No event in the runs of the plan says from which size on events count.
 BOX_MARGIN = 3.0  # Standard deviations of a location between all events and the faces of the box.
+MIN_PROBABILITY = 1e-4  # Smaller probabilities count as this in the logarithmic score.
+
+
+def _field(name: str, dims: str, unit: str, meaning: str, dtype: DTypeLike = np.float64) -> Field:
+    return Field(name, tuple(dims.split()), dtype, unit, meaning)
+
+
+ROW_FIELDS = (
+    _field("forecast", "row", "", "index in the list `forecasts` of the mine file", np.int32),
+    _field("file", "row", "", "file of the forecast, as written there", TEXT),
+    _field("plan", "row", "", "name of the plan", TEXT),
+    _field("step", "row", "", "name of the step", TEXT),
+    _field("start", "row", "", "first date of the step", TEXT),
+    _field("end", "row", "", "first date after it", TEXT),
+    _field("status", "row", "", "scored, or why it is not: see the constants of plans.scores", TEXT),
+    _field("difference", "row", "", "what is mined otherwise, in words; else empty", TEXT),
+    _field("median", "row quantity", "", "median of the forecast"),
+    _field("range", "row quantity interval", "", "95 % range of the forecast"),
+    _field("recorded", "row quantity", "", "what is recorded, from the floor on; -inf: no event is largest"),
+    _field("place", "row quantity", "1", "share of the draws below it, plus half of what is equal: uniform if good"),
+    _field("inside", "row quantity", "1", "1: within the range", np.int8),
+    _field("gain", "row", "1", "mean information gain of the recorded places over uniform ones, nats"),
+    _field("floor", "row", "log10(m3)", "size from which events count"),
+)
+CHANCE_FIELDS = {  # by the name of the attribute of ForecastChance
+    "row": _field("said_row", "said", "", "row that the chance is for", np.int32),
+    "opening": _field("said_opening", "said", "", "opening near which the event is expected", TEXT),
+    "distance": _field("said_distance", "said", "m", "distance within which it is expected"),
+    "size": _field("said_size", "said", "", "class of its size", TEXT),
+    "magnitude": _field("said_magnitude", "said", "", "moment magnitude of the class"),
+    "forecast_probability": _field("said_chance", "said", "1", "chance of such an event while the step lasts"),
+    "occurred": _field("happened", "said", "1", "1: there was such an event", np.int8),
+    "rate_probability": _field("rate_chance", "said", "1", "chance at the rate of the record that the forecast had"),
+}
+
+
+@dataclass(frozen=True)
+class ForecastChance:
+    """A chance that a forecast gave for its step, and its outcome.
+
+    Of an event of a class of size (name, moment magnitude) or larger within a distance (m) of an opening, the
+    probability that was forecast; occurred: 1 if there was one, else 0; rate_probability: that of a constant rate, NaN
+    where none is known. row: number of the row.
+    """
+
+    row: int
+    opening: str
+    distance: float
+    size: str
+    magnitude: float
+    forecast_probability: float
+    occurred: int
+    rate_probability: float
+
+
+def score_stage(given: Mapping, *, record: Path, grid: Path) -> xr.Dataset:
+    """The scores of the forecasts that a slice (ScoreSlice) names, with their sentences; record, grid: of the mine now.
+
+    Raises InputError as score.
+    """
+    settings = ScoreSlice.of(given, "forecasts")
+    forecasts = [read_outcome(one.file) for one in settings.forecasts]
+    scores = score(forecasts, read_events(record), read_dataset(grid), settings)
+    return scores.assign_attrs(sentences=json.dumps(sentences(scores), ensure_ascii=False))
 
 
 def score(forecasts: Sequence[xr.Dataset], record: xr.Dataset, grid: xr.Dataset, settings: ScoreSlice) -> xr.Dataset:
-    """The scores of kept forecasts; layout as at the head of this module.
+    """The scores of kept forecasts, in the layout of this module.
 
     forecasts: outcomes (plans.layout), those of settings.forecasts; record, grid: of the mine now. Raises InputError
     for one of another mine, for one that holds no forecast, and for one with an opening that the mine no longer has.
@@ -64,21 +118,21 @@ def score(forecasts: Sequence[xr.Dataset], record: xr.Dataset, grid: xr.Dataset,
     if record.attrs["mine"] != settings.mine:
         raise InputError(f"forecasts: the record is of mine {record.attrs['mine']}, not of {settings.mine}")
     rows: list[dict] = []
-    said: list[dict] = []
-    for number, (forecast, kept) in enumerate(zip(forecasts, settings.forecasts, strict=True)):
+    chances: list[ForecastChance] = []
+    for index, (forecast, source) in enumerate(zip(forecasts, settings.forecasts, strict=True)):
         try:
-            for row, chances in _rows(forecast, record, grid, settings):
-                said += [one | {"said_row": len(rows)} for one in chances]
-                rows.append(row | {"forecast": number, "file": kept.file})
+            for row, recorded in _rows(forecast, record, grid, settings):
+                chances += recorded.chances(len(rows)) if recorded else []
+                rows.append(row | {"forecast": index, "file": source.file})
         except InputError as error:
-            raise InputError(f"forecasts.{number}: {kept.file}: {error}") from error
-    return _dataset(rows, said).assign_attrs(mine=settings.mine)
+            raise InputError(f"forecasts.{index}: {source.file}: {error}") from error
+    return _dataset(rows, chances).assign_attrs(mine=settings.mine)
 
 
 def _rows(
     forecast: xr.Dataset, record: xr.Dataset, grid: xr.Dataset, settings: ScoreSlice
-) -> Iterator[tuple[dict, list[dict]]]:
-    """A row for each step of a forecast, and the chances that were given for it."""
+) -> Iterator[tuple[dict, "RecordedStep | None"]]:
+    """A row for each step of a forecast, and what is recorded of the step if it is scored."""
     if forecast.attrs["mine"] != settings.mine:
         raise InputError(f"of mine {forecast.attrs['mine']}, not of {settings.mine}")
     ahead = json.loads(forecast.attrs["steps_ahead"])
@@ -87,22 +141,21 @@ def _rows(
     floor = float(forecast.attrs["floor"])
     for step in dated_steps(forecast):
         row: dict = {"plan": forecast.attrs["plan"], "step": step.name, "start": step.start, "end": step.end}
-        row |= {"floor": floor, "status": KNOWN, "difference": "", **nothing()}
-        chances: list[dict] = []
+        row |= {"floor": floor, "status": KNOWN, "difference": "", **unscored()}
+        recorded = None
         if step.name in ahead:
-            row |= {"status": NOT_YET, **_told(forecast, step)}
+            row |= {"status": NOT_YET, **_forecast_ranges(forecast, step)}
             if is_covered(record, step):
                 row["difference"] = mined_otherwise(forecast, step, settings)
                 row["status"] = MINED_OTHERWISE if row["difference"] else SCORED if np.isfinite(floor) else NO_FLOOR
         if row["status"] == SCORED:
-            recorded = _Recorded(forecast, record, grid, step)
+            recorded = RecordedStep(forecast, record, grid, step)
             row |= recorded.numbers(row) | {"gain": recorded.gain()}
-            chances = recorded.chances()
-        yield row, chances
+        yield row, recorded
 
 
 def mined_otherwise(forecast: xr.Dataset, step: DatedStep, settings: ScoreSlice) -> str:
-    """How the mine file now differs from a forecast in what is mined up to a step, in words; empty if it does not."""
+    """Difference, in words, between the mine file and a forecast in what is mined up to a step; empty without any."""
     mine = {one.name: one for one in settings.steps}
     if step.name not in mine:
         return f"the mine file has no step {step.name}"
@@ -140,28 +193,28 @@ def dated_steps(forecast: xr.Dataset) -> list[DatedStep]:
     ]
 
 
-def nothing() -> dict:
+def unscored() -> dict:
     """Columns of a row that is not scored."""
     unknown = np.full(len(QUANTITIES), np.nan)
     pairs = np.full((len(QUANTITIES), 2), np.nan)
-    found = {"median": unknown, "range": pairs, "recorded": unknown, "place": unknown, "gain": np.nan}
-    return found | {"inside": np.zeros(len(QUANTITIES), np.int8)}
+    row = {"median": unknown, "range": pairs, "recorded": unknown, "place": unknown, "gain": np.nan}
+    return row | {"inside": np.zeros(len(QUANTITIES), np.int8)}
 
 
 def _draws(forecast: xr.Dataset, step: DatedStep) -> list[NDArray]:
-    """Draws of each quantity, without those that the forecast does not know."""
+    """Draws of each quantity of a step."""
     return [forecast[f"forecast_{name}"].sel(step=step.name).values for name in QUANTITIES]
 
 
-def _told(forecast: xr.Dataset, step: DatedStep) -> dict:
-    """What the forecast said of a step."""
+def _forecast_ranges(forecast: xr.Dataset, step: DatedStep) -> dict:
+    """Median and 95 % range of each quantity of a step."""
     draws = _draws(forecast, step)
     quantiles = [np.quantile(one, [INTERVAL_95[0], 0.5, INTERVAL_95[1]], method="nearest") for one in draws]
     return {"median": np.array([one[1] for one in quantiles]), "range": np.array([one[[0, 2]] for one in quantiles])}
 
 
-class _Recorded:
-    """What is recorded of a step that a forecast was made for."""
+class RecordedStep:
+    """The record of a step that a forecast was made for."""
 
     def __init__(self, forecast: xr.Dataset, record: xr.Dataset, grid: xr.Dataset, step: DatedStep):
         self.forecast, self.step = forecast, step
@@ -185,7 +238,7 @@ class _Recorded:
         self.geometry = Geometry.of(grid, openings, self.steps)
 
     def numbers(self, row: dict) -> dict:
-        """What is recorded, and where in the draws it lies."""
+        """Recorded quantities, and the place of each in the draws."""
         largest = float(self.size.max()) if len(self.size) else -np.inf
         recorded = np.array([len(self.size), self.potency.sum(), largest])
         draws = _draws(self.forecast, self.step)
@@ -204,36 +257,36 @@ class _Recorded:
         box = box_around(self.location, events, margin=BOX_MARGIN * float(self.error.max()))
         return float(information_gain(self.location, events, self.error, box).mean())
 
-    def chances(self) -> list[dict]:
-        """Each chance that was given, and whether it happened."""
+    def chances(self, row: int) -> list[ForecastChance]:
+        """Each chance that was given, with its outcome; row: number of the row of this step."""
         forecast = self.forecast
         distances = [float(one) for one in forecast["distance"].values]
         now, then = (self._nearness(places, max(distances)) for places in (self.location, self.location_before))
-        found = []
-        given = forecast["chance"].sel(period=self.step.name).values
+        chances = []
+        probability = forecast["chance"].sel(period=self.step.name).values
         for opening, name in enumerate(forecast["opening"].values):
             if name != ANY and self.geometry.mined[opening] > self.number:
                 continue
             for column, distance in enumerate(distances):
                 for place, size in enumerate(forecast["size_log_potency"].values):
-                    chance = float(given[opening, column, place])
-                    if np.isnan(chance):
+                    if np.isnan(probability[opening, column, place]):
                         continue
                     near = now[:, opening] <= distance
                     earlier = int(((then[:, opening] <= distance) & (self.size_before >= size)).sum())
                     rate = earlier * self.days / self.days_before if self.days_before > 0.0 else np.nan
-                    found.append(
-                        {
-                            "said_opening": str(name),
-                            "said_distance": distance,
-                            "said_size": str(forecast["size"].values[place]),
-                            "said_magnitude": float(forecast["size_magnitude"].values[place]),
-                            "said_chance": chance,
-                            "happened": int((near & (self.size >= size)).any()),
-                            "rate_chance": float(chance_of(np.array(rate), np.array(1.0))),
-                        }
+                    chances.append(
+                        ForecastChance(
+                            row,
+                            str(name),
+                            distance,
+                            str(forecast["size"].values[place]),
+                            float(forecast["size_magnitude"].values[place]),
+                            float(probability[opening, column, place]),
+                            int((near & (self.size >= size)).any()),
+                            float(chance_of(np.array(rate), np.array(1.0))),
+                        )
                     )
-        return found
+        return chances
 
     def _nearness(self, places: NDArray, farthest: float) -> NDArray:
         """Distance (event, opening + 1), m, from each opening that is mined by the step, and from any."""
@@ -247,37 +300,119 @@ def _days_before(record: xr.Dataset, until: np.datetime64) -> float:
     return max(float((until - np.datetime64(common[0], "ns")) / DAY), 0.0) if common else np.nan
 
 
-def _dataset(rows: list[dict], said: list[dict]) -> xr.Dataset:
+def _dataset(rows: Sequence[dict], chances: Sequence[ForecastChance]) -> xr.Dataset:
     """Rows and chances as variables."""
-    texts = ("file", "plan", "step", "start", "end", "status", "difference")
-    data: dict = {"forecast": ("row", np.array([row["forecast"] for row in rows], np.int32))}
-    data |= {name: ("row", np.array([row[name] for row in rows], object)) for name in texts}
-    for name, dims, unit in (
-        ("median", ("row", "quantity"), ""),
-        ("range", ("row", "quantity", "interval"), ""),
-        ("recorded", ("row", "quantity"), ""),
-        ("place", ("row", "quantity"), "1"),
-        ("inside", ("row", "quantity"), "1"),
-        ("gain", ("row",), "1"),
-        ("floor", ("row",), "log10(m3)"),
-    ):
-        data[name] = (dims, np.array([row[name] for row in rows]), {"units": unit} if unit else {})
-    columns = {"said_row": np.int32, "said_opening": object, "said_distance": float, "said_size": object}
-    columns |= {"said_magnitude": float, "said_chance": float, "happened": np.int8, "rate_chance": float}
-    units = {"said_distance": "m", "said_chance": "1", "happened": "1", "rate_chance": "1"}
-    for name, kind in columns.items():
-        attributes = {"units": units[name]} if name in units else {}
-        data[name] = ("said", np.array([one[name] for one in said], kind), attributes)
-    return xr.Dataset(data, coords={"quantity": list(QUANTITIES), "interval": ["lower", "upper"]})
+    values = {field: [row[field.name] for row in rows] for field in ROW_FIELDS}
+    values |= {field: [getattr(one, name) for one in chances] for name, field in CHANCE_FIELDS.items()}
+    variables = {
+        field.name: (field.dims, np.array(column, field.dtype), field.attributes) for field, column in values.items()
+    }
+    return xr.Dataset(variables, coords={"quantity": list(QUANTITIES), "interval": ["lower", "upper"]})
 
 
-def brier(chance: NDArray, happened: NDArray) -> float:
-    """Mean squared error of chances (said,): 0 is best, 0.25 is what a chance of one half always gets (Brier 1950)."""
-    return float(np.mean((np.asarray(chance) - happened) ** 2))
+def brier(forecast_probability: NDArray, occurred: NDArray) -> float:
+    """Mean squared error of probabilities (chance,): 0 is best, 0.25 is that of always one half (Brier 1950)."""
+    return float(np.mean((np.asarray(forecast_probability) - occurred) ** 2))
 
 
-def log_score(chance: NDArray, happened: NDArray, least: float = 1e-4) -> float:
-    """Mean of -ln of the chance of what happened, nats: 0 is best. Chances count as `least` at least, and 1 less at
-    most."""
-    sure = np.clip(np.asarray(chance, float), least, 1.0 - least)
-    return float(-np.mean(np.where(happened, np.log(sure), np.log1p(-sure))))
+def log_score(forecast_probability: NDArray, occurred: NDArray) -> float:
+    """Mean of -ln of the probability of what occurred, nats: 0 is best.
+
+    Probabilities are clipped to MIN_PROBABILITY and 1 less that.
+    """
+    clipped = np.clip(np.asarray(forecast_probability, float), MIN_PROBABILITY, 1.0 - MIN_PROBABILITY)
+    return float(-np.mean(np.where(occurred, np.log(clipped), np.log1p(-clipped))))
+
+
+def sentences(scores: xr.Dataset) -> list[str]:
+    """Each forecast in words: its range, what was recorded, whether that is within; scores: forecast_scores.nc."""
+    lines = []
+    for row in range(scores.sizes["row"]):
+        part = scores.isel(row=row)
+        if str(part["status"].values) == SCORED:
+            lines.append(" ".join(_scored(scores, part, row)))
+    for place in np.unique(scores["forecast"].values):
+        own = scores.isel(row=np.flatnonzero(scores["forecast"].values == place))
+        lines += _not_scored(own, _forecast_name(own.isel(row=0)))
+    return lines
+
+
+def _forecast_name(row: xr.Dataset) -> str:
+    """A forecast by its plan and file."""
+    return f"plan {row['plan'].values}, {Path(str(row['file'].values)).name}"
+
+
+def _not_scored(own: xr.Dataset, name: str) -> Iterator[str]:
+    """Why steps of a forecast are not scored."""
+    status, steps = own["status"].values, own["step"].values
+    known, waiting, without = (steps[status == one] for one in (KNOWN, NOT_YET, NO_FLOOR))
+    if len(waiting):
+        verb = "is" if len(waiting) == 1 else "are"
+        yield f"Forecast of {name}: {', '.join(waiting)} {verb} not recorded to the end yet."
+    for row in np.flatnonzero(status == MINED_OTHERWISE):
+        yield f"Forecast of {name}: {steps[row]} is not scored, since {own['difference'].values[row]}."
+    if len(without):
+        yield (
+            f"Forecast of {name}: {', '.join(without)} cannot be scored. Runs of the plan make no event, so nothing "
+            "says from which size on events count."
+        )
+    if len(known):
+        yield (
+            f"Forecast of {name}: steps up to {known[-1]} are no forecasts, since the record had reached them when it "
+            "was made."
+        )
+
+
+def _scored(scores: xr.Dataset, part: xr.Dataset, row: int) -> Iterator[str]:
+    """The sentences of one row."""
+    quantities = {
+        name: (*part["range"].values[place], part["median"].values[place], part["recorded"].values[place])
+        for place, name in enumerate(QUANTITIES)
+    }
+    within = ["within the range" if one else "outside of the range" for one in part["inside"].values]
+    low, high, middle, recorded = quantities["number"]
+    floor = typeset(f"log P {float(part['floor']):.1f}")
+    verb = "was" if recorded == 1 else "were"
+    yield (
+        f"Forecast for {part['step'].values} ({_forecast_name(part)}): {whole(low)} to {whole(high)} events from "
+        f"{floor} on (median {whole(middle)}); {whole(recorded)} {verb} recorded, {within[0]}."
+    )
+    low, high, middle, recorded = quantities["potency"]
+    if np.isfinite(middle):
+        yield (
+            f"Potency: {number(low)} to {number(high)} m³ (median {number(middle)}); {number(recorded)} m³ recorded, "
+            f"{within[1]}."
+        )
+        low, high, middle, recorded = quantities["largest"]
+        ends = f"{_size(low)} to {_size(high)} (median {_size(middle)})"
+        yield f"Largest event: {ends}; {_size(recorded)} recorded, {within[2]}."
+    gain = float(part["gain"])
+    if np.isfinite(gain):
+        yield (
+            f"Recorded places are {number(np.exp(gain), 2)} times as probable as under a uniform rate (information "
+            f"gain {fixed(gain, 2)} nats per event)."
+        )
+    own = scores["said_row"].values == row
+    if own.any():
+        yield _chances(*(scores[name].values[own] for name in ("said_chance", "happened", "rate_chance")))
+
+
+def _size(size: float) -> str:
+    return typeset(f"log P {size:.1f}") if np.isfinite(size) else "none"
+
+
+def _chances(forecast_probability: NDArray, occurred: NDArray, rate_probability: NDArray) -> str:
+    """Scores of the chances, and of those of a constant rate."""
+    probability = forecast_probability
+    text = (
+        f"Of {plural(len(probability), 'chance')} of an event near an opening, {number(probability.sum(), 2)} were "
+        f"expected to happen and {int(occurred.sum())} did. Their Brier score is "
+        f"{fixed(brier(probability, occurred), 3)}, their logarithmic score "
+        f"{fixed(log_score(probability, occurred), 2)} (0 is best for both)"
+    )
+    if np.isfinite(rate_probability).all():
+        text += (
+            f"; at the constant rate of the record before, {fixed(brier(rate_probability, occurred), 3)} and "
+            f"{fixed(log_score(rate_probability, occurred), 2)}"
+        )
+    return text + "."

@@ -1,4 +1,4 @@
-"""The plans in sentences: which releases more, and whether that is more than chance makes."""
+"""The plans in sentences: how they differ, where their events are, how likely large ones are, and what is missing."""
 
 import json
 from collections.abc import Sequence
@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 
 from catalogs.report.text import DASH, between, fixed, number, percent, plural, typeset, whole
 from catalogs.sum_measures import MIN_RUNS_FOR_VARIANCE
-from plans.differences import NUMBER, POTENCY, Difference, compare, own_steps
-from plans.factors import CELLS, CHANCE, LAW, RECORD, ROCK
-from plans.layout import ANY, COARSE, DRAW
-from plans.plan_summary import PlanSummary
+from plans.differences import NUMBER, POTENCY, Difference, compare, steps_with_other_runs
+from plans.layout import ANY, COARSE, DRAW, PlanSummary
+from plans.record import CELLS, CHANCE, LAW, RECORD, ROCK
 from plans.settings import HazardSettings
 
-# What intervals contain (plans.factors), for the reader.
+# Uncertainties that an interval contains (plans.record), in words.
 IN_WORDS = {
     CHANCE: "chance",
     CELLS: "what the cells change",
@@ -24,10 +23,10 @@ IN_WORDS = {
 }
 SMALLEST_CHANCE, LARGEST_CHANCE = 1e-4, 0.999  # Chances beyond are written as less or more than these.
 MAX_NAMED = 4
-FEWEST_MEMBERS = MIN_RUNS_FOR_VARIANCE - 1  # beside the own run
+MIN_MEMBERS = MIN_RUNS_FOR_VARIANCE - 1  # in addition to the own run
 
 
-def times(difference: Difference) -> str:
+def ratio_text(difference: Difference) -> str:
     """A ratio with its interval, as a table shows it."""
     if difference.is_shared:
         return "the same runs"
@@ -84,33 +83,33 @@ def count(value: float) -> str:
     return fixed(value, 1)
 
 
-def named(names: Sequence[str]) -> str:
+def listed_names(names: Sequence[str]) -> str:
     """Names in a sentence; of many the first ones."""
     more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
     return ", ".join(names[:MAX_NAMED]) + more
 
 
-def spanned(steps: Sequence[str]) -> str:
+def step_range(steps: Sequence[str]) -> str:
     """Steps in order, in a sentence: the first and the last of three or more."""
     return " and ".join(steps) if len(steps) < 3 else f"{steps[0]} to {steps[-1]}"
 
 
-def often_text(chance: float, number_a_year: float) -> str:
-    """How many events a year has, where one at least is nearly sure; else empty."""
+def frequency_text(chance: float, number_a_year: float) -> str:
+    """Number of events a year, where one at least is nearly sure; else empty."""
     return f"about {number(number_a_year, 2)} a year" if chance > LARGEST_CHANCE else ""
 
 
-def compared(plan: PlanSummary, first: PlanSummary) -> tuple[list[str], list[str]]:
-    """Steps of a plan and of the first one that are not the same runs in both."""
-    return own_steps(plan.outcome, first.outcome), own_steps(first.outcome, plan.outcome)
+def differing_steps(plan: PlanSummary, first: PlanSummary) -> tuple[list[str], list[str]]:
+    """Steps of a plan, and steps of the first one, whose runs differ between the two plans."""
+    return steps_with_other_runs(plan.outcome, first.outcome), steps_with_other_runs(first.outcome, plan.outcome)
 
 
 def verdict(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
-    """What a reader has to know first."""
+    """The first sentences of the page: differences, places of potency, chances of large events."""
     first = plans[0]
-    made = first.made(first.steps)
+    means = first.means(first.steps)
     found = [_comparison(plan, first) for plan in plans[1:]] or [
-        f"{first.name} makes {count(made.number)} events in {spanned(first.steps)}: {number(made.potency)} m³ of "
+        f"{first.name} makes {count(means.number)} events in {step_range(first.steps)}: {number(means.potency)} m³ of "
         "potency."
     ]
     found.append(" ".join(_where(plan) for plan in plans))
@@ -118,34 +117,42 @@ def verdict(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]
 
 
 def _comparison(plan: PlanSummary, first: PlanSummary) -> str:
-    """A plan beside the first one."""
-    steps = compared(plan, first)
+    """Compare a plan with the first one."""
+    steps = differing_steps(plan, first)
     if not steps[0] and not steps[1]:
         return f"{plan.name} and {first.name} are the same runs."
     if not steps[0] or not steps[1]:
         longer, shorter, more = (plan, first, steps[0]) if steps[0] else (first, plan, steps[1])
-        made = longer.made(more)
+        means = longer.means(more)
         return (
-            f"{longer.name} mines as {shorter.name} does, and goes on with {spanned(more)}: {count(made.number)} "
-            f"events, {number(made.potency)} m³ of potency."
+            f"{longer.name} mines as {shorter.name} does, and goes on with {step_range(more)}: {count(means.number)} "
+            f"events, {number(means.potency)} m³ of potency."
         )
     potency, events = (compare(plan.outcome, first.outcome, quantity, steps) for quantity in (POTENCY, NUMBER))
-    made = plan.made(steps[0])
-    if made.number and not first.made(steps[1]).number:
+    means = plan.means(steps[0])
+    if means.number and not first.means(steps[1]).number:
         return (
-            f"{first.name} makes nothing in {spanned(steps[1])}; {plan.name} makes {count(made.number)} events, "
-            f"{number(made.potency)} m³ of potency, in {spanned(steps[0])}: {events.verdict}."
+            f"{first.name} makes nothing in {step_range(steps[1])}; {plan.name} makes {count(means.number)} events, "
+            f"{number(means.potency)} m³ of potency, in {step_range(steps[0])}: {_verdict(events)}."
         )
     if not np.isfinite(potency.interval).any():
         return f"Neither {plan.name} nor {first.name} makes anything in the steps that differ."
     said = (
-        f"{plan.name} releases {_ratio(potency)} the potency of {first.name}{_interval(potency)}: {potency.verdict}. "
+        f"{plan.name} releases {_ratio(potency)} the potency of {first.name}{_interval(potency)}: {_verdict(potency)}. "
     )
-    said += f"It makes {_ratio(events)} the events{_interval(events)}: {events.verdict}."
+    said += f"It makes {_ratio(events)} the events{_interval(events)}: {_verdict(events)}."
     volumes = plan.mined(steps[0]), first.mined(steps[1])
     if volumes[1] > 0 and abs(volumes[0] / volumes[1] - 1.0) > 0.01:
         said += f" It mines {number(volumes[0] / volumes[1], 2)} times the volume."
     return said
+
+
+def _verdict(difference: Difference) -> str:
+    """The verdict of a difference within a sentence."""
+    text = difference.verdict
+    if text.startswith("larger"):
+        return f"a difference {text}"
+    return f"a {text}" if text.startswith("difference") else text
 
 
 def _ratio(difference: Difference) -> str:
@@ -159,11 +166,11 @@ def _interval(difference: Difference) -> str:
 
 def _where(plan: PlanSummary) -> str:
     """The opening and the step with most potency."""
-    all_steps = plan.made(plan.steps)
+    all_steps = plan.means(plan.steps)
     if not all_steps.potency > 0.0:
         return f"{plan.name} makes no event."
-    near = {opening: plan.made(plan.steps, opening).potency for opening in plan.openings}
-    by_step = {step: plan.made([step]).potency for step in plan.steps}
+    near = {opening: plan.means(plan.steps, opening).potency for opening in plan.openings}
+    by_step = {step: plan.means([step]).potency for step in plan.steps}
     opening, step = (max(values, key=lambda one: values[one]) for values in (near, by_step))
     said = f"In {plan.name}, {percent(near[opening] / all_steps.potency)} of the potency is nearest to {opening}"
     if len(plan.steps) > 1:
@@ -183,10 +190,10 @@ def _chances(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str
         if np.isfinite(chance):
             parts = [
                 f"{plan.name} {chance_with_interval(chance, interval)}",
-                often_text(chance, plan.yearly_number(ANY, distance, size)),
+                frequency_text(chance, plan.yearly_number(ANY, distance, size)),
                 settings.likelihood(chance),
             ]
-            said.append(f"{', '.join(filter(None, parts))} (at the rate of {spanned(plan.counted)})")
+            said.append(f"{', '.join(filter(None, parts))} (at the rate of {step_range(plan.counted)})")
     if not said and any(plan.outcome.attrs["law_source"] != "none" for plan in plans):
         return []  # the class lies below the floor, of which `missing` says so
     if not said:
@@ -199,7 +206,7 @@ def _chances(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str
 
 def _differences(plans: Sequence[PlanSummary]) -> list[Difference]:
     """Number and potency of each plan against the first one, in the steps that differ."""
-    pairs = [(plan, compared(plan, plans[0])) for plan in plans[1:]]
+    pairs = [(plan, differing_steps(plan, plans[0])) for plan in plans[1:]]
     return [
         compare(plan.outcome, plans[0].outcome, quantity, steps)
         for plan, steps in pairs
@@ -208,8 +215,8 @@ def _differences(plans: Sequence[PlanSummary]) -> list[Difference]:
     ]
 
 
-def contained(plans: Sequence[PlanSummary]) -> str:
-    """What the intervals of ratios and of chances contain, in a sentence each."""
+def interval_contents(plans: Sequence[PlanSummary]) -> str:
+    """State the uncertainties that intervals of ratios and of chances contain, in a sentence each."""
     ratios = [set(one.contains) for one in _differences(plans)]
     chances = [set(json.loads(plan.outcome.attrs["contains"])) for plan in plans]
     said = []
@@ -225,16 +232,16 @@ def _listed(words: Sequence[str]) -> str:
 
 
 def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
-    """What the intervals lack, and which key of the mine file gives it."""
+    """State the uncertainties that intervals lack, and the key of the mine file that adds each."""
     found = []
     if any(plan.members == 0 for plan in plans):
         found.append(
             "Each plan has one run. Intervals then assume that its events are independent, which is the least that "
-            f"chance can do. Set ensemble to {FEWEST_MEMBERS} or more to measure the chance."
+            f"chance can do. Set ensemble to {MIN_MEMBERS} or more to measure the chance."
         )
-    elif any(plan.members < FEWEST_MEMBERS for plan in plans):
+    elif any(plan.members < MIN_MEMBERS for plan in plans):
         found.append(
-            f"The ensemble is too small to measure how the runs differ. Set ensemble to {FEWEST_MEMBERS} or more."
+            f"The ensemble is too small to measure how the runs differ. Set ensemble to {MIN_MEMBERS} or more."
         )
     if not all(plan.has_runs(COARSE) for plan in plans):
         found.append(
@@ -281,13 +288,13 @@ def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]
 
 
 def law_texts(plans: Sequence[PlanSummary]) -> list[str]:
-    """What the sizes follow, in sentences; one for plans of one law."""
+    """State the laws of sizes, in sentences; one for plans of one law."""
     named_by: dict[str, list[str]] = {}
     for plan in plans:
         named_by.setdefault(_law_text(plan), []).append(plan.name)
     if len(named_by) == 1:
         return list(named_by)
-    return [f"{named(names)}: {text[0].lower()}{text[1:]}" for text, names in named_by.items()]
+    return [f"{listed_names(names)}: {text[0].lower()}{text[1:]}" for text, names in named_by.items()]
 
 
 def _law_text(plan: PlanSummary) -> str:

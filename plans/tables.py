@@ -1,4 +1,4 @@
-"""The rows of the page's tables, as text, and the table of numbers beside it."""
+"""The rows of the page's tables, as text, and the table of numbers in the same folder."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,9 +12,16 @@ from catalogs.periods import ALL_STEPS
 from catalogs.report.text import DASH, between, fixed, number, typeset
 from common.datasets import atomic_path
 from plans.differences import NUMBER, POTENCY, Difference, compare
-from plans.layout import ANY
-from plans.plan_summary import Made, PlanSummary
-from plans.sentences import chance_with_interval, compared, count, named, often_text, spanned, times
+from plans.layout import ANY, PlanSummary, RunMeans
+from plans.sentences import (
+    chance_with_interval,
+    count,
+    differing_steps,
+    frequency_text,
+    listed_names,
+    ratio_text,
+    step_range,
+)
 from plans.settings import HazardSettings
 
 ENERGY_UNIT = 1e6  # J; the page gives MJ
@@ -27,13 +34,13 @@ def magnitude_of(plan: PlanSummary, potency: float) -> str:
     return fixed(plan.magnitude(np.log10(potency)), 1) if potency > 0.0 else DASH
 
 
-def made_cells(plan: PlanSummary, made: Made) -> dict[str, str]:
+def mean_cells(plan: PlanSummary, means: RunMeans) -> dict[str, str]:
     """Number, potency and largest event, as text."""
-    largest = made.largest
+    largest = means.largest
     return {
-        "number": count(made.number),
-        "potency": number(made.potency),
-        "magnitude": magnitude_of(plan, made.potency),
+        "number": count(means.number),
+        "potency": number(means.potency),
+        "magnitude": magnitude_of(plan, means.potency),
         "largest": fixed(plan.magnitude(largest), 1) if np.isfinite(largest) else DASH,
     }
 
@@ -42,47 +49,49 @@ def plan_rows(plans: Sequence[PlanSummary]) -> list[dict]:
     """One row for each plan: all of its steps, and its ratios to the first plan in the steps that differ."""
     rows = []
     for plan in plans:
-        made, mined = plan.made(plan.steps), plan.mined(plan.steps)
+        means, mined = plan.means(plan.steps), plan.mined(plan.steps)
         row: dict[str, object] = {
             "plan": plan.name,
-            "steps": spanned(plan.steps),
+            "steps": step_range(plan.steps),
             "mined": number(mined),
-            "energy": number(made.energy / ENERGY_UNIT),
-            "failed": number(made.failed),
-            "per_volume": number(1000.0 * made.potency / mined) if mined > 0.0 else DASH,
-            **made_cells(plan, made),
+            "energy": number(means.energy / ENERGY_UNIT),
+            "failed": number(means.failed),
+            "per_volume": number(1000.0 * means.potency / mined) if mined > 0.0 else DASH,
+            **mean_cells(plan, means),
         }
-        steps = compared(plan, plans[0])
+        steps = differing_steps(plan, plans[0])
         row |= {"number_ratio": DASH, **NOT_COMPARED}
         if plan is not plans[0]:
-            more, fewer = spanned(steps[0]), spanned(steps[1])
+            more, fewer = step_range(steps[0]), step_range(steps[1])
             row["verdict"] = f"goes on with {more}" if more else f"lacks {fewer}" if fewer else "the same runs"
         if all(steps):
             found = {
                 quantity: compare(plan.outcome, plans[0].outcome, quantity, steps) for quantity in (NUMBER, POTENCY)
             }
-            row |= {f"{name}_ratio": times(one) for name, one in found.items()} | _judged(found[POTENCY])
+            row |= {f"{name}_ratio": ratio_text(one) for name, one in found.items()} | _verdict_cells(found[POTENCY])
         rows.append(row)
     return rows
 
 
-def _judged(difference: Difference) -> dict:
-    return {"verdict": difference.verdict, "differs": difference.is_more_than_chance}
+def _verdict_cells(difference: Difference) -> dict:
+    return {"verdict": difference.verdict, "differs": difference.is_significant}
 
 
-def _beside(
+def _comparison_cells(
     plan: PlanSummary, first: PlanSummary, steps: tuple[Sequence[str], Sequence[str]], opening: str
 ) -> dict[str, object]:
     """Cells that compare the potency of a plan with that of the first one, in steps of each near an opening."""
     if plan is first or not all(steps) or opening not in [*first.openings, ANY]:
         return dict(NOT_COMPARED)
     found = compare(plan.outcome, first.outcome, POTENCY, steps, opening)
-    return {"potency_ratio": times(found)} | _judged(found)
+    return {"potency_ratio": ratio_text(found)} | _verdict_cells(found)
 
 
 def step_rows(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[dict]:
-    """One row for each step of each plan; steps of one name stand together, in order of time. The chance is that of the
-    largest class within the smallest distance of any opening, while the step lasts."""
+    """One row for each step of each plan; steps of one name follow each other, in order of time.
+
+    The chance is that of the largest class within the smallest distance of any opening, while the step lasts.
+    """
     start = {step: plan.dates(step)[0] for plan in plans for step in plan.steps}
     rows = []
     sizes = list(settings.sizes)
@@ -92,17 +101,17 @@ def step_rows(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[di
             rows.append(
                 {
                     "step": step if not place else "",
-                    "mines": named(plan.mines(step)) or DASH,
+                    "mines": listed_names(plan.mines(step)) or DASH,
                     "mined": number(plan.mined([step])),
-                    "energy": number(plan.made([step]).energy / ENERGY_UNIT),
+                    "energy": number(plan.means([step]).energy / ENERGY_UNIT),
                     "chance": chance_with_interval(
                         *plan.chance(ANY, settings.distances[0], sizes[-1], step, yearly=False)
                     )
                     if sizes
                     else "",
                     "plan": plan.name,
-                    **made_cells(plan, plan.made([step])),
-                    **_beside(plan, plans[0], ([step], [one for one in plans[0].steps if one == step]), ANY),
+                    **mean_cells(plan, plan.means([step])),
+                    **_comparison_cells(plan, plans[0], ([step], [one for one in plans[0].steps if one == step]), ANY),
                 }
             )
     return rows
@@ -113,7 +122,7 @@ def opening_rows(plans: Sequence[PlanSummary]) -> list[dict]:
     potency: dict[str, float] = {}
     for plan in plans:
         for opening in plan.openings:
-            potency[opening] = max(potency.get(opening, 0.0), plan.made(plan.steps, opening).potency)
+            potency[opening] = max(potency.get(opening, 0.0), plan.means(plan.steps, opening).potency)
     shown = sorted((one for one in potency if potency[one] > 0.0), key=lambda one: -potency[one])[:MAX_OPENINGS]
     rows = []
     for opening in (one for one in potency if one in shown):
@@ -124,8 +133,8 @@ def opening_rows(plans: Sequence[PlanSummary]) -> list[dict]:
                     "opening": opening if not place else "",
                     "plan": plan.name,
                     "step": plan.mined_in(opening) or "before",
-                    **made_cells(plan, plan.made(plan.steps, opening)),
-                    **_beside(plan, plans[0], compared(plan, plans[0]), opening),
+                    **mean_cells(plan, plan.means(plan.steps, opening)),
+                    **_comparison_cells(plan, plans[0], differing_steps(plan, plans[0]), opening),
                 }
             )
     return rows
@@ -142,7 +151,7 @@ def matrix(plan: PlanSummary, settings: HazardSettings) -> list[dict]:
             cells.append(
                 {
                     "yearly": chance_with_interval(chance, interval),
-                    "often": often_text(chance, plan.yearly_number(ANY, distance, size)),
+                    "often": frequency_text(chance, plan.yearly_number(ANY, distance, size)),
                     "likelihood": settings.likelihood(chance) if np.isfinite(chance) else "",
                     "whole": chance_with_interval(*whole_plan),
                     "shade": round(float(np.clip(chance, 0.0, 1.0)) ** 0.5, 2) if np.isfinite(chance) else 0.0,
@@ -185,7 +194,7 @@ def forecast_rows(plans: Sequence[PlanSummary]) -> list[dict]:
         for step in plan.ahead:
             part = plan.outcome.sel(step=step)
             counted, potency, largest = (part[f"forecast_{name}"].values for name in ("number", "potency", "largest"))
-            row = {"plan": plan.name, "step": step, "mines": named(plan.mines(step)) or DASH}
+            row = {"plan": plan.name, "step": step, "mines": listed_names(plan.mines(step)) or DASH}
             middle, ends = quantiles(counted)
             row["number"] = f"{middle:.0f} ({ends[0]:.0f} to {ends[1]:.0f})"
             row |= {"potency": DASH, "largest": DASH}
@@ -210,17 +219,17 @@ def write_table(path: Path, plans: Sequence[PlanSummary], settings: HazardSettin
         for step in [*plan.steps, ALL_STEPS]:
             steps = plan.steps if step == ALL_STEPS else [step]
             for opening in [*plan.openings, ANY]:
-                made = plan.made(steps, opening)
+                means = plan.means(steps, opening)
                 row: dict[str, object] = {
                     "plan": plan.name,
                     "step": step,
                     "opening": opening,
                     "days": plan.days(steps),
-                    "events": made.number,
-                    "potency, m3": made.potency,
-                    "largest, log10 m3": made.largest,
-                    "energy released, J": made.energy if opening == ANY else np.nan,
-                    "failed volume, m3": made.failed if opening == ANY else np.nan,
+                    "events": means.number,
+                    "potency, m3": means.potency,
+                    "largest, log10 m3": means.largest,
+                    "energy released, J": means.energy if opening == ANY else np.nan,
+                    "failed volume, m3": means.failed if opening == ANY else np.nan,
                 }
                 for size in settings.sizes:
                     for distance in settings.distances:

@@ -7,7 +7,7 @@ from plan_fixtures import HAZARD, STEPS, drawn_events, drawn_run, made_up_grid, 
 
 from catalogs.comparison_settings import DatedStep
 from common.errors import InputError
-from plans.differences import NUMBER, POTENCY, compare, own_steps, ratio_of_runs
+from plans.differences import NUMBER, POTENCY, compare, ratio_of_runs, steps_with_other_runs
 from plans.outcome import make_outcome
 from verification.statistics.samples import simulated_sizes
 
@@ -85,18 +85,18 @@ def test_a_plan_beside_itself(tmp_path):
     events = [drawn_events(count, generator) for count in (50, 30)]
     one = outcome(tmp_path, [write_run(tmp_path / "one", "own", events)])
     other = outcome(tmp_path, [write_run(tmp_path / "other", "own", events)], plan="other")
-    assert own_steps(one, one) == []
+    assert steps_with_other_runs(one, one) == []
     found = compare(one, one, POTENCY, BOTH)
     assert found.is_shared
     assert found.value == 1.0
-    assert own_steps(one, other) == NAMES
+    assert steps_with_other_runs(one, other) == NAMES
     for quantity in (NUMBER, POTENCY):
         for opening in ("any", "stope_1"):
             found = compare(one, other, quantity, BOTH, opening)
             assert found.value == 1.0
             assert found.interval[0] < 1.0 < found.interval[1]
             assert found.interval[0] * found.interval[1] == pytest.approx(1.0)
-            assert found.verdict == "no difference that chance does not make"
+            assert found.verdict == "difference within chance"
             assert found.contains == ("chance",)
             assert set(found.lacks) == {"runs", "cells", "rock"}
 
@@ -106,7 +106,7 @@ def test_a_shared_step_is_no_difference(tmp_path):
     run, other = (drawn_run(tmp_path / name, "own", seed) for name, seed in (("one", 1), ("two", 2)))
     mixed = {**other, **{key: [run[key][0], other[key][1]] for key in ("events", "states")}}
     plans = [outcome(tmp_path, [run]), outcome(tmp_path, [mixed], plan="mixed")]
-    assert own_steps(plans[1], plans[0]) == ["2019-09"]
+    assert steps_with_other_runs(plans[1], plans[0]) == ["2019-09"]
     assert compare(plans[1], plans[0], NUMBER, (["2019-08"], ["2019-08"])).is_shared
     assert not compare(plans[1], plans[0], NUMBER, (["2019-09"], ["2019-09"])).is_shared
 
@@ -124,27 +124,27 @@ def test_other_dates_alone_make_no_other_run(tmp_path):
         plan="dated",
         steps=[step.given() for step in later],
     )
-    assert own_steps(dated, own) == []
+    assert steps_with_other_runs(dated, own) == []
     assert compare(dated, own, POTENCY, BOTH).verdict == "the same runs in both plans"
     fewer = [(size[:-1], place[:-1]) for size, place in events]
-    assert own_steps(outcome(tmp_path, [write_run(tmp_path / "c" / "run", "own", fewer)]), own) == NAMES
+    assert steps_with_other_runs(outcome(tmp_path, [write_run(tmp_path / "c" / "run", "own", fewer)]), own) == NAMES
 
 
 def test_a_member_more_is_no_shared_step(tmp_path):
     run, member = drawn_run(tmp_path / "one", "own", 1), drawn_run(tmp_path / "two", "member", 2)
-    assert own_steps(outcome(tmp_path, [run]), outcome(tmp_path, [run, member])) == NAMES
+    assert steps_with_other_runs(outcome(tmp_path, [run]), outcome(tmp_path, [run, member])) == NAMES
 
 
 @pytest.mark.parametrize("runs", [1, 6])
-def test_a_large_difference_is_more_than_chance_makes(tmp_path, runs):
+def test_a_large_difference_is_larger_than_chance_explains(tmp_path, runs):
     plans = []
     for plan, numbers in (("more", (120, 90)), ("less", (40, 30))):
         kinds = ["own", *["member"] * (runs - 1)]
         made = [drawn_run(tmp_path / plan / str(seed), kind, seed, numbers) for seed, kind in enumerate(kinds)]
         plans.append(outcome(tmp_path, made, plan=plan))
     found = compare(*plans, NUMBER, BOTH)
-    assert found.is_more_than_chance
-    assert found.verdict == "more than chance makes"
+    assert found.is_significant
+    assert found.verdict == "larger than chance explains"
     assert ("runs" in found.lacks) == (runs == 1)
     back = compare(*plans[::-1], NUMBER, BOTH)
     np.testing.assert_allclose(back.interval[::-1], 1.0 / found.interval)
@@ -165,14 +165,14 @@ def test_cells_and_rock_widen_the_interval(tmp_path):
 
     alone = compare(plan("a1", 90, 0, []), plan("b1", 30, 0, []), NUMBER, BOTH)
     cells = compare(plan("a2", 90, 50, []), plan("b2", 30, 50, []), NUMBER, BOTH)
-    assert alone.is_more_than_chance
+    assert alone.is_significant
     assert cells.contains == ("chance", "cells")
     np.testing.assert_allclose(cells.by_chance, alone.interval)
     for side in range(2):
         of_chance, both = (np.log(one.interval[side] / 3.0) for one in (alone, cells))
         assert abs(both) == pytest.approx(np.hypot(of_chance, 1.25 * np.log(3.0)))
-    assert not cells.is_more_than_chance
-    assert cells.verdict == "more than chance makes, but the cells may make it"
+    assert not cells.is_significant
+    assert cells.verdict == "larger than chance explains, but cell size may explain it"
 
     rock = compare(plan("a3", 90, 0, [60, 90, 120]), plan("b3", 30, 0, [30, 30, 30]), NUMBER, BOTH)
     values = np.log([2.0, 3.0, 4.0])
@@ -229,7 +229,7 @@ def test_plans_are_counted_from_one_floor(tmp_path):
     assert [plan.attrs["floor"] for plan in plans] == pytest.approx([-1.5, -1.5])
     found = compare(*plans, NUMBER, BOTH)
     assert found.value == 1.0
-    assert found.verdict == "no difference that chance does not make"
+    assert found.verdict == "difference within chance"
     alone = outcome(tmp_path, runs[:1], plan="alone")
     with pytest.raises(
         InputError, match=r"events of alone are counted from log P -2 on, those of plan_1 from -1\.5 on"

@@ -24,8 +24,7 @@ from common.errors import InputError
 from plans.layout import ANY
 from plans.outcome import make_outcome
 from plans.record import is_ahead, is_covered, known_until
-from plans.score_sentences import sentences
-from plans.scores import KNOWN, MINED_OTHERWISE, NO_FLOOR, NOT_YET, SCORED, brier, log_score, score
+from plans.scores import KNOWN, MINED_OTHERWISE, NO_FLOOR, NOT_YET, SCORED, brier, log_score, score, sentences
 from plans.settings import ScoreSlice
 
 GRID = made_up_grid()

@@ -9,11 +9,10 @@ from scipy.stats import kstest, nbinom, poisson
 
 from catalogs.jackknife import INTERVAL_95
 from catalogs.sizes import LN10, estimate_b
-from plans.factors import STEP_SCATTER, Factors, draw_ratio, find_factors, step_ratios
 from plans.hazard import _law as law_of
-from plans.hazard import chance_of, chances, dispersion, draw_expected, draw_numbers, independent_share
-from plans.record import RecordedNumbers
-from plans.runs import StepEvents
+from plans.hazard import chance_of, chances, dispersion_index, draw_expected, draw_numbers, independent_share
+from plans.record import STEP_SCATTER, Factors, RecordedNumbers, draw_ratio, find_factors, step_ratios
+from plans.runs import StepResult
 from plans.truncated_law import TruncatedLaw, find_law
 from verification.statistics.samples import simulated_sizes
 
@@ -103,7 +102,7 @@ def test_chance_in_intervals_of_known_rates_and_laws():
         near = generator.binomial(number.astype(int), 0.3).astype(float)[:, None, None]
         sizes = np.array([0.3, 0.5, 0.8]) * span
         law = find_law(x, 0.0, max(span + generator.uniform(0.0, 1.5), x.max() + 1.0), 400, generator)
-        found = chances(near, dispersion(number), np.ones(400), law.share_above(sizes), 12.0, generator)
+        found = chances(near, dispersion_index(number), np.ones(400), law.share_above(sizes), 12.0, generator)
         truth = [-np.expm1(-0.3 * rate * share(size, b, span)) for size in sizes]
         low, high = found["chance_interval"][0, 0].T
         held.append((low <= truth) & (truth <= high))
@@ -180,9 +179,9 @@ def test_predicted_number_of_a_gamma_rate_is_negative_binomial():
 
 
 def test_dispersion_needs_runs_and_is_never_less_than_that_of_independent_events():
-    assert dispersion(np.array([10.0, 30.0])) == 1.0
-    assert dispersion(np.full(9, 20.0)) == 1.0
-    assert dispersion(np.array([10.0, 30.0, 20.0, 25.0, 12.0, 18.0])) > 2.0
+    assert dispersion_index(np.array([10.0, 30.0])) == 1.0
+    assert dispersion_index(np.full(9, 20.0)) == 1.0
+    assert dispersion_index(np.array([10.0, 30.0, 20.0, 25.0, 12.0, 18.0])) > 2.0
 
 
 def recorded_numbers(generator, steps: int, modelled: float, ratio: float, scatter: float, clustering: float):
@@ -237,7 +236,7 @@ def test_chance_of_small_rates_is_the_rate():
     assert chance_of(np.array(1e-9), np.array(0.5)) == pytest.approx(5e-10)
 
 
-def runs_that_share(generator, share_of: float, runs: int = 9, mean: float = 60.0) -> list[list[StepEvents]]:
+def runs_that_share(generator, share_of: float, runs: int = 9, mean: float = 60.0) -> list[list[StepResult]]:
     """Runs of two steps, b = 0.8, that have a part of their events in common."""
     steps = []
     for _ in range(2):
@@ -245,7 +244,7 @@ def runs_that_share(generator, share_of: float, runs: int = 9, mean: float = 60.
         own = [simulated_sizes(generator, generator.poisson((1.0 - share_of) * mean), 0.8, 3.0) for _ in range(runs)]
         steps.append([10.0 ** np.concatenate([common, one]) for one in own])
     return [
-        [StepEvents(one, np.zeros((len(one), 3)), 0.0, one.sum()) for one in run] for run in zip(*steps, strict=True)
+        [StepResult(one, np.zeros((len(one), 3)), 0.0, one.sum()) for one in run] for run in zip(*steps, strict=True)
     ]
 
 
@@ -276,9 +275,9 @@ def test_rock_shifts_the_number_by_what_it_changes_beyond_the_recorded_steps():
     """Other rock makes twice the events of the plan. Where it makes twice those of the recorded steps too, the record's
     ratio has that in it already; else half of them is not."""
     settings = SimpleNamespace(runs=[SimpleNamespace(kind=kind) for kind in ("own", *["draw"] * 4)], steps=STEPS)
-    data = {
-        "shared_number": (("run", "step"), np.array([[1000.0, 1000.0], *[[2000.0, 2000.0]] * 4])),
-        "number": ("", np.array([[[1000.0]], *[[[np.nan]]] * 4])),
+    values = {
+        "shared_number": np.array([[1000.0, 1000.0], *[[2000.0, 2000.0]] * 4]),
+        "number": np.array([[[1000.0]], *[[[np.nan]]] * 4]),
     }
     nothing = np.empty(0)
 
@@ -287,7 +286,7 @@ def test_rock_shifts_the_number_by_what_it_changes_beyond_the_recorded_steps():
         if recorded_draw is not None:
             draws = np.full((4, 1), recorded_draw)
             recorded = RecordedNumbers(ONE * 1e6, np.array([[1e6]]), draws, 1000.0, 1.0, nothing, 0.0, 1.0)
-        return find_factors(settings, data, recorded, np.ones(2, bool), 4000, np.random.default_rng(1))
+        return find_factors(settings, values, recorded, np.ones(2, bool), 4000, np.random.default_rng(1))
 
     for recorded_draw, times in ((None, 2.0), (2000.0, 1.0), (1000.0, 2.0)):
         assert np.median(found(recorded_draw).common) == pytest.approx(np.log(times), abs=0.02)
@@ -299,11 +298,11 @@ def test_the_factor_of_the_cells_has_the_width_of_their_change():
     Equal numbers: ln 1.1."""
     settings = SimpleNamespace(runs=[SimpleNamespace(kind=kind) for kind in ("own", "coarse")], steps=STEPS)
     for coarse, half in ((100.0, 1.25 * np.log(200.5 / 100.5)), (200.0, np.log(1.1))):
-        data = {
-            "shared_number": ("", np.array([[200.0, 0.0], [coarse, 0.0]])),
-            "number": ("", np.array([[[200.0]], [[np.nan]]])),
+        values = {
+            "shared_number": np.array([[200.0, 0.0], [coarse, 0.0]]),
+            "number": np.array([[[200.0]], [[np.nan]]]),
         }
-        factors = find_factors(settings, data, None, np.ones(2, bool), 100_000, np.random.default_rng(1))
+        factors = find_factors(settings, values, None, np.ones(2, bool), 100_000, np.random.default_rng(1))
         np.testing.assert_allclose(np.quantile(factors.common, INTERVAL_95), [-half, half], rtol=0.03)
         assert factors.contains == ("chance", "cells")
 
@@ -312,12 +311,12 @@ def test_the_cap_of_the_law_is_all_potency_that_the_plan_releases():
     """Of the run that releases most, all sizes together; with a record that releases more, of the record. The law's end
     reaches up to it, and no farther."""
     size = 10.0 ** (simulated_sizes(np.random.default_rng(1), 30, 0.9) - 2.0)
-    steps = [[StepEvents(size, np.zeros((30, 3)), -2.0, float(size.sum()))]]
+    steps = [[StepResult(size, np.zeros((30, 3)), -2.0, float(size.sum()))]]
     assert size.max() < 1.0
-    data = {"whole_potency": ("", np.array([[40.0, 60.0], [1.0, 2.0]]))}
-    law, _ = law_of(steps, data, -2.0, None, np.random.default_rng(2))
+    whole_potency = np.array([[40.0, 60.0], [1.0, 2.0]])
+    law, _ = law_of(steps, whole_potency, -2.0, None, np.random.default_rng(2))
     assert law.bound.max() == pytest.approx(2.0, abs=0.05)
     nothing = np.empty(0)
     recorded = RecordedNumbers(ONE, np.ones((1, 1)), np.empty((0, 1)), 0.0, 1.0, nothing, 0.0, 1e3)
-    law, _ = law_of(steps, data, -2.0, recorded, np.random.default_rng(2))
+    law, _ = law_of(steps, whole_potency, -2.0, recorded, np.random.default_rng(2))
     assert law.bound.max() == pytest.approx(3.0, abs=0.05)

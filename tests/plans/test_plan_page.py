@@ -20,10 +20,10 @@ from plan_fixtures import outcome_slice as slice_of
 
 from catalogs.comparison_settings import DatedStep
 from common.errors import InputError
+from plans.layout import PlanSummary
 from plans.outcome import make_outcome
 from plans.page import write_report
-from plans.plan_summary import PlanSummary
-from plans.sentences import chance_with_interval, contained, law_texts, missing, verdict
+from plans.sentences import chance_with_interval, interval_contents, law_texts, missing, verdict
 from plans.settings import PlansReportSlice
 from plans.tables import exposed_rows, forecast_rows, matrix, opening_rows, plan_rows, step_rows
 
@@ -67,7 +67,9 @@ def test_the_first_sentences_compare_each_plan_with_the_first(plans):
     assert re.match(
         r"other_order releases [\d.]+ times the potency of mine_file \(95 % interval [\d.]+ to [\d.]+\): ", said[0]
     )
-    assert re.search(r"It makes [\d.]+ times the events \(95 % interval .*\): more than chance makes\.", said[0])
+    assert re.search(
+        r"It makes [\d.]+ times the events \(95 % interval .*\): a difference larger than chance explains\.", said[0]
+    )
     assert re.match(r"longer mines as mine_file does, and goes on with 2019-10: \d+ events, [\d.]+ m³", said[1])
     assert "In mine_file, " in said[2]
     assert said[3].startswith(
@@ -86,7 +88,7 @@ def test_what_is_missing_names_its_key(plans, tmp_path):
         "ensemble",
         "hazard.rock",
     ]
-    assert contained(plans) == (
+    assert interval_contents(plans) == (
         "Intervals of ratios contain chance and what the cells change. Intervals of chances contain chance, by how "
         "much the record differs from the model and what is not known of the law of sizes."
     )
@@ -206,7 +208,7 @@ def test_ratios_contain_the_cells_only_where_both_plans_make_something_on_double
         )
         runs = [drawn_run(tmp_path / f"{name}o", "own", len(name)), coarse]
         found.append(PlanSummary(make_outcome(slice_of(runs, name), GRID)))
-    assert contained(found).startswith("Intervals of ratios contain chance. ")
+    assert interval_contents(found).startswith("Intervals of ratios contain chance. ")
     assert [one for one in missing(found, SETTINGS.hazard) if "makes nothing on cells of twice the size" in one]
 
 
@@ -223,7 +225,7 @@ def test_a_plan_against_one_that_makes_nothing(tmp_path):
     said = verdict([none, some], SETTINGS.hazard)[0]
     assert re.fullmatch(
         r"none makes nothing in 2019-08 and 2019-09; some makes \d+ events, [\d.]+ m³ of potency, in 2019-08 and "
-        r"2019-09: more than chance makes\.", said
+        r"2019-09: a difference larger than chance explains\.", said
     )  # fmt: skip
     assert verdict([some, none], SETTINGS.hazard)[0].startswith("none releases 0 times the potency of some (95 % ")
     assert verdict([none, too], SETTINGS.hazard)[0] == "Neither too nor none makes anything in the steps that differ."
