@@ -44,7 +44,7 @@ class ElasticRock:
 
     @property
     def states(self) -> int:
-        """How many states there are."""
+        """Number of states."""
         return len(self.share)
 
     def by_material(self, values: Mapping[str, float]) -> NDArray:
@@ -81,16 +81,16 @@ def read_rock(
         parts, centre, edge = parts[inside], centre[inside], edge[inside]
     material = last["material"].values[parts]
 
-    held = np.zeros(len(parts), bool)
+    is_candidate = np.zeros(len(parts), bool)
     for path in states:
         state = _read(path)
         rows, share = _rows_of(state, centre, material, names)
         stress = state["stress"].values[rows]
         for index, name in enumerate(names):
-            own = np.flatnonzero((material == index) & (share > 0.0) & ~held)
+            own = np.flatnonzero((material == index) & (share > 0.0) & ~is_candidate)
             if len(own):
-                held[own] = may_hold(stress[own], name)
-    centre, edge, material = centre[held], edge[held], material[held]
+                is_candidate[own] = may_hold(stress[own], name)
+    centre, edge, material = centre[is_candidate], edge[is_candidate], material[is_candidate]
     shares, stresses = [], []
     for path in states:
         state = _read(path)
@@ -122,18 +122,18 @@ def _rows_of(state: xr.Dataset, centre: NDArray, material: NDArray, names: tuple
     rows = np.full(len(centre), -1)
     for kind in np.unique(material):
         own, sought = np.flatnonzero(kinds == kind), np.flatnonzero(material == kind)
-        found = _cube_of(centre[sought], cubes[0][own], cubes[1][own], lower)
-        rows[sought[found >= 0]] = rock[own[found[found >= 0]]]
+        cube = _cube_of(centre[sought], cubes[0][own], cubes[1][own], lower)
+        rows[sought[cube >= 0]] = rock[own[cube[cube >= 0]]]
     rest = np.flatnonzero(rows < 0)  # in a coarse cell that counts as of the other rock
-    found = _cube_of(centre[rest], *cubes, lower)
-    rows[rest[found >= 0]] = rock[found[found >= 0]]
+    cube = _cube_of(centre[rest], *cubes, lower)
+    rows[rest[cube >= 0]] = rock[cube[cube >= 0]]
     share = np.minimum(state["volume"].values[rows] / state["spacing"].values[rows] ** 3, 1.0)
     return rows, np.where(rows >= 0, share, 0.0)
 
 
 def _cube_of(points: NDArray, centre: NDArray, edge: NDArray, lower: NDArray) -> NDArray:
     """Index (point,) of the cube that each point (point, 3) lies in, of cubes on a grid from `lower`; -1 for none."""
-    found = np.full(len(points), -1)
+    cube = np.full(len(points), -1)
     for size in np.unique(edge):
         own = np.flatnonzero(edge == size)
         there, sought = (
@@ -141,5 +141,5 @@ def _cube_of(points: NDArray, centre: NDArray, edge: NDArray, lower: NDArray) ->
         )
         order = np.argsort(there, kind="stable")
         at = np.minimum(np.searchsorted(there[order], sought), len(own) - 1)
-        found = np.where(there[order[at]] == sought, own[order[at]], found)
-    return found
+        cube = np.where(there[order[at]] == sought, own[order[at]], cube)
+    return cube

@@ -206,7 +206,7 @@ def find_slips(
     """
     flawed = FlawedRock(rock, seeds, strength)
     neighbours = Neighbours(flawed) if interacting else None
-    found: list[tuple[int, int, float, NDArray]] = []
+    slips: list[tuple[int, int, float, NDArray]] = []
     for state in range(rock.states):
         present = seeds.rank < rock.share[state, seeds.part]
         if neighbours is None:
@@ -214,10 +214,10 @@ def find_slips(
             above = above[flawed.excess(state, above) > 0.0]
             drop, direction = flawed.drop(state, above)
             flawed.slip(above, drop, direction)
-            found += zip([state] * len(above), above, drop, direction, strict=True)
+            slips += zip([state] * len(above), above, drop, direction, strict=True)
         else:
-            found += _cascade(flawed, neighbours, state, present)
-    states, slipping, drops, directions = zip(*found, strict=True) if found else ([], [], [], [])
+            slips += _cascade(flawed, neighbours, state, present)
+    states, slipping, drops, directions = zip(*slips, strict=True) if slips else ([], [], [], [])
     return Slips(
         np.array(states, int), np.array(slipping, int), np.array(drops, float), np.reshape(directions, (-1, 3))
     )
@@ -229,13 +229,13 @@ def _cascade(
     """Slips of a state one after the other; present (seed,) bool."""
     excess = np.full(len(present), -np.inf)
     excess[present] = flawed.excess(state, np.flatnonzero(present))
-    found: list[tuple[int, int, float, NDArray]] = []
+    slips: list[tuple[int, int, float, NDArray]] = []
     while len(excess) and excess[seed := int(np.argmax(excess))] > 0.0:
         only = np.array([seed])
         drop, direction = flawed.drop(state, only)
         flawed.slip(only, drop, direction)
-        found.append((state, seed, float(drop[0]), direction[0]))
-        if len(found) > MAX_SLIPS_PER_FLAW * len(present):
+        slips.append((state, seed, float(drop[0]), direction[0]))
+        if len(slips) > MAX_SLIPS_PER_FLAW * len(present):
             raise InputError(
                 "baselines: flaws make each other slip without end, as they overlap many times; give a smaller largest "
                 "radius in baselines.radii"
@@ -243,7 +243,7 @@ def _cascade(
         near = neighbours.add_stress(seed, float(drop[0]), direction[0])
         changed = np.append(near[present[near]], seed)
         excess[changed] = flawed.excess(state, changed)
-    return found
+    return slips
 
 
 def potency_tensors(rock: ElasticRock, seeds: Seeds, slips: Slips) -> NDArray:

@@ -42,10 +42,10 @@ class Counted:
         for events in runs:
             index = exposure.step(events["time"].values)
             size = log_potency(events["potency"].values)
-            kept = (events["resolved"].values == 1) & (index >= 0) & (size >= cut)
-            place.append(events["location"].values[kept])
-            step.append(index[kept])
-            potency.append(events["potency"].values[kept])
+            counts = (events["resolved"].values == 1) & (index >= 0) & (size >= cut)
+            place.append(events["location"].values[counts])
+            step.append(index[counts])
+            potency.append(events["potency"].values[counts])
         return cls(np.concatenate(place), np.concatenate(step), np.concatenate(potency), len(runs))
 
     def by_step(self, steps: int) -> tuple[NDArray, NDArray]:
@@ -178,18 +178,19 @@ def compare_with_record(
     """
     exposure = Exposure.of(settings.steps, common_period(record))
     cut = float(comparison["cut"])
-    made = [comparison]
+    comparisons = [comparison]
     for runs in (flaws, excess_shear):
         with_runs = settings.model_copy(update={"members": len(runs) - 1})
-        made.append(compare(runs[0], record, with_runs, runs[1:]))
+        comparisons.append(compare(runs[0], record, with_runs, runs[1:]))
     counted = [Counted.of(runs, exposure, cut) for runs in (own, flaws, excess_shear)]
     first = [Counted.of(runs[:1], exposure, cut) for runs in (own, flaws, excess_shear)]
     used = comparison["record_used"].values == 1
     scores = score_places(counted, record, used, exposure, cell, settings.resamplings, settings.seed)
+    of_own, of_flaws, of_stress = zip(first, counted, comparisons, strict=True)
     models = (
-        Model("the pipeline's own model", "Pipeline", first[0], counted[0], made[0]),
-        Model("seeded flaws", "Seeded flaws", first[1], counted[1], made[1], (NUMBER,)),
-        Model("excess shear stress", "Excess shear stress", first[2], counted[2], made[2], (NUMBER, POTENCY), False),
+        Model("the pipeline's own model", "Pipeline", *of_own),
+        Model("seeded flaws", "Seeded flaws", *of_flaws, inputs=(NUMBER,)),
+        Model("excess shear stress", "Excess shear stress", *of_stress, inputs=(NUMBER, POTENCY), has_axes=False),
     )
     recorded = Counted(
         record["location"].values[used],

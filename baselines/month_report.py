@@ -27,33 +27,33 @@ def sentences(months: Months) -> list[str]:
     steps = len(np.unique(scores.step[scores.common]))
     best = max((one for one in OF_RECORD if np.isfinite(mean[one])), key=lambda one: mean[one])
     others = [one for one in labels if one not in (*OF_RECORD, pipeline, "mixed", "ceiling")]
-    found = [
+    lines = [
         f"In {plural(steps, 'step')} with earlier months the map of the pipeline gains {fixed(mean[pipeline], 2)} nats "
         f"per recorded event over a uniform rate, and the best map of the record, {names[best]}, "
         f"{fixed(mean[best], 2)}. {_lead(scores, pipeline, best, 'The pipeline')}"
     ]
-    found += [_lead(scores, pipeline, one, "The pipeline", f"than the map “{names[one]}”") for one in others]
-    found.append(_lead(scores, "mixed", "all_earlier", "Half mixed with the pipeline, the map of all earlier months"))
+    lines += [_lead(scores, pipeline, one, "The pipeline", f"than the map “{names[one]}”") for one in others]
+    lines.append(_lead(scores, "mixed", "all_earlier", "Half mixed with the pipeline, the map of all earlier months"))
     for measure in MEASURES:
         p_values = np.array([row.all_earlier[measure].p_value for row in months.rates])
         tested = int(np.isfinite(p_values).sum())
         if tested:
             fits = int((p_values >= SIGNIFICANCE).sum())
-            found.append(
+            lines.append(
                 f"By {measure}, the rate of all earlier months fits the number of {fits} of {plural(tested, 'step')} "
                 f"(p ≥ {SIGNIFICANCE:g})."
             )
-    return found
+    return lines
 
 
 def _lead(scores: MonthScores, one: str, other: str, name: str, than: str = "") -> str:
     """Say by how much a map gains more or less than another, and whether that may be chance."""
     value, ends = scores.lead(one, other)
-    said = f"{name} gains {fixed(abs(value), 2)} {'more' if value >= 0.0 else 'less'}"
-    said = " ".join([said, than]).strip()
+    text = f"{name} gains {fixed(abs(value), 2)} {'more' if value >= 0.0 else 'less'}"
+    text = " ".join([text, than]).strip()
     if not np.isfinite(ends).all():
-        return f"{said}."
-    return f"{said} (difference {between(ends, hundredths)}), which is {lead_verdict(ends)}."
+        return f"{text}."
+    return f"{text} (difference {between(ends, hundredths)}), which is {lead_verdict(ends)}."
 
 
 def hundredths(value: float) -> str:

@@ -85,8 +85,8 @@ def move(events: Places, face: Face, start: np.datetime64, end: np.datetime64) -
     coordinates = coordinates[np.isfinite(coordinates).all(axis=1)]
     if not len(times):
         return np.zeros((0, 2))
-    chosen = np.floor(np.arange(len(coordinates)) * GOLDEN % 1.0 * len(times)).astype(int)
-    return face.at(times[chosen]).places(coordinates)
+    index = np.floor(np.arange(len(coordinates)) * GOLDEN % 1.0 * len(times)).astype(int)
+    return face.at(times[index]).places(coordinates)
 
 
 def line_places(face: Face, start: np.datetime64, end: np.datetime64) -> NDArray:
@@ -154,28 +154,28 @@ class MonthMaps:
             known = self.record.between(first, start)
             return known.place if self.face is None else move(known, self.face, start, end)
 
-        found = {}
+        gains = {}
         if number:
-            found["all_earlier"] = gain(earlier(self.periods.start[0]))
-            found["last"] = gain(earlier(self.periods.start[number - 1]))
+            gains["all_earlier"] = gain(earlier(self.periods.start[0]))
+            gains["last"] = gain(earlier(self.periods.start[number - 1]))
         if self.face is not None:
-            found["line"] = gain(line_places(self.face, start, end))
+            gains["line"] = gain(line_places(self.face, start, end))
         for label, model in self.models.items():
-            found[label] = information_gain(place, model.place[model.step == step][:, :2], deviation, self.box, share)
-        if self.models and "all_earlier" in found:
+            gains[label] = information_gain(place, model.place[model.step == step][:, :2], deviation, self.box, share)
+        if self.models and "all_earlier" in gains:
             parts = (
-                np.log(MODEL_SHARE) + found[next(iter(self.models))],
-                np.log1p(-MODEL_SHARE) + found["all_earlier"],
+                np.log(MODEL_SHARE) + gains[next(iter(self.models))],
+                np.log1p(-MODEL_SHARE) + gains["all_earlier"],
             )
-            found["mixed"] = np.logaddexp(*parts)
+            gains["mixed"] = np.logaddexp(*parts)
         day = (self.recorded.time[own] - start) // DAY + 1  # the step begins with day 1
         is_odd = day % 2 == 1
         ceiling = np.full(len(place), np.nan)
         if is_odd.any() and not is_odd.all():
             for half in (is_odd, ~is_odd):
                 ceiling[half] = information_gain(place[half], place[~half], deviation[half], self.box, share)
-        found["ceiling"] = ceiling
-        return np.array([found.get(label, np.full(len(place), np.nan)) for label in self.labels])
+        gains["ceiling"] = ceiling
+        return np.array([gains.get(label, np.full(len(place), np.nan)) for label in self.labels])
 
 
 @dataclass(frozen=True)
@@ -288,7 +288,7 @@ def step_rates(record: Places, periods: Periods, face: Face | None) -> list[Step
         every, last = np.arange(own), np.arange(own)[-1:]
 
         def rates(earlier: NDArray, own: int = own) -> dict[str, Rate]:
-            known = _clustering(record, periods, earlier)
+            before = _clustering(record, periods, earlier)
             now = _clustering(record, periods, np.array([own]))
             return {
                 measure: n_test(
@@ -296,7 +296,7 @@ def step_rates(record: Places, periods: Periods, face: Face | None) -> list[Step
                     amounts[own][measure],
                     int(numbers[earlier].sum()),
                     float(sum(amounts[one][measure] for one in earlier)),
-                    (now, known),
+                    (now, before),
                 )
                 for measure in MEASURES
             }

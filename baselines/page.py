@@ -68,13 +68,13 @@ def verdict(models: Sequence[Model], scores: MapScores) -> list[str]:
     placed = f"Recorded events are placed best by {name}: {gain}, {lead(second)}."
     if not mean[best] > 0.0:
         placed = f"No model places recorded events better than a uniform rate. Nearest comes {name}: {gain}."
-    found = [placed, *(f"It is {lead(other)}." for other in rest)]
+    lines = [placed, *(f"It is {lead(other)}." for other in rest)]
     if not known:
-        found.append(
+        lines.append(
             f"There is no interval, since the recorded events form {plural(scores.clusters, 'cluster')}: too few to "
             "tell a difference from chance."
         )
-    return found
+    return lines
 
 
 def _valued(value, interval, unit: str = "", form=number) -> str:
@@ -87,19 +87,20 @@ def measure_rows(models: Sequence[Model], scores: MapScores) -> list[dict]:
     """One row for each measure of the whole time, one text for each model."""
 
     def ratio(model: Model, name: str, kind: str) -> str:
-        made = model.comparison
-        return INPUT if kind in model.inputs else _valued(made[f"{name}_ratio"], made[f"{name}_ratio_interval"])
+        if kind in model.inputs:
+            return INPUT
+        return _valued(model.comparison[f"{name}_ratio"], model.comparison[f"{name}_ratio_interval"])
 
     def distance(model: Model, name: str) -> str:
         return _valued(model.comparison[name], model.comparison[f"{name}_interval"], " m")
 
     def nearest(model: Model, pair: str) -> str:
-        made = model.comparison.sel(pair=pair)
-        return _valued(made["nearest_distance"], made["nearest_distance_interval"], " m")
+        comparison = model.comparison.sel(pair=pair)
+        return _valued(comparison["nearest_distance"], comparison["nearest_distance_interval"], " m")
 
     def axis(model: Model, name: str) -> str:
-        made = model.comparison.sel(axis_name=name)
-        return _valued(made["mean_angle"], made["mean_angle_interval"], "°") if model.has_axes else NO_AXES
+        comparison = model.comparison.sel(axis_name=name)
+        return _valued(comparison["mean_angle"], comparison["mean_angle_interval"], "°") if model.has_axes else NO_AXES
 
     def kagan(model: Model) -> str:
         return with_unit(number(model.comparison["summed_kagan"]), "°") if model.has_axes else NO_AXES
@@ -321,7 +322,7 @@ def report_stage(
     fine_cell = float(grid_data.attrs["fine_cell"])
     flaw_events = read_events(flaws)
     compared = compare_with_record(
-        [read_events(catalog), *read_members(members, steps, settings.mine)],
+        [read_events(catalog), *read_members(list(members), steps, settings.mine)],
         read_dataset(comparison),
         split_runs(flaw_events),
         split_runs(read_events(excess_shear)),

@@ -59,10 +59,10 @@ def boys(argument: NDArray) -> list[NDArray]:
     last = ORDERS - 0.5
     safe = np.maximum(argument, MIN_ARGUMENT)
     highest = np.where(argument > MIN_ARGUMENT, gamma(last) * gammainc(last, safe) / (2.0 * safe**last), 0.5 / last)
-    found, falling = [highest], np.exp(-argument)
+    functions, falling = [highest], np.exp(-argument)
     for order in reversed(range(ORDERS - 1)):
-        found.insert(0, (2.0 * argument * found[0] + falling) / (2 * order + 1))
-    return found
+        functions.insert(0, (2.0 * argument * functions[0] + falling) / (2 * order + 1))
+    return functions
 
 
 def source_stress(

@@ -124,7 +124,7 @@ def draw_surrogate(fit: Fit, steps: Sequence[str]) -> Figure:
     """Potency and number of each trial as all others predict them, against those computed."""
     figure = style.new_figure(height=3.6)
     mean, deviation = fit.surrogate.left_out()
-    made, count = fit.surrogate.outputs, fit.steps
+    computed, count = fit.surrogate.outputs, fit.steps
     colours = (style.MODELLED, style.RECORDED, style.BOTH, style.OUTLINE)
     for part, (panel, label) in enumerate(
         zip(figure.subplots(1, 2), ("potency (m³)", "number of events above the cut"), strict=True)
@@ -133,7 +133,7 @@ def draw_surrogate(fit: Fit, steps: Sequence[str]) -> Figure:
             output = part * count + index
             low, middle, high = (np.exp(mean[:, output] + shift * deviation[:, output]) for shift in (-1.645, 0, 1.645))
             panel.errorbar(
-                np.exp(made[:, output]),
+                np.exp(computed[:, output]),
                 middle,
                 [middle - low, high - middle],
                 fmt=".",
@@ -142,7 +142,7 @@ def draw_surrogate(fit: Fit, steps: Sequence[str]) -> Figure:
                 label=step,
             )
         ends = np.exp(
-            [made[:, part * count : (part + 1) * count].min(), made[:, part * count : (part + 1) * count].max()]
+            [computed[:, part * count : (part + 1) * count].min(), computed[:, part * count : (part + 1) * count].max()]
         )
         panel.plot(ends, ends, color=style.OUTLINE, linewidth=0.8)
         panel.set(xscale="log", yscale="log", xlabel=f"{label}, computed", ylabel="predicted by the other trials")

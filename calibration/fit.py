@@ -72,13 +72,13 @@ class Fit:
         generator = np.random.default_rng(seed)
         mean, deviation = self.expected(self.posterior.draws(draws, seed))
         drawn = mean + deviation * generator.standard_normal(mean.shape)
-        made = []
+        parts = []
         for term in (POTENCY, NUMBER):
             error = self.likelihood.discrepancy(term)
             common = error.common * generator.standard_normal((draws, 1))
             own = error.own * generator.standard_normal((draws, self.steps))
-            made.append(drawn[:, self.likelihood.columns[term]] + common + own)
-        return np.concatenate(made, axis=1)
+            parts.append(drawn[:, self.likelihood.columns[term]] + common + own)
+        return np.concatenate(parts, axis=1)
 
     def intervals(self, draws: int = 4000, seed: int = 0) -> NDArray:
         """Potency (m3) and number of each step at SHARES of the posterior's predictions, (share, output)."""
@@ -160,11 +160,11 @@ def calibrate_to_trials(
         by_term = dict(rows.outputs.by_term)
         if gains and PLACES in by_term:
             by_term[PLACES] = gains(row)
-        made = Outputs(by_term)
+        trial_outputs = Outputs(by_term)
         others = rows.trials != trial
-        surrogate = fit.surrogate.of(rows.points[others], made.all[others], rows.trials[others])
-        record = _disturbed(made.of_runs(slice(row, row + 1)), fit, generator)
-        likelihood = replace(fit.likelihood, recorded=record, correction=CellCorrection.none(made))
+        surrogate = fit.surrogate.of(rows.points[others], trial_outputs.all[others], rows.trials[others])
+        record = _disturbed(trial_outputs.of_runs(slice(row, row + 1)), fit, generator)
+        likelihood = replace(fit.likelihood, recorded=record, correction=CellCorrection.none(trial_outputs))
 
         tested = fit_likelihood(surrogate, likelihood, rows.points.shape[1], seed + int(trial), SELF_TEST_POINTS)
         posterior = tested.posterior
@@ -175,15 +175,15 @@ def calibrate_to_trials(
     return SelfTest(np.array(held), np.array(widths), tuple(posteriors))
 
 
-def _disturbed(made: Outputs, fit: Fit, generator: np.random.Generator) -> RecordedOutputs:
+def _disturbed(run: Outputs, fit: Fit, generator: np.random.Generator) -> RecordedOutputs:
     """A record made of one run's outputs, as uncertain as the mine's own record."""
     recorded, error = fit.recorded, fit.likelihood.model_error
-    log_potency, log_number = made.by_term[POTENCY][0], made.by_term[NUMBER][0]
+    log_potency, log_number = run.by_term[POTENCY][0], run.by_term[NUMBER][0]
     log_potency = log_potency + error * generator.standard_normal(log_potency.shape)
     log_potency = log_potency + generator.multivariate_normal(np.zeros(len(log_potency)), recorded.covariance)
     log_number = log_number + error * generator.standard_normal(log_number.shape)
     number = _dispersed_number(np.exp(log_number), recorded.dispersion_index, generator)
-    sizes = made.by_term[SIZES][0, 0] if SIZES in made.by_term else recorded.log_excess
+    sizes = run.by_term[SIZES][0, 0] if SIZES in run.by_term else recorded.log_excess
     sizes = sizes + np.hypot(error, recorded.excess_error) * generator.standard_normal()
     return replace(recorded, log_potency=log_potency, number=number, log_excess=float(sizes))
 

@@ -1,4 +1,4 @@
-"""How probable the record is for given quantities: a sum of terms of which each can be left out.
+"""Probability of the record for given quantities: a sum of terms, each of which can be left out.
 
 Each term takes what the surrogate expects of the model at many points and what is recorded, by step, and returns
 log-likelihoods (point,). Potency is judged by its logarithm, with a Student t distribution: sums of heavy-tailed sizes

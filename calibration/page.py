@@ -58,10 +58,10 @@ def formatted(quantity: CalibratedQuantity, share: float) -> str:
 
 def verdict(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[str]:
     """The results of the calibration, in sentences."""
-    found = []
+    lines = []
     least = fit.posterior.implausibility
     if not fit.fits:
-        found.append(
+        lines.append(
             "No values within the ranges fit the record: at the nearest, one of its numbers or all of them together "
             f"are {least:.1f} standard deviations off ({MAX_IMPLAUSIBILITY:g} are plausible). Widen the ranges, or "
             "look for what the model lacks. The intervals below mean little."
@@ -71,31 +71,31 @@ def verdict(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[str]:
     known = [f"{one.title} to {100 * width:.0f} %" for one, width in named if width <= UNKNOWN_WIDTH]
     unknown = [one.title for one, width in named if width > UNKNOWN_WIDTH]
     if known:
-        found.append(f"The record narrows the range of {', of '.join(known)} of its width.")
+        lines.append(f"The record narrows the range of {', of '.join(known)} of its width.")
     if unknown:
-        found.append(f"The record says hardly anything of {' and of '.join(unknown)}.")
+        lines.append(f"The record says hardly anything of {' and of '.join(unknown)}.")
     related = correlation(fit)
     for first in range(len(quantities)):
         for other in range(first):
             if abs(related[first, other]) > RIDGE_CORRELATION:
                 way = "both larger or both smaller" if related[first, other] > 0 else "one larger and the other smaller"
-                found.append(
+                lines.append(
                     f"The record cannot tell {quantities[other].title} from {quantities[first].title}: {way} fits as "
                     f"well (correlation {related[first, other]:.2f})."
                 )
     for strength in best_known_strengths(fit, quantities):
-        found.append(
+        lines.append(
             f"Best known is the {strength.state} strength of {strength.material} under a confinement of "
             f"{strength.confinement:.1f} MPa: {format_number(strength.low)} to {format_number(strength.high)} MPa "
             f"(90 %), {100 * strength.width:.0f} % of what the ranges allow. A calibration may take this strength in "
             "place of the cohesion (confinement)."
         )
     for one in telling_observations(fit, quantities):
-        found.append(
+        lines.append(
             f"A measurement of {one.measured.title} to a tenth of its range would narrow {one.narrowed.title} from "
             f"{100 * one.before:.0f} to {100 * one.after:.0f} % of its width."
         )
-    return found
+    return lines
 
 
 def write_page(
@@ -256,14 +256,14 @@ def write_table(
     for number, quantity in enumerate(quantities):
         name = f"{quantity.title}, {quantity.unit}" if quantity.unit else quantity.title
         columns[name] = np.array([quantity.value(share) for share in rows.points[:, number]])
-    made = rows.outputs.by_term
+    by_term = rows.outputs.by_term
     for index, step in enumerate(steps):
-        columns[f"potency {step}, m3"] = np.exp(made[POTENCY][:, index])
-        columns[f"events {step}"] = np.exp(made[NUMBER][:, index])
-        if PLACES in made:
-            columns[f"gain {step}, nats"] = made[PLACES][:, index]
-    if SIZES in made:
-        columns["mean log potency above the cut"] = np.exp(made[SIZES][:, 0])
+        columns[f"potency {step}, m3"] = np.exp(by_term[POTENCY][:, index])
+        columns[f"events {step}"] = np.exp(by_term[NUMBER][:, index])
+        if PLACES in by_term:
+            columns[f"gain {step}, nats"] = by_term[PLACES][:, index]
+    if SIZES in by_term:
+        columns["mean log potency above the cut"] = np.exp(by_term[SIZES][:, 0])
     columns["log-likelihood"] = fit.log_likelihood(rows.points)
     with atomic_path(table) as temporary:
         pd.DataFrame(columns).to_csv(temporary, index=False, float_format="%.6g")

@@ -48,8 +48,8 @@ class Posterior:
 
     def draws(self, count: int, seed: int) -> NDArray:
         """Points (draw, quantity) drawn at random by their weights."""
-        chosen = np.random.default_rng(seed).choice(len(self.points), count, p=self.weights)
-        return self.points[chosen]
+        index = np.random.default_rng(seed).choice(len(self.points), count, p=self.weights)
+        return self.points[index]
 
     def width_left(self, shares: tuple[float, float] = (0.05, 0.95)) -> NDArray:
         """Width of the interval between two shares over that of the prior, (quantity,)."""
@@ -76,13 +76,13 @@ def find_posterior(
         least = min(least, float(implausible.min()))
         log_weight = log_likelihood - log_density
         weights = np.exp(log_weight - log_weight.max())
-        found = Posterior(drawn, weights / weights.sum(), least)
-        if not best.effective > found.effective:  # also in the first round
-            best = found
+        posterior = Posterior(drawn, weights / weights.sum(), least)
+        if not best.effective > posterior.effective:  # also in the first round
+            best = posterior
         if best.effective >= MIN_EFFECTIVE_POINTS:
             break
-        mean = found.weights @ drawn
-        covariance = (found.weights[:, None] * (drawn - mean)).T @ (drawn - mean)
+        mean = posterior.weights @ drawn
+        covariance = (posterior.weights[:, None] * (drawn - mean)).T @ (drawn - mean)
         covariance = 2.0 * covariance + MIN_VARIANCE * np.eye(quantities)
         drawn, log_density = _draw(mean, covariance, points, seed + round_number)
     return Posterior(best.points, best.weights, least)
@@ -107,9 +107,9 @@ def _draw(mean: NDArray, covariance: NDArray, points: int, seed: int) -> tuple[N
 
 def weighted_quantiles(values: NDArray, weights: NDArray, shares: NDArray) -> NDArray:
     """Quantiles (share, column) of values (point, column) with weights (point,), by linear interpolation."""
-    found = np.empty((len(shares), values.shape[1]))
+    quantiles = np.empty((len(shares), values.shape[1]))
     for column, value in enumerate(values.T):
         order = np.argsort(value)
         cumulative = np.cumsum(weights[order])
-        found[:, column] = np.interp(shares, cumulative - 0.5 * weights[order], value[order])
-    return found
+        quantiles[:, column] = np.interp(shares, cumulative - 0.5 * weights[order], value[order])
+    return quantiles

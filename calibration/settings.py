@@ -18,8 +18,8 @@ STRENGTH = re.compile(
 
 def friction_key(cohesion: str) -> str:
     """Key of the friction angle that belongs to a cohesion's key; empty where the key is of something else."""
-    found = STRENGTH.fullmatch(cohesion)
-    return f"{found['material']}.friction_angle.{found['state']}" if found else ""
+    match = STRENGTH.fullmatch(cohesion)
+    return f"{match['material']}.friction_angle.{match['state']}" if match else ""
 
 
 def strength_under(confinement: float, cohesion: float, friction: float) -> float:
@@ -77,10 +77,10 @@ class CalibratedQuantity(Settings):
     @property
     def title(self) -> str:
         """Title of the quantity on the page: its key, or the strength that it stands for."""
-        found = STRENGTH.fullmatch(self.key)
-        if self.confinement is None or found is None:
+        match = STRENGTH.fullmatch(self.key)
+        if self.confinement is None or match is None:
             return self.key
-        return f"{found['material']}: {found['state']} strength under {self.confinement / 1e6:g} MPa"
+        return f"{match['material']}: {match['state']} strength under {self.confinement / 1e6:g} MPa"
 
     @property
     def changes_events_only(self) -> bool:
@@ -91,11 +91,11 @@ class CalibratedQuantity(Settings):
         """Numbers of both ends and their unit. Raises PydanticCustomError where the units differ."""
         numbers, units = [], []
         for end in self.range:
-            found = QUANTITY_PATTERN.fullmatch(str(end).strip())
-            if not found:
+            match = QUANTITY_PATTERN.fullmatch(str(end).strip())
+            if not match:
                 raise refusal(f"{end!r} is not a number, with or without a unit", "range")
-            numbers.append(float(found["number"]))
-            units.append((found["unit"] or "").strip())
+            numbers.append(float(match["number"]))
+            units.append((match["unit"] or "").strip())
         if units[0] != units[1]:
             raise refusal(f"both ends need the same unit, here '{units[0]}' and '{units[1]}'", "range")
         return numbers, units[0]

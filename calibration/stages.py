@@ -77,15 +77,15 @@ def read_calibration(given: dict, trials: Sequence[Path], finer: Sequence[Path],
     cut = common_cut([*catalogues, *fine], record)
     logging.info("events count from log10 potency %.2f m3 on", cut)
     places = read_places(record, exposure, cut, [*catalogues, *fine]) if PLACES in settings.terms else None
-    made = outputs(catalogues, steps, cut, settings.terms, places)
+    all_outputs = outputs(catalogues, steps, cut, settings.terms, places)
     number = np.repeat(np.arange(len(of_trials)), [len(trial) for trial in of_trials])
-    rows = Rows(np.concatenate([np.array(trial["rows"]) for trial in given["trials"]]), made, number)
-    correction = CellCorrection.none(made)
+    rows = Rows(np.concatenate([np.array(trial["rows"]) for trial in given["trials"]]), all_outputs, number)
+    correction = CellCorrection.none(all_outputs)
     if finer:
         first = settings.replicates
-        coarse = made.of_runs(np.flatnonzero((number >= first) & (number < first + len(finer))))
+        coarse = all_outputs.of_runs(np.flatnonzero((number >= first) & (number < first + len(finer))))
         correction = CellCorrection.of(coarse, outputs(fine, steps, cut, settings.terms, places), len(finer))
-    correction = correction.during(covered(exposure, dated), made)
+    correction = correction.during(covered(exposure, dated), all_outputs)
     recorded = read_record(record, exposure, cut, settings.seed, settings.terms)
     fit = calibrate(rows, correction, recorded, settings.terms, settings.model_error, settings.seed)
     logging.info("posterior of %d points worth %.0f", len(fit.posterior.points), fit.posterior.effective)

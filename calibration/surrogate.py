@@ -76,18 +76,18 @@ class Surrogate:
     def predict(self, points: NDArray) -> tuple[NDArray, NDArray]:
         """Mean and standard deviation (point, output) of the model's expected outputs, without the noise of a run."""
         rows = self._rows(points, NO_TRIAL)
-        found = [process.predict(rows, return_std=True) for process in self._processes]
-        mean = np.stack([part[0] for part in found], axis=1)
-        variance = np.stack([part[1] for part in found], axis=1) ** 2 - self._noise
+        predictions = [process.predict(rows, return_std=True) for process in self._processes]
+        mean = np.stack([part[0] for part in predictions], axis=1)
+        variance = np.stack([part[1] for part in predictions], axis=1) ** 2 - self._noise
         return mean * self._scale + self._mean, np.sqrt(np.maximum(variance, 0.0)) * self._scale
 
     def covariance(self, points: NDArray, output: int) -> NDArray:
         """Covariance (point, point) of an expected output between points, given the trials; without noise of runs."""
         process = self._processes[output]
-        found = process.predict(self._rows(points, NO_TRIAL), return_cov=True)[1]
+        covariance_with_noise = process.predict(self._rows(points, NO_TRIAL), return_cov=True)[1]
         signal = process.kernel_.k1(self._rows(points, NO_TRIAL))
         noise = process.kernel_(self._rows(points, NO_TRIAL)) - signal
-        return (found - noise) * self._scale[output] ** 2
+        return (covariance_with_noise - noise) * self._scale[output] ** 2
 
     @property
     def _noise(self) -> NDArray:

@@ -65,7 +65,7 @@ def best_known_strengths(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> 
     """For each pair of a cohesion and a friction angle of the same rock: the confinement at which the posterior of the
     strength is narrowest compared with its prior."""
     keys = [quantity.key for quantity in quantities]
-    found: list[KnownStrength] = []
+    known: list[KnownStrength] = []
     for number, quantity in enumerate(quantities):
         match, angle = STRENGTH.fullmatch(quantity.key), friction_key(quantity.key)
         if match is None or quantity.confinement is not None or angle not in keys:
@@ -76,7 +76,7 @@ def best_known_strengths(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> 
         after = _intervals(fit.posterior.points, fit.posterior.weights, quantities, pair)
         width = (after[2] - after[0]) / (before[2] - before[0])
         best = int(width.argmin())
-        found.append(
+        known.append(
             KnownStrength(
                 pair,
                 match["material"],
@@ -86,7 +86,7 @@ def best_known_strengths(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> 
                 float(width[best]),
             )
         )
-    return found
+    return known
 
 
 def _intervals(
@@ -116,7 +116,7 @@ def telling_observations(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> 
     """
     covariance, left = _covariance(fit), fit.posterior.width_left()
     variance = np.diag(covariance)
-    found: list[TellingObservation] = []
+    observations: list[TellingObservation] = []
     for narrowed in range(len(quantities)):
         lowered = covariance[narrowed] ** 2 / (variance + MEASURED_TO**2)
         lowered[narrowed] = 0.0
@@ -124,8 +124,8 @@ def telling_observations(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> 
         share = float(np.sqrt(max(0.0, 1.0 - lowered[best] / max(variance[narrowed], 1e-300))))
         if share < MIN_NARROWING:
             before = float(left[narrowed])
-            found.append(TellingObservation(quantities[best], quantities[narrowed], before, before * share))
-    return found
+            observations.append(TellingObservation(quantities[best], quantities[narrowed], before, before * share))
+    return observations
 
 
 def further_points(fit: Fit, count: int, seed: int) -> NDArray:
@@ -140,19 +140,19 @@ def further_points(fit: Fit, count: int, seed: int) -> NDArray:
     columns, weights = _weights(fit)
     covariances = [fit.surrogate.covariance(places, column) for column in columns]
     noise = fit.surrogate.noise[columns] ** 2
-    chosen = []
+    points = []
     for _ in range(count):
         gains = np.zeros(CANDIDATES)
         for one, noise_of_one, weight in zip(covariances, noise, weights, strict=True):
             to_judges = one[:CANDIDATES, CANDIDATES:]
             gains += weight * (to_judges**2).mean(axis=1) / (np.diag(one)[:CANDIDATES] + noise_of_one)
         best = int(gains.argmax())
-        chosen.append(places[best])
+        points.append(places[best])
         covariances = [
             one - np.outer(one[:, best], one[best]) / (one[best, best] + noise_of_one)
             for one, noise_of_one in zip(covariances, noise, strict=True)
         ]
-    return np.array(chosen)
+    return np.array(points)
 
 
 def _weights(fit: Fit) -> tuple[list[int], NDArray]:
@@ -165,9 +165,9 @@ def _weights(fit: Fit) -> tuple[list[int], NDArray]:
         SIZES: np.array([recorded.excess_error**2]),
     }
     columns: list[int] = []
-    found = []
+    variance = []
     for term in [term for term in variances if term in likelihood.terms] or [POTENCY]:
         part, error = likelihood.columns[term], likelihood.discrepancy(term)
         columns += range(part.start, part.stop)
-        found.append(variances[term] + error.common**2 + error.own**2 + fit.surrogate.noise[part] ** 2)
-    return columns, 1.0 / np.concatenate(found)
+        variance.append(variances[term] + error.common**2 + error.own**2 + fit.surrogate.noise[part] ** 2)
+    return columns, 1.0 / np.concatenate(variance)

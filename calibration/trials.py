@@ -65,17 +65,17 @@ class Places:
         """Places of modelled events, located with errors like those of a record."""
         if not len(like.error):
             return cls(location[:0], step[:0], like.deviation, like.error, like.box)
-        chosen = generator.integers(len(like.error), size=len(location))
-        error = like.error[chosen]
+        index = generator.integers(len(like.error), size=len(location))
+        error = like.error[index]
         moved = location + error[:, None] * generator.standard_normal(location.shape)
-        return cls(moved, step, like.deviation[chosen], error, like.box)
+        return cls(moved, step, like.deviation[index], error, like.box)
 
     def gain(self, events: NDArray, step: int) -> float:
         """Mean information gain of modelled events (event, xyz) of a step at the recorded ones; 0 without these."""
-        chosen = self.step == step
-        if not chosen.any():
+        of_step = self.step == step
+        if not of_step.any():
             return 0.0
-        return float(information_gain(self.location[chosen], events, self.deviation[chosen], self.box).mean())
+        return float(information_gain(self.location[of_step], events, self.deviation[of_step], self.box).mean())
 
 
 class Outputs:
@@ -202,12 +202,12 @@ def counted_events(events: xr.Dataset, steps: Sequence[str], cut: float) -> tupl
 
 def gains(catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float, places: Places) -> NDArray:
     """Mean information gain of each catalogue at recorded places, nats, (run, step)."""
-    found = np.zeros((len(catalogues), len(steps)))
+    gain = np.zeros((len(catalogues), len(steps)))
     for run, events in enumerate(catalogues):
         location, step = counted_events(events, steps, cut)
         for index in range(len(steps)):
-            found[run, index] = places.gain(location[step == index], index)
-    return found
+            gain[run, index] = places.gain(location[step == index], index)
+    return gain
 
 
 def outputs(
@@ -219,22 +219,22 @@ def outputs(
     decade above the cut is added to the sizes, so that a run without events has some.
     """
     shape = (len(catalogues), len(steps))
-    made = {POTENCY: np.zeros(shape), NUMBER: np.zeros(shape)}
-    made |= {PLACES: gains(catalogues, steps, cut, places)} if PLACES in terms and places is not None else {}
-    made |= {SIZES: np.zeros((len(catalogues), 1))} if SIZES in terms else {}
+    values = {POTENCY: np.zeros(shape), NUMBER: np.zeros(shape)}
+    values |= {PLACES: gains(catalogues, steps, cut, places)} if PLACES in terms and places is not None else {}
+    values |= {SIZES: np.zeros((len(catalogues), 1))} if SIZES in terms else {}
     for run, events in enumerate(catalogues):
         size, step = events["potency"].values, events["step"].values
         x = log_potency(size)
         counted = (events["resolved"].values == 1) & (x >= cut)
         for index, name in enumerate(steps):
-            made[POTENCY][run, index] = size[step == name].sum()
-            made[NUMBER][run, index] = np.count_nonzero(counted & (step == name))
+            values[POTENCY][run, index] = size[step == name].sum()
+            values[NUMBER][run, index] = np.count_nonzero(counted & (step == name))
         if SIZES in terms:
             excess = x[counted & np.isin(step, list(steps))] - cut
-            made[SIZES][run, 0] = np.log((excess.sum() + 1.0) / (len(excess) + 1.0))
-    made[POTENCY] = np.log(np.maximum(made[POTENCY], 10.0**cut))
-    made[NUMBER] = np.log(np.maximum(made[NUMBER], 0.5))
-    return Outputs(made)
+            values[SIZES][run, 0] = np.log((excess.sum() + 1.0) / (len(excess) + 1.0))
+    values[POTENCY] = np.log(np.maximum(values[POTENCY], 10.0**cut))
+    values[NUMBER] = np.log(np.maximum(values[NUMBER], 0.5))
+    return Outputs(values)
 
 
 def read_record(

@@ -125,8 +125,8 @@ def _is_open(settings: OutcomeSlice) -> NDArray:
     """Openings mined by each step (opening + 1, step) bool; the last row: any of them."""
     names = ["", *(step.name for step in settings.steps)]  # an opening without a step is mined before the first
     mined = np.array([names.index(opening.step) - 1 for opening in settings.openings], int)
-    found = mined[:, None] <= np.arange(len(settings.steps))
-    return np.vstack([found, found.any(axis=0)])
+    is_mined = mined[:, None] <= np.arange(len(settings.steps))
+    return np.vstack([is_mined, is_mined.any(axis=0)])
 
 
 def chances(
@@ -149,17 +149,17 @@ def chances(
     often, place = often[:, None, None], place.reshape(shape)
     drawn = draw_expected(values, runs, ratio, len(factor), generator) * factor
     mean = values[:, None] / runs * factor
-    found = {"expected": np.median(mean, axis=-1), "expected_interval": _interval(drawn)}
+    values_of_period = {"expected": np.median(mean, axis=-1), "expected_interval": _interval(drawn)}
     for name, times in (("chance", 1.0), ("yearly_chance", often)):
-        given = chance_of(times * mean[:, None], share).mean(axis=-1)
+        mean_chance = chance_of(times * mean[:, None], share).mean(axis=-1)
         interval = _interval(chance_of(times * drawn[:, None], share))
         # where few draws of the law reach a size, the mean of its chance may lie beyond nearly all of them
-        found[name] = given
-        found[f"{name}_interval"] = np.stack(
-            [np.minimum(interval[..., 0], given), np.maximum(interval[..., 1], given)], axis=-1
+        values_of_period[name] = mean_chance
+        values_of_period[f"{name}_interval"] = np.stack(
+            [np.minimum(interval[..., 0], mean_chance), np.maximum(interval[..., 1], mean_chance)], axis=-1
         )
-    found["yearly_number"] = (often * mean[:, None] * share).mean(axis=-1)
-    return {name: one[place] for name, one in found.items()}
+    values_of_period["yearly_number"] = (often * mean[:, None] * share).mean(axis=-1)
+    return {name: one[place] for name, one in values_of_period.items()}
 
 
 def _interval(draws: NDArray) -> NDArray:
@@ -234,13 +234,13 @@ def _forecasts(
 ) -> tuple[dict[str, NDArray], float]:
     """Draws of number, potency and largest event of each step that is ahead; and the dispersion index of the number."""
     shape = (len(ahead), DRAWS)
-    found = {name: np.full(shape, np.nan) for name in ("number", "potency", "largest")}
+    forecast = {name: np.full(shape, np.nan) for name in ("number", "potency", "largest")}
     spread = recorded.dispersion_index if recorded is not None and recorded.recorded.any() else ratio
     for step in np.flatnonzero(ahead):
         expected = draw_expected(number[:, step].sum(), len(number), ratio, DRAWS, generator)
         expected = expected * factors.of(np.arange(len(ahead)) == step, number.sum(axis=0))
         drawn = draw_numbers(expected, max(1.0, spread), generator)
-        found["number"][step] = drawn
+        forecast["number"][step] = drawn
         if law is not None:
-            found["potency"][step], found["largest"][step] = law.sizes(drawn, generator)
-    return {f"forecast_{name}": draws for name, draws in found.items()}, float(max(1.0, spread))
+            forecast["potency"][step], forecast["largest"][step] = law.sizes(drawn, generator)
+    return {f"forecast_{name}": draws for name, draws in forecast.items()}, float(max(1.0, spread))

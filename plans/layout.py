@@ -15,7 +15,7 @@ are not ahead, chances near an opening in steps before it is mined, and of a siz
 
 Attributes: mine, plan, floor and shared_floor (log10 m3), shear_modulus (Pa), recorded_until (ISO; time of the last
 recorded event, or the later end that the configuration states; empty without a record), steps_ahead (JSON), differs_in
-(JSON: sections of the mine file that the plan has otherwise, beside the sequence), contains and lacks (JSON: what the
+(JSON: sections of the mine file in which the plan differs, apart from the sequence), contains and lacks (JSON: what the
 intervals contain and lack), law_source ("record" | "model" | "none"), law_events, law_b, law_bound (log10 m3; medians),
 law_b_interval, law_bound_interval, runs (the plan's own and its members), number_dispersion (variance over mean of the
 number that a step is forecast with), config_hash, source_hash, made_from, versions. ratio_text is a sentence for the

@@ -148,6 +148,5 @@ def _values_from_floor(
             events["potency"].append(counted.potency)
             events["step"].append(np.full(len(counted.potency), index, np.int32))
             events["run"].append(np.full(len(counted.potency), number, np.int32))
-    values |= {f"event_{name}": np.concatenate(parts) for name, parts in events.items()}
-    values["event_location"] = values["event_location"].reshape(-1, 3)
-    return values
+    of_events = {f"event_{name}": np.concatenate(parts) for name, parts in events.items()}
+    return values | of_events | {"event_location": of_events["event_location"].reshape(-1, 3)}

@@ -53,7 +53,7 @@ def write_report(
     table: Path,
     made_from: str,
 ) -> None:
-    """Write the page, which needs nothing else, its figures beside it, and the table, atomically.
+    """Write the page, which needs nothing else, its figures in the same folder, and the table, atomically.
 
     outcomes: of all plans (plans.layout), that which others are compared with first. Raises InputError for one of
     another mine, or of other classes.
@@ -129,8 +129,8 @@ def draw_plans(plans: Sequence[PlanSummary], grid: xr.Dataset) -> Figure:
         mined = {name: plan.mined_in(name) for name in plan.openings}
         views.draw_excavations(axes, grid, view, [number for number, name in enumerate(names) if name not in mined])
         for one in plan.steps:
-            chosen = [names.index(name) for name in mined if mined[name] == one and name in names]
-            corner, edge, share = views.silhouette(grid, view, chosen)
+            excavations = [names.index(name) for name in mined if mined[name] == one and name in names]
+            corner, edge, share = views.silhouette(grid, view, excavations)
             drawn = share >= views.MIN_EXCAVATED_SHARE_DRAWN
             if drawn.any():
                 pale = mpl.colors.to_rgba(colours[one], 0.35)

@@ -278,9 +278,9 @@ def draw_ratio(
         + (weight * (value - mean[:, None]) ** 2).sum(axis=1)
         + (SCATTERS / STEP_SCATTER) ** 2
     )
-    chosen = generator.choice(len(SCATTERS), draws, p=np.exp(log_posterior - logsumexp(log_posterior)))
-    spread = np.sqrt(1.0 / weight.sum(axis=1))[chosen]
-    return mean[chosen] + spread * generator.standard_normal(draws), SCATTERS[chosen]
+    index = generator.choice(len(SCATTERS), draws, p=np.exp(log_posterior - logsumexp(log_posterior)))
+    spread = np.sqrt(1.0 / weight.sum(axis=1))[index]
+    return mean[index] + spread * generator.standard_normal(draws), SCATTERS[index]
 
 
 def ratio_text(recorded: RecordedNumbers, common: NDArray) -> str:

@@ -175,9 +175,9 @@ class Geometry:
     def distances(self, location: NDArray, step: int, farthest: float) -> NDArray:
         """Distance of each event of a step from each opening (event, opening), m; inf beyond `farthest`, and for
         openings that are not mined by then."""
-        found = np.full((len(location), len(self.mined)), np.inf)
+        away_from = np.full((len(location), len(self.mined)), np.inf)
         if not len(location) or not len(self.origin):
-            return found
+            return away_from
         order = np.argsort(self.opening, kind="stable")
         starts = np.searchsorted(self.opening[order], np.arange(len(self.mined) + 1))
         for opening in np.flatnonzero(self.mined <= step):
@@ -189,8 +189,8 @@ class Geometry:
             if len(near):
                 alone = np.zeros(len(cells), int)
                 away = nearest_opening(location[near], cells, self.edge, alone, np.array([True]))[1]
-                found[near, opening] = np.where(away <= farthest, away, np.inf)
-        return found
+                away_from[near, opening] = np.where(away <= farthest, away, np.inf)
+        return away_from
 
 
 def counts(events: StepResult, geometry: Geometry, step: int, distances: Sequence[float]) -> dict[str, NDArray]:
@@ -200,15 +200,15 @@ def counts(events: StepResult, geometry: Geometry, step: int, distances: Sequenc
     nearest = geometry.nearest(events.location, step)
     known = nearest >= 0
     values = {"number": np.ones_like(events.potency), "potency": events.potency, "squares": events.potency**2}
-    found = {
+    by_opening = {
         name: np.append(np.bincount(nearest[known], one[known], minlength=count), one.sum())
         for name, one in values.items()
     }
     largest = np.full(count + 1, -np.inf)
     np.maximum.at(largest, nearest[known], log_potency(events.potency[known]))
     largest[-1] = log_potency(events.potency).max(initial=-np.inf)
-    found["largest"] = np.where(np.isfinite(largest), largest, np.nan)
+    by_opening["largest"] = np.where(np.isfinite(largest), largest, np.nan)
     away = geometry.distances(events.location, step, max(distances))
     away = np.column_stack([away, away.min(axis=1, initial=np.inf)])
-    found["number_within"] = np.stack([(away <= limit).sum(axis=0) for limit in distances], axis=1).astype(float)
-    return found
+    by_opening["number_within"] = np.stack([(away <= limit).sum(axis=0) for limit in distances], axis=1).astype(float)
+    return by_opening

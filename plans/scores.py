@@ -1,4 +1,4 @@
-"""How good kept forecasts were, once the months that they were made for are recorded; and that in sentences.
+"""Scores of kept forecasts, once the months that they were made for are recorded, and the scores in sentences.
 
 A forecast is an outcome.nc that was kept: its draws and chances for a step that began after its last recorded event. It
 is scored when the record covers the whole step, and if the mine file now mines its openings in the same steps as the

@@ -108,12 +108,12 @@ def verdict(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]
     """The first sentences of the page: differences, places of potency, chances of large events."""
     first = plans[0]
     means = first.means(first.steps)
-    found = [_comparison(plan, first) for plan in plans[1:]] or [
+    lines = [_comparison(plan, first) for plan in plans[1:]] or [
         f"{first.name} makes {count(means.number)} events in {step_range(first.steps)}: {number(means.potency)} m³ of "
         "potency."
     ]
-    found.append(" ".join(_where(plan) for plan in plans))
-    return [*found, *_chances(plans, settings)]
+    lines.append(" ".join(_where(plan) for plan in plans))
+    return [*lines, *_chances(plans, settings)]
 
 
 def _comparison(plan: PlanSummary, first: PlanSummary) -> str:
@@ -137,14 +137,14 @@ def _comparison(plan: PlanSummary, first: PlanSummary) -> str:
         )
     if not np.isfinite(potency.interval).any():
         return f"Neither {plan.name} nor {first.name} makes anything in the steps that differ."
-    said = (
+    text = (
         f"{plan.name} releases {_ratio(potency)} the potency of {first.name}{_interval(potency)}: {_verdict(potency)}. "
     )
-    said += f"It makes {_ratio(events)} the events{_interval(events)}: {_verdict(events)}."
+    text += f"It makes {_ratio(events)} the events{_interval(events)}: {_verdict(events)}."
     volumes = plan.mined(steps[0]), first.mined(steps[1])
     if volumes[1] > 0 and abs(volumes[0] / volumes[1] - 1.0) > 0.01:
-        said += f" It mines {number(volumes[0] / volumes[1], 2)} times the volume."
-    return said
+        text += f" It mines {number(volumes[0] / volumes[1], 2)} times the volume."
+    return text
 
 
 def _verdict(difference: Difference) -> str:
@@ -172,10 +172,10 @@ def _where(plan: PlanSummary) -> str:
     near = {opening: plan.means(plan.steps, opening).potency for opening in plan.openings}
     by_step = {step: plan.means([step]).potency for step in plan.steps}
     opening, step = (max(values, key=lambda one: values[one]) for values in (near, by_step))
-    said = f"In {plan.name}, {percent(near[opening] / all_steps.potency)} of the potency is nearest to {opening}"
+    text = f"In {plan.name}, {percent(near[opening] / all_steps.potency)} of the potency is nearest to {opening}"
     if len(plan.steps) > 1:
-        said += f", and {percent(by_step[step] / all_steps.potency)} is released in {step}"
-    return said + "."
+        text += f", and {percent(by_step[step] / all_steps.potency)} is released in {step}"
+    return text + "."
 
 
 def _chances(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
@@ -184,7 +184,7 @@ def _chances(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str
         return []
     size, magnitude = list(settings.sizes.items())[-1]
     distance = settings.distances[0]
-    said = []
+    chances = []
     for plan in plans:
         chance, interval = plan.chance(ANY, distance, size)
         if np.isfinite(chance):
@@ -193,14 +193,14 @@ def _chances(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str
                 frequency_text(chance, plan.yearly_number(ANY, distance, size)),
                 settings.likelihood(chance),
             ]
-            said.append(f"{', '.join(filter(None, parts))} (at the rate of {step_range(plan.counted)})")
-    if not said and any(plan.outcome.attrs["law_source"] != "none" for plan in plans):
+            chances.append(f"{', '.join(filter(None, parts))} (at the rate of {step_range(plan.counted)})")
+    if not chances and any(plan.outcome.attrs["law_source"] != "none" for plan in plans):
         return []  # the class lies below the floor, of which `missing` says so
-    if not said:
+    if not chances:
         return ["There are too few events to say how likely large ones are."]
     return [
         f"Chance per year of an event that is {size} ({typeset(f'Mw {magnitude:g}')} or more) within {distance:g} m of "
-        "an opening: " + "; ".join(said) + "."
+        "an opening: " + "; ".join(chances) + "."
     ]
 
 
@@ -219,12 +219,12 @@ def interval_contents(plans: Sequence[PlanSummary]) -> str:
     """State the uncertainties that intervals of ratios and of chances contain, in a sentence each."""
     ratios = [set(one.contains) for one in _differences(plans)]
     chances = [set(json.loads(plan.outcome.attrs["contains"])) for plan in plans]
-    said = []
+    lines = []
     for what, held in (("ratios", ratios), ("chances", chances)):
         words = [word for name, word in IN_WORDS.items() if held and name in set.intersection(*held)]
         if words:
-            said.append(f"Intervals of {what} contain {_listed(words)}.")
-    return " ".join(said)
+            lines.append(f"Intervals of {what} contain {_listed(words)}.")
+    return " ".join(lines)
 
 
 def _listed(words: Sequence[str]) -> str:
@@ -233,34 +233,34 @@ def _listed(words: Sequence[str]) -> str:
 
 def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
     """State the uncertainties that intervals lack, and the key of the mine file that adds each."""
-    found = []
+    lines = []
     if any(plan.members == 0 for plan in plans):
-        found.append(
+        lines.append(
             "Each plan has one run. Intervals then assume that its events are independent, which is the least that "
             f"chance can do. Set ensemble to {MIN_MEMBERS} or more to measure the chance."
         )
     elif any(plan.members < MIN_MEMBERS for plan in plans):
-        found.append(
+        lines.append(
             f"The ensemble is too small to measure how the runs differ. Set ensemble to {MIN_MEMBERS} or more."
         )
     if not all(plan.has_runs(COARSE) for plan in plans):
-        found.append(
+        lines.append(
             "Intervals do not contain what the cells change, since a plan has no run on cells of twice the size "
             "(grid_convergence)."
         )
     elif any(CELLS in one.lacks for one in _differences(plans)):
-        found.append(
+        lines.append(
             "Intervals of ratios do not contain what the cells change, since a plan makes nothing on cells of twice "
             "the size that could be compared."
         )
     if not all(plan.has_runs(DRAW) for plan in plans):
-        found.append(
+        lines.append(
             "Intervals do not contain what is not known of the rock. After snakemake calibrate, set hazard.rock to "
             "posterior."
         )
     for plan in plans:
         if differs := json.loads(plan.outcome.attrs["differs_in"]):
-            found.append(
+            lines.append(
                 f"{plan.name} is a mine file of its own, which differs from the mine file in {_listed(differs)}, too. "
                 "Its ratios say what all of that changes, not the sequence alone."
             )
@@ -273,18 +273,18 @@ def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]
     if below:
         smallest = max(plan.magnitude(plan.floor) for plan in plans if np.isfinite(plan.floor))
         smallest_text = typeset(f"Mw {np.ceil(100.0 * smallest) / 100.0:g}")
-        found.append(
+        lines.append(
             f"There is no chance of events that are {' or '.join(below)}, since the runs do not resolve such "
             f"small ones. The smallest magnitude with a chance is {smallest_text}."
         )
     if not settings.sizes:
-        found.append(
+        lines.append(
             "There is no chance of large events, since the mine file gives no classes of size. Give hazard.magnitudes, "
             "such as {felt: 0.0, damaging: 1.0}."
         )
     elif not settings.likelihoods:
-        found.append("Chances have no class. Give hazard.likelihoods, such as {rare: 0, possible: 0.1, likely: 0.5}.")
-    return found
+        lines.append("Chances have no class. Give hazard.likelihoods, such as {rare: 0, possible: 0.1, likely: 0.5}.")
+    return lines
 
 
 def law_texts(plans: Sequence[PlanSummary]) -> list[str]:

@@ -32,10 +32,10 @@ class HazardSettings(Settings):
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        found = []
+        refusals = []
         for number, (first, second) in enumerate(pairwise(self.distances), 1):
             if not first < second:
-                found.append(
+                refusals.append(
                     refusal(f"{second:g} m is not larger than {first:g} m; give each distance once, in order",
                             "distances", number)
                 )  # fmt: skip
@@ -44,15 +44,15 @@ class HazardSettings(Settings):
             if classes is None:
                 continue
             if not classes:
-                found.append(refusal("there is no class; give one or leave the key out", key))
+                refusals.append(refusal("there is no class; give one or leave the key out", key))
             elif least is not None and min(classes.values()) != least:
-                found.append(refusal(f"no class begins at {least:g}; without one a small chance has no class", key))
+                refusals.append(refusal(f"no class begins at {least:g}; without one a small chance has no class", key))
             names: dict[float, str] = {}
             for name, value in classes.items():
                 if value in names:
-                    found.append(refusal(f"begins at {value:g} as {names[value]} does; leave one out", key, name))
+                    refusals.append(refusal(f"begins at {value:g} as {names[value]} does; leave one out", key, name))
                 names[value] = name
-        refuse(found)
+        refuse(refusals)
         return self
 
     @property
@@ -104,7 +104,7 @@ class OutcomeSlice(Settings):
     runs: Annotated[tuple[RunFiles, ...], Field(min_length=1), AsTuple]
     """the plan's own first"""
     differs_in: Texts = ()
-    """sections of the mine file that the plan has otherwise, beside the sequence and its openings"""
+    """sections of the mine file in which the plan differs, apart from the sequence and its openings"""
     compared_runs: Annotated[tuple[RunFiles, ...], AsTuple] = ()
     """runs of the plans that it is compared with: events of all plans are counted from one floor"""
     recorded_steps: Annotated[tuple[DatedStep, ...], AsTuple] = ()

@@ -65,10 +65,8 @@ def plan_rows(plans: Sequence[PlanSummary]) -> list[dict]:
             more, fewer = step_range(steps[0]), step_range(steps[1])
             row["verdict"] = f"goes on with {more}" if more else f"lacks {fewer}" if fewer else "the same runs"
         if all(steps):
-            found = {
-                quantity: compare(plan.outcome, plans[0].outcome, quantity, steps) for quantity in (NUMBER, POTENCY)
-            }
-            row |= {f"{name}_ratio": ratio_text(one) for name, one in found.items()} | _verdict_cells(found[POTENCY])
+            events, potency = (compare(plan.outcome, plans[0].outcome, one, steps) for one in (NUMBER, POTENCY))
+            row |= {"number_ratio": ratio_text(events), "potency_ratio": ratio_text(potency)} | _verdict_cells(potency)
         rows.append(row)
     return rows
 
@@ -83,8 +81,8 @@ def _comparison_cells(
     """Cells that compare the potency of a plan with that of the first one, in steps of each near an opening."""
     if plan is first or not all(steps) or opening not in [*first.openings, ANY]:
         return dict(NOT_COMPARED)
-    found = compare(plan.outcome, first.outcome, POTENCY, steps, opening)
-    return {"potency_ratio": ratio_text(found)} | _verdict_cells(found)
+    difference = compare(plan.outcome, first.outcome, POTENCY, steps, opening)
+    return {"potency_ratio": ratio_text(difference)} | _verdict_cells(difference)
 
 
 def step_rows(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[dict]:
@@ -166,15 +164,17 @@ def exposed_rows(plans: Sequence[PlanSummary], settings: HazardSettings) -> list
     if not settings.sizes:
         return []
     size, distance = list(settings.sizes)[-1], settings.distances[0]
-    found = {(plan.name, opening): plan.chance(opening, distance, size) for plan in plans for opening in plan.openings}
+    chances = {
+        (plan.name, opening): plan.chance(opening, distance, size) for plan in plans for opening in plan.openings
+    }
     names = list(dict.fromkeys(opening for plan in plans for opening in plan.openings))
-    most = {name: max(found[one][0] for one in found if one[1] == name) for name in names}
+    most = {name: max(chances[one][0] for one in chances if one[1] == name) for name in names}
     shown = sorted((name for name in names if most[name] > 0.0), key=lambda name: -most[name])[:MAX_OPENINGS]
     return [
         {
             "opening": name,
             "cells": [
-                chance_with_interval(*found[(plan.name, name)]) if (plan.name, name) in found else DASH
+                chance_with_interval(*chances[(plan.name, name)]) if (plan.name, name) in chances else DASH
                 for plan in plans
             ],
         }

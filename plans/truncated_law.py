@@ -84,8 +84,8 @@ def find_law(
     normaliser = np.log(-np.expm1(-rate[:, None] * end))
     log_likelihood = weight * (len(excess) * (single[:, None] - normaliser) - rate[:, None] * excess.sum())
     weights = np.exp(log_likelihood - log_likelihood.max()).ravel()
-    chosen = generator.choice(POINTS * POINTS, draws, p=weights / weights.sum())
-    row, column = np.divmod(chosen, POINTS)
+    index = generator.choice(POINTS * POINTS, draws, p=weights / weights.sum())
+    row, column = np.divmod(index, POINTS)
     apart = generator.uniform(-0.5, 0.5, size=(2, draws))  # spread over the cells of the grid
     drawn = np.clip(rate[row] + apart[0] * step * LN10, rate[0], rate[-1])
     return TruncatedLaw(cut, drawn, cut + np.clip(end[column] + apart[1] * length, end[0], end[-1]))
