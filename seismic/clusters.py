@@ -116,7 +116,7 @@ def number_by_first(label: NDArray) -> NDArray:
 
 def _dbscan(graph: csr_matrix, cluster: ClusterSettings) -> NDArray:
     """DBSCAN label of each particle on the graph of all families, -1 for noise."""
-    from sklearn.cluster import DBSCAN  # here: regions, the default, would wait two seconds for what they do not use
+    from sklearn.cluster import DBSCAN  # here: regions, the default, do not use it, and it takes long to import
 
     reach = cluster.radius_cells * (1.0 + RADIUS_ROUND_OFF)
     return DBSCAN(eps=reach, min_samples=cluster.min_samples, metric="precomputed").fit(graph).labels_

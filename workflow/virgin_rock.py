@@ -12,8 +12,7 @@ import numpy as np
 from common.errors import InputError
 from mpm_core.geometry.shapes import solid_of
 from mpm_core.geometry.solids import Outside, Solid
-from mpm_core.scene.insitu_stress import InsituStress
-from mpm_core.scene.scene import virgin_excess
+from mpm_core.scene.scene import InsituStress, virgin_excess
 from mpm_core.scene.scene_solids import bodies_at
 from workflow.mine import Mine, in_voigt_order
 from workflow.shapes import check_form

@@ -1,10 +1,20 @@
-"""Isotropic linear elasticity: Hooke's law and its inverse, one tensor at a time.
+"""What all laws share: isotropic linear elasticity one tensor at a time, where a return ends, and round-off.
 
 Tensors are six numbers xx, yy, zz, yz, xz, xy with TENSOR shear (half the engineering shear), tension positive.
-The kernels are scalar for use inside loops over particles; numba also compiles them for whole arrays.
+The kernels are scalar for use inside loops over particles; numba also compiles them for whole arrays, and takes the
+numbers as constants.
 """
 
 from numba import njit
+
+# Where a return ended. TENSION: the tension cut-off acts, alone or together with other planes.
+ELASTIC, FACE, EDGE, APEX_REGION, TENSION = range(5)
+
+# A stress this little above strength, relative to its size, counts as admissible: some ten times the round-off that an
+# eigen-solve and the rebuilding of a tensor leave, so that a returned stress is never returned again.
+ADMISSIBLE_ROUND_OFF = 1e-13
+
+STRENGTH_FACTOR_CAP = 10.0
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -1,12 +1,17 @@
-"""What serves any law, of its return to the surface alone: the brittle drop, rows as tuples, lanes, and a tangent."""
+"""Functions for any law that need its return to the surface alone.
 
-from numba import njit, types
+These are the brittle drop, rows as tuples, lanes, a tangent, and the return of arrays of particles (for studies,
+benchmarks and tests).
+"""
+
+import functools
+
+from numba import njit, prange, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import load_item, make_array
 
-from mpm_core.constitutive.elastic import strain_from_stress, stress_increment
-from mpm_core.constitutive.return_regions import ELASTIC
+from mpm_core.constitutive.elastic import ELASTIC, strain_from_stress, stress_increment
 from mpm_core.simd.lanes import LANES
 
 TANGENT_DIFFERENCE_STEP = 1e-6  # Difference of stress between two returns for the tangent, as a share of the stress.
@@ -117,7 +122,7 @@ def lane_by_lane(return_to_surface):
 
 
 def tangent_by_differences(return_to_surface):
-    """A law's `fallen_stiffness` (see tangent.py), by forward differences of its return."""
+    """A law's `fallen_stiffness` (see isotropic.py), by forward differences of its return."""
 
     @njit(error_model="numpy")
     def fallen_stiffness(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row, matrix):
@@ -153,3 +158,40 @@ def tangent_by_differences(return_to_surface):
         return True
 
     return fallen_stiffness
+
+
+@functools.cache
+def make_return_particles(law):
+    """The kernel for a law."""
+    length = law.ROW_LENGTH
+
+    @njit(cache=True, parallel=True, error_model="numpy")
+    def return_particles(stress, lame_lambda, shear_modulus, rows, indices, plastic_strain, regions):
+        """Return trial stresses to the surface, in place.
+
+        stress (particle, 6) Pa, overwritten; lame_lambda, shear_modulus (particle,) Pa; rows (row, ROW_LENGTH) strength
+        rows; indices (particle,) row of each particle; plastic_strain (particle, 6), increased by the compliance times
+        the drop, tensor shear; regions (particle,) int8, overwritten (elastic.py).
+        Each particle is written by one thread: the result does not depend on the thread count.
+        """
+        for p in prange(stress.shape[0]):
+            xx, yy, zz = stress[p, 0], stress[p, 1], stress[p, 2]
+            yz, xz, xy = stress[p, 3], stress[p, 4], stress[p, 5]
+            rxx, ryy, rzz, ryz, rxz, rxy, region = law.return_to_surface(
+                xx, yy, zz, yz, xz, xy, lame_lambda[p], shear_modulus[p], strength_of(rows, indices[p], length)
+            )
+            regions[p] = region
+            if region != ELASTIC:
+                exx, eyy, ezz, eyz, exz, exy = strain_from_stress(
+                    lame_lambda[p], shear_modulus[p], xx - rxx, yy - ryy, zz - rzz, yz - ryz, xz - rxz, xy - rxy
+                )
+                stress[p, 0], stress[p, 1], stress[p, 2] = rxx, ryy, rzz
+                stress[p, 3], stress[p, 4], stress[p, 5] = ryz, rxz, rxy
+                plastic_strain[p, 0] += exx
+                plastic_strain[p, 1] += eyy
+                plastic_strain[p, 2] += ezz
+                plastic_strain[p, 3] += eyz
+                plastic_strain[p, 4] += exz
+                plastic_strain[p, 5] += exy
+
+    return return_particles

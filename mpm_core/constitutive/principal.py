@@ -15,7 +15,7 @@ import math
 
 from numba import njit
 
-from mpm_core.simd.choices import choose
+from mpm_core.simd.lanes import choose
 
 # cos(arccos(r) / 3) on 0 <= r <= 1: Chebyshev interpolant of degree 3 (error 4e-5). Each Newton step about squares the
 # error (3e-9, then below round-off).

@@ -14,7 +14,7 @@ Planes (the other faces and tension planes are images of these under exchange of
 
 from numba import njit
 
-from mpm_core.constitutive.return_regions import ADMISSIBLE_ROUND_OFF, APEX_REGION, EDGE, ELASTIC, FACE, TENSION
+from mpm_core.constitutive.elastic import ADMISSIBLE_ROUND_OFF, APEX_REGION, EDGE, ELASTIC, FACE, TENSION
 from mpm_core.constitutive.strength import (
     APEX,
     DILATION_FACTOR,
@@ -22,7 +22,7 @@ from mpm_core.constitutive.strength import (
     TENSILE_STRENGTH,
     UNCONFINED_STRENGTH,
 )
-from mpm_core.simd.choices import choose
+from mpm_core.simd.lanes import choose
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -9,14 +9,14 @@ mass at a corner is 4 (d lambda + 2 mu) / (rho h^2), in d dimensions. No frequen
 of its parts (Irons and Treharne 1971), and lumping the mass of hanging nodes onto their parents only lowers it, so
 dt = 2 / omega = h sqrt(rho / (d lambda + 2 mu)) is stable without damping. A lone sample of a cut cell ("subdivide") is
 off its centre, where a corner takes little of its mass: there 1 - xi^2 of the squared limit is left; a particle that
-stands for some of a cell's samples ("mean") has a limit of its own (particle_stiffness.py). Local damping c
+stands for some of a cell's samples ("mean") has a limit of its own (particles.step_stiffness). Local damping c
 adds up to c |f| to a restoring force: a mode at the limit then grows unless dt <= 2 / (omega sqrt(1 + c)). With density
 scaling rho is chosen so that the limit is the same everywhere: all cells then reach equilibrium in about the same
 number of steps. Weights are not touched by it.
 
 Flow. On its way to equilibrium the model swings past it, a cell that has just failed most of all. Were failed rock to
-flow with every step, the strain of each swing would stay: a single cell under 10 MPa came to equilibrium 13 to 36 %
-below its residual strength, however short the time step. So what has flowed since a state near equilibrium is undone
+flow with every step, the strain of each swing would stay, and rock would reach equilibrium well below its residual
+strength, however short the time step. So what has flowed since a state near equilibrium is undone
 before each step, and all strain since then gets one return to the surface (backward Euler): only what lies between
 states near equilibrium counts. Those are the ends of increments and generations (`commit`).
 """
@@ -34,10 +34,9 @@ from mpm_core.kernels.nodal_operations import (
     particle_masses,
     spread_to_hanging,
 )
-from mpm_core.kernels.plastic_flow import note_flow_start, take_back_flow
-from mpm_core.kernels.resting import make_update
+from mpm_core.kernels.resting import make_update, note_flow_start, take_back_flow
 from mpm_core.model.model import Model
-from mpm_core.model.particle_stiffness import hourglass_modulus
+from mpm_core.model.particles import hourglass_modulus
 from mpm_core.model.state import State, put_back
 
 TIME_STEP_SHARE = 0.98  # The time step is this share of the damped limit, which is 1 / sqrt(1 + c) of the undamped one.

@@ -26,9 +26,8 @@ from mpm_core.equilibrium.body import Body, density_and_limit
 from mpm_core.equilibrium.energy_balance import dissipate
 from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
 from mpm_core.grid.adjacency import leaf_lookup
-from mpm_core.kernels.material_point_cycle import make_cycle, move_nodes
+from mpm_core.kernels.material_point_cycle import make_cycle, move_nodes, relocate, sort_by_cell
 from mpm_core.kernels.nodal_operations import spread_to_hanging
-from mpm_core.kernels.relocation import relocate, sort_by_cell
 from mpm_core.model.model import Model
 from mpm_core.model.state import FLOW, State
 

@@ -8,7 +8,7 @@ state from which flow is counted (Body.commit), whatever the way. Its zero is so
 acceleration with the same V-cycle, whose stiffness is elastic at first.
 
 The elastic V-cycle is far too stiff where much rock flows. After FIRST_TANGENT_CYCLE cycles, in perfectly plastic rock
-earlier, the V-cycle has the consistent tangent (multigrid/tangent_cycle.py) at the displacement found so far, computed
+earlier, the V-cycle has the consistent tangent (multigrid/flow_forces.py) at the displacement found so far, computed
 again every CYCLES_PER_TANGENT. Anderson acceleration then starts again, and a step after which the residual has grown
 is halved. Newton's method with GMRES and a line search would need more cycles, since a linear residual is not the true
 one. In rock without dilation and with hardly any cohesion neither reaches equilibrium, and explicit steps take over.
@@ -23,8 +23,7 @@ from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit_scheme import step_to_equilibrium
 from mpm_core.equilibrium.scheme import Excerpt
-from mpm_core.equilibrium.subdomain import Part, cut_out
-from mpm_core.equilibrium.surroundings import Cubes
+from mpm_core.equilibrium.subdomain import Cubes, Part, cut_out
 from mpm_core.kernels.nodal_operations import sizes
 from mpm_core.kernels.operator_rows import balance, take_step
 from mpm_core.kernels.threads import threads_for

@@ -8,13 +8,26 @@ so that a box aligned with the grid crosses nothing. Open means shrunk by CROSSI
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.geometry.boxes import box_around
-
 # Cells are shrunk on each side by this share when crossed with facets, far above the round-off of a mine's coordinates.
 CROSSING_TOLERANCE = 1e-6
 PLANE_SLACK = 1e-3  # Candidates from a facet's plane may be off by this share of a cell; each is tested after.
 # A facet whose area over the product of two edges is smaller has a normal that is round-off, which is not used.
 MIN_FACET_SHAPE = 1e-9
+
+
+def in_box(points: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Whether each point (point, dimension) lies between the corners (dimension,) of a box, sides included: (point,)
+    bool."""
+    inside = np.ones(len(points), bool)
+    for along, first, last in zip(points.T, lower, upper, strict=True):
+        inside &= along >= first
+        inside &= along <= last
+    return inside
+
+
+def box_around(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner (dimension,) of the box around points (point, dimension), at least one."""
+    return np.array([along.min() for along in points.T]), np.array([along.max() for along in points.T])
 
 
 @njit(cache=True, error_model="numpy")
@@ -67,7 +80,7 @@ def _facet_cells(corner, lower, upper, keys, first):
             return 0
     ex, ey, ez = corner[1, 0] - corner[0, 0], corner[1, 1] - corner[0, 1], corner[1, 2] - corner[0, 2]
     ox, oy, oz = corner[2, 0] - corner[0, 0], corner[2, 1] - corner[0, 1], corner[2, 2] - corner[0, 2]
-    normal = (ey * oz - ez * oy, ez * ox - ex * oz, ex * oy - ey * ox)  # by hand: numpy's takes seconds to compile
+    normal = (ey * oz - ez * oy, ez * ox - ex * oz, ex * oy - ey * ox)  # by hand: numpy's takes long to compile
     area = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
     has_plane = area > MIN_FACET_SHAPE * np.sqrt((ex * ex + ey * ey + ez * ez) * (ox * ox + oy * oy + oz * oz))
     along = 2

@@ -20,7 +20,7 @@ from ezdxf.path import make_path
 from ezdxf.render import MeshBuilder
 
 from common.errors import InputError
-from mpm_core.geometry.bodies import ALL_NAMES, Mesh, Part, triangles
+from mpm_core.geometry.meshes import ALL_NAMES, Mesh, Part, triangles
 
 # $INSUNITS: metres of each unit that a mine could be drawn in
 METRES_PER_DXF_UNIT = {

@@ -8,9 +8,7 @@ A point outside the bounding box is outside. For `Outside`, what a solid leaves 
 
 import numpy as np
 
-from mpm_core.geometry.boxes import in_box
-from mpm_core.geometry.crossing import cell_box, cross_cells
-from mpm_core.geometry.nearby import sample_cells_nearby
+from mpm_core.geometry.crossing import cell_box, cross_cells, in_box
 from mpm_core.geometry.sampling import sample_points
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.geometry.winding import (
@@ -18,6 +16,7 @@ from mpm_core.geometry.winding import (
     POINTS_PER_BLOCK,
     inside_points,
     sample_cells,
+    sample_cells_nearby,
     winding_number_by_tree,
 )
 

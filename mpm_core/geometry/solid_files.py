@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import InputError
-from mpm_core.geometry.bodies import Mesh, choose, join
 from mpm_core.geometry.edges import unique_rows
-from mpm_core.geometry.meshes import read_obj, read_omf, read_ply, read_stl
+from mpm_core.geometry.meshes import Mesh, choose, join, read_obj, read_omf, read_ply, read_stl
 from mpm_core.geometry.orientation import SURFACE_REMEDY, agree, check_bounds_volume, without_partitions
 from mpm_core.geometry.outlines import Outline, check_simple, nest
 from mpm_core.geometry.solids import Solid

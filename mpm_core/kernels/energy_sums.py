@@ -5,9 +5,8 @@ import functools
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.constitutive.elastic import contraction, energy_density, strain_from_stress, stress_increment
+from mpm_core.constitutive.elastic import ELASTIC, contraction, energy_density, strain_from_stress, stress_increment
 from mpm_core.constitutive.general import strength_of
-from mpm_core.constitutive.return_regions import ELASTIC
 from mpm_core.kernels.modes import to_modes
 
 ENTRIES_PER_CHUNK = 8192  # Entries are summed one after the other within chunks, whose sums are then added in order.
@@ -124,9 +123,8 @@ def make_flow_energy(law):
 
         The strain since then is taken in FLOW_PATH_PARTS, each returned to the surface. A part dissipates the mean
         stress of its ends times its flow; that of its end where that of its start is negative: rock that unloads and
-        opens does so at its end, and not at half the pressure before it. (All in one part, that was -425 MJ in one
-        mine.) Only rock whose law says so (Coulomb: that dilates above its friction) gains energy.
-        Mean stress: that of start and end of the whole, times its flow.
+        opens does so at its end, and not at half the pressure before it. Only rock whose law says so (Coulomb: that
+        dilates above its friction) gains energy. Mean stress: that of start and end of the whole, times its flow.
         particles (k,) indices; stress_before, flow (k, 6): stress (change since virgin, Pa) and later_strain at the
         start; insitu, stress, later_strain (particle, 6); material (particle,); elastic_constants (material, 2) Pa;
         residual_rows (material, column).

@@ -14,14 +14,12 @@ from mpm_core.grid.splitting import with_leaves
 from mpm_core.kernels.block_scatter import Scatter, build_scatter
 from mpm_core.kernels.nodal_operations import mark_cells, mark_corners
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Changes, Pieces, Unsupported, changes_of
-from mpm_core.model.particle_stiffness import step_stiffness
-from mpm_core.model.particles import Particles, at_step, part_means, seed, shares_of_volume, volumes
+from mpm_core.model.particles import Particles, at_step, part_means, seed, shares_of_volume, step_stiffness, volumes
 from mpm_core.model.phantom_nodes import Parting, part
 from mpm_core.model.rigid_motions import RigidMotions, free_motions
 from mpm_core.model.state import State
 from mpm_core.model.unsupported import find_unsupported
-from mpm_core.scene.scene import FACES, Scene
-from mpm_core.scene.virgin_stress import virgin_stress
+from mpm_core.scene.scene import FACES, Scene, virgin_stress
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ class Model:
 
     @cached_property
     def step_stiffness(self) -> np.ndarray:
-        """(particle,) Pa: what bounds the time step of the explicit scheme, see particle_stiffness.step_stiffness."""
+        """(particle,) Pa: what bounds the time step of the explicit scheme, see particles.step_stiffness."""
         return step_stiffness(self.particles, self.elastic_constants, self.scene.solver.hourglass)
 
     @cached_property

@@ -2,7 +2,7 @@
 
 The declaration makes a virgin state, says what a checkpoint keeps (stages/checkpoint.py) and what a part of the mine
 copies and copies back (equilibrium/subdomain.py), and names, measures and describes each array in the files
-(files/field_table.py, files/state_datasets.py). Another array is one more line here, and one in files/state_datasets.py
+(files/state_datasets.py). Another array is one more line here, and one in files/state_datasets.py
 if its file holds something else than the array.
 """
 

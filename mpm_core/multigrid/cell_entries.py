@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from mpm_core.kernels.pattern_rows import ADD_PATTERNS
-from mpm_core.kernels.tangent_rows import TAKE_TANGENTS_OFF
+from mpm_core.kernels.flow_rows import TAKE_TANGENTS_OFF
+from mpm_core.kernels.operator_cells import ADD_PATTERNS
 from mpm_core.multigrid.siblings import Siblings
 from mpm_core.simd.lanes import LANES
 
@@ -56,7 +56,7 @@ def places_of(siblings: Siblings, cells: np.ndarray) -> Places:
 
 @dataclass(frozen=True)
 class Tangents:
-    """What flow takes off the stiffness of one level: see kernels.tangent_rows."""
+    """What flow takes off the stiffness of one level: see kernels.flow_rows."""
 
     dimension: int
     places: Places
@@ -85,7 +85,7 @@ def pack(
 
 @dataclass(frozen=True)
 class Patterns:
-    """Hourglass patterns of distorted cells and what stands against them: see kernels.pattern_rows."""
+    """Hourglass patterns of distorted cells and what stands against them: see kernels.operator_cells."""
 
     dimension: int
     places: Places

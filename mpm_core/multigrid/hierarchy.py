@@ -6,7 +6,7 @@ parts. Hence s of a merged cell is (1 + s) / 4, and of its parts' hourglass stif
 
 A void one cell thick leaves half of a coarse cell, a quarter of the next: rock on both sides of it would be tied
 together, the more the coarser the grid, and its closure left to the fine grids. So a coarse cell there loses more
-stiffness than its void part, and nodes next to voids move with their rock (transfer.py). Both are needed for a number
+stiffness than its void part, and nodes next to voids move with their rock (coarsening.py). Both are needed for a number
 of iterations that does not grow with the length of a slot.
 
 The base grid halved may reach past the domain. A free face is then a void in the coarse cell. A held face lies within
@@ -19,12 +19,11 @@ from numba import njit
 
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import code_of
-from mpm_core.multigrid.coarsening import LevelGrid, coarsen, finest_grid
+from mpm_core.multigrid.coarsening import MAX_VOID_STIFFNESS, LevelGrid, build_transfer, coarsen, finest_grid
 from mpm_core.multigrid.cycle import MAX_DIRECT_UNKNOWNS, Cycle, stiffness_ratio
 from mpm_core.multigrid.level import Level, Operator
 from mpm_core.multigrid.stiff_bodies import StiffBodies, host_shear
 from mpm_core.multigrid.stiffness import ElasticCells
-from mpm_core.multigrid.transfer import MAX_VOID_STIFFNESS, build_transfer
 
 MIN_STIFFNESS_SHARE = 1e-9  # Parts with less than this share of the stiffest part's stiffness count as empty.
 BRIDGE_POWER = {2: 6, 3: 3}

@@ -3,15 +3,13 @@
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.kernels.operator_2 import apply_siblings_2
-from mpm_core.kernels.operator_3 import apply_siblings_3
 from mpm_core.kernels.operator_cells import add_row_sums, apply_cells
 from mpm_core.kernels.operator_rows import COLLECT, SPREAD
+from mpm_core.kernels.sibling_operators import apply_siblings_2, apply_siblings_3
 from mpm_core.multigrid.cell_entries import Patterns, Tangents, pack
-from mpm_core.multigrid.coarsening import LevelGrid
+from mpm_core.multigrid.coarsening import LevelGrid, Transfer
 from mpm_core.multigrid.siblings import Siblings, build_siblings
 from mpm_core.multigrid.stiffness import ElasticCells
-from mpm_core.multigrid.transfer import Transfer
 from mpm_core.simd.lanes import LANES, POINT_WIDTH
 
 APPLY = {2: apply_siblings_2, 3: apply_siblings_3}

@@ -16,11 +16,10 @@ from mpm_core.kernels.operator_rows import (
     turn_direction,
 )
 from mpm_core.model.model import Model
-from mpm_core.multigrid.flow_forces import FlowForces
+from mpm_core.multigrid.flow_forces import FlowForces, drop_tangents, set_tangents
 from mpm_core.multigrid.hierarchy import Hierarchy
 from mpm_core.multigrid.level import Operator
 from mpm_core.multigrid.stiffness import ElasticCells
-from mpm_core.multigrid.tangent_cycle import drop_tangents, set_tangents
 
 
 @dataclass(frozen=True)

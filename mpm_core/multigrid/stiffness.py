@@ -37,12 +37,12 @@ class CellParts:
 class ElasticCells:
     """Elastic stiffness of a model's cells.
 
-    constants (cell, 4): l, m, g (N/m) and s of kernels.operator_3; 0 where nothing is left. irregular (k,) cells whose
-    particles are single samples or means over some: the stiffness of their parts stands for that of l and m, which
-    their constants hold all the same; g counts besides. distorted (n,) cells in which g acts on the modal sums that
-    patterns (n, 2^d - 1 - d, 2^d) take, not on the higher modes (Model.hourglass_patterns). averaged: the same
+    constants (cell, 4): l, m, g (N/m) and s of kernels.sibling_operators; 0 where nothing is left. irregular (k,) cells
+    whose particles are single samples or means over some: the stiffness of their parts stands for that of l and m,
+    which their constants hold all the same; g counts besides. distorted (n,) cells in which g acts on the modal sums
+    that patterns (n, 2^d - 1 - d, 2^d) take, not on the higher modes (Model.hourglass_patterns). averaged: the same
     stiffness particle by particle where each stands for a mean over samples: cells (n,), slopes (n, 2^d, d), matrices
-    (n, 36) as in kernels.tangent_rows.
+    (n, 36) as in kernels.flow_rows.
     """
 
     constants: np.ndarray

@@ -1,16 +1,48 @@
 """A stage's slice of the configuration as frozen dataclasses, in SI units, physically checked."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from common.errors import InputError
 from common.voigt import tensor_from_voigt
 from mpm_core.constitutive.laws import Materials, can_fail, law_of
-from mpm_core.scene.insitu_stress import InsituStress
 from mpm_core.settings import FACES, MaterialSettings, ShapeSettings, SolidSettings, SolverSettings
 
 PLANES = {"xz": (0, 2), "xy": (0, 1), None: (0, 1, 2)}  # axes of the computation in the mine's frame
+
+
+@dataclass(frozen=True)
+class InsituStress:
+    """sigma0 = constant + gradient * D, with depth D = surface - z (paper, Table 2; tension positive).
+
+    constant (6,) Pa, gradient (6,) Pa/m in Voigt order xx, yy, zz, yz, xz, xy; surface: elevation of D = 0, m.
+    """
+
+    constant: np.ndarray
+    gradient: np.ndarray
+    surface: float
+
+    def at(self, elevation: ArrayLike) -> np.ndarray:
+        """Virgin stress (..., 6) Pa at elevations z (...) m."""
+        depth = self.surface - np.asarray(elevation, float)
+        stress = self.gradient * depth[..., None]
+        stress += self.constant
+        return stress
+
+    @property
+    def body_force(self) -> np.ndarray:
+        """b = -div sigma0, (3,) N/m3: what keeps the virgin field in equilibrium, whether or not it equals gravity.
+
+        With D = surface - z only z derivatives remain: d sigma/dz = -gradient, so b_i = gradient_iz.
+        """
+        return self.gradient[[4, 3, 2]].copy()
+
+    @property
+    def weightless(self) -> bool:
+        """Whether the field is uniform, so that nothing weighs anything."""
+        return not np.any(self.gradient)
 
 
 @dataclass(frozen=True)
@@ -211,3 +243,17 @@ def virgin_excess(rock: MaterialSettings, insitu: InsituStress, elevation: float
     law = law_of(rock)
     intact, _ = law.strength_rows(rock, (0, 1, 2))
     return law.overstress_of_tensor(tensor_from_voigt(insitu.at(elevation)), intact)
+
+
+def virgin_stress(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """Virgin stress (n, 6) Pa in the computation's axes at positions (n, d)."""
+    axes, insitu = list(scene.axes), scene.insitu
+    elevation = position[:, axes.index(2)] if 2 in axes else np.full(len(position), insitu.surface)
+    own = replace(insitu, constant=insitu.constant[scene.voigt], gradient=insitu.gradient[scene.voigt])
+    return own.at(elevation)
+
+
+def virgin_body_force(scene: Scene) -> np.ndarray:
+    """b = -div sigma0 (d,) N/m3 in the computation's axes; a plan section ("xy") is uniform and weightless."""
+    axes = list(scene.axes)
+    return scene.insitu.body_force[axes] if 2 in axes else np.zeros(len(axes))

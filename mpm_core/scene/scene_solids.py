@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from common.errors import InputError
-from mpm_core.geometry.bodies import join
 from mpm_core.geometry.inside import contains
+from mpm_core.geometry.meshes import join
 from mpm_core.geometry.shapes import Shape, checked, shape_of, solid_of
 from mpm_core.geometry.shapes.prism import DrawnPrism
 from mpm_core.geometry.solid_files import Picked, read_outlines, read_solid

@@ -1,4 +1,4 @@
-"""Eight numbers side by side in a vector register, as a type that numba kernels can add, subtract, multiply, divide.
+"""Eight numbers side by side in a vector register, as a type that numba kernels can calculate with and compare.
 
 LLVM turns a loop over a few places into vector instructions only if it can prove that no two arrays overlap, which it
 cannot in kernels as large as the elastic operator's. Here the vector instructions are written explicitly.
@@ -6,8 +6,13 @@ On a processor with shorter registers LLVM takes several of them.
 
 A point (a row of a nodal array) takes 4 numbers in 3-D, the last one always 0, and 2 in 2-D: then it is read and
 written as one piece and turned by shuffles. Multiplication followed by addition may be fused (one rounding).
+
+Comparison and selection make one source serve numbers and lanes. Such a source has `choose` for a branch, & and | for
+`and` and `or`. Both sides of a choice are computed: a lane that is not chosen may hold anything, NaN included. A number
+together with lanes counts for all of them.
 """
 
+import math
 import operator
 
 from llvmlite import ir
@@ -267,3 +272,80 @@ def add_to_points_2(typing, array, table, start, x, y):
         return context.get_dummy_value()
 
     return types.void(array, table, types.intp, x, y), generate
+
+
+class LaneMask(types.Type):
+    """LANES answers, yes or no."""
+
+    def __init__(self):
+        super().__init__(name="LaneMask")
+
+
+MASK = LaneMask()
+
+
+@register_model(LaneMask)
+class _LaneMaskModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, ir.VectorType(ir.IntType(1), LANES))
+
+
+def _define_for_lanes(function, count: int, lower, answers: bool = False) -> None:
+    """Let `function` take `count` lanes or numbers, and give lanes or answers: lower(builder, *values) -> value."""
+
+    class Template(AbstractTemplate):
+        def generic(self, args, kws):
+            kind = common_lanes(args)
+            return signature(MASK if answers else kind, *[kind] * count) if kind and len(args) == count else None
+
+    infer_global(function)(type(f"_Lanes_{function.__name__}", (Template,), {}))
+    lower_builtin(function, *[Lanes] * count)(lambda context, builder, sig, args: lower(builder, *args))
+
+
+def _library(name: str):
+    """A function of LLVM's."""
+
+    def lower(builder, *values):
+        vector = values[0].type
+        called = f"llvm.{name}.v{LANES}{vector.element.intrinsic_name}"
+        kind = ir.FunctionType(vector, [vector] * len(values))
+        return builder.call(cgutils.get_or_insert_function(builder.module, kind, called), values)
+
+    return lower
+
+
+def _comparison(sign: str):
+    return lambda builder, a, b: builder.fcmp_ordered(sign, a, b)
+
+
+for _operation, _sign in ((operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">=")):
+    _define_for_lanes(_operation, 2, _comparison(_sign), answers=True)
+_define_for_lanes(min, 2, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", b, a), b, a))
+_define_for_lanes(max, 2, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a))
+_define_for_lanes(operator.neg, 1, lambda builder, a: builder.fneg(a))
+_define_for_lanes(abs, 1, _library("fabs"))
+_define_for_lanes(math.sqrt, 1, _library("sqrt"))
+_define_for_lanes(math.copysign, 2, _library("copysign"))
+
+
+class _OfMasks(AbstractTemplate):
+    def generic(self, args, kws):
+        return signature(MASK, MASK, MASK) if tuple(args) == (MASK, MASK) else None
+
+
+for _operation, _instruction in ((operator.and_, "and_"), (operator.or_, "or_")):
+    infer_global(_operation)(type(f"_Masks_{_instruction}", (_OfMasks,), {}))
+    lower_builtin(_operation, LaneMask, LaneMask)(
+        lambda context, builder, sig, args, name=_instruction: getattr(builder, name)(*args)
+    )
+
+
+@intrinsic
+def choose(typing, question, yes, no):
+    """`yes` where the question is answered so, else `no`: numbers or lanes; two numbers become lanes of float64."""
+    kind = common_lanes((yes, no)) or (Lanes(types.float64) if question == MASK else typing.unify_types(yes, no))
+
+    def generate(context, builder, sig, args):
+        return builder.select(*args)
+
+    return kind(question, kind, kind), generate

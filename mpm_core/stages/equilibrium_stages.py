@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from common.datasets import atomic_path, clear_parts
 from common.errors import InputError
-from mpm_core.constitutive.return_regions import STRENGTH_FACTOR_CAP
+from mpm_core.constitutive.elastic import STRENGTH_FACTOR_CAP
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import above_strength
 from mpm_core.equilibrium.cascade import run_cascade

@@ -1,5 +1,7 @@
 """What acts on a model from outside: mined rock, weight, pressure, lost tractions, loads, a strained boundary."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from common.errors import InputError
@@ -11,16 +13,14 @@ from mpm_core.kernels.nodal_operations import collect_to_parents, particle_loads
 from mpm_core.model.model import Model
 from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.model.particles import part_means, shapes_of
-from mpm_core.scene.scene import FACES, Load, Scene
-from mpm_core.scene.virgin_stress import virgin_body_force, virgin_stress
-from mpm_core.stages.wall_pressure import wall_pressure
+from mpm_core.scene.scene import FACES, Load, Scene, virgin_body_force, virgin_stress
 
 
 def external_force(model: Model, step: int) -> np.ndarray:
     """Forces of all that was mined, filled and loaded up to `step`, relative to virgin: (node, d) N, on free nodes.
 
     Void: r lacks B^T sigma0 - N^T b over the mined volume (equilibrium.md), less the pressure on its walls
-    (wall_pressure.py). Fill weighs its own density; free faces lose their virgin traction, as do traction and roller
+    (wall_pressure). Fill weighs its own density; free faces lose their virgin traction, as do traction and roller
     faces where rock is mined; loads are shared by volume. Nodes without rock or fill have none: what is integrated
     there adds up to nothing, but for the quadrature of the virgin stress.
     Raises InputError for a load whose rock is mined, and where forces drive what nothing holds.
@@ -239,3 +239,50 @@ def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) ->
     """What unbalanced forces are measured by, N: 2-norm of forces (node, d) at free nodes and, at held ones, of what
     the strain (d, d) of the boundary causes in elastic rock. Rock that has failed carries less of it."""
     return float(np.hypot(norm(force), norm(strain_reaction(model, strain, step))))
+
+
+def wall_pressure(model: Model, step: int, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pressure once `step` is mined and filled, Pa: mean over the missing rock of chosen particles (k,), and over each
+    whole cell, (cell,); both (0,) where there is none."""
+    inside = np.array([excavation.pressure_at(step) for excavation in model.scene.excavations])
+    if not inside.any():
+        return np.zeros(0), np.zeros(0)
+    cells = len(model.cell_nodes)
+    cell, sample = model.particles.cell[chosen], model.particles.sample[chosen]
+    single = np.flatnonzero(sample >= 0)
+    bit = np.uint64(1) << sample[single].astype(np.uint64)
+    gone = np.bitwise_count(~model.changes.rock_samples(cells, step))
+    mean, of_samples = np.zeros(cells), np.zeros(len(single))
+    for where, samples, pressure in _open_parts(model, step, inside):
+        mean[where] += pressure * (np.bitwise_count(samples) / gone[where])  # exactly the pressure where all is open
+        if len(single):
+            of_cell = np.zeros(cells, np.uint64)
+            of_cell[where] = samples
+            of_samples[(of_cell[cell[single]] & bit) != 0] = pressure
+    of_particles = mean[cell]
+    of_particles[single] = of_samples
+    return of_particles, mean * (1.0 - model.rock_share(step))
+
+
+def _open_parts(model: Model, step: int, inside: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+    """Disjoint parts of cells under each pressure: cells (part,), their samples (part,) uint64, the pressure Pa.
+
+    inside (excavation,) Pa: pressure in each excavation.
+    """
+    pieces, cells = model.pieces, len(model.cell_nodes)
+    mined = np.array([0 <= excavation.mined <= step for excavation in model.scene.excavations])
+    pieces = pieces.of(mined[pieces.excavation])
+    open_now = ~model.changes.solid_samples(cells, step)
+    of_solids = np.zeros(cells, np.uint64)
+    np.bitwise_or.at(of_solids, pieces.cell, pieces.samples)
+    rest = open_now & ~of_solids
+    of_piece = inside[pieces.excavation]
+    for pressure in np.unique(of_piece[of_piece > 0.0])[::-1]:
+        own = pieces.of(of_piece == pressure)
+        samples = np.zeros(cells, np.uint64)
+        np.bitwise_or.at(samples, own.cell, own.samples)
+        where = np.unique(own.cell)
+        of_cells = samples[where] & open_now[where] | rest[where]
+        open_now[where] &= ~of_cells
+        rest[where] = 0
+        yield where, of_cells, float(pressure)

@@ -8,7 +8,7 @@ import xarray as xr
 
 from common.errors import InputError
 from mpm_core.files.state_datasets import grid_dataset
-from mpm_core.geometry.boxes import in_box
+from mpm_core.geometry.crossing import in_box
 from mpm_core.geometry.inside import CROSSED, INSIDE, OUTSIDE, classify_cells, contains, sample_mask
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.geometry.solids import Outside, Solid
@@ -22,11 +22,39 @@ from mpm_core.model.occupancy import ALL_SAMPLES, MIN_SAMPLES_KEPT, FinestPieces
 from mpm_core.scene.scene_solids import bodies_at, read_solids
 from mpm_core.settings import GridCells, GridSlice
 from mpm_core.stages.stage_memory import require, stage_bytes
-from mpm_core.stages.under_resolved import MIN_WHOLE_CELL_SHARE, MIN_WHOLE_CELL_SHARE_ACCEPTED, whole_shares
 
+# An opening is under-resolved if a smaller share of its volume is in whole cells. Too little rock then fails around it.
+MIN_WHOLE_CELL_SHARE = 0.3
+# A scene is refused if a smaller share of the volume of all openings, or of one, is in whole cells. Rock in partly
+# mined cells then decides where the other rock breaks.
+MIN_WHOLE_CELL_SHARE_ACCEPTED = 0.05
 BOX_ROUND_OFF = 1e-9  # Round-off of a solid's bounding box, as a share of its size.
 MAX_EXCAVATIONS_LISTED = 5  # Excavations that one message lists.
 CELLS_PER_CHUNK = 2048  # The points of distorted cells take some 50 kB each, and are held for this many cells.
+
+
+def whole_shares(parts: FinestPieces, shape: np.ndarray, later: np.ndarray) -> np.ndarray:
+    """Share of each excavation's volume (k,) in finest cells that are mined wholly, by it and others; 0 without parts.
+
+    shape (d,): finest cells along each axis; later (k,) bool: those mined after the first step, which make no cell
+    whole for one of the first.
+    """
+    code = code_of(parts.place, shape)
+    mined = np.bitwise_count(parts.samples).astype(float)
+    share = np.zeros(len(later))
+    for ours, others in ((~later, ~later), (later, np.ones_like(later))):
+        there, own = np.flatnonzero(others[parts.excavation]), np.flatnonzero(ours[parts.excavation])
+        order = there[np.argsort(code[there], kind="stable")]
+        first = np.flatnonzero(np.diff(code[order], prepend=-1))
+        if not len(own):
+            continue
+        whole = code[order][first[np.bitwise_or.reduceat(parts.samples[order], first) == ALL_SAMPLES]]
+        size, in_whole = (
+            np.bincount(parts.excavation[own], value, minlength=len(later))
+            for value in (mined[own], mined[own] * np.isin(code[own], whole))
+        )
+        share += np.divide(in_whole, size, out=np.zeros(len(later)), where=size > 0.0)
+    return share
 
 
 def domain_of(values: GridSlice) -> Domain:

@@ -17,7 +17,7 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodal_operations import spread_to_hanging
 from mpm_core.model.model import Model
 from mpm_core.model.occupancy import Unsupported
-from mpm_core.model.particle_stiffness import hourglass_modulus
+from mpm_core.model.particles import hourglass_modulus
 from mpm_core.model.state import ARRAYS, Extent, State
 
 NO_SOURCE = -1  # Particle without a source among the old ones.

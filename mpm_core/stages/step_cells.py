@@ -22,7 +22,7 @@ from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import split, with_leaves
 from mpm_core.model.model import Model
-from mpm_core.model.particle_stiffness import hourglass_modulus
+from mpm_core.model.particles import hourglass_modulus
 from mpm_core.model.state import REFINED, State
 from mpm_core.stages.external_forces import boundary_strain, external_force, load_size, measure
 from mpm_core.stages.ground import Ground

@@ -18,7 +18,7 @@ import numpy as np
 from mpm_core.equilibrium.cascade import needs_whole_mine
 from mpm_core.equilibrium.refinement import RINGS_SPLIT_AT_ONCE, Refinement
 from mpm_core.equilibrium.scheme import SchemeInParts
-from mpm_core.equilibrium.surroundings import Cubes, Surroundings
+from mpm_core.equilibrium.subdomain import Cubes, Surroundings
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.distorted_cells import corner_offsets
 from mpm_core.grid.edge_nodes import EdgeNodes

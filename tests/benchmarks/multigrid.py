@@ -22,7 +22,7 @@ import numba
 import numpy as np
 from numba import njit, parallel_chunksize, prange
 
-from mpm_core.constitutive.arrays import make_return_particles
+from mpm_core.constitutive.general import make_return_particles
 from mpm_core.constitutive.laws import coulomb
 from mpm_core.constitutive.strength import strength_row
 from mpm_core.grid import build_grid
@@ -35,7 +35,7 @@ from mpm_core.simd.lanes import LANES
 from tests.benchmarks.grid import BASE_SHAPE, COARSE_CELL, LEVELS, mine, overlaps_a_box
 
 LAME, SHEAR, HOURGLASS = 22.8e9, 22.8e9, 0.05  # Pa: Poisson's ratio 0.25
-OPERATOR_OPERATIONS = 190  # additions and multiplications per cell of operator_3, counted in its source
+OPERATOR_OPERATIONS = 190  # additions and multiplications per cell of apply_siblings_3, counted in its source
 RETURN_OPERATIONS = 250  # about: eigenvalues, return and rotation of one yielding particle
 FLOW_OPERATIONS = RETURN_OPERATIONS + 360  # and, for eight corners, from displacement to strain and back to forces
 FLOW_BYTES = 8 * 32 * 3 + 8 * 4 + 12 * 8 + 6 * 8  # at most: displacement and force of eight rows, stresses, tables

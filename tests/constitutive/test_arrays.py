@@ -4,8 +4,8 @@ import numba
 import numpy as np
 import pytest
 
-from mpm_core.constitutive.arrays import make_return_particles
 from mpm_core.constitutive.elastic import strain_from_stress
+from mpm_core.constitutive.general import make_return_particles
 from mpm_core.constitutive.laws import coulomb
 from mpm_core.constitutive.laws.coulomb import return_to_surface
 from mpm_core.constitutive.strength import strength_row

@@ -10,8 +10,7 @@ from mpm_core.constitutive.laws.coulomb import return_lanes, return_to_surface
 from mpm_core.constitutive.return_mapping import APEX_REGION, EDGE, ELASTIC, FACE, TENSION
 from mpm_core.constitutive.strength import strength_row
 from mpm_core.settings import lame_parameters
-from mpm_core.simd.choices import choose
-from mpm_core.simd.lanes import LANES, load, store
+from mpm_core.simd.lanes import LANES, choose, load, store
 
 ROWS = [
     strength_row(30, 10, 2e6),

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mpm_core.geometry import Solid, build_shape, contains
 from mpm_core.geometry import inside as inside_module
-from mpm_core.geometry.boxes import box_around, in_box
+from mpm_core.geometry.crossing import box_around, in_box
 from tests.geometry.solid_twins import joined, moved, rotation, winding_number
 
 BOX = build_shape({"name": "box", "shape": "box", "lower": [-1, -2, -3], "upper": [1, 2, 3]}, 3)

@@ -9,7 +9,7 @@ import trimesh
 from common.errors import InputError
 from mpm_core.geometry import Solid, build_shape, contains, read_solid
 from mpm_core.geometry.shapes import solid_of
-from mpm_core.geometry.shapes.polygon import Polygon
+from mpm_core.geometry.shapes.simple import Polygon
 from tests.geometry.solid_twins import joined, moved
 
 BALL = Solid("ball", (ball := trimesh.creation.icosphere(subdivisions=3)).vertices * 4.0, ball.faces)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mpm_core.geometry.shapes import build_shape
-from mpm_core.geometry.sharp_edges import sharp_edges
 from mpm_core.geometry.solids import Solid
+from mpm_core.grid.edge_nodes import sharp_edges
 
 
 def lengths(edges):

@@ -7,10 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpm_core.geometry.shapes import build_shape
-from mpm_core.geometry.sharp_edges import sharp_edges
 from mpm_core.geometry.solids import Solid
 from mpm_core.grid.distorted_cells import distorted_shapes, smallest_element, sub_cell_middles
-from mpm_core.grid.edge_nodes import MIN_VOLUME_RATIO, choose_edge_nodes
+from mpm_core.grid.edge_nodes import MIN_VOLUME_RATIO, choose_edge_nodes, sharp_edges
 
 SHAPE = np.array([16, 16, 16])
 

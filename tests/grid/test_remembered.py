@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mpm_core.grid import remembered
-from mpm_core.grid.remembered import Remembered
+from mpm_core.grid import distorted_cells
+from mpm_core.grid.distorted_cells import Remembered
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def test_it_begins_anew_where_there_would_be_too_many(summed):
 
 def test_rows_of_one_key_are_told_apart(summed, monkeypatch):
     """Every row has key 0: the first is kept, the others are calculated each time."""
-    monkeypatch.setattr(remembered, "FACTORS", np.zeros(4, np.uint64))
+    monkeypatch.setattr(distorted_cells, "FACTORS", np.zeros(4, np.uint64))
     function, asked = summed
     known = Remembered(function, 100)
     for _ in range(2):

@@ -11,8 +11,15 @@ from mechanics.scenes import FILL, HOST, box, excavation, grid_around, make_data
 from mpm_core.equilibrium.body import Body
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.model.occupancy import ALL_SAMPLES
-from mpm_core.model.particle_stiffness import own_stiffening
-from mpm_core.model.particles import centroids, mean_modes, mode_table, point_table, shapes_of, slopes_of
+from mpm_core.model.particles import (
+    centroids,
+    mean_modes,
+    mode_table,
+    own_stiffening,
+    point_table,
+    shapes_of,
+    slopes_of,
+)
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from mpm_core.stages.external_forces import external_force
 

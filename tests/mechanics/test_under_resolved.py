@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from common.errors import InputError
 from mechanics.test_grid_stage import block, grid_slice
 from mpm_core.model.occupancy import ALL_SAMPLES, FinestPieces
-from mpm_core.stages.grid_stage import make_grid
-from mpm_core.stages.under_resolved import whole_shares
+from mpm_core.stages.grid_stage import make_grid, whole_shares
 
 SHAPE = np.array([3, 4])
 LEFT, RIGHT = np.uint64(2**32 - 1), np.uint64(2**64 - 2**32)

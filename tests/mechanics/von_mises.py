@@ -12,9 +12,9 @@ from numba import njit
 from pydantic import model_validator
 
 from common.setting_types import Settings, Unit, refusal
+from mpm_core.constitutive.elastic import ADMISSIBLE_ROUND_OFF, ELASTIC, FACE, STRENGTH_FACTOR_CAP
 from mpm_core.constitutive.general import lane_by_lane, tangent_by_differences
 from mpm_core.constitutive.principal import split_deviator
-from mpm_core.constitutive.return_regions import ADMISSIBLE_ROUND_OFF, ELASTIC, FACE, STRENGTH_FACTOR_CAP
 from mpm_core.settings import MaterialSettings
 
 NAME = "von_mises"

@@ -7,7 +7,7 @@ import pytest
 from common.errors import InputError
 from mpm_core.equilibrium.moving_scheme import MovingBody
 from mpm_core.grid.adjacency import leaf_lookup
-from mpm_core.kernels.relocation import relocate, sort_by_cell
+from mpm_core.kernels.material_point_cycle import relocate, sort_by_cell
 from tests.mechanics.scenes import COULOMB, ball, grid_around, make_model, make_scene, random_grid, uniform
 from tests.mechanics_moving.cycle_twins import SlowParticles, cell_of, slow_step
 

@@ -6,7 +6,7 @@ import scipy.sparse as sparse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_core.multigrid.dissection import dissect
+from mpm_core.multigrid.stiff_bodies import dissect
 
 
 def grid_graph(shape: tuple[int, ...]):

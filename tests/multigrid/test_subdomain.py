@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mpm_core.equilibrium import cascade, surroundings
+from mpm_core.equilibrium import cascade, subdomain
 from mpm_core.equilibrium.brittle import fail, find_brittle, new_failures
 from mpm_core.equilibrium.cascade import relax_and_fail
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
-from mpm_core.equilibrium.surroundings import CUBE_HALVINGS
+from mpm_core.equilibrium.subdomain import CUBE_HALVINGS
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.distorted_cells import DistortedCells, corner_offsets
 from mpm_core.model.state import ARRAYS
@@ -37,8 +37,8 @@ STRESS = uniform(-20e6, -14e6, -16e6)
 @pytest.fixture(autouse=True)
 def small_scenes(monkeypatch):
     """A part may be half of them, its border near."""
-    monkeypatch.setattr(surroundings, "MAX_SURROUNDINGS_SHARE", 0.5)
-    monkeypatch.setattr(surroundings, "MAX_BORDER_SHARE", 1.0)
+    monkeypatch.setattr(subdomain, "MAX_SURROUNDINGS_SHARE", 0.5)
+    monkeypatch.setattr(subdomain, "MAX_BORDER_SHARE", 1.0)
 
 
 def long_mine(dimension: int, **scene):
@@ -153,8 +153,8 @@ def test_rock_near_the_border_of_a_part_waits_for_the_whole(monkeypatch):
 
     With nothing else to fail the cascade in the part ends, and what waits has not failed.
     """
-    monkeypatch.setattr(surroundings, "MAX_BORDER_SHARE", 0.02)
-    monkeypatch.setattr(surroundings, "REACH_CELLS", (8,))
+    monkeypatch.setattr(subdomain, "MAX_BORDER_SHARE", 0.02)
+    monkeypatch.setattr(subdomain, "REACH_CELLS", (8,))
     scheme, brittle, fresh, force = with_failure(2)
     part = scheme.part_around(brittle, fresh[:1])
     index, cell = part.model.grid.cell_index >> CUBE_HALVINGS[2], part.model.particles.cell
@@ -174,7 +174,7 @@ def test_rock_near_the_border_of_a_part_waits_for_the_whole(monkeypatch):
 
 def test_no_part_with_a_border_beside_a_ring_that_fails(monkeypatch):
     """Rock all round a void, 10 cells wide: 2-D asks for a border 30 cells away."""
-    monkeypatch.setattr(surroundings, "MAX_BORDER_SHARE", 0.02)
+    monkeypatch.setattr(subdomain, "MAX_BORDER_SHARE", 0.02)
     scheme, brittle, _, _ = with_failure(2)
     ring = brittle.sound[scheme.body.model.particles.position[brittle.sound, 0] < 20.0]
     assert scheme.part_around(brittle, ring) is None
@@ -189,7 +189,7 @@ def test_failure_spreads_alike_with_and_without_parts(dimension, monkeypatch, tm
     elastic, _ = elastic_stage(scene, grid, tmp_path / "state.npz")
     volumes = []
     for largest in (0.5, 0.0):
-        monkeypatch.setattr(surroundings, "MAX_SURROUNDINGS_SHARE", largest)
+        monkeypatch.setattr(subdomain, "MAX_SURROUNDINGS_SHARE", largest)
         caplog.clear()
         _, facts = mining_step(scene, grid, elastic, tmp_path / "state.npz")
         assert ("in a part of" in caplog.text) == (largest > 0.0)

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_core.equilibrium import surroundings
-from mpm_core.equilibrium.surroundings import MAX_BORDER_SHARE, Cubes
+from mpm_core.equilibrium import subdomain
+from mpm_core.equilibrium.subdomain import MAX_BORDER_SHARE, Cubes
 from tests.mechanics.scenes import ball, grid_around
 
 WIDEST = {2: 3, 3: 7}  # cells, where a cube is one cell: 10 cubes beyond them R / a is 7.1 and 3.7
@@ -17,9 +17,9 @@ WIDEST = {2: 3, 3: 7}  # cells, where a cube is one cell: 10 cubes beyond them R
 @pytest.fixture(autouse=True)
 def cells_as_cubes(monkeypatch):
     """A part may be all of a scene but for a cell, and cubes are finest cells: scenes so small show the rule."""
-    monkeypatch.setattr(surroundings, "MAX_SURROUNDINGS_SHARE", 0.99)
-    monkeypatch.setattr(surroundings, "CUBE_HALVINGS", {2: 0, 3: 0})
-    monkeypatch.setattr(surroundings, "REACH_CELLS", (10, 6, 4, 2))
+    monkeypatch.setattr(subdomain, "MAX_SURROUNDINGS_SHARE", 0.99)
+    monkeypatch.setattr(subdomain, "CUBE_HALVINGS", {2: 0, 3: 0})
+    monkeypatch.setattr(subdomain, "REACH_CELLS", (10, 6, 4, 2))
 
 
 def layer(dimension: int, length: int, width: int = 24, first: int = 0):
@@ -84,14 +84,14 @@ def test_no_part_around_a_patch_that_is_too_wide(dimension):
 
 def test_each_patch_has_a_reach_of_its_own(monkeypatch):
     """2-D: a lone cell needs 4 cells on all sides, a row of two 7; wider (REACHES) only while that is not too much."""
-    monkeypatch.setattr(surroundings, "REACH_CELLS", (10, 6, 2))
+    monkeypatch.setattr(subdomain, "REACH_CELLS", (10, 6, 2))
     failed = np.concatenate([row(2, 1, 30), row(2, 2, 70)])
     cubes = Cubes(layer(2, 100))
     for largest, reaches in ((0.9, (10, 10)), (0.175, (6, 7)), (0.14, (4, 7))):
-        monkeypatch.setattr(surroundings, "MAX_SURROUNDINGS_SHARE", largest)
+        monkeypatch.setattr(subdomain, "MAX_SURROUNDINGS_SHARE", largest)
         lone, two = reaches
         assert len(cubes.around(failed).cells) == (1 + 2 * lone) ** 2 + (1 + 2 * two) * (2 + 2 * two)
-    monkeypatch.setattr(surroundings, "MAX_SURROUNDINGS_SHARE", 0.13)
+    monkeypatch.setattr(subdomain, "MAX_SURROUNDINGS_SHARE", 0.13)
     assert cubes.around(failed) is None
 
 
@@ -118,14 +118,14 @@ def test_the_edge_of_the_domain_is_no_border_but_that_of_a_part_is():
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_cells_of_all_levels(dimension, monkeypatch):
     """Chosen are the cells, of any size, that reach into the cubes around the failed cell, and no others."""
-    monkeypatch.setattr(surroundings, "CUBE_HALVINGS", {2: 1, 3: 1})
+    monkeypatch.setattr(subdomain, "CUBE_HALVINGS", {2: 1, 3: 1})
     grid = grid_around([ball([9.0] * dimension, 3.0)], (8,) * dimension, levels=4, coarse=4.0)
     finest = np.flatnonzero(grid.cell_level == 3)
     failed = grid.cell_index[finest[len(finest) // 2]][None]
     around = Cubes(grid).around(failed)
     size = 1 << (3 - grid.cell_level)[:, None]
     cube = failed[0] >> 1 << 1
-    for reach in surroundings.REACH_CELLS:
+    for reach in subdomain.REACH_CELLS:
         whole = reach >> 1 << 1  # cubes
         lower, upper = cube - whole, cube + whole + 2
         meets = ((grid.cell_index < upper) & (grid.cell_index + size > lower)).all(axis=1)

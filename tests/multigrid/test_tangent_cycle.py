@@ -14,7 +14,7 @@ from tests.multigrid.test_operator import scene_with_everything
 @pytest.mark.parametrize(("points", "cut_cells"), [(1, "mean"), (2, "mean"), (2, "whole"), (1, "subdivide")])
 def test_finest_level_is_the_derivative_of_the_forces(dimension, points, cut_cells, monkeypatch):
     """Half of the rock has failed; forces of two motions 2e-6 apart. 1e-4: single precision."""
-    monkeypatch.setattr("mpm_core.multigrid.tangent_cycle.STIFFNESS_SHARE_KEPT", 0.0)
+    monkeypatch.setattr("mpm_core.multigrid.flow_forces.STIFFNESS_SHARE_KEPT", 0.0)
     model, volume = scene_with_everything(dimension, points, cut_cells, host=COULOMB)
     state, random = model.virgin_state(), np.random.default_rng(4)
     state.failed[(volume > 0.0) & (random.random(len(volume)) < 0.5)] = 0

@@ -11,8 +11,7 @@ from catalogs.report.closeness_text import closeness_rows, intervals_contain, un
 from catalogs.report.section_numbers import section_number
 from catalogs.sizes import estimate_b, log_potency
 from seismic.catalog import merge
-from seismic.closeness import CLOSENESS_TRIED, sizes_by_closeness
-from seismic.events import extract_events
+from seismic.events import CLOSENESS_TRIED, extract_events, sizes_by_closeness
 from seismic.regions import CORNERS, EDGES, FACES
 
 

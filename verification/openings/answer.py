@@ -11,7 +11,7 @@ from catalogs.figures import style
 from catalogs.grid_convergence import share_off
 from common.voigt import tensor_from_voigt
 from mpm_core.equilibrium.increments import potency
-from mpm_core.stages.under_resolved import MIN_WHOLE_CELL_SHARE_ACCEPTED
+from mpm_core.stages.grid_stage import MIN_WHOLE_CELL_SHARE_ACCEPTED
 from verification.results import Results, Variant
 from verification.rows import Row
 from verification.sphere.closed_form import Elastic, SphericalInclusion

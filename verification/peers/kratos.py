@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpm_core.constitutive.arrays import make_return_particles
+from mpm_core.constitutive.general import make_return_particles
 from mpm_core.constitutive.laws import coulomb
 from mpm_core.constitutive.strength import DILATION_FACTOR, strength_row
 from mpm_core.settings import lame_parameters

@@ -13,9 +13,9 @@ one (general.brittle_drop); failed rock returns to the residual one. What a law'
 | overstress_of_tensor(tensor, row) | `overstress` of (3, 3), Pa, by numpy: to check a configuration without waiting for numba |
 | surely_admissible(*stress, row) | whether cheap bounds prove stress admissible |
 | overstress(*stress, row) | how far stress is above strength, Pa; at most 0 where admissible. What is admissible is convex |
-| return_to_surface(*stress, lame_lambda, shear_modulus, row) | plastic return of an elastic trial stress: six components and where it ended (return_regions.py). ELASTIC: bit for bit the trial, also for a stress that was returned |
+| return_to_surface(*stress, lame_lambda, shear_modulus, row) | plastic return of an elastic trial stress: six components and where it ended (elastic.py). ELASTIC: bit for bit the trial, also for a stress that was returned |
 | return_lanes(the same) | six components of lanes (simd/lanes.py), to round-off the same; general.lane_by_lane makes it |
-| fallen_stiffness(the same, matrix) | see tangent.py; general.tangent_by_differences makes it |
+| fallen_stiffness(the same, matrix) | see isotropic.py; general.tangent_by_differences makes it |
 | strength_factor(*stress, row) | strength over stress: 0 to STRENGTH_FACTOR_CAP, at least 1 where admissible |
 | excess_shear_stress(*stress, row) | Pa, negative below strength |
 | strength_size(row) | Pa: what a margin above strength is in proportion to |
@@ -24,7 +24,7 @@ one (general.brittle_drop); failed rock returns to the residual one. What a law'
 
 Those from surely_admissible on are compiled by numba: scalar, without allocation (but for fallen_stiffness) or
 fastmath; *stress is xx, yy, zz, yz, xz, xy, Pa, tension positive, in the axes of the computation; row is a tuple. For
-isotropic laws isotropic.py and tangent.py make three of them from a return of principal stresses.
+isotropic laws isotropic.py makes three of them from a return of principal stresses.
 
 Kernels are made for a law, as a module, and a dimension. numba finds its functions as it compiles and keeps what it
 compiled by the module's name, so other processes find it: functions themselves would be kept by a random number.

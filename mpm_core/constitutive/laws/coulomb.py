@@ -17,10 +17,10 @@ from numba import njit
 from pydantic import model_validator
 
 from common.setting_types import choose, is_section, refusal, refuse
-from mpm_core.constitutive.isotropic import isotropic_lanes, isotropic_return
+from mpm_core.constitutive.elastic import ADMISSIBLE_ROUND_OFF, STRENGTH_FACTOR_CAP
+from mpm_core.constitutive.isotropic import isotropic_lanes, isotropic_return, isotropic_tangent
 from mpm_core.constitutive.principal import principal_stresses, split_deviator
 from mpm_core.constitutive.return_mapping import return_principal
-from mpm_core.constitutive.return_regions import ADMISSIBLE_ROUND_OFF, STRENGTH_FACTOR_CAP
 from mpm_core.constitutive.strength import (
     DILATION_FACTOR,
     FRICTION_FACTOR,
@@ -30,7 +30,6 @@ from mpm_core.constitutive.strength import (
     strength_row,
 )
 from mpm_core.constitutive.strength import ROW_LENGTH as ROW_LENGTH
-from mpm_core.constitutive.tangent import isotropic_tangent
 from mpm_core.settings import AnglePair, MaterialSettings, StrengthPair
 
 NAME = "coulomb"

@@ -31,9 +31,9 @@ from numba import njit
 from pydantic import model_validator
 
 from common.setting_types import Settings, Unit, choose, is_section, refusal
+from mpm_core.constitutive.elastic import ADMISSIBLE_ROUND_OFF, ELASTIC, STRENGTH_FACTOR_CAP
 from mpm_core.constitutive.general import lane_by_lane, tangent_by_differences
 from mpm_core.constitutive.laws import coulomb
-from mpm_core.constitutive.return_regions import ADMISSIBLE_ROUND_OFF, ELASTIC, STRENGTH_FACTOR_CAP
 from mpm_core.constitutive.strength import DILATION_FACTOR, FRICTION_FACTOR, UNCONFINED_STRENGTH
 from mpm_core.settings import AnglePair, StrengthPair
 

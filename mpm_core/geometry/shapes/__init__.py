@@ -1,4 +1,4 @@
-"""Shapes of solids. Each is one module here and one entry of SHAPES; all other code calls the shape (shape.py).
+"""Shapes of solids. Each is one class here and one entry of SHAPES; all other code calls the shape (shape.py).
 
 Curved surfaces are cut into enough facets that the plain inscribed ones would lose less than 0.1 % of the volume, and
 moved outward until the volume is exact. trimesh and ezdxf are imported where a shape needs them: see solid_files.py.
@@ -7,13 +7,9 @@ moved outward until the volume is exact. trimesh and ezdxf are imported where a 
 from collections.abc import Mapping
 
 from common.errors import InputError
-from mpm_core.geometry.shapes.box import Box
-from mpm_core.geometry.shapes.circle import Circle
-from mpm_core.geometry.shapes.cylinder import Cylinder
-from mpm_core.geometry.shapes.polygon import Polygon
 from mpm_core.geometry.shapes.prism import Prism
 from mpm_core.geometry.shapes.shape import Shape, ShapeError
-from mpm_core.geometry.shapes.sphere import Sphere
+from mpm_core.geometry.shapes.simple import Box, Circle, Cylinder, Polygon, Sphere
 from mpm_core.geometry.shapes.tunnel import Tunnel
 from mpm_core.geometry.solids import Solid
 

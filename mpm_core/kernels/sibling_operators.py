@@ -1,8 +1,8 @@
-"""The elastic operator in 3-D: forces K u of groups of eight sibling cells, eight groups at a time.
+"""The elastic operator: forces K u of groups of sibling cells, eight in 3-D and four in 2-D; eight groups at a time.
 
-The cells of a group share 27 nodes. Sums and differences of neighbouring nodes along z, then y, then x give the modes
-of all eight cells (kernels/modes.py) with a third of the additions and reads that cell by cell would take. Per cell
-with modal sums a of the displacement (mode: product of local coordinates; component: x, y, z) the modal forces are
+In 3-D the cells of a group share 27 nodes. Sums and differences of neighbouring nodes along z, then y, then x give the
+modes of all eight cells (kernels/modes.py) with a third of the additions and reads that cell by cell would take. Per
+cell with modal sums a of the displacement (mode: product of local coordinates; component: x, y, z) the modal forces are
 
     linear      f_x = (l t + 2 m a_x,x ; m (a_y,x + a_x,y) ; m (a_z,x + a_x,z))      t = a_x,x + a_y,y + a_z,z
     quadratic   f_xy = (p a_xy,x + q a_yz,z ; p a_xy,y + q a_xz,z ; r a_xy,z + w (a_xz,y + a_yz,x))    and so on
@@ -12,18 +12,35 @@ with p = s (l + 3 m) + g, q = s l, w = s m, r = 2 s m + g, v = s^2 (l + 4 m) + g
 over the cell's particles times (2 / (8 h))^2, g is the hourglass stiffness in the same terms, and s the mean square of
 a particle's local coordinate: 0 for one particle at the centre, (1 - 1/n^2) / 3 for n^3 at sub-cell centres. All other
 means of products vanish by symmetry: the form is exact, and the same for every number of particles.
+
+In plane strain a group has 9 nodes. Per cell
+
+    linear      f_x = (l (a_x,x + a_y,y) + 2 m a_x,x ; m (a_y,x + a_x,y))    and so on
+    quadratic   f_xy = p a_xy        p = s (l + 3 m) + g
+
+where the factor of l and m is (2 / (4 h))^2.
 """
 
 import numpy as np
 from numba import njit, prange
 
 from mpm_core.simd.lanes import LANES as W
-from mpm_core.simd.lanes import add_to_points_3, gather_points_3, load, prefetch, store
+from mpm_core.simd.lanes import (
+    add_to_points_2,
+    add_to_points_3,
+    gather_points_2,
+    gather_points_3,
+    load,
+    prefetch,
+    store,
+)
 
 GROUP_NODES_3 = 27  # Nodes of a group in 3-D; x + 3 y + 9 z is the number of each.
 # First row of the half of the scratch that holds sums along z and y. Forces use the halves the other way round.
 FIRST_Y_ROW = 144
 SCRATCH_ROWS_3 = 288
+GROUP_NODES_2 = 9  # Nodes of a group in 2-D; x + 3 y is the number of each.
+SCRATCH_ROWS_2 = 24  # Rows of the scratch: sums along y by layer, x and component, then differences.
 
 
 @njit(inline="always", error_model="numpy")
@@ -184,7 +201,7 @@ def apply_siblings_3(batch_start, row_start, places, constants, values, forces):
             forces[element] = 0.0
         for batch in range(batch_start[block], batch_start[block + 1]):
             start = batch * GROUP_NODES_3 * W
-            if batch + 1 < batch_start[block + 1]:  # without this the processor waits for memory half of the time
+            if batch + 1 < batch_start[block + 1]:  # else the processor waits for memory
                 for place in range(start + GROUP_NODES_3 * W, start + 2 * GROUP_NODES_3 * W):
                     prefetch(values, places[place] * 4)
             _sum_along_z(values, places, start, work)
@@ -204,3 +221,81 @@ def apply_siblings_3(batch_start, row_start, places, constants, values, forces):
                     )
             _undo_along_y(work)
             _undo_along_z(work, places, start, forces)
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def apply_siblings_2(batch_start, row_start, places, constants, values, forces):
+    """Forces K u of all groups, on the rows of their own blocks: `forces`, written.
+
+    batch_start, row_start (block + 1,), places (batch * 9 * LANES,) int32: see multigrid.siblings; constants
+    (batch * 4 * 4 * LANES,): l, m, g (N/m2) and s above, by cell of the group; values, forces (row * 2,): displacement
+    and force of each row. float64 or float32 throughout. Copies of a node hold their own part of the force.
+    """
+    for block in prange(len(batch_start) - 1):
+        work = np.empty(SCRATCH_ROWS_2 * W, values.dtype)
+        back = np.empty(SCRATCH_ROWS_2 * W, values.dtype)
+        for element in range(2 * row_start[block], 2 * row_start[block + 1]):
+            forces[element] = 0.0
+        for batch in range(batch_start[block], batch_start[block + 1]):
+            start = batch * GROUP_NODES_2 * W
+            for j in range(3):
+                ax, ay = gather_points_2(values, places, start + j * W)
+                bx, by = gather_points_2(values, places, start + (3 + j) * W)
+                cx, cy = gather_points_2(values, places, start + (6 + j) * W)
+                row = 2 * j * W
+                store(work, row, ax + bx)
+                store(work, row + W, ay + by)
+                store(work, row + 6 * W, bx + cx)
+                store(work, row + 7 * W, by + cy)
+                store(work, row + 12 * W, bx - ax)
+                store(work, row + 13 * W, by - ay)
+                store(work, row + 18 * W, cx - bx)
+                store(work, row + 19 * W, cy - by)
+            for layer in range(2):
+                for along in range(2):
+                    cell = (4 * batch + 2 * layer + along) * 4 * W
+                    lam, mu = load(constants, cell), load(constants, cell + W)
+                    stiffness, s = load(constants, cell + 2 * W), load(constants, cell + 3 * W)
+                    row = (6 * layer + 2 * along) * W
+                    ax, ay, bx, by = (
+                        load(work, row), load(work, row + W), load(work, row + 2 * W), load(work, row + 3 * W)
+                    )  # fmt: skip
+                    xx, xy = bx - ax, by - ay
+                    row += 12 * W
+                    ax, ay, bx, by = (
+                        load(work, row), load(work, row + W), load(work, row + 2 * W), load(work, row + 3 * W)
+                    )  # fmt: skip
+                    yx, yy = ax + bx, ay + by
+                    bend = s * (lam + mu + mu + mu) + stiffness
+                    dx, dy = bend * (bx - ax), bend * (by - ay)
+                    volumetric = lam * (xx + yy)
+                    sxx, syy = volumetric + (mu + mu) * xx, volumetric + (mu + mu) * yy
+                    sxy = mu * (xy + yx)
+                    zero = lam - lam
+                    row -= 12 * W
+                    if along == 0:
+                        store(back, row, zero - sxx)
+                        store(back, row + W, zero - sxy)
+                        store(back, row + 12 * W, sxy - dx)
+                        store(back, row + 13 * W, syy - dy)
+                    else:
+                        store(back, row, load(back, row) - sxx)
+                        store(back, row + W, load(back, row + W) - sxy)
+                        store(back, row + 12 * W, load(back, row + 12 * W) + (sxy - dx))
+                        store(back, row + 13 * W, load(back, row + 13 * W) + (syy - dy))
+                    store(back, row + 2 * W, sxx)
+                    store(back, row + 3 * W, sxy)
+                    store(back, row + 14 * W, sxy + dx)
+                    store(back, row + 15 * W, syy + dy)
+            for j in range(3):
+                row = 2 * j * W
+                ax, ay, bx, by = (
+                    load(back, row), load(back, row + W), load(back, row + 6 * W), load(back, row + 7 * W)
+                )  # fmt: skip
+                row += 12 * W
+                cx, cy, dx, dy = (
+                    load(back, row), load(back, row + W), load(back, row + 6 * W), load(back, row + 7 * W)
+                )  # fmt: skip
+                add_to_points_2(forces, places, start + j * W, ax - cx, ay - cy)
+                add_to_points_2(forces, places, start + (3 + j) * W, (ax + cx) + (bx - dx), (ay + cy) + (by - dy))
+                add_to_points_2(forces, places, start + (6 + j) * W, bx + dx, by + dy)
